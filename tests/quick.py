@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from studies import parsed
-from workflow.archive import ArchiveError, Command, describe, parts_of, start_parts
+from workflow.archive import ArchiveError, Command, parts_of, provenance_of, start_parts
 from workflow.grid import arrange, case_hashes
 from workflow.study import Study
 
@@ -86,8 +86,7 @@ def interrupted(study: Study, archive: Path, shards: int, **options: bool) -> li
 
 def begin(study: Study, archive: Path) -> None:
     """Begin the directory of the shards of a study, as a run does that is stopped at once."""
-    layout = describe(arrange(study))
-    start_parts(parts_of(archive), Command(layout.key, layout.provenance))
+    start_parts(parts_of(archive), Command(provenance_of(arrange(study))))
 
 
 def same_values(a: Any, b: Any) -> bool:

@@ -1,150 +1,148 @@
-"""Layouts and results for the tests of the archive floor, from no study and no solver."""
+"""Templates and results for the tests of the archive floor, from no study and no solver."""
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from workflow import archive
+from workflow.grid import encode
 
-STATUS_ATTRS = {
-    "long_name": "how the case ended",
-    "flag_values": [0, 1, 2, 3, 4],
-    "flag_meanings": "ok diverged ill_posed failed not_run",
-}
 DIMS = (("scheme", 2), ("e", 3), ("alpha", 25))
+TEXTS = {
+    "key": "key of a study",
+    "study": "study: été\ntitle: x\n",
+    "versions": "{}",
+    "resolved": '{"study": "x"}',
+    "hashes": "0123456789abcdef\n" * 5000,
+}
 
 
-def sample_layout(
-    dims: tuple[tuple[str, int], ...] = DIMS,
-    samples: int = 7,
-    periods: int = 3,
-    precision: str = "f8",
-    key: str = "key of a study",
-) -> archive.Layout:
-    coordinates = [_coordinate(name, size) for name, size in dims]
-    if any(name == "model" for name, _ in dims):  # a zip: two coordinates along one dimension
-        coordinates = [c for c in coordinates if c.name != "model"]
+def sample_template(
+    dims: tuple[tuple[str, int], ...] = DIMS, samples: int = 7, periods: int = 3, precision: str = "f8"
+) -> xr.Dataset:
+    coords = {name: _coordinate(name, size) for name, size in dims if name != "model"}
+    if "model" in dict(dims):  # a zip: two coordinates along one dimension
         for name, values in {"mechanical_modes": [3, 19, 1], "thermal_modes": [12, 19, 4]}.items():
-            attrs = {"units": "1", "long_name": name.replace("_", " ")}
-            coordinates.append(archive.Coordinate(name, ("model",), np.array(values), attrs))
-    coordinates.append(archive.Coordinate("h", (), np.array(1e-4), {"units": "s", "long_name": "time step"}))
-    label = {"long_name": "model of the blade"}
-    coordinates.append(archive.Coordinate("lumping", (), np.array("chaîne", object), label))
-    variables = [
-        archive.Variable("status", "flag", "i1", STATUS_ATTRS),
-        archive.Variable("impacts", "metric", "f8", {"units": "1", "long_name": "number of impacts"}),
-        archive.Variable("processor_time", "metric", "f8", {"units": "s", "long_name": "processor time"}),
-        archive.Variable("batch_width", "metric", "f8", {"units": "1", "long_name": "cases of the batch"}),
-    ]
+            coords[name] = ("model", np.array(values), {"units": "1", "long_name": name.replace("_", " ")})
+    coords["h"] = ((), np.array(1e-4), {"units": "s", "long_name": "time step"})
+    coords["lumping"] = ((), np.array("chaîne", object), {"long_name": "model of the blade"})
+    tails = {name: size for name, size in {"t": samples, "period": periods}.items() if size}
+    sizes = dict(dims) | tails
+    results = {
+        "status": result(sizes, dims, "i1", 4, flags("ok diverged ill_posed failed not_run")),
+        "impacts": result(sizes, dims, "f8", np.nan, {"units": "1", "long_name": "number of impacts"}),
+        "processor_time": result(sizes, dims, "f8", np.nan, {"units": "s", "long_name": "processor time"}),
+        "batch_width": result(sizes, dims, "f8", np.nan, {"units": "1", "long_name": "cases of the batch"}),
+    }
     if samples:
-        attrs = {"units": "s", "long_name": "time since the start"}
-        coordinates.append(archive.Coordinate("t", ("t",), np.arange(samples) * 1e-3, attrs))
+        coords["t"] = ("t", np.arange(samples) * 1e-3, {"units": "s", "long_name": "time since the start"})
         attrs = {"units": "m", "long_name": "displacement of the tip"}
-        variables.append(archive.Variable("displacement", "history", precision, attrs))
+        results["displacement"] = result(sizes, (*dims, "t"), precision, np.nan, attrs)
     if periods:
-        attrs = {"units": "1", "long_name": "number of the load period"}
-        coordinates.append(archive.Coordinate("period", ("period",), np.arange(1, periods + 1), attrs))
+        coords["period"] = ("period", np.arange(1, periods + 1), {"units": "1", "long_name": "number of the period"})
         attrs = {"units": "N s", "long_name": "impulse of a load period"}
-        variables.append(archive.Variable("period_impulse", "period", "f8", attrs))
-    return archive.Layout(
-        dims=dims,
-        tails={name: size for name, size in {"t": samples, "period": periods}.items() if size},
-        coordinates=tuple(coordinates),
-        variables=tuple(variables),
-        attrs={
-            "title": "Rotor–stator rub",
-            "summary": "made for a test",
-            "license": "https://creativecommons.org/licenses/by/4.0/",
-            "source": "numbers out of a hat",
-            "references": "none",
-            "history": "2026-01-01T00:00:00Z: made",
-        },
-        provenance={
-            "study": "study: été\ntitle: x\n",
-            "versions": "{}",
-            "resolved": '{"study": "x"}',
-            "hashes": "0123456789abcdef\n" * 5000,
-        },
-        key=key,
-    )
+        results["period_impulse"] = result(sizes, (*dims, "period"), "f8", np.nan, attrs)
+    attrs = {
+        "Conventions": "CF-1.11",
+        "title": "Rotor–stator rub",
+        "summary": "made for a test",
+        "license": "https://creativecommons.org/licenses/by/4.0/",
+        "source": "numbers out of a hat",
+        "references": "none",
+        "history": "2026-01-01T00:00:00Z: made",
+    }
+    return encode(xr.Dataset(results, coords, attrs))
 
 
-def branch_layout() -> archive.Layout:
-    """A layout of branches: metrics and flags along ``point``, orbits along ``phase`` too."""
-    layout, attrs = sample_layout(DIMS[1:], samples=0, periods=0), {"units": "m", "long_name": "displacement"}
-    flags = {"long_name": "what happens at a point", "flag_values": [0, 1], "flag_meanings": "none fold"}
-    along = (
-        archive.Variable("gap", "point", "f8", attrs),
-        archive.Variable("bifurcation", "point", "i1", flags),
-        archive.Variable("orbit_displacement", "point phase", "f8", attrs),
-    )
-    return dataclasses.replace(layout, tails={"point": 7, "phase": 4}, variables=(*layout.variables, *along))
+def result(sizes: Mapping[str, int], dims: Iterable[Any], dtype: str, blank: float, attrs: Any) -> Any:
+    names = tuple(dim if isinstance(dim, str) else dim[0] for dim in dims)
+    return names, np.full([sizes[name] for name in names], blank, dtype), attrs
 
 
-def _coordinate(name: str, size: int) -> archive.Coordinate:
+def flags(meanings: str) -> dict[str, Any]:
+    values = np.arange(len(meanings.split()), dtype=np.int8)
+    return {"long_name": "what there is", "flag_values": values, "flag_meanings": meanings}
+
+
+def branch_template() -> xr.Dataset:
+    """A template of branches: metrics and flags along ``point``, orbits along ``phase`` too."""
+    template, attrs = sample_template(DIMS[1:], samples=0, periods=0), {"units": "m", "long_name": "displacement"}
+    sizes, dims = dict(template.sizes) | {"point": 7, "phase": 4}, DIMS[1:]
+    along = {
+        "gap": result(sizes, (*dims, "point"), "f8", np.nan, attrs),
+        "bifurcation": result(sizes, (*dims, "point"), "i1", 0, flags("none fold")),
+        "orbit_displacement": result(sizes, (*dims, "point", "phase"), "f8", np.nan, attrs),
+    }
+    return encode(template.assign(along))
+
+
+def _coordinate(name: str, size: int) -> Any:
     if name == "scheme":
         labels = np.array(["moreau", "event_driven", "carpenter"][:size], dtype=object)
-        return archive.Coordinate(name, (name,), labels, {"long_name": "time-stepping scheme"})
-    values = np.linspace(0.9, 0.0, size)
-    return archive.Coordinate(name, (name,), values, {"units": "1", "long_name": f"axis {name}"})
+        return name, labels, {"long_name": "time-stepping scheme"}
+    return name, np.linspace(0.9, 0.0, size), {"units": "1", "long_name": f"axis {name}"}
 
 
-def sample_results(layout: archive.Layout, seed: int = 0) -> dict[str, Any]:
+def by_case(template: xr.Dataset, name: str, values: Any) -> Any:
+    """Return values of a variable with the cases along one axis, ``(case, …)``."""
+    return values.reshape(-1, *template[name].shape[template["status"].ndim :])
+
+
+def sample_results(template: xr.Dataset, seed: int = 0) -> dict[str, Any]:
     """Results of all cases, shaped as in the archive; every seventh case diverged and is NaN."""
     random = np.random.default_rng(seed)
     results: dict[str, Any] = {}
-    failed = np.arange(layout.cells).reshape(layout.shape) % 7 == 6
-    for variable in layout.variables:
-        shape = tuple(layout.sizes[name] for name in layout.dims_of(variable))
-        if variable.name == "status":
+    failed = np.arange(template["status"].size).reshape(template["status"].shape) % 7 == 6
+    for name, variable in template.data_vars.items():
+        if name == "status":
             results["status"] = failed.astype("i1")
         else:
-            values = random.normal(size=shape).astype(variable.dtype)
-            values[failed] = variable.fill
-            results[variable.name] = values
+            values = random.normal(size=variable.shape).astype(variable.dtype)
+            values[failed] = variable.values.flat[0]
+            results[str(name)] = values
     return results
 
 
-def sample_messages(layout: archive.Layout, results: Mapping[str, Any]) -> dict[int, str]:
+def sample_messages(template: xr.Dataset, results: Mapping[str, Any]) -> dict[int, str]:
     """What each failed case did, by cell."""
     failed = np.flatnonzero(results["status"].ravel())
     return {int(cell): f"case {cell} diverged: ρ = 1.2" for cell in failed}
 
 
-def sample_hashes(layout: archive.Layout) -> np.ndarray:
-    """Hashes of all cases, the first ones of any layout the same."""
-    return np.random.default_rng(3).integers(0, 256, size=(layout.cells, 16), dtype=np.uint8)
+def sample_hashes(template: xr.Dataset) -> np.ndarray:
+    """Hashes of all cases, the first ones of any template the same."""
+    return np.random.default_rng(3).integers(0, 256, size=(template["status"].size, 16), dtype=np.uint8)
 
 
 def put_shard(
-    parts: Path, layout: archive.Layout, results: Mapping[str, Any], first: int, stop: int, task: int | None = None
+    parts: Path, template: xr.Dataset, results: Mapping[str, Any], first: int, stop: int, task: int | None = None
 ) -> Path:
     """Write cells ``first`` to ``stop - 1`` of the results."""
-    texts = sample_messages(layout, results)
-    values = {v.name: results[v.name].reshape(-1, *layout.tail_shape(v))[first:stop] for v in layout.variables}
+    texts = sample_messages(template, results)
+    values = {name: by_case(template, name, results[name])[first:stop] for name in map(str, template.data_vars)}
     messages = {cell - first: text for cell, text in texts.items() if first <= cell < stop}
     name = f"{first if task is None else task:08d}"
-    return archive.write_shard(parts, name, sample_hashes(layout)[first:stop], values, messages, layout)
+    return archive.write_shard(parts, name, sample_hashes(template)[first:stop], values, messages, template)
 
 
-def begin(path: Path, layout: archive.Layout) -> Path:
+def begin(path: Path) -> Path:
     """Begin the shards of an archive; return their directory."""
     parts = archive.parts_of(path)
-    archive.start_parts(parts, archive.Command(layout.key, layout.provenance))
+    archive.start_parts(parts, archive.Command(TEXTS))
     return parts
 
 
-def put_all(path: Path, layout: archive.Layout, results: Mapping[str, Any], bounds: Iterable[int] = ()) -> Path:
+def put_all(path: Path, template: xr.Dataset, results: Mapping[str, Any], bounds: Iterable[int] = ()) -> Path:
     """Begin and fill the shards of an archive, cut at ``bounds``; return their directory."""
-    parts = begin(path, layout)
-    for task, (first, stop) in enumerate(itertools.pairwise([0, *bounds, layout.cells])):
-        put_shard(parts, layout, results, first, stop, task)
+    parts = begin(path)
+    for task, (first, stop) in enumerate(itertools.pairwise([0, *bounds, template["status"].size])):
+        put_shard(parts, template, results, first, stop, task)
     return parts
 
 
@@ -152,34 +150,34 @@ def stored_in(parts: Path) -> archive.Stored:
     return archive.Stored(archive.find_shards(parts)[0])
 
 
-def gather(parts: Path, layout: archive.Layout, path: Path) -> None:
-    archive.gather(layout, parts, path, sample_hashes(layout), stored_in(parts))
+def gather(parts: Path, template: xr.Dataset, path: Path) -> None:
+    archive.gather(template, TEXTS, parts, path, sample_hashes(template), stored_in(parts))
 
 
-def make_archive(path: Path, layout: archive.Layout, results: Mapping[str, Any], bounds: Iterable[int] = ()) -> Path:
-    parts = put_all(path, layout, results, bounds)
-    gather(parts, layout, path)
+def make_archive(path: Path, template: xr.Dataset, results: Mapping[str, Any], bounds: Iterable[int] = ()) -> Path:
+    parts = put_all(path, template, results, bounds)
+    gather(parts, template, path)
     archive.remove_parts(parts)
     return path
 
 
 def check_dataset(
-    dataset: Any, layout: archive.Layout, results: Mapping[str, Any], without: tuple[str, ...] = ()
+    dataset: Any, template: xr.Dataset, results: Mapping[str, Any], without: tuple[str, ...] = ()
 ) -> None:
     """Compare an opened archive with what was put in, bit by bit."""
     assert set(dataset.data_vars) == {*results, "message"} - {*without}
-    for variable in (each for each in layout.variables if each.name not in without):
-        stored = dataset[variable.name]
-        assert stored.dims == layout.dims_of(variable)
+    for name, variable in template.drop_vars(without).data_vars.items():
+        stored = dataset[name]
+        assert stored.dims == variable.dims
         assert stored.dtype == variable.dtype
-        np.testing.assert_array_equal(stored.values, results[variable.name])
-    texts = np.full(layout.cells, "", dtype=object)
-    for cell, text in sample_messages(layout, results).items():
+        np.testing.assert_array_equal(stored.values, results[str(name)])
+    texts = np.full(template["status"].size, "", dtype=object)
+    for cell, text in sample_messages(template, results).items():
         texts[cell] = text
-    assert dataset["message"].dims == tuple(name for name, _ in layout.dims)
+    assert dataset["message"].dims == template["status"].dims
     assert dataset["message"].values.ravel().tolist() == texts.tolist()
     assert ((dataset["message"] != "").values.ravel() == (texts != "")).all()
-    assert set(dataset.coords) == {c.name for c in layout.coordinates}
-    for coordinate in layout.coordinates:
-        assert dataset[coordinate.name].dims == coordinate.dims
-        assert dataset[coordinate.name].values.tolist() == coordinate.values.tolist()
+    assert set(dataset.coords) == set(template.coords)
+    for name, coordinate in template.coords.items():
+        assert dataset[name].dims == coordinate.dims
+        assert dataset[name].values.tolist() == coordinate.values.tolist()

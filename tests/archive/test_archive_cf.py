@@ -13,7 +13,7 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from archive_samples import make_archive, sample_layout, sample_results
+from archive_samples import make_archive, sample_results, sample_template
 
 from studies import SINGLE, SMALL, parsed
 from workflow.archive import content_hash, study_key
@@ -61,16 +61,16 @@ def findings(content: dict[str, Any]) -> list[Any]:
 
 
 @pytest.mark.parametrize(
-    "layout",
+    "template",
     [
-        sample_layout((("scheme", 2), ("model", 3), ("e", 3), ("alpha", 25))),
-        sample_layout((("e", 3), ("alpha", 25)), precision="f4"),
-        sample_layout((), periods=0),
+        sample_template((("scheme", 2), ("model", 3), ("e", 3), ("alpha", 25))),
+        sample_template((("e", 3), ("alpha", 25)), precision="f4"),
+        sample_template((), periods=0),
     ],
     ids=["strings and a zip", "numbers", "one cell"],
 )
-def test_the_checker_finds_nothing(tmp_path: Path, layout: Any) -> None:
-    content = report(make_archive(tmp_path / "a.nc", layout, sample_results(layout)))
+def test_the_checker_finds_nothing(tmp_path: Path, template: Any) -> None:
+    content = report(make_archive(tmp_path / "a.nc", template, sample_results(template)))
     assert content["possible_points"] > 100
     assert findings(content) == []
 
@@ -94,16 +94,16 @@ def test_no_licence_is_written_that_a_study_does_not_state(tmp_path: Path) -> No
 
 
 def test_what_the_checker_does_not_ask(tmp_path: Path) -> None:
-    layout = sample_layout()
-    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
+    template = sample_template()
+    path = make_archive(tmp_path / "a.nc", template, sample_results(template))
     with netCDF4.Dataset(path) as file:
         assert file.getncattr("Conventions") == "CF-1.11"
         assert {"title", "summary", "license", "history"} <= set(file.ncattrs())
-        for coordinate in layout.coordinates:
-            assert "_FillValue" not in file[coordinate.name].ncattrs()
-            assert "long_name" in file[coordinate.name].ncattrs()
-        for variable in layout.variables:
-            stored = file[variable.name]
+        for name in template.coords:
+            assert "_FillValue" not in file[name].ncattrs()
+            assert "long_name" in file[name].ncattrs()
+        for name, variable in template.data_vars.items():
+            stored = file[name]
             filters = stored.filters()
             assert (filters["zlib"], filters["complevel"], filters["shuffle"]) == (True, 1, True)
             assert ("_FillValue" in stored.ncattrs()) == (variable.dtype != "i1")

@@ -9,12 +9,17 @@ import dask
 import h5py
 import pytest
 import xarray as xr
-from archive_samples import DIMS, check_dataset, make_archive, sample_layout, sample_results
+from archive_samples import DIMS, check_dataset, make_archive, sample_results, sample_template
 
 from studies import SCENE, parsed
 from workflow import archive
-from workflow.archive import _layout
+from workflow.grid import _encoding
 from workflow.run import run_study
+
+
+def lengths_of(template: xr.Dataset) -> tuple[int, ...]:
+    return tuple(template["status"].encoding.get("chunksizes", ()))
+
 
 MANY = (("model", 3), ("gap", 12), ("e", 5))
 
@@ -23,25 +28,25 @@ MANY = (("model", 3), ("gap", 12), ("e", 5))
 def small_chunks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut archives of some hundred numbers as those of millions are."""
     if request.param == "many":
-        monkeypatch.setattr(_layout, "CHUNK_BYTES", 7 * 8 * 10)
+        monkeypatch.setattr(_encoding, "CHUNK_BYTES", 7 * 8 * 10)
 
 
 @pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize("chunks", [{}, "auto"], ids=["stored", "auto"])
 @pytest.mark.parametrize("dims", [MANY, DIMS, (("e", 3), ("model", 3)), ()], ids=["many", "rows", "zip", "one"])
 def test_dask_takes_all_variables(tmp_path: Path, dims: Any, chunks: Any) -> None:
-    layout = sample_layout(dims)
-    results = sample_results(layout)
-    path = make_archive(tmp_path / "a.nc", layout, results, range(1, layout.cells, 70))
+    template = sample_template(dims)
+    results = sample_results(template)
+    path = make_archive(tmp_path / "a.nc", template, results, range(1, template["status"].size, 70))
     for opened in (archive.open_archive, xr.open_dataset):
         if opened is xr.open_dataset and chunks == "auto":
             continue  # of texts it cannot choose
         with opened(path, chunks=chunks) as dataset:
             sizes = dict(dataset.chunks)  # raises where variables are cut otherwise
             if chunks == {}:
-                lengths = dict(zip([name for name, _ in dims], layout.lengths, strict=True))
+                lengths = dict(zip([name for name, _ in dims], lengths_of(template), strict=True))
                 assert all(max(sizes[name]) == length for name, length in lengths.items())
-            check_dataset(dataset.compute(), layout, results)
+            check_dataset(dataset.compute(), template, results)
             assert dataset["message"].dtype.kind == "O"
 
 
@@ -49,25 +54,25 @@ def test_dask_takes_all_variables(tmp_path: Path, dims: Any, chunks: Any) -> Non
 @pytest.mark.filterwarnings("ignore:The specified chunks separate the stored chunks")
 def test_chunks_that_dask_chooses_are_the_same_for_all_variables(tmp_path: Path) -> None:
     """As of archives above dask's 128 MB a variable: of flags it takes eight times as many at once as of metrics."""
-    layout = sample_layout(MANY)
-    results = sample_results(layout)
-    path = make_archive(tmp_path / "a.nc", layout, results, range(1, layout.cells, 70))
+    template = sample_template(MANY)
+    results = sample_results(template)
+    path = make_archive(tmp_path / "a.nc", template, results, range(1, template["status"].size, 70))
     with dask.config.set({"array.chunk-size": "400 B"}), archive.open_archive(path, chunks="auto") as dataset:
         sizes = dict(dataset.chunks)  # raises where variables are cut otherwise
         assert sum(map(len, sizes.values())) > len(sizes)
-        check_dataset(dataset.compute(), layout, results)
+        check_dataset(dataset.compute(), template, results)
 
 
 @pytest.mark.usefixtures("small_chunks")
 def test_a_warning_about_chunks_is_none_about_the_file(tmp_path: Path) -> None:
-    layout = sample_layout(MANY)
-    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout), range(1, layout.cells, 70))
+    template = sample_template(MANY)
+    path = make_archive(tmp_path / "a.nc", template, sample_results(template), range(1, template["status"].size, 70))
     with pytest.raises(UserWarning, match="separate the stored chunks"):
         archive.open_archive(path, chunks={"gap": 5})
 
 
 def test_texts_of_a_zip_have_the_chunks_of_the_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_layout, "CHUNK_BYTES", 8 * 3)
+    monkeypatch.setattr(_encoding, "CHUNK_BYTES", 8 * 3)
     text = "study: a\n" + SCENE + "axes: {e: [0, 0.5, 0.9]}\n"
     text += "zip: {pair: {scheme: [moreau, carpenter, moreau], h: [1e-4, 1e-4, 2e-4]}}\n"
     run_study(parsed(text + "output: {interval: 20 ms, histories: []}\n"), tmp_path / "a.nc")
@@ -81,8 +86,8 @@ def test_texts_of_a_zip_have_the_chunks_of_the_results(tmp_path: Path, monkeypat
 
 
 def test_small_results_make_few_chunks(tmp_path: Path) -> None:
-    layout = sample_layout(MANY, samples=0)
-    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout), range(1, 180, 9))
+    template = sample_template(MANY, samples=0)
+    path = make_archive(tmp_path / "a.nc", template, sample_results(template), range(1, 180, 9))
     with h5py.File(path) as file:
         assert {file[name].id.get_num_chunks() for name in ("status", "impacts", "period_impulse")} == {1}
 
@@ -91,12 +96,12 @@ def test_small_results_make_few_chunks(tmp_path: Path) -> None:
 @pytest.mark.parametrize("chunks", [None, {}], ids=["none", "stored"])
 @pytest.mark.parametrize("messages", ["some", "none"])
 def test_messages_are_texts_that_are_read_when_they_are_used(tmp_path: Path, chunks: Any, messages: str) -> None:
-    layout = sample_layout()
-    results = sample_results(layout)
+    template = sample_template()
+    results = sample_results(template)
     if messages == "none":
         results["status"][...] = 0
-    path = make_archive(tmp_path / "a.nc", layout, results)
+    path = make_archive(tmp_path / "a.nc", template, results)
     for opened in (archive.open_archive, xr.open_dataset):
         with opened(path, chunks=chunks) as dataset:
             assert not dataset["message"].variable._in_memory
-            check_dataset(dataset.compute(), layout, results)
+            check_dataset(dataset.compute(), template, results)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import errno
 import math
 import os
@@ -20,62 +19,64 @@ import pytest
 import xarray as xr
 from archive_samples import (
     DIMS,
+    TEXTS,
     begin,
-    branch_layout,
+    branch_template,
     check_dataset,
     gather,
     make_archive,
     put_all,
     put_shard,
     sample_hashes,
-    sample_layout,
     sample_results,
+    sample_template,
 )
 
 from workflow import archive
-from workflow.archive import _content, _gather, _layout
+from workflow.archive import _content, _gather
+from workflow.grid import _encoding, encode
 
-LAYOUTS = {
-    "three dimensions, partial edge": sample_layout(),
-    "two dimensions": sample_layout(DIMS[1:]),
-    "one dimension": sample_layout(DIMS[2:]),
-    "innermost of text": sample_layout((("e", 4), ("scheme", 3))),
-    "one cell": sample_layout(()),
-    "one cell without histories": sample_layout((), samples=0, periods=0),
-    "one long": sample_layout((("scheme", 1), ("e", 1))),
-    "four dimensions": sample_layout((("scheme", 2), ("model", 3), ("e", 2), ("alpha", 5))),
-    "zip innermost": sample_layout((("e", 2), ("model", 3))),
-    "float32": sample_layout(precision="f4"),
-    "no histories": sample_layout(samples=0),
-    "no periods": sample_layout(periods=0),
-    "metrics alone": sample_layout(samples=0, periods=0),
-    "branches": branch_layout(),
+TEMPLATES = {
+    "three dimensions, partial edge": sample_template(),
+    "two dimensions": sample_template(DIMS[1:]),
+    "one dimension": sample_template(DIMS[2:]),
+    "innermost of text": sample_template((("e", 4), ("scheme", 3))),
+    "one cell": sample_template(()),
+    "one cell without histories": sample_template((), samples=0, periods=0),
+    "one long": sample_template((("scheme", 1), ("e", 1))),
+    "four dimensions": sample_template((("scheme", 2), ("model", 3), ("e", 2), ("alpha", 5))),
+    "zip innermost": sample_template((("e", 2), ("model", 3))),
+    "float32": sample_template(precision="f4"),
+    "no histories": sample_template(samples=0),
+    "no periods": sample_template(periods=0),
+    "metrics alone": sample_template(samples=0, periods=0),
+    "branches": branch_template(),
 }
 
 
 @pytest.mark.parametrize("most", [2**21, 560, 56, 8])
-@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS.keys())
+@pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES.keys())
 def test_what_goes_in_comes_out(
-    tmp_path: Path, layout: archive.Layout, most: int, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, template: xr.Dataset, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In one chunk, in chunks that end within rows, in chunks of one case, and in pieces of one history."""
-    monkeypatch.setattr(_layout, "CHUNK_BYTES", most)
-    layout = dataclasses.replace(layout)
-    results = sample_results(layout)
-    path = make_archive(tmp_path / "a.nc", layout, results, range(1, layout.cells, 16))
+    monkeypatch.setattr(_encoding, "CHUNK_BYTES", most)
+    template = encode(template.copy())
+    results = sample_results(template)
+    path = make_archive(tmp_path / "a.nc", template, results, range(1, template["status"].size, 16))
     assert list(tmp_path.iterdir()) == [path]
     with archive.open_archive(path) as dataset:
-        check_dataset(dataset, layout, results)
+        check_dataset(dataset, template, results)
     with xr.open_dataset(path) as dataset:
-        check_dataset(dataset, layout, results)
+        check_dataset(dataset, template, results)
 
 
 def test_chunks_are_what_xarray_would_have_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_layout, "CHUNK_BYTES", 560)
-    layout = dataclasses.replace(LAYOUTS["three dimensions, partial edge"])
-    ours = make_archive(tmp_path / "a.nc", layout, sample_results(layout), [2, 7])
+    monkeypatch.setattr(_encoding, "CHUNK_BYTES", 560)
+    template = encode(TEMPLATES["three dimensions, partial edge"].copy())
+    ours = make_archive(tmp_path / "a.nc", template, sample_results(template), [2, 7])
     theirs = tmp_path / "b.nc"
-    chunks = {v.name: layout.chunk_of(v) for v in layout.variables}
+    chunks = {str(name): one.encoding["chunksizes"] for name, one in template.data_vars.items()}
     with archive.open_archive(ours) as dataset:
         plain = dataset.drop_encoding().drop_vars("message")
         filters = {"zlib": True, "complevel": 1, "shuffle": True, "fletcher32": True}
@@ -95,11 +96,11 @@ def test_chunks_are_what_xarray_would_have_written(tmp_path: Path, monkeypatch: 
 
 
 def test_results_in_pieces_have_one_content(tmp_path: Path) -> None:
-    layout = LAYOUTS["three dimensions, partial edge"]
-    results = sample_results(layout)
+    template = TEMPLATES["three dimensions, partial edge"]
+    results = sample_results(template)
     cuts = ([], [9], [1, 2, 3, 10], range(1, 150))
     hashes = {
-        archive.content_hash(make_archive(tmp_path / f"{i}.nc", layout, results, cut)) for i, cut in enumerate(cuts)
+        archive.content_hash(make_archive(tmp_path / f"{i}.nc", template, results, cut)) for i, cut in enumerate(cuts)
     }
     assert len(hashes) == 1
 
@@ -108,37 +109,35 @@ def test_results_in_pieces_have_one_content(tmp_path: Path) -> None:
 def test_content_does_not_depend_on_chunks_or_processor_time(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    layout = LAYOUTS["three dimensions, partial edge"]
-    results = sample_results(layout)
-    first = make_archive(tmp_path / "a.nc", layout, results)
+    template = TEMPLATES["three dimensions, partial edge"]
+    results = sample_results(template)
+    first = make_archive(tmp_path / "a.nc", template, results)
     later = results | {name: results[name] + 1}
-    monkeypatch.setattr(_layout, "CHUNK_BYTES", 560)
-    second = make_archive(tmp_path / "b.nc", dataclasses.replace(layout), later, [5])
+    monkeypatch.setattr(_encoding, "CHUNK_BYTES", 560)
+    second = make_archive(tmp_path / "b.nc", encode(template.copy()), later, [5])
     assert archive.content_hash(first) == archive.content_hash(second)
 
 
 @pytest.mark.parametrize("name", ["impacts", "displacement", "period_impulse", "status"])
 def test_content_changes_with_one_bit(tmp_path: Path, name: str) -> None:
-    layout = LAYOUTS["three dimensions, partial edge"]
-    results = sample_results(layout)
+    template = TEMPLATES["three dimensions, partial edge"]
+    results = sample_results(template)
     changed = {n: values.copy() for n, values in results.items()}
     last = changed[name].reshape(-1)
     if name == "status":
         last[0] = 1 - last[0]
     else:
         last[-1] = np.nextafter(last[-1], math.inf)
-    a = make_archive(tmp_path / "a.nc", layout, results)
-    b = make_archive(tmp_path / "b.nc", layout, changed)
+    a = make_archive(tmp_path / "a.nc", template, results)
+    b = make_archive(tmp_path / "b.nc", template, changed)
     assert archive.content_hash(a) != archive.content_hash(b)
 
 
 def test_content_knows_coordinates_and_their_names(tmp_path: Path) -> None:
-    layout = LAYOUTS["metrics alone"]
+    template = TEMPLATES["metrics alone"]
     hashes = set()
     for name, value in {"h": 1e-4, "theta": 1e-4, "h ": 2e-4}.items():
-        scalar = archive.Coordinate(name.strip(), (), np.array(value), {"units": "s", "long_name": "x"})
-        others = tuple(c for c in layout.coordinates if c.name != "h")
-        varied = dataclasses.replace(layout, coordinates=(*others, scalar))
+        varied = encode(template.drop_vars("h").assign_coords({name.strip(): value}))
         path = make_archive(tmp_path / f"{len(hashes)}.nc", varied, sample_results(varied))
         hashes.add(archive.content_hash(path))
     assert len(hashes) == 3
@@ -148,9 +147,9 @@ def test_the_hash_is_what_its_description_says(tmp_path: Path) -> None:
     import hashlib
     import json
 
-    layout = sample_layout((("e", 2),), samples=0, periods=0)
-    results = sample_results(layout)
-    path = make_archive(tmp_path / "a.nc", layout, results)
+    template = sample_template((("e", 2),), samples=0, periods=0)
+    results = sample_results(template)
+    path = make_archive(tmp_path / "a.nc", template, results)
 
     digest = hashlib.sha256()
 
@@ -167,25 +166,25 @@ def test_the_hash_is_what_its_description_says(tmp_path: Path) -> None:
 
 
 def test_one_nan_is_as_good_as_another(tmp_path: Path) -> None:
-    layout = LAYOUTS["metrics alone"]
-    results = sample_results(layout)
+    template = TEMPLATES["metrics alone"]
+    results = sample_results(template)
     other = {name: values.copy() for name, values in results.items()}
     for name in ("impacts", "processor_time"):
         other[name][np.isnan(other[name])] = np.uint64(0xFFF8_0000_0000_0001).view(np.float64)
     assert other["impacts"].tobytes() != results["impacts"].tobytes()
-    a = make_archive(tmp_path / "a.nc", layout, results)
-    b = make_archive(tmp_path / "b.nc", layout, other)
+    a = make_archive(tmp_path / "a.nc", template, results)
+    b = make_archive(tmp_path / "b.nc", template, other)
     assert archive.content_hash(a) == archive.content_hash(b)
 
 
 def test_a_value_too_large_for_float32_is_infinite(tmp_path: Path) -> None:
     """In a shard, and where an archive of float64 is taken by one of float32."""
-    wide, narrow = sample_layout(), LAYOUTS["float32"]
+    wide, narrow = sample_template(), TEMPLATES["float32"]
     results = sample_results(wide)
     results["displacement"][...] = 1e300
     one = make_archive(tmp_path / "a.nc", narrow, results)
     taken = archive.Stored(archive.archive_sources(make_archive(tmp_path / "b.nc", wide, results)))
-    archive.gather(narrow, begin(tmp_path / "c.nc", narrow), tmp_path / "c.nc", sample_hashes(narrow), taken)
+    archive.gather(narrow, TEXTS, begin(tmp_path / "c.nc"), tmp_path / "c.nc", sample_hashes(narrow), taken)
     for path in (one, tmp_path / "c.nc"):
         with archive.open_archive(path) as dataset:
             assert dataset["displacement"].dtype == np.float32
@@ -202,76 +201,74 @@ def test_blocks_follow_each_other_in_c_order(limit: int, chunks: tuple[int, ...]
 
 
 def test_an_incomplete_study_is_not_gathered(tmp_path: Path) -> None:
-    layout = LAYOUTS["three dimensions, partial edge"]
-    results = sample_results(layout)
+    template = TEMPLATES["three dimensions, partial edge"]
+    results = sample_results(template)
     target = tmp_path / "a.nc"
-    parts = begin(target, layout)
-    put_shard(parts, layout, results, 0, 149)
+    parts = begin(target)
+    put_shard(parts, template, results, 0, 149)
     with pytest.raises(archive.ArchiveError, match="1 of 150 cases are missing"):
-        gather(parts, layout, target)
+        gather(parts, template, target)
     assert not target.exists()
-    put_shard(parts, layout, results, 149, 150)
-    gather(parts, layout, target)
+    put_shard(parts, template, results, 149, 150)
+    gather(parts, template, target)
     assert target.exists()
 
 
 @pytest.fixture
-def replaced(tmp_path: Path) -> tuple[archive.Layout, Path, bytes]:
-    """An archive about to be replaced: layout, path, and its bytes so far."""
-    return about_to_be_replaced(tmp_path, LAYOUTS["three dimensions, partial edge"])
+def replaced(tmp_path: Path) -> tuple[xr.Dataset, Path, bytes]:
+    """An archive about to be replaced: template, path, and its bytes so far."""
+    return about_to_be_replaced(tmp_path, TEMPLATES["three dimensions, partial edge"])
 
 
-def about_to_be_replaced(tmp_path: Path, layout: archive.Layout) -> tuple[archive.Layout, Path, bytes]:
-    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
-    put_all(path, layout, sample_results(layout, seed=1), [5])
-    return layout, path, path.read_bytes()
+def about_to_be_replaced(tmp_path: Path, template: xr.Dataset) -> tuple[xr.Dataset, Path, bytes]:
+    path = make_archive(tmp_path / "a.nc", template, sample_results(template))
+    put_all(path, template, sample_results(template, seed=1), [5])
+    return template, path, path.read_bytes()
 
 
-def test_replacing_an_archive(replaced: tuple[archive.Layout, Path, bytes]) -> None:
-    layout, path, before = replaced
+def test_replacing_an_archive(replaced: tuple[xr.Dataset, Path, bytes]) -> None:
+    template, path, before = replaced
     with archive.open_archive(path) as old:
-        gather(archive.parts_of(path), layout, path)
-        check_dataset(old, layout, sample_results(layout))
+        gather(archive.parts_of(path), template, path)
+        check_dataset(old, template, sample_results(template))
     with archive.open_archive(path) as new:
-        check_dataset(new, layout, sample_results(layout, seed=1))
+        check_dataset(new, template, sample_results(template, seed=1))
     assert path.read_bytes() != before
 
 
 @pytest.mark.parametrize("where", ["create", "assemble", "hash_content", "_tell_hash", "_read_back", "seal", "sync"])
 def test_a_failure_anywhere_leaves_target_and_shards(
-    replaced: tuple[archive.Layout, Path, bytes], monkeypatch: pytest.MonkeyPatch, where: str
+    replaced: tuple[xr.Dataset, Path, bytes], monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
-    layout, path, before = replaced
+    template, path, before = replaced
 
     def fail(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(_gather, where, fail)
     with pytest.raises(archive.ArchiveError, match=r"archive could not be written: no space left"):
-        gather(archive.parts_of(path), layout, path)
+        gather(archive.parts_of(path), template, path)
     assert path.read_bytes() == before
     assert len(archive.find_shards(archive.parts_of(path))[0]) == 2
     assert not list(path.parent.rglob("*.tmp"))
     monkeypatch.undo()
-    gather(archive.parts_of(path), layout, path)
+    gather(archive.parts_of(path), template, path)
     assert path.read_bytes() != before
 
 
 def test_too_little_room_is_said_beforehand(
-    replaced: tuple[archive.Layout, Path, bytes], monkeypatch: pytest.MonkeyPatch
+    replaced: tuple[xr.Dataset, Path, bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    layout, path, before = replaced
+    template, path, before = replaced
     monkeypatch.setattr(_gather, "free_space", lambda directory: 1000)
     with pytest.raises(archive.ArchiveError, match="no space left on device, it needs about"):
-        gather(archive.parts_of(path), layout, path)
+        gather(archive.parts_of(path), template, path)
     assert path.read_bytes() == before
 
 
 def test_a_chunk_that_was_not_written_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_layout, "CHUNK_BYTES", 560)
-    layout, path, before = about_to_be_replaced(
-        tmp_path, dataclasses.replace(LAYOUTS["three dimensions, partial edge"])
-    )
+    monkeypatch.setattr(_encoding, "CHUNK_BYTES", 560)
+    template, path, before = about_to_be_replaced(tmp_path, encode(TEMPLATES["three dimensions, partial edge"].copy()))
     chunks = _gather._chunks
 
     def forgetting(*words):  # type: ignore[no-untyped-def]
@@ -279,24 +276,24 @@ def test_a_chunk_that_was_not_written_is_noticed(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr(_gather, "_chunks", forgetting)
     with pytest.raises(archive.ArchiveError, match="impacts has 17 of 18 chunks"):
-        gather(archive.parts_of(path), layout, path)
+        gather(archive.parts_of(path), template, path)
     assert path.read_bytes() == before
 
 
 def test_a_write_that_fails_inside_hdf5(tmp_path: Path) -> None:
     """A limit on the size of files makes netCDF-C and HDF5 fail as on a full disk."""
-    layout = LAYOUTS["three dimensions, partial edge"]
-    put_all(tmp_path / "a.nc", layout, sample_results(layout), range(10, 150, 10))
+    template = TEMPLATES["three dimensions, partial edge"]
+    put_all(tmp_path / "a.nc", template, sample_results(template), range(10, 150, 10))
     code = """
         import resource, sys
         sys.path.insert(0, sys.argv[3])
         from pathlib import Path
-        from archive_samples import gather, sample_layout
+        from archive_samples import gather, sample_template
         from workflow import archive
         target = Path(sys.argv[1])
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
         try:
-            gather(archive.parts_of(target), sample_layout(), target)
+            gather(archive.parts_of(target), sample_template(), target)
         except archive.ArchiveError as error:
             sys.exit(str(error))
     """
@@ -310,11 +307,11 @@ def test_a_write_that_fails_inside_hdf5(tmp_path: Path) -> None:
         assert "Traceback" not in done.stderr
         assert [entry.name for entry in tmp_path.iterdir()] == ["a.nc.parts"]
         assert len(archive.find_shards(tmp_path / "a.nc.parts")[0]) == 15
-    gather(tmp_path / "a.nc.parts", layout, tmp_path / "a.nc")
+    gather(tmp_path / "a.nc.parts", template, tmp_path / "a.nc")
 
 
 def test_removing_shards_twice_is_no_fault(tmp_path: Path) -> None:
-    parts = put_all(tmp_path / "a.nc", LAYOUTS["one cell"], sample_results(LAYOUTS["one cell"]))
+    parts = put_all(tmp_path / "a.nc", TEMPLATES["one cell"], sample_results(TEMPLATES["one cell"]))
     archive.remove_parts(parts)
     assert not parts.exists()
     archive.remove_parts(parts)
@@ -322,12 +319,12 @@ def test_removing_shards_twice_is_no_fault(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["pipe", "pipe.npz"])
 def test_a_pipe_among_the_shards_stays_and_is_not_waited_for(name: str, tmp_path: Path) -> None:
-    layout, messages = LAYOUTS["one cell"], []
-    parts = put_all(tmp_path / "a.nc", layout, sample_results(layout))
+    template, messages = TEMPLATES["one cell"], []
+    parts = put_all(tmp_path / "a.nc", template, sample_results(template))
     os.mkfifo(parts / name)
 
     def use() -> None:
-        for action in (partial(begin, tmp_path / "a.nc", layout), partial(archive.remove_parts, parts)):
+        for action in (partial(begin, tmp_path / "a.nc"), partial(archive.remove_parts, parts)):
             with pytest.raises(archive.ArchiveError) as refusal:
                 action()
             messages.append(str(refusal.value))
@@ -343,13 +340,13 @@ def test_a_pipe_among_the_shards_stays_and_is_not_waited_for(name: str, tmp_path
 
 
 def test_a_link_goes_on_to_lead_to_the_archive(tmp_path: Path) -> None:
-    layout = LAYOUTS["one dimension"]
+    template = TEMPLATES["one dimension"]
     (tmp_path / "disk").mkdir()
     link, real = tmp_path / "a.nc", tmp_path / "disk" / "b.nc"
     link.symlink_to(real)
     for seed in (0, 1):
-        make_archive(link, layout, sample_results(layout, seed))
+        make_archive(link, template, sample_results(template, seed))
         assert link.is_symlink()
         with archive.open_archive(real) as dataset:
-            check_dataset(dataset, layout, sample_results(layout, seed))
+            check_dataset(dataset, template, sample_results(template, seed))
     assert sorted(tmp_path.rglob("*")) == sorted([link, real, real.parent])

@@ -14,20 +14,21 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from archive_samples import check_dataset, make_archive, sample_layout, sample_results
+from archive_samples import TEXTS, check_dataset, make_archive, sample_results, sample_template
 
 from quick import begin, interrupted, quick
 from studies import cut_finely
 from workflow import archive
+from workflow.grid import encode
 from workflow.run import run_study
 
-LAYOUT = sample_layout()
-RESULTS = sample_results(LAYOUT)
+TEMPLATE = sample_template()
+RESULTS = sample_results(TEMPLATE)
 
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_archive(tmp_path_factory.mktemp("open") / "a.nc", LAYOUT, RESULTS, [70])
+    return make_archive(tmp_path_factory.mktemp("open") / "a.nc", TEMPLATE, RESULTS, [70])
 
 
 STUDY = quick({"alpha": [0.0, 1e9, 5.0]}, title="Rotor–stator rub")
@@ -70,17 +71,17 @@ def test_dask_only_when_asked(path: Path) -> None:
         assert dataset["displacement"].chunks is None
     with archive.open_archive(path, chunks={}) as dataset:
         assert dataset["displacement"].chunks == ((2,), (3,), (25,), (7,))
-        check_dataset(dataset, LAYOUT, RESULTS)
+        check_dataset(dataset, TEMPLATE, RESULTS)
 
 
 def test_an_opened_archive_can_be_sent_to_a_worker(path: Path) -> None:
     with archive.open_archive(path) as dataset, pickle.loads(pickle.dumps(dataset)) as sent:
-        check_dataset(sent, LAYOUT, RESULTS)
+        check_dataset(sent, TEMPLATE, RESULTS)
 
 
 def test_other_tools_read_it(path: Path) -> None:
     with xr.open_dataset(path) as dataset:
-        check_dataset(dataset, LAYOUT, RESULTS)
+        check_dataset(dataset, TEMPLATE, RESULTS)
     with netCDF4.Dataset(path) as file:
         assert file.data_model == "NETCDF4"
         assert file["scheme"][:].tolist() == ["moreau", "event_driven"]
@@ -90,27 +91,25 @@ def test_other_tools_read_it(path: Path) -> None:
 def test_h5netcdf_reads_it(path: Path) -> None:
     pytest.importorskip("h5netcdf")
     with xr.open_dataset(path, engine="h5netcdf") as dataset:
-        check_dataset(dataset, LAYOUT, RESULTS)
+        check_dataset(dataset, TEMPLATE, RESULTS)
 
 
 def test_values_of_an_axis_keep_the_order_of_the_study(tmp_path: Path) -> None:
     values = [0.5, 0.0, 0.9]
-    axis = archive.Coordinate("e", ("e",), np.array(values), {"units": "1", "long_name": "restitution"})
-    status = archive.Variable("status", "flag", "i1", {"long_name": "how the case ended"})
-    layout = archive.Layout((("e", 3),), {}, (axis,), (status,), {}, {"resolved": '{"study": "x"}'}, "key")
-    path = make_archive(tmp_path / "a.nc", layout, {"status": np.zeros(3, "i1")})
+    template = encode(xr.Dataset({"status": ("e", np.zeros(3, "i1"))}, {"e": values}))
+    path = make_archive(tmp_path / "a.nc", template, {"status": np.zeros(3, "i1")})
     with archive.open_archive(path) as dataset:
         assert dataset["e"].values.tolist() == values
         assert dataset.sel(e=0.0)["e"] == 0.0
 
 
 def test_provenance_is_kept_whole(path: Path) -> None:
-    expected = dict(LAYOUT.provenance) | {"key": LAYOUT.key, "content_hash": archive.content_hash(path)}
+    expected = TEXTS | {"content_hash": archive.content_hash(path)}
     assert archive.provenance(path) == expected
     assert len(expected["hashes"]) > 64 * 1024
     with archive.open_archive(path) as dataset:  # two handles on one file
         assert archive.provenance(str(path)) == expected
-        check_dataset(dataset, LAYOUT, RESULTS)
+        check_dataset(dataset, TEMPLATE, RESULTS)
 
 
 def test_the_hash_is_of_what_is_there_now(path: Path, tmp_path: Path) -> None:
@@ -248,7 +247,7 @@ def test_a_damaged_chunk_is_said(path: Path, tmp_path: Path) -> None:
         archive.content_hash(wrong)
     for opened in (archive.open_archive, xr.open_dataset):
         with opened(wrong) as dataset:
-            check_dataset(dataset.drop_vars("displacement"), LAYOUT, RESULTS, without=("displacement",))
+            check_dataset(dataset.drop_vars("displacement"), TEMPLATE, RESULTS, without=("displacement",))
             with pytest.raises((OSError, RuntimeError)):
                 dataset["displacement"].load()
 
@@ -298,9 +297,9 @@ def test_a_run_that_ends_while_a_view_is_made(begun: Path, whole: Path, monkeypa
 
 
 def test_each_coordinate_of_a_zip_selects(tmp_path: Path) -> None:
-    layout = sample_layout((("e", 3), ("model", 3)))
-    results = sample_results(layout)
-    path = make_archive(tmp_path / "a.nc", layout, results)
+    template = sample_template((("e", 3), ("model", 3)))
+    results = sample_results(template)
+    path = make_archive(tmp_path / "a.nc", template, results)
     for chunks in (None, {}, "auto"):
         with archive.open_archive(path, chunks=chunks) as dataset:
             for names in ({"mechanical_modes": 19}, {"thermal_modes": 19}):
@@ -327,8 +326,8 @@ print(*counts[2:])
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/io"), reason="the system does not count what a process reads")
 def test_opening_reads_what_xarray_reads(tmp_path: Path) -> None:
-    layout = sample_layout((("e", 4), ("alpha", 25000)), samples=0)
-    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
+    template = sample_template((("e", 4), ("alpha", 25000)), samples=0)
+    path = make_archive(tmp_path / "a.nc", template, sample_results(template))
     done = subprocess.run([sys.executable, "-c", READS, str(path)], capture_output=True, text=True, check=True)
     plain, ours = map(int, done.stdout.split())
     assert 0 < ours <= 1.2 * plain

@@ -12,14 +12,15 @@ import h5py
 import numpy as np
 import pytest
 from archive_samples import (
+    TEXTS,
     begin,
     check_dataset,
     gather,
     put_all,
     put_shard,
     sample_hashes,
-    sample_layout,
     sample_results,
+    sample_template,
     stored_in,
 )
 from hypothesis import example, given, settings
@@ -28,14 +29,14 @@ from hypothesis import strategies as st
 from workflow import archive
 from workflow.archive._chunk import fletcher32
 
-LAYOUT = sample_layout()
-RESULTS = sample_results(LAYOUT)
-HASHES = sample_hashes(LAYOUT)
+TEMPLATE = sample_template()
+RESULTS = sample_results(TEMPLATE)
+HASHES = sample_hashes(TEMPLATE)
 
 
 @pytest.fixture
 def parts(tmp_path: Path) -> Path:
-    return put_all(tmp_path / "a.nc", LAYOUT, RESULTS, [40, 50, 110])
+    return put_all(tmp_path / "a.nc", TEMPLATE, RESULTS, [40, 50, 110])
 
 
 def held(parts: Path) -> list[int]:
@@ -44,12 +45,11 @@ def held(parts: Path) -> list[int]:
 
 
 def test_chunks_stay_below_a_mebibyte() -> None:
-    layout = sample_layout((("e", 1000),), samples=20_001)
-    history = layout.by_name["displacement"]
-    chunk, length = layout.chunk_of(history)
+    template = sample_template((("e", 1000),), samples=20_001)
+    chunk, length = template["displacement"].encoding["chunksizes"]
     assert (chunk, length) == (6, 20_001)
-    long = sample_layout((("e", 3),), samples=2_000_001)
-    chunk, length = long.chunk_of(long.by_name["displacement"])
+    long = sample_template((("e", 3),), samples=2_000_001)
+    chunk, length = long["displacement"].encoding["chunksizes"]
     assert chunk == 1
     assert 2**19 < length * 8 <= 2**20
 
@@ -94,8 +94,8 @@ def test_a_damaged_shard_is_noticed(parts: Path, damage: str) -> None:
     assert name == victim.name
     assert "damaged" in fault
     with pytest.raises(archive.ArchiveError, match="60 of 150 cases are missing"):
-        gather(parts, LAYOUT, parts.parent / "a.nc")
-    put_shard(parts, LAYOUT, RESULTS, 50, 110)
+        gather(parts, TEMPLATE, parts.parent / "a.nc")
+    put_shard(parts, TEMPLATE, RESULTS, 50, 110)
     assert len(held(parts)) == 150
 
 
@@ -107,7 +107,7 @@ def test_a_shard_that_is_damaged_while_it_is_gathered(parts: Path) -> None:
         data[file.getinfo("impacts.npy").header_offset + 300] ^= 1
     victim.write_bytes(data)
     with pytest.raises(archive.ArchiveError, match="damaged meanwhile"):
-        archive.gather(LAYOUT, parts, parts.parent / "a.nc", HASHES, stored)
+        archive.gather(TEMPLATE, TEXTS, parts, parts.parent / "a.nc", HASHES, stored)
     assert [entry.name for entry in parts.parent.iterdir()] == [parts.name]
     assert not list(parts.glob("*.tmp"))
 
@@ -115,7 +115,7 @@ def test_a_shard_that_is_damaged_while_it_is_gathered(parts: Path) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_no_changed_byte_of_a_value_passes(seed: int, tmp_path: Path) -> None:
     """What is not noticed changes none: dates in the directory of the zip, say."""
-    shard = put_shard(begin(tmp_path / "a.nc", LAYOUT), LAYOUT, RESULTS, 0, 3)
+    shard = put_shard(begin(tmp_path / "a.nc"), TEMPLATE, RESULTS, 0, 3)
     image, random = shard.read_bytes(), np.random.default_rng(seed)
     with np.load(shard) as arrays:
         before = {name: arrays[name].tobytes() for name in arrays.files}
@@ -124,8 +124,8 @@ def test_no_changed_byte_of_a_value_passes(seed: int, tmp_path: Path) -> None:
         changed[place] ^= int(random.integers(1, 256))
         shard.write_bytes(changed)
         for source in archive.find_shards(shard.parent)[0]:
-            if not archive.lacking(LAYOUT, source.kinds):
-                assert all(source.read(v.name).tobytes() == before[v.name] for v in LAYOUT.variables)
+            if not archive.lacking(TEMPLATE, source.kinds):
+                assert all(source.read(name).tobytes() == before[name] for name in map(str, TEMPLATE.data_vars))
                 assert source.hashes.tobytes() == before["case_hash"]
 
 
@@ -134,21 +134,21 @@ def test_stale_temporaries_are_ignored_and_swept(parts: Path) -> None:
     stale = parts / f"{first.name}.1-2.tmp"
     stale.write_bytes(first.read_bytes())
     assert archive.find_shards(parts)[1] == []
-    begin(parts.parent / "a.nc", LAYOUT)
+    begin(parts.parent / "a.nc")
     assert not stale.exists()
     assert len(held(parts)) == 150
 
 
 def test_of_two_shards_the_later_one_counts(parts: Path, tmp_path: Path) -> None:
-    again = sample_results(LAYOUT, seed=1)
+    again = sample_results(TEMPLATE, seed=1)
     again["status"][:] = 0  # and what an earlier one said of a case goes with its results
-    put_shard(parts, LAYOUT, again, 30, 60, task=9)
+    put_shard(parts, TEMPLATE, again, 30, 60, task=9)
     expected = {name: values.copy() for name, values in RESULTS.items()}
     for name in expected:
         expected[name].reshape(150, -1)[30:60] = again[name].reshape(150, -1)[30:60]
-    gather(parts, LAYOUT, tmp_path / "a.nc")
+    gather(parts, TEMPLATE, tmp_path / "a.nc")
     with archive.open_archive(tmp_path / "a.nc") as dataset:
-        check_dataset(dataset, LAYOUT, expected)
+        check_dataset(dataset, TEMPLATE, expected)
     assert expected["status"].sum() < RESULTS["status"].sum()
 
 
@@ -168,7 +168,7 @@ def test_a_shard_is_flushed_before_and_its_directory_after_the_rename(
 
     monkeypatch.setattr(os, "fsync", spy_fsync)
     monkeypatch.setattr(os, "replace", spy_replace)
-    put_shard(parts, LAYOUT, RESULTS, 0, 1)
+    put_shard(parts, TEMPLATE, RESULTS, 0, 1)
     assert events == [("fsync", ".tmp"), ("replace", ".tmp", ".npz"), ("fsync", ".parts")]
 
 
@@ -186,7 +186,7 @@ def test_a_failed_write_is_said_and_leaves_what_is_finished(
 
     monkeypatch.setattr(os, call, fail)
     with pytest.raises(archive.ArchiveError, match=text) as caught:
-        put_shard(parts, LAYOUT, RESULTS, 0, 1)
+        put_shard(parts, TEMPLATE, RESULTS, 0, 1)
     assert str(parts) in str(caught.value)
     assert "Finished shards stay" in str(caught.value)
     assert sorted(parts.iterdir()) == before
@@ -195,9 +195,9 @@ def test_a_failed_write_is_said_and_leaves_what_is_finished(
 
 def test_a_missing_directory_is_said(tmp_path: Path) -> None:
     with pytest.raises(archive.ArchiveError, match="no such file or directory"):
-        put_shard(tmp_path / "gone.nc.parts", LAYOUT, RESULTS, 0, 1)
+        put_shard(tmp_path / "gone.nc.parts", TEMPLATE, RESULTS, 0, 1)
     with pytest.raises(archive.ArchiveError, match="no such file or directory"):
-        begin(tmp_path / "gone" / "a.nc", LAYOUT)
+        begin(tmp_path / "gone" / "a.nc")
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
@@ -205,13 +205,13 @@ def test_an_unwritable_directory_is_said(parts: Path) -> None:
     parts.chmod(0o500)
     try:
         with pytest.raises(archive.ArchiveError, match="permission denied"):
-            put_shard(parts, LAYOUT, RESULTS, 0, 1)
+            put_shard(parts, TEMPLATE, RESULTS, 0, 1)
     finally:
         parts.chmod(0o700)
 
 
 def test_the_command_comes_back_from_its_directory(parts: Path) -> None:
-    command = archive.Command("key", LAYOUT.provenance, "two\nlines", retry=True, archive=(3, 4), begun=5)
+    command = archive.Command(TEXTS, "two\nlines", retry=True, archive=(3, 4), begun=5)
     archive.start_parts(parts, command)
     assert archive.read_command(parts) == command
     assert command.study == "x"
@@ -222,14 +222,14 @@ def test_a_directory_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
     parts.mkdir()
     (parts / "letters.txt").touch()
     with pytest.raises(archive.ArchiveError, match=r"a\.nc\.parts: holds letters\.txt, which no run left there"):
-        begin(tmp_path / "a.nc", LAYOUT)
+        begin(tmp_path / "a.nc")
     assert [file.name for file in parts.iterdir()] == ["letters.txt"]
 
 
 def test_what_a_killed_removal_left_is_taken_up(parts: Path) -> None:
     (parts / "command.json").unlink()
     assert archive.read_command(parts) is None
-    begin(parts.parent / "a.nc", LAYOUT)
+    begin(parts.parent / "a.nc")
     assert len(held(parts)) == 150
 
 

@@ -9,65 +9,66 @@ from pathlib import Path
 
 import numpy as np
 from archive_samples import (
+    TEXTS,
     begin,
     check_dataset,
     gather,
     make_archive,
     put_shard,
     sample_hashes,
-    sample_layout,
     sample_results,
+    sample_template,
     stored_in,
 )
 
 from workflow import archive
 
-LAYOUT = sample_layout((("e", 200), ("alpha", 20)), samples=50)
-RESULTS = sample_results(LAYOUT)
+TEMPLATE = sample_template((("e", 200), ("alpha", 20)), samples=50)
+RESULTS = sample_results(TEMPLATE)
 
 
 def test_two_hundred_shards_from_four_threads_while_another_opens(tmp_path: Path) -> None:
     target = tmp_path / "a.nc"
-    other = make_archive(tmp_path / "other.nc", LAYOUT, RESULTS)
-    parts = begin(target, LAYOUT)
+    other = make_archive(tmp_path / "other.nc", TEMPLATE, RESULTS)
+    parts = begin(target)
     finished = threading.Event()
     seen = []
 
     def look() -> int:
         while not finished.is_set():
-            seen.append(int(stored_in(parts).holds(sample_hashes(LAYOUT)).sum()))
+            seen.append(int(stored_in(parts).holds(sample_hashes(TEMPLATE)).sum()))
             with archive.open_archive(other) as whole:
                 np.testing.assert_array_equal(whole["displacement"][7], RESULTS["displacement"][7])
-                assert archive.provenance(other)["key"] == LAYOUT.key
+                assert archive.provenance(other)["key"] == TEXTS["key"]
         return len(seen)
 
     with ThreadPoolExecutor(6) as pool:
         readers = [pool.submit(look) for _ in range(2)]
-        writers = [pool.submit(put_shard, parts, LAYOUT, RESULTS, k, k + 20) for k in range(0, 4000, 20)]
+        writers = [pool.submit(put_shard, parts, TEMPLATE, RESULTS, k, k + 20) for k in range(0, 4000, 20)]
         try:
             paths = {writer.result() for writer in writers}
         finally:
             finished.set()
         assert all(reader.result() > 0 for reader in readers)
     assert len(paths) == 200
-    assert all(0 <= count <= LAYOUT.cells and count % 20 == 0 for count in seen)
-    gather(parts, LAYOUT, target)
+    assert all(0 <= count <= TEMPLATE["status"].size and count % 20 == 0 for count in seen)
+    gather(parts, TEMPLATE, target)
     with archive.open_archive(target) as dataset:
-        check_dataset(dataset, LAYOUT, RESULTS)
+        check_dataset(dataset, TEMPLATE, RESULTS)
     assert archive.content_hash(target) == archive.content_hash(other)
 
 
 def test_gathering_while_others_read(tmp_path: Path) -> None:
-    layout = sample_layout()
-    results = sample_results(layout)
-    other = make_archive(tmp_path / "other.nc", layout, results)
+    template = sample_template()
+    results = sample_results(template)
+    other = make_archive(tmp_path / "other.nc", template, results)
 
     def read(_: int) -> None:
         with archive.open_archive(other, chunks={}) as dataset:
-            check_dataset(dataset, layout, results)
+            check_dataset(dataset, template, results)
 
     def make(number: int) -> None:
-        make_archive(tmp_path / f"{number}.nc", layout, results, [number + 1])
+        make_archive(tmp_path / f"{number}.nc", template, results, [number + 1])
 
     with ThreadPoolExecutor(4) as pool:
         for future in [pool.submit(task, i) for i in range(8) for task in (make, read)]:
@@ -76,9 +77,9 @@ def test_gathering_while_others_read(tmp_path: Path) -> None:
 
 
 def test_shards_from_processes(tmp_path: Path) -> None:
-    parts = begin(tmp_path / "a.nc", LAYOUT)
+    parts = begin(tmp_path / "a.nc")
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
-        halves = [pool.submit(put_shard, parts, LAYOUT, RESULTS, *ends) for ends in ((0, 1800), (1800, 4000))]
+        halves = [pool.submit(put_shard, parts, TEMPLATE, RESULTS, *ends) for ends in ((0, 1800), (1800, 4000))]
         for half in halves:
             half.result()
-    assert stored_in(parts).holds(sample_hashes(LAYOUT)).all()
+    assert stored_in(parts).holds(sample_hashes(TEMPLATE)).all()

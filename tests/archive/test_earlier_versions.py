@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from quick import quick
-from workflow.archive import ArchiveError, _describe, archive_sources, content_hash, open_archive, provenance
+from workflow.archive import ArchiveError, _provenance, archive_sources, content_hash, open_archive, provenance
 from workflow.cli import app
 from workflow.grid import _identity
 from workflow.run import _reuse, _verify, holdings, run_study
@@ -33,7 +33,7 @@ def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def archive(earlier: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for module in (_reuse, _verify, _describe, _identity):
+    for module in (_reuse, _verify, _provenance, _identity):
         monkeypatch.setattr(module, "SOLVER_VERSION", NOW)
     return Path(shutil.copy(earlier, tmp_path / "quick.nc"))
 

@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from archive_samples import make_archive, sample_layout, sample_results
+from archive_samples import make_archive, sample_results, sample_template
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -45,8 +45,8 @@ def test_files_of_any_length(tmp_path: Path, size: int) -> None:
 
 
 def test_an_archive_is_sealed_as_it_is_gathered(tmp_path: Path) -> None:
-    layout = sample_layout()
-    path = make_archive(tmp_path / "a.nc", layout, sample_results(layout))
+    template = sample_template()
+    path = make_archive(tmp_path / "a.nc", template, sample_results(template))
     assert archive.is_whole(path)
     path.write_bytes(path.read_bytes()[:-1])
     assert not archive.is_whole(path)

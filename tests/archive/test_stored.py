@@ -2,62 +2,63 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+import xarray as xr
 from archive_samples import (
     DIMS,
+    TEXTS,
     begin,
+    by_case,
     make_archive,
     put_shard,
     sample_hashes,
-    sample_layout,
     sample_messages,
     sample_results,
+    sample_template,
     stored_in,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workflow import archive
-from workflow.archive import _layout
+from workflow.grid import _encoding, encode
 
-LAYOUT = sample_layout()
-RESULTS = sample_results(LAYOUT)
-HASHES = sample_hashes(LAYOUT)
+TEMPLATE = sample_template()
+RESULTS = sample_results(TEMPLATE)
+HASHES = sample_hashes(TEMPLATE)
 
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An archive of 18 chunks."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_layout, "CHUNK_BYTES", 560)
-        return make_archive(tmp_path_factory.mktemp("stored") / "a.nc", dataclasses.replace(LAYOUT), RESULTS)
+        patch.setattr(_encoding, "CHUNK_BYTES", 560)
+        return make_archive(tmp_path_factory.mktemp("stored") / "a.nc", encode(TEMPLATE.copy()), RESULTS)
 
 
-def taken(path: Path, layout: archive.Layout, hashes: np.ndarray, target: Path) -> dict[str, np.ndarray]:
+def taken(path: Path, template: xr.Dataset, hashes: np.ndarray, target: Path) -> dict[str, np.ndarray]:
     """Return the values of an archive that is made of cases of another one alone, messages too."""
     stored = archive.Stored(archive.archive_sources(path))
-    archive.gather(layout, begin(target, layout), target, hashes, stored)
+    archive.gather(template, TEXTS, begin(target), target, hashes, stored)
     with archive.open_archive(target) as dataset:
         return {str(name): values.values for name, values in dataset.data_vars.items()}
 
 
 @settings(max_examples=25, deadline=None)
-@given(cells=st.lists(st.integers(0, LAYOUT.cells - 1), min_size=1, max_size=60, unique=True))
+@given(cells=st.lists(st.integers(0, TEMPLATE["status"].size - 1), min_size=1, max_size=60, unique=True))
 def test_cases_are_found_and_taken_wherever_they_stand(
     path: Path, cells: list[int], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     chosen = np.array(cells)
-    layout = sample_layout((("alpha", len(cells)),))
-    values = taken(path, layout, HASHES[chosen], tmp_path_factory.mktemp("taken") / "b.nc")
-    for variable in layout.variables:
-        flat = RESULTS[variable.name].reshape(LAYOUT.cells, *layout.tail_shape(variable))
-        np.testing.assert_array_equal(values[variable.name], flat[chosen])
-    texts = sample_messages(LAYOUT, RESULTS)
+    template = sample_template((("alpha", len(cells)),))
+    values = taken(path, template, HASHES[chosen], tmp_path_factory.mktemp("taken") / "b.nc")
+    for name in map(str, template.data_vars):
+        np.testing.assert_array_equal(values[name], by_case(TEMPLATE, name, RESULTS[name])[chosen])
+    texts = sample_messages(TEMPLATE, RESULTS)
     assert values["message"].tolist() == [texts.get(cell, "") for cell in cells]
 
 
@@ -69,11 +70,11 @@ def test_of_a_retry_only_cases_count_that_are_ok(path: Path) -> None:
 
 
 def test_a_shard_counts_before_the_archive(path: Path, tmp_path: Path) -> None:
-    again = sample_results(LAYOUT, seed=1)
-    parts = begin(tmp_path / "b.nc", LAYOUT)
-    put_shard(parts, LAYOUT, again, 20, 50)
+    again = sample_results(TEMPLATE, seed=1)
+    parts = begin(tmp_path / "b.nc")
+    put_shard(parts, TEMPLATE, again, 20, 50)
     stored = archive.Stored([*archive.archive_sources(path), *archive.find_shards(parts)[0]])
-    archive.gather(LAYOUT, parts, tmp_path / "b.nc", HASHES, stored)
+    archive.gather(TEMPLATE, TEXTS, parts, tmp_path / "b.nc", HASHES, stored)
     with archive.open_archive(tmp_path / "b.nc") as dataset:
         impacts = dataset["impacts"].values.ravel()
     np.testing.assert_array_equal(impacts[20:50], again["impacts"].ravel()[20:50])
@@ -83,35 +84,34 @@ def test_a_shard_counts_before_the_archive(path: Path, tmp_path: Path) -> None:
 
 def test_missing_variables_and_periods(path: Path, tmp_path: Path) -> None:
     kinds = archive.archive_kinds(path)
-    values = taken(path, sample_layout(periods=5), HASHES, tmp_path / "wide.nc")
+    values = taken(path, sample_template(periods=5), HASHES, tmp_path / "wide.nc")
     np.testing.assert_array_equal(values["period_impulse"][..., :3], RESULTS["period_impulse"])
     assert np.isnan(values["period_impulse"][..., 3:]).all()
-    values = taken(path, sample_layout(periods=2), HASHES, tmp_path / "narrow.nc")
+    values = taken(path, sample_template(periods=2), HASHES, tmp_path / "narrow.nc")
     np.testing.assert_array_equal(values["period_impulse"], RESULTS["period_impulse"][..., :2])
-    for optional in (True, False):
-        more = archive.Variable("more", "metric", "f8", {}, optional)
-        layout = dataclasses.replace(LAYOUT, variables=(*LAYOUT.variables, more))
-        assert archive.lacking(layout, kinds) == ([] if optional else ["more"])
-        if optional:
-            assert np.isnan(taken(path, layout, HASHES, tmp_path / "more.nc")["more"]).all()
-    assert archive.lacking(sample_layout(samples=8), kinds) == ["displacement"]
-    assert archive.lacking(LAYOUT, kinds) == []
+    for name, is_optional in (("of_a_scheme", True), ("steady_impacts", True), ("growth_rate", False)):
+        template = encode(TEMPLATE.assign({name: TEMPLATE["impacts"]}))
+        assert archive.lacking(template, kinds) == ([] if is_optional else [name])
+        if is_optional:
+            assert np.isnan(taken(path, template, HASHES, tmp_path / "more.nc")[name]).all()
+    assert archive.lacking(sample_template(samples=8), kinds) == ["displacement"]
+    assert archive.lacking(TEMPLATE, kinds) == []
 
 
-def test_what_a_layout_has_no_place_for(path: Path) -> None:
+def test_what_a_template_has_no_place_for(path: Path) -> None:
     kinds = archive.archive_kinds(path)
-    assert archive.surplus(LAYOUT, kinds) == []
-    assert archive.surplus(sample_layout(samples=0), kinds) == ["displacement"]
-    assert archive.surplus(sample_layout(precision="f4"), kinds) == ["displacement as float64"]
+    assert archive.surplus(TEMPLATE, kinds) == []
+    assert archive.surplus(sample_template(samples=0), kinds) == ["displacement"]
+    assert archive.surplus(sample_template(precision="f4"), kinds) == ["displacement as float64"]
 
 
 @pytest.mark.parametrize("dims", [(), DIMS[:1], DIMS])
 def test_a_single_case_to_and_from_a_grid(tmp_path: Path, dims: tuple[tuple[str, int], ...]) -> None:
-    layout = sample_layout(dims)
-    results = sample_results(layout)
-    source = make_archive(tmp_path / "a.nc", layout, results)
-    values = taken(source, sample_layout(()), sample_hashes(layout)[:1], tmp_path / "b.nc")
-    np.testing.assert_array_equal(values["displacement"], results["displacement"].reshape(layout.cells, -1)[0])
+    template = sample_template(dims)
+    results = sample_results(template)
+    source = make_archive(tmp_path / "a.nc", template, results)
+    values = taken(source, sample_template(()), sample_hashes(template)[:1], tmp_path / "b.nc")
+    np.testing.assert_array_equal(values["displacement"], by_case(template, "displacement", results["displacement"])[0])
 
 
 @pytest.mark.parametrize("name", ["status", "provenance/case_hash"])

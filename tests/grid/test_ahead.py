@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -53,14 +54,14 @@ def test_a_case_that_cannot_be_set_up_wants_nothing(monkeypatch: pytest.MonkeyPa
 def test_a_run_goes_on_where_its_helper_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is one that cannot be started."""
     asked: list[list[str]] = []
-    start = compilation._HELPER.start
+    start = compilation._started
 
-    def noted(parts: list[tuple[compilation.KernelVariant, str]]) -> None:
+    def noted(parts: list[tuple[compilation.KernelVariant, str]]) -> Any:
         asked.append([variant.method for variant, _ in parts])
-        start(parts)
+        return start(parts)
 
-    monkeypatch.setattr(compilation._HELPER, "start", noted)
-    monkeypatch.setattr(compilation, "_note", lambda variant: tmp_path / f"{variant.method}.compiled")
+    monkeypatch.setattr(compilation, "_started", noted)
+    monkeypatch.setattr(compilation, "_note", lambda variant, call="": tmp_path / f"{variant.method}{call}.compiled")
     monkeypatch.setattr(sys, "executable", str(tmp_path / "missing"))
     assert run_study(quick(**THREE), tmp_path / "three.nc", threads=2).ok
     run_study(quick(**THREE), tmp_path / "alone.nc", threads=1)

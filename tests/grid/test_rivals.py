@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from studies import SCENE, parsed
-from workflow.archive import describe
-from workflow.grid import arrange, metrics_of, plan, solve
+from workflow.grid import arrange, metrics_of, plan, solve, template
 from workflow.schemes import Status, names
 
 LIMIT = 2 / (2 * np.sqrt(4e6 / 2.5e-3) * np.sin(7 * np.pi / 18))
@@ -95,7 +94,7 @@ def test_metrics_of_some_schemes(method: str) -> None:
     """A study has them if one of its schemes gives them; where another runs they are NaN."""
     study_of = parsed(study(f"{{scheme: {method}, h: 1e-5}}"))
     grid = arrange(study_of)
-    declared = {variable.name for variable in describe(grid).variables}
+    declared = set(template(grid).data_vars)
     assert {about.name for about in metrics_of(study_of)} <= declared
     assert ("effective_restitution" in declared) == (method in ("carpenter", "penalty"))
     mixed = arrange(parsed(study(f"{{scheme: [{method}, carpenter], h: 1e-5}}") if method != "carpenter" else SINGLE))

@@ -19,14 +19,13 @@ from quick import hashes_of, interrupted, quick, room_for
 from studies import cut_finely
 from workflow.archive import (
     ArchiveError,
-    _layout,
     content_hash,
     open_archive,
     parts_of,
     provenance,
     stored_hashes,
 )
-from workflow.grid import arrange, solve
+from workflow.grid import _encoding, arrange, solve
 from workflow.run import run_study
 from workflow.study import Study
 
@@ -147,7 +146,7 @@ def test_steps_from_a_study_to_its_next(
     old: dict[str, Any], new: dict[str, Any], chunk: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if chunk:  # partial chunks at the end of rows
-        monkeypatch.setattr(_layout, "CHUNK_BYTES", 8 * 9 * chunk)
+        monkeypatch.setattr(_encoding, "CHUNK_BYTES", 8 * 9 * chunk)
     check_extension(quick(**old), quick(**new), tmp_path)
 
 

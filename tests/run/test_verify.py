@@ -16,7 +16,7 @@ from hostile import write
 from quick import begin, quick
 from studies import pinned
 from workflow import schemes
-from workflow.archive import ArchiveError, _describe, content_hash, provenance
+from workflow.archive import ArchiveError, _provenance, content_hash, provenance
 from workflow.archive._seal import seal
 from workflow.grid import arrange, solve
 from workflow.run import _study, _verify, run_study, verify
@@ -100,10 +100,10 @@ def test_an_unfinished_run_that_other_software_began_is_compared_within_rounding
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The archive said that the software which ended the run had run all of its cases."""
-    archive, revision = tmp_path / "a.nc", _describe.code_revision()
+    archive, revision = tmp_path / "a.nc", _provenance.code_revision()
     for begun_by in ("another", revision):  # what another began stays known
         with monkeypatch.context() as patch:
-            patch.setattr(_describe, "code_revision", lambda begun_by=begun_by: begun_by)
+            patch.setattr(_provenance, "code_revision", lambda begun_by=begun_by: begun_by)
             patch.setattr(_study, "gather", lambda *_: (_ for _ in ()).throw(ArchiveError("stopped")))
             with pytest.raises(ArchiveError, match="stopped"):
                 run_study(STUDY, archive)

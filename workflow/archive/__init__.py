@@ -6,22 +6,9 @@ xarray, netCDF4 and h5py are imported when they are needed, not with this packag
 """
 
 from workflow.archive._content import LEFT_OUT
-from workflow.archive._describe import (
-    COPIED,
-    HARMONIC,
-    SOFTWARE,
-    WARNINGS,
-    code_revision,
-    describe,
-    grid_of,
-    processor,
-    study_key,
-    versions,
-)
 from workflow.archive._files import ArchiveError, commit, usable
 from workflow.archive._gather import gather
 from workflow.archive._hold import holding
-from workflow.archive._layout import STATUS, Coordinate, Layout, Variable, truncated_message
 from workflow.archive._open import (
     content_hash,
     discard_views,
@@ -34,8 +21,19 @@ from workflow.archive._open import (
     study_text,
 )
 from workflow.archive._parts import Command, clear_parts, file_of, parts_of, read_command, remove_parts, start_parts
-from workflow.archive._shard import find_shards, stored_status, write_shard
+from workflow.archive._provenance import (
+    COPIED,
+    SOFTWARE,
+    code_revision,
+    grid_of,
+    processor,
+    provenance_of,
+    study_key,
+    versions,
+)
+from workflow.archive._shard import find_shards, stored_status, truncated_message, write_shard
 from workflow.archive._stored import (
+    STATUS,
     Hashes,
     Source,
     Stored,
@@ -49,19 +47,14 @@ from workflow.archive._stored import (
 
 __all__ = [
     "COPIED",
-    "HARMONIC",
     "LEFT_OUT",
     "SOFTWARE",
     "STATUS",
-    "WARNINGS",
     "ArchiveError",
     "Command",
-    "Coordinate",
     "Hashes",
-    "Layout",
     "Source",
     "Stored",
-    "Variable",
     "archive_kinds",
     "archive_sources",
     "are_among",
@@ -69,7 +62,6 @@ __all__ = [
     "code_revision",
     "commit",
     "content_hash",
-    "describe",
     "discard_views",
     "file_of",
     "find_shards",
@@ -82,6 +74,7 @@ __all__ = [
     "parts_of",
     "processor",
     "provenance",
+    "provenance_of",
     "read_command",
     "remove_parts",
     "require_whole",

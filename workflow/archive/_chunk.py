@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-LEVEL = 1
-"""zlib level of an archive, always with shuffle."""
+from workflow.grid import LEVEL
 
 _RAMP = np.arange(2**15)
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,14 @@ from workflow.archive._chunk import encode_chunk
 from workflow.archive._content import hash_content
 from workflow.archive._create import create
 from workflow.archive._files import ArchiveError, free_space, sync, writing
-from workflow.archive._layout import MESSAGE, NOT_RUN, STATUS, Layout
 from workflow.archive._seal import seal
-from workflow.archive._stored import PROVENANCE, Hashes, Places, Stored, boxes
+from workflow.archive._stored import MESSAGE, PROVENANCE, STATUS, Hashes, Places, Stored, boxes
+from workflow.schemes import Status
 
-_VARIABLE_BYTES, _CHUNK_BYTES, _CELL_BYTES = 5000, 100, 16
+if TYPE_CHECKING:
+    import xarray as xr
+
+_VARIABLE_BYTES, _CHUNK_BYTES, _CASE_BYTES = 5000, 100, 16
 """What an archive takes beside its chunks: attributes and indices, up to these in archives of all sizes; hashes."""
 
 Index = NDArray[np.int64] | slice
@@ -31,7 +34,14 @@ _HELD = 8
 """Sources of which the values of one variable are held at a time."""
 
 
-def gather(layout: Layout, parts: str | Path, target: str | Path, hashes: Hashes, stored: Stored) -> None:
+def gather(
+    template: xr.Dataset,
+    texts: Mapping[str, str],
+    parts: str | Path,
+    target: str | Path,
+    hashes: Hashes,
+    stored: Stored,
+) -> None:
     """Make the archive of stored cases, read it back, put it under its name; the shards may go then.
 
     At no time is there an incomplete file under the archive's name: it is made inside ``parts``,
@@ -39,8 +49,12 @@ def gather(layout: Layout, parts: str | Path, target: str | Path, hashes: Hashes
 
     Parameters
     ----------
+    template
+        See :func:`workflow.grid.template`.
+    texts
+        Those of the provenance group.
     hashes
-        Identity of every case, ``(cell, byte)``.
+        Identity of every case, ``(case, byte)``.
     stored
         All of these cases.
 
@@ -53,15 +67,15 @@ def gather(layout: Layout, parts: str | Path, target: str | Path, hashes: Hashes
     parts, target = Path(parts), Path(os.path.realpath(target))  # a link goes on to lead to it
     places = stored.find(hashes)
     if missing := int(np.sum(places[0] < 0)):
-        raise ArchiveError(f"{parts}: {missing} of {layout.cells} cases are missing; give the command again")
+        raise ArchiveError(f"{parts}: {missing} of {len(hashes)} cases are missing; give the command again")
     aside = parts / f"{target.name}.tmp"
     try:
         with writing("the archive", parts):
-            _make_room(layout, parts, target)
-            assemble(layout, aside, hashes, stored, places)
+            _make_room(template, parts, target)
+            assemble(template, texts, aside, hashes, stored, places)
             digest = hash_content(aside)
             _tell_hash(aside, digest)
-            _read_back(layout, aside, digest)
+            _read_back(template, aside, digest)
             seal(aside)
             sync(aside)
         with writing("the archive", target.parent):
@@ -71,7 +85,9 @@ def gather(layout: Layout, parts: str | Path, target: str | Path, hashes: Hashes
         aside.unlink(missing_ok=True)
 
 
-def assemble(layout: Layout, path: Path, hashes: Hashes, stored: Stored, places: Places) -> None:
+def assemble(
+    template: xr.Dataset, texts: Mapping[str, str], path: Path, hashes: Hashes, stored: Stored, places: Places
+) -> None:
     """Write the results of stored cases to a new file; others have status ``not_run``.
 
     Chunks are encoded in threads and written past HDF5's filters. ``places`` are those of the hashes.
@@ -85,44 +101,45 @@ def assemble(layout: Layout, path: Path, hashes: Hashes, stored: Stored, places:
 
     from workflow.archive._lock import LOCK
 
-    create(layout, path, _messages(stored, *places), hashes)
+    create(template, texts, path, _messages(stored, *places), hashes)
     with LOCK, h5py.File(path, "r+") as archive, ThreadPoolExecutor() as threads:
-        chunks = _chunks(layout, stored, *places)
+        variables = {name: archive[name] for name in template.data_vars}  # a look-up takes as long as writing a chunk
+        chunks = _chunks(template, stored, *places)
         while some := list(islice(chunks, 2 * (os.cpu_count() or 1))):
             encoded = threads.map(encode_chunk, (values for *_, values in some))
             for (name, offset, values), chunk in zip(some, encoded, strict=True):
-                if archive[name].chunks is None:  # a scalar: one cell without t
-                    archive[name][()] = values[()]
+                if variables[name].id.rank == 0:  # a single case without t
+                    variables[name][()] = values[()]
                 else:
-                    archive[name].id.write_direct_chunk(offset, chunk)
+                    variables[name].id.write_direct_chunk(offset, chunk)
 
 
 def _chunks(
-    layout: Layout, stored: Stored, source: NDArray[np.int64], row: NDArray[np.int64]
+    template: xr.Dataset, stored: Stored, source: NDArray[np.int64], row: NDArray[np.int64]
 ) -> Iterator[tuple[str, tuple[int, ...], NDArray[Any]]]:
     """Yield the chunks of all variables: name, offset and values."""
-    index = np.arange(layout.cells).reshape(layout.shape)
+    status = template.variables[STATUS]
+    index = np.arange(status.size).reshape(status.shape)
     cut = [
-        (box, np.asarray(index[box]).shape, _by_source(np.ravel(index[box]), source, row))
-        for box in boxes(layout.shape, layout.lengths)
+        (box, _by_source(np.ravel(index[box]), source, row))
+        for box in boxes(status.shape, status.encoding.get("chunksizes", ()))
     ]
-    for variable in layout.variables:
-        held = lru_cache(_HELD)(lambda number, name=variable.name: stored.sources[number].read(name))
-        shape = layout.chunk_of(variable)
-        tail = layout.tail_shape(variable)
-        pieces = list(boxes(tail, shape[len(layout.dims) :]))
-        for box, size, parts in cut:
-            values = np.full((math.prod(size), *tail), variable.fill, np.dtype(variable.dtype).newbyteorder("<"))
+    for name in map(str, template.data_vars):
+        held = lru_cache(_HELD)(lambda number, name=name: stored.sources[number].read(name))
+        blank, shape = template.variables[name].values, template.variables[name].encoding.get("chunksizes", ())
+        tail = blank.shape[status.ndim :]
+        pieces = list(boxes(tail, shape[status.ndim :]))
+        for box, parts in cut:
+            values = np.array(blank[box], blank.dtype.newbyteorder("<"), order="C")
             for number, where, rows in parts:
-                if variable.name in stored.sources[number].kinds:
-                    _put(values, where, held(number)[rows])
-            values = values.reshape((*size, *tail))
+                if name in stored.sources[number].kinds:
+                    _put(values.reshape(-1, *tail), where, held(number)[rows])
             for piece in pieces:
-                chunk = values[len(size) * (slice(None),) + piece]
+                chunk = values[status.ndim * (slice(None),) + piece]
                 if chunk.shape != shape:
-                    part, chunk = chunk, np.full(shape, variable.fill, values.dtype)
+                    part, chunk = chunk, np.full(shape, blank.flat[0], values.dtype)
                     chunk[tuple(map(slice, part.shape))] = part
-                yield variable.name, tuple(side.start for side in (*box, *piece)), chunk
+                yield name, tuple(side.start for side in (*box, *piece)), chunk
 
 
 def _by_source(
@@ -149,7 +166,7 @@ def _put(values: NDArray[Any], where: Index, there: NDArray[Any]) -> None:
 
 
 def _messages(stored: Stored, source: NDArray[np.int64], row: NDArray[np.int64]) -> dict[int, bytes]:
-    """Return the messages of cells, in UTF-8; those without one are left out."""
+    """Return the messages of cases, in UTF-8; those without one are left out."""
     messages: dict[int, bytes] = {}
     for number in np.unique(source[source >= 0]).tolist():
         texts = stored.sources[number].read(MESSAGE)
@@ -161,12 +178,13 @@ def _messages(stored: Stored, source: NDArray[np.int64], row: NDArray[np.int64])
     return messages
 
 
-def _make_room(layout: Layout, parts: Path, target: Path) -> None:
+def _make_room(template: xr.Dataset, parts: Path, target: Path) -> None:
     """Refuse before HDF5 runs into a full disk, which it cannot recover from."""
+    status = template.variables[STATUS]
     needed = sum(path.stat().st_size for path in (*parts.iterdir(), target) if path.is_file())
-    variables = len(layout.variables) + len(layout.coordinates)
-    chunks = math.prod(-(-size // length) for size, length in zip(layout.shape, layout.lengths, strict=True))
-    needed += variables * (_VARIABLE_BYTES + _CHUNK_BYTES * chunks) + layout.cells * _CELL_BYTES
+    lengths = status.encoding.get("chunksizes", ())
+    chunks = math.prod(-(-size // length) for size, length in zip(status.shape, lengths, strict=True))
+    needed += len(template.variables) * (_VARIABLE_BYTES + _CHUNK_BYTES * chunks) + status.size * _CASE_BYTES
     if needed > free_space(parts):
         raise OSError(f"no space left on device, it needs about {needed / 2**20:.3g} MiB")
 
@@ -181,7 +199,7 @@ def _tell_hash(path: Path, digest: str) -> None:
         archive[PROVENANCE].attrs["content_hash"] = np.bytes_(digest)
 
 
-def _read_back(layout: Layout, path: Path, digest: str) -> None:
+def _read_back(template: xr.Dataset, path: Path, digest: str) -> None:
     """Compare what is on the disk with what should be there; the hash has decoded every chunk before."""
     import h5py
 
@@ -189,15 +207,15 @@ def _read_back(layout: Layout, path: Path, digest: str) -> None:
 
     with LOCK, h5py.File(path, "r") as archive:
         faults = []
-        for variable in layout.variables:
-            stored = archive[variable.name]
+        for name in template.data_vars:
+            stored = archive[name]
             cut = zip(stored.shape, stored.chunks or stored.shape, strict=True)
             expected = math.prod(-(-size // length) for size, length in cut)
             if stored.chunks is not None and stored.id.get_num_chunks() != expected:
-                faults.append(f"{variable.name} has {stored.id.get_num_chunks()} of {expected} chunks")
+                faults.append(f"{name} has {stored.id.get_num_chunks()} of {expected} chunks")
         status = archive[STATUS][...]
-        if status.size != layout.cells or np.any((status < 0) | (status >= NOT_RUN)):
-            faults.append(f"{np.sum(status < NOT_RUN)} of {layout.cells} cases have run")
+        if np.any((status < 0) | (status >= Status.NOT_RUN)):
+            faults.append(f"{np.sum(status < Status.NOT_RUN)} of {status.size} cases have run")
         if archive[PROVENANCE].attrs["content_hash"] != digest.encode():
             faults.append("the content hash is not in place")
     if faults:

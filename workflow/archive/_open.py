@@ -7,7 +7,6 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,17 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._content import hash_content
-from workflow.archive._create import FORMAT_NAME
-from workflow.archive._describe import describe, grid_of
+from workflow.archive._create import FORMAT, FORMAT_NAME
 from workflow.archive._files import ArchiveError, reading, reason, unreadable, usable, writing
 from workflow.archive._gather import assemble
-from workflow.archive._layout import FORMAT, MESSAGE, STATUS
 from workflow.archive._parts import COMMAND, Command, parts_of, read_command
+from workflow.archive._provenance import grid_of
 from workflow.archive._seal import is_intact, is_sealed
 from workflow.archive._shard import find_shards
-from workflow.archive._stored import PROVENANCE, Stored
+from workflow.archive._stored import MESSAGE, PROVENANCE, STATUS, Stored
 from workflow.archive._with_xarray import opened
-from workflow.grid import case_hashes
+from workflow.grid import case_hashes, template
 from workflow.study import StudyError
 
 if TYPE_CHECKING:
@@ -76,7 +74,7 @@ def provenance(path: str | Path) -> dict[str, str]:
     path = usable(path)
     command = _unfinished(path)
     if command is not None:
-        return {"key": command.key, **command.texts}
+        return dict(command.texts)
     with _read(path) as file:
         group = file[PROVENANCE]
         attributes = {name: _as_text(value) for name, value in group.attrs.items() if not name.startswith("_")}
@@ -217,7 +215,6 @@ def _open_view(path: Path, command: Command, chunks: Any) -> xr.Dataset:
         grid = grid_of(command.texts)
     except (StudyError, LookupError, ValueError) as error:
         raise ArchiveError(f"{parts_of(path)}: its study cannot be read by this version: {error}") from error
-    layout = replace(describe(grid, command.warnings), provenance=command.texts)
     descriptor, name = tempfile.mkstemp(prefix=f"{path.stem}-", suffix=".nc")
     os.close(descriptor)
     view = Path(name)
@@ -225,7 +222,7 @@ def _open_view(path: Path, command: Command, chunks: Any) -> xr.Dataset:
     try:
         with writing("a view of the shards", view.parent):
             stored, hashes = Stored(find_shards(parts_of(path))[0]), case_hashes(grid)
-            assemble(layout, view, hashes, stored, stored.find(hashes))
+            assemble(template(grid, command.warnings), command.texts, view, hashes, stored, stored.find(hashes))
         opened = _open_dataset(view, chunks, path)
     except BaseException:
         view.unlink(missing_ok=True)

@@ -20,8 +20,6 @@ class Command:
 
     Attributes
     ----------
-    key
-        Identity of study and solver version.
     texts
         Those of the provenance group: the study, its files, counts of modes that tolerances decided, software.
     warnings
@@ -35,7 +33,6 @@ class Command:
         Time at which it began, in ns.
     """
 
-    key: str
     texts: Mapping[str, str]
     warnings: str = ""
     retry: bool = False
@@ -43,6 +40,11 @@ class Command:
     drop: bool = False
     archive: tuple[int, int] | None = None
     begun: int = 0
+
+    @property
+    def key(self) -> str:
+        """Identity of study and solver version."""
+        return self.texts["key"]
 
     @property
     def study(self) -> str:
@@ -117,6 +119,7 @@ def read_command(parts: str | Path) -> Command | None:
         archive = stored["archive"]
         command = Command(**{**stored, "archive": None if archive is None else tuple(archive)})
         assert command.study
+        assert command.key
         return command
     except (FileNotFoundError, NotADirectoryError):
         return None

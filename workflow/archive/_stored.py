@@ -8,14 +8,19 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._files import reading
-from workflow.archive._layout import MESSAGE, OK, STATUS, Layout, Variable
+from workflow.schemes import Status
 from workflow.variables import BY_NAME
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STATUS, MESSAGE = "status", "message"
 
 PROVENANCE, CASE_HASH = "provenance", "case_hash"
 """Group of an archive, and its variable with the identity of every case, ``(…, byte)``."""
@@ -66,7 +71,7 @@ class Stored:
     def __init__(self, sources: Iterable[Source] = (), ok_alone: int = 0) -> None:
         self.sources = tuple(sources)
         rows = [
-            np.flatnonzero(each.status == OK) if k < ok_alone else np.arange(each.status.size)
+            np.flatnonzero(each.status == Status.OK) if k < ok_alone else np.arange(each.status.size)
             for k, each in enumerate(self.sources)
         ]
         self._row = np.concatenate([np.empty(0, np.int64), *rows])
@@ -166,32 +171,36 @@ def stored_hashes(path: Path) -> Hashes:
         return np.asarray(hashes.reshape(-1, hashes.shape[-1]), dtype=np.uint8)
 
 
-def lacking(layout: Layout, kinds: Kinds) -> list[str]:
-    """Return the variables of a layout that are not stored, or not in its precision, or not along ``t`` to its end.
+def lacking(template: xr.Dataset, kinds: Kinds) -> list[str]:
+    """Return the variables of a template that are not stored, or not in its precision, or not along ``t`` to its end.
 
-    One that is optional is missing in all cases without it, and so are load periods without any.
+    What not every scheme gives is missing in all cases without it, and so are load periods without any.
     """
-    return [variable.name for variable in layout.variables if not _has(kinds, variable, layout)]
+    cases = template.variables[STATUS].ndim
+    return [str(name) for name in template.data_vars if not _has(kinds, str(name), template.variables[name], cases)]
 
 
-def _has(kinds: Kinds, variable: Variable, layout: Layout) -> bool:
-    if variable.name not in kinds:
-        return variable.optional or (variable.kind == "period" and "period" not in kinds)
-    dtype, tail = kinds[variable.name]
-    is_whole = variable.kind == "period" or tail == layout.tail_shape(variable)
-    return is_whole and dtype.itemsize >= np.dtype(variable.dtype).itemsize
+def _has(kinds: Kinds, name: str, variable: xr.Variable, cases: int) -> bool:
+    """Tell whether a variable is stored, the first dimensions of which are those of the cases."""
+    is_period = "period" in variable.dims
+    if name not in kinds:
+        is_optional = name not in BY_NAME or BY_NAME[name].condition == "steady"
+        return is_optional or (is_period and "period" not in kinds)
+    dtype, tail = kinds[name]
+    is_whole = is_period or tail == variable.shape[cases:]
+    return is_whole and dtype.itemsize >= variable.dtype.itemsize
 
 
-def surplus(layout: Layout, kinds: Kinds) -> list[str]:
-    """Return what is stored that a layout has no place for: histories, balances, sections, digits of them."""
+def surplus(template: xr.Dataset, kinds: Kinds) -> list[str]:
+    """Return what is stored that a template has no place for: histories, balances, sections, digits of them."""
     names = []
     for name, (dtype, _) in kinds.items():
-        about, asked = BY_NAME.get(name), layout.by_name.get(name)
+        about = BY_NAME.get(name)
         if about is None or not (about.shape == "history" or about.condition in ("balances", "sections")):
             continue
-        if asked is None:
+        if name not in template.data_vars:
             names.append(name)
-        elif dtype.itemsize > np.dtype(asked.dtype).itemsize:
+        elif dtype.itemsize > template.variables[name].dtype.itemsize:
             names.append(f"{name} as {dtype.name}")
     return names
 

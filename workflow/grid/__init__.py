@@ -5,6 +5,7 @@ from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
 from workflow.grid._choice import ChosenModes, Decided, choices_text, read_choices
 from workflow.grid._compile import compiled_ahead
 from workflow.grid._conditions import FRICTION, alpha_of
+from workflow.grid._encoding import CHUNK_BYTES, COMPRESSED, LEVEL, encode
 from workflow.grid._estimate import Time, estimate, measured_run, model_seconds, task_seconds, time_to_compile
 from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
@@ -25,14 +26,20 @@ from workflow.grid._solve import Solved, metrics_of, periods_of, solve
 from workflow.grid._speed import timed
 from workflow.grid._steady import steady_of
 from workflow.grid._tasks import Batch, Task, bytes_per_case, seconds_per_case, tasks
+from workflow.grid._template import HARMONIC, WARNINGS, template
 from workflow.grid._waiting_for import CASES, COMPILING, GATHERING, waited_for, waiting_for
 from workflow.grid._warnings import warning_lines
 
 __all__ = [
     "CASES",
+    "CHUNK_BYTES",
     "COMPILING",
+    "COMPRESSED",
     "FRICTION",
     "GATHERING",
+    "HARMONIC",
+    "LEVEL",
+    "WARNINGS",
     "Batch",
     "Block",
     "CaseHashes",
@@ -55,6 +62,7 @@ __all__ = [
     "choices_text",
     "compiled_ahead",
     "compute_block",
+    "encode",
     "estimate",
     "exact_motion",
     "fixes_operator",
@@ -77,6 +85,7 @@ __all__ = [
     "structure_of",
     "task_seconds",
     "tasks",
+    "template",
     "time_to_compile",
     "timed",
     "waited_for",

@@ -1,7 +1,7 @@
 """Compilation of kernels before cases run, so that no case's processor time includes it; one process helps.
 
 numba compiles one function at a time in a process. The helper is a process of this very module: it compiles what it is
-given into the cache of kernels and answers each with a line; a run loads what it left. Where it fails the run compiles.
+given into the cache of kernels and notes it there; a run loads what it left. Where it fails the run compiles.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import pickle
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
@@ -49,25 +50,31 @@ class KernelVariant:
     def words(self) -> tuple[Any, ...]:
         """What kernels depend on: names and types of options, not their numbers."""
         options = ((field.name, getattr(self.options, field.name)) for field in fields(self.options))
-        kinds = {"harmonics": self.harmonics, "sliding": self.slides, "coupled": self.coupled}
-        driven = [name for name, holds in kinds.items() if holds]
-        others = (option for option in options if not isinstance(option[1], float))
-        return (self.method, self.balances, self.massless_tip, *driven, *others)
+        kinds = (getattr(self, field.name) for field in fields(self) if field.name != "options")
+        return (*kinds, *(option for option in options if not isinstance(option[1], float)))
+
+
+_Part = tuple[KernelVariant, str]
+"""A variant and the call that needs one of its large kernels alone, empty for all of it."""
+
+_HELPER: list[tuple[subprocess.Popen[bytes], list[_Part]]] = []
+"""The helper process while it runs, and what it compiles, in this order."""
 
 
 @cache
 def compile_scheme(variant: KernelVariant) -> None:
     """Run a scheme once: it compiles the kernels that are not in the cache, and loads the others.
 
-    Nothing is raised: the case may be another than the one that is refused, and says itself why it fails.
+    Of what the helper compiles the calls that it leaves are compiled here, then the helper is waited for.
     """
-    with waiting_for(COMPILING), untimed(), suppress(Exception, SystemExit):
-        _HELPER.wait_for(variant)
-        scheme, arguments = _example(variant)
-        scheme.compute(*arguments)
-        note = _note(variant)
-        if note is not None:
-            note.touch()
+    with waiting_for(COMPILING), untimed():
+        for process, parts in _HELPER:
+            notes = [_note(*part) for part in parts if part[0].method == variant.method]
+            for call in list(load(variant.method).KERNEL_CALLS)[1:] if notes else ():
+                _compile(variant, call)
+            while process.poll() is None and not all(note is None or note.exists() for note in notes):
+                time.sleep(0.02)
+        _compile(variant)
 
 
 @contextmanager
@@ -78,100 +85,57 @@ def compiled_ahead(variants: Sequence[KernelVariant]) -> Iterator[None]:
     """
     missing = [variant for variant in variants if is_missing(variant)]
     parts = [(variant, next(iter(load(variant.method).KERNEL_CALLS), "")) for variant in missing]
-    parts = [(variant, call) for place, (variant, call) in enumerate(parts) if place > 0 or call]
-    if not parts:
-        yield
-        return
-    _HELPER.start(parts)
+    parts = [part for place, part in enumerate(parts) if place > 0 or part[1]]
+    if parts:
+        with suppress(Exception):
+            _HELPER.append((_started(parts), parts))
     try:
         yield
     finally:
-        _HELPER.end()
+        while _HELPER:
+            process, _ = _HELPER.pop()
+            process.kill()
+            process.communicate()
 
 
-class _Helper:
-    """The helper process of this process, and what it compiles."""
-
-    def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
-        self._done: dict[str, threading.Event] = {}
-
-    def start(self, parts: list[tuple[KernelVariant, str]]) -> None:
-        """Start a process that compiles variants of schemes, or one call of them; none where that fails."""
-        package = Path(__file__).parents[2]
-        paths = os.pathsep.join([str(package), *filter(None, [os.environ.get("PYTHONPATH")])])
-        with suppress(Exception):
-            content = pickle.dumps(parts)
-            self._process = process = subprocess.Popen(
-                [sys.executable, "-P", "-c", f"from {__name__} import main; main()"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": paths},
-            )
-            self._done = {variant.method: threading.Event() for variant, _ in parts}
-            threading.Thread(target=self._follow, args=(process, parts, content), daemon=True).start()
-
-    def _follow(self, process: subprocess.Popen[bytes], parts: list[tuple[KernelVariant, str]], content: bytes) -> None:
-        """Set the event of each scheme that the process reports as compiled, and all events when it ends."""
+def _started(parts: list[_Part]) -> subprocess.Popen[bytes]:
+    """Start the helper process."""
+    content = pickle.dumps(parts)
+    paths = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", f"from {__name__} import main; main()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": paths},
+    )
+    with suppress(OSError):
         assert process.stdin is not None
-        assert process.stdout is not None
-        done = self._done
-        with suppress(OSError):
-            process.stdin.write(content)
-            process.stdin.flush()
-            methods = [variant.method for variant, _ in parts]
-            while methods and process.stdout.readline() == _DONE:
-                method = methods.pop(0)
-                if method not in methods:
-                    done[method].set()
-        for event in done.values():
-            event.set()
-
-    def wait_for(self, variant: KernelVariant) -> None:
-        """Compile the calls of a scheme that the helper does not, then wait for the helper to have compiled its own."""
-        done = self._done.get(variant.method)
-        if done is None:
-            return
-        if not done.is_set():
-            for call in list(load(variant.method).KERNEL_CALLS)[1:]:
-                _compile(variant, call)
-        done.wait()
-
-    def end(self) -> None:
-        """End the process, which sets all events."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.communicate()
-        self._process = None
-        self._done = {}
-
-
-_HELPER = _Helper()
-
-_DONE = b"done\n"
+        process.stdin.write(content)
+        process.stdin.flush()
+    return process
 
 
 def main() -> None:
     """Compile what the parent sends, and end with its pipe."""
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb", buffering=0)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what a scheme prints
     parts = pickle.load(sys.stdin.buffer)
     threading.Thread(target=lambda: (sys.stdin.buffer.read(), os._exit(0)), daemon=True).start()
     gc.disable()  # a tenth of the time of a compiler that leaves little garbage; this process does nothing else
-    for variant, call in parts:
-        _compile(variant, call)
-        answers.write(_DONE)
+    for part in parts:
+        _compile(*part)
 
 
-def _compile(variant: KernelVariant, call: str) -> None:
-    """Compile a scheme, or one of the calls that need a large kernel alone."""
-    if not call:
-        compile_scheme(variant)
-        return
-    with suppress(Exception):
+def _compile(variant: KernelVariant, call: str = "") -> None:
+    """Compile a scheme, or what one of its calls needs, and note that it is in the cache.
+
+    Nothing is raised: the case may be another than the one that is refused, and says itself why it fails.
+    """
+    with suppress(Exception, SystemExit):
         scheme, arguments = _example(variant)
-        scheme.KERNEL_CALLS[call](*arguments)
+        (scheme.KERNEL_CALLS[call] if call else scheme.compute)(*arguments)
+        note = _note(variant, call)
+        if note is not None:
+            note.touch()
 
 
 def _example(variant: KernelVariant) -> tuple[Scheme, tuple[Any, Cases, Sampling]]:
@@ -201,12 +165,12 @@ def is_missing(variant: KernelVariant) -> bool:
     return note is not None and not note.exists()
 
 
-def _note(variant: KernelVariant) -> Path | None:
-    """Return the file whose presence says that a scheme's kernels are in the cache; ``None`` without a lasting one."""
+def _note(variant: KernelVariant, call: str = "") -> Path | None:
+    """Return the file whose presence says that kernels are in the cache; ``None`` without a lasting one."""
     import llvmlite.binding
 
     directory = directory_of(type(variant.options).__module__) if is_lasting() else None
     if directory is None:
         return None
-    words = (*variant.words, llvmlite.binding.get_host_cpu_name())
+    words = (*variant.words, call, llvmlite.binding.get_host_cpu_name())
     return directory / f"{hashlib.sha256(repr(words).encode()).hexdigest()[:16]}.compiled"

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from workflow import schemes
 from workflow.declare import Values
 from workflow.models import Array, Cases, Harmonics, Structure
 from workflow.study import CaseSettings, Initial, Scene
@@ -18,6 +19,8 @@ FRICTION = "scene.friction."
 
 def conditions(cell: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
     """Return the cases of a batch on the full structure; ``initial: static`` is left to ``at_rest``.
+
+    A scheme that does not say that it reads e is given NaN: cases that differ in e alone are computed once.
 
     Parameters
     ----------
@@ -52,7 +55,7 @@ def conditions(cell: CaseSettings, structure: Structure, varying: Mapping[str, A
     velocity = of_node("scene.initial.velocity", initial.velocity)
     temperature = of_node("scene.initial.temperature", initial.temperature, thermal)
     cases = Cases(
-        e=of_case("e", cell.e),
+        e=of_case("e", cell.e) if "e" in schemes.load(cell.scheme.method).READS else np.full(count, np.nan),
         alpha=alpha_of(cell, varying, count),
         gap=gap,
         mean=mean,

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import WARNINGS, open_archive, stored_values
+from workflow.archive import open_archive, stored_values
+from workflow.grid import WARNINGS
 from workflow.schemes import Status
 from workflow.variables import COMPARED
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,13 +16,12 @@ from workflow.archive import (
     SOFTWARE,
     ArchiveError,
     Command,
-    Layout,
     Stored,
     clear_parts,
-    describe,
     file_of,
     find_shards,
     parts_of,
+    provenance_of,
     read_command,
     start_parts,
 )
@@ -39,6 +38,8 @@ class Prepared:
     ----------
     job
         What its tasks share.
+    texts
+        Those of the provenance group.
     found
         What was stored before.
     missing
@@ -46,6 +47,7 @@ class Prepared:
     """
 
     job: Job
+    texts: Mapping[str, str]
     found: Found
     missing: NDArray[np.bool_]
 
@@ -66,7 +68,7 @@ class Prepared:
 
     def stored(self) -> Stored:
         """Return what is stored by now."""
-        return self.found.and_shards(self.job.parts, self.job.layout)
+        return self.found.and_shards(self.job)
 
     def progress(self) -> tuple[int, Counter[str]]:
         """Return how many cases are stored by now, and those of them that are not ok by their status."""
@@ -88,16 +90,15 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
     ArchiveError
         They hold another study, or cases that this one no longer asks for; they are damaged or cannot be written.
     """
-    parts, warnings, hashes = parts_of(archive), "\n".join(warning_lines(grid)), CaseHashes(grid)
-    layout = describe(grid, warnings)
-    layout = layout if here else replace(layout, provenance={**layout.provenance, "pinned": "false"})
+    parts, texts = parts_of(archive), {**provenance_of(grid), **({} if here else {"pinned": "false"})}
+    job = Job(grid, parts, time.time_ns(), CaseHashes(grid), "\n".join(warning_lines(grid)))
     earlier, there = read_command(parts), file_of(archive)
     if earlier is not None and earlier.study != grid.study.name:
         raise ArchiveError(
             f"{parts}: holds unfinished results of another study, {earlier.study!r}; finish that one, remove the "
             "directory, or choose another archive with -o"
         )
-    if earlier is not None and (earlier.key, earlier.archive) == (layout.key, there):
+    if earlier is not None and (earlier.key, earlier.archive) == (texts["key"], there):
         kept = (reuse.retry, reuse.recompute) if reuse.retry or reuse.recompute else (earlier.retry, earlier.recompute)
         is_same = kept == (earlier.retry, earlier.recompute)
         reuse = Reuse(*kept, drop=reuse.drop or earlier.drop)
@@ -107,18 +108,11 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
         clear_parts(parts)  # shards of a run that took other cases, or was killed when its archive was in place
     found = Found()
     if there is not None or find_shards(parts)[0]:
-        found = find(grid, layout, hashes.all(), archive, reuse)
+        found = find(job, texts, archive, reuse)
         found.require(reuse.drop)
-    missing = np.ones(layout.cells, bool) if found.is_empty else ~found.stored.holds(hashes.all())
-    layout = replace(layout, provenance={**layout.provenance, **_made_elsewhere(found.origins, layout)})
-    command = Command(
-        layout.key, layout.provenance, warnings, reuse.retry, reuse.recompute, reuse.drop, there, time.time_ns()
-    )
-    start_parts(parts, command)
-    return Prepared(Job(grid, layout, parts, command.begun, hashes), found, missing)
-
-
-def _made_elsewhere(earlier: Iterable[Mapping[str, str]], layout: Layout) -> dict[str, str]:
-    """Return the attribute :data:`COPIED` where other software or another processor ran earlier cases, by texts."""
-    same = all(COPIED not in texts and texts.get(n) == layout.provenance[n] for texts in earlier for n in SOFTWARE)
-    return {} if same else {COPIED: "cases that other software or another processor ran"}
+    count = grid.outer_count * grid.inner_count
+    missing = np.ones(count, bool) if found.is_empty else ~found.stored.holds(job.hashes.all())
+    if any(COPIED in origin or any(origin.get(n) != texts[n] for n in SOFTWARE) for origin in found.origins):
+        texts[COPIED] = "cases that other software or another processor ran"
+    start_parts(parts, Command(texts, job.warnings, reuse.retry, reuse.recompute, reuse.drop, there, job.begun))
+    return Prepared(job, texts, found, missing)

@@ -7,33 +7,37 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workflow.archive import (
     ArchiveError,
     Hashes,
-    Layout,
     Source,
     Stored,
     archive_kinds,
     archive_sources,
     are_among,
-    describe,
     find_shards,
     grid_of,
     lacking,
     parts_of,
     provenance,
+    provenance_of,
     read_command,
     require_whole,
     statuses,
     stored_hashes,
     surplus,
 )
-from workflow.grid import Decided, Grid, arrange, case_hashes, read_choices
+from workflow.grid import CaseHashes, Decided, arrange, case_hashes, read_choices
+from workflow.run._task import Job
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -118,10 +122,10 @@ class Found:
         """What a run takes, a shard before the archive."""
         return Stored([*self.archive, *self.shards], len(self.archive) if self.ok_alone else 0)
 
-    def and_shards(self, parts: Path, layout: Layout) -> Stored:
+    def and_shards(self, job: Job) -> Stored:
         """Return what is stored when shards have been written."""
-        shards = find_shards(parts, just_written=True)[0]
-        return replace(self, shards=tuple(shard for shard in shards if not lacking(layout, shard.kinds))).stored
+        shards = find_shards(job.parts, just_written=True)[0]
+        return replace(self, shards=tuple(shard for shard in shards if not lacking(job.template, shard.kinds))).stored
 
     def require(self, drop: bool) -> None:
         """Refuse to go on with a run that cannot take what is stored, or would lose some of it.
@@ -136,31 +140,34 @@ class Found:
                 raise ArchiveError(text)
 
 
-def find(grid: Grid, layout: Layout, hashes: Hashes, archive: Path, reuse: Reuse) -> Found:
+def find(job: Job, now: Mapping[str, str], archive: Path, reuse: Reuse) -> Found:
     """Return what of a study an archive and the shards of an unfinished run hold, a shard before the archive.
+
+    ``now`` are the texts of the provenance group that the run will write.
 
     Raises
     ------
     ArchiveError
         The archive is another study's, or it is damaged.
     """
-    parts, origins, lost = parts_of(archive), list[Mapping[str, str]](), list[str]()
+    template, hashes, parts = job.template, job.hashes.all(), job.parts
+    origins, lost = list[Mapping[str, str]](), list[str]()
     stored: list[Source] = []
     dropped, refused, unasked = 0, "", ""
     if archive.exists():
         texts = provenance(archive)
-        check_name(grid.study, archive, texts)
+        check_name(job.grid.study, archive, texts)
         dropped, cases = _unasked(archive, texts, hashes)
-        unasked = _unasked_text(archive, dropped, cases, texts, layout.provenance) if dropped else ""
+        unasked = _unasked_text(archive, dropped, cases, texts, now) if dropped else ""
         if not reuse.recompute:
-            refused = _other_version(archive, texts) or _without(archive, layout, hashes)
-            wider = [] if refused else surplus(layout, archive_kinds(archive))
+            refused = _other_version(archive, texts) or _without(archive, template, hashes)
+            wider = [] if refused else surplus(template, archive_kinds(archive))
             lost += [_wider_text(archive, wider)] if wider else []
             stored += [] if refused else archive_sources(archive)
             origins += [texts] if Stored(stored).holds(hashes).any() else []
     shards = find_shards(parts)[0]
     every = Stored(shards).hashes
-    narrowed = Stored([shard for shard in shards if lacking(layout, shard.kinds) or surplus(layout, shard.kinds)])
+    narrowed = Stored([shard for shard in shards if lacking(template, shard.kinds) or surplus(template, shard.kinds)])
     gone = int(np.sum(~are_among(every, hashes) | narrowed.holds(every)))
     if gone:
         lost.append(
@@ -170,7 +177,7 @@ def find(grid: Grid, layout: Layout, hashes: Hashes, archive: Path, reuse: Reuse
         )
     command = read_command(parts) if shards else None
     origins += [] if command is None else [command.texts]
-    taken = tuple(shard for shard in shards if not lacking(layout, shard.kinds))
+    taken = tuple(shard for shard in shards if not lacking(template, shard.kinds))
     return Found(tuple(stored), taken, reuse.retry, tuple(origins), dropped + gone, refused, unasked, tuple(lost))
 
 
@@ -185,8 +192,8 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
     archive, grid = Path(archive), arrange(study)
     if archive.exists():
         require_whole(archive)
-    hashes = case_hashes(grid)
-    found = find(grid, describe(grid), hashes, archive, Reuse())
+    job = Job(grid, parts_of(archive), 0, CaseHashes(grid))
+    found, hashes = find(job, provenance_of(grid), archive, Reuse()), job.hashes.all()
     stored = int(np.sum(found.stored.holds(hashes)))
     return Holdings(stored, len(hashes) - stored, found.dropped, "; ".join(filter(None, (found.refused, *found.lost))))
 
@@ -257,9 +264,9 @@ def _other_version(archive: Path, texts: Mapping[str, str]) -> str:
     )
 
 
-def _without(archive: Path, layout: Layout, hashes: Hashes) -> str:
+def _without(archive: Path, template: xr.Dataset, hashes: Hashes) -> str:
     """Say that an archive holds cases of a study without all of their variables."""
-    names = lacking(layout, archive_kinds(archive))
+    names = lacking(template, archive_kinds(archive))
     if not names or not are_among(hashes, stored_hashes(archive)).any():
         return ""
     return (

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import time
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import TypedDict, Unpack
 
 import numpy as np
@@ -121,6 +123,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
         prepared = prepare(grid, archive, reuse, resources.here)
         job, missing = prepared.job, prepared.missing
         counter = None if progress is None else _counter(prepared, resources.computing, begun, progress)
+        Thread(target=import_module, args=("xarray",), daemon=True).start()  # what comes after cases begins beside them
         with waiting_for(CASES):
             _run_missing(prepared, run_tasks, counter)
         record = {
@@ -128,9 +131,9 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
             "cases": int(np.sum(missing)),
             "where": resources.words,
         }
-        layout = replace(job.layout, provenance={**job.layout.provenance, "run": json.dumps(record)})
         with waiting_for(GATHERING):
-            gather(layout, parts, archive, job.hashes.all(), prepared.stored())
+            texts = {**prepared.texts, "run": json.dumps(record)}
+            gather(job.template, texts, parts, archive, job.hashes.all(), prepared.stored())
         remove_parts(parts)
     return replace(summarise(archive, int(np.sum(~missing))), seconds=time.perf_counter() - begun)
 

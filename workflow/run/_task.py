@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive import STATUS, Hashes, Layout, stored_status, write_shard
-from workflow.grid import Batch, CaseHashes, Grid, Solutions, Task, solve
+from workflow.archive import STATUS, Hashes, stored_status, write_shard
+from workflow.grid import Batch, CaseHashes, Grid, Solutions, Task, solve, template
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Results = tuple[dict[str, NDArray[Any]], dict[int, str]]
 """Arrays of some cases, ``(case, …)`` by name, and messages by position."""
@@ -28,10 +32,15 @@ class Job:
     """What every task of a run shares; ``begun`` names its shards, those of a later run come after them."""
 
     grid: Grid
-    layout: Layout
     parts: Path
     begun: int
     hashes: CaseHashes
+    warnings: str = ""
+
+    @cached_property
+    def template(self) -> xr.Dataset:
+        """The archive before anything has run."""
+        return template(self.grid, self.warnings)
 
 
 @dataclass(frozen=True)
@@ -62,7 +71,8 @@ def store_lost(job: Job, task: Task, text: str) -> Stored:
 
     def lost(batch: Batch) -> Results:
         count = batch.inner.size
-        values = {v.name: np.full((count, *job.layout.tail_shape(v)), v.fill, v.dtype) for v in job.layout.variables}
+        blank = job.template.isel(dict.fromkeys(job.template[STATUS].dims, 0))
+        values = {str(name): np.repeat(one.values[None], count, axis=0) for name, one in blank.data_vars.items()}
         values[STATUS][...] = Status.FAILED
         return values, dict.fromkeys(range(count), text)
 
@@ -104,6 +114,6 @@ def _store(job: Job, task: Task, results_of: Callable[[Batch], Results]) -> Stor
         cases += inner.size * places
         endings.update(not_ok(status[which], places))
     if done is None:
-        arrays = {v.name: np.concatenate([values[v.name] for values in parts]) for v in job.layout.variables}
-        write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.layout)
+        arrays = {name: np.concatenate([values[name] for values in parts]) for name in map(str, job.template.data_vars)}
+        write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.template)
     return Stored(task.number, cases, endings)

@@ -15,7 +15,6 @@ from workflow.archive import (
     ArchiveError,
     code_revision,
     content_hash,
-    describe,
     is_whole,
     open_archive,
     processor,
@@ -25,7 +24,7 @@ from workflow.archive import (
     truncated_message,
     versions,
 )
-from workflow.grid import ChosenModes, Grid, arrange, case_hashes, seconds_per_case, solve
+from workflow.grid import ChosenModes, Grid, arrange, case_hashes, seconds_per_case, solve, template
 from workflow.pinning import is_pinned
 from workflow.run._compare import differences, followed, sensitivity, without_digits
 from workflow.run._outcome import case_of, labels_of_case
@@ -113,14 +112,12 @@ def _content(path: Path, texts: dict[str, str]) -> Check:
 
 def _identity(path: Path, grid: Grid, texts: dict[str, str]) -> Check:
     """Compare study, coordinates and the hashes of all cases with what the archive's own study gives."""
-    layout = describe(grid)
     hashes = case_hashes(grid)
     with open_archive(path) as dataset:
-        wrong = [c.name for c in layout.coordinates if c.name not in dataset.coords]
-        wrong += [
-            c.name
-            for c in layout.coordinates
-            if c.name not in wrong and not np.array_equal(dataset[c.name].values, c.values)
+        wrong = [
+            str(name)
+            for name, values in template(grid).coords.items()
+            if name not in dataset.coords or not np.array_equal(dataset[name].values, values.values)
         ]
     if wrong:
         return Check("cases", False, f"other coordinates than the study gives: {', '.join(wrong)}")
@@ -159,7 +156,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
     from threadpoolctl import threadpool_limits
 
     other = _other_than_here(texts)
-    layout = describe(grid)
+    dtypes = {str(name): variable.dtype for name, variable in template(grid).data_vars.items()}
     differ: list[str] = []
     blurred: list[str] = []
     cells = _sample(path, grid, texts, sample)
@@ -173,10 +170,10 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
             outer, inner = divmod(cell, grid.inner_count)
             solved = solve(grid, outer, np.array([inner]))
             case = case_of(dataset, cell)
-            stored = {v.name: case[v.name].values[np.newaxis] for v in layout.variables if v.name in case}
+            stored = {name: case[name].values[np.newaxis] for name in dtypes if name in case}
             where = labels_of_case(dataset, cell) or "the case"
             names = set(stored) - LEFT_OUT
-            again = {v.name: solved.values[v.name].astype(v.dtype) for v in layout.variables if v.name in names}
+            again = {name: solved.values[name].astype(dtype) for name, dtype in dtypes.items() if name in names}
             unlike = list(differences(stored, again))
             if unlike and (other or grid.study.branch is not None):
                 is_branch = grid.study.branch is not None

@@ -9,7 +9,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from workflow.archive import ArchiveError, code_revision, describe, grid_of, read_command, study_key
+from workflow.archive import ArchiveError, code_revision, grid_of, read_command, study_key
 from workflow.grid import Block, CaseHashes, ReferenceSolution, Task, compute_block, solutions_of
 from workflow.models import FACTORISING, has_cholmod
 from workflow.run._task import Job, Stored, store_task
@@ -136,7 +136,7 @@ def _prepared(session: Session) -> Job:
     grid = None if command is None else grid_of(command.texts)
     if command is None or grid is None or study_key(grid.study) != session.key:
         raise ClusterError(f"worker {worker.address}: {session.parts} does not hold the study of this run")
-    return Job(grid, describe(grid), Path(session.parts), command.begun, CaseHashes(grid))
+    return Job(grid, Path(session.parts), command.begun, CaseHashes(grid))
 
 
 @cache
