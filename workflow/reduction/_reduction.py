@@ -98,6 +98,9 @@ def thermal_vectors(structure: Structure, interior: Array) -> Vectors:
 
 
 def _with_constraint(pair: Pair, interior: Array) -> Vectors:
+    gram = interior.T @ pair.inertia_of(interior)
+    if np.any(interior[-1]) or not np.allclose(gram, np.eye(gram.shape[0]), rtol=0.0, atol=_ORTHONORMAL):
+        raise ValueError("vectors of a basis are 0 at the tip and orthonormal in the inertia")
     return _with_tip(pair, interior, pair.constraint, pair.deformed, interior)
 
 
