@@ -164,6 +164,8 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
 def _judge(operator: Operator, blocks: Blocks, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:
     """Decide what became of each case; ``ambiguous`` are those whose contact has no unique solution, or one for all."""
     h, modal, differences, free = operator.h, blocks.modal, operator.differences, blocks.growth
+    if blocks.outward is None:
+        free = np.abs(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
     heat = np.abs(blocks.step.decay).max(initial=0.0)
     growth, grown = float(max(free, heat)), None
     if growth > 1 + ROUNDING:

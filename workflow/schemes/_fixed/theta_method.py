@@ -110,7 +110,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     h, blocks = operator.h, operator.blocks if heated else operator.blocks.without_heat()
     w, (drive, stepped) = operator.delassus(h, cases.alpha, cases.friction), drive_of(cases, h, operator.theta)
     velocity = project(blocks.modal.to_modes, stepped.velocity)
-    ended = step_batch(operator.structure, blocks, operator.contact, w, stepped, velocity, sampling, drive)
+    ended = step_batch(operator.structure, blocks, operator.contact, w, cases, velocity, sampling, drive)
     finite = ended.watched.finite(tip_row.DISPLACEMENT, tip_row.TEMPERATURE)
     judged_blocks = operator.blocks if operator.contact.judges_heat else blocks
     return collect(ended, *_judge(operator, judged_blocks, cases, sampling.duration, finite))
