@@ -17,15 +17,9 @@ from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling,
 from workflow import schemes
 from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
-<<<<<<< HEAD
-from workflow.schemes import Results, Status, moreau
+from workflow.schemes import Recorder, Results, Status, moreau
 from workflow.schemes._fixed import march
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, felt_modes
-=======
-from workflow.schemes import Recorder, Results, Status
-from workflow.schemes._fixed import modal_lanes
-from workflow.schemes._fixed.decoupled import Decoupled, decouple, felt_modes, start
->>>>>>> main
 
 BALANCES = ("energy_residual", "heat_residual")
 STEPPED = [method for method in schemes.names() if method != "event_driven"]
@@ -207,7 +201,7 @@ def test_modes_and_blocks_count_as_recorded_states_do(theta: float, coupled: boo
     structure, h, over = heavy_chain(), 1e-4, sampling(0.012, 0.012, balances=True)
     structure = with_dashpot(structure, 10, 4, 100.0) if coupled else structure
     batch = cases(structure, 3, e=[0.0, 0.5, 0.9], gap=5e-5, mean=60.0, amplitude=100.0, frequency=50.0)
-    paths = [march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]
+    paths = [plain_march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]
     recorder = Recorder(structure, batch, over, h)
     for k in range(1, recorder.steps + 1):
         load = theta * recorder.load(1.0) + (1 - theta) * recorder.load(0.0)
