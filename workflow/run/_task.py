@@ -110,9 +110,9 @@ def _store(job: Job, task: Task, results_of: Callable[[Batch], Results]) -> Stor
         else:
             status = done[count : count + first.size]
         count += first.size
-        places = len(job.grid.places[outer])
-        cases += inner.size * places
-        endings.update(not_ok(status[which], places))
+        sharing = int(job.grid.sharing[outer])
+        cases += inner.size * sharing
+        endings.update(not_ok(status[which], sharing))
     if done is None:
         arrays = {name: np.concatenate([values[name] for values in parts]) for name in map(str, job.template.data_vars)}
         write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.template)
