@@ -295,6 +295,18 @@ def test_an_option_of_a_scheme_from_outside_has_any_unit(command: Callable[..., 
     assert "hunt_crossley" in command("hunt_crossley", "schema")
 
 
+def test_a_scheme_that_reads_e_without_saying_so_gives_no_numbers(command: Callable[..., str], tmp_path: Path) -> None:
+    command("projected_euler", "schema")
+    scheme = tmp_path / "projected_euler.py"
+    scheme.write_text(
+        scheme.read_text(encoding="utf-8").replace(
+            "(cases.gap - x[:, -1])", "(cases.gap - x[:, -1] * (1 + 0 * cases.e))"
+        ),
+        encoding="utf-8",
+    )
+    assert "1 ok, 1 diverged" in command("projected_euler", "run", "quick.yaml", status=1)
+
+
 def test_what_numba_cannot_compile_of_a_law_is_said_with_its_line(command: Callable[..., str], tmp_path: Path) -> None:
     text = (HERE / "hunt_crossley.py").read_text(encoding="utf-8")
     law = tmp_path / "hunt_crossley.py"

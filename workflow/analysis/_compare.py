@@ -88,10 +88,9 @@ def _paired(dataset: xr.Dataset, other: xr.Dataset) -> tuple[xr.Dataset, xr.Data
 
 def _at_common_instants(dataset: xr.Dataset, other: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     """Return the samples of the instants that both datasets have."""
-    ours, theirs = (np.asarray(part["t"].values, dtype=float) for part in (dataset, other))
-    nearest = np.clip(np.searchsorted(theirs, ours), 1, theirs.size - 1)
-    nearest -= ours - theirs[nearest - 1] < theirs[nearest] - ours
-    same = np.flatnonzero(np.abs(theirs[nearest] - ours) <= _SAME_INSTANT * ours[-1])
+    t = dataset["t"].values
+    nearest = other.get_index("t").get_indexer(t, method="nearest", tolerance=_SAME_INSTANT * t[-1])
+    same = np.flatnonzero(nearest >= 0)
     if same.size < 2:
         raise ValueError("the datasets have no two samples `t` in common")
     return dataset.isel(t=same), other.isel(t=nearest[same]).assign_coords(t=dataset["t"][same])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,46 +70,29 @@ def hidden(dataset: xr.Dataset) -> list[Hidden]:
     chosen = dataset.isel({d: place[d] for d in numerical if d not in stepped})
     axes = []
     for metric, error in MEASURED.items():
-        medians = _medians(chosen, error, stepped)
-        if not any(value > 0 for value in medians.values()):
+        of_ok = chosen[error].where((chosen["status"] == Status.OK) & np.isfinite(chosen[error]))
+        medians = of_ok.median([dim for dim in of_ok.dims if dim not in stepped]).transpose(*stepped)
+        if not bool((medians > 0).any()):
             continue
-        least = min(medians, key=medians.__getitem__)
-        best = chosen.isel(dict(zip(stepped, least, strict=True)))
+        best = chosen.isel(medians.fillna(np.inf).argmin(...)) if stepped else chosen
         for dim in (d for d in place if d not in numerical and dataset.sizes[d] > 1):
             size = effect(best, metric, dim)
-            blurred = {at: value >= size for at, value in medians.items() if value > 0}
-            within = _within(chosen, stepped, blurred)
+            within = _within(chosen, medians.where(medians > 0), size)
             if within:
                 axes.append(Hidden(dim, metric, size, within))
     return axes
 
 
-def _medians(dataset: xr.Dataset, error: str, dims: list[str]) -> dict[tuple[int, ...], float]:
-    """Return the median error of ok cases at every place along some dimensions that has one."""
-    of_ok = dataset[error].where(dataset["status"] == Status.OK)
-    medians = {}
-    for at in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
-        values = np.asarray(of_ok.isel(dict(zip(dims, at, strict=True))).values, dtype=float)
-        if np.isfinite(values).any():
-            medians[at] = float(np.median(values[np.isfinite(values)]))
-    return medians
-
-
-def _within(dataset: xr.Dataset, dims: list[str], blurred: dict[tuple[int, ...], bool]) -> dict[str, str]:
-    """Return from which step on each scheme is blurred."""
-    labels = {dim: labels_of(dataset, dim, named=False) for dim in dims}
-    by_scheme: dict[str, dict[int, bool]] = {}
-    for at, blur in blurred.items():
-        here = dict(zip(dims, at, strict=True))
-        name = labels["scheme"][here["scheme"]] if "scheme" in here else "the scheme"
-        by_scheme.setdefault(name, {})[here.get("h", 0)] = blur
+def _within(dataset: xr.Dataset, medians: xr.DataArray, size: float) -> dict[str, str]:
+    """Return from which step on each scheme has a median error of at least some size; NaN where it has none."""
     steps_of = {}
-    for name, steps in by_scheme.items():
-        if all(steps.values()):
+    schemes = labels_of(dataset, "scheme", named=False) if "scheme" in medians.dims else ["the scheme"]
+    for k, name in enumerate(schemes):
+        of_scheme = medians.isel(scheme=k) if "scheme" in medians.dims else medians
+        known = of_scheme.dropna("h").sortby("h", ascending=False) if "h" in of_scheme.dims else of_scheme
+        blurred = np.atleast_1d((known >= size).values)
+        if blurred.size and blurred.all():
             steps_of[name] = "every h"
-        elif any(steps.values()):
-            h = np.asarray(dataset["h"].values)
-            largest = list(takewhile(steps.__getitem__, sorted(steps, key=h.__getitem__, reverse=True)))
-            if largest:
-                steps_of[name] = f"h = {h[largest[-1]]:.4g} s and more"
+        elif blurred.any() and blurred[0]:
+            steps_of[name] = f"h = {float(known['h'][np.argmin(blurred) - 1]):.4g} s and more"
     return steps_of

@@ -89,49 +89,43 @@ def _scalar(dataset: xr.Dataset, name: str) -> object:
 
 
 def _standing(chosen: xr.Dataset, scheme: str, step: str) -> Standing:
-    status = np.asarray(chosen["status"].values).ravel()
-    codes, numbers = np.unique(status, return_counts=True)
+    codes, numbers = np.unique(chosen["status"].values, return_counts=True)
     counts = {Status(int(code)).name.lower(): int(n) for code, n in zip(codes, numbers, strict=True)}
-    ok = np.asarray(chosen["status"] == Status.OK)
-    error = _own_error(chosen, ok)
-    residual = _largest(chosen, "energy_residual", ok)
-    gap = np.abs(np.asarray(chosen["gap"].broadcast_like(chosen["status"]).values, dtype=float))
-    depth = np.asarray(chosen["max_penetration"].values, dtype=float) / np.where(gap > 0, gap, 1.0)
-    depth = depth[ok & np.isfinite(depth)]
-    h = float(chosen["h"]) if "h" in chosen.coords and chosen["h"].ndim == 0 else float("nan")
-    penetration = float(depth.max()) if depth.size else float("nan")
-    restitution = _median(chosen, "effective_restitution", ok)
-    gained = np.asarray(chosen["energy_residual"].values)[ok] if "energy_residual" in chosen else np.zeros(0)
-    verdict = _verdict(counts, error, bool((gained > GAINS).any()))
-    return Standing(scheme, step, h, counts, error, residual, penetration, restitution, verdict)
+    gap = abs(chosen["gap"].astype(float))
+    depths = _of_ok(chosen, chosen["max_penetration"] / gap.where(gap > 0, 1.0))
+    residuals = _of_ok(chosen, chosen.get("energy_residual"))
+    restitutions = _of_ok(chosen, chosen.get("effective_restitution"))
+    error = _own_error(chosen)
+    return Standing(
+        scheme,
+        step,
+        float(chosen["h"]) if "h" in chosen.coords and chosen["h"].ndim == 0 else float("nan"),
+        counts,
+        error,
+        max(residuals, key=abs, default=float("nan")),
+        max(depths, default=float("nan")),
+        float(np.median(restitutions)) if restitutions else float("nan"),
+        _verdict(counts, error, any(residual > GAINS for residual in residuals)),
+    )
 
 
-def _own_error(chosen: xr.Dataset, ok: np.ndarray) -> float:
+def _own_error(chosen: xr.Dataset) -> float:
     """Return the largest error of the scheme itself: its part, or without parts the whole with the most modes."""
-    part = _largest(chosen, "impulse_scheme_error", ok)
-    if not np.isnan(part) or "impulse_error" not in chosen:
-        return part
-    place = finest(chosen)
-    at = {dim: place[dim] for dim in place if any(chosen[n].dims == (dim,) for n in _MODES if n in chosen.coords)}
-    full = chosen.isel(at)
-    return _largest(full, "impulse_error", np.asarray(full["status"] == Status.OK))
+    parts = _of_ok(chosen, chosen.get("impulse_scheme_error"))
+    if not parts and "impulse_error" in chosen:
+        place = finest(chosen)
+        at = {dim: place[dim] for dim in place if any(chosen[n].dims == (dim,) for n in _MODES if n in chosen.coords)}
+        full = chosen.isel(at)
+        parts = _of_ok(full, full["impulse_error"])
+    return max(parts, default=float("nan"))
 
 
-def _median(chosen: xr.Dataset, name: str, ok: np.ndarray) -> float:
-    if name not in chosen:
-        return float("nan")
-    values = np.asarray(chosen[name].values, dtype=float)[ok]
-    values = values[np.isfinite(values)]
-    return float(np.median(values)) if values.size else float("nan")
-
-
-def _largest(chosen: xr.Dataset, name: str, ok: np.ndarray) -> float:
-    """Return the value of the largest magnitude among ok cases, with its sign."""
-    if name not in chosen:
-        return float("nan")
-    values = np.asarray(chosen[name].values, dtype=float)[ok]
-    values = values[~np.isnan(values)]
-    return float(values[np.argmax(np.abs(values))]) if values.size else float("nan")
+def _of_ok(chosen: xr.Dataset, values: xr.DataArray | None) -> list[float]:
+    """Return the numbers of the ok cases that have one."""
+    if values is None:
+        return []
+    of_ok = np.asarray(values.where(chosen["status"] == Status.OK).values, dtype=float)
+    return [float(value) for value in of_ok[~np.isnan(of_ok)]]
 
 
 def _verdict(counts: dict[str, int], error: float, gains: bool) -> str:

@@ -36,7 +36,7 @@ def heed_signals() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) != signal.SIG_IGN:  # as `nohup` and background jobs of a shell leave it
             signal.signal(number, left)
-    _thread.start_new_thread(_wait, (reading, owner))
+    _thread.start_new_thread(_wait, (reading,))
 
 
 def ignore_signals() -> None:
@@ -45,7 +45,7 @@ def ignore_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def _wait(reading: int, owner: int) -> None:
+def _wait(reading: int) -> None:
     """Wait for one of the signals and end the process."""
     while True:
         numbers = os.read(reading, 64)

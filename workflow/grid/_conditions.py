@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from workflow import schemes
 from workflow.declare import Values
 from workflow.models import Array, Cases, Harmonics, Structure
 from workflow.study import CaseSettings, Initial, Scene
@@ -18,6 +19,8 @@ FRICTION = "scene.friction."
 
 def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
     """Return the cases of a batch on the full structure; ``initial: static`` is left to ``at_rest``.
+
+    A scheme that does not say that it reads e is given NaN: cases that differ in e alone are computed once.
 
     Parameters
     ----------
@@ -51,8 +54,9 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
     displacement = of_node("scene.initial.displacement", initial.displacement)
     velocity = of_node("scene.initial.velocity", initial.velocity)
     temperature = of_node("scene.initial.temperature", initial.temperature, thermal)
+    reads = schemes.load(settings.scheme.method).READS
     cases = Cases(
-        e=of_case("e", settings.e),
+        e=of_case("e", settings.e) if "e" in reads else np.full(count, np.nan),
         alpha=alpha_of(settings, varying, count),
         gap=gap,
         mean=mean,

@@ -23,7 +23,6 @@ from workflow.models._damping import (
     modal_damping,
     needs_matrices,
 )
-from workflow.models._dense_pair import DensePair
 from workflow.models._equilibrium import NoEquilibriumError, at_rest, static_equilibrium
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, has_cholmod
 from workflow.models._fill import Fill, LargeFactorsWarning, expected_fill
@@ -31,7 +30,7 @@ from workflow.models._from_matrices import GivenMatrices, structure_from_matrice
 from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
 from workflow.models._harmonics import NO_HARMONICS, Harmonics
 from workflow.models._modes import mechanical_modes, modal_coupling, poles, thermal_modes
-from workflow.models._pair import MOST_FULL, Modes, Pair, TooManyCoordinatesError
+from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
 from workflow.models._runaway import critical_alpha, static_tip_growth, tip_flexibility
 from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._sliding import CriticalFriction, critical_friction, directions

@@ -1,12 +1,12 @@
 """A stiffness and an inertia of lumps on a line: passes along it, and dense matrices where all modes are asked for.
 
-(K u)_i = g_i u_i + j_i (u_i - u_{i-1}) - j_{i+1} (u_{i+1} - u_i) with the root u_0 = 0. Elimination from the tip to the
-root adds positive numbers only,
+(K u)_i = g_i u_i + j_i (u_i - u_{i-1}) - j_{i+1} (u_{i+1} - u_i) with the root u_0 = 0. Elimination from the root to
+the tip adds positive numbers only,
 
-    pivot_i = j_i + o_i,   o_i = g_i + j_{i+1} o_{i+1} / pivot_{i+1},
+    b_i = g_i + j_i b_{i-1}/(j_i + b_{i-1}),   pivot_i = b_i + j_{i+1},   pivot_n = b_n,
 
-o_i being what node i and all beyond it are tied to the surroundings with: no digit is lost and a part that nothing
-holds is found by a pivot that is exactly zero.
+b_i being what node i and all before it are tied to the root and the surroundings with: no digit is lost, σ = b_n, and a
+part that nothing holds is found by a pivot that is exactly zero. With the tip held its own pivot is left out.
 """
 
 from __future__ import annotations
@@ -18,12 +18,11 @@ from itertools import pairwise
 from typing import Any, TypeGuard
 
 import numpy as np
+import scipy
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import MOST_BY_JACOBI
-from workflow.models._cases import distinct_rows
-from workflow.models._dense_pair import DensePair
-from workflow.models._pair import MOST_FULL, UNBALANCED, Modes, TooManyCoordinatesError
+from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
 
 MOST_ONE_BY_ONE = 100
 """Modes of a long chain that are computed one by one: each costs a pass or two along it, and room for its shape."""
@@ -34,8 +33,8 @@ the slowest of 100 000 nodes lies at 1e-10 of it."""
 
 
 @dataclass(frozen=True, eq=False)
-class ChainPair:
-    """Joints between neighbours, lumps and grounds of a chain, ``(node,)`` each; see :class:`~workflow.models.Pair`.
+class ChainPair(Pair):
+    """Joints between neighbours, lumps and grounds of a chain, ``(node,)`` each.
 
     Attributes
     ----------
@@ -53,215 +52,153 @@ class ChainPair:
     most_modes = MOST_ONE_BY_ONE
 
     @property
-    def size(self) -> int:
-        """Number of nodes."""
-        return self.joint.size
-
-    @property
     def stiffness(self) -> Array:
         """K, ``(node, node)``."""
         return self.dense.stiffness
 
     @cached_property
-    def weights(self) -> Array:
+    def inertia(self) -> scipy.sparse.dia_array:
+        """The lumps on a diagonal."""
+        return scipy.sparse.diags_array(self.lumps)
+
+    @cached_property
+    def weights(self) -> Array:  # type: ignore[override]
         """Joints, then grounds where there are any."""
         return np.concatenate([self.joint, self.ground]) if self.ground.any() else self.joint
 
     @cached_property
+    def deformation(self) -> scipy.sparse.csr_array:
+        """u_i - u_{i-1} of the joints, then u_i of the grounds where there are any."""
+        each = np.ones(self.joint.size)
+        joints = scipy.sparse.diags_array([each, -each[1:]], offsets=[0, -1], format="csr")
+        parts = [joints, scipy.sparse.eye_array(each.size)] if self.ground.any() else [joints]
+        return scipy.sparse.vstack(parts, format="csr")
+
+    @cached_property
     def dense(self) -> DensePair:
-        """The same by matrices."""
         if self.size > MOST_FULL:
             raise TooManyCoordinatesError(self.size, MOST_ONE_BY_ONE)
-        each = np.eye(self.size)
-        return DensePair(each * self.lumps, self.weights, self.deformation_of(each))
-
-    def inertia_of(self, u: Array) -> Array:
-        """Return m_i u_i."""
-        return np.asarray((self.lumps * u.T).T)
-
-    def deformation_of(self, u: Array) -> Array:
-        """Return u_i - u_{i-1} of the joints, then u_i of the grounds where there are any."""
-        joints = np.diff(u, axis=0, prepend=0.0)
-        return np.concatenate([joints, u]) if self.ground.any() else joints
-
-    def forces(self, deformation: Array) -> Array:
-        """Return N_i - N_{i+1} for forces N_i in the joints, and what flows to the grounds."""
-        flows = (self.weights * deformation.T).T
-        forces = flows[: self.size].copy()
-        forces[:-1] -= flows[1 : self.size]
-        return forces + flows[self.size :] if self.ground.any() else forces
-
-    def work(self, u: Array, deformation: Array, expansion: Any) -> Array:
-        """Return dᵀ diag(weights) e, which is exactly 0 where u deforms nothing."""
-        return np.asarray((self.weights * deformation.T) @ expansion)
-
-    def energies(self, u: Array) -> Array:
-        """Return k_i d_i²."""
-        return np.asarray(self.weights * self.deformation_of(u) ** 2)
+        return DensePair(np.diag(self.lumps), self.weights, self.deformation.toarray())
 
     @cached_property
-    def _unit_tip(self) -> tuple[Array, Array, float]:
-        """Return ψ, its differences, ``(node,)`` each, and σ.
-
-        A part that nothing links to the tip stays at 0. With r_i = g_i + j_i in series with r_{i-1} (elimination
-        from the root) u_{i-1} = u_i j_i/(j_i + r_{i-1}): positive numbers only, so that differences across stiff
-        joints keep their digits, and are exactly zero where nothing but the tip holds the nodes before.
-        """
-        ground, joint = self.ground.tolist(), self.joint.tolist()
-        ratios, strained = [0.0] * self.size, [1.0] * self.size  # u_{i-1}/u_i and (u_i - u_{i-1})/u_i
-        below = ground[0] + joint[0]
-        for i in range(1, self.size):
-            total = joint[i] + below
-            ratios[i], strained[i] = (joint[i] / total, below / total) if joint[i] > 0 else (0.0, 1.0)
-            below = ground[i] + joint[i] * strained[i]
-        values, differences = [1.0] * self.size, list(strained)
-        for i in range(self.size - 1, -1, -1):
-            differences[i] = strained[i] * values[i]
-            if i:
-                values[i - 1] = ratios[i] * values[i]
-        return np.array(values), np.array(differences), below
-
-    @property
-    def constraint(self) -> Array:
-        """ψ, ``(node,)``."""
-        return self._unit_tip[0]
-
-    @property
-    def deformed(self) -> Array:
-        """What ψ deforms: joints, then grounds."""
-        shape, differences, _ = self._unit_tip
-        return np.concatenate([differences, shape]) if self.ground.any() else differences
-
-    @property
-    def tip_stiffness(self) -> float:
-        """σ: what the tip is tied to the root and the surroundings with."""
-        return self._unit_tip[2]
-
-    @cached_property
-    def _held(self) -> ChainPair:
-        """The nodes before the tip, which is held."""
-        ground = self.ground[:-1].copy()
-        if ground.size:
-            ground[-1] += self.joint[-1]
-        return ChainPair(self.joint[:-1], self.lumps[:-1], ground)
+    def _tied(self) -> Array:
+        """b, ``(node,)``."""
+        tied, before = [], np.inf
+        for joint, ground in zip(self.joint.tolist(), self.ground.tolist(), strict=True):
+            if joint > 0:  # in series with what is before it; the root does not give way
+                joint *= before / (joint + before) if before < np.inf else 1.0
+            before = ground + joint
+            tied.append(before)
+        return np.array(tied)
 
     @cached_property
     def _pivots(self) -> Array:
-        """Pivots of the elimination from the tip to the root, ``(node,)``."""
-        ground, joint = self.ground.tolist(), self.joint.tolist()
-        pivots = [0.0] * self.size
-        beyond = 0.0
-        for i in range(self.size - 1, -1, -1):
-            own = ground[i] + beyond
-            pivots[i] = joint[i] + own
-            beyond = joint[i] * own / pivots[i] if pivots[i] > 0 else 0.0
-        return np.array(pivots)
+        """Pivots of the elimination from the root to the tip, ``(node,)``."""
+        return np.asarray(self._tied + np.append(self.joint[1:], 0.0))
 
     @cached_property
-    def _loose(self) -> list[slice]:
-        """The parts that nothing holds."""
-        parts = [slice(*ends) for ends in pairwise([*np.flatnonzero(self.joint == 0).tolist(), self.size])]
-        return [part for part in parts if not np.any(self.ground[part])]
+    def constraint(self) -> Array:  # type: ignore[override]
+        """ψ_{i-1} = ψ_i j_i/pivot_{i-1} from the tip to the root."""
+        ratios = np.divide(self.joint[1:], self._pivots[:-1], out=np.zeros(self.size - 1), where=self.joint[1:] > 0)
+        return np.append(np.cumprod(ratios[::-1])[::-1], 1.0)
 
-    def _answer(self, load: Array) -> Array:
+    @cached_property
+    def deformed(self) -> Array:  # type: ignore[override]
+        """Differences ψ_i b_{i-1}/pivot_{i-1} of the joints, which keep their digits; then ψ of the grounds."""
+        strained = np.divide(self._tied[:-1], self._pivots[:-1], out=np.ones(self.size - 1), where=self.joint[1:] > 0)
+        joints = self.constraint * np.append(1.0, strained)
+        return np.concatenate([joints, self.constraint]) if self.ground.any() else joints
+
+    @property
+    def tip_stiffness(self) -> float:
+        return float(self._tied[-1])
+
+    def _loose(self, held: bool = False) -> list[slice]:
+        """Return the parts that nothing holds."""
+        parts = [slice(*ends) for ends in pairwise([*np.flatnonzero(self.joint == 0).tolist(), self.size])]
+        return [part for part in parts if not np.any(self.ground[part]) and not (held and part.stop == self.size)]
+
+    def rigid_motions(self, held: bool) -> Array:
+        motions = np.zeros((self.size, len(self._loose(held))))
+        for k, part in enumerate(self._loose(held)):
+            motions[part, k] = 1.0
+        return motions
+
+    def answer(self, load: Array, held: bool = False) -> Array:
         """Return K⁻¹ f, ``(node,)``; a loose part's centre of mass stays at rest at 0."""
         balanced = load.copy()
-        for part in self._loose:
+        for part in self._loose(held):
             lumps = self.lumps[part]
             balanced[part] -= np.cumsum(load[part])[-1] / np.cumsum(lumps)[-1] * lumps
-        joint, pivot, carried = self.joint.tolist(), self._pivots.tolist(), balanced.tolist()
-        for i in range(self.size - 1, 0, -1):
+        joint, pivot, carried = [*self.joint.tolist(), 0.0], self._pivots.tolist(), balanced.tolist()
+        for i in range(self.size - 1):
             if pivot[i] > 0:
-                carried[i - 1] += joint[i] / pivot[i] * carried[i]
-        u, before = np.zeros(self.size), 0.0
-        for i in range(self.size):
-            before = (carried[i] + joint[i] * before) / pivot[i] if pivot[i] > 0 else 0.0
-            u[i] = before
-        for part in self._loose:
+                carried[i + 1] += joint[i + 1] / pivot[i] * carried[i]
+        u, beyond = np.zeros(self.size), 0.0
+        for i in range(self.size - 1 - held, -1, -1):
+            beyond = (carried[i] + joint[i + 1] * beyond) / pivot[i] if pivot[i] > 0 else 0.0
+            u[i] = beyond
+        for part in self._loose(held):
             u[part] -= np.dot(self.lumps[part], u[part]) / np.sum(self.lumps[part])
         return u
 
     def answer_held(self, load: Array) -> Array:
-        """Return K⁻¹ f with the tip held."""
-        return np.append(self._held._answer(load[:-1]), 0.0)
+        return self.answer(load, held=True)
 
     def answers_held_shifted(self) -> Callable[[Array, float], Array]:
-        """Return what gives (K + s M)⁻¹ f with the tip held."""
-        held = self._held
+        return lambda load, shift: self._lifted(shift).answer(load, held=True)
 
-        def answer(load: Array, shift: float) -> Array:
-            shifted = ChainPair(held.joint, held.lumps, held.ground + shift * held.lumps)
-            return np.append(shifted._answer(load[:-1]), 0.0)
+    def _lifted(self, shift: float) -> ChainPair:
+        return ChainPair(self.joint, self.lumps, self.ground + shift * self.lumps)
 
-        return answer
+    def _singular(self, first: int, last: int, held: bool = False, **options: Any) -> Any:
+        """Return singular values of B ``first`` to ``last``, ascending, and vectors where they are asked for.
 
-    def static_answers(self, loads: Array) -> Array:
-        """Return K⁻¹ f for every case, each distinct load solved once."""
-        first, which = distinct_rows(loads)
-        return np.reshape([self._answer(load) for load in loads[first]], (-1, self.size))[which]
-
-    def moves(self, load: Array, held: bool = False) -> bool:
-        """Tell whether the loads on a loose part do not balance."""
-        pair, least = self._held if held else self, UNBALANCED * np.abs(load).sum()
-        return any(bool(abs(load[: pair.size][part].sum()) > least) for part in pair._loose)
-
-    @property
-    def _alternating(self) -> Array:
-        """The off-diagonal of [[0, Bᵀ], [B, 0]] with rows and columns of B alternating.
-
-        B is bidiagonal with BᵀB = M^-½ K M^-½.
+        B is bidiagonal with BᵀB = M^-½ K M^-½. The values are eigenvalues of [[0, Bᵀ], [B, 0]], which is tridiagonal
+        where rows and columns of B alternate: right to eps times the largest of them.
         """
+        size = self.size - held
         root = np.sqrt(self._pivots)
-        lower = np.zeros(self.size)
-        np.divide(-self.joint, root, out=lower, where=root > 0)
+        beside = np.divide(-self.joint[1:], root[:-1], out=np.zeros(self.size - 1), where=root[:-1] > 0)
         alternating = np.zeros(2 * self.size - 1)
-        alternating[::2], alternating[1::2] = root / np.sqrt(self.lumps), lower[1:] / np.sqrt(self.lumps[:-1])
-        return alternating
+        alternating[::2], alternating[1::2] = root / np.sqrt(self.lumps), beside / np.sqrt(self.lumps[1:])
+        chosen = (size + first, size + last)
+        return scipy.linalg.eigh_tridiagonal(
+            np.zeros(2 * size), alternating[: 2 * size - 1], select="i", select_range=chosen, **options
+        )
 
-    def _tridiagonal(self, first: int, last: int, **options: Any) -> Any:
-        """Return singular values of B ``first`` to ``last``, ascending, and vectors where they are asked for."""
-        from scipy.linalg import eigh_tridiagonal  # imported here: reading a study needs none of it
+    def lowest(self, count: int, held: bool = False) -> Modes:
+        """Return the lowest modes by :meth:`_singular`.
 
-        chosen = (self.size + first, self.size + last)
-        return eigh_tridiagonal(np.zeros(2 * self.size), self._alternating, select="i", select_range=chosen, **options)
-
-    def _value(self, which: int) -> float:
-        """Return λ of the mode ``which`` (from 0, ascending)."""
-        return max(float(self._tridiagonal(which, which, eigvals_only=True)[0]), 0.0) ** 2
-
-    def lowest(self, count: int) -> Modes:
-        """Return the lowest modes.
-
-        They are eigenvectors of [[0, Bᵀ], [B, 0]], which is tridiagonal where rows and columns of B
-        alternate: singular values of B to eps times the largest of them, as in
-        :func:`~workflow.models._dense_pair.singular_modes`. Where some part is held by nothing, all λ are
-        lifted for the while: the eigenvectors of a double 0 would mix rows and columns.
+        Where some part is held by nothing, all λ are lifted for the while: the eigenvectors of a double 0 would mix
+        rows and columns of B.
         """
         if count == 0:
             return Modes(np.zeros(0), np.zeros((self.size, 0)))
-        lift = _LIFT * float(((self.ground + self.joint) / self.lumps).max() or 1.0) if self._loose else 0.0
-        lifted = ChainPair(self.joint, self.lumps, self.ground + lift * self.lumps)
-        values, vectors = lifted._tridiagonal(0, count - 1)
-        shapes = np.sqrt(2) * vectors[1::2] / np.sqrt(self.lumps)[:, None]
+        loose = bool(self._loose(held))
+        lift = _LIFT * float(((self.ground + self.joint) / self.lumps).max() or 1.0) if loose else 0.0
+        values, vectors = self._lifted(lift)._singular(0, count - 1, held)
+        shapes = np.zeros((self.size, count))
+        shapes[: self.size - held] = np.sqrt(2) * vectors[::2] / np.sqrt(self.lumps[: self.size - held, None])
         return Modes(np.maximum(values**2 - lift, 0.0), shapes)
 
     def _is_few(self, count: int | None) -> TypeGuard[int]:
         return count is not None and count <= MOST_ONE_BY_ONE + 1 and self.size > MOST_BY_JACOBI
 
     def modes(self, count: int | None = None) -> Modes:
-        """Return the lowest modes with the tip free."""
         return self.lowest(count) if self._is_few(count) else self.dense.modes(count)
 
     def held_modes(self, count: int | None = None) -> Modes:
-        """Return the lowest modes with the tip held."""
-        return self._held.lowest(count).with_tip_held() if self._is_few(count) else self.dense.held_modes(count)
+        return self.lowest(count, held=True) if self._is_few(count) else self.dense.held_modes(count)
+
+    def _value(self, which: int) -> float:
+        """Return λ of the mode ``which`` (from 0, ascending)."""
+        return max(float(self._singular(which, which, eigvals_only=True)[0]), 0.0) ** 2
 
     def spectrum(self) -> Array:
-        """Return λ of all modes, of a chain without matrices the lowest and the highest."""
         if self.size <= MOST_FULL:
             return self.dense.spectrum()
-        return np.array([0.0 if self._loose else self._value(0), self.largest()])
+        return np.array([0.0 if self._loose() else self._value(0), self.largest()])
 
     def largest(self) -> float:
-        """Return the largest λ."""
         return self.dense.largest() if self.size <= MOST_BY_JACOBI else self._value(self.size - 1)

@@ -19,16 +19,6 @@ _COUPLED = 1e-12
 """Share of the largest modal damping below which that between two modes is rounding of a matrix that is diagonal."""
 
 
-def damping_matrix(structure: Structure) -> Array:
-    """Return C1, N s/m, ``(mechanical, mechanical)``."""
-    whole = structure.damping.mass * structure.mass + structure.damping.stiffness * structure.stiffness_matrix
-    if structure.damping.ratio != 0:
-        modes = mechanical_modes(structure)
-        moved = structure.mass @ modes.shapes
-        whole = whole + moved @ ((2 * structure.damping.ratio) * modes.values * modes.inertia * moved).T
-    return whole if structure.damper is None else whole + structure.damper
-
-
 def modal_damping(structure: Structure, modes: Modes) -> Array:
     """Return φᵀ C1 φ of each mode with the tip free, 1/s, ``(mode,)``; what couples them is left out."""
     damping = structure.damping.of_modes(modes.values, modes.inertia)
@@ -53,7 +43,7 @@ def held_damping(structure: Structure, modes: Modes) -> Array:
 
     Shapes have the row of the tip, which is 0.
     """
-    projected = modes.shapes.T @ (damping_matrix(structure) @ modes.shapes)
+    projected = modes.shapes.T @ (structure.damping_matrix @ modes.shapes)
     return np.asarray((projected + projected.T) / 2)
 
 

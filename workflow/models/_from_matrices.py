@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from workflow.kernels import Array
-from workflow.models._dense_pair import DensePair
+from workflow.models._pair import DensePair
 from workflow.models._semidefinite import (
     Part,
     UnusableMatricesError,

@@ -6,16 +6,18 @@ Rigid motions and even warming of adiabatic parts have λ = 0 exactly: ranks dec
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from workflow.kernels import Array
-
-if TYPE_CHECKING:
-    from workflow.models._dense_pair import DensePair
+from workflow.kernels.algebra import least_squares, singular
+from workflow.models._cases import distinct_rows, project
 
 MOST_FULL = 2000
 """Coordinates up to which a structure can be kept full: a matrix of more holds 32 MB and more, modes take a minute."""
@@ -66,39 +68,50 @@ class Modes:
         inertia[self.values.size - self.has_static :] = 0.0
         return inertia
 
+    def lowest(self, count: int | None) -> Modes:
+        """Return the lowest of them, themselves where ``None``."""
+        return self if count is None else Modes(self.values[:count], self.shapes[:, :count])
+
     def with_tip_held(self) -> Modes:
         """Return modes of what is beside the tip as those of the whole, 0 at the tip."""
         return Modes(self.values, np.vstack([self.shapes, np.zeros(self.values.size)]))
 
 
-class Pair(Protocol):
+class Pair(ABC):
     """What is asked of a stiffness and an inertia, whatever they are kept as.
 
     Displacements u deform springs or conductors by d = D u, and K u = forces(d): K = Dᵀ diag(weights) D. Where there
     are none, d are the forces K u themselves.
+
+    Attributes
+    ----------
+    stiffness, inertia, deformation
+        K and M ``(coordinate, coordinate)``, and D ``(spring, coordinate)``, dense or sparse.
+    weights
+        Springs [N/m] or conductors [W/K], ``(spring,)``.
+    most_modes
+        Most modes or vectors that are found where the structure cannot be kept full.
+    constraint
+        ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``; parts not linked to the tip stay at 0.
+    deformed
+        D ψ, ``(spring,)``, exactly 0 where ψ deforms nothing.
     """
+
+    stiffness: Any
+    inertia: Any
+    deformation: Any
+    weights: Array
+    most_modes: int
+    constraint: Array
+    deformed: Array
 
     @property
     def size(self) -> int:
         """Number of coordinates."""
-        ...
+        return int(self.inertia.shape[0])
 
     @property
-    def most_modes(self) -> int:
-        """Most modes or vectors that are found where the structure cannot be kept full."""
-        ...
-
-    @property
-    def weights(self) -> Array:
-        """Springs [N/m] or conductors [W/K], ``(spring,)``."""
-        ...
-
-    @property
-    def stiffness(self) -> Any:
-        """K as a matrix, dense or sparse, ``(coordinate, coordinate)``."""
-        ...
-
-    @property
+    @abstractmethod
     def dense(self) -> DensePair:
         """The same by dense matrices.
 
@@ -107,75 +120,202 @@ class Pair(Protocol):
         TooManyCoordinatesError
             They would be too large.
         """
-        ...
 
     def inertia_of(self, u: Array) -> Array:
         """Return M u, ``(coordinate, …)``: inertia forces [N] of accelerations, or heat contents [J]."""
-        ...
+        return np.asarray(self.inertia @ u)
 
     def deformation_of(self, u: Array) -> Array:
         """Return d = D u, ``(spring, …)``: elongations [m], or temperature differences [K]."""
-        ...
+        return np.asarray(self.deformation @ u)
 
     def forces(self, deformation: Array) -> Array:
         """Return Dᵀ diag(weights) d, ``(coordinate, …)``."""
-        ...
+        return np.asarray(self.deformation.T @ (self.weights * deformation.T).T)
 
     def work(self, u: Array, deformation: Array, expansion: Any) -> Array:
-        """Return uᵀ forces(e) for free expansions e, ``(spring, …)``, dense or sparse; ``deformation`` is D u."""
-        ...
+        """Return uᵀ forces(e) for free expansions e, ``(spring, …)``, dense or sparse; ``deformation`` is D u.
+
+        It is exactly 0 where u deforms nothing.
+        """
+        return np.asarray((self.weights * deformation.T) @ expansion)
 
     def energies(self, u: Array) -> Array:
         """Return terms whose sum is uᵀ K u, for one u ``(coordinate,)``."""
-        ...
-
-    @property
-    def constraint(self) -> Array:
-        """ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``; parts not linked to the tip stay at 0."""
-        ...
-
-    @property
-    def deformed(self) -> Array:
-        """D ψ, ``(spring,)``, exactly 0 where ψ deforms nothing."""
-        ...
+        return np.asarray(self.weights * self.deformation_of(u) ** 2)
 
     @property
     def tip_stiffness(self) -> float:
         """σ = ψᵀ K ψ = 1/(e_nᵀ K⁻¹ e_n); exactly 0 where the tip moves freely."""
-        ...
+        return float(np.sum(self.weights * self.deformed**2))
 
+    @abstractmethod
     def modes(self, count: int | None = None) -> Modes:
         """Return the lowest modes with the tip free, all if not said."""
-        ...
 
+    @abstractmethod
     def held_modes(self, count: int | None = None) -> Modes:
         """Return the lowest modes with the tip held, all if not said; their tip is 0."""
-        ...
 
-    def answer_held(self, load: Array) -> Array:
-        """Return K⁻¹ f with the tip held, ``(coordinate,)``; loads on a part that nothing holds are left out."""
-        ...
-
-    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
-        """Return what gives (K + s M)⁻¹ f, ``(coordinate,)``, with the tip held by f and s > 0."""
-        ...
-
-    def static_answers(self, loads: Array) -> Array:
-        """Return K⁻¹ f for every case, ``(case, coordinate)``.
+    @abstractmethod
+    def answer(self, load: Array) -> Array:
+        """Return K⁻¹ f, ``(coordinate,)``.
 
         On a part that nothing holds loads are balanced by its inertia first, f - M r with r its rigid motion, so that a
         deformation is left that the loads alone do not determine up to a rigid motion (inertia relief).
         """
-        ...
+
+    def static_answers(self, loads: Array) -> Array:
+        """Return K⁻¹ f for every case, ``(case, coordinate)``, each distinct load answered once."""
+        first, which = distinct_rows(loads)
+        return np.reshape([self.answer(load) for load in loads[first]], (-1, self.size))[which]
+
+    @abstractmethod
+    def answer_held(self, load: Array) -> Array:
+        """Return K⁻¹ f with the tip held, ``(coordinate,)``; loads on a part that nothing holds are left out."""
+
+    @abstractmethod
+    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
+        """Return what gives (K + s M)⁻¹ f, ``(coordinate,)``, with the tip held by f and s > 0."""
+
+    @abstractmethod
+    def rigid_motions(self, held: bool) -> Array:
+        """Return motions that deform nothing, ``(coordinate, motion)``, with the tip free or ``held``."""
 
     def moves(self, load: Array, held: bool = False) -> bool:
         """Tell whether a load ``(coordinate,)`` moves for ever what nothing holds, with the tip free or ``held``."""
-        ...
+        rigid = self.rigid_motions(held)
+        return bool(np.any(np.abs(rigid.T @ load) > UNBALANCED * np.abs(rigid).max(axis=0) * np.abs(load).sum()))
 
+    @abstractmethod
     def spectrum(self) -> Array:
         """Return λ of all modes, ascending, infinite of a static deformation; of large pairs the lowest and highest."""
-        ...
 
+    @abstractmethod
     def largest(self) -> float:
         """Return the largest λ; of sparse matrices about that."""
-        ...
+
+
+@dataclass(frozen=True, eq=False)
+class DensePair(Pair):
+    """Dense matrices: answers and modes by singular values of what is deformed; attributes are those of a Pair."""
+
+    inertia: Array
+    weights: Array
+    deformation: Array
+    most_modes = MOST_FULL
+
+    @property
+    def dense(self) -> DensePair:
+        """Itself."""
+        return self
+
+    @property
+    def stiffness(self) -> Array:
+        """K, ``(coordinate, coordinate)``."""
+        return np.asarray(self.deformation.T @ (self.weights[:, None] * self.deformation))
+
+    @property
+    def weighted(self) -> Array:
+        """√weights · D, whose singular values decide ranks, ``(spring, coordinate)``."""
+        return np.asarray(np.sqrt(self.weights)[:, None] * self.deformation)
+
+    @cached_property
+    def constraint(self) -> Array:  # type: ignore[override]
+        """ψ: the vector of least deformation energy, of minimum norm, with the tip at 1."""
+        weighted = self.weighted
+        return np.append(least_squares(weighted[:, :-1], -weighted[:, -1]), 1.0)
+
+    @cached_property
+    def deformed(self) -> Array:  # type: ignore[override]
+        """D ψ, 0 below the rounding that decides the rank."""
+        deformed, weighted = self.deformation @ self.constraint, self.weighted
+        rounding = 10 * max(weighted.shape) * np.finfo(float).eps  # ten times matrix_rank's: ψ is rounded too
+        least = rounding * np.linalg.norm(weighted) * np.linalg.norm(self.constraint)
+        moved = np.linalg.norm(np.sqrt(self.weights) * deformed) > least
+        return deformed if moved else np.zeros_like(deformed)
+
+    @cached_property
+    def _modes(self) -> Modes:
+        massless = self.size > 0 and not np.any(self.inertia[-1])
+        return (_condensed_modes if massless else _singular_modes)(self.inertia, self.weighted)
+
+    @cached_property
+    def _held(self) -> Modes:
+        return _singular_modes(self.inertia[:-1, :-1], self.weighted[:, :-1]).with_tip_held()
+
+    def modes(self, count: int | None = None) -> Modes:
+        return self._modes.lowest(count)
+
+    def held_modes(self, count: int | None = None) -> Modes:
+        return self._held.lowest(count)
+
+    def answer(self, load: Array) -> Array:
+        return np.asarray(_by_modes(self._modes, load[None])[0])
+
+    def static_answers(self, loads: Array) -> Array:
+        return _by_modes(self._modes, loads)
+
+    def answer_held(self, load: Array) -> Array:
+        return np.asarray(_by_modes(self._held, load[None])[0])
+
+    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
+        modes = self._held
+        return lambda load, shift: np.asarray(modes.shapes @ ((modes.shapes.T @ load) / (modes.values + shift)))
+
+    def rigid_motions(self, held: bool) -> Array:
+        modes = self._held if held else self._modes
+        return modes.shapes[:, modes.values == 0]
+
+    def spectrum(self) -> Array:
+        return np.where(self._modes.inertia > 0, self._modes.values, np.inf)
+
+    def largest(self) -> float:
+        return float(self._modes.values[-1])
+
+
+def _by_modes(modes: Modes, loads: Array) -> Array:
+    """Return the sum of the modal answers to loads ``(case, coordinate)``; modes with λ = 0 take no part."""
+    elastic = modes.values > 0
+    shapes = np.ascontiguousarray(modes.shapes[:, elastic])
+    return project(shapes, project(shapes.T, loads) / modes.values[elastic])
+
+
+def _singular_modes(inertia: Array, deformation: Array, whole: Array | None = None) -> Modes:
+    """Solve deformationᵀ deformation φ = s² inertia φ through singular values s; λ = s².
+
+    Singular values keep low frequencies of graded chains accurate to eps·ω_max/ω where the
+    eigenvalues of the squared matrix would only be so to eps·(ω_max/ω)². ``whole`` is the deformation of which this one
+    is what condensing has left: ranks are decided by the rounding of the larger one.
+    """
+    size = inertia.shape[0]
+    if size == 0:
+        return Modes(np.zeros(0), np.zeros((0, 0)))
+    root = np.linalg.cholesky(inertia)
+    scaled = solve_triangular(root, deformation.T, lower=True).T
+    values, vectors = singular(scaled)
+    rounding = max(scaled.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule
+    before = 0.0  # or ten times the size of what was condensed: its entries are rounded sums
+    if whole is not None:
+        before = 10 * float(np.linalg.norm(solve_triangular(root, whole.T, lower=True)))
+    values[values <= rounding * values.max(initial=before)] = 0.0
+    shapes = solve_triangular(root, vectors, lower=True, trans="T")
+    return Modes(values[::-1] ** 2, np.ascontiguousarray(shapes[:, ::-1]))
+
+
+def _condensed_modes(mass: Array, strain: Array) -> Modes:
+    """Return the modes of a structure whose tip has no mass, then the static deformation by a force on the tip.
+
+    In the modes the tip follows the others at rest, x_n = -K_nn⁻¹ K_ni x_i; that deformation is a unit displacement of
+    the tip alone, of stiffness K_nn. All are orthogonal in M, K1 and C1.
+    """
+    others, tip = strain[:, :-1], strain[:, -1]
+    stiffness, follows = np.dot(tip, tip), np.zeros(others.shape[1])
+    condensed = others
+    for _ in range(2):  # once more, so that rounding of the first pass goes too
+        share = (condensed.T @ tip) / stiffness
+        condensed, follows = condensed - tip[:, None] * share, follows - share
+    modes = _singular_modes(mass[:-1, :-1], condensed, others)
+    shapes = np.zeros((strain.shape[1], strain.shape[1]))
+    shapes[:-1, :-1], shapes[-1, :-1], shapes[-1, -1] = modes.shapes, follows @ modes.shapes, 1.0
+    return Modes(np.append(modes.values, stiffness), shapes, has_static=True)

@@ -15,17 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 import scipy
 
 from workflow.kernels import Array
-from workflow.models._cases import distinct_rows
-from workflow.models._dense_pair import DensePair
 from workflow.models._factors import Answer, NotHeldError, elimination_order, factorised
-from workflow.models._pair import MOST_FULL, UNBALANCED, Modes, TooManyCoordinatesError
+from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
 from workflow.models._semidefinite import factored
 
 _RESIDUAL = 1e-8
@@ -55,8 +53,8 @@ _CORRECTIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class SparsePair:
-    """K and M as matrices ``(coordinate, coordinate)``, the tip's coordinate last; see :class:`~workflow.models.Pair`.
+class SparsePair(Pair):
+    """K and M as matrices ``(coordinate, coordinate)``.
 
     Attributes
     ----------
@@ -69,42 +67,30 @@ class SparsePair:
     inertia: scipy.sparse.csc_array
     most_modes = MOST_REDUCED
 
-    @property
-    def size(self) -> int:
-        """Number of coordinates."""
-        return int(self.inertia.shape[0])
-
     @cached_property
     def dense(self) -> DensePair:
-        """The same by dense matrices, K = DᵀD."""
         if self.size > MOST_FULL:
             raise TooManyCoordinatesError(self.size, MOST_REDUCED)
         deformation = factored(self.stiffness.toarray(), "stiffness").deformation
         return DensePair(self.inertia.toarray(), np.ones(len(deformation)), deformation)
 
     @property
-    def weights(self) -> Array:
+    def deformation(self) -> scipy.sparse.csc_array:
+        """K: there are no springs to be deformed."""
+        return self.stiffness
+
+    @property
+    def weights(self) -> Array:  # type: ignore[override]
         """1 each."""
         return np.ones(self.size)
 
-    def inertia_of(self, u: Array) -> Array:
-        """Return M u."""
-        return np.asarray(self.inertia @ u)
-
-    def deformation_of(self, u: Array) -> Array:
-        """Return K u: there are no springs to be deformed."""
-        return np.asarray(self.stiffness @ u)
-
     def forces(self, deformation: Array) -> Array:
-        """Return them as they are."""
         return deformation
 
     def work(self, u: Array, deformation: Array, expansion: Any) -> Array:
-        """Return uᵀ e."""
         return np.asarray(u.T @ expansion)
 
     def energies(self, u: Array) -> Array:
-        """Return u_i (K u)_i."""
         return np.asarray(u * (self.stiffness @ u))
 
     @cached_property
@@ -116,10 +102,10 @@ class SparsePair:
         return elimination_order((abs(self.stiffness) + abs(self.inertia))[:-1, :-1])
 
     @cached_property
-    def constraint(self) -> Array:
-        """ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``.
+    def constraint(self) -> Array:  # type: ignore[override]
+        """ψ, corrected by the loads that it leaves, summed with more digits.
 
-        It is corrected by the loads that it leaves, summed with more digits: on a finite element blade processors
+        On a finite element blade processors
         agree on S to 2e-12 and on α_c to 2e-11, without that to 7e-10.
         """
         below = self.stiffness[:-1, [-1]].toarray()[:, 0]
@@ -130,57 +116,39 @@ class SparsePair:
 
     @cached_property
     def tip_stiffness(self) -> float:
-        """σ = 1/(e_nᵀ K⁻¹ e_n); exactly 0 where the tip moves freely."""
         own = float(self.stiffness[-1, -1])
         stiffness = float(self.stiffness[[-1], :].toarray()[0] @ self.constraint)
         return stiffness if stiffness > _RIGID * own else 0.0
 
     @property
-    def deformed(self) -> Array:
-        """K ψ = σ e_n, ``(coordinate,)``."""
+    def deformed(self) -> Array:  # type: ignore[override]
+        """K ψ = σ e_n."""
         forces = np.zeros(self.size)
         forces[-1] = self.tip_stiffness
         return forces
 
-    def answer_held(self, loads: Array) -> Array:
-        """Return K⁻¹ f with the tip held, ``(coordinate, …)``."""
-        answer = np.zeros_like(loads)
-        answer[:-1] = self._interior(loads[:-1])
-        return answer
+    def answer_held(self, load: Array) -> Array:
+        return np.append(self._interior(load[:-1]), 0.0)
 
-    def _answer(self, load: Array) -> Array:
+    def answer(self, load: Array) -> Array:
         """Return K⁻¹ f, ``(coordinate,)``; where the tip moves freely of a load that inertia balances, the tip at 0."""
         if self.tip_stiffness > 0:
             return self.answer_held(load) + self.constraint * (self.constraint @ load / self.tip_stiffness)
         inertia = self.inertia_of(self.constraint)
         return self.answer_held(load - inertia * (self.constraint @ load) / (self.constraint @ inertia))
 
-    def static_answers(self, loads: Array) -> Array:
-        """Return K⁻¹ f for every case, each distinct load solved once."""
-        first, which = distinct_rows(loads)
-        return np.reshape([self._answer(load) for load in loads[first]], (-1, self.size))[which]
-
-    def moves(self, load: Array, held: bool = False) -> bool:
-        """Tell whether a load drives a tip that moves freely; nothing else may be loose."""
-        driven = abs(float(self.constraint @ load)) > UNBALANCED * float(np.abs(self.constraint) @ np.abs(load))
-        return not held and self.tip_stiffness == 0 and driven
+    def rigid_motions(self, held: bool) -> Array:
+        """Return what moves a tip freely; nothing else may be loose."""
+        return self.constraint[:, None][:, : self.tip_stiffness == 0 and not held]
 
     def answers_held_shifted(self) -> Callable[[Array, float], Array]:
-        """Return what gives (K + s M)⁻¹ f, ``(coordinate,)``, with the tip held by f and s; its last factors stay."""
-        last: dict[float, Answer] = {}
+        @lru_cache(maxsize=1)
+        def factors(shift: float) -> Answer:
+            return factorised((self.stiffness + shift * self.inertia)[:-1, :-1], self._order)
 
-        def answer(loads: Array, shift: float) -> Array:
-            if shift not in last:
-                last.clear()
-                last[shift] = factorised((self.stiffness + shift * self.inertia)[:-1, :-1], self._order)
-            answers = np.zeros_like(loads)
-            answers[:-1] = last[shift](loads[:-1])
-            return answers
-
-        return answer
+        return lambda load, shift: np.append(factors(shift)(load[:-1]), 0.0)
 
     def held_modes(self, count: int | None = None) -> Modes:
-        """Return the lowest modes with the tip held."""
         if count is None:
             return self.dense.held_modes()
         shapes = np.zeros((self.size, count))
@@ -192,7 +160,7 @@ class SparsePair:
         if count is None:
             return self.dense.modes()
         if self.tip_stiffness > 0 or self.size == 1:
-            return Modes(*_lowest(self.stiffness, self.inertia, self._answer, count, 0.0))
+            return Modes(*_lowest(self.stiffness, self.inertia, self.answer, count, 0.0))
         shift = float(self.held_modes(1).values[0])
         moved = factorised(self.stiffness + shift * self.inertia)
         values, shapes = _lowest(self.stiffness, self.inertia, moved, count, -shift)
@@ -200,12 +168,10 @@ class SparsePair:
         return Modes(values, shapes)
 
     def spectrum(self) -> Array:
-        """Return the lowest and about the largest λ."""
         lowest = float(self.modes(1).values[0])
         return np.array([lowest, max(self._largest(), lowest)])
 
     def largest(self) -> float:
-        """Return about the largest λ."""
         return float(self.spectrum()[-1])
 
     def _largest(self) -> float:

@@ -10,8 +10,7 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.kernels import Array
 from workflow.models._cases import Cases, project
-from workflow.models._dense_pair import DensePair
-from workflow.models._pair import MOST_FULL, Pair
+from workflow.models._pair import MOST_FULL, DensePair, Pair
 
 
 @dataclass(frozen=True)
@@ -208,10 +207,13 @@ class Structure:
 
     @property
     def damping_matrix(self) -> Array:
-        """C1, N s/m."""
-        from workflow.models._damping import damping_matrix  # imported here: a damping ratio needs the modes
-
-        return damping_matrix(self)
+        """C1 = a_M M + a_K K1 + M Φ diag(2ζω) Φᵀ M + damper, N s/m, Φ the modes with the tip free."""
+        whole = self.damping.mass * self.mass + self.damping.stiffness * self.stiffness_matrix
+        if self.damping.ratio != 0:
+            modes = self.mechanical.modes()
+            moved = self.mass @ modes.shapes
+            whole = whole + moved @ (2 * self.damping.ratio * np.sqrt(modes.values) * modes.inertia * moved).T
+        return np.asarray(whole if self.damper is None else whole + self.damper)
 
     @property
     def heat_capacity(self) -> Array:

@@ -119,6 +119,17 @@ def _metric(cut: xr.Dataset, variable: str) -> Panel:
     return Panel(title, np.where(cut["status"].values == 0, cut[variable].values, np.nan))
 
 
+def single_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> list[Figure]:
+    """Draw the maps of :func:`scene_map` as a figure each, to stand below each other where a page is narrow."""
+    from matplotlib.figure import Figure
+
+    cut, figures = _cut(archive, dims, place), []
+    for panel in _panels(cut):
+        figures.append(Figure(figsize=(5.25, 4.0), layout="constrained"))
+        _draw(figures[-1].subplots(), cut, dims, panel)
+    return figures
+
+
 def _cut(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> xr.Dataset:
     """Return the cases of a map, ``(up, across)``."""
     across, up = dims

@@ -18,7 +18,7 @@ _FLOOR, _CEILING = 1e-12, SENSELESS
 """Errors outside are not drawn: rounding below, nothing right above."""
 
 
-def error_by_cost(lines: Sequence[Line], beside: Sequence[Line] = (), title: str = "") -> Figure:
+def error_by_cost(lines: Sequence[Line], beside: Sequence[Line] = ()) -> Figure:
     """Draw relative errors against processor seconds per simulated second, log-log.
 
     Markers are at steps h; a cross on the upper edge is a step beyond the scheme's limit (not ok, or an
@@ -30,8 +30,6 @@ def error_by_cost(lines: Sequence[Line], beside: Sequence[Line] = (), title: str
         From :func:`workflow.analysis.lines`.
     beside
         The same schemes in another model (a reduced one), drawn thin and dashed.
-    title
-        Above the picture.
     """
     from matplotlib.figure import Figure
 
@@ -73,8 +71,6 @@ def error_by_cost(lines: Sequence[Line], beside: Sequence[Line] = (), title: str
         handles += panels[0].plot([], [], "x", color=GREY)
         labels += ["beyond its stable step"]
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    if title:
-        figure.suptitle(title, fontsize=11)
     return figure
 
 
@@ -124,7 +120,7 @@ def _name_steps(panel: Any, stepping: Sequence[Line]) -> None:
             note.set_bbox({"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.8})
 
 
-def error_by_step(lines: Sequence[Line], title: str = "") -> Figure:
+def error_by_step(lines: Sequence[Line]) -> Figure:
     """Draw errors, penetration and energy residual against the step, with slopes 1 and 2.
 
     Observed orders and their scatter (:func:`workflow.analysis.observed_order`) stand in the legend; crosses as in
@@ -181,8 +177,6 @@ def error_by_step(lines: Sequence[Line], title: str = "") -> Figure:
         handles += panels[0].plot([], [], "x", color=GREY)
         labels += ["beyond its stable step"]
     figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    if title:
-        figure.suptitle(title, fontsize=11)
     return figure
 
 

@@ -134,7 +134,7 @@ def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: 
     if described["left_out"]:
         omitted.append("metrics that do not fit: " + ", ".join(described["left_out"]))
     remark = "Not all of the archive is in this page: " + "; ".join(omitted) + "."
-    panels = [tag("div", *_map_panel(figures), kind="panel") if "map" in figures else Html(""), _case_panel(figures)]
+    panels = [tag("div", *_map_panel(), kind="panel") if "map" in figures else Html(""), _case_panel(figures)]
     for name in ("cost", "order", "modes", "periods", "orbit"):
         if name in figures:
             about = _about(name, described)
@@ -172,7 +172,7 @@ def figure_place(name: str) -> Html:
     return tag("div", "", id=f"figure-{name}", kind="figure")
 
 
-def _map_panel(figures: Mapping[str, Any]) -> list[str]:
+def _map_panel() -> list[str]:
     return [
         tag("h3", _TITLES["map"]),
         tag("p", "", id="map-about", kind="muted"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,26 +20,24 @@ _SHOWN = ("processor", "platform", "solver_version", "code_revision", "content_h
 
 def methods_of(archive: Path) -> dict[str, str]:
     """Return the method of each scheme of an archive's study by its label; empty where provenance does not hold it."""
-    schemes = _resolved(archive, "schemes")
+    schemes = _stored(provenance(archive), "resolved").get("schemes")
     stored = schemes.items() if isinstance(schemes, dict) else ()
     return {str(label): str(form["method"]) for label, form in stored if isinstance(form, dict) and "method" in form}
 
 
 def scene_of(archive: Path) -> dict[str, Any]:
     """Return the scene of an archive's study as resolved; empty where provenance does not hold it."""
-    scene = _resolved(archive, "scene")
+    scene = _stored(provenance(archive), "resolved").get("scene")
     return scene if isinstance(scene, dict) else {}
 
 
-def _resolved(archive: Path, *path: str) -> Any:
-    """Return a value of the study as resolved, ``None`` where there is none."""
+def _stored(texts: Mapping[str, str], name: str) -> dict[str, Any]:
+    """Return what a text of a provenance group holds as JSON; empty where it is no mapping."""
     try:
-        value = json.loads(provenance(archive)["resolved"])
-        for key in path:
-            value = value[key]
-    except (ValueError, LookupError, TypeError, RecursionError):
-        return None
-    return value
+        value = json.loads(texts.get(name, ""))
+    except (ValueError, RecursionError):
+        return {}
+    return value if isinstance(value, dict) else {}
 
 
 def origin(dataset: xr.Dataset, archive: Path) -> list[str]:
@@ -48,9 +47,9 @@ def origin(dataset: xr.Dataset, archive: Path) -> list[str]:
         ["written", str(dataset.attrs.get("history", "")).split(": ", 1)[0]],
         ["processor time", _computing(dataset)],
     ]
-    rows += [["run", _run(stored["run"])]] if "run" in stored else []
+    rows += [["run", _run(_stored(stored, "run"))]]
     rows += [[name.replace("_", " "), stored[name]] for name in _SHOWN if name in stored]
-    rows += [["versions", _versions(stored.get("versions", ""))]]
+    rows += [["versions", ", ".join(f"{name} {version}" for name, version in _stored(stored, "versions").items())]]
     facts = [tag("tr", tag("th", name, scope="row"), tag("td", text)) for name, text in rows if text]
     return [
         tag("h2", "Where this comes from"),
@@ -66,18 +65,9 @@ def _computing(dataset: xr.Dataset) -> str:
     return f"{finite.sum():.3g} s, the sum over {finite.size} cases, references aside" if finite.size else ""
 
 
-def _run(text: str) -> str:
+def _run(run: Mapping[str, Any]) -> str:
     """Return seconds, cases and machine of the last run of an archive, as it stored them."""
     try:
-        stored = json.loads(text)
-        return f"{float(stored['seconds']):.3g} s for {int(stored['cases'])} cases on {stored['where']}"
-    except (ValueError, LookupError, TypeError, RecursionError):
+        return f"{float(run['seconds']):.3g} s for {int(run['cases'])} cases on {run['where']}"
+    except (ValueError, KeyError, TypeError):
         return ""
-
-
-def _versions(text: str) -> str:
-    try:
-        stored = json.loads(text)
-    except (ValueError, RecursionError):
-        return ""
-    return ", ".join(f"{name} {version}" for name, version in stored.items()) if isinstance(stored, dict) else ""

@@ -41,7 +41,7 @@ _LONGEST_MESSAGE = 300
 
 
 def append_cases(
-    part: xr.Dataset, pack: Pack, order: Iterator[int], partners: NDArray[np.int32], scene: Mapping[str, Any], room: int
+    part: xr.Dataset, pack: Pack, order: Iterator[int], scene: Mapping[str, Any], room: int
 ) -> dict[str, Any] | None:
     """Take in histories and impulses of load periods of cases in order, while there is room.
 

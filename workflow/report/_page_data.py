@@ -161,7 +161,7 @@ def page_data(
     partners = exact_partners(part, methods).astype(np.int32)
     described["exact"] = pack.add(partners)
     order = _order(part, first, partners)
-    described["cases"] = append_cases(part, pack, order, partners, scene, room)
+    described["cases"] = append_cases(part, pack, order, scene, room)
     return described, pack.text()
 
 

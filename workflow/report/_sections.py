@@ -32,10 +32,12 @@ from workflow.plots import (
     middle,
     position_text,
     scene_map,
+    single_maps,
 )
 from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
 from workflow.schemes import Status
+from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -128,8 +130,8 @@ def maps(dataset: xr.Dataset) -> Drawn:
     if dims is None or "impulse_error" in dataset or not any_ok(dataset):
         return Drawn([], None)
     place = middle(dataset, dims)
-    figure = scene_map(dataset, *dims)
-    if not figure.axes:
+    pictures = [image(one, "map of the scene over two axes") for one in single_maps(dataset, dims, place)]
+    if not pictures:
         return Drawn([], None)
     where = position_text(dataset, place)
     about = (
@@ -140,9 +142,9 @@ def maps(dataset: xr.Dataset) -> Drawn:
     body = [
         tag("h2", "Maps"),
         tag("p", about, kind="muted"),
-        image(figure, "maps of the scene over two axes"),
+        tag("div", *pictures, kind="panels"),
     ]
-    return Drawn(body, figure)
+    return Drawn(body, scene_map(dataset, *dims))
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
@@ -212,24 +214,23 @@ def errors(dataset: xr.Dataset) -> list[str]:
     """Tell the errors against the reference by scheme and step, median and largest of all other cases."""
     if "impulse_error" not in dataset or not any_ok(dataset):
         return []
-    dims = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)]
+    dims, names = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)], [f"{name}_error" for name in COMPARED]
     labels = {dim: labels_of(dataset, dim, named=False, rounded=True) for dim in dims}
+    of_ok = dataset[names].where(dataset["status"] == Status.OK)
+    others = [dim for dim in case_dims(dataset) if dim not in dims]
+    medians, largest = of_ok.median(others), of_ok.max(others)
     rows = []
-    for index in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
-        chosen = dataset.isel(dict(zip(dims, index, strict=True)))
-        row = [labels[dim][k] for dim, k in zip(dims, index, strict=True)]
-        for name in ("displacement_error", "temperature_error", "impulse_error"):
-            values = np.asarray(chosen[name].where(chosen["status"] == Status.OK).values, dtype=float)
-            values = values[np.isfinite(values)]
-            row.append(f"{short(np.median(values))} / {short(values.max())}" if values.size else "–")
-        rows.append(row)
+    for place in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
+        at = dict(zip(dims, place, strict=True))
+        pairs = [(float(medians[name].isel(at)), float(largest[name].isel(at))) for name in names]
+        rows.append([labels[dim][k] for dim, k in at.items()] + [f"{short(a)} / {short(b)}" for a, b in pairs])
     about = tag(
         "p",
         "Relative L2 distance from the reference, median / largest of the ok cases over all other axes; reduced models "
         f"carry their own error. Predictability of the references: {_largest(dataset, 'predictability'):.1e}, the "
         "change of a reference when its gap changes by 1e-12.",
     )
-    head = [*dims, *(name.replace("_", " ") for name in ("displacement_error", "temperature_error", "impulse_error"))]
+    head = [*dims, *(name.replace("_", " ") for name in names)]
     return [tag("h2", "Errors"), about, table(head, rows)]
 
 

@@ -8,8 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from workflow.study.addresses import MODES, TOLERANCE, Address, setting_defaults
-from workflow.study.draws import Drawn
+from workflow.study.draws import Drawn, Range
 from workflow.study.field_types import Listed, Reading, Single, Spread
 from workflow.study.mistakes import Place, quoted
 from workflow.study.settings import AUTO, CHOSEN, FULL, Sizes
@@ -68,15 +70,7 @@ class Branch:
 
 def spread_values(spread: Spread) -> tuple[float, ...]:
     """Return the values of a spread axis, rounded to 12 significant digits."""
-    shares = [index / (spread.count - 1) for index in range(spread.count)]
-    first, last = spread.first, spread.last
-    if spread.law == "lin":
-        values = [first * (1 - share) + last * share for share in shares]
-    else:
-        low, high = math.log10(first), math.log10(last)
-        values = [10 ** (low * (1 - share) + high * share) for share in shares]
-        values[0], values[-1] = first, last
-    return tuple(float(f"{value:.12g}") for value in values)
+    return Range(spread.law, spread.first, spread.last).values(np.arange(spread.count) / (spread.count - 1))
 
 
 def expanded(content: Single | Listed | Spread, whole: bool) -> tuple[Value, ...]:

@@ -21,7 +21,7 @@ POINT, MATRIX = "sample_point", "sample_matrix"
 
 @dataclass(frozen=True)
 class Range:
-    """Values between two ends, uniform or uniform in the logarithm, or those of a branch."""
+    """Values between two ends, at equal or drawn distances or ratios, or those of a branch."""
 
     law: Literal["lin", "log", "branch"]
     low: float

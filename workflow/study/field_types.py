@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 from pydantic import ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
@@ -281,7 +281,7 @@ class Listed:
 class Spread:
     """An axis of values at equal distances or ratios, not yet expanded, or one that is followed as a curve."""
 
-    law: str
+    law: Literal["lin", "log", "branch"]
     first: float
     last: float
     count: int
@@ -313,7 +313,7 @@ class AxisValues(FieldType):
 
     def _spread(self, value: dict[str, Any]) -> Spread:
         form = "write a list, {lin: [first, last, count]} or {log: [first, last, count]}"
-        law = "branch" if "branch" in value else "log" if "log" in value else "lin"
+        law: Literal["lin", "log", "branch"] = "branch" if "branch" in value else "log" if "log" in value else "lin"
         if set(value) != {law}:
             raise wrong("is neither a list nor `lin`, `log` or `branch`", form)
         if not isinstance(self.value, Reading):
