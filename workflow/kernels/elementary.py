@@ -263,15 +263,6 @@ def sine_cosine(x: float) -> tuple[float, float]:
     return (-s, -c) if q & 2 else (s, c)
 
 
-@inlined
-def power(x: float, exponent: int) -> float:
-    """Return x to an integer power of at least zero, by repeated multiplication."""
-    result = 1.0
-    for _ in range(exponent):
-        result *= x
-    return result
-
-
 @part
 def hypot(x: float, y: float) -> float:
     """Return √(x² + y²) without overflow or underflow in between."""
