@@ -10,7 +10,7 @@ import numpy as np
 from workflow.analysis import NothingSteadyError, count_sentence, followed_axis, limit_sentence, limits
 from workflow.plots import branches
 from workflow.report._bokeh_branches import branch_explorer
-from workflow.report._explorer import Interactive, figure_place, library
+from workflow.report._explorer import figure_place, library
 from workflow.report._html import block, image, prose, tag
 from workflow.report._sections import Section, any_ok
 
@@ -42,10 +42,10 @@ def where_it_settles(dataset: xr.Dataset) -> list[str]:
     return [tag("section", tag("h2", "Where it settles"), *sentences, count, kind="answer")]
 
 
-def interactive_branches(dataset: xr.Dataset) -> Interactive:
+def interactive_branches(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
     """Return branches whose points show their orbits when they are clicked, and the scripts for it."""
     if followed_axis(dataset) is None or not any_ok(dataset):
-        return Interactive([], [])
+        return [], []
     titles = {"branches": "A point of a branch", "orbit": "Its steady rub"}
     about = {"branches": "Filled: stable rubs; open: unstable ones. A click selects.", "orbit": ""}
     panels = [
@@ -54,7 +54,7 @@ def interactive_branches(dataset: xr.Dataset) -> Interactive:
     ]
     figures = block("branch-figures", branch_explorer(dataset, _varied(dataset)[0]))
     script = files("workflow.report").joinpath("branches.js").read_text(encoding="utf-8")
-    return Interactive([tag("div", *panels, kind="panels"), figures], [*library(), script])
+    return [tag("div", *panels, kind="panels"), figures], [*library(), script]
 
 
 def _varied(dataset: xr.Dataset) -> list[str]:

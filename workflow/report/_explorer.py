@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -51,14 +50,6 @@ _NO_SCRIPT = (
 )
 
 
-@dataclass(frozen=True)
-class Interactive:
-    """The interactive part of a page and the scripts it needs."""
-
-    body: list[str]
-    scripts: list[str]
-
-
 def interactive(
     dataset: xr.Dataset,
     archive: str,
@@ -66,8 +57,8 @@ def interactive(
     methods: Mapping[str, str],
     scene: Mapping[str, Any],
     room: int,
-) -> Interactive:
-    """Return the interactive part of a report.
+) -> tuple[list[str], list[str]]:
+    """Return the interactive part of a report and the scripts it needs.
 
     Parameters
     ----------
@@ -104,7 +95,7 @@ def interactive(
         block("figures", figures),
         tag("script", Html(packed), id="block", type="text/plain"),
     ]
-    return Interactive(body, [*scripts, script])
+    return body, [*scripts, script]
 
 
 def library() -> list[str]:

@@ -127,12 +127,12 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
             ]
         rest += origin(dataset, archive)
         room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
-        shown = (
+        shown, scripts = (
             interactive(dataset, archive.name, choice, methods, scene, room)
             if has_transients
             else interactive_branches(dataset)
         )
-    commit(written, page(archive.name, [*head, *shown.body, *rest], shown.scripts).encode())
+    commit(written, page(archive.name, [*head, *shown, *rest], scripts).encode())
     return ReportFiles(written, figure_path)
 
 

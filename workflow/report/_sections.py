@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.analysis import (
     ERRORS,
@@ -229,7 +230,7 @@ def errors(dataset: xr.Dataset) -> list[str]:
     about = tag(
         "p",
         "Relative L2 distance from the reference, median / largest of the ok cases over all other axes; reduced models "
-        f"carry their own error. Predictability of the references: {_largest(dataset, 'predictability'):.1e}, the "
+        f"carry their own error. Predictability of the references: {float(dataset['predictability'].max()):.1e}, the "
         "change of a reference when its gap changes by 1e-12.",
     )
     head = [*dims, *(name.replace("_", " ") for name in names)]
@@ -240,9 +241,8 @@ def precision(dataset: xr.Dataset) -> Section:
     """Draw speed against error where an archive has both, and name the observed orders."""
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
         return Section([], None)
-    model = _model_dim(dataset)
-    drawn_lines = lines(dataset)
-    beside = [] if model is None else lines(dataset, {model: _fewest_modes(dataset, model)})
+    fewest, drawn_lines = _fewest_modes(dataset), lines(dataset)
+    beside = lines(dataset, fewest) if fewest else []
     shown = place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")})
     orders = [
         [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.order(name)) for name in ERRORS), _limit(line)]
@@ -270,21 +270,14 @@ def _limit(line: Line) -> str:
     return "every h" if not line.lost.any() else f"{steps[0]:.6g}" if steps else "none"
 
 
-def _model_dim(dataset: xr.Dataset) -> str | None:
+def _fewest_modes(dataset: xr.Dataset) -> dict[str, int]:
+    """Return where the reduced model with the fewest modes lies along the dimensions of the counts of modes."""
+    counts: dict[str, NDArray[np.float64]] = {}
     for name in MODES:
         if name in dataset.coords and dataset[name].ndim == 1 and dataset[name].size > 1:
-            return str(dataset[name].dims[0])
-    return None
-
-
-def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:
-    names = [n for n in MODES if n in dataset.coords and dataset[n].dims == (dim,)]
-    return int(np.argmin(sum(mode_counts(dataset, name) for name in names)))
-
-
-def _largest(dataset: xr.Dataset, name: str) -> float:
-    values = np.asarray(dataset[name].values, dtype=float)
-    return float(np.nanmax(values)) if np.isfinite(values).any() else float("nan")
+            dim = str(dataset[name].dims[0])
+            counts[dim] = counts.get(dim, 0.0) + mode_counts(dataset, name)
+    return {dim: int(np.argmin(sums)) for dim, sums in counts.items()}
 
 
 def _percent(share: float) -> str:

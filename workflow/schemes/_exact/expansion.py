@@ -111,7 +111,8 @@ def _expand_explicit(m: Motion, output: int, k: int, y: Array, t: float, sums: A
     explicit_derivatives(m, k, y, t, 5, d)
     for i in range(m.waves.shape[0]):
         w, row = m.waves[i, wave.OMEGA], i * block.WAVE
-        amplitude = w**3 * elementary.hypot(b[block.FORCE_COS + row, k], b[block.FORCE_SIN + row, k])
+        cos, sin = b[block.FORCE_COS + row, k], b[block.FORCE_SIN + row, k]
+        amplitude = w**3 * np.sqrt(cos * cos + sin * sin)
         f3_bound += amplitude
         f4_bound += w * amplitude
     w2 = b[block.STIFFNESS, k]

@@ -219,7 +219,8 @@ def _keeps_force(b: Array, k: int, load: Load) -> bool:
     if square < 0.0:
         return False
     for i in range(load.waves.shape[0]):
-        distance = elementary.hypot(half, load.waves[i, wave.OMEGA] - np.sqrt(square))
+        beside = load.waves[i, wave.OMEGA] - np.sqrt(square)
+        distance = np.sqrt(half * half + beside * beside)
         if forced(b, k, i) and distance * load.duration < _RESONANT_POLE:
             return True
     return False
