@@ -71,6 +71,17 @@ output: {interval: 1 ms}
 """
 )
 
+CHAOS = """
+study: chaos
+scene:
+  chain: {nodes: 3, mass: 1.0e-3, stiffness: 1.0e6, damping: {mass: 5}, heat_capacity: 1}
+  casing: {gap: 0}
+  load: {amplitude: 5, frequency: FREQUENCY}
+  duration: DURATION
+axes: {scheme: event_driven, e: 0.9}
+"""
+"""Impacts in chaos, whose motion is known to a few digits, or to none after a longer time."""
+
 SINGLE = "study: single\n" + SCENE + "output: {interval: 1 ms}\n"
 
 

@@ -13,17 +13,13 @@ from pathlib import Path
 
 import pytest
 
-STUDY = """\
-study: stopped
-scene:
-  chain: {nodes: 4, mass: 2.5e-3, stiffness: 2.0e7, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
-          expansion: 8.6e-6, heat_capacity: 1.315, conductance: 0.605, convection: 0.02}
-  casing: {gap: 5.0e-5}
-  load: {amplitude: 100, frequency: 20}
-  duration: 0.1
-axes: {h: [1e-5, 2e-5], e: {lin: [0, 1, 21]}, alpha: {lin: [0, 1, 41]}}
-output: {interval: 1 ms}
-"""
+from studies import HEAVY_SCENE
+
+STUDY = (
+    "study: stopped\n"
+    + HEAVY_SCENE.replace("nodes: 20", "nodes: 4").replace("0.3", "0.1")
+    + "axes: {h: [1e-5, 2e-5], e: {lin: [0, 1, 21]}, alpha: {lin: [0, 1, 41]}}\noutput: {interval: 1 ms}\n"
+)
 
 LONGEST = 60.0
 """Seconds after which a run that was stopped counts as one that hangs."""

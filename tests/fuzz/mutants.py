@@ -7,36 +7,10 @@ import re
 from collections.abc import Callable
 
 from studies import SCENE
+from study_samples import BLADE
 
 CORPUS = (
-    """\
-study: blade
-title: Tip response
-scene:
-  blade: {nodes: 6, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560,
-          conductivity: 7.0, convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6,
-          damping: {mass: 10.0, stiffness: 2.0e-7}}
-  casing: {gap: 20 um}
-  load: {mean: 0, amplitude: 24, frequency: 5 Hz, phase: 0}
-  initial: {displacement: 0, velocity: 0, temperature: 0}
-  duration: 2 s
-schemes:
-  implicit_euler: {method: moreau, theta: 1.0}
-  midpoint: {method: moreau, theta: 0.5}
-axes:
-  scheme: [implicit_euler, midpoint, event_driven]
-  e: [0, 0.5, 0.9]
-  h: {log: [1e-5, 1e-4, 5]}
-  alpha: [0, 30]
-  scene.casing.gap: [15 um, 20 um]
-zip:
-  model: {mechanical_modes: [1, 3, full], thermal_modes: [2, 4, full]}
-reference: {scheme: event_driven, mechanical_modes: full, thermal_modes: full}
-output:
-  interval: 1 ms
-  histories: [displacement, temperature, contact_force]
-  precision: float64
-""",
+    BLADE.replace("nodes: 20", "nodes: 6").replace("[4, 12, full]", "[2, 4, full]"),
     "study: small\n"
     + SCENE
     + """\

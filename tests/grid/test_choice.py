@@ -31,7 +31,6 @@ from workflow.grid import (
 from workflow.grid._conditions import conditions
 from workflow.grid._corners import corners_of
 from workflow.judges import trials
-from workflow.judges.least_vectors import fewest, smallest
 from workflow.models import Structure
 from workflow.reduction import reduce_structure
 from workflow.run import holdings, run_study, verify
@@ -92,23 +91,6 @@ def test_counts_are_within_two_vectors_of_the_fewest_in_random_scenes(seed: int)
         counts = choice.mechanical_modes, choice.thermal_modes
         assert errors[counts] <= tolerance
         assert sum(counts) <= min(sum(pair) for pair, error in errors.items() if error <= tolerance) + 2
-
-
-def test_an_uneven_error_is_searched_past_its_bumps() -> None:
-    """Of 3, 5 and 8 vectors that meet 1, between others that do not, 3 are found from anywhere above; 0 is hopeless."""
-    error = {0: 9.0, 1: 2.0, 2: 1.5, 3: 0.9, 4: 1.2, 5: 0.8, 6: 1.4, 7: 1.1, 8: 0.9, 9: 0.5}.__getitem__
-    for first in range(3, 10):
-        assert fewest(error, first, 0, 9, 1.0) == 3
-
-
-def test_errors_of_both_kinds_add_up() -> None:
-    def error(mechanical: int, thermal: int) -> float:
-        return 2.0**-mechanical + 4.0**-thermal
-
-    sums = {(m, t): m + t for m in range(20) for t in range(20) if error(m, t) <= 1e-3}
-    counts = smallest(error, (0, 0), (0, 0), (19, 19), 1e-3)
-    assert error(*counts) <= 1e-3
-    assert sum(counts) == min(sums.values())
 
 
 def test_a_count_that_is_given_stays_and_may_stand_in_the_way() -> None:

@@ -129,15 +129,6 @@ def test_cases_that_take_long_are_not_kept_together(unbroken: float, monkeypatch
         assert task.seconds < 1.5 * max(1e-3, unbroken, case) + cutting.SETTING_UP
 
 
-def test_a_scheme_that_steps_cases_alone_is_cut_anywhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cutting, "SHORTEST", 1e-9)
-    monkeypatch.setattr(cutting, "BATCH_SECONDS", 1e-9)
-    for scheme, cut in (("event_driven", [1, 1, 1, 1]), ("moreau", [4])):
-        text = "study: a\n" + SCENE + f"axes: {{scheme: [{scheme}], alpha: [0, 1, 2, 3]}}\n"
-        grid = arrange(parsed(text))
-        assert [task.cases for task in tasks(grid)] == cut
-
-
 def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """A scheme that raises for one case: it is told, its neighbours have their numbers."""
     grid = arrange(parsed(SMALL))

@@ -5,28 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from studies import parsed
+from studies import HEAVY_SCENE, parsed
 from workflow.grid import arrange, solve
 from workflow.schemes import Status
 
-STUDY = """
-study: runaway
-scene:
-  chain: {{nodes: 20, mass: 2.5e-3, stiffness: 2.0e7, damping: {{mass: 10, stiffness: 2.0e-7}}, spacing: 2.5e-3,
-          expansion: 8.6e-6, heat_capacity: 1.315e-3, conductance: 0.605, convection: 0.02}}
-  casing: {{gap: 5.0e-5}}
-  load: {{mean: 100}}
-  duration: 8
-axes: {{scheme: event_driven, alpha: [{alphas}]}}
-output: {{interval: 0.1}}
-"""
+LIGHT = HEAVY_SCENE.replace("1.315", "1.315e-3").replace("amplitude: 100, frequency: 20", "mean: 100")
+
+
+def solved_at(alphas: list[float]) -> dict[str, np.ndarray]:
+    scene = LIGHT.replace("duration: 0.3", "duration: 8")
+    axes = f"axes: {{scheme: event_driven, alpha: {alphas}}}\noutput: {{interval: 0.1}}\n"
+    return solve(arrange(parsed(f"study: runaway{scene}{axes}")), 0, np.arange(len(alphas))).values
 
 
 def test_below_at_and_above_the_critical_coupling() -> None:
-    critical = solve(arrange(parsed(STUDY.format(alphas="0, 1"))), 0, np.arange(2)).values["critical_alpha"][0]
+    critical = float(solved_at([0.0, 1.0])["critical_alpha"][0])
     assert critical == pytest.approx(1.071, abs=5e-4)
-    alphas = ", ".join(repr(float(share * critical)) for share in (0.9, 1.0, 1.1))
-    solved = solve(arrange(parsed(STUDY.format(alphas=alphas))), 0, np.arange(3)).values
+    solved = solved_at([share * critical for share in (0.9, 1.0, 1.1)])
     assert np.all(solved["status"] == Status.OK)
     assert solved["runaway"].tolist() == [0, 0, 1]  # at the critical coupling nothing grows exponentially
     force, t = solved["contact_force"], np.arange(81) * 0.1

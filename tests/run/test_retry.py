@@ -10,9 +10,9 @@ import pytest
 
 import workflow.run._study as studying
 import workflow.run._task as running
-from quick import quick, room_for, same_values
+from quick import interrupted, quick, same_values
 from studies import cut_finely
-from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
+from workflow.archive import content_hash, open_archive, parts_of
 from workflow.grid import _solve
 from workflow.run import run_study
 from workflow.schemes import Status
@@ -118,8 +118,7 @@ def test_an_unfinished_run_is_ended_before_it_is_retried(
 ) -> None:
     cut_finely(monkeypatch)
     archive = tmp_path / "a.nc"
-    with room_for(2), pytest.raises(ArchiveError):
-        run_study(quick(), archive, threads=1)
+    interrupted(quick(), archive, 2)
     broken.clear()
     solved.clear()
     assert run_study(quick(), archive, threads=1, retry=True).ok
@@ -135,8 +134,7 @@ def test_a_retry_that_was_stopped_goes_on(
     run_study(quick(), archive)
     before = archive.read_bytes()
     broken.clear()
-    with room_for(2), pytest.raises(ArchiveError):
-        run_study(quick(), archive, threads=1, retry=True)
+    interrupted(quick(), archive, 2, retry=True)
     assert archive.read_bytes() == before
     solved.clear()
     assert run_study(quick(), archive, threads=1, retry=True).ok
@@ -151,8 +149,7 @@ def test_a_plain_run_finishes_what_was_stopped(
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
     broken.clear()
-    with room_for(2), pytest.raises(ArchiveError):
-        run_study(quick(), archive, threads=1, **again)  # type: ignore[arg-type]
+    interrupted(quick(), archive, 2, **again)
     solved.clear()
     assert run_study(quick(), archive, threads=1).counts == {"ok": 9}
     assert len(solved) == (1 if "retry" in again else 3)
@@ -166,8 +163,7 @@ def test_what_an_unfinished_extension_has_stored_is_not_run_again_by_a_retry(
     archive, extended = tmp_path / "a.nc", quick({"e": [0.2, 0.7, 0.0, 0.5, 0.9]})
     run_study(quick({"e": [0.0]}), archive)
     broken.clear()
-    with room_for(2), pytest.raises(ArchiveError):
-        run_study(extended, archive, threads=1)
+    interrupted(extended, archive, 2)
     solved.clear()
     assert run_study(extended, archive, threads=1, retry=True).ok
     assert len(solved) == 2 * 3 + 1

@@ -14,14 +14,13 @@ import pytest
 
 from hostile import write
 from quick import begin, quick
-from studies import pinned
+from studies import CHAOS, parsed, pinned
 from workflow import schemes
 from workflow.archive import ArchiveError, _provenance, content_hash, provenance
 from workflow.archive._seal import seal
 from workflow.grid import arrange, solve
 from workflow.run import _study, _verify, run_study, verify
 from workflow.run._compare import sensitivity
-from workflow.study import parse_study
 
 KEPT = [
     pytest.param(path, marks=pytest.mark.slow if path.stem == "scaling" else ())  # up to 100 000 nodes
@@ -249,22 +248,11 @@ def test_values_that_cannot_be_compared_say_why(whole: Path, monkeypatch: pytest
     assert (check.name, check.detail) == ("values", "cannot be compared: that ended with KeyError: 'displacement'")
 
 
-CHAOS = """
-study: chaos
-scene:
-  chain: {nodes: 3, mass: 1.0e-3, stiffness: 1.0e6, damping: {mass: 5}, heat_capacity: 1}
-  casing: {gap: 0}
-  load: {amplitude: 5, frequency: 900 Hz}
-  duration: 0.3 s
-axes: {scheme: event_driven, e: 0.9}
-output: {interval: 1 ms}
-"""
-
-
 def test_a_case_without_digits_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its motion is chaotic: within 0.3 s a change of its data by 1e-12 grows to half of the motion and more."""
     archive = tmp_path / "chaos.nc"
-    run_study(parse_study(CHAOS, "chaos.yaml"), archive)
+    text = CHAOS.replace("FREQUENCY", "900 Hz").replace("DURATION", "0.3 s") + "output: {interval: 1 ms}\n"
+    run_study(parsed(text), archive)
     monkeypatch.setattr(_verify, "processor", lambda: "another one")
     with netCDF4.Dataset(archive, "a") as file:
         file["displacement"][-1] = 0.5 * file["displacement"][-1]

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from plain_moreau import Trajectory, march
 from test_event_driven_random import scene
 
-from scenes import blade, cases, chain, heavy_chain, same_bits, sampling, step
+from scenes import alone, blade, cases, chain, heavy_chain, same_bits, sampling, step, with_dashpot
 from workflow import schemes
 from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes import Results, Status
+from workflow.schemes import Recorder, Results, Status
 from workflow.schemes._fixed import modal_lanes
 from workflow.schemes._fixed.decoupled import Decoupled, decouple, felt_modes, start
 
@@ -181,6 +181,25 @@ def test_a_theta_below_one_half_creates_energy() -> None:
         structure, replace(batch, mean=np.full(1, 2.0), steady=np.ones((1, 20))), 1e-5, 0.02, 0.45
     ).metrics
     assert metrics["energy_residual"][0] == pytest.approx(1.2557, abs=2e-3)
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+@pytest.mark.parametrize("theta", [0.7, 1.0])
+def test_modes_and_blocks_count_as_recorded_states_do(theta: float, coupled: bool) -> None:
+    """Where no heat makes their energies different ones; with every step's energy."""
+    structure, h, over = heavy_chain(), 1e-4, sampling(0.012, 0.012, balances=True)
+    structure = with_dashpot(structure, 10, 4, 100.0) if coupled else structure
+    batch = cases(structure, 3, e=[0.0, 0.5, 0.9], gap=5e-5, mean=60.0, amplitude=100.0, frequency=50.0)
+    paths = [march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]
+    recorder = Recorder(structure, batch, over, h)
+    for k in range(1, recorder.steps + 1):
+        load = theta * recorder.load(1.0) + (1 - theta) * recorder.load(0.0)
+        states = [np.array([getattr(path, name)[k] for path in paths]) for name in STATES]
+        recorder.record(*states, np.array([path.impulse[k - 1] for path in paths]), load)
+    recorded, stepped = recorder.results().metrics, step(structure, batch, h, over, theta=theta).metrics
+    assert stepped["impacts"].min() > 0
+    assert np.abs(stepped["energy_residual"]).min() > 0.01
+    assert np.abs(recorded["energy_residual"] - stepped["energy_residual"]).max() < 1e-12
 
 
 @pytest.mark.parametrize("coupled", [False, True])

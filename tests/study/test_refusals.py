@@ -6,9 +6,9 @@ import os
 from pathlib import Path
 
 import pytest
-from study_samples import BLADE, CHAIN
 from typer.testing import CliRunner
 
+from study_samples import BLADE, CHAIN
 from workflow.cli import app
 from workflow.study import StudyError, parse_study, read_study
 from workflow.study.source import MOST_ENTRIES, compose

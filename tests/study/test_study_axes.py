@@ -15,8 +15,8 @@ import time
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from study_samples import BLADE, CHAIN
 
+from study_samples import BLADE, CHAIN
 from workflow.study import Initial, Load, Study, StudyError, json_schema, parse_study
 from workflow.study.axes import coordinate_names, spread_values
 from workflow.study.field_types import Spread

@@ -126,8 +126,8 @@ def archive_sources(path: Path) -> list[Source]:
     index = np.arange(status.size).reshape(status.shape)
     sources = []
     for box in boxes(status.shape, lengths):
-        cells = index[box].ravel()
-        sources.append(Source(hashes[cells], status.ravel()[cells], partial(_read, path, box), kinds))
+        cases = index[box].ravel()
+        sources.append(Source(hashes[cases], status.ravel()[cases], partial(_read, path, box), kinds))
     return sources
 
 

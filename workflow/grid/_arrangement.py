@@ -138,8 +138,8 @@ class Grid:
             return None
         first = int(self.alike(np.array([outer]), _decides)[0])
         if first not in self.decided.cases:
-            cell = self.study.cell(self._values(first))
-            setting = Setting(cell, self._conditions, replace(self.sampling, balances=False), self.shortest)
+            settings = self.study.cell(self._values(first))
+            setting = Setting(settings, self._conditions, replace(self.sampling, balances=False), self.shortest)
             return choose(setting, float(values["tolerance"]))
         return self.decided.cases[first]
 
@@ -159,10 +159,10 @@ class Grid:
         replaced = reference.values
         first = int(self.alike(np.array([outer]), self._decides_reference)[0])
         if first not in self.decided.references:
-            cell = self.study.cell({**self._values(first), **replaced})
+            settings = self.study.cell({**self._values(first), **replaced})
             remaining = [replace(d, axes=tuple(a for a in d.axes if a.path not in replaced)) for d in self.inner]
             inner = tuple(dimension for dimension in remaining if dimension.axes)
-            setting = Setting(cell, inner, replace(self.sampling, balances=False), self.shortest)
+            setting = Setting(settings, inner, replace(self.sampling, balances=False), self.shortest)
             return refine(setting, float(replaced[TOLERANCE]))
         return self.decided.references[first]
 
@@ -224,17 +224,19 @@ class Grid:
             for method in (truth.method, EXACT)
         )
 
-    def canonical_inner(self, cell: CaseSettings, inner: Indices) -> Indices:
+    def canonical_inner(self, settings: CaseSettings, inner: Indices) -> Indices:
         """Return for each inner index the first one with the same results."""
         if not self.inner:
             return inner
         index = np.unravel_index(inner, self.inner_shape)
-        first = [np.zeros_like(i) if self.unread(d, cell.scheme) else i for d, i in zip(self.inner, index, strict=True)]
+        first = [
+            np.zeros_like(i) if self.unread(d, settings.scheme) else i for d, i in zip(self.inner, index, strict=True)
+        ]
         return np.asarray(np.ravel_multi_index(first, self.inner_shape), dtype=np.int64)
 
-    def distinct_inner(self, cell: CaseSettings) -> int:
+    def distinct_inner(self, settings: CaseSettings) -> int:
         """Return how many inner indices have results of their own."""
-        return math.prod(d.size for d in self.inner if not self.unread(d, cell.scheme))
+        return math.prod(d.size for d in self.inner if not self.unread(d, settings.scheme))
 
     @cached_property
     def places(self) -> Places:

@@ -69,9 +69,9 @@ class Task:
 
 def seconds_per_case(grid: Grid, outer: int) -> float:
     """Return the estimated seconds of one case, from the scheme's fixed cost model."""
-    cell = grid.settings(outer)
-    structure, periods = reduced_structure(cell), fastest(grid) * grid.sampling.duration
-    return steady_seconds(grid.study, cell, structure) + case_seconds(cell, structure, grid.sampling, periods)
+    settings = grid.settings(outer)
+    structure, periods = reduced_structure(settings), fastest(grid) * grid.sampling.duration
+    return steady_seconds(grid.study, settings, structure) + case_seconds(settings, structure, grid.sampling, periods)
 
 
 def together(grid: Grid, outer: int) -> int:

@@ -145,15 +145,6 @@ def sine_cosine(x: float) -> tuple[float, float]:
 
 
 @inlined
-def power(x: float, exponent: int) -> float:
-    """Return x to an integer power of at least zero, by repeated multiplication."""
-    result = 1.0
-    for _ in range(exponent):
-        result *= x
-    return result
-
-
-@inlined
 def quotient(a: complex, b: complex) -> complex:
     """Return a/b by Smith's division (Communications of the ACM 5 (1962) 435), NaN where b is 0: numba's own raises."""
     c, d = b.real, b.imag

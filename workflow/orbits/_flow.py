@@ -22,7 +22,6 @@ from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.advance import Course, advance
 from workflow.schemes._exact.batch import Batch, make_operator
-from workflow.schemes._exact.held_regime import HeldRegimes
 from workflow.schemes._exact.linear import Linear, linear
 from workflow.schemes._exact.record import RELEASE, TOUCH
 from workflow.schemes._interface import Sampling
@@ -54,7 +53,6 @@ class Analysed:
 
     def __init__(self, structure: Structure):
         self.structure, self.operator = structure, make_operator(structure, _BUDGET)
-        self.regimes = HeldRegimes(self.operator.basis.held)
 
 
 class Flow:
@@ -70,7 +68,7 @@ class Flow:
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
         self.period = duration if self.is_constant else self.period
-        self.prepared = Batch(self.operator, cases, Sampling(1.0, 1.0, 2), structure.regimes).prepared(0, heated=heated)
+        self.prepared = Batch(self.operator, cases, Sampling(1.0, 1.0, 2)).prepared(0, heated=heated)
         self.start, n = self.prepared.case.modal, basis.tip.size
         self.modes, self.load, size = n, self.prepared.case.load, self.start.size
         self.tip = np.zeros((2, size))
@@ -81,13 +79,14 @@ class Flow:
     @cached_property
     def free(self) -> Linear:
         """The tip free."""
-        return linear(self.operator.basis.free, 0.0, self.is_heated)
+        free = self.operator.basis.free
+        return linear(free if self.is_heated else free.unheated, 0.0)
 
     @cached_property
     def held(self) -> Linear:
         """The tip held."""
-        system = self.operator.basis.held.sliding(float(self.cases.friction[0]))
-        return linear(system, self.alpha, self.is_heated)
+        held = self.operator.basis.held
+        return linear((held if self.is_heated else held.unheated).sliding(float(self.cases.friction[0])), self.alpha)
 
     def parts(self, X: Array) -> tuple[Array, Array, Array]:
         """Return displacements, velocities and temperatures of the structure's coordinates, ``(…, coordinate)``."""

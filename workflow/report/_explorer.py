@@ -15,6 +15,7 @@ from workflow.report._bokeh_figures import MARKS, explorer
 from workflow.report._html import Html, block, tag
 from workflow.report._page_data import page_data, shown_part
 from workflow.schemes import Status
+from workflow.study import MODES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -82,8 +83,8 @@ def interactive(
         Bytes that the part and its scripts may take.
     """
     scripts = library()
-    own = files("workflow.report").joinpath("explorer.js").read_text(encoding="utf-8")
-    room -= sum(len(script.encode()) for script in scripts) + len(own)
+    script = files("workflow.report").joinpath("explorer.js").read_text(encoding="utf-8")
+    room -= sum(len(one.encode()) for one in [*scripts, script])
     notable = notable_cases(dataset, choice)
     shown = shown_part(dataset, notable)
     described, packed = page_data(shown.dataset, shown.cases, methods, scene, room)
@@ -103,7 +104,7 @@ def interactive(
         block("figures", figures),
         tag("script", Html(packed), id="block", type="text/plain"),
     ]
-    return Interactive(body, [*scripts, own])
+    return Interactive(body, [*scripts, script])
 
 
 def library() -> list[str]:
@@ -119,13 +120,12 @@ def _scheme(dataset: xr.Dataset) -> str:
 
 def _chosen_modes(dataset: xr.Dataset, choice: Choice | None) -> list[str] | None:
     """Return the mode counts of the study's own choice, as the page writes them: ``auto``, else what is recommended."""
-    names = ("mechanical_modes", "thermal_modes")
-    values = [dataset[name].values.ravel() for name in names if name in dataset.coords]
+    values = [dataset[name].values.ravel() for name in MODES if name in dataset.coords]
     if len(values) == 2 and any((one == -1).any() for one in values):
         return ["auto" if (one == -1).any() else str(one[-1]) for one in values]
-    if choice is None or not all(name in choice.settings for name in names):
+    if choice is None or not all(name in choice.settings for name in MODES):
         return None
-    return [str(choice.settings[name]) for name in names]
+    return [str(choice.settings[name]) for name in MODES]
 
 
 def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: Sequence[str]) -> list[str]:

@@ -86,9 +86,9 @@ def _counted(status: NDArray[Any]) -> dict[str, int]:
     return {status_name(int(value)): int(n) for value, n in zip(values, number, strict=True)}
 
 
-def labels_of_case(dataset: xr.Dataset, cell: int) -> str:
+def labels_of_case(dataset: xr.Dataset, number: int) -> str:
     """Return the coordinates that identify a case, given by its number, as ``sel`` takes them: all digits, no units."""
-    dims, case = dataset["status"].dims, case_of(dataset, cell)
+    dims, case = dataset["status"].dims, case_of(dataset, number)
     return ", ".join(
         f"{name} = {case[name].item()}" for dim in dims for name in dataset.coords if dataset[name].dims == (dim,)
     )
@@ -118,10 +118,10 @@ def _hottest(dataset: xr.Dataset) -> Iterator[str]:
         )
 
 
-def case_of(dataset: xr.Dataset, cell: int) -> xr.Dataset:
+def case_of(dataset: xr.Dataset, number: int) -> xr.Dataset:
     """Return a case, given by its number."""
     dims = dataset["status"].dims
-    index = np.unravel_index(cell, dataset["status"].shape) if dims else ()
+    index = np.unravel_index(number, dataset["status"].shape) if dims else ()
     return dataset.isel({dim: int(i) for dim, i in zip(dims, index, strict=True)})
 
 
@@ -152,8 +152,7 @@ def summarise(archive: Path, resumed: int | None) -> Outcome:
     )
 
 
-def _labelled_messages(dataset: xr.Dataset, cells: list[int]) -> tuple[tuple[str, str], ...]:
+def _labelled_messages(dataset: xr.Dataset, numbers: list[int]) -> tuple[tuple[str, str], ...]:
     """Return labels and message of some cases."""
-    return tuple(
-        (labels_of_case(dataset, cell) or "the case", str(case_of(dataset, cell)["message"].item())) for cell in cells
-    )
+    labels = [labels_of_case(dataset, number) or "the case" for number in numbers]
+    return tuple(zip(labels, (str(case_of(dataset, number)["message"].item()) for number in numbers), strict=True))

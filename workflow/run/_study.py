@@ -16,12 +16,12 @@ from workflow.archive import (
     ArchiveError,
     file_of,
     gather,
-    holding,
     parts_of,
     provenance,
     read_command,
     remove_parts,
     require_whole,
+    run_lock,
     statuses,
     study_key,
 )
@@ -108,7 +108,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
     parts = parts_of(archive)
     if archive.exists() and not _has_work(study, archive, reuse):
         if parts.exists():  # of a run that was killed between its last two steps
-            with holding(parts):
+            with run_lock(parts):
                 remove_parts(parts)
         return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
     earlier = read_command(parts)
@@ -116,7 +116,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
     grid = arrange(study, None if same is None else stored_choices(same.texts))
     with (
         runner(resources) as run_tasks,
-        holding(parts),
+        run_lock(parts),
         compiled_ahead(kernel_variants(grid) if resources.here and resources.computing > 1 else []),
         measured_run(resources.here),
     ):

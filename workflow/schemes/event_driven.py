@@ -45,8 +45,8 @@ class Options:
     steps: int = quantity("1", "most certified steps of one case", default=5_000_000, at_least=1)
 
 
-_SEPARATING, _EACH_ALPHA = 3.5e-9, 1e-9
-"""Seconds per cubed number of states that separating poles takes where damping couples modes, and one α more."""
+_SEPARATING = 4e-9
+"""Seconds per cubed number of states that separating poles takes."""
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
@@ -72,8 +72,8 @@ def operator_name(structure: Structure) -> str:
     if not couples_free_modes(structure):
         return ""
     states = 2 * structure.mechanical_size + structure.thermal_size
-    once, more = (f"{rate * states**3:.1g} s" for rate in (2 * _SEPARATING, _EACH_ALPHA))
-    return f"poles of {states} states, as damping couples the modes: about {once} a batch and {more} each alpha"
+    seconds = f"{_SEPARATING * states**3:.1g} s"
+    return f"poles of {states} states, as damping couples the modes: about {seconds} a batch and each alpha"
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:

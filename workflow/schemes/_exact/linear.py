@@ -77,12 +77,11 @@ class Linear:
 
 
 @lru_cache(maxsize=8)
-def linear(system: ModalSystem, alpha: float, heated: bool) -> Linear:
-    """Return a regime at α, without thermal states where no heat acts."""
+def linear(system: ModalSystem, alpha: float) -> Linear:
+    """Return a regime at α."""
     A, row, B = state_space(system, alpha)
-    modes, heats = system.frequency.size, system.rate.size if heated else 0
-    n, size = system.entry.shape[0] - 1, 2 * modes + heats
-    A, B = A[:size, :size], B[:size]
+    modes, heats, n = system.frequency.size, system.rate.size, system.entry.shape[0] - 1
+    size = 2 * modes + heats
     entry, out, place = np.zeros((size, 2 * n + heats)), np.zeros((2 * n + heats, size)), np.zeros((2 * n + heats, 2))
     for k in range(2):
         mine, theirs = slice(k * modes, (k + 1) * modes), slice(k * n, (k + 1) * n)
@@ -92,7 +91,7 @@ def linear(system: ModalSystem, alpha: float, heated: bool) -> Linear:
             system.exit[-1],
         )
     entry[2 * modes :, 2 * n :] = out[2 * n :, 2 * modes :] = np.eye(heats)
-    return Linear(A, B, row[:size], signal_inputs(system), entry, out, place, _separated(A))
+    return Linear(A, B, row, signal_inputs(system), entry, out, place, _separated(A))
 
 
 def _separated(A: Array) -> Eigen | None:
