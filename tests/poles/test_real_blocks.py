@@ -85,3 +85,26 @@ def test_rigid_motions_drift_without_a_constant(drag: float) -> None:
     assert blocks.stiffness[:2].tolist() == [0.0, 0.0]
     assert missed_share(A, blocks) < 1e-15
     assert np.sum(np.abs(blocks.inward) * np.abs(blocks.outward.T), 1).max() < 2.0
+
+
+def test_a_badly_scaled_matrix() -> None:
+    """A chain of soft heat and stiff springs whose reaction at one end warms it: eleven decades of eigenvalues."""
+    n, k, m, c = 20, 2e7, 2.5e-3, 1.3
+    line = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    a = np.zeros((3 * n, 3 * n))
+    x, v, heat = slice(0, n), slice(n, 2 * n), slice(2 * n, None)
+    a[x, v], a[v, x], a[v, v] = np.eye(n), -k / m * line, -10 * np.eye(n) - 2e-7 * k / m * line
+    a[v, heat], a[heat, heat] = -k * 2e-8 / m * (np.eye(n) - np.eye(n, k=1)), -0.6 / c * line
+    a[-1, n - 1] = 0.3 * k / c
+    blocks = real_blocks(a)
+    assert missed_share(a, blocks) < 1e-14
+    assert np.abs(blocks.inward @ blocks.outward - np.eye(60)).max() < 1e-10  # velocities are 1e5 times places
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_matrices(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n := int(rng.integers(1, 15)), n))
+    blocks = real_blocks(A)
+    assert 2 * blocks.damping.size + blocks.rate.size == n
+    assert missed_share(A, blocks) < 1e-12

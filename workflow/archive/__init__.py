@@ -16,7 +16,6 @@ from workflow.archive._open import (
     provenance,
     require_whole,
     statuses,
-    stored_values,
     study_text,
 )
 from workflow.archive._parts import Command, clear_parts, file_of, parts_of, read_command, remove_parts, start_parts

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -239,8 +239,13 @@ class Grid:
         return math.prod(d.size for d in self.inner if not self.unread(d, settings.scheme))
 
     @cached_property
-    def places(self) -> Places:
-        """Outer indices that are computed, each with all the outer indices its results belong to."""
+    def computed(self) -> Indices:
+        """Outer indices that are computed, in order."""
+        return np.flatnonzero(self.sharing)
+
+    @cached_property
+    def sharing(self) -> Indices:
+        """How many outer indices have the results of each, ``(outer,)``; 0 of one that is not computed."""
         outer = np.arange(self.outer_count, dtype=np.int64)
         index = [np.array(i) for i in _unravelled(outer, self.outer_shape)]
         labels: tuple[str, ...] = (str(self.base["scheme"]),)
@@ -254,7 +259,7 @@ class Grid:
             for dimension, i in zip(self.outer, index, strict=True):
                 if self.unread(dimension, choice) and self.uncompared(dimension, choice):
                     i[scheme == k] = 0
-        return Places(np.ravel_multi_index(index, self.outer_shape) if self.outer else outer)
+        return np.bincount(np.ravel_multi_index(index, self.outer_shape) if self.outer else outer, minlength=outer.size)
 
     def alike(self, outer: Indices, matters: Callable[[str], bool]) -> Indices:
         """Return for each outer index the first one that differs only along axes that do not matter."""
@@ -266,33 +271,6 @@ class Grid:
             for d, i in zip(self.outer, index, strict=True)
         ]
         return np.asarray(np.ravel_multi_index(first, self.outer_shape), dtype=np.int64)
-
-
-class Places(Mapping[int, tuple[int, ...]]):
-    """Outer indices that are computed, in order, each with those its results belong to; kept as arrays.
-
-    Parameters
-    ----------
-    canonical
-        For each outer index the one that is computed, shape ``(outer,)``.
-    """
-
-    def __init__(self, canonical: Indices) -> None:
-        self._order = np.argsort(canonical, kind="stable")
-        self.computed, first = np.unique(canonical[self._order], return_index=True)
-        self._edges = np.append(first, canonical.size)
-
-    def __getitem__(self, outer: int) -> tuple[int, ...]:
-        k = int(np.searchsorted(self.computed, outer))
-        if k == self.computed.size or self.computed[k] != outer:
-            raise KeyError(outer)
-        return tuple(self._order[self._edges[k] : self._edges[k + 1]].tolist())
-
-    def __iter__(self) -> Iterator[int]:
-        return map(int, self.computed)
-
-    def __len__(self) -> int:
-        return int(self.computed.size)
 
 
 def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:

@@ -54,8 +54,9 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
     displacement = of_node("scene.initial.displacement", initial.displacement)
     velocity = of_node("scene.initial.velocity", initial.velocity)
     temperature = of_node("scene.initial.temperature", initial.temperature, thermal)
+    reads = schemes.load(settings.scheme.method).READS
     cases = Cases(
-        e=of_case("e", settings.e) if "e" in schemes.load(settings.scheme.method).READS else np.full(count, np.nan),
+        e=of_case("e", settings.e) if "e" in reads else np.full(count, np.nan),
         alpha=alpha_of(settings, varying, count),
         gap=gap,
         mean=mean,

@@ -154,7 +154,7 @@ def _operator_seconds(grid: Grid) -> float:
     def matters(path: str) -> bool:
         return path not in ("scheme", "h") and not path.startswith("schemes.")
 
-    structures = np.unique(grid.alike(grid.places.computed, matters))
+    structures = np.unique(grid.alike(grid.computed, matters))
     kinds, counts = np.unique(
         grid.alike(structures, lambda path: matters(path) and decides_cost(path, grid.study.scene.model)),
         return_counts=True,
@@ -163,7 +163,7 @@ def _operator_seconds(grid: Grid) -> float:
     for outer, count in zip(kinds.tolist(), counts.tolist(), strict=True):
         settings = grid.settings(outer)
         structure, alpha = reduced_structure(settings), alpha_of(settings, grid.inner_values(inner), inner.size)
-        operators = count * len(grid.places) / structures.size
+        operators = count * grid.computed.size / structures.size
         full = full_structure(settings)
         once = modes_seconds(full) + np.unique(alpha).size * growth_seconds(structure)
         seconds += operators * setup_seconds(structure) + count * once

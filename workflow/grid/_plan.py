@@ -99,7 +99,7 @@ def plan(grid: Grid) -> Plan:
 
 
 def _plan(grid: Grid) -> Plan:
-    computed, model = grid.places.computed, grid.study.scene.model
+    computed, model = grid.computed, grid.study.scene.model
     kinds, kind = np.unique(grid.alike(computed, lambda path: path in ("scheme", "h")), return_inverse=True)
     every = [grid.settings(int(outer)) for outer in kinds]
     distinct = np.array([grid.distinct_inner(settings) for settings in every])

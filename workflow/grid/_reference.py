@@ -137,7 +137,7 @@ def distinct_solutions(grid: Grid) -> Iterator[tuple[CaseSettings, bool, int]]:
     if grid.study.reference is None:
         return
     replaced = grid.study.reference.values
-    outer = np.unique(grid.alike(grid.places.computed, lambda path: path in BASIS or path not in replaced))
+    outer = np.unique(grid.alike(grid.computed, lambda path: path in BASIS or path not in replaced))
     every = dict.fromkeys(needed for k in outer for needed in needed_settings(grid, int(k)))
     references = {settings for settings, is_exact in every if not is_exact}
     for settings, is_exact in every:

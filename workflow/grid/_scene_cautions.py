@@ -54,7 +54,7 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
 
 def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
     """Yield the first settings that differ along axes whose path begins so."""
-    for outer in np.unique(grid.alike(grid.places.computed, lambda path: path.startswith(beginnings)))[:MOST_OUTER]:
+    for outer in np.unique(grid.alike(grid.computed, lambda path: path.startswith(beginnings)))[:MOST_OUTER]:
         yield grid.settings(int(outer))
 
 

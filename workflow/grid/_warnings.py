@@ -32,7 +32,7 @@ _LOOKED_AT = 5000
 
 def warnings(grid: Grid) -> tuple[str, ...]:
     """Return what to beware of, one sentence each, none twice."""
-    computed = grid.places.computed
+    computed = grid.computed
     choices = [grid.settings(int(k)).scheme for k in np.unique(grid.alike(computed, lambda path: path == "scheme"))]
     idle = (
         f"{dimension.name} changes nothing: no scheme of this study reads it, its cases are the same"

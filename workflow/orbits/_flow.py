@@ -22,7 +22,8 @@ from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.advance import Course, advance
 from workflow.schemes._exact.batch import Batch, make_operator
-from workflow.schemes._exact.linear import Linear, linear
+from workflow.schemes._exact.layout import Regime
+from workflow.schemes._exact.linear import Linear, linear, propagators
 from workflow.schemes._exact.record import RELEASE, TOUCH
 from workflow.schemes._interface import Sampling
 
@@ -75,6 +76,10 @@ class Flow:
         self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.tip
         heat = self.alpha * basis.free.heat_tip[: size - 2 * n]
         self.kick = np.concatenate([np.zeros(n), friction * basis.along - basis.tip, heat])
+
+    def regime(self, held: bool) -> Regime:
+        """Return the regime of the tip free, or held."""
+        return self.prepared.held if held else self.prepared.free
 
     @cached_property
     def free(self) -> Linear:
@@ -141,9 +146,9 @@ class Flow:
         """Return the derivative of the end of a course by its begin, ``(N, N)``."""
         ends, held = course.stretches
         spans = np.diff(ends)
-        factors = np.empty((spans.size, *self.free.A.shape))
-        for regime, which in ((self.free, ~held), (self.held, held)):
-            factors[which] = regime.propagators(spans[which])
+        factors = np.empty((spans.size, self.start.size, self.start.size))
+        for is_held in (False, True):
+            factors[held == is_held] = propagators(self.regime(is_held), spans[held == is_held])
         D = factors[0]
         for saltation, factor in zip(self._saltations(course), factors[1:], strict=True):
             D = factor @ saltation @ D

@@ -25,11 +25,21 @@ from workflow.archive import (
     statuses,
     study_key,
 )
-from workflow.grid import CASES, GATHERING, arrange, compiled_ahead, kernel_variants, measured_run, waiting_for
+from workflow.grid import (
+    CASES,
+    GATHERING,
+    arrange,
+    compiled_ahead,
+    kernel_variants,
+    measured_run,
+    task_seconds,
+    time_to_compile,
+    waiting_for,
+)
 from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import Prepared, prepare
-from workflow.run._progress import Progress, ProgressCounter, work_of
+from workflow.run._progress import Progress, ProgressCounter
 from workflow.run._reuse import Reuse, check_name, origin, stored_choices
 from workflow.run._runner import Resources, RunTasks, runner
 from workflow.run._task import Stored
@@ -166,9 +176,15 @@ def _counter(prepared: Prepared, computing: int, begun: float, progress: Progres
     begun
         When the run began, on the clock of :func:`time.perf_counter`.
     """
-    counter = ProgressCounter(
-        prepared.missing.size, work_of(prepared.job.grid, prepared.share, computing), begun, progress
-    )
+    from threadpoolctl import threadpool_limits
+
+    grid, missing, before = prepared.job.grid, dict[int, float](), 0.0
+    with threadpool_limits(limits=1, user_api="blas"):  # structures are made here as tasks make them
+        for task, seconds in task_seconds(grid):
+            missing[task.number] = seconds * prepared.share(task)
+            before += seconds - missing[task.number]
+    compiling = time_to_compile(grid, computing) if computing else 0.0
+    counter = ProgressCounter(prepared.missing.size, missing, before, computing, compiling, begun, progress)
     counter.set(*prepared.progress())
     return counter
 
