@@ -92,7 +92,7 @@ def parsed(text: str) -> Study:
 def solve_all(text: str) -> list[Solved]:
     """Return what each operator of a study gave for all of its cases."""
     grid = arrange(parsed(text))
-    return [solve(grid, outer, np.arange(grid.inner_count)) for outer in grid.places]
+    return [solve(grid, outer, np.arange(grid.inner_count)) for outer in grid.computed.tolist()]
 
 
 def written(text: str, directory: Path, name: str = "study.yaml") -> Path:

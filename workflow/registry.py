@@ -13,6 +13,7 @@ import importlib.util
 import pkgutil
 import sys
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -24,16 +25,6 @@ REGISTRIES = ("workflow.models", "workflow.reduction", "workflow.schemes")
 
 class BrokenModuleError(ImportError):
     """A module of a registry cannot be imported or lacks what it must offer."""
-
-
-def names(package: str) -> tuple[str, ...]:
-    """Return the names of all modules of a registry, of its directory and of entry points, sorted."""
-    return _names(package, tuple(sys.modules[package].__path__))
-
-
-@cache
-def _names(package: str, path: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(sorted(_own(path) | set(_entries(package))))
 
 
 @cache
@@ -81,34 +72,47 @@ def digest(package: Path, pattern: str, without: Iterable[str] = ()) -> str:
     return hashlib.sha256(repr(sources).encode()).hexdigest()
 
 
-def fault(package: str, name: str, required: Iterable[str]) -> str | None:
-    """Return why a module of a registry cannot be used, ``None`` if it can."""
-    try:
-        load(package, name, required)
-    except BrokenModuleError as error:
-        return str(error)
-    return None
+@dataclass(frozen=True)
+class Registry:
+    """The modules of a package and of entry points of its group, each with the ``required`` names."""
 
+    package: str
+    required: tuple[str, ...]
 
-def load(package: str, name: str, required: Iterable[str]) -> ModuleType:
-    """Return the module of a name; what the directory holds comes before entry points.
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all modules, sorted."""
+        return tuple(sorted(_own(self._path) | set(_entries(self.package))))
 
-    Raises
-    ------
-    KeyError
-        No module has this name.
-    BrokenModuleError
-        The module cannot be imported, or lacks one of the ``required`` names.
-    """
-    if name not in names(package):
-        raise KeyError(name)
-    path = sys.modules[package].__path__
-    place = f"{package}.{name}" if name in _own(tuple(path)) else _entries(package)[name]
-    try:
-        module = importlib.import_module(place)
-    except Exception as error:  # whatever a file from outside raises
-        raise BrokenModuleError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
-    missing = [part for part in required if not hasattr(module, part)]
-    if missing:
-        raise BrokenModuleError(f"{place} lacks {', '.join(missing)}")
-    return module
+    @property
+    def _path(self) -> tuple[str, ...]:
+        return tuple(sys.modules[self.package].__path__)
+
+    def fault(self, name: str) -> str | None:
+        """Return why the module of a name cannot be used, ``None`` if it can."""
+        try:
+            self.load(name)
+        except BrokenModuleError as error:
+            return str(error)
+        return None
+
+    def load(self, name: str) -> ModuleType:
+        """Return the module of a name; what the directory holds comes before entry points.
+
+        Raises
+        ------
+        KeyError
+            No module has this name.
+        BrokenModuleError
+            The module cannot be imported, or lacks one of the required names.
+        """
+        if name not in self.names():
+            raise KeyError(name)
+        place = f"{self.package}.{name}" if name in _own(self._path) else _entries(self.package)[name]
+        try:
+            module = importlib.import_module(place)
+        except Exception as error:  # whatever a file from outside raises
+            raise BrokenModuleError(f"{place} cannot be imported: {type(error).__name__}: {error}") from error
+        missing = [part for part in self.required if not hasattr(module, part)]
+        if missing:
+            raise BrokenModuleError(f"{place} lacks {', '.join(missing)}")
+        return module

@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 
 from quick import interrupted, quick
 from studies import cut_finely, pinned, written
-from workflow.archive import ArchiveError, _files, content_hash, holding, parts_of
+from workflow.archive import ArchiveError, _files, content_hash, parts_of, run_lock
 from workflow.archive._seal import seal
 from workflow.cli import app
 from workflow.run import run_study
@@ -166,7 +166,7 @@ def test_a_damaged_shard_is_computed_again(
 
 def test_a_second_run_exits_with_two_and_says_who_has_it(tmp_path: Path) -> None:
     text, archive = written(STUDY.text, tmp_path), tmp_path / "a.nc"
-    with holding(parts_of(archive)):
+    with run_lock(parts_of(archive)):
         status, output = workflow("run", text, "-o", archive)
     assert status == 2
     assert f"another run has it (process {os.getpid()})" in output

@@ -123,7 +123,7 @@ def test_cases_that_take_long_are_not_kept_together(unbroken: float, monkeypatch
         monkeypatch.setattr(cutting, name, value)
     text = SMALL.replace("h: [1e-4, 2e-4]", "h: [1e-8, 1e-4]").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 100]}")
     grid = arrange(parsed(text))
-    case = max(cutting.seconds_per_case(grid, outer) for outer in grid.places)
+    case = max(cutting.seconds_per_case(grid, outer) for outer in grid.computed.tolist())
     assert 16 * case > 1e-3
     for task in tasks(grid):
         assert task.seconds < 1.5 * max(1e-3, unbroken, case) + cutting.SETTING_UP
@@ -339,16 +339,12 @@ def test_places_of_very_many_operators() -> None:
     )
     grid = arrange(parsed(text))
     assert grid.outer_count == 3000
-    places = grid.places
-    assert len(places) == 2 * 1000 + 50
-    first = next(outer for outer in places if grid.settings(outer).scheme.method == "event_driven")
-    same = [grid.settings(outer) for outer in places[first][:3]]
-    assert len(places[first]) == 20
-    assert {cell.scene.parameters.stiffness for cell in same} == {4.0e6}
-    assert len({cell.h for cell in same}) == 3
-    with pytest.raises(KeyError):
-        places[places[first][1]]
-    assert sum(map(len, places.values())) == grid.outer_count
+    computed = grid.computed.tolist()
+    assert len(computed) == 2 * 1000 + 50
+    exact = [outer for outer in computed if grid.settings(outer).scheme.method == "event_driven"]
+    assert len({grid.settings(outer).scene.parameters.stiffness for outer in exact}) == len(exact) == 50
+    assert set(grid.sharing[exact]) == {20}
+    assert grid.sharing.sum() == grid.outer_count
     began = next(iter(tasks(grid)))
     assert began.batches[0].outer == 0
-    assert plan(grid).unique == len(places)
+    assert plan(grid).unique == len(computed)

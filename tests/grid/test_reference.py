@@ -125,16 +125,16 @@ reference: {scheme: event_driven}
 def test_an_axis_that_only_the_reference_reads_makes_cases_of_its_own() -> None:
     text = "study: a\n" + SCENE + "axes: {scheme: event_driven, h: [1e-3, 1e-5]}\nreference: {scheme: moreau}\n"
     grid = arrange(parsed(text))
-    assert grid.places == {0: (0,), 1: (1,)}
+    assert grid.sharing.tolist() == [1, 1]
     coarse, fine = (solve(grid, outer, np.arange(1)).values["displacement_error"][0] for outer in (0, 1))
     assert coarse > 3 * fine > 0
     replaced = arrange(parsed(text.replace("moreau}", "moreau, h: 1e-5}")))
-    assert replaced.places == {0: (0, 1)}
+    assert replaced.sharing.tolist() == [2, 0]
 
 
 def solved(text: str) -> Solved:
     grid = arrange(parsed(text))
-    (outer,) = grid.places
+    (outer,) = grid.computed.tolist()
     return solve(grid, outer, np.arange(grid.inner_count))
 
 
@@ -205,7 +205,7 @@ output: {interval: 0.1 s, histories: [], balances: false}
 def test_cases_that_lack_a_failed_reference_have_a_message() -> None:
     """With e = 0.99999 and 1 a pressed, damped tip exceeds the budget; the case itself keeps status and results."""
     grid = arrange(parsed(PRESSED))
-    first, second = (solve(grid, outer, np.arange(3)) for outer in grid.places)
+    first, second = (solve(grid, outer, np.arange(3)) for outer in grid.computed.tolist())
     assert first.values["status"].tolist() == [0, 0, 0]
     assert np.isfinite(first.values["contact_impulse"]).all()
     assert np.isnan(first.values["impulse_error"]).tolist() == [False, True, True]
@@ -226,7 +226,7 @@ def test_errors_split_into_those_of_scheme_and_model() -> None:
         "reference: {scheme: event_driven, mechanical_modes: full, thermal_modes: full}",
     ).replace("[moreau, midpoint]", "[moreau, event_driven]")
     grid = arrange(parsed(text))
-    by_outer = {outer: solve(grid, outer, np.arange(grid.inner_count)).values for outer in grid.places}
+    by_outer = {outer: solve(grid, outer, np.arange(grid.inner_count)).values for outer in grid.computed.tolist()}
     cells = {outer: grid.settings(outer) for outer in by_outer}
     exact = {c.mechanical_modes: by_outer[o] for o, c in cells.items() if c.scheme.method == "event_driven"}
     for outer, values in by_outer.items():
@@ -252,7 +252,7 @@ def test_the_whole_is_at_most_its_parts(reference: str) -> None:
     """The triangle inequality, in every case and for every quantity, whatever the reference and its keys."""
     text = REFERRED.replace("{scheme: midpoint, h: 1e-5, mechanical_modes: full, thermal_modes: full}", reference)
     grid = arrange(parsed(text))
-    for outer in grid.places:
+    for outer in grid.computed.tolist():
         values = solve(grid, outer, np.arange(grid.inner_count)).values
         for name in ("displacement", "temperature", "impulse"):
             parts = values[f"{name}_scheme_error"] + values[f"{name}_model_error"]

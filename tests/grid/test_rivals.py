@@ -60,7 +60,7 @@ def test_a_plan_tells_of_limits() -> None:
         assert f"{steps[0]:g} s" not in grows
     (contact,) = [line for line in warnings if "is unstable in contact above a step of" in line]
     assert contact.startswith("stiff")
-    for outer in grid.places:
+    for outer in grid.computed.tolist():
         solved = solve(grid, outer, np.arange(1))
         cell = grid.settings(outer)
         created = solved.values["energy_residual"][0]
@@ -80,7 +80,7 @@ def test_contact_stiffness_is_an_axis() -> None:
     assert {name for name, _ in grid.dims} >= {"stiffness", "damping"}
     assert plan(grid).unique == 4 + 1
     sunk = {}
-    for outer in grid.places:
+    for outer in grid.computed.tolist():
         cell = grid.settings(outer)
         if cell.scheme.label == "soft":
             options = cell.scheme.options

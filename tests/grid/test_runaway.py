@@ -47,7 +47,7 @@ axes: {alpha: [0.003, 0.02], scheme: event_driven}
 output: {interval: 1.0e-3}
 """
     grid = arrange(parsed(text))
-    (outer,) = grid.places
+    (outer,) = grid.computed.tolist()
     values = solve(grid, outer, np.arange(grid.inner_count)).values
     assert values["critical_alpha"][0] == pytest.approx(2e-3 / 0.3, rel=1e-12)
     assert 0 < values["growth_rate"][1] < 1e-5

@@ -52,10 +52,10 @@ def test_a_case_that_slides_away_is_not_ok(tmp_path: Path, balances: bool) -> No
     """At the limit without friction it comes 1e22 m far, with an energy balance that the casing's drive closes."""
     text = study(tmp_path, limit(0.0), "scene.friction.coefficient: [0, 0.9]", balances)
     grid = arrange(parsed(text))
-    (outer,) = grid.places
+    (outer,) = grid.computed.tolist()
     results = solve(grid, outer, np.arange(2))
     assert results.values["status"].tolist() == [Status.OK, Status.DIVERGED]
     assert "the tip moved" in results.messages[1]
     again = arrange(parsed(study(tmp_path, limit(FRICTION), "scene.friction.coefficient: [0, 0.9]", balances)))
-    (outer,) = again.places
+    (outer,) = again.computed.tolist()
     assert solve(again, outer, np.arange(2)).values["status"].tolist() == [Status.OK, Status.OK]

@@ -8,54 +8,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workflow.kernels.algebra import eigenvalues, eigenvectors, least_squares, singular
+from workflow.kernels.algebra import eigenvalues, least_squares, singular
 
 EPS = np.finfo(float).eps
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def check_eigen(matrix: np.ndarray) -> None:
-    values, right, left = eigenvectors(matrix)
-    n = matrix.shape[0]
-    upper = np.flatnonzero(values.imag > 0)
-    assert np.array_equal(values[upper + 1], values[upper].conj())
-    assert np.array_equal(right[:, upper + 1], right[:, upper].conj())
-    assert np.array_equal(left[upper + 1], left[upper].conj())
-    assert not right[:, values.imag == 0].imag.any()
-    assert 2 * upper.size + np.count_nonzero(values.imag == 0) == n
-    size = np.linalg.norm(matrix)
-    assert np.abs(matrix @ right - right * values).max() <= 20 * n * EPS * size
-    np.testing.assert_allclose(np.linalg.norm(right, axis=0), 1.0, rtol=1e-14)
-    np.testing.assert_allclose(left @ right, np.eye(n), rtol=0, atol=20 * n * EPS * np.linalg.cond(right))
-    one, other = np.sort_complex(eigenvalues(matrix)), np.sort_complex(values)
-    np.testing.assert_allclose(one, other, rtol=0, atol=n * EPS * size)
-
-
 @settings(max_examples=60, deadline=None)
 @given(SEEDS, st.integers(1, 14))
-def test_eigenvectors_of_random_matrices(seed: int, n: int) -> None:
-    check_eigen(np.random.default_rng(seed).normal(size=(n, n)))
-
-
-@pytest.mark.parametrize(
-    "matrix",
-    [np.ones((1, 1)), np.zeros((4, 4)), np.eye(5), np.array([[0.0, 1.0], [-1.0, 0.0]]), np.roll(np.eye(8), 1, axis=0)],
-)
-def test_eigenvectors_of_special_matrices(matrix: np.ndarray) -> None:
-    check_eigen(matrix)
-
-
-def test_eigenvectors_of_a_badly_scaled_matrix() -> None:
-    """A chain of soft heat and stiff springs whose reaction at one end warms it: eleven decades of eigenvalues."""
-    n, k, m, c = 20, 2e7, 2.5e-3, 1.3
-    line = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
-    a = np.zeros((3 * n, 3 * n))
-    x, v, heat = slice(0, n), slice(n, 2 * n), slice(2 * n, None)
-    a[x, v], a[v, x], a[v, v] = np.eye(n), -k / m * line, -10 * np.eye(n) - 2e-7 * k / m * line
-    a[v, heat], a[heat, heat] = -k * 2e-8 / m * (np.eye(n) - np.eye(n, k=1)), -0.6 / c * line
-    a[-1, n - 1] = 0.3 * k / c
-    _, right, left = eigenvectors(a)
-    assert np.abs(left @ right - np.eye(60)).max() < 1e-12
+def test_eigenvalues_come_in_pairs(seed: int, n: int) -> None:
+    matrix = np.random.default_rng(seed).normal(size=(n, n))
+    values, size = eigenvalues(matrix), np.linalg.norm(matrix)
+    upper = np.flatnonzero(values.imag > 0)
+    assert np.array_equal(values[upper + 1], values[upper].conj())
+    assert 2 * upper.size + np.count_nonzero(values.imag == 0) == n
+    for s in values:
+        assert np.linalg.svd(matrix - s * np.eye(n))[1][-1] <= 20 * n * EPS * size
 
 
 def chain(stiffness: np.ndarray, mass: np.ndarray) -> np.ndarray:
@@ -149,7 +117,7 @@ def test_least_squares_of_a_graded_chain_keeps_its_digits() -> None:
     np.testing.assert_allclose(least_squares(strain[:, :-1], -strain[:, -1]), give[:-1] / give[-1], rtol=1e-12)
 
 
-@pytest.mark.parametrize("function", [singular, eigenvalues, eigenvectors])
+@pytest.mark.parametrize("function", [singular, eigenvalues])
 def test_entries_that_are_not_finite_are_refused(function: object) -> None:
     with pytest.raises(np.linalg.LinAlgError, match="not finite"):
         function(np.array([[1.0, np.nan], [0.0, 1.0]]))  # type: ignore[operator]

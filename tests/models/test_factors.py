@@ -93,8 +93,8 @@ def test_least_degree_fills_what_is_expected_within_a_factor_of_two() -> None:
 
 
 def test_large_factors_are_warned_of_before_they_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("workflow.models._fill.MOST_BY_SUPERLU", 100)
-    monkeypatch.setattr("workflow.models._fill._MANY_BYTES", 1e3)
+    monkeypatch.setattr("workflow.models._factors.MOST_BY_SUPERLU", 100)
+    monkeypatch.setattr("workflow.models._factors._MANY_BYTES", 1e3)
     given = taken_from(blade(NODES))
     with pytest.warns(LargeFactorsWarning) as caught:
         structure_from_sparse(given)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
+import mpmath
 import numpy as np
 import pytest
 import scipy.linalg
@@ -55,3 +56,55 @@ def test_poles_that_coincide_are_parted_by_a_hundred_millionth_of_damping(name: 
     A = turned(name)
     assert missed_share(A, real_blocks(A)) > 1e-9
     assert missed_share(A, _in_blocks(A.copy(), A.shape[0] // 2)) < 3e-8
+
+
+def poles_of(A: Array) -> NDArray[np.complex128]:
+    """Return the poles of the blocks of a matrix, of a pair the upper one."""
+    blocks = real_blocks(A)
+    half = blocks.damping / 2
+    return np.concatenate([-half + np.sqrt(half**2 - blocks.stiffness + 0j), -blocks.rate])
+
+
+def test_a_slow_pole_beside_fast_ones_has_its_own_accuracy() -> None:
+    """Heat of a second, driven by vibrations of ten microseconds, which it drives."""
+    A = np.zeros((5, 5))
+    A[0, 2] = A[1, 3] = 1.0
+    A[2], A[3], A[4] = [-4e9, 1e9, -20.0, 1.0, 3e4], [1e9, -9e9, 1.0, -50.0, 1e4], [7e3, 5e3, 0.0, 0.0, -0.3]
+    with mpmath.workdps(40):
+        exact = np.array([complex(s) for s in mpmath.eig(mpmath.matrix(A.tolist()), left=False, right=False)])
+    poles = poles_of(A)
+    assert (np.abs(poles[:, None] - exact).min(1) / np.abs(poles)).max() < 1e-14
+
+
+@pytest.mark.parametrize("drag", [0.0, 1e-20, 1e-9, 1e-3, 30.0])
+def test_rigid_motions_drift_without_a_constant(drag: float) -> None:
+    """Two of them, dragged together with a vibration: X = [y, z, y', z']."""
+    damping = drag * np.array([[3.0, -1.0, 0.4], [-1.0, 1.5, 0.2], [0.4, 0.2, 0.5]])
+    A = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag([0.0, 0.0, 1e8]), -damping]])
+    blocks = real_blocks(A)
+    assert blocks.stiffness[:2].tolist() == [0.0, 0.0]
+    assert missed_share(A, blocks) < 1e-15
+    assert np.sum(np.abs(blocks.inward) * np.abs(blocks.outward.T), 1).max() < 2.0
+
+
+def test_a_badly_scaled_matrix() -> None:
+    """A chain of soft heat and stiff springs whose reaction at one end warms it: eleven decades of eigenvalues."""
+    n, k, m, c = 20, 2e7, 2.5e-3, 1.3
+    line = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    a = np.zeros((3 * n, 3 * n))
+    x, v, heat = slice(0, n), slice(n, 2 * n), slice(2 * n, None)
+    a[x, v], a[v, x], a[v, v] = np.eye(n), -k / m * line, -10 * np.eye(n) - 2e-7 * k / m * line
+    a[v, heat], a[heat, heat] = -k * 2e-8 / m * (np.eye(n) - np.eye(n, k=1)), -0.6 / c * line
+    a[-1, n - 1] = 0.3 * k / c
+    blocks = real_blocks(a)
+    assert missed_share(a, blocks) < 1e-14
+    assert np.abs(blocks.inward @ blocks.outward - np.eye(60)).max() < 1e-10  # velocities are 1e5 times places
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_matrices(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n := int(rng.integers(1, 15)), n))
+    blocks = real_blocks(A)
+    assert 2 * blocks.damping.size + blocks.rate.size == n
+    assert missed_share(A, blocks) < 1e-12

@@ -84,7 +84,9 @@ axes: {{scheme: [moreau, carpenter, spring, event_driven], h: 1.0e-7, mechanical
 output: {{interval: 1.0e-6}}
 """
     grid = arrange(parsed(text))
-    closing = [solve(grid, outer, np.arange(grid.inner_count)).values["thermal_closing"] for outer in grid.places]
+    closing = [
+        solve(grid, outer, np.arange(grid.inner_count)).values["thermal_closing"] for outer in grid.computed.tolist()
+    ]
     assert np.ravel(closing) == pytest.approx(np.full(4, 7.75000125e-6), rel=1e-7)
 
 

@@ -44,12 +44,12 @@ def test_answers_are_those_of_a_complex_solver() -> None:
     s = 2j * np.pi * 20.0
     dynamic = full.stiffness_matrix + s * full.damping_matrix + s**2 * full.mass
     exact = np.linalg.solve(dynamic, np.eye(N)[-1])[-1]
-    answer = displacement_answer(full, excited, excited.forces)[-2:, 0]
-    np.testing.assert_allclose(answer, [exact.real, exact.imag], rtol=1e-10)
+    answer = displacement_answer(full, excited, excited.forces)[-1, 0]
+    np.testing.assert_allclose([answer.real, answer.imag], [exact.real, exact.imag], rtol=1e-10)
     s = (0.2 + 1j) / 0.3
     exact = np.linalg.solve(full.conductance_matrix + s * full.heat_capacity, excited.heats)[-1]
-    answer = temperature_answer(full, excited, excited.heats)[:2]
-    np.testing.assert_allclose(answer, [exact.real, exact.imag], rtol=1e-10)
+    answer = temperature_answer(full, excited, excited.heats)[0]
+    np.testing.assert_allclose([answer.real, answer.imag], [exact.real, exact.imag], rtol=1e-10)
 
 
 @pytest.mark.parametrize("basis", names())

@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import dask
 import numpy as np
@@ -25,7 +24,7 @@ import pytest
 from scripts import script
 from studies import SCENE, SMALL, parsed, written
 from terminal import workflow
-from workflow.archive import content_hash, open_archive, parts_of
+from workflow.archive import Command, content_hash, open_archive, parts_of, start_parts
 from workflow.run import ClusterError, _cluster, run_study
 from workflow.run._worker import Session, join, software
 
@@ -272,28 +271,26 @@ def test_a_scheduler_that_goes_ends_the_run_with_a_message(tmp_path: Path) -> No
 
 
 def session(parts: Path) -> Session:
-    return Session(str(parts), "key", "token", software())
+    return Session(str(parts), 5, software())
 
 
 def test_a_worker_with_other_software_is_refused(tmp_path: Path) -> None:
     own = session(tmp_path)
-    own.question.write_text(own.token)
     other = replace(own, software=(("solver", "999"), *own.software[1:]))
     with pytest.raises(ClusterError, match=r"other software than this run: solver \d+ instead of 999;"):
-        join(other, SimpleNamespace(id="me"))
+        join(other)
 
 
 def test_a_worker_that_sees_other_files_is_refused(tmp_path: Path) -> None:
-    me = SimpleNamespace(id="me")
-    with pytest.raises(ClusterError, match=r"does not share .*no such file"):
-        join(session(tmp_path), me)
-    own = session(tmp_path)
-    own.question.write_text("another run's")
+    own, parts = session(tmp_path / "a.nc.parts"), tmp_path / "a.nc.parts"
     with pytest.raises(ClusterError, match="does not share"):
-        join(own, me)
-    own.question.write_text(own.token)
-    assert join(own, me) == "me"
-    assert own.answer("me").exists()
+        join(own)
+    texts = {"key": "key", "resolved": '{"study": "a"}'}
+    start_parts(parts, Command(texts, begun=4))
+    with pytest.raises(ClusterError, match="does not share"):
+        join(own)
+    start_parts(parts, Command(texts, begun=5))
+    assert join(own).begun == 5
 
 
 def test_what_listens_and_says_nothing_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,7 @@ from workflow.grid import _tasks as cutting
 from workflow.grid import _waiting_for, waiting_for
 from workflow.run import Advance, Outcome, in_words, repeating, run_study
 from workflow.run import _notebook as notebook_lines
-from workflow.run._progress import ProgressCounter, Work, time_left
+from workflow.run._progress import ProgressCounter, time_left
 from workflow.run._task import Stored
 
 
@@ -95,8 +95,7 @@ def test_an_extended_study_counts_only_what_is_new(tmp_path: Path, many_tasks: N
 
 def test_a_tally_tells_shares_and_times() -> None:
     now, reported = [10.0], []
-    work = Work({3: 6.0, 4: 2.0}, before=2.0, threads=2)
-    counter = ProgressCounter(100, work, 5.0, reported.append, lambda: now[0])
+    counter = ProgressCounter(100, {3: 6.0, 4: 2.0}, 2.0, 2, 0.0, 5.0, reported.append, lambda: now[0])
     counter.set(20, {})
     now[0] = 14.0
     counter.add(Stored(3, 60, {"diverged": 2}))

@@ -79,10 +79,10 @@ def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:
 
 
 def test_a_second_run_is_refused_while_the_first_runs(tmp_path: Path) -> None:
-    from workflow.archive import holding
+    from workflow.archive import run_lock
 
     archive = tmp_path / "a.nc"
-    with holding(parts_of(archive)), pytest.raises(ArchiveError, match="another run has it"):
+    with run_lock(parts_of(archive)), pytest.raises(ArchiveError, match="another run has it"):
         run_study(parsed(SINGLE), archive)
     assert run_study(parsed(SINGLE), archive).ok
 

@@ -16,19 +16,18 @@ import workflow.run._task as running
 import workflow.run._worker as working
 
 
-def _noted(*args: Any) -> Any:
-    batch = args[1]
-    where = f"{batch.outer} {batch.inner[0]}"
+def _noted(grid: Any, outer: int, inner: Any, **known: Any) -> Any:
+    where = f"{outer} {inner[0]}"
     with open(os.environ["WATCHED_NOTES"], "a") as notes:
         notes.write(f"{os.getpid()} {where}\n")
     if where == os.environ.get("WATCHED_DEADLY"):
         os.kill(os.getpid(), signal.SIGKILL)
     time.sleep(float(os.environ.get("WATCHED_SLEEP", "0")))
-    return compute_batch(*args)
+    return solve(grid, outer, inner, **known)
 
 
-if running.compute_batch.__module__ == "workflow.run._task":  # dask may load a preload twice
-    compute_batch = running.compute_batch
-    running.compute_batch = _noted
+if running.solve.__module__ == "workflow.grid._solve":  # dask may load a preload twice
+    solve = running.solve
+    running.solve = _noted
 if "WATCHED_SOLVER" in os.environ:
     working.SOLVER_VERSION = os.environ["WATCHED_SOLVER"]

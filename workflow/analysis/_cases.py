@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -65,7 +65,7 @@ def coordinate_units(dataset: xr.Dataset) -> dict[str, str]:
 
 
 def is_auto(coordinate: xr.DataArray, value: object) -> bool:
-    """Tell whether a count of modes is that of which a tolerance decides."""
+    """Tell whether a count of modes is `auto`, left to the tolerance."""
     return str(coordinate.name) in MODES and value == CHOSEN
 
 
@@ -121,6 +121,12 @@ def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool =
     return [", ".join(parts) for parts in zip(*columns, strict=True)]
 
 
+def place_text(dataset: xr.Dataset, place: Mapping[str, int]) -> str:
+    """Return where places along some dimensions lie, ``h 1e-06 s; e 0.5``; a dimension of one value says nothing."""
+    varied = {dim: k for dim, k in place.items() if dataset.sizes[dim] > 1}
+    return "; ".join(labels_of(dataset, dim, rounded=True)[k] for dim, k in varied.items())
+
+
 def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
     unit = readable(str(coordinate.attrs.get("units", "1")))
     before = f"{coordinate.name} ".replace("_", " ") if named else ""
@@ -140,7 +146,7 @@ _BLOCK = 4096
 
 @dataclass(frozen=True)
 class Failures:
-    """Cases that are not ok, or have something to say, and say the same: how many, and the labels of the first."""
+    """Cases with one status and one message: their number, and the labels of the first."""
 
     status: str
     message: str

@@ -65,11 +65,11 @@ def period_frequency(case: xr.Dataset, scene: Mapping[str, Any]) -> float:
         Not a number where the scene makes no sense.
     """
     try:
-        own = _of_case(case, scene)
-        load, casing = own.get("load", {}), own.get("casing", {})
+        scene = _of_case(case, scene)
+        load, casing = scene.get("load", {}), scene.get("casing", {})
         harmonics = [*load.get("harmonics", []), *casing.get("harmonics", [])]
         if harmonics and float(load.get("amplitude", 0.0)) == 0.0:
-            return _frequency(harmonics[0], float(own.get("speed", 0.0)))
+            return _frequency(harmonics[0], float(scene.get("speed", 0.0)))
         return float(load["frequency"])
     except (ValueError, TypeError, KeyError, IndexError, AttributeError):
         return float("nan")
@@ -92,17 +92,17 @@ def _entries(case: xr.Dataset) -> list[tuple[float, float, float]]:
 
 def _of_case(case: xr.Dataset, scene: Mapping[str, Any]) -> dict[str, Any]:
     """Return a scene with the values that a case has along the axes, as far as the scene names them."""
-    own = copy.deepcopy(dict(scene))
+    varied = copy.deepcopy(dict(scene))
     for coordinate in case.coords.values():
         path = str(coordinate.attrs.get("study_path", ""))
         if not path.startswith(_PATHS):
             continue
         _, *groups, name = path.split(".")
-        group: Any = own
+        group: Any = varied
         for key in groups:
             group = group[int(key)] if isinstance(group, list) else group.get(key, {})
         group[name] = float(coordinate)
-    return own
+    return varied
 
 
 def _frequency(entry: Mapping[str, Any], speed: float) -> float:

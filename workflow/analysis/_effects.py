@@ -24,16 +24,10 @@ def effect(dataset: xr.Dataset, variable: str, dim: str) -> float:
     The largest of (max - min) over the other dimensions, as a share of the metric's largest
     magnitude; NaN where no two ok cases can be compared.
     """
-    values = np.asarray(dataset[variable].where(dataset["status"] == Status.OK).values, dtype=float)
-    axis = dataset[variable].dims.index(dim)
-    values = np.moveaxis(np.where(np.isfinite(values), values, np.nan), axis, 0)
-    comparable = np.isfinite(values).sum(axis=0) > 1
-    if not comparable.any():
-        return float("nan")
-    compared = values[:, comparable]
-    scale = float(np.nanmax(np.abs(values)))
-    spread = float(np.max(np.nanmax(compared, axis=0) - np.nanmin(compared, axis=0)))
-    return spread / scale if scale > 0 else 0.0
+    values = dataset[variable].where((dataset["status"] == Status.OK) & np.isfinite(dataset[variable]))
+    change = (values.max(dim) - values.min(dim)).where(values.count(dim) > 1).max()
+    largest = float(abs(values).max())
+    return float(change) / (largest or 1.0)
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ class NothingSteadyError(ValueError):
 
 @dataclass(frozen=True)
 class Limit:
-    """The largest range of an axis in which all other cases are within, in SI; ``None`` where there is none.
+    """The largest range of an axis in which every case keeps within the bounds, in SI; ``None`` where no value does.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
 
 
 def _faults(dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return why a case or point is not within, empty where it is, and whether it was asked for, ``(…[, point])``."""
+    """Return the fault of each case or point, empty for none, and whether it was asked for, ``(…[, point])``."""
     state = labels(dataset["steady_state"]).values
     faults = np.where(np.isin(state, _WITHIN), "", state).astype(object)
     for name, most in bounds.items():
@@ -150,7 +150,7 @@ def _faults(dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> tuple[ND
 
 
 def _along_dimension(dataset: xr.Dataset, dim: str, faults: NDArray[Any]) -> Limit:
-    """Return the limit of a dimension, at each value of which all other cases must be within."""
+    """Return the range of a dimension at each value of which all cases are without fault."""
     values, dims = np.asarray(dataset[dim].values, dtype=float), case_dims(dataset)
     order = np.argsort(_MILD.get(dim, 1) * values)
     rows = np.moveaxis(faults, dims.index(dim), 0)[order]
@@ -214,7 +214,7 @@ def _cause(faults: NDArray[Any], flags: NDArray[Any], k: int, before: int) -> st
 
 
 def _range(name: str, values: NDArray[np.float64], words: Sequence[str]) -> tuple[Limit, int | None]:
-    """Return the longest run of places without a word, from the first place of a mild axis, and the place beyond it."""
+    """Return the longest range of values without fault, of a mild axis from its first, and the index beyond it."""
     edges = np.flatnonzero(np.diff(np.concatenate([[1], [word != "" for word in words], [1]])))
     runs = [(int(first), int(stop) - 1) for first, stop in edges.reshape(-1, 2) if first == 0 or name not in _MILD]
     if not runs:

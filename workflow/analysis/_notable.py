@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from workflow.analysis._cases import case_dims, finest, mode_counts
 from workflow.analysis._recommend import Choice, is_numerical, numerical_dims
 from workflow.schemes import Status
+from workflow.study import MODES
 from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
@@ -150,7 +151,7 @@ def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[n
 def _most_modes(dataset: xr.Dataset, exact: NDArray[np.bool_]) -> int:
     """Return the exact scheme's place along its dimension, that with the most modes where they lie along it too."""
     modes = np.zeros(exact.size)
-    for name in ("mechanical_modes", "thermal_modes"):
+    for name in MODES:
         if name in dataset.coords and dataset[name].dims == dataset["scheme"].dims:
             modes += mode_counts(dataset, name)
     return int(np.argmax(np.where(exact, modes, -np.inf)))

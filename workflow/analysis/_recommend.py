@@ -40,7 +40,7 @@ class NoReferenceError(ValueError):
 
 @dataclass(frozen=True)
 class Worst:
-    """The case of a choice with the largest error, or one that has none.
+    """The worst case of a choice: one without an error, else the one with the largest.
 
     Attributes
     ----------
@@ -249,7 +249,7 @@ def numerical_dims(dataset: xr.Dataset) -> tuple[str, ...]:
 
 
 class Table:
-    """Choices against cases of the scene: each array ``(choice, case)``."""
+    """Errors and statuses of each choice in each case of the scene, ``(choice, case)``, and costs ``(choice,)``."""
 
     def __init__(self, dataset: xr.Dataset) -> None:
         self.dataset = dataset

@@ -114,7 +114,7 @@ def cautions(dataset: xr.Dataset) -> tuple[str, ...]:
 
 
 def _by_own_basis(dataset: xr.Dataset) -> bool:
-    """Tell whether several counts of modes are compared of which none has an error of its own."""
+    """Tell whether counts of modes vary and no case has a model error: each is its own reference's model."""
     varies = any(name in dataset.coords and np.unique(dataset[name].values).size > 1 for name in MODES)
     parts = [dataset[f"{name}_model_error"] for name in COMPARED if f"{name}_model_error" in dataset]
     return varies and len(parts) == len(COMPARED) and not any(bool((part.fillna(0) != 0).any()) for part in parts)

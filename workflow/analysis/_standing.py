@@ -9,14 +9,13 @@ import numpy as np
 
 from workflow.analysis._cases import case_dims, finest, labels_of
 from workflow.schemes import Status
+from workflow.study import MODES
 
 if TYPE_CHECKING:
     import xarray as xr
 
 ACCURATE, ROUGH = 0.01, 0.1
 """Largest relative error of the impulse of cases that are called accurate, and rough; beyond: wrong."""
-
-_MODES = ("mechanical_modes", "thermal_modes")
 
 GAINS = 0.01
 """Energy from nowhere, as a share of the largest energy, above which a scheme is said to gain energy."""
@@ -114,7 +113,7 @@ def _own_error(chosen: xr.Dataset) -> float:
     parts = _of_ok(chosen, chosen.get("impulse_scheme_error"))
     if not parts and "impulse_error" in chosen:
         place = finest(chosen)
-        at = {dim: place[dim] for dim in place if any(chosen[n].dims == (dim,) for n in _MODES if n in chosen.coords)}
+        at = {dim: place[dim] for dim in place if any(chosen[n].dims == (dim,) for n in MODES if n in chosen.coords)}
         full = chosen.isel(at)
         parts = _of_ok(full, full["impulse_error"])
     return max(parts, default=float("nan"))
@@ -141,7 +140,7 @@ def _verdict(counts: dict[str, int], error: float, gains: bool) -> str:
 
 
 @dataclass(frozen=True)
-class Range:
+class StepRange:
     """Up to which step one scheme is stable and accurate in a study.
 
     Attributes
@@ -173,7 +172,7 @@ class Range:
     verdicts: tuple[str, ...]
 
 
-def ranges(dataset: xr.Dataset) -> list[Range]:
+def ranges(dataset: xr.Dataset) -> list[StepRange]:
     """Return, for every scheme of a study, up to which step it is stable and accurate."""
     by_scheme: dict[str, list[Standing]] = {}
     for standing in standings(dataset):
@@ -181,13 +180,13 @@ def ranges(dataset: xr.Dataset) -> list[Range]:
     return [_range(scheme, sorted(rows, key=lambda row: row.h)) for scheme, rows in by_scheme.items()]
 
 
-def _range(scheme: str, rows: list[Standing]) -> Range:
+def _range(scheme: str, rows: list[Standing]) -> StepRange:
     stable = _up_to(rows, [row.ok for row in rows])
     measured = [row for row in rows if not np.isnan(row.error)]
     accurate = _up_to(rows, [row.ok and row.error <= ACCURATE for row in rows]) if measured else ""
     residuals = [row.residual for row in rows if not np.isnan(row.residual)]
     depths = [row.penetration for row in rows if not np.isnan(row.penetration)]
-    return Range(
+    return StepRange(
         scheme,
         sum(sum(row.counts.values()) for row in rows),
         sum(row.counts.get("ok", 0) for row in rows),

@@ -14,7 +14,7 @@ import numpy as np
 LEFT_OUT = frozenset({"processor_time", "batch_width"})
 """Variables that differ between two runs of one study: how long a case took, and with how many others it ran."""
 
-BLOCK = 16 * 2**20
+BLOCK = 4 * 2**20
 """Bytes of a variable that are decoded at once, or one chunk along the cases where that is larger."""
 
 

@@ -103,12 +103,12 @@ def _create_messages(file: Any, status: xr.Variable, messages: Mapping[int, byte
     target = _create_text(file, MESSAGE, status, length, about)
     if not messages:
         return
-    cells = np.sort(np.fromiter(messages, np.int64))
+    cases = np.sort(np.fromiter(messages, np.int64))
     index = np.arange(status.size).reshape(status.shape)
     for box in boxes(status.shape, status.encoding.get("chunksizes", ())):
         here = np.asarray(index[box])
-        if np.isin(cells, here).any():
-            texts = [messages.get(cell, b"") for cell in here.ravel().tolist()]
+        if np.isin(cases, here).any():
+            texts = [messages.get(case, b"") for case in here.ravel().tolist()]
             target[(*box, slice(None))] = _characters(texts, here.shape, length)
 
 

@@ -143,11 +143,11 @@ def _chunks(
 
 
 def _by_source(
-    cells: NDArray[np.int64], source: NDArray[np.int64], row: NDArray[np.int64]
+    cases: NDArray[np.int64], source: NDArray[np.int64], row: NDArray[np.int64]
 ) -> list[tuple[int, Index, Index]]:
-    """Return by the sources that hold some cells which of the cells they are, and in which rows."""
-    places = [(int(k), np.flatnonzero(source[cells] == k)) for k in np.unique(source[cells]) if k >= 0]
-    return [(number, _as_slice(where), _as_slice(row[cells[where]])) for number, where in places]
+    """Return by the sources that hold some cases which of the cases they are, and in which rows."""
+    places = [(int(k), np.flatnonzero(source[cases] == k)) for k in np.unique(source[cases]) if k >= 0]
+    return [(number, _as_slice(where), _as_slice(row[cases[where]])) for number, where in places]
 
 
 def _as_slice(index: NDArray[np.int64]) -> Index:
@@ -171,9 +171,9 @@ def _messages(stored: Stored, source: NDArray[np.int64], row: NDArray[np.int64])
     for number in np.unique(source[source >= 0]).tolist():
         texts = stored.sources[number].read(MESSAGE)
         if texts.dtype.itemsize > 1 or texts.any():
-            cells = np.flatnonzero(source == number)
+            cases = np.flatnonzero(source == number)
             messages |= {
-                cell: text for cell, text in zip(cells.tolist(), texts[row[cells]].tolist(), strict=True) if text
+                case: text for case, text in zip(cases.tolist(), texts[row[cases]].tolist(), strict=True) if text
             }
     return messages
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import atexit
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -99,12 +99,7 @@ def study_text(path: str | Path) -> tuple[str, str]:
 
 
 def statuses(path: str | Path) -> NDArray[np.int8]:
-    """Return the status of every case of a finished archive, see :func:`stored_values`."""
-    return stored_values(path, (STATUS,))[1][STATUS]
-
-
-def stored_values(path: str | Path, names: Sequence[str]) -> tuple[dict[str, str], dict[str, NDArray[Any]]]:
-    """Return the attributes of a finished archive and those of some variables that it has, without loading xarray.
+    """Return the status of every case of a finished archive.
 
     Raises
     ------
@@ -112,8 +107,7 @@ def stored_values(path: str | Path, names: Sequence[str]) -> tuple[dict[str, str
         There is no such file, or it is not an archive of this workflow.
     """
     with _read(usable(path)) as file:
-        attributes = {name: _as_text(value) for name, value in file.attrs.items()}
-        return attributes, {name: np.asarray(file[name][...]) for name in names if name in file}
+        return np.asarray(file[STATUS][...])
 
 
 def content_hash(path: str | Path) -> str:

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from workflow.archive._files import ArchiveError, commit, reason, require_directory, sync, usable, writing
-from workflow.archive._hold import HOLDER
+from workflow.archive._run_lock import HOLDER
 from workflow.archive._shard import SUFFIX
 
 COMMAND = "command.json"

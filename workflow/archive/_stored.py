@@ -76,7 +76,7 @@ class Stored:
         ]
         self._row = np.concatenate([np.empty(0, np.int64), *rows])
         self._source = np.repeat(np.arange(len(rows)), [row.size for row in rows])
-        every = [each.hashes[row] for each, row in zip(self.sources, rows, strict=True)]
+        every = (each.hashes if k >= ok_alone else each.hashes[rows[k]] for k, each in enumerate(self.sources))
         self.hashes: Hashes = np.concatenate([np.empty((0, 16), np.uint8), *every])
         order = np.argsort(_keys(self.hashes), kind="stable")
         self._row, self._source, self.hashes = self._row[order], self._source[order], self.hashes[order]
@@ -126,8 +126,8 @@ def archive_sources(path: Path) -> list[Source]:
     index = np.arange(status.size).reshape(status.shape)
     sources = []
     for box in boxes(status.shape, lengths):
-        cells = index[box].ravel()
-        sources.append(Source(hashes[cells], status.ravel()[cells], partial(_read, path, box), kinds))
+        cases = index[box].ravel()
+        sources.append(Source(hashes[cases], status.ravel()[cases], partial(_read, path, box), kinds))
     return sources
 
 

@@ -16,7 +16,7 @@ _Bound = Annotated[
     typer.Option(metavar="QUANTITY", help="Bound of steady rubs, in SI or with its unit: 40K, 0.1mm, '0.1 N*s'."),
 ]
 
-_SHOWN = 12
+_NAMED = 12
 """Limits of single branches or combinations of axes that are named."""
 
 
@@ -49,9 +49,9 @@ def limits(
                 raise typer.Exit(WRONG) from None
             lines = [limit_sentence(limit, dataset, bounds) for limit in found.limits]
             if len(found.each) > 1:
-                lines += [limit_sentence(limit, dataset, bounds, of_one=True) for limit in found.each[:_SHOWN]]
-            if len(found.each) > _SHOWN:
-                lines.append(f"… and {len(found.each) - _SHOWN} more, which --json lists")
+                lines += [limit_sentence(limit, dataset, bounds, of_one=True) for limit in found.each[:_NAMED]]
+            if len(found.each) > _NAMED:
+                lines.append(f"… and {len(found.each) - _NAMED} more, which --json lists")
         if as_json:
             answer = dataclasses.asdict(found)
             for limit in (*answer["limits"], *answer["each"]):

@@ -1,10 +1,10 @@
 """From a study to batches of cases that share their operators, and to the tasks dask runs."""
 
 from workflow.grid._ahead import kernel_variants
-from workflow.grid._arrangement import Grid, arrange, fixes_operator, reads
+from workflow.grid._arrangement import Grid, arrange, reads
 from workflow.grid._choice import ChosenModes, Decided, choices_text, read_choices
 from workflow.grid._compile import compiled_ahead
-from workflow.grid._conditions import FRICTION, alpha_of
+from workflow.grid._conditions import FRICTION
 from workflow.grid._encoding import CHUNK_BYTES, COMPRESSED, LEVEL, encode
 from workflow.grid._estimate import Time, estimate, measured_run, model_seconds, task_seconds, time_to_compile
 from workflow.grid._figures import Figures
@@ -22,73 +22,9 @@ from workflow.grid._reference_solutions import (
     compute_block,
     solutions_of,
 )
-from workflow.grid._solve import Solved, metrics_of, periods_of, solve
+from workflow.grid._solve import Solved, metrics_of, solve
 from workflow.grid._speed import timed
-from workflow.grid._steady import steady_of
-from workflow.grid._tasks import Batch, Task, bytes_per_case, seconds_per_case, tasks
+from workflow.grid._tasks import Batch, Task, seconds_per_case, tasks
 from workflow.grid._template import HARMONIC, WARNINGS, template
 from workflow.grid._waiting_for import CASES, COMPILING, GATHERING, waited_for, waiting_for
 from workflow.grid._warnings import warning_lines
-
-__all__ = [
-    "CASES",
-    "CHUNK_BYTES",
-    "COMPILING",
-    "COMPRESSED",
-    "FRICTION",
-    "GATHERING",
-    "HARMONIC",
-    "LEVEL",
-    "WARNINGS",
-    "Batch",
-    "Block",
-    "CaseHashes",
-    "ChosenModes",
-    "Decided",
-    "Figures",
-    "Grid",
-    "Perturbation",
-    "Plan",
-    "ReferenceSolution",
-    "References",
-    "Solutions",
-    "Solved",
-    "Task",
-    "Time",
-    "alpha_of",
-    "arrange",
-    "bytes_per_case",
-    "case_hashes",
-    "choices_text",
-    "compiled_ahead",
-    "compute_block",
-    "encode",
-    "estimate",
-    "exact_motion",
-    "fixes_operator",
-    "kernel_variants",
-    "longest_period_count",
-    "measured_run",
-    "metrics_of",
-    "model_seconds",
-    "periods_of",
-    "plan",
-    "plan_study",
-    "read_choices",
-    "reads",
-    "reduced_structure",
-    "seconds_per_case",
-    "solution_counts",
-    "solutions_of",
-    "solve",
-    "steady_of",
-    "structure_of",
-    "task_seconds",
-    "tasks",
-    "template",
-    "time_to_compile",
-    "timed",
-    "waited_for",
-    "waiting_for",
-    "warning_lines",
-]

@@ -9,7 +9,7 @@ from functools import partial
 from workflow.grid._arrangement import Grid
 from workflow.grid._compile import KernelVariant
 from workflow.grid._operators import kernel_variant
-from workflow.grid._reference_solutions import exact_cell, reference_cell
+from workflow.grid._reference_solutions import exact_settings, reference_settings
 from workflow.study import CaseSettings
 
 
@@ -18,16 +18,16 @@ def kernel_variants(grid: Grid) -> list[KernelVariant]:
 
     A case that cannot even be set up needs nothing: it will say so itself.
     """
-    cells: list[tuple[Callable[[], CaseSettings], bool]] = []
+    every: list[tuple[Callable[[], CaseSettings], bool]] = []
     labels = [value for dim in grid.outer for axis in dim.axes if axis.path == "scheme" for value in axis.values]
     for label in labels or [grid.base["scheme"]]:
-        cells.append((partial(grid.settings, 0, {"scheme": label}), grid.sampling.balances))
+        every.append((partial(grid.settings, 0, {"scheme": label}), grid.sampling.balances))
     if grid.study.reference is not None:
-        cells += [(partial(reference_cell, grid, 0), False), (partial(exact_cell, grid, 0), False)]
+        every += [(partial(reference_settings, grid, 0), False), (partial(exact_settings, grid, 0), False)]
     variants: dict[object, KernelVariant] = {}
-    for cell, balances in cells:
+    for settings, balances in every:
         with suppress(Exception):
-            variant = kernel_variant(cell(), balances)
+            variant = kernel_variant(settings(), balances)
             if variant is not None:
                 variants.setdefault(variant.words, variant)
     return list(variants.values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -138,8 +138,8 @@ class Grid:
             return None
         first = int(self.alike(np.array([outer]), _decides)[0])
         if first not in self.decided.cases:
-            cell = self.study.cell(self._values(first))
-            setting = Setting(cell, self._conditions, replace(self.sampling, balances=False), self.shortest)
+            settings = self.study.cell(self._values(first))
+            setting = Setting(settings, self._conditions, replace(self.sampling, balances=False), self.shortest)
             return choose(setting, float(values["tolerance"]))
         return self.decided.cases[first]
 
@@ -159,10 +159,10 @@ class Grid:
         replaced = reference.values
         first = int(self.alike(np.array([outer]), self._decides_reference)[0])
         if first not in self.decided.references:
-            cell = self.study.cell({**self._values(first), **replaced})
+            settings = self.study.cell({**self._values(first), **replaced})
             remaining = [replace(d, axes=tuple(a for a in d.axes if a.path not in replaced)) for d in self.inner]
             inner = tuple(dimension for dimension in remaining if dimension.axes)
-            setting = Setting(cell, inner, replace(self.sampling, balances=False), self.shortest)
+            setting = Setting(settings, inner, replace(self.sampling, balances=False), self.shortest)
             return refine(setting, float(replaced[TOLERANCE]))
         return self.decided.references[first]
 
@@ -224,21 +224,28 @@ class Grid:
             for method in (truth.method, EXACT)
         )
 
-    def canonical_inner(self, cell: CaseSettings, inner: Indices) -> Indices:
+    def canonical_inner(self, settings: CaseSettings, inner: Indices) -> Indices:
         """Return for each inner index the first one with the same results."""
         if not self.inner:
             return inner
         index = np.unravel_index(inner, self.inner_shape)
-        first = [np.zeros_like(i) if self.unread(d, cell.scheme) else i for d, i in zip(self.inner, index, strict=True)]
+        first = [
+            np.zeros_like(i) if self.unread(d, settings.scheme) else i for d, i in zip(self.inner, index, strict=True)
+        ]
         return np.asarray(np.ravel_multi_index(first, self.inner_shape), dtype=np.int64)
 
-    def distinct_inner(self, cell: CaseSettings) -> int:
+    def distinct_inner(self, settings: CaseSettings) -> int:
         """Return how many inner indices have results of their own."""
-        return math.prod(d.size for d in self.inner if not self.unread(d, cell.scheme))
+        return math.prod(d.size for d in self.inner if not self.unread(d, settings.scheme))
 
     @cached_property
-    def places(self) -> Places:
-        """Outer indices that are computed, each with all the outer indices its results belong to."""
+    def computed(self) -> Indices:
+        """Outer indices that are computed, in order."""
+        return np.flatnonzero(self.sharing)
+
+    @cached_property
+    def sharing(self) -> Indices:
+        """How many outer indices have the results of each, ``(outer,)``; 0 of one that is not computed."""
         outer = np.arange(self.outer_count, dtype=np.int64)
         index = [np.array(i) for i in _unravelled(outer, self.outer_shape)]
         labels: tuple[str, ...] = (str(self.base["scheme"]),)
@@ -252,7 +259,7 @@ class Grid:
             for dimension, i in zip(self.outer, index, strict=True):
                 if self.unread(dimension, choice) and self.uncompared(dimension, choice):
                     i[scheme == k] = 0
-        return Places(np.ravel_multi_index(index, self.outer_shape) if self.outer else outer)
+        return np.bincount(np.ravel_multi_index(index, self.outer_shape) if self.outer else outer, minlength=outer.size)
 
     def alike(self, outer: Indices, matters: Callable[[str], bool]) -> Indices:
         """Return for each outer index the first one that differs only along axes that do not matter."""
@@ -264,33 +271,6 @@ class Grid:
             for d, i in zip(self.outer, index, strict=True)
         ]
         return np.asarray(np.ravel_multi_index(first, self.outer_shape), dtype=np.int64)
-
-
-class Places(Mapping[int, tuple[int, ...]]):
-    """Outer indices that are computed, in order, each with those its results belong to; kept as arrays.
-
-    Parameters
-    ----------
-    canonical
-        For each outer index the one that is computed, shape ``(outer,)``.
-    """
-
-    def __init__(self, canonical: Indices) -> None:
-        self._order = np.argsort(canonical, kind="stable")
-        self.computed, first = np.unique(canonical[self._order], return_index=True)
-        self._edges = np.append(first, canonical.size)
-
-    def __getitem__(self, outer: int) -> tuple[int, ...]:
-        k = int(np.searchsorted(self.computed, outer))
-        if k == self.computed.size or self.computed[k] != outer:
-            raise KeyError(outer)
-        return tuple(self._order[self._edges[k] : self._edges[k + 1]].tolist())
-
-    def __iter__(self) -> Iterator[int]:
-        return map(int, self.computed)
-
-    def __len__(self) -> int:
-        return int(self.computed.size)
 
 
 def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:

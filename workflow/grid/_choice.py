@@ -76,7 +76,7 @@ class Setting:
     nothing, and the counts of modes are those that are requested.
     """
 
-    cell: CaseSettings
+    settings: CaseSettings
     inner: tuple[Dimension, ...]
     sampling: Sampling
     shortest: float
@@ -84,11 +84,11 @@ class Setting:
     @property
     def requested(self) -> Counts:
         """Counts that are given, :data:`CHOSEN` where the tolerance decides."""
-        return self.cell.mechanical_modes, self.cell.thermal_modes
+        return self.settings.mechanical_modes, self.settings.thermal_modes
 
     def with_counts(self, counts: Counts) -> Setting:
         """Return the setting with other counts of modes."""
-        return replace(self, cell=replace(self.cell, mechanical_modes=counts[0], thermal_modes=counts[1]))
+        return replace(self, settings=replace(self.settings, mechanical_modes=counts[0], thermal_modes=counts[1]))
 
 
 @lru_cache(maxsize=4096)
@@ -111,7 +111,7 @@ def refine(setting: Setting, tolerance: float) -> ChosenModes:
 
 
 def _structure(setting: Setting) -> Structure:
-    return structure_of(setting.cell.scene.model, setting.cell.scene.parameters)
+    return structure_of(setting.settings.scene.model, setting.settings.scene.parameters)
 
 
 @lru_cache(maxsize=8)
@@ -123,13 +123,15 @@ def _full_trials(setting: Setting) -> tuple[list[Corner], FullTrials]:
 
 def _problem(setting: Setting, counts: Counts) -> tuple[list[Corner], Problem]:
     """Return the corners of a setting, as they are ranked with so many vectors, and their cases."""
-    cell = setting.cell
-    corners = corners_of(setting.inner, model_on(reduced(setting.with_counts(counts).cell)).structure)
+    settings = setting.settings
+    corners = corners_of(setting.inner, model_on(reduced(setting.with_counts(counts).settings)).structure)
     values = np.array([[value for _, value in corner] for corner in corners])
     varying = {path: values[:, k] for k, (path, _) in enumerate(corners[0])}
-    cases = conditions(cell, _structure(setting), varying, len(corners))
-    is_static = cell.scene.initial == "static"
-    return corners, Problem(_structure(setting), cases, is_static, cell.reduction, setting.sampling, setting.shortest)
+    cases = conditions(settings, _structure(setting), varying, len(corners))
+    is_static = settings.scene.initial == "static"
+    return corners, Problem(
+        _structure(setting), cases, is_static, settings.reduction, setting.sampling, setting.shortest
+    )
 
 
 def _choice(least: LeastVectors, corners: list[Corner]) -> ChosenModes:

@@ -8,7 +8,7 @@ from workflow.grid._arrangement import TOLERANCE, Grid
 from workflow.grid._choice import ChosenModes
 from workflow.grid._corners import corner_text
 from workflow.grid._figures import size_text
-from workflow.grid._reference_solutions import reference_cell
+from workflow.grid._reference_solutions import reference_settings
 from workflow.study import CaseSettings
 
 _SHOWN = 8
@@ -48,12 +48,12 @@ def _all(grid: Grid) -> Iterator[tuple[str, float, ChosenModes]]:
     for outer, choice in grid.choices.references.items():
         assert grid.study.reference is not None
         tolerance = float(grid.study.reference.values[TOLERANCE])
-        yield f"reference, {_for(reference_cell(grid, outer), tolerance)}", tolerance, choice
+        yield f"reference, {_for(reference_settings(grid, outer), tolerance)}", tolerance, choice
 
 
-def _for(cell: CaseSettings, tolerance: float) -> str:
+def _for(settings: CaseSettings, tolerance: float) -> str:
     """Return for which tolerance, basis and structure a choice is."""
-    return f"tolerance {tolerance:g}, {cell.reduction}, {size_text(cell)}"
+    return f"tolerance {tolerance:g}, {settings.reduction}, {size_text(settings)}"
 
 
 def _counts(choice: ChosenModes) -> str:

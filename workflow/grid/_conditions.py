@@ -17,14 +17,14 @@ FRICTION = "scene.friction."
 """How the axes begin that make α."""
 
 
-def conditions(cell: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
+def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
     """Return the cases of a batch on the full structure; ``initial: static`` is left to ``at_rest``.
 
     A scheme that does not say that it reads e is given NaN: cases that differ in e alone are computed once.
 
     Parameters
     ----------
-    cell
+    settings
         Settings that all cases of the batch share.
     structure
         The full structure; loads and initial states are given per node, or in the coordinates it was given in.
@@ -33,7 +33,7 @@ def conditions(cell: CaseSettings, structure: Structure, varying: Mapping[str, A
     count
         Number of cases.
     """
-    scene = cell.scene
+    scene = settings.scene
 
     def of_case(path: str, value: float) -> Array:
         return spread(varying, path, value, count)
@@ -54,9 +54,10 @@ def conditions(cell: CaseSettings, structure: Structure, varying: Mapping[str, A
     displacement = of_node("scene.initial.displacement", initial.displacement)
     velocity = of_node("scene.initial.velocity", initial.velocity)
     temperature = of_node("scene.initial.temperature", initial.temperature, thermal)
+    reads = schemes.load(settings.scheme.method).READS
     cases = Cases(
-        e=of_case("e", cell.e) if "e" in schemes.load(cell.scheme.method).READS else np.full(count, np.nan),
-        alpha=alpha_of(cell, varying, count),
+        e=of_case("e", settings.e) if "e" in reads else np.full(count, np.nan),
+        alpha=alpha_of(settings, varying, count),
         gap=gap,
         mean=mean,
         amplitude=of_case("scene.load.amplitude", load.amplitude),
@@ -69,7 +70,7 @@ def conditions(cell: CaseSettings, structure: Structure, varying: Mapping[str, A
         temperature=temperature,
         load_harmonics=harmonics_of(scene, "load", varying, count),
         casing_harmonics=harmonics_of(scene, "casing", varying, count),
-        friction=friction_of(cell, structure, varying, count),
+        friction=friction_of(settings, structure, varying, count),
     )
     return cases if structure.coordinates is None else structure.coordinates.transformed(cases)
 
@@ -79,11 +80,11 @@ def spread(varying: Mapping[str, Array], path: str, value: float, count: int) ->
     return np.array(np.broadcast_to(varying.get(path, np.float64(value)), (count,)), dtype=np.float64)
 
 
-def alpha_of(cell: CaseSettings, varying: Mapping[str, Array], count: int) -> Array:
+def alpha_of(settings: CaseSettings, varying: Mapping[str, Array], count: int) -> Array:
     """Return α of each case, W/N, ``(case,)``: heat_share · coefficient · sliding_speed where a scene has friction."""
-    friction = cell.scene.friction
+    friction = settings.scene.friction
     if friction is None:
-        return spread(varying, "alpha", cell.alpha, count)
+        return spread(varying, "alpha", settings.alpha, count)
     share, coefficient, speed = (
         spread(varying, f"{FRICTION}{name}", getattr(friction, name), count)
         for name in ("heat_share", "coefficient", "sliding_speed")
@@ -91,11 +92,11 @@ def alpha_of(cell: CaseSettings, varying: Mapping[str, Array], count: int) -> Ar
     return share * coefficient * speed
 
 
-def friction_of(cell: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
+def friction_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
     """Return µ of each case, 1, ``(case,)``; 0 without a direction of sliding or without friction."""
-    if structure.tangent is None or cell.scene.friction is None:
+    if structure.tangent is None or settings.scene.friction is None:
         return np.zeros(count)
-    return spread(varying, f"{FRICTION}coefficient", cell.scene.friction.coefficient, count)
+    return spread(varying, f"{FRICTION}coefficient", settings.scene.friction.coefficient, count)
 
 
 def harmonics_of(scene: Scene, group: Literal["load", "casing"], varying: Mapping[str, Array], count: int) -> Harmonics:

@@ -37,15 +37,15 @@ LOADING = 0.05
 """Seconds that loading a scheme's compiled kernels takes."""
 
 
-def case_seconds(cell: CaseSettings, structure: Structure, sampling: Sampling, periods: float) -> float:
+def case_seconds(settings: CaseSettings, structure: Structure, sampling: Sampling, periods: float) -> float:
     """Return what a case costs: steps × blocks × one measured figure of its scheme.
 
     Blocks are its states and the tip; where modes are coupled a balance has as many as products of two. ``periods``
     are those of the fastest sinusoid of load and casing within the duration.
     """
-    scheme = schemes.load(cell.scheme.method)
+    scheme = schemes.load(settings.scheme.method)
     own = sampling.count / 2 + _ALWAYS + _EACH_PERIOD * (1 + periods)
-    steps = sampling.steps(cell.h) if "h" in scheme.READS else own
+    steps = sampling.steps(settings.h) if "h" in scheme.READS else own
     if not scheme.STEP_SECONDS:
         return STEP_SECONDS * (steps + sampling.count)
     blocks = float(_states(structure) + _TIP)
@@ -55,9 +55,9 @@ def case_seconds(cell: CaseSettings, structure: Structure, sampling: Sampling, p
     return steps * blocks * scheme.STEP_SECONDS * audit + sampling.count * _SAMPLE + _CASE
 
 
-def steady_seconds(study: Study, cell: CaseSettings, structure: Structure) -> float:
+def steady_seconds(study: Study, settings: CaseSettings, structure: Structure) -> float:
     """Return what the steady rubs of a case cost, 0 where they are not asked for."""
-    if study.output.steady is None or cell.scheme.method != "event_driven":
+    if study.output.steady is None or settings.scheme.method != "event_driven":
         return 0.0
     return (study.branch.points if study.branch else 1) * _RUB * _states(structure) ** 2
 

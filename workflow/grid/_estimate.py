@@ -28,7 +28,7 @@ from workflow.grid._costs import (
     setup_seconds,
 )
 from workflow.grid._frequencies import fastest, longest_period_count
-from workflow.grid._operators import reduced_structure, structure_of
+from workflow.grid._operators import full_structure, reduced_structure
 from workflow.grid._reference import distinct_solutions
 from workflow.grid._reference_solutions import REFERENCE_RUNS
 from workflow.grid._tasks import Task, decides_cost, seconds_per_case, steady_bytes, tasks
@@ -119,9 +119,9 @@ def model_seconds(grid: Grid, task: Task) -> float:
 @lru_cache(maxsize=4096)
 def _batch_seconds(grid: Grid, outer: int, count: int) -> float:
     """Return model seconds of so many cases: the distinct ones are stepped, where a scheme has packs whole ones."""
-    cell = grid.settings(outer)
-    distinct = math.ceil(count * grid.distinct_inner(cell) / grid.inner_count)
-    padded = -(-distinct // PACK) * PACK if schemes.load(cell.scheme.method).TOGETHER > 1 else distinct
+    settings = grid.settings(outer)
+    distinct = math.ceil(count * grid.distinct_inner(settings) / grid.inner_count)
+    padded = -(-distinct // PACK) * PACK if schemes.load(settings.scheme.method).TOGETHER > 1 else distinct
     handling = handling_seconds(count, grid.sampling.count, len(grid.study.output.histories))
     return padded * seconds_per_case(grid, outer) + handling
 
@@ -141,10 +141,10 @@ def _reference_seconds(grid: Grid) -> float:
     """Return model seconds of reference solutions, and of exact solutions beside them with their operators."""
     sampling, periods = replace(grid.sampling, balances=False), fastest(grid) * grid.sampling.duration
     seconds = 0.0
-    for cell, is_exact, count in distinct_solutions(grid):
-        structure, runs = reduced_structure(cell), count * (1 if is_exact else REFERENCE_RUNS)
-        seconds += runs * case_seconds(cell, structure, sampling, periods)
-        seconds += setup_seconds(structure) + modes_seconds(structure_of(cell.scene.model, cell.scene.parameters))
+    for settings, is_exact, count in distinct_solutions(grid):
+        structure, runs = reduced_structure(settings), count * (1 if is_exact else REFERENCE_RUNS)
+        seconds += runs * case_seconds(settings, structure, sampling, periods)
+        seconds += setup_seconds(structure) + modes_seconds(full_structure(settings))
     return seconds
 
 
@@ -154,17 +154,17 @@ def _operator_seconds(grid: Grid) -> float:
     def matters(path: str) -> bool:
         return path not in ("scheme", "h") and not path.startswith("schemes.")
 
-    structures = np.unique(grid.alike(grid.places.computed, matters))
+    structures = np.unique(grid.alike(grid.computed, matters))
     kinds, counts = np.unique(
         grid.alike(structures, lambda path: matters(path) and decides_cost(path, grid.study.scene.model)),
         return_counts=True,
     )
     inner, seconds = np.arange(min(grid.inner_count, MOST_LOOKED_AT), dtype=np.int64), 0.0
     for outer, count in zip(kinds.tolist(), counts.tolist(), strict=True):
-        cell = grid.settings(outer)
-        structure, alpha = reduced_structure(cell), alpha_of(cell, grid.inner_values(inner), inner.size)
-        operators = count * len(grid.places) / structures.size
-        full = structure_of(cell.scene.model, cell.scene.parameters)
+        settings = grid.settings(outer)
+        structure, alpha = reduced_structure(settings), alpha_of(settings, grid.inner_values(inner), inner.size)
+        operators = count * grid.computed.size / structures.size
+        full = full_structure(settings)
         once = modes_seconds(full) + np.unique(alpha).size * growth_seconds(structure)
         seconds += operators * setup_seconds(structure) + count * once
     return seconds

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow import models
-from workflow.grid._operators import structure_of
+from workflow.grid._operators import full_structure
 from workflow.models import Chain, critical_alpha, frequencies, rates, tip_flexibility
 from workflow.study import CaseSettings
 
@@ -42,38 +42,38 @@ class Figures:
     critical_alpha: float
 
 
-def figures(cell: CaseSettings) -> Figures:
+def figures(settings: CaseSettings) -> Figures:
     """Return the figures of the full structure of a case."""
-    structure = structure_of(cell.scene.model, cell.scene.parameters)
+    structure = full_structure(settings)
     with np.errstate(divide="ignore"):
         times = 1.0 / rates(structure)
     flexibility = tip_flexibility(structure)
     return Figures(
-        label=f"{cell.scene.model}, {size_text(cell)}{_condensed(cell)}",
+        label=f"{settings.scene.model}, {size_text(settings)}{_condensed(settings)}",
         first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
         tip_stiffness=0.0 if np.isinf(flexibility) else 1.0 / flexibility,
-        stiffness_by=_stiffness_by(cell),
+        stiffness_by=_stiffness_by(settings),
         slowest=float(times.max()),
         fastest=float(times.min()),
         critical_alpha=critical_alpha(structure),
     )
 
 
-def _stiffness_by(cell: CaseSettings) -> str:
-    names = getattr(models.load(cell.scene.model), "EITHER", ())
-    return next((name for name in names if getattr(cell.scene.parameters, name) is not None), "")
+def _stiffness_by(settings: CaseSettings) -> str:
+    names = getattr(models.load(settings.scene.model), "EITHER", ())
+    return next((name for name in names if getattr(settings.scene.parameters, name) is not None), "")
 
 
-def size_text(cell: CaseSettings) -> str:
+def size_text(settings: CaseSettings) -> str:
     """Return the size of a case's structure: nodes of a chain, coordinates of displacement and heat of others."""
-    mechanical, thermal = models.sizes(cell.scene.model, cell.scene.parameters)
-    is_chain = isinstance(structure_of(cell.scene.model, cell.scene.parameters), Chain)
+    mechanical, thermal = models.sizes(settings.scene.model, settings.scene.parameters)
+    is_chain = isinstance(full_structure(settings), Chain)
     return f"{mechanical} nodes" if is_chain else f"{mechanical} + {thermal} coordinates"
 
 
-def _condensed(cell: CaseSettings) -> str:
+def _condensed(settings: CaseSettings) -> str:
     """Return how many degrees of freedom follow the others, having no mass or heat capacity; empty for none."""
-    coordinates = structure_of(cell.scene.model, cell.scene.parameters).coordinates
+    coordinates = full_structure(settings).coordinates
     counts = (0, 0) if coordinates is None else coordinates.condensed
     kinds = zip(counts, ("without mass", "without heat capacity"), strict=True)
     return "".join(f" + {count} {kind}, condensed" for count, kind in kinds if count)

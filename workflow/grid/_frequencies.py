@@ -33,8 +33,8 @@ def period_frequency(scene: Scene, varying: Mapping[str, Array], count: int) -> 
 def longest_period_count(grid: Grid) -> int:
     """Return the size of the dimension ``period``: the most complete load periods any case has."""
     counts = [
-        complete_periods(period_frequency(cell.scene, varying, inner.size), grid.sampling).max()
-        for cell, varying, inner in _distinct(grid)
+        complete_periods(period_frequency(settings.scene, varying, inner.size), grid.sampling).max()
+        for settings, varying, inner in _distinct(grid)
     ]
     return int(max(counts))
 
@@ -43,9 +43,9 @@ def longest_period_count(grid: Grid) -> int:
 def fastest(grid: Grid) -> float:
     """Return the largest frequency of load and casing in any case, Hz."""
     largest = 0.0
-    for cell, varying, inner in _distinct(grid):
-        rows = [spread(varying, "scene.load.frequency", cell.scene.load.frequency, inner.size)[:, None]]
-        rows += [harmonics_of(cell.scene, group, varying, inner.size).frequency for group in ("load", "casing")]
+    for settings, varying, inner in _distinct(grid):
+        rows = [spread(varying, "scene.load.frequency", settings.scene.load.frequency, inner.size)[:, None]]
+        rows += [harmonics_of(settings.scene, group, varying, inner.size).frequency for group in ("load", "casing")]
         largest = max(largest, float(np.hstack(rows).max()))
     return largest
 

@@ -14,7 +14,7 @@ from workflow.declare import plain
 from workflow.grid._arrangement import TOLERANCE, Grid, Indices
 from workflow.grid._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load
 from workflow.grid._operators import structure_of
-from workflow.grid._reference_solutions import exact_cell, reference_cell
+from workflow.grid._reference_solutions import exact_settings, reference_settings
 from workflow.judges.trials import EXACT
 from workflow.reduction import DEFAULT
 from workflow.registry import outside_sources
@@ -69,36 +69,36 @@ def case_hashes(grid: Grid) -> NDArray[np.uint8]:
 
 
 def _hashed(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
-    cell = grid.settings(outer)
-    prefix = hashlib.sha256(json.dumps(_shared(grid, outer, cell), sort_keys=True).encode())
+    settings = grid.settings(outer)
+    prefix = hashlib.sha256(json.dumps(_shared(grid, outer, settings), sort_keys=True).encode())
     digests = []
-    for row in _rows(grid, outer, cell, grid.inner_values(inner), inner.size):
+    for row in _rows(grid, outer, settings, grid.inner_values(inner), inner.size):
         digest = prefix.copy()
         digest.update(row.data)
         digests.append(digest.digest()[:HASH_BYTES])
     return np.frombuffer(b"".join(digests), np.uint8).reshape(-1, HASH_BYTES)
 
 
-def _shared(grid: Grid, outer: int, cell: CaseSettings) -> dict[str, Any]:
+def _shared(grid: Grid, outer: int, settings: CaseSettings) -> dict[str, Any]:
     """Return what the cases of an outer index have in common and no condition of :func:`_rows` holds."""
     reference, choice = grid.study.reference, grid.choice(outer)
     return {
         "solver": SOLVER_VERSION,
         "duration": grid.sampling.duration,
         "interval": grid.sampling.interval,
-        "run": _numerics(cell, _read(cell)),
-        "reference": None if reference is None else _numerics(reference_cell(grid, outer), frozenset({"h"})),
-        **_widths(cell.scene),
-        **_steady(grid.study, cell),
+        "run": _numerics(settings, _read(settings)),
+        "reference": None if reference is None else _numerics(reference_settings(grid, outer), frozenset({"h"})),
+        **_widths(settings.scene),
+        **_steady(grid.study, settings),
         **({} if choice is None else {"basis_error": choice.error.hex()}),
         **({} if choice is None or reference is None else {"tolerance": float(grid.value(outer, TOLERANCE))}),
-        "lists": {path: value for path, value in _per_node(cell).items() if not isinstance(value, float)},
+        "lists": {path: value for path, value in _per_node(settings).items() if not isinstance(value, float)},
     }
 
 
-def _steady(study: Study, cell: CaseSettings) -> dict[str, Any]:
+def _steady(study: Study, settings: CaseSettings) -> dict[str, Any]:
     """Return what is asked of steady rubs, which event_driven alone has, and the axis that is followed."""
-    if study.output.steady is None or cell.scheme.method != EXACT:
+    if study.output.steady is None or settings.scheme.method != EXACT:
         return {}
     asked = {"steady": plain(study.output.steady)}
     branch = study.branch
@@ -113,31 +113,31 @@ def _widths(scene: Scene) -> dict[str, Any]:
     return {"harmonics": widths} if any(widths) else {}
 
 
-def _read(cell: CaseSettings) -> frozenset[str]:
-    return schemes.load(cell.scheme.method).READS
+def _read(settings: CaseSettings) -> frozenset[str]:
+    return schemes.load(settings.scheme.method).READS
 
 
-def _numerics(cell: CaseSettings, read: frozenset[str]) -> dict[str, Any]:
-    parameters = plain(cell.scene.parameters)
+def _numerics(settings: CaseSettings, read: frozenset[str]) -> dict[str, Any]:
+    parameters = plain(settings.scene.parameters)
     parameters.pop("heating", None)  # a condition
-    named = {cell.scene.model, cell.scheme.method, cell.reduction}
+    named = {settings.scene.model, settings.scheme.method, settings.reduction}
     outside = {name: source for name, source in outside_sources().items() if name in named}
     return {
-        "model": cell.scene.model,
+        "model": settings.scene.model,
         "parameters": parameters,
-        "method": cell.scheme.method,
-        "options": plain(cell.scheme.options),
-        "modes": [cell.mechanical_modes, cell.thermal_modes],
+        "method": settings.scheme.method,
+        "options": plain(settings.scheme.options),
+        "modes": [settings.mechanical_modes, settings.thermal_modes],
         **({"outside": outside} if outside else {}),
-        "h": float(cell.h).hex() if "h" in read else None,
-        **({} if cell.reduction == DEFAULT else {"reduction": cell.reduction}),  # archives without it had this one
+        "h": float(settings.h).hex() if "h" in read else None,
+        **({} if settings.reduction == DEFAULT else {"reduction": settings.reduction}),  # of old it was the only one
     }
 
 
-def _per_node(cell: CaseSettings) -> dict[str, Any]:
+def _per_node(settings: CaseSettings) -> dict[str, Any]:
     """Return the conditions that may be given per node: a number, or a list of them, or ``static``."""
-    scene, values = cell.scene, {}
-    for path in (*_PER_NODE, f"scene.{cell.scene.model}.heating"):
+    scene, values = settings.scene, {}
+    for path in (*_PER_NODE, f"scene.{settings.scene.model}.heating"):
         *_, group, name = path.split(".")
         owner: Any = {"load": scene.load, "initial": scene.initial}.get(group)
         value = heat_load(scene.parameters) if owner is None else owner if owner == "static" else getattr(owner, name)
@@ -161,24 +161,24 @@ def _harmonic_columns(scene: Scene, varying: Any, count: int) -> dict[str, Any]:
     return by_name
 
 
-def _rows(grid: Grid, outer: int, cell: CaseSettings, varying: Any, count: int) -> NDArray[np.float64]:
+def _rows(grid: Grid, outer: int, settings: CaseSettings, varying: Any, count: int) -> NDArray[np.float64]:
     """Return the conditions of every case that are numbers, ``(case, condition)``; those not read are 0."""
-    scene, reference = cell.scene, grid.study.reference
-    read = _read(cell)
+    scene, reference = settings.scene, grid.study.reference
+    read = _read(settings)
     values: dict[str, Any] = {"scene.casing.gap": scene.gap}
     values |= {path: getattr(scene.load, path.rsplit(".", 1)[1]) for path in _CONDITIONS[1:]}
-    values |= {path: value if isinstance(value, float) else 0.0 for path, value in _per_node(cell).items()}
-    values |= {"e": cell.e}
+    values |= {path: value if isinstance(value, float) else 0.0 for path, value in _per_node(settings).items()}
+    values |= {"e": settings.e}
     values |= {path: value for path, value in varying.items() if not _is_summed_up(path)}
-    values |= {"alpha": alpha_of(cell, varying, count), **_harmonic_columns(scene, varying, count)}
+    values |= {"alpha": alpha_of(settings, varying, count), **_harmonic_columns(scene, varying, count)}
     if scene.friction is not None:
         structure = structure_of(scene.model, scene.parameters)
         slides = structure.tangent is not None
-        values |= {"friction": friction_of(cell, structure, varying, count)} if slides else {}
+        values |= {"friction": friction_of(settings, structure, varying, count)} if slides else {}
     columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
     columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]
     if reference is not None:
-        own = _read(reference_cell(grid, outer)) | _read(exact_cell(grid, outer))
+        own = _read(reference_settings(grid, outer)) | _read(exact_settings(grid, outer))
         columns += [reference.values.get(name, values[name]) if name in own else 0.0 for name in ("e", "alpha")]
     rows = np.empty((count, len(columns)))
     for k, column in enumerate(columns):

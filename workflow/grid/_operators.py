@@ -39,6 +39,11 @@ def structure_of(model: str, parameters: Any) -> Structure:
         return models.load(model).assemble(parameters)
 
 
+def full_structure(settings: CaseSettings) -> Structure:
+    """Return the full structure of a case, on whose nodes its conditions are given."""
+    return structure_of(settings.scene.model, settings.scene.parameters)
+
+
 @lru_cache(maxsize=_MOST_OPERATORS)
 def statics_of(model: str, parameters: Any) -> tuple[float, Array]:
     """Return S [m/N], infinite where the root is free, and the row -e_nᵀ K1⁻¹ K12 [m/K] of a full structure."""
@@ -57,11 +62,11 @@ class Reduced:
     duration: float
 
 
-def reduced(cell: CaseSettings) -> Reduced:
+def reduced(settings: CaseSettings) -> Reduced:
     """Return what decides the structure that a case is run on."""
-    scene = cell.scene
-    modes = cell.mechanical_modes, cell.thermal_modes
-    return Reduced(scene.model, scene.parameters, cell.reduction, modes, scene.duration)
+    scene = settings.scene
+    modes = settings.mechanical_modes, settings.thermal_modes
+    return Reduced(scene.model, scene.parameters, settings.reduction, modes, scene.duration)
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
@@ -71,9 +76,9 @@ def model_on(by: Reduced) -> ReducedModel:
         return reduced_model(structure_of(by.model, by.parameters), *by.modes, by.basis, by.duration)
 
 
-def reduced_structure(cell: CaseSettings) -> Structure:
+def reduced_structure(settings: CaseSettings) -> Structure:
     """Return the structure that a case is run on."""
-    return model_on(reduced(cell)).structure
+    return model_on(reduced(settings)).structure
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
@@ -86,69 +91,69 @@ def _runaways(by: Reduced) -> Runaways:
     return Runaways(model_on(by).structure)
 
 
-def kernel_variant(cell: CaseSettings, balances: bool) -> KernelVariant | None:
-    """Return what of its scheme must be compiled for a cell, with balances or without; ``None`` if it is refused."""
-    scheme, structure = schemes.load(cell.scheme.method), reduced_structure(cell)
-    if scheme.refusal(structure, cell.scheme.options) is not None:
+def kernel_variant(settings: CaseSettings, balances: bool) -> KernelVariant | None:
+    """Return what must be compiled for settings, with balances or without; ``None`` if their scheme refuses them."""
+    scheme, structure = schemes.load(settings.scheme.method), reduced_structure(settings)
+    if scheme.refusal(structure, settings.scheme.options) is not None:
         return None
-    coupled, driven = needs_matrices(structure), bool(cell.scene.casing.harmonics or cell.scene.load.harmonics)
-    slides = structure.tangent is not None and cell.scene.friction is not None
+    coupled, driven = needs_matrices(structure), bool(settings.scene.casing.harmonics or settings.scene.load.harmonics)
+    slides = structure.tangent is not None and settings.scene.friction is not None
     kind = {"massless_tip": structure.has_massless_tip, "harmonics": driven, "slides": slides, "coupled": coupled}
-    return KernelVariant(cell.scheme.method, cell.scheme.options, balances, **kind)
+    return KernelVariant(settings.scheme.method, settings.scheme.options, balances, **kind)
 
 
-def compile_for(cell: CaseSettings, balances: bool) -> None:
-    """Have the kernels of a cell compiled, so that no case's processor time holds that."""
-    variant = kernel_variant(cell, balances)
+def compile_for(settings: CaseSettings, balances: bool) -> None:
+    """Have the kernels of settings compiled, so that no case's processor time holds that."""
+    variant = kernel_variant(settings, balances)
     if variant is not None:
         compile_scheme(variant)
 
 
-def runaways_of(cell: CaseSettings, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def runaways_of(settings: CaseSettings, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return critical coupling, growth rate and whether a tip in contact runs away: see :class:`Runaways`."""
-    return _runaways(reduced(cell)).of(alpha, friction)
+    return _runaways(reduced(settings)).of(alpha, friction)
 
 
-def projection_residual_of(cell: CaseSettings, cases: Cases) -> Array:
-    """Return what the bases of a cell cannot hold of cases given on the nodes, 1, ``(case,)``; 0 where it is full."""
-    reduction = model_on(reduced(cell)).reduction
+def projection_residual_of(settings: CaseSettings, cases: Cases) -> Array:
+    """Return what the basis of settings loses of cases given on the nodes, 1, ``(case,)``; 0 where it is full."""
+    reduction = model_on(reduced(settings)).reduction
     if reduction is None:
         return np.zeros(cases.count)
-    return projection_residual(structure_of(cell.scene.model, cell.scene.parameters), reduction, cases)
+    return projection_residual(full_structure(settings), reduction, cases)
 
 
-def on_basis(cell: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
-    """Return the structure that a cell is run on, and cases given on the nodes in its coordinates."""
-    model = model_on(reduced(cell))
+def on_basis(settings: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
+    """Return the structure that cases are run on, and cases given on the nodes in its coordinates."""
+    model = model_on(reduced(settings))
     return model.structure, model.project(cases)
 
 
-def judged(cell: CaseSettings, cases: Cases, results: Results, duration: float) -> Results:
+def judged(settings: CaseSettings, cases: Cases, results: Results, duration: float) -> Results:
     """Return what :func:`run_batch` has made of cases, with those marked that blew up."""
-    model, parameters = cell.scene.model, cell.scene.parameters
+    model, parameters = settings.scene.model, settings.scene.parameters
     return mark_blown_up(
         structure_of(model, parameters),
         lambda: statics_of(model, parameters),
-        lambda some: runaways_of(cell, some.alpha, some.friction)[1],
+        lambda some: runaways_of(settings, some.alpha, some.friction)[1],
         cases,
         results,
         duration,
-        is_stepped="h" in schemes.load(cell.scheme.method).READS,
+        is_stepped="h" in schemes.load(settings.scheme.method).READS,
     )
 
 
-def as_run(cell: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
-    """Return the structure that a cell is run on, and cases given on the nodes as they start on it."""
-    structure, projected = on_basis(cell, cases)
-    return structure, at_rest(structure, projected) if cell.scene.initial == "static" else projected
+def as_run(settings: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
+    """Return the structure that cases are run on, and cases given on the nodes as they start on it."""
+    structure, projected = on_basis(settings, cases)
+    return structure, at_rest(structure, projected) if settings.scene.initial == "static" else projected
 
 
-def run_batch(cell: CaseSettings, cases: Cases, sampling: Sampling) -> Results:
-    """Run cases, given on the nodes, on the structure and with the scheme of a cell."""
-    scene, method = cell.scene, cell.scheme.method
+def run_batch(settings: CaseSettings, cases: Cases, sampling: Sampling) -> Results:
+    """Run cases, given on the nodes, on the structure and with the scheme of settings."""
+    scene, method = settings.scene, settings.scheme.method
     schemes.refuse(schemes.load(method), cases)
-    operator = _operator(reduced(cell), method, cell.scheme.options, cell.h)
-    _, projected = as_run(cell, cases)
+    operator = _operator(reduced(settings), method, settings.scheme.options, settings.h)
+    _, projected = as_run(settings, cases)
     results = schemes.load(method).compute(operator, projected, sampling)
     results.metrics["thermal_closing"] += growth_at_once(structure_of(scene.model, scene.parameters))
     return schemes.checked(results, projected, sampling)

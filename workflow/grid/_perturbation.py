@@ -29,10 +29,10 @@ class Perturbation:
     direction: int
     reach: float
 
-    def cell(self, cell: CaseSettings) -> CaseSettings:
+    def settings(self, settings: CaseSettings) -> CaseSettings:
         """Return the settings with other parameters of the model."""
-        parameters = _changed(cell.scene.parameters, self.direction * SHARE)
-        return replace(cell, scene=replace(cell.scene, parameters=parameters))
+        parameters = _changed(settings.scene.parameters, self.direction * SHARE)
+        return replace(settings, scene=replace(settings.scene, parameters=parameters))
 
     def cases(self, cases: Cases) -> Cases:
         """Return the cases with another gap, tip load, start and heating."""

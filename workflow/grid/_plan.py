@@ -12,9 +12,9 @@ from workflow.grid._arrangement import Grid, Indices, arrange
 from workflow.grid._choice_words import choice_lines
 from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._figures import Figures, distinct_lines, figures
-from workflow.grid._operators import reduced_structure, structure_of
+from workflow.grid._operators import full_structure, reduced_structure
 from workflow.grid._reference import solution_counts
-from workflow.grid._reference_solutions import reference_cell
+from workflow.grid._reference_solutions import reference_settings
 from workflow.grid._tasks import tasks
 from workflow.grid._warnings import looked_at, warnings
 from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod
@@ -36,7 +36,7 @@ class Plan:
     scene
         Every value with its unit, and what was left to its default.
     cases, unique
-        Cells of the archive, and cases that are computed.
+        Cases of the archive, and those that are computed.
     references, exact
         Reference solutions, and exact solutions of reduced models beside them, which split the errors.
     batches, tasks
@@ -99,12 +99,15 @@ def plan(grid: Grid) -> Plan:
 
 
 def _plan(grid: Grid) -> Plan:
-    computed, model = grid.places.computed, grid.study.scene.model
+    computed, model = grid.computed, grid.study.scene.model
     kinds, kind = np.unique(grid.alike(computed, lambda path: path in ("scheme", "h")), return_inverse=True)
-    cells = [grid.settings(int(outer)) for outer in kinds]
-    distinct = np.array([grid.distinct_inner(cell) for cell in cells])
+    every = [grid.settings(int(outer)) for outer in kinds]
+    distinct = np.array([grid.distinct_inner(settings) for settings in every])
     marching = np.array(
-        [grid.sampling.steps(cell.h) if "h" in schemes.load(cell.scheme.method).READS else 0 for cell in cells]
+        [
+            grid.sampling.steps(settings.h) if "h" in schemes.load(settings.scheme.method).READS else 0
+            for settings in every
+        ]
     )
     structures = np.unique(grid.alike(computed, lambda path: path.startswith(f"scene.{model}.")))
     shown = [grid.settings(int(outer)) for outer in structures[:_STRUCTURES_SHOWN]]
@@ -143,22 +146,22 @@ def _operators(grid: Grid, computed: Indices) -> Iterator[str]:
     places = np.unique(grid.alike(computed, lambda path: path in names or path.startswith(f"scene.{model}.")))
     for outer in looked_at(places):
         own, truth = grid.settings(outer), grid.study.reference is not None
-        for cell in (own, reference_cell(grid, outer)) if truth else (own,):
-            scheme = schemes.load(cell.scheme.method)
-            structure, parts = reduced_structure(cell), []
+        for settings in (own, reference_settings(grid, outer)) if truth else (own,):
+            scheme = schemes.load(settings.scheme.method)
+            structure, parts = reduced_structure(settings), []
             if scheme.operator_name is not None:
                 parts.append(scheme.operator_name(structure))
             if scheme.contact_stiffness_of is not None:
-                stiffness = scheme.contact_stiffness_of(structure, cell.scheme.options)
+                stiffness = scheme.contact_stiffness_of(structure, settings.scheme.options)
                 parts.append(f"contact stiffness {stiffness:.4g} N/m")
             if any(parts):
-                yield f"{cell.scheme.method}: {', '.join(filter(None, parts))}"
+                yield f"{settings.scheme.method}: {', '.join(filter(None, parts))}"
 
 
-def _factors(cells: list[CaseSettings]) -> Iterator[str]:
+def _factors(every: list[CaseSettings]) -> Iterator[str]:
     """Yield what factorising the first distinct structures takes."""
-    for cell in cells:
-        structure = structure_of(cell.scene.model, cell.scene.parameters)
+    for settings in every:
+        structure = full_structure(settings)
         if isinstance(structure, Sparse):
             for pair, kind in ((structure.mechanical, "displacements"), (structure.thermal, "temperatures")):
                 if pair.size > MOST_BY_SUPERLU:

@@ -9,7 +9,7 @@ import numpy as np
 
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import conditions
-from workflow.grid._operators import run_batch, structure_of
+from workflow.grid._operators import full_structure, run_batch
 from workflow.grid._perturbation import Perturbation
 from workflow.grid._reference_solutions import (
     BASIS,
@@ -18,9 +18,9 @@ from workflow.grid._reference_solutions import (
     compute_solutions,
     distinct_rows,
     distinct_shape,
-    exact_cell,
-    needed_cells,
-    reference_cell,
+    exact_settings,
+    needed_settings,
+    reference_settings,
 )
 from workflow.judges.distances import norms, relative
 from workflow.judges.trials import EXACT
@@ -55,7 +55,9 @@ def against_reference(
     """
     if grid.study.reference is None:
         return {}, {}
-    solutions = [_solutions(grid, cell, inner, is_exact, known) for cell, is_exact in needed_cells(grid, outer)]
+    solutions = [
+        _solutions(grid, settings, inner, is_exact, known) for settings, is_exact in needed_settings(grid, outer)
+    ]
     references, exact = solutions[0], solutions[-1]
     errors: dict[str, Array] = {"predictability": np.array([one.predictability for one in references])}
     chosen = grid.reference_choice(outer)
@@ -71,14 +73,14 @@ def against_reference(
 
 
 def _solutions(
-    grid: Grid, cell: CaseSettings, inner: Indices, is_exact: bool, known: Solutions
+    grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool, known: Solutions
 ) -> list[ReferenceSolution]:
     """Return the solutions of some settings for the conditions of some cases."""
-    rows = distinct_rows(grid, cell, inner)
-    solutions = dict(known.get((cell, is_exact), {}))
+    rows = distinct_rows(grid, settings, inner)
+    solutions = dict(known.get((settings, is_exact), {}))
     missing = np.array([row for row in np.unique(rows) if row not in solutions], dtype=np.int64)
     if missing.size:
-        computed = compute_solutions(grid, cell, missing, is_exact=is_exact)
+        computed = compute_solutions(grid, settings, missing, is_exact=is_exact)
         solutions |= dict(zip(missing.tolist(), computed, strict=True))
     return [solutions[row] for row in rows.tolist()]
 
@@ -107,7 +109,7 @@ def tells_basis_error(grid: Grid, outer: int) -> bool:
     """Tell whether the model's part of an error is that of the case's basis: the reference is exact and as rich."""
     if grid.study.reference is None:
         return False
-    ours, theirs = reference_cell(grid, outer), exact_cell(grid, outer)
+    ours, theirs = reference_settings(grid, outer), exact_settings(grid, outer)
     is_as_rich = ours.mechanical_modes >= theirs.mechanical_modes and ours.thermal_modes >= theirs.thermal_modes
     return ours.scheme.method == EXACT and is_as_rich
 
@@ -117,15 +119,15 @@ def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbat
 
     Shape ``(case, t)`` by name, NaN in those that do not end ok.
     """
-    cell = exact_cell(grid, outer)
+    settings = exact_settings(grid, outer)
     if perturbation is None:
-        solutions = _solutions(grid, cell, inner, True, {})
+        solutions = _solutions(grid, settings, inner, True, {})
         return {name: _histories(solutions, name) for name in COMPARED}
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
-    cell = perturbation.cell(cell)
+    settings = perturbation.settings(settings)
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
-    cases = conditions(cell, structure_of(cell.scene.model, cell.scene.parameters), varying, inner.size)
-    results = run_batch(cell, perturbation.cases(cases), replace(grid.sampling, balances=False))
+    cases = conditions(settings, full_structure(settings), varying, inner.size)
+    results = run_batch(settings, perturbation.cases(cases), replace(grid.sampling, balances=False))
     ended = (results.status == Status.OK)[:, None]
     return {name: np.where(ended, results.histories[name], np.nan) for name in COMPARED}
 
@@ -135,12 +137,12 @@ def distinct_solutions(grid: Grid) -> Iterator[tuple[CaseSettings, bool, int]]:
     if grid.study.reference is None:
         return
     replaced = grid.study.reference.values
-    outer = np.unique(grid.alike(grid.places.computed, lambda path: path in BASIS or path not in replaced))
-    every = dict.fromkeys(needed for k in outer for needed in needed_cells(grid, int(k)))
-    references = {cell for cell, is_exact in every if not is_exact}
-    for cell, is_exact in every:
-        if not (is_exact and cell in references):
-            yield cell, is_exact, int(np.prod(distinct_shape(grid, cell), dtype=np.int64))
+    outer = np.unique(grid.alike(grid.computed, lambda path: path in BASIS or path not in replaced))
+    every = dict.fromkeys(needed for k in outer for needed in needed_settings(grid, int(k)))
+    references = {settings for settings, is_exact in every if not is_exact}
+    for settings, is_exact in every:
+        if not (is_exact and settings in references):
+            yield settings, is_exact, int(np.prod(distinct_shape(grid, settings), dtype=np.int64))
 
 
 def solution_counts(grid: Grid) -> tuple[int, int]:

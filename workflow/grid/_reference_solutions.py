@@ -15,7 +15,7 @@ from workflow.grid._arrangement import Grid, Indices, reads
 from workflow.grid._conditions import conditions
 from workflow.grid._costs import case_seconds
 from workflow.grid._frequencies import fastest
-from workflow.grid._operators import compile_for, judged, reduced_structure, run_batch, structure_of
+from workflow.grid._operators import compile_for, full_structure, judged, reduced_structure, run_batch
 from workflow.grid._speed import timed
 from workflow.grid._tasks import Batch
 from workflow.grid._waiting_for import REFERENCES, waiting_for
@@ -77,7 +77,7 @@ Solutions = Mapping[tuple[CaseSettings, bool], Mapping[int, ReferenceSolution]]
 
 
 @lru_cache(maxsize=256)
-def reference_cell(grid: Grid, outer: int) -> CaseSettings:
+def reference_settings(grid: Grid, outer: int) -> CaseSettings:
     """Return the settings of a reference, those that its scheme does not read the same for all."""
     values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
     chosen = grid.reference_choice(outer)
@@ -86,35 +86,35 @@ def reference_cell(grid: Grid, outer: int) -> CaseSettings:
 
 
 @lru_cache(maxsize=256)
-def exact_cell(grid: Grid, outer: int) -> CaseSettings:
+def exact_settings(grid: Grid, outer: int) -> CaseSettings:
     """Return the settings of the exact solution of a case's reduced model: the reference's, with the case's basis."""
     values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
-    cell = grid.settings(outer, {path: value for path, value in values.items() if path not in BASIS})
-    if cell.scheme.method != EXACT:
-        cell = replace(cell, scheme=SchemeChoice(EXACT, EXACT, schemes.load(EXACT).Options()))
-    return _only_what_is_read(cell)
+    settings = grid.settings(outer, {path: value for path, value in values.items() if path not in BASIS})
+    if settings.scheme.method != EXACT:
+        settings = replace(settings, scheme=SchemeChoice(EXACT, EXACT, schemes.load(EXACT).Options()))
+    return _only_what_is_read(settings)
 
 
-def _only_what_is_read(cell: CaseSettings) -> CaseSettings:
+def _only_what_is_read(settings: CaseSettings) -> CaseSettings:
     """Return the settings with those of e, h and α that the scheme does not read set to 0, the same for all."""
-    read = schemes.load(cell.scheme.method).READS
+    read = schemes.load(settings.scheme.method).READS
     unread: dict[str, Any] = {name: 0.0 for name in ("e", "h", "alpha") if name not in read}
-    return replace(cell, **unread)
+    return replace(settings, **unread)
 
 
-def needed_cells(grid: Grid, outer: int) -> list[tuple[CaseSettings, bool]]:
+def needed_settings(grid: Grid, outer: int) -> list[tuple[CaseSettings, bool]]:
     """Return settings of the reference of an outer index, and of the exact solution beside it unless that is it."""
-    ours, theirs = reference_cell(grid, outer), exact_cell(grid, outer)
+    ours, theirs = reference_settings(grid, outer), exact_settings(grid, outer)
     return [(ours, False)] if theirs == ours else [(ours, False), (theirs, True)]
 
 
-def distinct_shape(grid: Grid, cell: CaseSettings) -> tuple[int, ...]:
+def distinct_shape(grid: Grid, settings: CaseSettings) -> tuple[int, ...]:
     """Return the sizes of the inner dimensions, 1 for those along which a solution stays the same."""
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
     return tuple(
         dimension.size
         if any(
-            axis.path not in replaced and reads(cell.scheme.method, cell.scheme.label, axis.path)
+            axis.path not in replaced and reads(settings.scheme.method, settings.scheme.label, axis.path)
             for axis in dimension.axes
         )
         else 1
@@ -122,9 +122,9 @@ def distinct_shape(grid: Grid, cell: CaseSettings) -> tuple[int, ...]:
     )
 
 
-def distinct_rows(grid: Grid, cell: CaseSettings, inner: Indices) -> Indices:
+def distinct_rows(grid: Grid, settings: CaseSettings, inner: Indices) -> Indices:
     """Return for each inner index the number of its solution, among those that are distinct."""
-    shape = distinct_shape(grid, cell)
+    shape = distinct_shape(grid, settings)
     if not shape:
         return np.zeros_like(inner)
     index = np.unravel_index(inner, grid.inner_shape)
@@ -147,7 +147,7 @@ class References:
             return []
         needed: dict[int, Block] = {}
         for batch in batches:
-            for key in needed_cells(self._grid, batch.outer):
+            for key in needed_settings(self._grid, batch.outer):
                 held = self._by_row.setdefault(key, {})
                 rows = np.unique(distinct_rows(self._grid, key[0], batch.inner)).tolist()
                 new = [row for row in rows if row not in held]
@@ -176,54 +176,56 @@ def solutions_of(grid: Grid, computed: Iterable[tuple[Block, Sequence[ReferenceS
     """Return what blocks hold by settings and row."""
     solutions: dict[tuple[CaseSettings, bool], dict[int, ReferenceSolution]] = {}
     for block, each in computed:
-        cell = exact_cell(grid, block.outer) if block.is_exact else reference_cell(grid, block.outer)
-        solutions.setdefault((cell, block.is_exact), {}).update(zip(block.rows, each, strict=True))
+        settings = exact_settings(grid, block.outer) if block.is_exact else reference_settings(grid, block.outer)
+        solutions.setdefault((settings, block.is_exact), {}).update(zip(block.rows, each, strict=True))
     return solutions
 
 
 def compute_block(grid: Grid, block: Block) -> list[ReferenceSolution]:
     """Return the solutions of a block."""
-    cell = exact_cell(grid, block.outer) if block.is_exact else reference_cell(grid, block.outer)
-    structure, periods = reduced_structure(cell), fastest(grid) * grid.sampling.duration
+    settings = exact_settings(grid, block.outer) if block.is_exact else reference_settings(grid, block.outer)
+    structure, periods = reduced_structure(settings), fastest(grid) * grid.sampling.duration
     runs = len(block.rows) * (1 if block.is_exact else REFERENCE_RUNS)
-    with timed(runs * case_seconds(cell, structure, replace(grid.sampling, balances=False), periods)):
-        return compute_solutions(grid, cell, np.array(block.rows, dtype=np.int64), is_exact=block.is_exact)
+    with timed(runs * case_seconds(settings, structure, replace(grid.sampling, balances=False), periods)):
+        return compute_solutions(grid, settings, np.array(block.rows, dtype=np.int64), is_exact=block.is_exact)
 
 
-def compute_solutions(grid: Grid, cell: CaseSettings, rows: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
+def compute_solutions(grid: Grid, settings: CaseSettings, rows: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
     """Return solutions, references with their predictability.
 
     One that raises is NaN, which harms neither its neighbours nor its cases.
     """
     try:
         with waiting_for(REFERENCES), np.errstate(all="ignore"):
-            return _computed(grid, cell, rows, is_exact)
+            return _computed(grid, settings, rows, is_exact)
     except (Exception, SystemExit) as error:  # whatever a model or scheme raises
         if rows.size > 1:
-            return [one for row in rows for one in compute_solutions(grid, cell, np.array([row]), is_exact=is_exact)]
+            return [
+                one for row in rows for one in compute_solutions(grid, settings, np.array([row]), is_exact=is_exact)
+            ]
         lost = np.full(grid.sampling.count, np.nan)
         return [ReferenceSolution(dict.fromkeys(COMPARED, lost), np.nan, reason_of(error))]
 
 
-def _computed(grid: Grid, cell: CaseSettings, rows: Indices, is_exact: bool) -> list[ReferenceSolution]:
-    shape = distinct_shape(grid, cell)
+def _computed(grid: Grid, settings: CaseSettings, rows: Indices, is_exact: bool) -> list[ReferenceSolution]:
+    shape = distinct_shape(grid, settings)
     inner = np.ravel_multi_index(np.unravel_index(rows, shape), grid.inner_shape) if shape else rows
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
-    structure = structure_of(cell.scene.model, cell.scene.parameters)
-    cases = conditions(cell, structure, varying, rows.size)
-    compile_for(cell, balances=False)
+    structure = full_structure(settings)
+    cases = conditions(settings, structure, varying, rows.size)
+    compile_for(settings, balances=False)
     sampling = replace(grid.sampling, balances=False)
 
     def run(some: Cases) -> Results:
-        return judged(cell, some, run_batch(cell, some, sampling), sampling.duration)
+        return judged(settings, some, run_batch(settings, some, sampling), sampling.duration)
 
     results = run(cases)
     ok = results.status == Status.OK
     histories = {name: np.where(ok[:, None], results.histories[name], np.nan) for name in COMPARED}
     change, sound = np.full(rows.size, np.nan), np.flatnonzero(ok)
     if not is_exact and sound.size:
-        displacement, is_static = histories["displacement"][sound], cell.scene.initial == "static"
+        displacement, is_static = histories["displacement"][sound], settings.scene.initial == "static"
         change[sound] = predictability(run, cases.take(sound), displacement, is_static=is_static)
     failures = ["" if ok[k] else results.messages.get(k, "it did not end ok") for k in range(rows.size)]
     return [

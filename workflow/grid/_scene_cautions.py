@@ -9,9 +9,9 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._arrangement import Grid
 from workflow.grid._conditions import conditions
-from workflow.grid._operators import model_on, projection_residual_of, reduced, reduced_structure, structure_of
+from workflow.grid._operators import full_structure, model_on, projection_residual_of, reduced, reduced_structure
 from workflow.judges.cautions import scene_cautions, soft_spring
-from workflow.models import Cases, Chain, Structure
+from workflow.models import Cases, Chain
 from workflow.reduction import DEFAULT
 from workflow.study import CaseSettings
 
@@ -25,20 +25,24 @@ MOST_CASES, MOST_OUTER = 500, 64
 def cautions_of_scene(grid: Grid) -> Iterator[str]:
     """Yield what to beware of in springs, structures with the conditions of their cases, and bases."""
     parameters = f"scene.{grid.study.scene.model}."
-    for cell in _cells(grid, "scheme", "schemes.", parameters):
-        stiffness_of = schemes.load(cell.scheme.method).contact_stiffness_of
+    for settings in _distinct_settings(grid, "scheme", "schemes.", parameters):
+        stiffness_of = schemes.load(settings.scheme.method).contact_stiffness_of
         if stiffness_of is not None:
-            stiffness = stiffness_of(reduced_structure(cell), cell.scheme.options)
-            yield from soft_spring(_structure(cell), stiffness, cell.scheme.label)
-    for cell in _cells(grid, parameters):
-        structure, duration, is_static = _structure(cell), grid.sampling.duration, cell.scene.initial == "static"
+            stiffness = stiffness_of(reduced_structure(settings), settings.scheme.options)
+            yield from soft_spring(full_structure(settings), stiffness, settings.scheme.label)
+    for settings in _distinct_settings(grid, parameters):
+        structure, duration, is_static = (
+            full_structure(settings),
+            grid.sampling.duration,
+            settings.scene.initial == "static",
+        )
         if not isinstance(structure, Chain) or structure.has_matrices:  # of others the modes are not at hand
-            model = model_on(reduced(cell))
-            yield from scene_cautions(structure, model, _cases(grid, cell), duration, is_static=is_static)
+            model = model_on(reduced(settings))
+            yield from scene_cautions(structure, model, _cases(grid, settings), duration, is_static=is_static)
     worst: dict[str, float] = {}
-    for cell in _cells(grid, "reduction", "mechanical_modes", "thermal_modes", parameters):
-        basis = basis_text(cell)
-        lost = float(np.nanmax(projection_residual_of(cell, _cases(grid, cell)), initial=0.0))
+    for settings in _distinct_settings(grid, "reduction", "mechanical_modes", "thermal_modes", parameters):
+        basis = basis_text(settings)
+        lost = float(np.nanmax(projection_residual_of(settings, _cases(grid, settings)), initial=0.0))
         worst[basis] = max(worst.get(basis, 0.0), lost)
     for basis, lost in worst.items():
         if lost > LOST:
@@ -48,23 +52,19 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
             )
 
 
-def _cells(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
+def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
     """Yield the first settings that differ along axes whose path begins so."""
-    for outer in np.unique(grid.alike(grid.places.computed, lambda path: path.startswith(beginnings)))[:MOST_OUTER]:
+    for outer in np.unique(grid.alike(grid.computed, lambda path: path.startswith(beginnings)))[:MOST_OUTER]:
         yield grid.settings(int(outer))
 
 
-def _structure(cell: CaseSettings) -> Structure:
-    return structure_of(cell.scene.model, cell.scene.parameters)
-
-
-def _cases(grid: Grid, cell: CaseSettings) -> Cases:
+def _cases(grid: Grid, settings: CaseSettings) -> Cases:
     """Return cases to look at: all, or a regular choice that has the first and the last."""
     inner = np.unique(np.linspace(0, grid.inner_count - 1, min(grid.inner_count, MOST_CASES)).round().astype(np.int64))
-    return conditions(cell, _structure(cell), grid.inner_values(inner), inner.size)
+    return conditions(settings, full_structure(settings), grid.inner_values(inner), inner.size)
 
 
-def basis_text(cell: CaseSettings) -> str:
-    """Name the reduced model of a cell."""
-    modes = f"{cell.mechanical_modes} + {cell.thermal_modes} modes"
-    return modes if cell.reduction == DEFAULT else f"{modes} of {cell.reduction}"
+def basis_text(settings: CaseSettings) -> str:
+    """Name the reduced model of settings."""
+    modes = f"{settings.mechanical_modes} + {settings.thermal_modes} modes"
+    return modes if settings.reduction == DEFAULT else f"{modes} of {settings.reduction}"

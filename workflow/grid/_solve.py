@@ -15,7 +15,7 @@ from workflow import schemes, variables
 from workflow.grid._arrangement import TOLERANCE, Grid, Indices
 from workflow.grid._conditions import conditions
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._operators import compile_for, judged, projection_residual_of, run_batch, runaways_of, structure_of
+from workflow.grid._operators import compile_for, full_structure, judged, projection_residual_of, run_batch, runaways_of
 from workflow.grid._perturbation import Perturbation
 from workflow.grid._reference import against_reference, tells_basis_error
 from workflow.grid._reference_solutions import Solutions
@@ -57,8 +57,8 @@ def solve(
     neighbour, which then run one by one. ``perturbation`` changes the data of the cases, not those of their reference;
     ``known`` are solutions that errors are measured against and that are computed already.
     """
-    cell = grid.settings(outer)
-    canonical, place = np.unique(grid.canonical_inner(cell, inner), return_inverse=True)
+    settings = grid.settings(outer)
+    canonical, place = np.unique(grid.canonical_inner(settings, inner), return_inverse=True)
     solved = _solve_or_tell(grid, outer, canonical, perturbation)
     where = place.ravel()
     values = {name: array[where] for name, array in solved.values.items()}
@@ -80,8 +80,8 @@ def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> d
     """
     if not grid.study.is_auto:
         return {}
-    cell, choice = grid.settings(outer), grid.choice(outer)
-    used = {f"{path}_used": getattr(cell, path) for path in ("mechanical_modes", "thermal_modes")}
+    settings, choice = grid.settings(outer), grid.choice(outer)
+    used = {f"{path}_used": getattr(settings, path) for path in ("mechanical_modes", "thermal_modes")}
     columns = {**used, "basis_error": np.nan if choice is None else choice.error}
     basis = {name: np.full(count, float(value)) for name, value in columns.items()}
     if choice is not None and tells_basis_error(grid, outer):
@@ -109,19 +109,19 @@ def _joined(parts: list[Solved]) -> Solved:
 
 
 def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
-    cell = grid.settings(outer)
+    settings = grid.settings(outer)
     if grid.study.branch is not None:
-        compile_for(cell, grid.sampling.balances)
+        compile_for(settings, grid.sampling.balances)
         return _joined([_followed(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
-    cell = cell if perturbation is None else perturbation.cell(cell)
-    structure = structure_of(cell.scene.model, cell.scene.parameters)
-    cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
+    settings = settings if perturbation is None else perturbation.settings(settings)
+    structure = full_structure(settings)
+    cases = conditions(settings, structure, grid.inner_values(inner), inner.size)
     cases = cases if perturbation is None else perturbation.cases(cases)
-    compile_for(cell, grid.sampling.balances)
-    results, seconds = _timed(grid, cell, cases)
-    results = judged(cell, cases, results, grid.sampling.duration)
-    steady, remarks = steady_values(grid, cell, cases)
-    critical, growth, runaway = runaways_of(cell, cases.alpha, cases.friction)
+    compile_for(settings, grid.sampling.balances)
+    results, seconds = _timed(grid, settings, cases)
+    results = judged(settings, cases, results, grid.sampling.duration)
+    steady, remarks = steady_values(grid, settings, cases)
+    critical, growth, runaway = runaways_of(settings, cases.alpha, cases.friction)
     values: dict[str, NDArray[Any]] = {
         **results.histories,
         **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},
@@ -130,7 +130,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Pertur
         **steady,
         "critical_alpha": critical,
         "growth_rate": growth,
-        "projection_residual": projection_residual_of(cell, cases),
+        "projection_residual": projection_residual_of(settings, cases),
         "processor_time": np.full(inner.size, seconds / inner.size),
         "batch_width": np.full(inner.size, float(inner.size)),
         "status": results.status,
@@ -153,12 +153,12 @@ def _followed(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation
     return Solved({**values, "status": np.full(1, status, dtype=np.int8)}, {0: message} if message else {})
 
 
-def _timed(grid: Grid, cell: CaseSettings, cases: Cases) -> tuple[Results, float]:
+def _timed(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Results, float]:
     """Run a batch and return this thread's processor time, s; with a reference the least of some short runs."""
     seconds: list[float] = []
     while True:
         begun = time.thread_time()
-        results = run_batch(cell, cases, grid.sampling)
+        results = run_batch(settings, cases, grid.sampling)
         seconds.append(time.thread_time() - begun)
         if grid.study.reference is None or sum(seconds) > SHORT or len(seconds) == REPEATS:
             return results, min(seconds)

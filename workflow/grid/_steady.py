@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from workflow import variables
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import conditions
-from workflow.grid._operators import as_run, structure_of
+from workflow.grid._operators import as_run, full_structure
 from workflow.grid._perturbation import Perturbation
 from workflow.judges.trials import EXACT
 from workflow.models import Cases, Structure, growth_at_once
@@ -47,17 +47,17 @@ def blank(study: Study, count: int) -> Values:
     }
 
 
-def steady_values(grid: Grid, cell: CaseSettings, cases: Cases) -> tuple[Values, list[str]]:
+def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Values, list[str]]:
     """Return the steady rubs of cases given on the nodes, and what is said of each; nothing where none is asked for."""
     asked = grid.study.output.steady
-    if asked is None or cell.scheme.method != EXACT:
+    if asked is None or settings.scheme.method != EXACT:
         return blank(grid.study, cases.count), [""] * cases.count
     from workflow.orbits import Options, steady_rubs
 
-    structure, projected = as_run(cell, cases)
+    structure, projected = as_run(settings, cases)
     options = Options(asked.periods, asked.samples)
     values, messages = steady_rubs(structure, projected, grid.sampling.duration, options)
-    return _with_growth_at_once(cell, values), messages
+    return _with_growth_at_once(settings, values), messages
 
 
 def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> tuple[Values, str]:
@@ -70,11 +70,11 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
 
     def problem(value: float) -> tuple[Structure, Cases]:
         """Return structure and case at a value of the axis."""
-        cell = grid.settings(outer, {followed.axis.path: value})
-        cell = cell if perturbation is None else perturbation.cell(cell)
-        structure = structure_of(cell.scene.model, cell.scene.parameters)
-        cases = conditions(cell, structure, grid.inner_values(inner), inner.size)
-        return as_run(cell, cases if perturbation is None else perturbation.cases(cases))
+        settings = grid.settings(outer, {followed.axis.path: value})
+        settings = settings if perturbation is None else perturbation.settings(settings)
+        structure = full_structure(settings)
+        cases = conditions(settings, structure, grid.inner_values(inner), inner.size)
+        return as_run(settings, cases if perturbation is None else perturbation.cases(cases))
 
     start, stop = map(float, followed.axis.values)
     options = Options(asked.periods, asked.samples)
@@ -84,7 +84,7 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
     return {name: array[None] for name, array in values.items()}, message
 
 
-def _with_growth_at_once(cell: CaseSettings, values: Values) -> Values:
+def _with_growth_at_once(settings: CaseSettings, values: Values) -> Values:
     """Return steady rubs with the tip growth by heat loads that temperatures without heat capacity follow at once."""
-    structure = structure_of(cell.scene.model, cell.scene.parameters)
+    structure = full_structure(settings)
     return values | {"steady_closing": values["steady_closing"] + growth_at_once(structure)}

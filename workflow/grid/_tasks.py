@@ -69,9 +69,9 @@ class Task:
 
 def seconds_per_case(grid: Grid, outer: int) -> float:
     """Return the estimated seconds of one case, from the scheme's fixed cost model."""
-    cell = grid.settings(outer)
-    structure, periods = reduced_structure(cell), fastest(grid) * grid.sampling.duration
-    return steady_seconds(grid.study, cell, structure) + case_seconds(cell, structure, grid.sampling, periods)
+    settings = grid.settings(outer)
+    structure, periods = reduced_structure(settings), fastest(grid) * grid.sampling.duration
+    return steady_seconds(grid.study, settings, structure) + case_seconds(settings, structure, grid.sampling, periods)
 
 
 def together(grid: Grid, outer: int) -> int:
@@ -90,9 +90,7 @@ def _computed(grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     from threadpoolctl import threadpool_limits
 
     model = grid.study.scene.model
-    alike, where = np.unique(
-        grid.alike(grid.places.computed, lambda path: decides_cost(path, model)), return_inverse=True
-    )
+    alike, where = np.unique(grid.alike(grid.computed, lambda path: decides_cost(path, model)), return_inverse=True)
     with threadpool_limits(limits=1, user_api="blas"):
         seconds = np.array([seconds_per_case(grid, int(outer)) for outer in alike])
         return seconds[where], np.array([together(grid, int(outer)) for outer in alike])[where]
@@ -146,7 +144,9 @@ def tasks(grid: Grid) -> Iterator[Task]:
     def finished() -> Task:
         return Task(number, tuple(gathered), work, cases)
 
-    for outer, each, least in zip(grid.places, map(float, seconds), -(-at_once // grain) * grain, strict=True):
+    for outer, each, least in zip(
+        grid.computed.tolist(), map(float, seconds), -(-at_once // grain) * grain, strict=True
+    ):
         first = 0
         while first < grid.inner_count:
             left, most_together = total - assigned, max(grain, int(UNBROKEN / each))

@@ -152,7 +152,12 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
         ("t", grid.sampling.times, "s", "time since the start"),
         ("period", numbers, "1", "number of the load period"),
         ("point", numbers, "1", "number of the point, by arclength"),
-        ("phase", np.arange(sizes.get("phase", 0)) / sizes.get("phase", 1), "1", "share of the period of the rub"),
+        (
+            "phase",
+            np.arange(sizes.get("phase", 0)) / sizes.get("phase", 1),
+            "1",
+            "share of the period of the steady rub",
+        ),
     ):
         if name in sizes:
             yield name, _variable((name,), values, {"units": unit, "long_name": meaning})

@@ -32,16 +32,16 @@ _LOOKED_AT = 5000
 
 def warnings(grid: Grid) -> tuple[str, ...]:
     """Return what to beware of, one sentence each, none twice."""
-    computed = grid.places.computed
+    computed = grid.computed
     choices = [grid.settings(int(k)).scheme for k in np.unique(grid.alike(computed, lambda path: path == "scheme"))]
     idle = (
         f"{dimension.name} changes nothing: no scheme of this study reads it, its cases are the same"
         for dimension in (*grid.outer, *grid.inner)
         if all(grid.unread(dimension, one) and grid.uncompared(dimension, one) for one in choices)
     )
-    cells = [grid.settings(outer) for outer in looked_at(computed)]
-    cautions = [caution for cell in cells for caution in _cautions(grid, cell)]
-    steps = _sentences(cautions, len(set(map(basis_text, cells))))
+    every = [grid.settings(outer) for outer in looked_at(computed)]
+    cautions = [caution for settings in every for caution in _cautions(grid, settings)]
+    steps = _sentences(cautions, len(set(map(basis_text, every))))
     lacks_exact = grid.study.output.steady is not None and all(choice.method != EXACT for choice in choices)
     steady = (f"no scheme of this study is {EXACT}, which alone has steady rubs",) if lacks_exact else ()
     sentences = (*idle, *steady, *_coarse_sections(grid), *choice_cautions(grid), *cautions_of_scene(grid), *steps)
@@ -90,20 +90,24 @@ class _Caution(NamedTuple):
     said: StepCaution
 
 
-def _cautions(grid: Grid, cell: CaseSettings) -> Iterator[_Caution]:
+def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
     """Yield the cautions about one scheme at one step on one structure."""
-    scheme, options, structure = schemes.load(cell.scheme.method), cell.scheme.options, reduced_structure(cell)
+    scheme, options, structure = (
+        schemes.load(settings.scheme.method),
+        settings.scheme.options,
+        reduced_structure(settings),
+    )
     refusal = scheme.refusal(structure, options)
     if refusal is None:
-        friction = friction_of(cell, structure, grid.inner_values(np.arange(grid.inner_count)), grid.inner_count)
+        friction = friction_of(settings, structure, grid.inner_values(np.arange(grid.inner_count)), grid.inner_count)
         ends = float(friction.min()), float(friction.max())
-        modes = _free_modes(reduced(cell))
-        step = Step(scheme, options, cell.h, structure, modes, cell.reduction, ends, fastest(grid))
+        modes = _free_modes(reduced(settings))
+        step = Step(scheme, options, settings.h, structure, modes, settings.reduction, ends, fastest(grid))
         said = list(step_cautions(step))
     else:
-        basis = f" with {cell.reduction}" if structure.has_massless_tip else ""
+        basis = f" with {settings.reduction}" if structure.has_massless_tip else ""
         said = [StepCaution(f"fails{basis}, as {refusal}", "", 0.0)]
-    yield from (_Caution(basis_text(cell), cell.scheme.label, cell.h, one) for one in said)
+    yield from (_Caution(basis_text(settings), settings.scheme.label, settings.h, one) for one in said)
 
 
 def _sentences(cautions: list[_Caution], bases: int) -> tuple[str, ...]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
@@ -20,17 +18,6 @@ _EPS = float(np.finfo(float).eps)
 
 _SCALED_ROWS = 2
 """JOBA of dgejsv: values keep their digits where rows and columns are scaled by whatever factors."""
-
-
-class Eigen(NamedTuple):
-    """Eigenvalues and eigenvectors of a matrix A."""
-
-    values: Complex
-    """One with a positive imaginary part is followed by its conjugate, to the bit; ``(n,)``."""
-    right: Complex
-    """Columns x of length 1 with A x = s x, ``(n, n)``; of conjugate values conjugate, of real values real."""
-    left: Complex
-    """Rows l with l A = s l and l x = 1, orthogonal to all other columns of ``right``: its inverse."""
 
 
 def singular(matrix: ArrayLike) -> tuple[Array, Array]:
@@ -72,24 +59,6 @@ def least_squares(matrix: ArrayLike, right: ArrayLike) -> Array:
     order = np.argsort(-np.abs(a).max(axis=1, initial=0.0))
     solution = scipy.linalg.lstsq(a[order], np.asarray(right)[order], cond=max(a.shape) * _EPS, lapack_driver="gelsy")
     return np.asarray(solution[0])
-
-
-def eigenvectors(matrix: ArrayLike) -> Eigen:
-    """Return eigenvalues and right and left eigenvectors of a real square matrix.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Entries are not finite, the iteration did not converge, or the eigenvectors are dependent.
-    """
-    values, right = scipy.linalg.eig(_finite(matrix))
-    pair = np.flatnonzero(values.imag > 0)
-    parts = np.array(right.real)
-    parts[:, pair + 1] = right[:, pair].imag
-    left = inverse(parts).astype(np.complex128)
-    left[pair] = 0.5 * (left[pair] - 1j * left[pair + 1])  # from dual rows of real and imaginary part
-    left[pair + 1] = left[pair].conj()
-    return Eigen(values, right.astype(np.complex128), left)
 
 
 def eigenvalues(matrix: ArrayLike) -> Complex:

@@ -1,4 +1,4 @@
-"""Exponential, logarithm, sine, cosine and hypotenuse for kernels, with the same bits on every processor.
+"""Exponential, sine and cosine for kernels, with the same bits on every processor.
 
 The functions of a C library depend on its version and on whether the processor has a fused
 multiply-add. These use additions, subtractions, multiplications, divisions, square roots and integer
@@ -6,12 +6,10 @@ operations only, all of which IEEE 754 fixes. Errors are below 1 unit in the las
 mpmath (``tests/kernels/test_elementary.py``).
 
 Arguments are reduced by multiples of ln 2 and of π/2 (W. J. Cody and W. Waite, Software Manual for the
-Elementary Functions, 1980), those of sine and cosine beyond 1.6e6 by the bits of 2/π (M. H. Payne and
-R. N. Hanek, ACM SIGNUM Newsletter 18 (1983) 19–24). Reduced arguments are kept as r + rest, two numbers
-whose sum is more accurate than one. Polynomials are Taylor series, cut where the next term is below a
-tenth of a rounding.
+Elementary Functions, 1980). Reduced arguments are kept as r + rest, two numbers whose sum is more
+accurate than one. Polynomials are Taylor series, cut where the next term is below a tenth of a rounding.
 
-For arrays outside kernels see :mod:`workflow.kernels.elementwise`.
+For sine and cosine of arrays outside kernels see :mod:`workflow.kernels.elementwise`.
 """
 
 from __future__ import annotations
@@ -33,47 +31,12 @@ HALF_PI_1, HALF_PI_2 = 1.5707963267341256, 6.077100506303966e-11
 _HALF_PI_3, _HALF_PI_4 = 2.0222662487111665e-21, 8.4784276603689e-32
 """π/2 as a sum of four parts, to 7e-49. Each of the first three is π/2, less the parts before it, cut after at most 33
 bits, so that its product with an integer up to 2^20 is exact; the last is what is left, rounded."""
-_HALF_PI, _HALF_PI_REST = 1.5707963267948966, 6.123233995736766e-17
-"""π/2 rounded, and its rounding: the factor of a fraction of a quarter turn, to 1.5e-33."""
 _LARGEST_TURN = 1.6e6
-"""About 2^20 · π/2: larger arguments of sine and cosine are reduced by the bits of 2/π."""
+"""About 2^20 · π/2: larger arguments of sine and cosine are reduced twice, the first time by 2^20 quarter turns."""
+_MANY_TURNS = 1048576.0
 
 _LARGEST_POWER, _SMALLEST_POWER = 709.79, -745.2
 """The exponential of larger arguments overflows, that of smaller ones underflows to zero."""
-
-_SPLIT = 134217729.0
-"""2^27 + 1 splits a number into two of 26 bits (T. J. Dekker, Numerische Mathematik 18 (1971) 224–242)."""
-
-_LIMB = 24
-"""Bits of one entry of the table of 2/π: products of two entries, and sums of some, fit in 64 bits."""
-_LIMBS = 52
-"""Entries: enough for the largest double, 2^1024, and 168 bits of the reduced argument."""
-_FRACTION_LIMBS = 7
-"""Entries of the reduced argument, 168 bits: 62 vanish where an argument is nearest to a multiple of π/2."""
-
-
-def _inverse_tangent(denominator: int, one: int) -> int:
-    """Return ``one`` times the arc tangent of 1/denominator, by its series in integers."""
-    term = total = one // denominator
-    divisor, sign = 1, 1
-    while term:
-        term //= denominator * denominator
-        divisor, sign = divisor + 2, -sign
-        total += sign * (term // divisor)
-    return total
-
-
-def _bits_of_two_over_pi() -> np.ndarray:
-    """Return 2/π in pieces of 24 bits, the first one worth 2^-24, by Machin's formula for π/4."""
-    guard = 64
-    one = 1 << (_LIMB * _LIMBS + guard)
-    quarter_pi = 4 * _inverse_tangent(5, one) - _inverse_tangent(239, one)
-    bits = ((one * one) // (2 * quarter_pi)) >> guard
-    pieces = [(bits >> (_LIMB * (_LIMBS - 1 - k))) & ((1 << _LIMB) - 1) for k in range(_LIMBS)]
-    return np.array(pieces, dtype=np.int64)
-
-
-_TABLE = _bits_of_two_over_pi()
 
 
 @inlined
@@ -95,19 +58,6 @@ def _sum(a: float, b: float) -> tuple[float, float]:
     s = a + b
     c = s - a
     return s, (a - (s - c)) + (b - c)
-
-
-@inlined
-def _product(a: float, b: float) -> tuple[float, float]:
-    """Return the rounded product and what rounding left out (Dekker's product)."""
-    p = a * b
-    c = _SPLIT * a
-    a_high = c - (c - a)
-    a_low = a - a_high
-    c = _SPLIT * b
-    b_high = c - (c - b)
-    b_low = b - b_high
-    return p, ((a_high * b_high - p) + a_high * b_low + a_low * b_high) + a_low * b_low
 
 
 @inlined
@@ -147,99 +97,30 @@ def exp(x: float) -> float:
     return float(_scaled(1.0 + (r + (rest + r * r * _curved(r))), q))
 
 
-@part
-def log(x: float) -> float:
-    """Return the natural logarithm; -inf of 0 and NaN of negative numbers."""
-    if not 0.0 < x < np.inf:
-        if x == 0.0:
-            return -np.inf
-        return x if x > 0.0 else np.nan
-    k = 0
-    if x < 2.2250738585072014e-308:  # subnormal
-        x, k = x * 18014398509481984.0, -54
-    bits = np.float64(x).view(np.int64)
-    # 2^k m with m between √½ and √2: adding what lies between the bits of √½ and 1 carries into the exponent
-    shifted = bits + (4607182418800017408 - 4604544271217802189)
-    step = (shifted >> 52) - 1023
-    k += int(step)
-    f = np.int64(bits - (step << 52)).view(np.float64) - 1.0
-    s = f / (2.0 + f)
-    z = s * s
-    p = z * (2.0 / 23.0) + 2.0 / 21.0
-    p = p * z + 2.0 / 19.0
-    p = p * z + 2.0 / 17.0
-    p = p * z + 2.0 / 15.0
-    p = p * z + 2.0 / 13.0
-    p = p * z + 2.0 / 11.0
-    p = p * z + 2.0 / 9.0
-    p = p * z + 2.0 / 7.0
-    p = p * z + 2.0 / 5.0
-    p = p * z + 2.0 / 3.0
-    half = 0.5 * f * f
-    return float(k * LN2_HIGH - ((half - (s * (half + p * z) + k * LN2_LOW)) - f))
-
-
-@part
-def _less_turns_of_large(x: float) -> tuple[int, float, float]:
-    """Return q mod 4, r and rest of x = q π/2 + r + rest, by the bits of 2/π; x is finite and above 1e6.
-
-    x = m 2^(24 j) with m an integer of four pieces of 24 bits. Column c of the product with 2/π is worth
-    2^(-24 c); columns left of the point are multiples of 2^24, so of 4. Carries are rounded to nearest, so
-    that the fraction lies between -1/2 and 1/2 and its leading pieces vanish where it is small.
-    """
-    bits = np.float64(x).view(np.int64)
-    exponent = (bits >> 52) - 1075
-    mantissa = (bits & 4503599627370495) | 4503599627370496
-    j = exponent // _LIMB
-    shift = exponent - _LIMB * j
-    mask = (1 << _LIMB) - 1
-    low, high = (mantissa & mask) << shift, (mantissa >> _LIMB) << shift
-    m0 = low & mask
-    high += low >> _LIMB
-    m1, m2, m3 = high & mask, (high >> _LIMB) & mask, high >> (2 * _LIMB)
-    carry, r, rest, column = 0, 0.0, 0.0, 0
-    scale = _power_of_two(-_LIMB * (_FRACTION_LIMBS + 1))
-    for c in range(_FRACTION_LIMBS + 1, -1, -1):
-        k = j - 1 + c
-        column = carry
-        column += m0 * _TABLE[k] if k >= 0 else 0
-        column += m1 * _TABLE[k + 1] if k + 1 >= 0 else 0
-        column += m2 * _TABLE[k + 2] if k + 2 >= 0 else 0
-        column += m3 * _TABLE[k + 3] if k + 3 >= 0 else 0
-        if c > 0:
-            carry = (column + (1 << (_LIMB - 1))) >> _LIMB
-            r, lost = _sum(float(column - (carry << _LIMB)) * scale, r)
-            rest += lost
-            scale *= 16777216.0
-    high_part, low_part = _product(r, _HALF_PI)
-    low_part += r * _HALF_PI_REST + rest * _HALF_PI
-    r = high_part + low_part
-    return int(column & 3), r, (high_part - r) + low_part
-
-
 @inlined
-def _less_turns(x: float) -> tuple[int, float, float]:
-    """Return q, r and rest of x = q π/2 + r + rest, |x| up to 1.6e6: products with q are exact but the last."""
-    q = (x * TWO_OVER_PI + TO_INTEGER) - TO_INTEGER
-    r, first = _sum(x - q * HALF_PI_1, -(q * HALF_PI_2))
-    r, second = _sum(r, -(q * _HALF_PI_3))
-    last = (first + second) - q * _HALF_PI_4
+def _less_turns(x: float, turns: float) -> tuple[int, float, float]:
+    """Return q, r and rest of x = q · turns · π/2 + r + rest with |q| up to 2^20 and turns a power of two.
+
+    Products with q are exact but the last.
+    """
+    q = (x * (TWO_OVER_PI / turns) + TO_INTEGER) - TO_INTEGER
+    r, first = _sum(x - q * (HALF_PI_1 * turns), -(q * (HALF_PI_2 * turns)))
+    r, second = _sum(r, -(q * (_HALF_PI_3 * turns)))
+    last = (first + second) - q * (_HALF_PI_4 * turns)
     whole = r + last
     return int(q), whole, (r - whole) + last
 
 
 @part
 def sine_cosine(x: float) -> tuple[float, float]:
-    """Return sin x and cos x; NaN where x is not finite."""
-    size = abs(x)
-    if size < _LARGEST_TURN:
-        q, r, rest = _less_turns(x)
-    elif size < np.inf:
-        q, r, rest = _less_turns_of_large(size)
-        if x < 0.0:
-            q, r, rest = -q, -r, -rest
-    else:
-        return np.nan, np.nan
+    """Return sin x and cos x; NaN where x is not finite, or above 1.6e12, where it has no three digits of a turn."""
+    begun, behind = x, 0.0
+    if not abs(x) < _LARGEST_TURN:
+        if not abs(x) < _LARGEST_TURN * _MANY_TURNS:
+            return np.nan, np.nan
+        _, begun, behind = _less_turns(x, _MANY_TURNS)
+    q, r, rest = _less_turns(begun, 1.0)
+    r, rest = _sum(r, rest + behind)
     z = r * r
     p = 2.8114572543455206e-15 * z - 7.647163731819816e-13  # r^17/17!, r^15/15!, …
     p = p * z + 1.6059043836821613e-10
@@ -261,39 +142,6 @@ def sine_cosine(x: float) -> tuple[float, float]:
     if q & 1:
         s, c = c, -s
     return (-s, -c) if q & 2 else (s, c)
-
-
-@inlined
-def power(x: float, exponent: int) -> float:
-    """Return x to an integer power of at least zero, by repeated multiplication."""
-    result = 1.0
-    for _ in range(exponent):
-        result *= x
-    return result
-
-
-@part
-def hypot(x: float, y: float) -> float:
-    """Return √(x² + y²) without overflow or underflow in between."""
-    a, b = max(abs(x), abs(y)), min(abs(x), abs(y))
-    if abs(x) == np.inf or abs(y) == np.inf:
-        return np.inf
-    if x != x or y != y:
-        return np.nan
-    if a == 0.0 or b == 0.0:
-        return a
-    back = 1.0
-    if a > 1e140:
-        back = _power_of_two(600)
-    elif b < 1e-140:
-        back = _power_of_two(-600)
-    a, b = a / back, b / back
-    (s, t), (u, v) = _product(a, a), _product(b, b)
-    whole = s + u
-    rest = ((s - whole) + u) + (t + v)
-    root = np.sqrt(whole)
-    square, lost = _product(root, root)
-    return float(back * (root + (((whole - square) - lost) + rest) / (2.0 * root)))
 
 
 @inlined

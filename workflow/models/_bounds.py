@@ -9,7 +9,7 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.models._cases import Cases
 from workflow.models._modes import mechanical_modes
-from workflow.models._runaway import static_tip_growth
+from workflow.models._static import static_tip_growth
 from workflow.models._structure import Structure
 
 

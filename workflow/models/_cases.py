@@ -98,13 +98,6 @@ class Cases:
         return self.frequency
 
     @property
-    def fastest_frequency(self) -> Array:
-        """Largest frequency of load and casing, Hz, ``(case,)``; 0 where both are constant."""
-        first = np.where(self.amplitude != 0, self.frequency, 0.0)[:, None]
-        rows = [first, self.load_harmonics.frequency, self.casing_harmonics.frequency]
-        return np.asarray(np.hstack(rows).max(axis=1))
-
-    @property
     def finite(self) -> NDArray[np.bool_]:
         """Cases whose numbers are all finite."""
         values = [getattr(self, name) for name in self.__dataclass_fields__]

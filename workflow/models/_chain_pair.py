@@ -18,7 +18,6 @@ from itertools import pairwise
 from typing import Any, TypeGuard
 
 import numpy as np
-import scipy
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import MOST_BY_JACOBI
@@ -56,10 +55,9 @@ class ChainPair(Pair):
         """K, ``(node, node)``."""
         return self.dense.stiffness
 
-    @cached_property
-    def inertia(self) -> scipy.sparse.dia_array:
-        """The lumps on a diagonal."""
-        return scipy.sparse.diags_array(self.lumps)
+    @property
+    def size(self) -> int:
+        return self.joint.size
 
     @cached_property
     def weights(self) -> Array:  # type: ignore[override]
@@ -67,18 +65,25 @@ class ChainPair(Pair):
         return np.concatenate([self.joint, self.ground]) if self.ground.any() else self.joint
 
     @cached_property
-    def deformation(self) -> scipy.sparse.csr_array:
-        """u_i - u_{i-1} of the joints, then u_i of the grounds where there are any."""
-        each = np.ones(self.joint.size)
-        joints = scipy.sparse.diags_array([each, -each[1:]], offsets=[0, -1], format="csr")
-        parts = [joints, scipy.sparse.eye_array(each.size)] if self.ground.any() else [joints]
-        return scipy.sparse.vstack(parts, format="csr")
-
-    @cached_property
     def dense(self) -> DensePair:
         if self.size > MOST_FULL:
             raise TooManyCoordinatesError(self.size, MOST_ONE_BY_ONE)
-        return DensePair(np.diag(self.lumps), self.weights, self.deformation.toarray())
+        return DensePair(np.diag(self.lumps), self.weights, self.deformation_of(np.eye(self.size)))
+
+    def inertia_of(self, u: Array) -> Array:
+        return np.asarray((self.lumps * u.T).T)
+
+    def deformation_of(self, u: Array) -> Array:
+        """Return u_i - u_{i-1} of the joints, then u_i of the grounds where there are any."""
+        joints = np.diff(u, axis=0, prepend=0.0)
+        return np.concatenate([joints, u]) if self.ground.any() else joints
+
+    def forces(self, deformation: Array) -> Array:
+        """Return N_i - N_{i+1} for forces N_i in the joints, and what flows to the grounds."""
+        flows = (self.weights * deformation.T).T
+        forces = flows[: self.size].copy()
+        forces[:-1] -= flows[1 : self.size]
+        return forces + flows[self.size :] if self.ground.any() else forces
 
     @cached_property
     def _tied(self) -> Array:
@@ -163,7 +168,9 @@ class ChainPair(Pair):
         alternating = np.zeros(2 * self.size - 1)
         alternating[::2], alternating[1::2] = root / np.sqrt(self.lumps), beside / np.sqrt(self.lumps[1:])
         chosen = (size + first, size + last)
-        return scipy.linalg.eigh_tridiagonal(
+        from scipy.linalg import eigh_tridiagonal  # imported here: planning needs none of it
+
+        return eigh_tridiagonal(
             np.zeros(2 * size), alternating[: 2 * size - 1], select="i", select_range=chosen, **options
         )
 

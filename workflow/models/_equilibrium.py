@@ -50,10 +50,10 @@ def static_equilibrium(
     pair, thermal = structure.mechanical, structure.thermal
     if thermal.moves(heating):
         raise NoEquilibriumError("the heat load cannot leave the structure, its temperature has no equilibrium")
-    temperature = thermal.static_answers(heating[None])[0]
+    temperature = thermal.answer(heating)
     force = load + structure.thermal_forces(temperature)
     if not pair.moves(force):
-        free = pair.static_answers(force[None])[0]
+        free = pair.answer(force)
         if free[-1] <= gap:
             return free, temperature
     moved, pressing = pair.constraint * force, pair.tip_stiffness * gap

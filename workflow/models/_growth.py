@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex, eigenvalues
-from workflow.models._damping import held_damping, is_rayleigh
-from workflow.models._modes import poles
+from workflow.models._modes import held_damping, is_rayleigh, poles
 from workflow.models._pair import Modes
 from workflow.models._structure import Structure
 

@@ -94,7 +94,7 @@ def _heat(entries: Entries, labels: Sequence[str], chosen: str | int | None, con
             raise UnusableMatricesError(f"it has no `{name}`", remedy)
     capacity = _symmetric(entries, "heat_capacity")
     count = capacity.shape[0]
-    coupling = _sparse("coupling", entries["coupling"] if "coupling" in entries else np.zeros((size, count)))
+    coupling = _sparse("coupling", entries.get("coupling", scipy.sparse.csc_array((size, count))))
     if coupling.shape != (size, count):
         remedy = f"it must have a row per displacement and a column per temperature, {(size, count)}"
         raise UnusableMatricesError(f"`coupling` has the shape {coupling.shape}", remedy)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -40,30 +40,20 @@ def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array
     UnusableMatricesError
         A column is missing, unknown, twice or in another unit, or a value is no number.
     """
-    rows: Rows | Array
-    names, order = [name for name, _ in columns], list(range(len(columns)))
-    if isinstance(source, File):
-        head, *lines = _lines(source)
-        parsed = [_HEADING.fullmatch(word.strip(' "')) for word in head.split(",")]
-        headings = [match[1] if match else "" for match in parsed]
-        if sorted(headings) != sorted(names):
-            raise UnusableMatricesError(f"`{source.name}` has the columns {head[:80]}", f"write {', '.join(names)}")
-        _check_units(source.name, {match[1]: match[2] for match in parsed if match}, dict(columns))
-        name, order, rows = f"`{source.name}`", [headings.index(name) for name in names], _numbers(source, lines)
-    else:
-        name, rows = "the table", source
-    table = _table(name, rows)
-    if table.shape[1] != len(names):
-        raise UnusableMatricesError(f"{name} has a different number of columns", f"write {', '.join(names)}")
-    return _shaken(source, table[:, order]) if isinstance(source, File) else table
-
-
-def _check_units(name: str, written: Mapping[str, str | None], units: Mapping[str, str]) -> None:
-    """Refuse a column whose heading has another unit than the one it is read in."""
-    for column, unit in written.items():
-        known = _SPELLINGS[units[column]]
-        if unit is not None and unit not in known:
-            raise UnusableMatricesError(f"`{name}` has `{column}` in {unit}", f"write `{column} [{known[0]}]`")
+    names = [name for name, _ in columns]
+    if not isinstance(source, File):
+        return _table("the table", source, len(names))
+    head, *lines = _lines(source)
+    parsed = [_HEADING.fullmatch(word.strip(' "')) for word in head.split(",")]
+    written = {match[1]: match[2] for match in parsed if match}
+    if sorted(written) != sorted(names) or len(parsed) != len(names):
+        raise UnusableMatricesError(f"`{source.name}` has the columns {head[:80]}", f"write {', '.join(names)}")
+    for name, unit in columns:
+        if written[name] not in (None, *_SPELLINGS[unit]):
+            problem = f"`{source.name}` has `{name}` in {written[name]}"
+            raise UnusableMatricesError(problem, f"write `{name} [{_SPELLINGS[unit][0]}]`")
+    table = _table(f"`{source.name}`", _numbers(source, lines), len(names))
+    return _shaken(source, table[:, [list(written).index(name) for name in names]])
 
 
 def read_matrix(source: File | Rows, shape: tuple[int, int]) -> Array:
@@ -74,12 +64,9 @@ def read_matrix(source: File | Rows, shape: tuple[int, int]) -> Array:
     UnusableMatricesError
         It has another shape.
     """
-    name = f"`{source.name}`" if isinstance(source, File) else "the coupling"
-    matrix = _table(name, _numbers(source, _lines(source)) if isinstance(source, File) else source)
-    if matrix.shape != shape:
-        remedy = f"write {shape[0]}, one for each mode, of {shape[1]} numbers, one for each thermal mode"
-        raise UnusableMatricesError(f"{name} has {matrix.shape[0]} rows of {matrix.shape[1]}", remedy)
-    return _shaken(source, matrix) if isinstance(source, File) else matrix
+    if not isinstance(source, File):
+        return _table("the coupling", source, shape[1], shape[0])
+    return _shaken(source, _table(f"`{source.name}`", _numbers(source, _lines(source)), shape[1], shape[0]))
 
 
 def _shaken(file: File, table: Array) -> Array:
@@ -111,12 +98,14 @@ def _numbers(file: File, lines: list[str]) -> Array:
         raise UnusableMatricesError(f"`{file.name}` is no table of numbers: {error}", "write numbers") from None
 
 
-def _table(name: str, rows: Rows | Array) -> Array:
-    """Return rows as an array, all of one length, finite and not too many."""
+def _table(name: str, rows: Rows | Array, width: int, height: int | None = None) -> Array:
+    """Return rows of one width as an array of finite numbers, of some height or of not too many rows."""
     if not 0 < len(rows) <= MOST_MODES:
         raise UnusableMatricesError(f"{name} has {len(rows)} rows", f"write 1 to {MOST_MODES}")
-    if len({len(row) for row in rows}) > 1:
-        raise UnusableMatricesError(f"{name} has rows of different lengths", "write as many values in each")
+    widths = sorted({len(row) for row in rows})
+    if widths != [width] or len(rows) != (height or len(rows)):
+        problem = f"{name} has {len(rows)} rows of {' and '.join(map(str, widths))} numbers"
+        raise UnusableMatricesError(problem, f"write {height or 'rows'} of {width}, one for each mode")
     table = np.array(rows, dtype=np.float64)
     if not np.isfinite(table).all():
         raise UnusableMatricesError(f"{name} has a value that is not finite", "write finite numbers")

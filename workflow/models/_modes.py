@@ -1,4 +1,10 @@
-"""Normal modes of a structure, with rigid and adiabatic ones decided by rank."""
+"""Normal modes of a structure, with rigid and adiabatic ones decided by rank, and damping in them.
+
+    C1 = a_M M + a_K K1 + M Φ diag(2 ζ ω) Φᵀ M + D
+
+with Φ the modes of the structure with its tip free, φᵀ M φ = 1; rigid ones have ω = 0. With the tip free all but D are
+diagonal in modes, with the tip held only Rayleigh's two are. A reduced structure has the ratio in its own modes.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +16,9 @@ from numpy.typing import NDArray
 from workflow.kernels import Array
 from workflow.models._pair import Modes
 from workflow.models._structure import Structure
+
+_COUPLED = 1e-12
+"""Share of the largest modal damping below which that between two modes is rounding of a matrix that is diagonal."""
 
 
 def poles(frequency: Array, damping: Array) -> NDArray[np.complex128]:
@@ -44,6 +53,19 @@ def thermal_modes(structure: Structure) -> Modes:
     return structure.thermal.modes()
 
 
+def frequencies(structure: Structure) -> Array:
+    """Return ω of the modes, rad/s, ascending; of a chain without matrices the lowest and the highest.
+
+    Of sparse matrices the lowest and about the highest. The last one is infinite where the tip has no mass.
+    """
+    return np.sqrt(structure.mechanical.spectrum())
+
+
+def rates(structure: Structure) -> Array:
+    """Return μ of the thermal modes, 1/s, ascending; of long chains and sparse matrices as :func:`frequencies`."""
+    return structure.thermal.spectrum()
+
+
 def modal_coupling(structure: Structure, mechanical: Modes, thermal: Modes) -> Array:
     """Return G = φᵀ K12 χ, shape ``(mechanical mode, thermal mode)``.
 
@@ -53,3 +75,45 @@ def modal_coupling(structure: Structure, mechanical: Modes, thermal: Modes) -> A
     coupling = -pair.work(shapes, pair.deformation_of(shapes), structure.expansions(thermal.shapes))
     coupling[mechanical.values == 0] = 0.0
     return coupling
+
+
+def modal_damping(structure: Structure, modes: Modes) -> Array:
+    """Return φᵀ C1 φ of each mode with the tip free, 1/s, ``(mode,)``; what couples them is left out."""
+    damping = coupled_damping(structure, modes)
+    return damping if damping.ndim == 1 else np.diag(damping)
+
+
+def coupled_damping(structure: Structure, modes: Modes) -> Array:
+    """Return c of each mode with the tip free, 1/s, ``(mode,)``; φᵀ C1 φ, ``(mode, mode)``, if damping couples them."""
+    damping = structure.damping.of_modes(modes.values, modes.inertia)
+    if structure.damper is None:
+        return damping
+    own = modes.shapes.T @ (structure.damper @ modes.shapes)
+    each = np.diag(own)
+    if np.all(np.abs(own - np.diag(each)) <= _COUPLED * np.abs(each).max(initial=0.0)):
+        return np.asarray(damping + each)
+    return np.asarray(np.diag(damping) + (own + own.T) / 2)
+
+
+def held_damping(structure: Structure, modes: Modes) -> Array:
+    """Return φᵀ C1 φ of the modes with the tip held, 1/s, ``(mode, mode)``.
+
+    Shapes have the row of the tip, which is 0.
+    """
+    projected = modes.shapes.T @ (structure.damping_matrix @ modes.shapes)
+    return np.asarray((projected + projected.T) / 2)
+
+
+def is_rayleigh(structure: Structure) -> bool:
+    """Tell whether damping is diagonal in the modes of any support: a_M M + a_K K1 alone."""
+    return structure.damper is None and structure.damping.ratio == 0
+
+
+def couples_free_modes(structure: Structure) -> bool:
+    """Tell whether damping couples the modes with the tip free."""
+    return structure.damper is not None and coupled_damping(structure, mechanical_modes(structure)).ndim == 2
+
+
+def needs_matrices(structure: Structure) -> bool:
+    """Tell whether a structure cannot be stepped in modes scaled by the tip."""
+    return structure.load is not None or couples_free_modes(structure)

@@ -86,7 +86,7 @@ class Pair(ABC):
     Attributes
     ----------
     stiffness, inertia, deformation
-        K and M ``(coordinate, coordinate)``, and D ``(spring, coordinate)``, dense or sparse.
+        K and M ``(coordinate, coordinate)``, and D ``(spring, coordinate)``, dense or sparse; a chain has no matrices.
     weights
         Springs [N/m] or conductors [W/K], ``(spring,)``.
     most_modes
@@ -120,6 +120,13 @@ class Pair(ABC):
         TooManyCoordinatesError
             They would be too large.
         """
+
+    @property
+    def unit_tip(self) -> Array:
+        """e_n, 1 at the tip and 0 elsewhere, ``(coordinate,)``."""
+        unit = np.zeros(self.size)
+        unit[-1] = 1.0
+        return unit
 
     def inertia_of(self, u: Array) -> Array:
         """Return M u, ``(coordinate, …)``: inertia forces [N] of accelerations, or heat contents [J]."""

@@ -32,8 +32,7 @@ class CriticalFriction(NamedTuple):
 
 def directions(structure: Structure, friction: Array) -> Array:
     """Return e_n - µ t for each friction coefficient µ ``(case,)``, ``(case, mechanical)``."""
-    vectors = np.zeros((friction.size, structure.mechanical_size))
-    vectors[:, -1] = 1.0
+    vectors = np.tile(structure.mechanical.unit_tip, (friction.size, 1))
     if structure.tangent is not None:
         vectors -= friction[:, None] * structure.tangent
     return vectors

@@ -16,8 +16,8 @@ import scipy
 from workflow.kernels import Array
 from workflow.models._from_matrices import structure_of_forms
 from workflow.models._pair import TooManyCoordinatesError
-from workflow.models._runaway import static_tip_growth
 from workflow.models._sparse_pair import MOST_REDUCED, SparsePair
+from workflow.models._static import static_tip_growth
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 
 

@@ -13,8 +13,7 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
-from workflow.models._factors import NotHeldError, factorised
-from workflow.models._fill import warn_of_fill
+from workflow.models._factors import NotHeldError, factorised, warn_of_fill
 from workflow.models._from_matrices import GivenMatrices, refuse_dashpots, structure_from_matrices
 from workflow.models._matrix_entries import ASYMMETRY
 from workflow.models._pair import MOST_FULL
@@ -129,19 +128,11 @@ def _tip_last(contact: Array, name: str) -> tuple[scipy.sparse.csr_array, scipy.
             f"it may act on up to {MOST_SHARES} of a structure of {size}",
         )
     tip = int(np.argmax(np.abs(contact)))
-    others = np.delete(np.arange(size), tip)
-    beside = shares[shares != tip]
-    place = np.empty(size, dtype=np.int64)
-    place[others], place[tip] = np.arange(size - 1), size - 1
-    rows = np.concatenate([others, np.full(beside.size, tip), [tip]])
-    columns = np.concatenate([place[others], place[beside], [size - 1]])
-    values = np.concatenate([np.ones(size - 1), -contact[beside] / contact[tip], [1 / contact[tip]]])
-    basis = scipy.sparse.csr_array(scipy.sparse.coo_array((values, (rows, columns)), shape=(size, size)))
-    rows = np.concatenate([place[others], np.full(shares.size, size - 1)])
-    values = np.concatenate([np.ones(size - 1), contact[shares]])
-    projection = scipy.sparse.csr_array(
-        scipy.sparse.coo_array((values, (rows, np.concatenate([others, shares]))), shape=(size, size))
-    )
+    others, each = np.delete(np.arange(size), tip), scipy.sparse.eye_array(size, format="csr")
+    projection = scipy.sparse.vstack([each[others], scipy.sparse.csr_array(contact[None])], format="csr")
+    row = scipy.sparse.csr_array(np.append(-contact[others], 1.0)[None] / contact[tip])
+    beside = scipy.sparse.hstack([each[:, others], scipy.sparse.csr_array((size, 1))])
+    basis = scipy.sparse.csr_array(beside + each[:, [tip]] @ row)
     return basis, projection
 
 

@@ -212,8 +212,6 @@ def _lowest(
 ) -> tuple[Array, Array]:
     """Return the ``count`` eigenvalues nearest above a shift, ascending, and vectors of length 1 in the inertia.
 
-    The largest entry of each vector is positive.
-
     Raises
     ------
     NotHeldError
@@ -224,7 +222,7 @@ def _lowest(
         return np.zeros(0), np.zeros((size, 0))
     if 3 * count > size:  # Lanczos's iteration has no room
         values, shapes = scipy.linalg.eigh(stiffness.toarray(), inertia.toarray(), subset_by_index=(0, count - 1))
-        return np.where(np.abs(values) > _ROUNDING * np.abs(values).max(), values, 0.0), _pointing_up(shapes)
+        return np.where(np.abs(values) > _ROUNDING * np.abs(values).max(), values, 0.0), shapes
     solve: Any = scipy.sparse.linalg.LinearOperator(
         (size, size), matvec=lambda load: answer(np.ravel(load)), dtype=np.float64
     )
@@ -234,15 +232,8 @@ def _lowest(
         raise NotHeldError(f"{count} modes of {size} coordinates were not found: {error}") from None
     order = np.argsort(values, kind="stable")
     values, shapes = values[order], shapes[:, order]
-    shapes = _pointing_up(shapes)
     _check(stiffness, inertia, values, shapes, shift)
     return values, shapes
-
-
-def _pointing_up(shapes: Array) -> Array:
-    """Return vectors whose largest entry is positive."""
-    largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
-    return np.ascontiguousarray(shapes * np.sign(largest))
 
 
 def _check(

@@ -1,4 +1,4 @@
-"""What a structure answers by itself: natural frequencies and thermal rates, and growth by constant heat."""
+"""Static answers of the tip, and the heat coupling above which a tip in permanent contact runs away."""
 
 from __future__ import annotations
 
@@ -6,20 +6,52 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
+from workflow.models._sliding import static_share
 from workflow.models._structure import Structure
 
+_CANCELLED = 1e-13
+"""Share of its terms below which the growth by the tip's heat is their rounding."""
 
-def frequencies(structure: Structure) -> Array:
-    """Return ω of the modes, rad/s, ascending; of a chain without matrices the lowest and the highest.
 
-    Of sparse matrices the lowest and about the highest. The last one is infinite where the tip has no mass.
+def tip_flexibility(structure: Structure) -> float:
+    """Return S = e_nᵀ K1⁻¹ e_n, the static compliance of the tip, m/N; ``inf`` for a free root."""
+    stiffness = structure.mechanical.tip_stiffness
+    return 1 / stiffness if stiffness > 0 else float("inf")
+
+
+def static_tip_growth(structure: Structure) -> Array:
+    """Return the row -e_nᵀ K1⁻¹ K12: quasi-static tip displacement per temperature, m/K.
+
+    Shape ``(thermal,)``. Rigid modes are left out (their thermal load is zero): what nothing holds grows about its
+    centre of mass at rest.
     """
-    return np.sqrt(structure.mechanical.spectrum())
+    if structure.tip_growth is not None:
+        return structure.tip_growth
+    pair = structure.mechanical
+    if pair.tip_stiffness > 0:
+        answer, deformation = pair.constraint / pair.tip_stiffness, pair.deformed / pair.tip_stiffness
+    else:
+        answer = pair.answer(pair.unit_tip)
+        deformation = pair.deformation_of(answer)
+    return pair.work(answer, deformation, structure.expansion)
 
 
-def rates(structure: Structure) -> Array:
-    """Return μ of the thermal modes, 1/s, ascending; of long chains and sparse matrices as :func:`frequencies`."""
-    return structure.thermal.spectrum()
+def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
+    """Return α_c = S/β above which a tip in permanent contact runs away, m/s; 0 where it has no stable place there.
+
+    S = e_nᵀ K1⁻¹ (e_n - µ t), see :mod:`workflow.models._sliding`, and β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. With the steady
+    temperatures χ by 1 K at the tip and the conductance σ of the tip K2⁻¹ e_n = χ/σ. Ranks decide, nothing is inverted
+    blindly: ``inf`` where the root is free or heat at the tip does not push it out (β <= 0), 0 where heat that stays in
+    the structure (σ = 0) pushes the tip out.
+    """
+    yields = 1 - friction * static_share(structure)
+    if yields <= 0:
+        return 0.0
+    terms = static_tip_growth(structure) * structure.thermal.constraint
+    pushed, flexibility = float(terms.sum()), tip_flexibility(structure)
+    if np.isinf(flexibility) or pushed <= _CANCELLED * np.abs(terms).max(initial=0.0):
+        return float("inf")
+    return structure.thermal.tip_stiffness * flexibility / pushed * yields
 
 
 def growth_at_once(structure: Structure) -> float:
@@ -27,7 +59,7 @@ def growth_at_once(structure: Structure) -> float:
     given = structure.coordinates
     if given is None or not given.expansive.any():
         return 0.0
-    return float(structure.mechanical.static_answers((given.displacement_basis.T @ given.expansive)[None])[0, -1])
+    return float(structure.mechanical.answer(given.displacement_basis.T @ given.expansive)[-1])
 
 
 def rounding_of_flexibility(structure: Structure) -> float:
@@ -36,9 +68,7 @@ def rounding_of_flexibility(structure: Structure) -> float:
     With u = K1⁻¹ e_n a change of the entries changes S by -uᵀ δK1 u; half a unit in the last place of each, added as
     independent ones: ε/2 √(Σ (u_i K_ij u_j)²)/S. It is large where an entry is far larger than what it must hold of S.
     """
-    tip = np.zeros((1, structure.mechanical_size))
-    tip[0, -1] = 1.0
-    answer = structure.mechanical.static_answers(tip)[0]
+    answer = structure.mechanical.answer(structure.mechanical.unit_tip)
     entries = scipy.sparse.coo_array(structure.mechanical.stiffness)
     row, column = entries.coords
     energies = answer[row] * entries.data * answer[column]

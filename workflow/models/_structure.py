@@ -143,18 +143,12 @@ class Structure:
     @property
     def has_massless_tip(self) -> bool:
         """Whether the tip has no mass, as some reductions leave it: M is singular, and contact has no impulses."""
-        tip = np.zeros(self.mechanical_size)
-        tip[-1] = 1.0
-        return not np.any(self.mechanical.inertia_of(tip))
+        return not np.any(self.mechanical.inertia_of(self.mechanical.unit_tip))
 
     @property
     def load_direction(self) -> Array:
         """b, (mechanical,): e_n where the load acts on the tip."""
-        if self.load is not None:
-            return self.load
-        tip = np.zeros(self.mechanical_size)
-        tip[-1] = 1.0
-        return tip
+        return self.mechanical.unit_tip if self.load is None else self.load
 
     @property
     def input_sizes(self) -> tuple[int, int]:
@@ -166,8 +160,7 @@ class Structure:
     @property
     def input_contact(self) -> Array:
         """w, ``(given,)``: the tip is x_n = wᵀx of the displacements that cases are given in."""
-        tip = np.zeros(self.mechanical_size)
-        tip[-1] = 1.0
+        tip = self.mechanical.unit_tip
         return tip if self.coordinates is None else np.asarray(self.coordinates.displacement_projection.T @ tip)
 
     def matrices(self) -> Matrices:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workflow.declare import Values, quantity
-from workflow.models._chain import MOST_NODES, Chain
 from workflow.models._structure import Rayleigh
+from workflow.models.chain import MOST_NODES, Chain
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,68 @@
-"""Chain of lumped masses and heat capacities, given as they are; its equations are those of ARCHITECTURE."""
+"""Chain of lumped masses and heat capacities, given as they are: the structure of every model of lumps on a line."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy
 
 from workflow.declare import Values, quantity
-from workflow.models._chain import MOST_NODES, Chain
-from workflow.models._lumps import per_item
-from workflow.models._structure import Rayleigh
+from workflow.kernels import Array
+from workflow.models._chain_pair import ChainPair
+from workflow.models._structure import Rayleigh, Structure
+
+MOST_NODES = 200_000
+
+
+@dataclass(frozen=True, eq=False)
+class Chain(Structure):
+    """n lumps in line, spring i joining nodes i-1 and i; node 0 is the clamped, cold root.
+
+    Attributes
+    ----------
+    masses, heat_capacities, convection
+        m_i [kg], c_i [J/K] and b_i [W/K] of the nodes 1 … n, shape (n,).
+    springs, conduction
+        k_i [N/m] and κ_i [W/K] of the springs 1 … n, shape (n,).
+    free_expansion
+        a ℓ_i, free thermal elongation of a spring per kelvin [m/K], shape (n,).
+    damping
+        Rayleigh coefficients.
+    """
+
+    masses: Array
+    springs: Array
+    free_expansion: Array
+    heat_capacities: Array
+    conduction: Array
+    convection: Array
+    damping: Rayleigh = field(default_factory=Rayleigh)
+
+    @cached_property
+    def mechanical(self) -> ChainPair:  # type: ignore[override]
+        """K1 and M."""
+        return ChainPair(self.springs, self.masses, np.zeros(self.masses.size))
+
+    @cached_property
+    def thermal(self) -> ChainPair:  # type: ignore[override]
+        """K2 and C2."""
+        return ChainPair(self.conduction, self.heat_capacities, self.convection)
+
+    @cached_property
+    def expansion(self) -> Any:
+        """Free thermal elongation of each spring, at the mean temperature a ℓ_i (θ_{i-1} + θ_i)/2 of its ends, m/K."""
+        half = self.free_expansion / 2
+        if self.has_matrices:
+            return np.diag(half) + np.diag(half[1:], -1)
+        return scipy.sparse.diags_array([half, half[1:]], offsets=[0, -1], format="csr")
+
+    @property
+    def even_rise(self) -> Array:  # type: ignore[override]
+        """1 at each node."""
+        return np.ones(self.masses.size)
 
 
 @dataclass(frozen=True)
@@ -29,12 +84,16 @@ class Parameters:
 def assemble(parameters: Parameters) -> Chain:
     """Return the structure of equations (1a) and (1b)."""
     n = parameters.nodes
+
+    def each(value: Values) -> Array:
+        return np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)).copy()
+
     return Chain(
-        masses=per_item(parameters.mass, n),
-        springs=per_item(parameters.stiffness, n),
+        masses=each(parameters.mass),
+        springs=each(parameters.stiffness),
         damping=parameters.damping,
-        free_expansion=per_item(parameters.expansion, n) * per_item(parameters.spacing, n),
-        heat_capacities=per_item(parameters.heat_capacity, n),
-        conduction=per_item(parameters.conductance, n),
-        convection=per_item(parameters.convection, n),
+        free_expansion=each(parameters.expansion) * each(parameters.spacing),
+        heat_capacities=each(parameters.heat_capacity),
+        conduction=each(parameters.conductance),
+        convection=each(parameters.convection),
     )

@@ -22,8 +22,8 @@ from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.advance import Course, advance
 from workflow.schemes._exact.batch import Batch, make_operator
-from workflow.schemes._exact.held_regime import HeldRegimes
-from workflow.schemes._exact.linear import Linear, linear
+from workflow.schemes._exact.layout import Regime
+from workflow.schemes._exact.linear import Linear, linear, propagators
 from workflow.schemes._exact.record import RELEASE, TOUCH
 from workflow.schemes._interface import Sampling
 
@@ -54,7 +54,6 @@ class Analysed:
 
     def __init__(self, structure: Structure):
         self.structure, self.operator = structure, make_operator(structure, _BUDGET)
-        self.regimes = HeldRegimes(self.operator.basis.held)
 
 
 class Flow:
@@ -70,7 +69,7 @@ class Flow:
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
         self.period = duration if self.is_constant else self.period
-        self.prepared = Batch(self.operator, cases, Sampling(1.0, 1.0, 2), structure.regimes).prepared(0, heated=heated)
+        self.prepared = Batch(self.operator, cases, Sampling(1.0, 1.0, 2)).prepared(0, heated=heated)
         self.start, n = self.prepared.case.modal, basis.tip.size
         self.modes, self.load, size = n, self.prepared.case.load, self.start.size
         self.tip = np.zeros((2, size))
@@ -78,16 +77,21 @@ class Flow:
         heat = self.alpha * basis.free.heat_tip[: size - 2 * n]
         self.kick = np.concatenate([np.zeros(n), friction * basis.along - basis.tip, heat])
 
+    def regime(self, held: bool) -> Regime:
+        """Return the regime of the tip free, or held."""
+        return self.prepared.held if held else self.prepared.free
+
     @cached_property
     def free(self) -> Linear:
         """The tip free."""
-        return linear(self.operator.basis.free, 0.0, self.is_heated)
+        free = self.operator.basis.free
+        return linear(free if self.is_heated else free.unheated, 0.0)
 
     @cached_property
     def held(self) -> Linear:
         """The tip held."""
-        system = self.operator.basis.held.sliding(float(self.cases.friction[0]))
-        return linear(system, self.alpha, self.is_heated)
+        held = self.operator.basis.held
+        return linear((held if self.is_heated else held.unheated).sliding(float(self.cases.friction[0])), self.alpha)
 
     def parts(self, X: Array) -> tuple[Array, Array, Array]:
         """Return displacements, velocities and temperatures of the structure's coordinates, ``(…, coordinate)``."""
@@ -142,9 +146,9 @@ class Flow:
         """Return the derivative of the end of a course by its begin, ``(N, N)``."""
         ends, held = course.stretches
         spans = np.diff(ends)
-        factors = np.empty((spans.size, *self.free.A.shape))
-        for regime, which in ((self.free, ~held), (self.held, held)):
-            factors[which] = regime.propagators(spans[which])
+        factors = np.empty((spans.size, self.start.size, self.start.size))
+        for is_held in (False, True):
+            factors[held == is_held] = propagators(self.regime(is_held), spans[held == is_held])
         D = factors[0]
         for saltation, factor in zip(self._saltations(course), factors[1:], strict=True):
             D = factor @ saltation @ D

@@ -11,6 +11,7 @@ from workflow.kernels.algebra import Complex, eigenvalues
 from workflow.models import Array
 from workflow.orbits._flow import Flow
 from workflow.schemes._exact.advance import Course
+from workflow.schemes._exact.linear import growth
 
 STATES = ("settles", "no_contact", "permanent_contact", "unstable", "runs_away", "not_found", "not_asked")
 """What becomes of a rub: the flags of ``steady_state``. ``unstable`` occurs on branches only."""
@@ -47,7 +48,7 @@ class Orbit:
     def growth(self) -> float:
         """Rate of the slowest deviation, ln|µ|/kT or, without events, the largest real part of the poles, 1/s."""
         if self.course.times.size == 0:
-            return (self.flow.held if self.course.was_held else self.flow.free).growth
+            return growth(self.flow.regime(self.course.was_held))
         largest = float(np.abs(self.multipliers[0]))
         return float(np.log(largest) / self.course.span) if largest > 0 else -np.inf
 

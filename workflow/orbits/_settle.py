@@ -10,6 +10,7 @@ from workflow.models import Array
 from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow
 from workflow.orbits._orbit import NOT_FOUND, RUNS_AWAY, Orbit, longest, newton, scale_of, without_events
 from workflow.schemes._exact.advance import Course
+from workflow.schemes._exact.linear import growth, propagators
 
 MOST_PERIODS = 1000
 """Common periods by which a transient is followed beyond its duration, at most."""
@@ -147,8 +148,8 @@ def _found(flow: Flow, courses: list[Course], options: Options) -> Settled | Non
         found = None if flow.is_constant else _rub(flow, courses, options, scale)
         if found is not None:
             return found
-    elif held and flow.held.growth > 0 and _grows(flow, courses):
-        return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {flow.held.growth:.4g} 1/s")
+    elif held and growth(flow.regime(held)) > 0 and _grows(flow, courses):
+        return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {growth(flow.regime(held)):.4g} 1/s")
     else:
         orbit = without_events(flow, held, scale)
         if orbit is not None and _approaches(orbit, courses[-2].start, X, scale) and _stays(orbit, X, scale):
@@ -192,11 +193,11 @@ def _approaches(orbit: Orbit, before: Array, after: Array, scale: Array) -> bool
 def _stays(orbit: Orbit, X: Array, scale: Array) -> bool:
     """Tell whether a transient that decays towards an orbit without events meets none in periods ever further apart."""
     flow, course, number = orbit.flow, orbit.course, 1
-    regime, deviation = flow.held if course.was_held else flow.free, X - course.start
+    regime, deviation = flow.regime(course.was_held), X - course.start
     while flow.size(deviation, scale) > _NEAR:
         if flow.march(course.start + deviation, course.was_held, 0.0, flow.period).times.size:
             return False
-        deviation = regime.propagators(np.array([number * flow.period]))[0] @ (X - course.start)
+        deviation = propagators(regime, np.array([number * flow.period]))[0] @ (X - course.start)
         number += 1 + number // 8
     return True
 

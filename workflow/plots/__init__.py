@@ -9,7 +9,7 @@ from __future__ import annotations
 from workflow.plots._axes import metric_by_axis
 from workflow.plots._bifurcation import bifurcation
 from workflow.plots._branches import branches
-from workflow.plots._maps import map_dims, middle, position_text, scene_map, single_maps
+from workflow.plots._maps import map_dims, middle, scene_map, single_maps
 from workflow.plots._precision import convergence, error_by_cost, error_by_step, work_precision
 from workflow.plots._response import Curve, abstract_figure, histories, tip_response
 from workflow.plots._scenes import growth_against_prediction, impact_speed_map
@@ -31,7 +31,6 @@ __all__ = [
     "map_dims",
     "metric_by_axis",
     "middle",
-    "position_text",
     "save",
     "scene_map",
     "single_maps",

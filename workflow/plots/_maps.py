@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import case_dims, impulse_growth
+from workflow.analysis import case_dims, impulse_growth, place_text
 from workflow.plots._style import COLOURS
 from workflow.plots._units import scaled
 from workflow.study import readable
@@ -84,7 +84,7 @@ def scene_map(dataset: xr.Dataset, across: str, up: str, variable: str | None = 
     if variable is not None:
         figure = Figure(figsize=(5.25, 4.0), layout="constrained")
         _draw(figure.subplots(), cut, dims, _metric(cut, variable))
-        figure.suptitle(position_text(dataset, place), fontsize=10)
+        figure.suptitle(place_text(dataset, place), fontsize=10)
         return figure
     figure = Figure(figsize=(10.5, 8.0), layout="constrained")
     grid, panels = figure.subplots(2, 2, sharex=True, sharey=True), _panels(cut)
@@ -94,7 +94,7 @@ def scene_map(dataset: xr.Dataset, across: str, up: str, variable: str | None = 
         _draw(axes, cut, dims, panel)
         if len(panels) == grid.size:
             axes.label_outer()
-    figure.suptitle(position_text(dataset, place), fontsize=10)
+    figure.suptitle(place_text(dataset, place), fontsize=10)
     return figure
 
 
@@ -201,14 +201,3 @@ def _norm(values: NDArray[np.float64]) -> tuple[Any, NDArray[np.float64]]:
         levels = LogLocator(subs=(1.0, 2.0, 5.0)).tick_values(norm.vmin, norm.vmax)
     edge = _EDGE * (norm.vmax - norm.vmin)
     return norm, levels[(levels > norm.vmin + edge) & (levels < norm.vmax - edge)]
-
-
-def position_text(archive: xr.Dataset, place: Mapping[str, int]) -> str:
-    """Return where along the other dimensions the maps lie."""
-    words = []
-    for dim, k in place.items():
-        if archive.sizes[dim] > 1 and dim in archive.coords:
-            unit, value = readable(str(archive[dim].attrs.get("units", "1"))), archive[dim].values[k]
-            shown = f"{value:.4g}" if archive[dim].dtype.kind == "f" else str(value)
-            words.append(f"{dim.replace('_', ' ')} = {shown} {unit}".strip())
-    return ", ".join(words)

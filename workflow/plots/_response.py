@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import case_dims, casing_motion, contact_phases, finest, labels_of, shown_dim
+from workflow.analysis import case_dims, casing_motion, contact_phases, finest, labels_of, place_text, shown_dim
 from workflow.plots._style import COLOURS, GREY, trim
+from workflow.plots._units import scaled
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,9 +23,6 @@ MOST_SHADED = 40
 
 _LINE = 0.09
 """Share of a panel's height that a line of text takes."""
-
-_LENGTHS = ((1.0, "m", 1.0), (1e-3, "mm", 1e3), (0.0, "µm", 1e6))
-"""From which largest displacement on which unit serves, and its factor."""
 
 _PANELS = {
     "displacement": ("tip displacement", "m", 1.0),
@@ -68,7 +66,7 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
         about, unit, scale = _PANELS[name]
         if name == "displacement":
             largest = max(float(np.nanmax(np.abs(curve.case[name].values), initial=0.0)) for curve in curves)
-            unit, scale = next((u, factor) for least, u, factor in _LENGTHS if largest >= least)
+            unit, scale = scaled("m", np.array([largest]))
         if phases_of is not None and "contact_force" in first:
             phases = contact_phases(curves[phases_of].case)
             few = phases.sizes["phase"] <= MOST_SHADED
@@ -180,5 +178,5 @@ def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
     else:
         labels = labels_of(dataset, dim, rounded=True)
         curves = [Curve(dataset.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)]) for at in shown]
-    rest = [labels_of(dataset, name, rounded=True)[k] for name, k in place.items() if name != dim]
-    return tip_response(curves, title="; ".join(rest), phases_of=len(curves) - 1)
+    rest = place_text(dataset, {name: k for name, k in place.items() if name != dim})
+    return tip_response(curves, title=rest, phases_of=len(curves) - 1)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import exact, naming, rounded_texts
+from workflow.analysis import exact, naming, rounded_texts, value_text
 from workflow.study import readable
 
 if TYPE_CHECKING:
@@ -19,9 +19,6 @@ _SCALES = {
     "s": ((0.1, "s", 1.0), (1e-4, "ms", 1e3), (0.0, "µs", 1e6)),
 }
 """From which usual magnitude on which unit serves, and the factor to it."""
-
-AUTO = -1
-"""Count of modes that the study left to a tolerance."""
 
 _UNSCALED = ("h", "t")
 """Coordinates that stay in SI, as studies and commands write them."""
@@ -40,10 +37,8 @@ def scaled(unit: str, values: NDArray[Any]) -> tuple[str, float]:
 def coordinate_texts(coordinate: xr.DataArray) -> tuple[str, list[str]]:
     """Return the unit and the values of a coordinate as texts, numbers in the fewest digits from four on."""
     values = np.atleast_1d(coordinate.values)
-    if str(coordinate.name).endswith("_modes"):
-        return "", ["auto" if value == AUTO else str(value) for value in values]
     if values.dtype.kind != "f":
-        return "", [str(value) for value in values]
+        return "", [value_text(coordinate, value) for value in values]
     unit = str(coordinate.attrs.get("units", "1"))
     name, factor = (readable(unit), 1.0) if coordinate.name in _UNSCALED else scaled(unit, values)
     return name, rounded_texts(values * factor)
@@ -58,7 +53,7 @@ def selector(coordinate: xr.DataArray, k: int) -> str:
 def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
     """Describe a dimension: title, unit, texts of its values, and what selects them."""
     names = naming(part, dim)
-    size, own = part.sizes[dim], dim in part.coords and part[dim].dims == (dim,)
+    size, has_labels = part.sizes[dim], dim in part.coords and part[dim].dims == (dim,)
     if not names:
         texts, title, unit = [str(k) for k in range(size)], dim, ""
     else:
@@ -66,14 +61,14 @@ def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
         texts = [" + ".join(row) for row in zip(*columns, strict=True)]
         unit = units[0] if len(names) == 1 else ""
         title = _joint([n + (f" [{u}]" if u and len(names) > 1 else "") for n, u in zip(names, units, strict=True)])
-    selected = [selector(part[dim], k) if own else f"{dim}={k}" for k in range(size)]
+    selected = [selector(part[dim], k) if has_labels else f"{dim}={k}" for k in range(size)]
     return {
         "name": dim,
         "title": title.replace("_", " "),
         "unit": unit,
         "texts": texts if len(set(texts)) == size else [f"{text} ({k})" for k, text in enumerate(texts)],
         "selectors": selected,
-        "by_label": own,
+        "by_label": has_labels,
     }
 
 

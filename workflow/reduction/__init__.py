@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from workflow import registry
-from workflow.models import Array, Structure, TooManyCoordinatesError
+from workflow.models import Array, Sparse, Structure, TooManyCoordinatesError
 from workflow.reduction._bases import fixed_interface_modes, relative_thermal_modes
 from workflow.reduction._friction import with_friction
-from workflow.reduction._model import ReducedModel, unreduced_model
 from workflow.reduction._reduction import (
+    ReducedModel,
     Reduction,
     Vectors,
     galerkin,
@@ -24,6 +23,7 @@ from workflow.reduction._reduction import (
     unreduced,
 )
 from workflow.reduction._residual import projection_residual
+from workflow.registry import BrokenModuleError, Registry
 
 DEFAULT = "craig_bampton"
 """The basis where a study names none."""
@@ -50,30 +50,13 @@ class Basis:
     carried: Callable[[Structure, Vectors, Vectors], Array] | None = None
 
 
-_REQUIRED = ("mechanical", "thermal")
-
-
-def names() -> tuple[str, ...]:
-    """Return the names of all bases, sorted."""
-    return registry.names(__name__)
-
-
-def fault(name: str) -> str | None:
-    """Return why the basis of a name cannot be used, ``None`` if it can."""
-    return registry.fault(__name__, name, _REQUIRED)
+_BASES = Registry(__name__, ("mechanical", "thermal"))
+names, fault = _BASES.names, _BASES.fault
 
 
 def load(name: str) -> Basis:
-    """Return the basis of a name from :func:`names`.
-
-    Raises
-    ------
-    KeyError
-        No basis has this name.
-    BrokenModuleError
-        Its module cannot be used.
-    """
-    module = registry.load(__name__, name, _REQUIRED)
+    """Return the basis of a name, see :meth:`~workflow.registry.Registry.load`."""
+    module = _BASES.load(name)
     return Basis(module.mechanical, module.thermal, getattr(module, "carried", None))
 
 
@@ -130,9 +113,9 @@ def reduce_structure(
 def _counted(vectors: Vectors, count: int, basis: str) -> Vectors:
     """Return what a basis gives, if that is so many vectors and the tip's own."""
     if not isinstance(vectors, Vectors):
-        raise registry.BrokenModuleError(f"the basis {basis} returns {type(vectors).__name__}, not Vectors")
+        raise BrokenModuleError(f"the basis {basis} returns {type(vectors).__name__}, not Vectors")
     if vectors.shapes.shape[1] != count + 1:
-        raise registry.BrokenModuleError(f"the basis {basis} gives {vectors.shapes.shape[1] - 1} vectors for {count}")
+        raise BrokenModuleError(f"the basis {basis} gives {vectors.shapes.shape[1] - 1} vectors for {count}")
     return vectors
 
 
@@ -146,25 +129,6 @@ def reduced_model(
     counts = (mechanical_modes, structure.mechanical_size), (thermal_modes, structure.thermal_size)
     kept = [None if count == size - 1 else count for count, size in counts]
     if kept == [None, None]:
-        return unreduced_model(structure)
+        return ReducedModel(structure.matrices() if isinstance(structure, Sparse) else structure, None)
     reduction = reduce_structure(structure, kept[0], kept[1], basis, duration)
     return ReducedModel(reduction.structure, reduction)
-
-
-__all__ = [
-    "DEFAULT",
-    "Basis",
-    "ReducedModel",
-    "Reduction",
-    "Vectors",
-    "fault",
-    "fixed_interface_modes",
-    "load",
-    "mechanical_vectors",
-    "names",
-    "projection_residual",
-    "reduce_structure",
-    "reduced_model",
-    "relative_thermal_modes",
-    "thermal_vectors",
-]

@@ -7,10 +7,8 @@ orthonormal to the others in M. With both S = nᵀK1⁻¹(n - µt) is that of th
 
 from __future__ import annotations
 
-import numpy as np
-
 from workflow.models import Array, Structure, UnusableMatricesError
-from workflow.reduction._bases import DEPENDENT
+from workflow.reduction._bases import Orthonormal
 from workflow.reduction._reduction import Vectors, mechanical_vectors
 
 
@@ -27,14 +25,9 @@ def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> 
             "the basis leaves the tip without mass, and friction acts along a direction of its own",
             "what that deforms cannot be left without inertia; choose craig_bampton, rubin or krylov",
         )
-    interior = mechanical.shapes[:, :-1]
-    pair = structure.mechanical
-    answer = pair.answer_held(tangent)
-    answer[-1] = 0.0
-    new, size = answer, np.sqrt(np.dot(answer, pair.inertia_of(answer)))
-    for _ in range(2):  # once more, so that rounding of the first pass goes too
-        new = new - interior @ (pair.inertia_of(interior).T @ new)
-    rest = np.sqrt(np.dot(new, pair.inertia_of(new)))
-    if interior.shape[1] >= pair.size - 1 or not rest > DEPENDENT * size:
+    pair, interior = structure.mechanical, mechanical.shapes[:, :-1]
+    span = Orthonormal(pair.size, min(interior.shape[1] + 1, pair.size - 1), pair.inertia_of)
+    span.add_each(interior)
+    if span.add(pair.answer_held(tangent)) is None:
         return mechanical
-    return mechanical_vectors(structure, np.column_stack([interior, new / rest]))
+    return mechanical_vectors(structure, span.all())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +53,17 @@ class Reduction:
         )
 
 
+class ReducedModel(NamedTuple):
+    """The structure that cases are run on, and the reduction that made it; ``None`` where all vectors are kept."""
+
+    structure: Structure
+    reduction: Reduction | None
+
+    def project(self, cases: Cases) -> Cases:
+        """Return cases given on the full structure in the coordinates of this one."""
+        return cases if self.reduction is None else self.reduction.project(cases)
+
+
 @dataclass(frozen=True, eq=False)
 class Vectors:
     """Basis of the displacements, or of the temperatures.
@@ -89,9 +101,7 @@ def _with_constraint(pair: Pair, interior: Array) -> Vectors:
     gram = interior.T @ pair.inertia_of(interior)
     if np.any(interior[-1]) or not np.allclose(gram, np.eye(gram.shape[0]), rtol=0.0, atol=_ORTHONORMAL):
         raise ValueError("vectors of a basis are 0 at the tip and orthonormal in the inertia")
-    deformation = np.column_stack([pair.deformation_of(interior), pair.deformed])
-    projection = _projection(pair.inertia_of(interior).T, pair.constraint)
-    return Vectors(np.column_stack([interior, pair.constraint]), deformation, projection)
+    return _with_tip(pair, interior, pair.constraint, pair.deformed, interior)
 
 
 def massless_vectors(pair: Pair, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
@@ -108,21 +118,15 @@ def massless_vectors(pair: Pair, interior: Array, tip: Array, strain: Array, mod
     modes
         Orthonormal in M, ``(node, vector)``: the interior vectors up to multiples of the tip's. They hold all inertia.
     """
+    return replace(_with_tip(pair, interior, tip, strain, modes), has_massless_tip=True)
+
+
+def _with_tip(pair: Pair, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
+    """Return interior vectors and the tip's; states go onto the tip as it is, and the rest onto ``modes``."""
+    projection = np.vstack([pair.inertia_of(modes).T, pair.unit_tip])
+    projection[:-1, -1] = -projection[:-1, :-1] @ tip[:-1]
     deformation = np.column_stack([pair.deformation_of(interior), strain])
-    projection = _projection(pair.inertia_of(modes).T, tip)
-    return Vectors(np.column_stack([interior, tip]), deformation, projection, has_massless_tip=True)
-
-
-def _projection(onto_interior: Array, constraint: Array) -> Array:
-    """Return what takes states to [interior, tip]: the tip as it is, the rest onto the interior vectors.
-
-    ``onto_interior`` is interiorᵀ · inertia.
-    """
-    tip = np.zeros(constraint.size)
-    tip[-1] = 1.0
-    rows = np.vstack([onto_interior, tip])
-    rows[:-1, -1] = -onto_interior[:, :-1] @ constraint[:-1]
-    return rows
+    return Vectors(np.column_stack([interior, tip]), deformation, projection)
 
 
 def _mass(structure: Structure, mechanical: Vectors) -> Array:

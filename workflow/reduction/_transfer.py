@@ -16,12 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workflow.kernels.elementwise import exp, log
+from workflow.kernels.algebra import Complex
 from workflow.models import Array, Structure, critical_alpha
 from workflow.reduction._reduction import Reduction
-
-_Matrix = Callable[[complex], tuple[Array, Array]]
-"""From s to the real and the imaginary part of a matrix."""
 
 Reduce = Callable[[int, int], Reduction]
 """From counts of mechanical and thermal vectors to the reduction with so many."""
@@ -92,38 +89,22 @@ def least_counts(
     return mechanical, thermal
 
 
-def displacement_answer(structure: Structure, excitation: Excitation, forces: Array) -> Array:
-    """Return the tip's weighted displacement by each force at each frequency, real and imaginary parts in rows."""
+def displacement_answer(structure: Structure, excitation: Excitation, forces: Array) -> Complex:
+    """Return the tip's weighted displacement by each force at each frequency, ``(frequency, force)``."""
     stiffness, damping, mass = structure.stiffness_matrix, structure.damping_matrix, structure.mass
-
-    def dynamic(s: complex) -> tuple[Array, Array]:
-        square = s * s
-        return stiffness + s.real * damping + square.real * mass, s.imag * damping + square.imag * mass
-
     load = 2 * np.pi * excitation.frequency
     points = _points(max(load, 1 / excitation.duration), np.pi / excitation.shortest)
     if load > 0:
         points.append((complex(0.0, load), 1.0))
-    return _answers(dynamic, points, forces)
+    dynamic = ((stiffness + s * damping + s * s * mass, weight) for s, weight in points)
+    return np.array([weight * np.linalg.solve(matrix, forces)[-1] for matrix, weight in dynamic])
 
 
-def temperature_answer(structure: Structure, excitation: Excitation, heats: Array) -> Array:
-    """Return the tip's weighted temperature by each heat load at each frequency, real and imaginary parts in rows."""
+def temperature_answer(structure: Structure, excitation: Excitation, heats: Array) -> Complex:
+    """Return the tip's weighted temperature by each heat load at each frequency, ``(frequency, heat)``."""
     conductance, capacity = structure.conductance_matrix, structure.heat_capacity
     points = _points(1 / excitation.duration, np.pi / excitation.shortest)
-    return _answers(lambda s: (conductance + s.real * capacity, s.imag * capacity), points, heats)
-
-
-def _answers(matrix: _Matrix, points: list[tuple[complex, float]], loads: Array) -> Array:
-    """Return the weighted answers of the last coordinate to loads, ``(part, load)``."""
-    rows = []
-    for s, weight in points:
-        real, imaginary = matrix(s)
-        both = np.block([[real, -imaginary], [imaginary, real]])
-        answer = np.linalg.solve(both, np.vstack([loads, np.zeros_like(loads)]))
-        size = real.shape[0]
-        rows += [weight * answer[size - 1], weight * answer[2 * size - 1]]
-    return np.array(rows)
+    return np.array([weight * np.linalg.solve(conductance + s * capacity, heats)[-1] for s, weight in points])
 
 
 def _points(first: float, last: float) -> list[tuple[complex, float]]:
@@ -131,13 +112,11 @@ def _points(first: float, last: float) -> list[tuple[complex, float]]:
 
     Steps have the spectrum 1/ω, and ω dω/ω² is what a log-spaced frequency stands for in an integral of squares.
     """
-    ends = log(np.array([first, max(last, 10 * first)]))
-    share = np.arange(_FREQUENCIES) / (_FREQUENCIES - 1)
-    omega = exp(ends[0] * (1 - share) + ends[1] * share)
+    omega = np.geomspace(first, max(last, 10 * first), _FREQUENCIES)
     return [(complex(_WIDTH * w, w), float(np.sqrt(first / w))) for w in omega]
 
 
-def _difference(answers: Array, exact: Array) -> float:
+def _difference(answers: Complex, exact: Complex) -> float:
     """Return the largest relative difference of the answers to a load."""
     size = np.linalg.norm(exact, axis=0)
     apart = np.linalg.norm(answers - exact, axis=0)

@@ -27,12 +27,9 @@ large-scale dynamical systems (SIAM 2005), chapter 11; Ruhe, Linear Algebra Appl
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from workflow.kernels.algebra import MOST_BY_JACOBI
-from workflow.kernels.elementwise import exp, log
 from workflow.models import Array, Pair, Structure
 from workflow.reduction._bases import Orthonormal
 from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
@@ -76,7 +73,8 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
     span = Orthonormal(pair.size, count, pair.inertia_of)
     each_alone = _is_small(structure)
     different = count if each_alone else min(count, MOST_SHIFTS)
-    shifts = list(_shifts(different, 1 / duration, pair.largest()))
+    spaced = np.geomspace(1 / duration, max(pair.largest(), 10 / duration), different)
+    shifts = [float(f"{shift:.12g}") for shift in spaced]  # digits in which all C libraries agree
     for k in range(count):
         vector = span.add(answer(heat, shifts[k * different // count]))
         if vector is not None and not each_alone:
@@ -97,11 +95,3 @@ def _add_moments(pair: Pair, span: Orthonormal, begin: Array) -> None:
     for _ in range(MOST_MOMENTS - 1):
         if vector is not None:
             vector = span.add(pair.answer_held(pair.inertia_of(vector)))
-
-
-def _shifts(count: int, slowest: float, fastest: float) -> Iterator[float]:
-    """Yield shifts, 1/s, ascending: from ``slowest`` to ``fastest``, at least a decade."""
-    ends = log(np.array([slowest, max(fastest, 10 * slowest)]))
-    for k in range(count):
-        share = k / max(count - 1, 1)
-        yield float(exp(np.array([ends[0] * (1 - share) + ends[1] * share]))[0])

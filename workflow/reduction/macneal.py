@@ -23,7 +23,7 @@ from workflow.models import Structure
 from workflow.reduction import rubin
 from workflow.reduction._bases import DEPENDENT, Orthonormal
 from workflow.reduction._reduction import Vectors, massless_vectors
-from workflow.reduction.rubin import elastic, thermal
+from workflow.reduction.rubin import thermal
 
 __all__ = ["mechanical", "thermal"]
 
@@ -32,7 +32,7 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     """Return the lowest ``count`` free modes relative to ρ, and ρ without inertia."""
     pair, constraint = structure.mechanical, structure.mechanical.constraint
     is_held = pair.tip_stiffness > 0
-    answer = constraint if is_held else elastic(structure)  # of the tip to a force on it, up to a factor
+    answer = constraint if is_held else pair.answer(pair.unit_tip)  # of the tip to a force on it, up to a factor
     span = Orthonormal(pair.size, count + 1, pair.inertia_of)
     if count > 0:
         if not is_held:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.models import Array, Structure
+from workflow.models import Structure
 from workflow.reduction._bases import relative, relative_thermal_modes
 from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
 
@@ -23,17 +23,11 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     """Return the lowest free modes relative to the constraint mode, and that."""
     pair = structure.mechanical
     modes = pair.modes(count + 1)  # one may be the constraint mode
-    shapes = modes.shapes if pair.tip_stiffness > 0 else np.column_stack([elastic(structure), modes.shapes])
+    is_held = pair.tip_stiffness > 0
+    shapes = modes.shapes if is_held else np.column_stack([pair.answer(pair.unit_tip), modes.shapes])
     return mechanical_vectors(structure, relative(shapes, pair.constraint, pair.inertia_of, count))
 
 
 def thermal(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the slowest ``count`` modes relative to the constraint mode, and that."""
     return thermal_vectors(structure, relative_thermal_modes(structure, count))
-
-
-def elastic(structure: Structure) -> Array:
-    """Return the elastic displacement by a unit force on a tip that nothing holds, m/N, ``(node,)``."""
-    tip = np.zeros((1, structure.mechanical_size))
-    tip[0, -1] = 1.0
-    return np.asarray(structure.mechanical.static_answers(tip)[0])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from workflow.analysis import (
@@ -25,27 +24,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What an archive recommends.
+def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[list[str], Choice | None]:
+    """Return the block of an archive's answer at its study's tolerance, and the choice, or what comes nearest.
 
-    Attributes
-    ----------
-    body
-        The block of the page.
-    choice
-        The choice at the study's tolerance, or what comes nearest; ``None`` without a reference.
-    met
-        Whether that choice meets the tolerance.
+    Without a reference there is no choice. ``methods`` holds the method of each scheme.
     """
-
-    body: list[str]
-    choice: Choice | None
-    met: bool
-
-
-def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
-    """Return the answer of an archive at its study's tolerance, with a table of others; ``methods`` by scheme."""
     try:
         recommendation = recommend(dataset)
     except (NoReferenceError, ValueError) as error:
@@ -56,7 +39,7 @@ def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
             else f"Which method, which step: {error}. Run the study with `reference: {{scheme: event_driven}}` to "
             "another archive, with -o."
         )
-        return Answer([tag("section", tag("h2", "Answer"), tag("p", prose(explanation)), kind="answer")], None, False)
+        return [tag("section", tag("h2", "Answer"), tag("p", prose(explanation)), kind="answer")], None
     rows = usual_recommendations(dataset, recommendation)
     body = [
         tag("h2", "Answer"),
@@ -72,11 +55,7 @@ def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> Answer:
             kind="muted",
         ),
     ]
-    return Answer(
-        [tag("section", *body, kind="answer")],
-        recommendation.choice or recommendation.next,
-        recommendation.choice is not None,
-    )
+    return [tag("section", *body, kind="answer")], recommendation.choice or recommendation.next
 
 
 def _undecidable(rows: list[Recommendation]) -> list[str]:

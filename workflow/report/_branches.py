@@ -10,9 +10,9 @@ import numpy as np
 from workflow.analysis import NothingSteadyError, count_sentence, followed_axis, limit_sentence, limits
 from workflow.plots import branches
 from workflow.report._bokeh_branches import branch_explorer
-from workflow.report._explorer import Interactive, figure_place, library
+from workflow.report._explorer import figure_place, library
 from workflow.report._html import block, image, prose, tag
-from workflow.report._sections import Drawn, any_ok
+from workflow.report._sections import Section, any_ok
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 _ALONG = ("steady_max_temperature", "steady_impulse", "floquet_multiplier")
 
 
-def along_branches(dataset: xr.Dataset) -> Drawn:
+def along_branches(dataset: xr.Dataset) -> Section:
     """Draw the branches of an archive, where it has any."""
     if followed_axis(dataset) is None or not any_ok(dataset):
-        return Drawn([], None)
+        return Section([], None)
     about = "Solid: stable rubs; dashed: unstable ones. Beyond the fold where both meet a rub runs away or jumps."
     names = _varied(dataset)
     pictures = [image(branches(dataset, name), f"{name.replace('_', ' ')} along the branches") for name in names]
     body = [tag("h2", "Branches"), tag("p", about, kind="muted"), tag("div", *pictures, kind="panels")]
-    return Drawn(body, branches(dataset, names[0]))
+    return Section(body, branches(dataset, names[0]))
 
 
 def where_it_settles(dataset: xr.Dataset) -> list[str]:
@@ -42,10 +42,10 @@ def where_it_settles(dataset: xr.Dataset) -> list[str]:
     return [tag("section", tag("h2", "Where it settles"), *sentences, count, kind="answer")]
 
 
-def interactive_branches(dataset: xr.Dataset) -> Interactive:
+def interactive_branches(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
     """Return branches whose points show their orbits when they are clicked, and the scripts for it."""
     if followed_axis(dataset) is None or not any_ok(dataset):
-        return Interactive([], [])
+        return [], []
     titles = {"branches": "A point of a branch", "orbit": "Its steady rub"}
     about = {"branches": "Filled: stable rubs; open: unstable ones. A click selects.", "orbit": ""}
     panels = [
@@ -53,8 +53,8 @@ def interactive_branches(dataset: xr.Dataset) -> Interactive:
         for name in titles
     ]
     figures = block("branch-figures", branch_explorer(dataset, _varied(dataset)[0]))
-    own = files("workflow.report").joinpath("branches.js").read_text(encoding="utf-8")
-    return Interactive([tag("div", *panels, kind="panels"), figures], [*library(), own])
+    script = files("workflow.report").joinpath("branches.js").read_text(encoding="utf-8")
+    return [tag("div", *panels, kind="panels"), figures], [*library(), script]
 
 
 def _varied(dataset: xr.Dataset) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,7 @@ from workflow.report._bokeh_figures import MARKS, explorer
 from workflow.report._html import Html, block, tag
 from workflow.report._page_data import page_data, shown_part
 from workflow.schemes import Status
+from workflow.study import MODES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,14 +50,6 @@ _NO_SCRIPT = (
 )
 
 
-@dataclass(frozen=True)
-class Interactive:
-    """The interactive part of a page and the scripts it needs."""
-
-    body: list[str]
-    scripts: list[str]
-
-
 def interactive(
     dataset: xr.Dataset,
     archive: str,
@@ -65,8 +57,8 @@ def interactive(
     methods: Mapping[str, str],
     scene: Mapping[str, Any],
     room: int,
-) -> Interactive:
-    """Return the interactive part of a report.
+) -> tuple[list[str], list[str]]:
+    """Return the interactive part of a report and the scripts it needs.
 
     Parameters
     ----------
@@ -82,8 +74,8 @@ def interactive(
         Bytes that the part and its scripts may take.
     """
     scripts = library()
-    own = files("workflow.report").joinpath("explorer.js").read_text(encoding="utf-8")
-    room -= sum(len(script.encode()) for script in scripts) + len(own)
+    script = files("workflow.report").joinpath("explorer.js").read_text(encoding="utf-8")
+    room -= sum(len(one.encode()) for one in [*scripts, script])
     notable = notable_cases(dataset, choice)
     shown = shown_part(dataset, notable)
     described, packed = page_data(shown.dataset, shown.cases, methods, scene, room)
@@ -103,7 +95,7 @@ def interactive(
         block("figures", figures),
         tag("script", Html(packed), id="block", type="text/plain"),
     ]
-    return Interactive(body, [*scripts, own])
+    return body, [*scripts, script]
 
 
 def library() -> list[str]:
@@ -119,13 +111,12 @@ def _scheme(dataset: xr.Dataset) -> str:
 
 def _chosen_modes(dataset: xr.Dataset, choice: Choice | None) -> list[str] | None:
     """Return the mode counts of the study's own choice, as the page writes them: ``auto``, else what is recommended."""
-    names = ("mechanical_modes", "thermal_modes")
-    values = [dataset[name].values.ravel() for name in names if name in dataset.coords]
+    values = [dataset[name].values.ravel() for name in MODES if name in dataset.coords]
     if len(values) == 2 and any((one == -1).any() for one in values):
         return ["auto" if (one == -1).any() else str(one[-1]) for one in values]
-    if choice is None or not all(name in choice.settings for name in names):
+    if choice is None or not all(name in choice.settings for name in MODES):
         return None
-    return [str(choice.settings[name]) for name in names]
+    return [str(choice.settings[name]) for name in MODES]
 
 
 def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: Sequence[str]) -> list[str]:

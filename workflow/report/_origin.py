@@ -15,7 +15,7 @@ from workflow.report._html import tag
 if TYPE_CHECKING:
     import xarray as xr
 
-_SHOWN = ("processor", "platform", "solver_version", "code_revision", "content_hash")
+_FACTS = ("processor", "platform", "solver_version", "code_revision", "content_hash")
 
 
 def methods_of(archive: Path) -> dict[str, str]:
@@ -48,7 +48,7 @@ def origin(dataset: xr.Dataset, archive: Path) -> list[str]:
         ["processor time", _computing(dataset)],
     ]
     rows += [["run", _run(_stored(stored, "run"))]]
-    rows += [[name.replace("_", " "), stored[name]] for name in _SHOWN if name in stored]
+    rows += [[name.replace("_", " "), stored[name]] for name in _FACTS if name in stored]
     rows += [["versions", ", ".join(f"{name} {version}" for name, version in _stored(stored, "versions").items())]]
     facts = [tag("tr", tag("th", name, scope="row"), tag("td", text)) for name, text in rows if text]
     return [

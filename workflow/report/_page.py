@@ -106,13 +106,13 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
         figure = _response(dataset) or precision.figure or maps.figure or branches.figure or drawn.figure
         figure_path = None if figure is None else save(figure, picture)
         methods, scene = methods_of(archive), scene_of(archive)
-        first_block = answer(dataset, methods)
+        first_block, choice = answer(dataset, methods)
         head = [
             tag("h1", _title(dataset, archive)),
             tag("p", str(dataset.attrs.get("summary", "")), kind="muted"),
             *_warnings(dataset),
             *where_it_settles(dataset),
-            *first_block.body,
+            *first_block,
             *maps.body,
             *branches.body,
         ]
@@ -127,12 +127,12 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
             ]
         rest += origin(dataset, archive)
         room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
-        shown = (
-            interactive(dataset, archive.name, first_block.choice, methods, scene, room)
+        shown, scripts = (
+            interactive(dataset, archive.name, choice, methods, scene, room)
             if has_transients
             else interactive_branches(dataset)
         )
-    commit(written, page(archive.name, [*head, *shown.body, *rest], shown.scripts).encode())
+    commit(written, page(archive.name, [*head, *shown, *rest], scripts).encode())
     return ReportFiles(written, figure_path)
 
 
@@ -174,7 +174,7 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
                 )  # fmt: skip
                 new.append(k == 0 and number > 0)
             parts += [tag("h2", name), tag("p", f"{title}.")]
-            parts += _warnings(dataset) + answer(dataset, methods_of(archive)).body
+            parts += _warnings(dataset) + answer(dataset, methods_of(archive))[0]
             response = _response(dataset)
             parts += [] if response is None else [image(response, "tip response")]
             parts += sections.standing(dataset)[3:]

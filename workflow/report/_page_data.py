@@ -21,6 +21,7 @@ from workflow.analysis import (
 from workflow.plots._units import axis_of, coordinate_texts, scaled
 from workflow.report._page_cases import MOST_READ, append_cases
 from workflow.report._thinned import Pack, rounded
+from workflow.study import MODES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -205,12 +206,11 @@ def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> 
 
 def _modes(part: xr.Dataset) -> dict[str, Any] | None:
     """Describe the reduced models of an archive: the mode counts of every place along the dimensions they lie on."""
-    names = ("mechanical_modes", "thermal_modes")
-    if not all(name in part.coords for name in names) or not any(
-        part[name].ndim and part[name].size > 1 for name in names
+    if not all(name in part.coords for name in MODES) or not any(
+        part[name].ndim and part[name].size > 1 for name in MODES
     ):
         return None
-    return {name: {"dim": _place_of(part, name), "texts": coordinate_texts(part[name])[1]} for name in names}
+    return {name: {"dim": _place_of(part, name), "texts": coordinate_texts(part[name])[1]} for name in MODES}
 
 
 def _order(part: xr.Dataset, first: Sequence[int], partners: NDArray[np.int32]) -> Iterator[int]:

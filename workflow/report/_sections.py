@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.analysis import (
     ERRORS,
@@ -21,6 +22,7 @@ from workflow.analysis import (
     labels_of,
     lines,
     mode_counts,
+    place_text,
     runaways,
     standings,
 )
@@ -30,28 +32,28 @@ from workflow.plots import (
     map_dims,
     metric_by_axis,
     middle,
-    position_text,
     scene_map,
     single_maps,
 )
 from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
 from workflow.schemes import Status
+from workflow.study import MODES
 from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
+METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
 _DECIDED_SHOWN = 40
 _FAILURES_SHOWN = 20
 _LABELS_SHOWN = 8
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """A section and its main figure, ``None`` where there is nothing to draw."""
+class Section:
+    """A section of a page and its main figure, ``None`` where there is nothing to draw."""
 
     body: Sequence[str]
     figure: Figure | None
@@ -124,16 +126,16 @@ def _decided(dataset: xr.Dataset) -> list[str]:
     return [table(["modes that the tolerance decided for", "modes", "largest known error"], rows)] if rows else []
 
 
-def maps(dataset: xr.Dataset) -> Drawn:
+def maps(dataset: xr.Dataset) -> Section:
     """Draw maps of a scene over two axes, of archives that hold load periods and no errors."""
     dims = map_dims(dataset)
     if dims is None or "impulse_error" in dataset or not any_ok(dataset):
-        return Drawn([], None)
+        return Section([], None)
     place = middle(dataset, dims)
     pictures = [image(one, "map of the scene over two axes") for one in single_maps(dataset, dims, place)]
     if not pictures:
-        return Drawn([], None)
-    where = position_text(dataset, place)
+        return Section([], None)
+    where = place_text(dataset, place)
     about = (
         f"In the middle of all other axes{f' ({where})' if where else ''}; the map below moves through all of them. "
         "Grey: the tip never touches its casing (growth: not in the first load period), or the case is not ok. Dashed: "
@@ -144,7 +146,7 @@ def maps(dataset: xr.Dataset) -> Drawn:
         tag("p", about, kind="muted"),
         tag("div", *pictures, kind="panels"),
     ]
-    return Drawn(body, scene_map(dataset, *dims))
+    return Section(body, scene_map(dataset, *dims))
 
 
 def effects(dataset: xr.Dataset) -> list[str]:
@@ -152,14 +154,15 @@ def effects(dataset: xr.Dataset) -> list[str]:
     dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
     if not dims or not any_ok(dataset):
         return []
-    names = [name for name in _METRICS if name in dataset]
+    names = [name for name in METRICS if name in dataset]
     rows = [[dim, *(_percent(effect(dataset, name, dim)) for name in names)] for dim in dims]
+    shown = place_text(dataset, finest(dataset))
     return [
         tag("h2", "What the axes do"),
         tag("p", "Largest change along each axis, all others fixed, as a share of the largest value of all cases."),
         table(["axis", *(name.replace("_", " ") for name in names)], rows),
         *_hidden(dataset),
-        tag("p", f"Grey: from the least to the largest ok case. The line changes one axis of {_named(dataset, dims)}."),
+        tag("p", f"Grey: from the least to the largest ok case. The line changes one axis of {shown}."),
         image(metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
         image(metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),
     ]
@@ -227,21 +230,20 @@ def errors(dataset: xr.Dataset) -> list[str]:
     about = tag(
         "p",
         "Relative L2 distance from the reference, median / largest of the ok cases over all other axes; reduced models "
-        f"carry their own error. Predictability of the references: {_largest(dataset, 'predictability'):.1e}, the "
+        f"carry their own error. Predictability of the references: {float(dataset['predictability'].max()):.1e}, the "
         "change of a reference when its gap changes by 1e-12.",
     )
     head = [*dims, *(name.replace("_", " ") for name in names)]
     return [tag("h2", "Errors"), about, table(head, rows)]
 
 
-def precision(dataset: xr.Dataset) -> Drawn:
+def precision(dataset: xr.Dataset) -> Section:
     """Draw speed against error where an archive has both, and name the observed orders."""
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
-        return Drawn([], None)
-    model = _model_dim(dataset)
-    drawn_lines = lines(dataset)
-    beside = [] if model is None else lines(dataset, {model: _fewest_modes(dataset, model)})
-    shown = _named(dataset, [dim for dim in case_dims(dataset) if dim not in ("scheme", "h")])
+        return Section([], None)
+    fewest, drawn_lines = _fewest_modes(dataset), lines(dataset)
+    beside = lines(dataset, fewest) if fewest else []
+    shown = place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")})
     orders = [
         [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.order(name)) for name in ERRORS), _limit(line)]
         for line in drawn_lines
@@ -260,7 +262,7 @@ def precision(dataset: xr.Dataset) -> Drawn:
         tag("p", "Observed orders: slopes of log error over log h of three errors or more below 0.1; rms about them:"),
         table(["scheme", *(f"{one}: order / scatter" for one in ERRORS.values()), "last stable step [s]"], orders),
     ]
-    return Drawn(body, figure)
+    return Section(body, figure)
 
 
 def _limit(line: Line) -> str:
@@ -268,27 +270,14 @@ def _limit(line: Line) -> str:
     return "every h" if not line.lost.any() else f"{steps[0]:.6g}" if steps else "none"
 
 
-def _model_dim(dataset: xr.Dataset) -> str | None:
-    for name in ("mechanical_modes", "thermal_modes"):
+def _fewest_modes(dataset: xr.Dataset) -> dict[str, int]:
+    """Return where the reduced model with the fewest modes lies along the dimensions of the counts of modes."""
+    counts: dict[str, NDArray[np.float64]] = {}
+    for name in MODES:
         if name in dataset.coords and dataset[name].ndim == 1 and dataset[name].size > 1:
-            return str(dataset[name].dims[0])
-    return None
-
-
-def _named(dataset: xr.Dataset, dims: Sequence[str]) -> str:
-    """Return where the finest case lies along some dimensions."""
-    place = finest(dataset)
-    return "; ".join(labels_of(dataset, dim, rounded=True)[place[dim]] for dim in dims)
-
-
-def _fewest_modes(dataset: xr.Dataset, dim: str) -> int:
-    names = [n for n in ("mechanical_modes", "thermal_modes") if n in dataset.coords and dataset[n].dims == (dim,)]
-    return int(np.argmin(sum(mode_counts(dataset, name) for name in names)))
-
-
-def _largest(dataset: xr.Dataset, name: str) -> float:
-    values = np.asarray(dataset[name].values, dtype=float)
-    return float(np.nanmax(values)) if np.isfinite(values).any() else float("nan")
+            dim = str(dataset[name].dims[0])
+            counts[dim] = counts.get(dim, 0.0) + mode_counts(dataset, name)
+    return {dim: int(np.argmin(sums)) for dim, sums in counts.items()}
 
 
 def _percent(share: float) -> str:

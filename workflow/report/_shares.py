@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from workflow.analysis import drawn_dim, effect, finest, labels_of
+from workflow.analysis import drawn_dim, effect, finest, place_text
 from workflow.plots import sobol_indices
 from workflow.report._html import image, tag
-from workflow.report._sections import Drawn
+from workflow.report._sections import METRICS, Section
 
 if TYPE_CHECKING:
     import xarray as xr
-
-_METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
 
 _SHARES = (
     "Sobol' indices: the share of a metric's variance that a number makes alone (first order), and alone and together "
@@ -21,15 +19,14 @@ _SHARES = (
 )
 
 
-def shares(dataset: xr.Dataset) -> Drawn:
+def shares(dataset: xr.Dataset) -> Section:
     """Draw the Sobol' indices of metrics that the drawn numbers change; nothing where an archive has no matrices."""
     design = drawn_dim(dataset)
     if design is None:
-        return Drawn([], None)
-    changing = [name for name in _METRICS if name in dataset and effect(dataset, name, design) > 0]
-    place = {dim: k for dim, k in finest(dataset).items() if dim != design and dataset.sizes[dim] > 1}
-    where = "; ".join(labels_of(dataset, dim, rounded=True)[k] for dim, k in place.items())
+        return Section([], None)
+    changing = [name for name in METRICS if name in dataset and effect(dataset, name, design) > 0]
+    where = place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim != design})
     figure = sobol_indices(dataset, *changing) if changing else None
     picture = [] if figure is None else [image(figure, "Sobol' indices of the drawn numbers")]
     about = tag("p", f"{_SHARES} {where}".strip(), kind="muted")
-    return Drawn([tag("h2", "What the drawn numbers do"), about, *picture], figure)
+    return Section([tag("h2", "What the drawn numbers do"), about, *picture], figure)

@@ -317,8 +317,8 @@
     fill("modes_points", data);
     const here = spot(rows.find((row) => row.number === numberOf(place)));
     fill("modes_here", { x: [here[0]], y: [here[1]] });
-    const own = rows.filter((row) => about.chosen_modes && row.counts.every((text, k) => text === about.chosen_modes[k])).map(spot);
-    fill("modes_chosen", { x: own.map(([x]) => x - 0.33), y: own.map(([, y]) => y + 0.3) });
+    const chosen = rows.filter((row) => about.chosen_modes && row.counts.every((text, k) => text === about.chosen_modes[k])).map(spot);
+    fill("modes_chosen", { x: chosen.map(([x]) => x - 0.33), y: chosen.map(([, y]) => y + 0.3) });
     [figure.x_range, figure.y_range].forEach((range, k) => Object.assign(range, { start: -0.6, end: sorted[k].length - 0.4 }));
     ["modes_x", "modes_y"].forEach((name, k) => {
       model(name).ticker.ticks = sorted[k].map((_, i) => i);

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import secrets
 import signal
 import sys
 import time
@@ -14,10 +13,10 @@ from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from workflow.archive import study_key
+from workflow.archive import Command
 from workflow.grid import Block, References, Task
 from workflow.run._task import Job, Stored, store_lost
-from workflow.run._worker import ClusterError, Session, join, run_block, run_task, software, unshared
+from workflow.run._worker import ClusterError, Session, join, run_block, run_task, software
 
 _IN_FLIGHT = 512
 """Tasks that the scheduler knows of at a time, so that the graph of a large study is never there at
@@ -171,7 +170,7 @@ def _results(
     """
     ended: SimpleQueue[Any] = SimpleQueue()
     under_way: dict[str, Task] = {}
-    name = f"{session.token}-{'alone' if limit == 1 else 'all'}"  # a task that is tried again has another
+    name = f"workflow-{session.begun}-{'alone' if limit == 1 else 'all'}"  # a task that is tried again has another
     references, solutions = References(job.grid), dict[Block, Any]()
 
     def submit(number: int) -> None:
@@ -246,22 +245,13 @@ def _result(future: Any, client: Any) -> Stored | None:
 
 def _opened(job: Job, client: Any) -> Session:
     """Return the session of a run, after all workers there are have shown that they may work for it."""
-    parts = job.parts.resolve()
-    session = Session(str(parts), study_key(job.grid.study), f"workflow-{secrets.token_hex(8)}", software())
-    try:
-        session.question.write_text(session.token, encoding="ascii")
-    except OSError as error:
-        raise ClusterError(f"{parts}: cannot be written to ({(error.strerror or str(error)).lower()})") from None
+    session = Session(str(job.parts.resolve()), job.begun, software())
     for address, answer in sorted(client.run(join, session, on_error="return").items()):
         if isinstance(answer, ClusterError):
             raise ClusterError(f"worker {address}: {answer}")
-        if not isinstance(answer, str):
+        if not isinstance(answer, Command):
             raise ClusterError(
                 f"worker {address}: cannot load this version of rotor-stator-workflow ({answer}); install it there "
                 "and start the worker anew"
             )
-        try:
-            session.answer(answer).unlink()
-        except OSError:
-            raise ClusterError(f"worker {address}: {unshared(session, 'what it writes is not seen here')}") from None
     return session

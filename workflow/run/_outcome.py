@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workflow.archive import open_archive, stored_values
+from workflow.archive import open_archive
 from workflow.grid import WARNINGS
 from workflow.schemes import Status
 from workflow.variables import COMPARED
@@ -78,17 +77,13 @@ def status_name(value: int) -> str:
 
 def status_counts(dataset: xr.Dataset) -> dict[str, int]:
     """Return the number of cases by name of their status."""
-    return _counted(dataset["status"].values)
-
-
-def _counted(status: NDArray[Any]) -> dict[str, int]:
-    values, number = np.unique(status, return_counts=True)
+    values, number = np.unique(dataset["status"].values, return_counts=True)
     return {status_name(int(value)): int(n) for value, n in zip(values, number, strict=True)}
 
 
-def labels_of_case(dataset: xr.Dataset, cell: int) -> str:
+def labels_of_case(dataset: xr.Dataset, number: int) -> str:
     """Return the coordinates that identify a case, given by its number, as ``sel`` takes them: all digits, no units."""
-    dims, case = dataset["status"].dims, case_of(dataset, cell)
+    dims, case = dataset["status"].dims, case_of(dataset, number)
     return ", ".join(
         f"{name} = {case[name].item()}" for dim in dims for name in dataset.coords if dataset[name].dims == (dim,)
     )
@@ -96,11 +91,7 @@ def labels_of_case(dataset: xr.Dataset, cell: int) -> str:
 
 def warnings_of(dataset: xr.Dataset) -> tuple[str, ...]:
     """Return what to beware of in an archive, one sentence each: its temperatures, and what its plan warned of."""
-    return (*_hottest(dataset), *_planned(dataset.attrs))
-
-
-def _planned(attributes: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(str(attributes.get(WARNINGS, "")).splitlines())
+    return (*_hottest(dataset), *str(dataset.attrs.get(WARNINGS, "")).splitlines())
 
 
 def _hottest(dataset: xr.Dataset) -> Iterator[str]:
@@ -118,10 +109,10 @@ def _hottest(dataset: xr.Dataset) -> Iterator[str]:
         )
 
 
-def case_of(dataset: xr.Dataset, cell: int) -> xr.Dataset:
+def case_of(dataset: xr.Dataset, number: int) -> xr.Dataset:
     """Return a case, given by its number."""
     dims = dataset["status"].dims
-    index = np.unravel_index(cell, dataset["status"].shape) if dims else ()
+    index = np.unravel_index(number, dataset["status"].shape) if dims else ()
     return dataset.isel({dim: int(i) for dim, i in zip(dims, index, strict=True)})
 
 
@@ -130,30 +121,20 @@ def summarise(archive: Path, resumed: int | None) -> Outcome:
 
     ``resumed`` is ``None`` where there was nothing to do.
     """
-    attributes, values = stored_values(archive, ("status", "max_temperature", *_ERRORS))
-    status = values["status"]
-    missing = [np.isnan(values[name]) for name in _ERRORS if name in values]
-    without_error = (status == Status.OK) & np.any(missing, axis=0)
-    unsound = np.flatnonzero((status != Status.OK) | without_error)[:MOST_FAILURES].tolist()
-    failures: tuple[tuple[str, str], ...] = ()
-    warnings = _planned(attributes)
-    if unsound or np.any((status == Status.OK) & (values.get("max_temperature", np.nan) > LINEAR)):
-        with open_archive(archive) as dataset:
-            failures, warnings = _labelled_messages(dataset, unsound), warnings_of(dataset)
-    return Outcome(
-        archive,
-        _counted(status),
-        failures,
-        0.0,
-        status.size if resumed is None else resumed,
-        int(np.sum(without_error)),
-        resumed is not None,
-        warnings,
-    )
-
-
-def _labelled_messages(dataset: xr.Dataset, cells: list[int]) -> tuple[tuple[str, str], ...]:
-    """Return labels and message of some cases."""
-    return tuple(
-        (labels_of_case(dataset, cell) or "the case", str(case_of(dataset, cell)["message"].item())) for cell in cells
-    )
+    with open_archive(archive) as dataset:
+        status = dataset["status"].values
+        missing = [np.isnan(dataset[name].values) for name in _ERRORS if name in dataset]
+        without_error = (status == Status.OK) & np.any(missing, axis=0)
+        unsound = np.flatnonzero((status != Status.OK) | without_error)[:MOST_FAILURES].tolist()
+        labels = [labels_of_case(dataset, number) or "the case" for number in unsound]
+        messages = [str(case_of(dataset, number)["message"].item()) for number in unsound]
+        return Outcome(
+            archive,
+            status_counts(dataset),
+            tuple(zip(labels, messages, strict=True)),
+            0.0,
+            status.size if resumed is None else resumed,
+            int(np.sum(without_error)),
+            resumed is not None,
+            warnings_of(dataset),
+        )

@@ -43,7 +43,7 @@ class Prepared:
     found
         What was stored before.
     missing
-        For each cell whether it is to be computed.
+        For each case whether it is to be computed.
     """
 
     job: Job

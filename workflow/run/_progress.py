@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
 
-from workflow.grid import COMPILING, Grid, Task, task_seconds, time_to_compile, waited_for
+from workflow.grid import COMPILING, waited_for
 from workflow.run._task import Stored
 
 
@@ -44,48 +44,6 @@ Progress = Callable[[Advance], None]
 """Hears how far a run is: when it begins to compute and whenever a task is stored, from any thread."""
 
 
-@dataclass(frozen=True)
-class Work:
-    """What a run has to compute.
-
-    Attributes
-    ----------
-    tasks
-        Estimated seconds of each task that is missing, by its number.
-    before
-        Estimated seconds of the tasks that were stored before.
-    threads
-        Threads that compute; 0 where that is not known.
-    compiling
-        Seconds that compiling takes before the first task can end.
-    """
-
-    tasks: Mapping[int, float]
-    before: float = 0.0
-    threads: int = 0
-    compiling: float = 0.0
-
-
-def work_of(grid: Grid, share: Callable[[Task], float], threads: int) -> Work:
-    """Return what a run has to compute, by the estimate of ``workflow plan``.
-
-    Parameters
-    ----------
-    share
-        Gives the share of a task's cases that is to be computed.
-    threads
-        Threads that compute; 0 where that is not known.
-    """
-    from threadpoolctl import threadpool_limits
-
-    missing, before = {}, 0.0
-    with threadpool_limits(limits=1, user_api="blas"):  # structures are made here as tasks make them
-        for task, seconds in task_seconds(grid):
-            missing[task.number] = seconds * share(task)
-            before += seconds - missing[task.number]
-    return Work(missing, before, threads, time_to_compile(grid, threads) if threads else 0.0)
-
-
 class ProgressCounter:
     """Counts what tasks store and reports how far the run is.
 
@@ -93,8 +51,14 @@ class ProgressCounter:
     ----------
     cases
         Cases of the study.
-    work
-        What is to be computed.
+    missing
+        Estimated seconds of each task that is missing, by its number.
+    before
+        Estimated seconds of the tasks that were stored before.
+    threads
+        Threads that compute; 0 where that is not known.
+    compiling
+        Seconds that compiling takes before the first task can end.
     begun
         Time at which the run began, of ``clock``.
     tell
@@ -104,12 +68,21 @@ class ProgressCounter:
     """
 
     def __init__(
-        self, cases: int, work: Work, begun: float, tell: Progress, clock: Callable[[], float] = time.perf_counter
+        self,
+        cases: int,
+        missing: Mapping[int, float],
+        before: float,
+        threads: int,
+        compiling: float,
+        begun: float,
+        tell: Progress,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._cases, self._work, self._begun, self._tell, self._clock = cases, work, begun, tell, clock
-        self._computing = clock()
+        self._cases, self._seconds, self._before, self._compiling = cases, missing, before, compiling
+        self._begun, self._tell, self._clock, self._computing = begun, tell, clock, clock()
         self._lock = Lock()
-        self._missing, self._done = sum(work.tasks.values()), 0.0
+        self._missing, self._done = sum(missing.values()), 0.0
+        self._estimated = self._missing / threads if threads else math.nan
         self._stored, self._endings = 0, Counter[str]()
 
     def set(self, stored: int, endings: Mapping[str, int]) -> None:
@@ -123,16 +96,15 @@ class ProgressCounter:
         with self._lock:
             self._stored += stored.cases
             self._endings.update(stored.endings)
-            self._done += self._work.tasks.get(stored.task, 0.0)
+            self._done += self._seconds.get(stored.task, 0.0)
             self._tell(self._advance())
 
     def _advance(self) -> Advance:
         now = self._clock()
-        total = self._work.before + self._missing
-        work = (self._work.before + self._done) / total if total > 0 else self._stored / max(self._cases, 1)
+        total = self._before + self._missing
+        work = (self._before + self._done) / total if total > 0 else self._stored / max(self._cases, 1)
         done = self._done / self._missing if self._missing > 0 else 1.0
-        estimated = self._missing / self._work.threads if self._work.threads else math.nan
-        left = time_left(min(done, 1.0), now - self._computing, estimated, self._work.compiling)
+        left = time_left(min(done, 1.0), now - self._computing, self._estimated, self._compiling)
         return Advance(self._cases, self._stored, dict(self._endings), min(work, 1.0), now - self._begun, left)
 
 

@@ -16,20 +16,30 @@ from workflow.archive import (
     ArchiveError,
     file_of,
     gather,
-    holding,
     parts_of,
     provenance,
     read_command,
     remove_parts,
     require_whole,
+    run_lock,
     statuses,
     study_key,
 )
-from workflow.grid import CASES, GATHERING, arrange, compiled_ahead, kernel_variants, measured_run, waiting_for
+from workflow.grid import (
+    CASES,
+    GATHERING,
+    arrange,
+    compiled_ahead,
+    kernel_variants,
+    measured_run,
+    task_seconds,
+    time_to_compile,
+    waiting_for,
+)
 from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import Prepared, prepare
-from workflow.run._progress import Progress, ProgressCounter, work_of
+from workflow.run._progress import Progress, ProgressCounter
 from workflow.run._reuse import Reuse, check_name, origin, stored_choices
 from workflow.run._runner import Resources, RunTasks, runner
 from workflow.run._task import Stored
@@ -108,7 +118,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
     parts = parts_of(archive)
     if archive.exists() and not _has_work(study, archive, reuse):
         if parts.exists():  # of a run that was killed between its last two steps
-            with holding(parts):
+            with run_lock(parts):
                 remove_parts(parts)
         return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
     earlier = read_command(parts)
@@ -116,7 +126,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
     grid = arrange(study, None if same is None else stored_choices(same.texts))
     with (
         runner(resources) as run_tasks,
-        holding(parts),
+        run_lock(parts),
         compiled_ahead(kernel_variants(grid) if resources.here and resources.computing > 1 else []),
         measured_run(resources.here),
     ):
@@ -166,9 +176,15 @@ def _counter(prepared: Prepared, computing: int, begun: float, progress: Progres
     begun
         When the run began, on the clock of :func:`time.perf_counter`.
     """
-    counter = ProgressCounter(
-        prepared.missing.size, work_of(prepared.job.grid, prepared.share, computing), begun, progress
-    )
+    from threadpoolctl import threadpool_limits
+
+    grid, missing, before = prepared.job.grid, dict[int, float](), 0.0
+    with threadpool_limits(limits=1, user_api="blas"):  # structures are made here as tasks make them
+        for task, seconds in task_seconds(grid):
+            missing[task.number] = seconds * prepared.share(task)
+            before += seconds - missing[task.number]
+    compiling = time_to_compile(grid, computing) if computing else 0.0
+    counter = ProgressCounter(prepared.missing.size, missing, before, computing, compiling, begun, progress)
     counter.set(*prepared.progress())
     return counter
 

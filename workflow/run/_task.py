@@ -14,15 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive import STATUS, Hashes, stored_status, write_shard
-from workflow.grid import Batch, CaseHashes, Grid, Solutions, Task, solve, template
+from workflow.grid import Batch, CaseHashes, Grid, Solutions, Solved, Task, solve, template
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
 
 if TYPE_CHECKING:
     import xarray as xr
-
-Results = tuple[dict[str, NDArray[Any]], dict[int, str]]
-"""Arrays of some cases, ``(case, …)`` by name, and messages by position."""
 
 _NONE: Solutions = MappingProxyType({})
 
@@ -63,29 +60,23 @@ def store_task(job: Job, task: Task, known: Solutions = _NONE) -> Stored:
 
     ``known`` are solutions that errors are measured against and that are computed already.
     """
-    return _store(job, task, lambda batch: compute_batch(job, batch, known))
+    return _store(job, task, lambda batch: solve(job.grid, batch.outer, batch.inner, known=known))
 
 
 def store_lost(job: Job, task: Task, text: str) -> Stored:
     """Store a task that cannot be computed: its cases fail with the message ``text``."""
 
-    def lost(batch: Batch) -> Results:
+    def lost(batch: Batch) -> Solved:
         count = batch.inner.size
         blank = job.template.isel(dict.fromkeys(job.template[STATUS].dims, 0))
         values = {str(name): np.repeat(one.values[None], count, axis=0) for name, one in blank.data_vars.items()}
         values[STATUS][...] = Status.FAILED
-        return values, dict.fromkeys(range(count), text)
+        return Solved(values, dict.fromkeys(range(count), text))
 
     return _store(job, task, lost)
 
 
-def compute_batch(job: Job, batch: Batch, known: Solutions = _NONE) -> Results:
-    """Return the results of a batch."""
-    solved = solve(job.grid, batch.outer, batch.inner, known=known)
-    return solved.values, solved.messages
-
-
-def _store(job: Job, task: Task, results_of: Callable[[Batch], Results]) -> Stored:
+def _store(job: Job, task: Task, results_of: Callable[[Batch], Solved]) -> Stored:
     """Store the results of the batches of a task in one shard: of one case for each hash.
 
     A shard that this very task has stored before is left as it is: repeating a task whose worker died between storing
@@ -102,17 +93,17 @@ def _store(job: Job, task: Task, results_of: Callable[[Batch], Results]) -> Stor
         order = np.argsort(first)
         first, which = first[order], np.argsort(order)[which]
         if done is None:
-            values, texts = results_of(Batch(outer, inner[first]))
-            messages |= {count + k: text for k, text in texts.items()}
+            solved = results_of(Batch(outer, inner[first]))
+            messages |= {count + k: text for k, text in solved.messages.items()}
             hashes.append(every[first])
-            parts.append(values)
-            status = values[STATUS]
+            parts.append(solved.values)
+            status = solved.values[STATUS]
         else:
             status = done[count : count + first.size]
         count += first.size
-        places = len(job.grid.places[outer])
-        cases += inner.size * places
-        endings.update(not_ok(status[which], places))
+        sharing = int(job.grid.sharing[outer])
+        cases += inner.size * sharing
+        endings.update(not_ok(status[which], sharing))
     if done is None:
         arrays = {name: np.concatenate([values[name] for values in parts]) for name in map(str, job.template.data_vars)}
         write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.template)

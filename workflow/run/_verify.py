@@ -159,19 +159,19 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
     dtypes = {str(name): variable.dtype for name, variable in template(grid).data_vars.items()}
     differ: list[str] = []
     blurred: list[str] = []
-    cells = _sample(path, grid, texts, sample)
+    numbers = _sample(path, grid, texts, sample)
     with (
         open_archive(path) as dataset,
         threadpool_limits(limits=1, user_api="blas"),
         np.errstate(over="ignore", invalid="ignore"),
     ):
         failed = int(np.sum(dataset["status"].values == Status.FAILED))
-        for cell in cells:
-            outer, inner = divmod(cell, grid.inner_count)
+        for number in numbers:
+            outer, inner = divmod(number, grid.inner_count)
             solved = solve(grid, outer, np.array([inner]))
-            case = case_of(dataset, cell)
+            case = case_of(dataset, number)
             stored = {name: case[name].values[np.newaxis] for name in dtypes if name in case}
-            where = labels_of_case(dataset, cell) or "the case"
+            where = labels_of_case(dataset, number) or "the case"
             names = set(stored) - LEFT_OUT
             again = {name: solved.values[name].astype(dtype) for name, dtype in dtypes.items() if name in names}
             unlike = list(differences(stored, again))
@@ -190,11 +190,11 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
     if not differ:
         left = "" if not failed else f"; {failed} that failed hold nothing to compare"
         left += f"; rounding leaves no digit to compare of {'; '.join(blurred[:MOST_DIFFERENCES])}" if blurred else ""
-        yield Check("sample", True, f"{len(cells)} cases run again, the same {how}{left}")
+        yield Check("sample", True, f"{len(numbers)} cases run again, the same {how}{left}")
     for text in differ[:MOST_DIFFERENCES]:
         yield Check("sample", False, text)
     if len(differ) > MOST_DIFFERENCES:
-        yield Check("sample", False, f"and {len(differ) - MOST_DIFFERENCES} more differences in {len(cells)} cases")
+        yield Check("sample", False, f"and {len(differ) - MOST_DIFFERENCES} more differences in {len(numbers)} cases")
 
 
 def _other_than_here(texts: dict[str, str]) -> list[str]:
@@ -221,16 +221,16 @@ def _sample(path: Path, grid: Grid, texts: dict[str, str], count: int) -> list[i
         status = dataset["status"].values.ravel()
     order = random.permutation(np.flatnonzero(status != Status.FAILED))
     kinds: dict[tuple[str, int], int] = {}
-    for cell in order.tolist():
-        kinds.setdefault((grid.settings(cell // grid.inner_count).scheme.label, int(status[cell])), cell)
+    for number in order.tolist():
+        kinds.setdefault((grid.settings(number // grid.inner_count).scheme.label, int(status[number])), number)
         if len(kinds) >= count:
             break
     chosen = list(dict.fromkeys([*kinds.values(), *order.tolist()[:count]]))[:count]
-    seconds = {cell: seconds_per_case(grid, cell // grid.inner_count) for cell in chosen}
+    seconds = {number: seconds_per_case(grid, number // grid.inner_count) for number in chosen}
     repeated: list[int] = []
     total = 0.0
-    for cell in sorted(chosen, key=seconds.__getitem__):
-        total += seconds[cell]
+    for number in sorted(chosen, key=seconds.__getitem__):
+        total += seconds[number]
         if total <= SECONDS or not repeated:
-            repeated.append(cell)
+            repeated.append(number)
     return repeated

@@ -9,7 +9,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from workflow.archive import ArchiveError, code_revision, grid_of, read_command, study_key
+from workflow.archive import ArchiveError, Command, code_revision, grid_of, read_command
 from workflow.grid import Block, CaseHashes, ReferenceSolution, Task, compute_block, solutions_of
 from workflow.models import FACTORISING, has_cholmod
 from workflow.run._task import Job, Stored, store_task
@@ -33,27 +33,15 @@ class Session:
     ----------
     parts
         Directory of the shards, which workers and the run itself share.
-    key
-        Identity of study and solver version.
-    token
-        Name of this run, and what its token file holds.
+    begun
+        When the run began, as its command there says.
     software
         Name and version of what decides the bits of a result.
     """
 
     parts: str
-    key: str
-    token: str
+    begun: int
     software: tuple[tuple[str, str], ...]
-
-    @property
-    def question(self) -> Path:
-        """File by which a worker sees that it shares the directory; swept like any leftover."""
-        return Path(self.parts) / f"{self.token}.tmp"
-
-    def answer(self, worker: str) -> Path:
-        """Return the file by which a worker is seen to share the directory."""
-        return Path(self.parts) / f"{self.token}-{worker}.tmp"
 
 
 def software() -> tuple[tuple[str, str], ...]:
@@ -63,8 +51,8 @@ def software() -> tuple[tuple[str, str], ...]:
     return (("solver", str(SOLVER_VERSION)), ("code", code_revision()[:12]), *packages, *factors)
 
 
-def join(session: Session, dask_worker: Any) -> str:
-    """Check that a worker may work for a run, leave a file that shows it, and return the worker's name.
+def join(session: Session) -> Command:
+    """Check that a worker may work for a run, and return the run's command.
 
     Raises
     ------
@@ -81,20 +69,15 @@ def join(session: Session, dask_worker: Any) -> str:
             "start its workers anew and give the command again"
         )
     try:
-        same = session.question.read_text(encoding="ascii") == session.token
-        session.answer(dask_worker.id).touch()
-    except OSError as error:
-        raise ClusterError(unshared(session, (error.strerror or str(error)).lower())) from None
-    if not same:
-        raise ClusterError(unshared(session, "it holds something else there"))
-    return str(dask_worker.id)
-
-
-def unshared(session: Session, why: str) -> str:
-    return (
-        f"the worker does not share {session.parts} with this run ({why}); put the archive (-o) on a file system "
-        "that all workers see under the same path and can write to"
-    )
+        command = read_command(session.parts)
+    except ArchiveError as error:
+        raise ClusterError(str(error)) from None
+    if command is None or command.begun != session.begun:
+        raise ClusterError(
+            f"the worker does not share {session.parts} with this run; put the archive (-o) on a file system that all "
+            "workers see under the same path and can write to"
+        )
+    return command
 
 
 def run_block(session: Session, block: Block) -> list[ReferenceSolution]:
@@ -127,15 +110,11 @@ def _job(session: Session) -> Job:
 def _prepared(session: Session) -> Job:
     from distributed import get_worker
 
-    worker = get_worker()
     try:
-        session.answer(join(session, worker)).unlink()
-        command = read_command(session.parts)
-    except (ClusterError, ArchiveError) as error:
-        raise ClusterError(f"worker {worker.address}: {error}") from None
-    grid = None if command is None else grid_of(command.texts)
-    if command is None or grid is None or study_key(grid.study) != session.key:
-        raise ClusterError(f"worker {worker.address}: {session.parts} does not hold the study of this run")
+        command = join(session)
+    except ClusterError as error:
+        raise ClusterError(f"worker {get_worker().address}: {error}") from None
+    grid = grid_of(command.texts)
     return Job(grid, Path(session.parts), command.begun, CaseHashes(grid))
 
 

@@ -7,8 +7,8 @@ leave out, are the fields of :class:`Scheme`.
 
 from __future__ import annotations
 
-from workflow import registry
 from workflow.models import Cases
+from workflow.registry import Registry
 from workflow.schemes._contract import ContractError, checked, refuse
 from workflow.schemes._fixed.contact import Contact, Response, Tip
 from workflow.schemes._fixed.marches import contact_law
@@ -30,31 +30,17 @@ from workflow.schemes._interface import (
 )
 from workflow.variables import Variable, of_scheme
 
-SOLVER_VERSION = 9
+SOLVER_VERSION = 10
 """Raised whenever a change of the physics floor changes results: archives do not mix versions."""
 
 
-def names() -> tuple[str, ...]:
-    """Return the names of all schemes, sorted."""
-    return registry.names(__name__)
-
-
-def fault(name: str) -> str | None:
-    """Return why the scheme of a name cannot be used, ``None`` if it can."""
-    return registry.fault(__name__, name, Scheme.required())
+_SCHEMES = Registry(__name__, Scheme.required())
+names, fault = _SCHEMES.names, _SCHEMES.fault
 
 
 def load(name: str) -> Scheme:
-    """Return the scheme of a name from :func:`names`.
-
-    Raises
-    ------
-    KeyError
-        No scheme has this name.
-    BrokenModuleError
-        Its module cannot be used.
-    """
-    return Scheme.of(registry.load(__name__, name, Scheme.required()))
+    """Return the scheme of a name, see :meth:`~workflow.registry.Registry.load`."""
+    return Scheme.of(_SCHEMES.load(name))
 
 
 def metrics(name: str) -> tuple[Variable, ...]:

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from workflow import models, schemes
 from workflow.declare import Quantity, quantity_of, word_of
 from workflow.study.field_types import Keyword, Reading, Text, is_whole
-from workflow.study.forms import MOST_ENTRIES
+from workflow.study.forms import LONGEST_LIST
 from workflow.study.quantities import udunits
 from workflow.study.settings import (
     AUTO,
@@ -89,7 +89,7 @@ def harmonic_counts(tree: Any) -> tuple[int, int]:
     scene = tree.get("scene") if isinstance(tree, dict) else None
     groups = [scene.get(group) if isinstance(scene, dict) else None for group in ("casing", "load")]
     lists = [group.get("harmonics") if isinstance(group, dict) else None for group in groups]
-    casing, load = (min(len(entries), MOST_ENTRIES) if isinstance(entries, list) else 0 for entries in lists)
+    casing, load = (min(len(entries), LONGEST_LIST) if isinstance(entries, list) else 0 for entries in lists)
     return casing, load
 
 

@@ -18,7 +18,7 @@ from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, cor
 from workflow.declare import File, Quantity, Rows, Word
 from workflow.study.files import read_file
 from workflow.study.mistakes import details, one_of, quoted, wrong
-from workflow.study.quantities import NUMBER, admissible, expected, read_quantity, udunits
+from workflow.study.quantities import NUMBER, admissible, read_quantity, udunits
 
 Schema = dict[str, Any]
 MOST_VALUES = 10**6
@@ -247,10 +247,6 @@ class Reading(FieldType):
         where = f", or one value per {self.declared.per}" if self.declared.per else ""
         bounds = admissible(self.declared)
         return f"{self.declared.description} [{udunits(self.declared.unit)}]{where}{bounds and f'; {bounds}'}"
-
-    def remedy(self) -> str:
-        """Return what to write."""
-        return "write a whole number" if self.whole else expected(self.declared)
 
 
 def is_whole(hint: Any) -> bool:

@@ -41,8 +41,9 @@ class Form(BaseModel):
             errors = error.errors(include_url=False)
             unknown = [str(line["loc"][-1]) for line in errors if line["type"] == "extra_forbidden"]
             meant = {nearest(key, cls.model_fields) for key in unknown}  # misspelt is not missing, too
-            own = [line for line in errors if line["type"] != "missing" or line["loc"][-1] not in meant]
-            lines = [cls._explained(line) for line in own]
+            lines = [
+                cls._explained(line) for line in errors if line["type"] != "missing" or line["loc"][-1] not in meant
+            ]
             raise ValidationError.from_exception_data(cls.__name__, lines) from None
 
     @classmethod
@@ -78,8 +79,8 @@ def form(declared: Any, name: str = "") -> Any:
 def keys_form(declared: Any, name: str = "", **other: Any) -> type[Form]:
     """Return the form with the fields of a declared dataclass, and others that replace or follow them."""
     hints = get_type_hints(declared)
-    own = [entry for entry in dataclasses.fields(declared) if entry.name not in other]
-    entries: dict[str, Any] = {entry.name: entry_of(entry, hints[entry.name]) for entry in own}
+    declared_entries = [entry for entry in dataclasses.fields(declared) if entry.name not in other]
+    entries: dict[str, Any] = {entry.name: entry_of(entry, hints[entry.name]) for entry in declared_entries}
     return create_model(name or declared.__name__, __base__=Form, __doc__=summary(declared), **entries | other)
 
 
@@ -123,7 +124,7 @@ def _annotation(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, str]:
     raise TypeError(f"{entry.name}: declare a quantity, a word, a file, a dataclass, a bool or a Literal, not {hint}")
 
 
-MOST_ENTRIES = 100
+LONGEST_LIST = 100
 """Entries of a list of mappings."""
 
 
@@ -131,8 +132,8 @@ def _listed(value: Any) -> Any:
     """Refuse what is no list of a moderate length."""
     if not isinstance(value, list):
         raise wrong(f"{quoted(value)} is not a list", "write a list of `{key: value}` entries")
-    if len(value) > MOST_ENTRIES:
-        raise wrong(f"has {len(value)} entries", f"write at most {MOST_ENTRIES}")
+    if len(value) > LONGEST_LIST:
+        raise wrong(f"has {len(value)} entries", f"write at most {LONGEST_LIST}")
     return value
 
 

@@ -27,7 +27,8 @@ import numpy as np
 
 from workflow.kernels.compiled import part
 from workflow.schemes._exact.expansion import expand, growth_bound
-from workflow.schemes._exact.motion import Motion, advance
+from workflow.schemes._exact.motion import Motion
+from workflow.schemes._exact.propagation import advance
 from workflow.schemes._exact.tables import expansion
 
 _CUBIC = 1e-6
@@ -79,11 +80,11 @@ class _Force(NamedTuple):
 @part
 def _expanded(m: Motion) -> _Force:
     """Return the contact force of the held motion last expanded."""
-    sums, n = m.expansion.sums, m.r.blocks
+    sums, n = m.expansion.sums, m.blocks
     force, fourth = sums[expansion.D0, n], sums[expansion.FOURTH, n]
     h = np.sqrt(np.sqrt(24.0 * _CUBIC * force / fourth)) if fourth > 0.0 else np.inf
     for _ in range(60):
-        bound = (fourth + sums[expansion.FOURTH_GROWTH, 0] * h) * growth_bound(m.r.growth * h)
+        bound = (fourth + sums[expansion.FOURTH_GROWTH, 0] * h) * growth_bound(m.growth * h)
         if bound * h**4 <= 48.0 * _CUBIC * force:
             break
         h *= 0.5
@@ -136,8 +137,8 @@ def settle(m: Motion, t: float, u: float, bounces: Bounces) -> tuple[float, floa
     for step in range(_MOST):
         if step == 0 or tau >= s.window:
             begun, tau = begun + tau, 0.0
-            advance(m.r, m.now, t, begun - t, m.between)
-            expand(m.r, m.between, begun, m.expansion)
+            advance(m, m.now, t, begun - t, m.between)
+            expand(m, m.between, begun)
             s = _expanded(m)
             if s.value <= 0.0:
                 break

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -10,15 +11,15 @@ from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.conditions import load_of, penetration, tip_of, unit_impulse
+from workflow.schemes._exact.conditions import load_of, penetration, tip_of
 from workflow.schemes._exact.held_regime import HeldRegimes
-from workflow.schemes._exact.impacts import Case, Thresholds, UnitImpulse
-from workflow.schemes._exact.layout import Layout, Memory, free_layout, memory
+from workflow.schemes._exact.impacts import Case, Thresholds
+from workflow.schemes._exact.layout import Memory, Regime, memory
 from workflow.schemes._exact.march import march
 from workflow.schemes._exact.modal_system import Basis, analyse
 from workflow.schemes._exact.outcome import Budget
-from workflow.schemes._exact.pole_pairs import InseparablePolesError
 from workflow.schemes._exact.record import TALLY, Record
+from workflow.schemes._exact.regimes import InseparablePolesError, regime_of
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods, sections_of
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
@@ -29,15 +30,33 @@ class Operator:
     """What the cases of a batch share; ``budget`` is what one case may take."""
 
     basis: Basis
-    free: Layout
+    held: HeldRegimes
     budget: Budget
     thresholds: Thresholds = THRESHOLDS
 
+    @cached_property
+    def heated(self) -> Regime:
+        """The regime of a free tip."""
+        return regime_of(self.basis.free)
+
+    @cached_property
+    def unheated(self) -> Regime:
+        """The regime of a free tip without thermal modes."""
+        return regime_of(self.basis.free.unheated)
+
 
 def make_operator(structure: Structure, budget: Budget) -> Operator:
-    """Diagonalise the structure with its tip free and held."""
+    """Diagonalise the structure with its tip free and held.
+
+    Raises
+    ------
+    InseparablePolesError
+        Three poles coincide with the tip free.
+    """
     basis = analyse(structure)
-    return Operator(basis, free_layout(basis.free), budget)
+    operator = Operator(basis, HeldRegimes(basis.held), budget)
+    _ = operator.unheated
+    return operator
 
 
 def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
@@ -57,8 +76,8 @@ def heat_acts(cases: Cases, i: int) -> bool:
 class Prepared(NamedTuple):
     """What the march takes, but for the record."""
 
-    free: Layout
-    held: Layout
+    free: Regime
+    held: Regime
     case: Case
     memories: tuple[Memory, Memory]
     tip: Array
@@ -72,7 +91,7 @@ def march_unheated(operator: Operator, cases: Cases, sampling: Sampling) -> None
 
 def solve_held_regime(operator: Operator, cases: Cases, sampling: Sampling) -> None:
     """Solve the held regime of the first case."""
-    HeldRegimes(operator.basis.held).at(float(cases.alpha[0]), float(cases.friction[0]))
+    operator.held.at(float(cases.alpha[0]), float(cases.friction[0]), heated=True)
 
 
 KERNEL_CALLS = {"march": march_unheated, "held regime": solve_held_regime}
@@ -82,8 +101,7 @@ KERNEL_CALLS = {"march": march_unheated, "held regime": solve_held_regime}
 class Batch:
     """The cases of a batch and the arrays of their results."""
 
-    def __init__(self, operator: Operator, cases: Cases, sampling: Sampling, regimes: HeldRegimes | None = None):
-        """Take cases; held regimes may be those of another batch with the operator that is done."""
+    def __init__(self, operator: Operator, cases: Cases, sampling: Sampling):
         count, basis = cases.count, operator.basis
         self.operator, self.cases, self.sampling = operator, cases, sampling
         self.times = sampling.times
@@ -92,10 +110,8 @@ class Batch:
         self.finite = cases.finite
         moving = (project(basis.to_modes, states) for states in (cases.displacement, cases.velocity))
         self.modal = np.hstack([*moving, project(basis.to_thermal, cases.temperature)])
-        self.impulses: dict[float, UnitImpulse] = {}
-        self.regimes = regimes or HeldRegimes(basis.held)
-        self.held: tuple[tuple[float, float], Layout] | None = None
-        self.memory: dict[tuple[int, int, bool, int, bool], Memory] = {}
+        self.held: tuple[tuple[float, float, bool], Regime] | None = None
+        self.memory: dict[tuple[int, int, int, bool, bool], Memory] = {}
         self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
         self.period_values = np.full((count, 7, int(self.periods.max(initial=0))), np.nan)
         self.tally = np.zeros(count, dtype=TALLY)
@@ -107,22 +123,21 @@ class Batch:
             return
         try:
             self.ended[i] = self._march(i)
-        except np.linalg.LinAlgError:
-            self.ended[i] = outcome.NO_SPECTRUM
         except InseparablePolesError:
             self.ended[i] = outcome.INSEPARABLE_POLES
 
-    def _held(self, alpha: float, friction: float) -> Layout:
+    def _held(self, alpha: float, friction: float, heated: bool) -> Regime:
         """Return the held regime at α and µ, which the cases that follow share."""
-        if self.held is None or self.held[0] != (alpha, friction):
-            self.held = (alpha, friction), self.regimes.at(alpha, friction)
+        key = alpha, friction, heated
+        if self.held is None or self.held[0] != key:
+            self.held = key, self.operator.held.at(alpha, friction, heated=heated)
         return self.held[1]
 
-    def _memory(self, regime: Layout, heated: bool, waves: int) -> Memory:
+    def _memory(self, regime: Regime, waves: int, *, is_free: bool) -> Memory:
         """Return the memory that cases of regimes of one size use one after the other."""
-        key = regime.blocks, regime.firsts, heated, waves, regime is self.operator.free
+        key = regime.blocks, regime.firsts, waves, regime.is_modal, is_free
         if key not in self.memory:
-            self.memory[key] = memory(regime, heated, waves)
+            self.memory[key] = memory(regime, waves)
         return self.memory[key]
 
     def _march(self, i: int) -> int:
@@ -136,21 +151,17 @@ class Batch:
 
     def prepared(self, i: int, *, heated: bool = False) -> Prepared:
         """Return what the march reads of case ``i``, with thermal states where heat acts, or they are asked for."""
-        held = self._held(float(self.cases.alpha[i]), float(self.cases.friction[i]))
-        case = self._case(i, held, heated=heated or heat_acts(self.cases, i))
-        return Prepared(self.operator.free, held, *case, self.operator.basis.tip)
-
-    def _case(self, i: int, held: Layout, *, heated: bool) -> tuple[Case, tuple[Memory, Memory]]:
-        """Return conditions and memory of case ``i``."""
         cases, operator, basis = self.cases, self.operator, self.operator.basis
-        friction, heats = float(cases.friction[i]), basis.closing.size if heated else 0
-        load = load_of(cases, i, self.sampling.duration)
-        if friction not in self.impulses:
-            self.impulses[friction] = unit_impulse(basis, operator.free, friction)
-        tip = tip_of(cases, i, basis, self.impulses[friction], load)
-        modal, waves = self.modal[i, : 2 * basis.tip.size + heats], load.waves.shape[0]
-        case = Case(load, tip, modal, basis.closing[:heats], operator.budget, operator.thresholds)
-        return case, (self._memory(operator.free, heated, waves), self._memory(held, heated, waves))
+        heated = heated or heat_acts(cases, i)
+        free = operator.heated if heated else operator.unheated
+        held = self._held(float(cases.alpha[i]), float(cases.friction[i]), heated)
+        load, size = load_of(cases, i, self.sampling.duration), free.inward.shape[0]
+        closing = basis.closing[: size - 2 * basis.tip.size]
+        tip = tip_of(cases, i, basis, free, load)
+        case = Case(load, tip, self.modal[i, :size], closing, operator.budget, operator.thresholds)
+        waves = load.waves.shape[0]
+        memories = self._memory(free, waves, is_free=True), self._memory(held, waves, is_free=False)
+        return Prepared(free, held, case, memories, basis.tip)
 
     def results(self) -> Results:
         """Return the results of the batch."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from workflow.kernels import elementwise
 from workflow.models import Array, Cases
-from workflow.schemes._exact.impacts import Tip, UnitImpulse
-from workflow.schemes._exact.layout import Layout, Load
+from workflow.schemes._exact.impacts import Tip
+from workflow.schemes._exact.layout import Load, Regime
 from workflow.schemes._exact.modal_system import Basis
 from workflow.schemes._exact.tables import wave
 
@@ -49,8 +49,13 @@ def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]
                 yield which, float(more.amplitude[i, k]), float(more.frequency[i, k]), float(more.phase[i, k])
 
 
-def tip_of(cases: Cases, i: int, basis: Basis, impulse: UnitImpulse, load: Load) -> Tip:
-    """Return contact law, impact data and start of case ``i``."""
+def tip_of(cases: Cases, i: int, basis: Basis, free: Regime, load: Load) -> Tip:
+    """Return contact law, impact data and start of case ``i``: an impulse moves the modes by φᵀ(e_n - µ t)."""
+    alpha, friction, modes = float(cases.alpha[i]), float(cases.friction[i]), basis.tip.size
+    struck, size = basis.tip - friction * basis.along, free.inward.shape[0]
+    with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no law of impact
+        drag = float(np.divide(np.dot(basis.damped_tip, struck), np.dot(basis.tip, struck)))
+    jump = np.concatenate([np.zeros(modes), -struck, alpha * basis.free.heat_tip[: size - 2 * modes]])
     place, velocity, reach, turning = load.gap, 0.0, abs(load.gap), 0.0
     for omega, phase, _, amplitude in load.waves.tolist():
         if amplitude != 0:
@@ -61,24 +66,15 @@ def tip_of(cases: Cases, i: int, basis: Basis, impulse: UnitImpulse, load: Load)
     speed = float(cases.velocity[i, -1]) - velocity
     return Tip(
         float(cases.e[i]),
-        float(cases.alpha[i]),
-        basis.mobility - float(cases.friction[i]) * basis.tangential,
+        alpha,
+        basis.mobility - friction * basis.tangential,
         basis.heat_jump,
-        *impulse,
+        drag,
+        jump if free.is_modal else jump @ free.inward[:, :size],
         place - float(cases.displacement[i, -1]),
         0.0 if abs(speed) <= _ROUNDING * turning else speed,
         reach,
     )
-
-
-def unit_impulse(basis: Basis, free: Layout, friction: float) -> UnitImpulse:
-    """Return what an impulse with friction µ does to a free tip: it moves the modes by φᵀ(e_n - µ t)."""
-    struck, modes = basis.tip - friction * basis.along, basis.tip.size
-    with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no law of impact
-        drag = float(np.divide(np.dot(basis.damped_tip, struck), np.dot(basis.tip, struck)))
-    if free.is_modal:
-        return UnitImpulse(drag, np.stack([np.zeros(modes), struck]))
-    return UnitImpulse(drag, (struck @ free.inward[modes : 2 * modes, : 2 * modes]).reshape(2, modes))
 
 
 def penetration(cases: Cases, displacement: Array, times: Array) -> Array:

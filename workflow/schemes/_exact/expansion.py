@@ -16,9 +16,8 @@ from workflow.kernels import elementary
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.packs import magnitude, narrow, pack, store
 from workflow.models import Array
-from workflow.schemes._exact.explicit_blocks import explicit_force
-from workflow.schemes._exact.layout import Expansion
-from workflow.schemes._exact.response import SIGNAL, Response
+from workflow.schemes._exact.explicit_blocks import explicit_derivatives
+from workflow.schemes._exact.motion import SIGNAL, Motion
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
@@ -52,19 +51,19 @@ def row_sum(rows: Array, i: int, first: int, last: int) -> float:
 
 
 @part
-def expand(r: Response, y: Array, t: float, x: Expansion) -> None:
+def expand(m: Motion, y: Array, t: float) -> None:
     """Expand the signal at a state."""
-    expand_output(r, SIGNAL, y, t, x)
+    expand_output(m, SIGNAL, y, t)
 
 
 @part
-def expand_output(r: Response, output: int, y: Array, t: float, x: Expansion) -> None:
+def expand_output(m: Motion, output: int, y: Array, t: float) -> None:
     """Expand an output, ``SIGNAL`` or ``TEMPERATURE``, at the state ``y`` of time ``t``."""
-    sums, d, n = x.sums, x.terms, r.blocks
-    _expand_slow_terms(r, output, y, t, sums)
-    for i in range(r.explicits):
-        _expand_explicit(r, output, int(r.block[block.EXPLICIT_COLUMNS, i]), y, t, sums)
-    _expand_blocks(r.block, y, block.UNFORCED_VALUE + 2 * output, d)
+    sums, d, n = m.expansion.sums, m.expansion.terms, m.blocks
+    _expand_slow_terms(m, output, y, t, sums)
+    for i in range(m.explicits):
+        _expand_explicit(m, output, int(m.block[block.EXPLICIT_COLUMNS, i]), y, t, sums)
+    _expand_blocks(m.block, y, block.UNFORCED_VALUE + 2 * output, d)
     for row in range(expansion.FOURTH + 1):
         sums[row, n] = sums[row, 0] + row_sum(d, row, 0, d.shape[1])
     sums[expansion.SIZE, 0] += row_sum(d, expansion.TAIL, 0, d.shape[1])
@@ -72,16 +71,16 @@ def expand_output(r: Response, output: int, y: Array, t: float, x: Expansion) ->
 
 
 @part
-def _expand_slow_terms(r: Response, output: int, y: Array, t: float, sums: Array) -> None:
+def _expand_slow_terms(m: Motion, output: int, y: Array, t: float, sums: Array) -> None:
     """Fill column 0 of the sums with what loads, casing and first-order states show."""
-    f = r.first
-    s0, s1, s2, s3 = r.outputs[output], 0.0, 0.0, 0.0
-    fourth, size = 0.0, abs(r.outputs[output])
+    f = m.first
+    s0, s1, s2, s3 = m.outputs[output], 0.0, 0.0, 0.0
+    fourth, size = 0.0, abs(m.outputs[output])
     column = np.uintp(wave.SIGNAL_COS + 2 * output)  # unsigned: it needs no test for a negative index
-    for i in range(r.waves.shape[0]):
-        w = r.waves[i, wave.OMEGA]
-        cos, sin = wave_phase(r.waves, i, t)
-        a, b = r.waves[i, column], r.waves[i, column + np.uintp(1)]
+    for i in range(m.waves.shape[0]):
+        w = m.waves[i, wave.OMEGA]
+        cos, sin = wave_phase(m.waves, i, t)
+        a, b = m.waves[i, column], m.waves[i, column + np.uintp(1)]
         signal, turn, amplitude = a * cos + b * sin, b * cos - a * sin, abs(a) + abs(b)
         s0 += signal
         s1 += w * turn
@@ -89,60 +88,41 @@ def _expand_slow_terms(r: Response, output: int, y: Array, t: float, sums: Array
         s3 += -w * w * w * turn
         fourth += amplitude * w * w * w * w
         size += amplitude
-    for j in range(r.firsts):
-        value, slope = f[first.SIGNAL_VALUE + 2 * output, j], f[first.SIGNAL_SLOPE + 2 * output, j]
-        mu = -f[first.RATE, j]
-        d1 = (value + slope * mu) * y[state.FIRST_SLOPE, j]
-        a0, a1 = value * y[state.FIRST, j], slope * y[state.FIRST_SLOPE, j]
-        s0 += a0 + a1
+    for j in range(m.firsts):
+        value, mu = f[first.SIGNAL + output, j], -f[first.RATE, j]
+        a0, d1 = value * y[state.FIRST, j], value * y[state.FIRST_SLOPE, j]
+        s0 += a0
         s1 += d1
         s2 += mu * d1
         s3 += mu * mu * d1
         fourth += abs(mu * mu * mu * d1)
-        size += abs(a0) + abs(a1)
+        size += abs(a0)
     sums[expansion.D0, 0], sums[expansion.D1, 0], sums[expansion.D2, 0], sums[expansion.D3, 0] = s0, s1, s2, s3
     sums[expansion.FOURTH, 0], sums[expansion.FOURTH_GROWTH, 0], sums[expansion.SIZE, 0] = fourth, 0.0, size
 
 
 @part
-def _expand_explicit(r: Response, output: int, k: int, y: Array, t: float, sums: Array) -> None:
+def _expand_explicit(m: Motion, output: int, k: int, y: Array, t: float, sums: Array) -> None:
     """Add an explicit block to column 0 of the sums.
 
     Its s'''' is bounded by the energy of its third derivative, which grows only by the third derivative of its force.
     """
-    b, f1, f2, f3, f3_bound, f4_bound = r.block, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(r.waves.shape[0]):
-        w = r.waves[i, wave.OMEGA]
-        cos, sin = wave_phase(r.waves, i, t)
-        f_cos, f_sin = b[block.FORCE_COS + i * block.WAVE, k], b[block.FORCE_SIN + i * block.WAVE, k]
-        amplitude = w**3 * elementary.hypot(f_cos, f_sin)
-        f1 += w * (f_sin * cos - f_cos * sin)
-        f2 += -w * w * (f_cos * cos + f_sin * sin)
-        f3 += w**3 * (f_cos * sin - f_sin * cos)
+    b, d, f3_bound, f4_bound = m.block, m.expansion.explicit, 0.0, 0.0
+    explicit_derivatives(m, k, y, t, 5, d)
+    for i in range(m.waves.shape[0]):
+        w, row = m.waves[i, wave.OMEGA], i * block.WAVE
+        cos, sin = b[block.FORCE_COS + row, k], b[block.FORCE_SIN + row, k]
+        amplitude = w**3 * np.sqrt(cos * cos + sin * sin)
         f3_bound += amplitude
         f4_bound += w * amplitude
-    for j in range(r.firsts):
-        g, mu = r.coupling[0, j, k] * y[state.FIRST_SLOPE, j], -r.first[first.RATE, j]
-        f1 += g
-        f2 += g * mu
-        f3 += g * mu * mu
-        f3_bound += abs(g) * mu * mu
-        f4_bound += abs(g * mu * mu * mu)
-    c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
+    w2 = b[block.STIFFNESS, k]
     value, slope = b[block.SIGNAL_VALUE + 2 * output, k], b[block.SIGNAL_SLOPE + 2 * output, k]
-    y0, y1 = y[state.VALUE, k], y[state.SLOPE, k]
-    y2 = -c * y1 - w2 * y0 + explicit_force(r, k, y, t)
-    y3 = -c * y2 - w2 * y1 + f1
-    y4 = -c * y3 - w2 * y2 + f2
-    y5 = -c * y4 - w2 * y3 + f3
-    fourth = abs(value) * np.sqrt(w2 * y3 * y3 + y4 * y4) + abs(slope) * np.sqrt(w2 * y4 * y4 + y5 * y5)
-    sums[expansion.D0, 0] += value * y0 + slope * y1
-    sums[expansion.D1, 0] += value * y1 + slope * y2
-    sums[expansion.D2, 0] += value * y2 + slope * y3
-    sums[expansion.D3, 0] += value * y3 + slope * y4
+    fourth = abs(value) * np.sqrt(w2 * d[3] ** 2 + d[4] ** 2) + abs(slope) * np.sqrt(w2 * d[4] ** 2 + d[5] ** 2)
+    for n in range(4):
+        sums[expansion.D0 + n, 0] += value * d[n] + slope * d[n + 1]
     sums[expansion.FOURTH, 0] += fourth
     sums[expansion.FOURTH_GROWTH, 0] += abs(value) * f3_bound + abs(slope) * f4_bound
-    sums[expansion.SIZE, 0] += abs(value * y0) + abs(slope * y1)
+    sums[expansion.SIZE, 0] += abs(value * d[0]) + abs(slope * d[1])
 
 
 @part
@@ -170,26 +150,26 @@ def _expand_blocks(b: Array, y: Array, row: int, d: Array) -> None:
 
 
 @part
-def accumulate(r: Response, x: Expansion) -> None:
+def accumulate(m: Motion) -> None:
     """Fill the columns of the sums between the first and the last."""
-    b, sums, d = r.block, x.sums, x.terms
+    b, sums, d = m.block, m.expansion.sums, m.expansion.terms
     for k in range(d.shape[1]):
         s0, s1 = d[expansion.D0, k], d[expansion.D1, k]
         d[expansion.TAIL_SLOPE, k] = np.sqrt(b[block.STIFFNESS, k] * s0 * s0 + s1 * s1)
-    for k in range(r.blocks - 1):
+    for k in range(m.blocks - 1):
         for row in range(expansion.FOURTH + 1):
             sums[row, k + 1] = sums[row, k] + d[row, k]
-    for k in range(r.blocks - 1, -1, -1):
+    for k in range(m.blocks - 1, -1, -1):
         slope = d[expansion.TAIL_SLOPE, k]
         sums[expansion.TAIL, k] = sums[expansion.TAIL, k + 1] + slope * b[block.INVERSE_OMEGA, k]
         sums[expansion.TAIL_SLOPE, k] = sums[expansion.TAIL_SLOPE, k + 1] + slope
 
 
 @part
-def expanded_blocks(r: Response, h: float) -> int:
+def expanded_blocks(m: Motion, h: float) -> int:
     """Return how many of the slowest blocks to expand over a step h; the others are bounded as a group."""
-    k = r.blocks
-    while k > 0 and r.block[block.OMEGA, k - 1] * h > _FAST:
+    k = m.blocks
+    while k > 0 and m.block[block.OMEGA, k - 1] * h > _FAST:
         k -= 1
     return k
 
@@ -219,9 +199,9 @@ class Bounds(NamedTuple):
 
 
 @part
-def bounds(r: Response, x: Expansion, k: int, h: float) -> Bounds:
+def bounds(m: Motion, k: int, h: float) -> Bounds:
     """Return the bounds over a step ``h`` with the ``k`` slowest blocks expanded."""
-    sums, factor = x.sums, growth_bound(r.growth * h)
+    sums, factor = m.expansion.sums, growth_bound(m.growth * h)
     return Bounds(
         sums[expansion.D0, k],
         sums[expansion.D1, k] * h,

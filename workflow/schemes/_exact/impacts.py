@@ -11,9 +11,9 @@ from workflow.models import Array
 from workflow.schemes._exact.accumulation import Bounces, settle
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Load
-from workflow.schemes._exact.motion import copy_state, strike
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.passage import Motions, enter_contact
+from workflow.schemes._exact.propagation import copy_state, strike
 from workflow.schemes._exact.tables import expansion
 
 
@@ -30,15 +30,6 @@ class Thresholds(NamedTuple):
     """A contact force below this multiple of the rounding of its terms is zero when a contact begins."""
 
 
-class UnitImpulse(NamedTuple):
-    """What an impulse of 1 N s does to a free tip, along e_n - µ t."""
-
-    drag: float
-    """γ of :mod:`workflow.schemes._exact.accumulation`, 1/s."""
-    kick: Array
-    """By how much it lowers η and η' of each block, ``(2, block)``."""
-
-
 class Tip(NamedTuple):
     """Contact law, impact data and start of one case."""
 
@@ -50,8 +41,9 @@ class Tip(NamedTuple):
     heat_jump: float
     """Rise of the tip temperature per heat at the tip, e_nᵀ C2⁻¹ e_n, K/J."""
     drag: float
-    kick: Array
-    """Both see :class:`UnitImpulse`."""
+    """γ of :mod:`workflow.schemes._exact.accumulation`, 1/s."""
+    jump: Array
+    """Change of [η, u, ξ] of a free tip by an impulse of 1 N s along e_n - µ t with its friction heat, ``(N,)``."""
     distance: float
     """d(0) - x_n(0), m."""
     speed: float
@@ -84,8 +76,8 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     tip, free, speed = case.tip, motions.free, tally.speed
     p = (1.0 + tip.e) * speed / tip.mobility
     tally.max_speed = max(tally.max_speed, speed)
-    strike(free.r, tip.kick, free.now, p, tip.alpha * p)
-    expand(free.r, free.now, tally.time, free.expansion)
+    strike(free, p)
+    expand(free, free.now, tally.time)
     stays, since = speed <= 0.0 or tip.e == 0.0, tally.time
     if not stays:
         end = _end_of_bounces(motions, case, tally)
@@ -106,7 +98,7 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     impact was: those of a tip that only the rounding of a force near zero has lifted.
     """
     tip, free, speed, thresholds = case.tip, motions.free, tally.speed, case.thresholds
-    pressing = -free.expansion.sums[expansion.D2, free.r.blocks]
+    pressing = -free.expansion.sums[expansion.D2, free.blocks]
     rounding = SUM_ROUNDING * free.expansion.sums[expansion.SIZE, 0]
     if speed >= thresholds.speed * tally.max_speed:
         tally.unsettled_speed = np.inf
@@ -119,8 +111,7 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     if height >= most and not (left < tally.events and height < _LOOSE * most):
         return np.nan
     copy_state(free.now, free.between)
-    stop = tip.e * speed / tip.mobility
-    strike(free.r, tip.kick, free.now, -stop, -tip.alpha * stop)
+    strike(free, -tip.e * speed / tip.mobility)
     end, leaving, count = np.nan, 0.0, 0.0
     if enter_contact(motions, thresholds.force, tally.time) == 0:
         bounces = Bounces(tip.e, tip.mobility, tip.drag, 4.0 * max(height, most), case.load.duration)

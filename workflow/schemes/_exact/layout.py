@@ -10,10 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels.algebra import Complex
-from workflow.kernels.compiled import kernel
+from workflow.kernels.compiled import kernel, part
 from workflow.models import Array
-from workflow.schemes._exact.modal_system import ModalSystem
-from workflow.schemes._exact.regimes import Regime, regime_of
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
 ORDER = 18
@@ -40,98 +38,108 @@ class Load(NamedTuple):
     """Constant heat load per thermal coordinate, W."""
 
 
-class Layout(NamedTuple):
-    """A regime as tables, shared by cases; rows that loads decide are 0 here and filled in :class:`Memory`."""
+class Regime(NamedTuple):
+    """A linear system in real blocks, shared by cases, and how its coordinates follow from those of the free tip.
+
+    Coordinates are [η (block), u (block), ξ (first order)], N in all; modal coordinates are those of the free modes,
+    [y, y', τ]. Inputs are w = [constant loads, heating, tip load, d, d', d''], d the place of the casing.
+    """
 
     blocks: int
     firsts: int
     block: Array
-    """See :mod:`workflow.schemes._exact.tables.block`."""
+    """See :mod:`workflow.schemes._exact.tables.block`; rows that loads decide are 0 here, as in ``first``."""
     first: Array
     """See :mod:`workflow.schemes._exact.tables.first`."""
-    coupling: Array
     source: Array
+    """Sources [β, γ, χ] and, in the column after theirs, the signal, ``(mechanical + thermal + 4, N + 1)``: rows are
+    inputs."""
     inward: Array
+    """Coordinates from X = [z, z', τ] of its own modes, ``(N, N)``: rows are X. Columns beyond N fill up packs, as in
+    ``source``."""
     outward: Array
+    """… and back, ``(N, N)``: rows are coordinates."""
     entry: Array
     exit: Array
-    """All see :class:`~workflow.schemes._exact.regimes.Regime`."""
+    """z from free modes and back, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`."""
     growth: float
-    """Largest rate at which a block may grow, 1/s, not negative."""
-    first_growth: float
-    """… and a first-order state."""
+    """Largest rate at which a block or first-order state may grow, 1/s, not negative."""
     fastest: float
-    """Bound of the poles of blocks, 1/s."""
-    fastest_first: float
-    """Largest |μ|, 1/s."""
-    two_way: bool
-    """Whether blocks show in the tip temperature or their η' in the signal."""
+    """Bound of all poles, 1/s."""
     warms: bool
     """Whether blocks show in the tip temperature."""
+    heated: bool
+    """Whether it has thermal modes."""
     is_modal: bool
-    """Whether the coordinates are those of the modes, [z, z', τ]: with the tip free where damping couples no modes."""
+    """Whether the coordinates are those of the modes, [z, z', τ]."""
 
 
 @kernel
-def layout(g: Regime) -> Layout:
-    """Pack a regime."""
-    blocks, firsts = g.damping.size, g.rate.size
+def tabulated(
+    damping: Array,
+    stiffness: Array,
+    rate: Array,
+    signal: Array,
+    temperature: Array,
+    source: Array,
+    inward: Array,
+    outward: Array,
+    entry: Array,
+    exit_: Array,
+) -> Regime:
+    """Return a regime by c and ω² of blocks, ascending, μ of first-order states, and outputs per coordinate, ``(N,)``.
+
+    Outputs are the signal, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`, and the temperature of the
+    tip, K.
+    """
+    blocks, firsts = damping.size, rate.size
     b, f = np.zeros((block.ROWS, 8 * ((blocks + 7) // 8))), np.zeros((first.ROWS, 8 * ((firsts + 7) // 8)))
-    growth, first_growth, fastest, fastest_first, warms, two_way = 0.0, 0.0, 0.0, 0.0, False, False
-    filled = max(1.0, g.stiffness[blocks - 1]) if blocks > 0 else 1.0
+    growth, fastest, warms = 0.0, 0.0, False
+    filled = max(1.0, stiffness[blocks - 1]) if blocks > 0 else 1.0
     for k in range(b.shape[1]):
-        b[block.STIFFNESS, k] = g.stiffness[k] if k < blocks else filled
+        b[block.STIFFNESS, k] = stiffness[k] if k < blocks else filled
         b[block.OMEGA, k], b[block.NU, k] = np.sqrt(b[block.STIFFNESS, k]), 1.0
         if b[block.OMEGA, k] > 0.0:
             b[block.INVERSE_OMEGA, k] = 1.0 / b[block.OMEGA, k]
     for k in range(blocks):
-        c = g.damping[k]
-        b[block.DAMPING, k], b[block.HALF_DAMPING, k], b[block.RESONANT, k] = c, 0.5 * c, g.resonant[k]
-        b[block.SIGNAL_VALUE, k], b[block.SIGNAL_SLOPE, k] = g.signal[k], g.signal[blocks + k]
-        b[block.TEMPERATURE_VALUE, k], b[block.TEMPERATURE_SLOPE, k] = g.temperature[k], g.temperature[blocks + k]
-        if g.stiffness[k] > 0.25 * c * c:
-            b[block.NU, k] = np.sqrt(g.stiffness[k] - 0.25 * c * c)
+        c = damping[k]
+        b[block.DAMPING, k], b[block.HALF_DAMPING, k] = c, 0.5 * c
+        b[block.SIGNAL_VALUE, k], b[block.SIGNAL_SLOPE, k] = signal[k], signal[blocks + k]
+        b[block.TEMPERATURE_VALUE, k], b[block.TEMPERATURE_SLOPE, k] = temperature[k], temperature[blocks + k]
+        if stiffness[k] > 0.25 * c * c:
+            b[block.NU, k] = np.sqrt(stiffness[k] - 0.25 * c * c)
         growth, fastest = max(growth, -c), max(fastest, b[block.OMEGA, k], abs(c))
-        warms |= g.temperature[k] != 0.0 or g.temperature[blocks + k] != 0.0
-        two_way |= g.signal[blocks + k] != 0.0
+        warms |= temperature[k] != 0.0 or temperature[blocks + k] != 0.0
     for j in range(firsts):
-        mu, warmth = g.rate[j], g.temperature[2 * blocks + j]
-        f[first.RATE, j], f[first.SIGNAL_VALUE, j], f[first.TEMPERATURE_VALUE, j] = mu, g.signal[2 * blocks + j], warmth
-        # C2⁻¹ e_n in thermal modes of unit norm: χ_n
-        f[first.HEAT_JUMP_VALUE, j], f[first.HEAT_JUMP_SLOPE, j] = warmth, -mu * warmth
-        first_growth, fastest_first = max(first_growth, -mu), max(fastest_first, abs(mu))
-    return Layout(
+        mu, own = rate[j], 2 * blocks + j
+        f[first.RATE, j], f[first.SIGNAL, j], f[first.TEMPERATURE, j] = mu, signal[own], temperature[own]
+        growth, fastest = max(growth, -mu), max(fastest, abs(mu))
+    return Regime(
         blocks,
         firsts,
         b,
         f,
-        g.coupling,
-        g.source,
-        g.inward,
-        g.outward,
-        g.entry,
-        g.exit,
+        source,
+        inward,
+        outward,
+        entry,
+        exit_,
         growth,
-        first_growth,
         fastest,
-        fastest_first,
-        two_way or warms,
         warms,
-        False,
+        inward.shape[0] > 2 * entry.shape[1],
+        _is_identity(inward),
     )
 
 
-def free_layout(system: ModalSystem) -> Layout:
-    """Return the regime of a free tip; where damping couples its modes a heat at the tip moves all of its blocks."""
-    regime = regime_of(system)
-    packed = layout(regime)
-    if not system.is_coupled:
-        return packed._replace(is_modal=True)
-    blocks, b = packed.blocks, packed.block
-    jump = system.heat_tip @ regime.inward[2 * blocks :]
-    b[block.HEAT_JUMP_VALUE, :blocks] = jump[:blocks]
-    b[block.HEAT_JUMP_SLOPE, :blocks] = jump[blocks : 2 * blocks]
-    return packed
+@part
+def _is_identity(matrix: Array) -> bool:
+    """Whether a matrix changes no coordinates."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            if matrix[i, j] != (1.0 if i == j else 0.0):
+                return False
+    return True
 
 
 class Expansion(NamedTuple):
@@ -147,16 +155,13 @@ class Expansion(NamedTuple):
     """``(9, column)``; scratch."""
     derivatives: Array
     """Of the signal, ``(ORDER + 1,)``; scratch."""
+    explicit: Array
+    """Derivatives of an explicit block, ``(ORDER + 2,)``; scratch."""
 
 
 class Memory(NamedTuple):
-    """Arrays in which a case follows a regime; one case after the other may use them.
+    """Arrays in which a case follows a regime; one case after the other may use them."""
 
-    Without columns for first-order states where no heat acts.
-    """
-
-    heated: bool
-    """Whether heat acts in the case."""
     block: Array
     first: Array
     """Tables of the layout, completed by what the loads of the case decide."""
@@ -165,33 +170,33 @@ class Memory(NamedTuple):
     modal: Array
     """[z, z', τ] of the modes of the regime, ``(N,)``; the array of the coordinates where these are modal."""
     states: Array
-    """Three states of motion, ``(3, 4, column)``."""
+    """Three states of motion, and the change of the state by a unit impulse, ``(4, 4, column)``."""
     outputs: Array
     """Of signal and tip temperature what constant loads alone give, ``(2,)``."""
     waves: Array
     """See :mod:`workflow.schemes._exact.tables.wave`."""
     differences: Complex
-    """Divided differences of an explicit block, ``(11, 5)``; scratch."""
+    """Divided differences of an explicit block, ``(9, 4)``; scratch."""
     expansion: Expansion
 
 
-def memory(regime: Layout, heated: bool, waves: int) -> Memory:
+def memory(regime: Regime, waves: int) -> Memory:
     """Return memory for a regime under so many waves."""
-    firsts = regime.firsts if heated else 0
-    columns, wide = block.padded(regime.blocks), block.padded(firsts)
-    modal = regime.inward.shape[0] if heated else 2 * regime.entry.shape[1]
-    coordinates = np.zeros(2 * regime.blocks + firsts)
+    columns, wide = block.padded(regime.blocks), block.padded(regime.firsts)
+    coordinates = np.zeros(regime.inward.shape[0])
     return Memory(
-        heated=heated,
         block=np.zeros((block.ROWS + block.WAVE * waves, columns)),
         first=np.zeros((first.ROWS + first.WAVE * waves, wide)),
         coordinates=coordinates,
-        modal=coordinates if regime.is_modal else np.zeros(modal),
-        states=np.zeros((3, state.ROWS, max(columns, wide))),
+        modal=coordinates if regime.is_modal else coordinates.copy(),
+        states=np.zeros((4, state.ROWS, max(columns, wide))),
         outputs=np.zeros(2),
         waves=np.zeros((waves, wave.COLUMNS)),
-        differences=np.zeros((11, 5), dtype=np.complex128),
+        differences=np.zeros((9, 4), dtype=np.complex128),
         expansion=Expansion(
-            np.zeros((expansion.ROWS, regime.blocks + 1)), np.zeros((expansion.ROWS, columns)), np.zeros(ORDER + 1)
+            np.zeros((expansion.ROWS, regime.blocks + 1)),
+            np.zeros((expansion.ROWS, columns)),
+            np.zeros(ORDER + 1),
+            np.zeros(ORDER + 2),
         ),
     )

@@ -6,15 +6,38 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import block_diag
 
-from workflow.kernels.algebra import Complex, Eigen, eigenvalues, eigenvectors
 from workflow.models import Array
-from workflow.schemes._exact.layout import Load
+from workflow.schemes._exact.layout import Load, Regime
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
+from workflow.schemes._exact.tables import block, first
 
-_DEPENDENT = 1e8
-"""Condition of eigenvectors above which propagators are no longer made of them: they would lose half the digits."""
+
+def growth(regime: Regime) -> float:
+    """Return the largest real part of the poles of a regime, 1/s."""
+    half, w2 = 0.5 * regime.block[block.DAMPING, : regime.blocks], regime.block[block.STIFFNESS, : regime.blocks]
+    poles = np.append((np.sqrt(half**2 - w2 + 0j) - half).real, -regime.first[first.RATE, : regime.firsts])
+    return float(poles.max(initial=-np.inf))
+
+
+def propagators(regime: Regime, spans: Array) -> Array:
+    """Return the derivatives of X, of the free tip, by X before each of some spans [s], ``(span, N, N)``."""
+    n, t = regime.blocks, spans[:, None]
+    half, w2 = 0.5 * regime.block[block.DAMPING, :n], regime.block[block.STIFFNESS, :n]
+    root = np.sqrt(half**2 - w2 + 0j)
+    z, one, other = root * t, np.exp((root - half) * t), np.exp((-root - half) * t)
+    near = np.abs(z) < 1  # sinh(z)/z is sinc(iz/π)
+    still = t * np.exp(-half * t) * np.sinc(np.where(near, z, 0) * (1j / np.pi))
+    S = np.where(near, still, (one - other) / np.where(near, 1.0, 2 * root)).real[:, None]
+    C = ((one + other) / 2).real[:, None]
+    eta, u, xi = np.split(regime.inward[:, : len(regime.inward)], [n, 2 * n], axis=1)
+    decay = np.exp(-regime.first[first.RATE, : regime.firsts] * t)[:, None]
+    moved = [eta * (C + half * S) + u * S, u * (C - half * S) - eta * (w2 * S), xi * decay]
+    inner = np.concatenate(moved, axis=2) @ regime.outward
+    heats = len(regime.inward) - 2 * regime.entry.shape[1]
+    changes = _twice(regime.entry, heats) @ inner @ _twice(regime.exit, heats)
+    return np.asarray(changes.swapaxes(1, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,33 +50,10 @@ class Linear:
     signal: Array
     signal_inputs: Array
     """Signal, the gap or the contact force, per Z and w: see :class:`ModalSystem`."""
-    entry: Array
-    """Z per X, both relative to the casing."""
     exit: Array
     """X per Z …"""
     place: Array
     """… and per d and d' of the casing, ``(N, 2)``."""
-    eigen: Eigen | None
-    """Of A; ``None`` where eigenvectors nearly coincide."""
-
-    def propagators(self, spans: Array) -> Array:
-        """Return the derivatives of X by X before each of some spans [s], ``(span, N, N)``."""
-        if self.eigen is None:
-            inner = np.array([expm(self.A * span) for span in spans])
-        else:
-            values, right, left = self.eigen
-            inner = ((right * np.exp(values * spans[:, None])[:, None, :]) @ left).real
-        return np.asarray(self.exit @ inner @ self.entry)
-
-    @property
-    def poles(self) -> Complex:
-        """Eigenvalues of A, 1/s."""
-        return eigenvalues(self.A) if self.eigen is None else self.eigen.values
-
-    @property
-    def growth(self) -> float:
-        """Their largest real part, 1/s."""
-        return float(self.poles.real.max(initial=-np.inf))
 
     def steady(self, load: Load, t: float) -> tuple[Array, float]:
         """Return X and the signal of the motion that repeats with the loads, at t.
@@ -77,30 +77,15 @@ class Linear:
 
 
 @lru_cache(maxsize=8)
-def linear(system: ModalSystem, alpha: float, heated: bool) -> Linear:
-    """Return a regime at α, without thermal states where no heat acts."""
+def linear(system: ModalSystem, alpha: float) -> Linear:
+    """Return a regime at α."""
     A, row, B = state_space(system, alpha)
-    modes, heats = system.frequency.size, system.rate.size if heated else 0
-    n, size = system.entry.shape[0] - 1, 2 * modes + heats
-    A, B = A[:size, :size], B[:size]
-    entry, out, place = np.zeros((size, 2 * n + heats)), np.zeros((2 * n + heats, size)), np.zeros((2 * n + heats, 2))
-    for k in range(2):
-        mine, theirs = slice(k * modes, (k + 1) * modes), slice(k * n, (k + 1) * n)
-        entry[mine, theirs], out[theirs, mine], place[theirs, k] = (
-            system.entry[:-1].T,
-            system.exit[:-1].T,
-            system.exit[-1],
-        )
-    entry[2 * modes :, 2 * n :] = out[2 * n :, 2 * modes :] = np.eye(heats)
-    return Linear(A, B, row[:size], signal_inputs(system), entry, out, place, _separated(A))
+    heats, n = system.rate.size, system.entry.shape[0] - 1
+    place = np.zeros((2 * n + heats, 2))
+    place[:n, 0] = place[n : 2 * n, 1] = system.exit[-1]
+    return Linear(A, B, row, signal_inputs(system), _twice(system.exit, heats).T, place)
 
 
-def _separated(A: Array) -> Eigen | None:
-    """Return eigenvalues and eigenvectors of A, ``None`` where those nearly coincide."""
-    try:
-        eigen = eigenvectors(A)
-    except np.linalg.LinAlgError:
-        return None
-    rows = np.abs(eigen.right).max(axis=1, initial=0.0)
-    condition = np.linalg.norm(eigen.right / rows[:, None]) * np.linalg.norm(eigen.left * rows)
-    return eigen if condition < _DEPENDENT else None
+def _twice(rows: Array, heats: int) -> Array:
+    """Return what takes places, velocities and temperatures to other modes, by rows of modes and one of the gap."""
+    return np.asarray(block_diag(rows[:-1], rows[:-1], np.eye(heats)))

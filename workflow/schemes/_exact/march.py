@@ -10,9 +10,10 @@ from workflow.kernels.compiled import part, rolled, uncounted
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.impacts import Case, impact
-from workflow.schemes._exact.layout import Layout, Memory
-from workflow.schemes._exact.motion import Motion, Observed, advance, copy_state, integral, observe
+from workflow.schemes._exact.layout import Memory, Regime
+from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, motions_of, release, set_free, set_held
+from workflow.schemes._exact.propagation import Observed, advance, copy_state, integral, observe
 from workflow.schemes._exact.record import (
     IMPACT,
     RELEASE,
@@ -38,9 +39,9 @@ _FIRST_STEP = 0.1
 
 @uncounted
 @rolled
-def march(free: Layout, held: Layout, case: Case, record: Record, memories: tuple[Memory, Memory]) -> int:
+def march(free: Regime, held: Regime, case: Case, record: Record, memories: tuple[Memory, Memory]) -> int:
     """Run one case and return how it ended, see :mod:`workflow.schemes._exact.outcome`; never raises."""
-    motions = motions_of(free, held, case.load, memories)
+    motions = motions_of(free, held, case.load, case.tip.jump, memories)
     tally, T = record.tally, case.load.duration
     ended, event, start, observed = _begin(motions, case, record)
     while ended == outcome.RUNNING:
@@ -96,17 +97,17 @@ def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Sta
     if tally.held:
         set_held(motions, 0.0)
         tally.contact_begin = 0.0
-        observed = observe(motions.held.r, motions.held.now, 0.0)
+        observed = observe(motions.held, motions.held.now, 0.0)
         tally.max_temperature = observed.temperature
         return outcome.RUNNING, False, start, observed
     set_free(motions, 0.0)
-    observed = observe(free.r, free.now, 0.0)
+    observed = observe(free, free.now, 0.0)
     if not (np.isfinite(observed.signal) and np.isfinite(observed.signal_rate) and np.isfinite(observed.temperature)):
         return outcome.NOT_FINITE, False, start, observed
     tally.max_temperature = tally.period_temperature = observed.temperature
     given = Observed(tip.distance, -tip.speed, observed.temperature, 0.0, observed.place, observed.speed)
     write(record, 0.0, given, 0.0)
-    expand(free.r, free.now, 0.0, free.expansion)
+    expand(free, free.now, 0.0)
     tally.length = tip.reach + abs(observed.place - tip.distance)
     touches = abs(tip.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.expansion.sums[expansion.SIZE, 0])
     if tip.distance < 0.0 and not touches:
@@ -122,10 +123,10 @@ def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Sta
 def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) -> tuple[Start, Observed]:
     """End a contact, or strike the tip and begin a contact if it stays; return how the next step begins."""
     free, tip, t = motions.free, case.tip, tally.time
-    guess = _FIRST_STEP / free.r.fastest if free.r.fastest > 0.0 else case.load.duration
+    guess = _FIRST_STEP / free.fastest if free.fastest > 0.0 else case.load.duration
     if tally.held:
         release(motions, tally)
-        return Start(3, -1.0, False, guess), observe(free.r, free.now, t)
+        return Start(3, -1.0, False, guess), observe(free, free.now, t)
     before, speed = tally.impulse, tip.e * tally.speed
     stays, since = impact(motions, case, tally)
     if tally.speed > 0.0:
@@ -138,7 +139,7 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
     if zeros < 0:
         return Start(-zeros, -1.0, False, guess), observed
     tally.held, tally.contact_begin = 1, since
-    return Start(zeros, -1.0, True, guess), observe(motions.held.r, motions.held.now, t)
+    return Start(zeros, -1.0, True, guess), observe(motions.held, motions.held.now, t)
 
 
 @part
@@ -149,13 +150,13 @@ def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed)
     """
     tally, t, tolerance = record.tally, record.tally.time, _SAME_TIME * T
     if not start.expanded:
-        expand(m.r, m.now, t, m.expansion)
+        expand(m, m.now, t)
     h, event = certified_step(m, start, t, T - t, tolerance)
     if not np.isfinite(h):
         return h, False, observed
-    advance(m.r, m.now, t, h, m.after)
-    impulse = integral(m.r, m.now, m.after, t, h) if tally.held else 0.0
-    after = observe(m.r, m.after, t + h)
+    advance(m, m.now, t, h, m.after)
+    impulse = integral(m, m.now, m.after, t, h) if tally.held else 0.0
+    after = observe(m, m.after, t + h)
     if not (np.isfinite(after.signal) and np.isfinite(after.temperature)):
         return np.nan, False, after
     record_step(record, m, t, h, after, tolerance)

@@ -12,6 +12,7 @@ tip, x_i = ψ d + φ z, b = φᵀ (M_in + M_ii ψ), b' likewise by C1, and the f
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,8 +55,6 @@ class ModalSystem:
     """r, ``(mode,)``."""
     reaction_slope: Array
     """r', s, ``(mode,)``: a_K r for Rayleigh's damping."""
-    relaxation: float
-    """a_K, s."""
     thermal_reaction: Array
     """k, ``(thermal mode,)``."""
     signal_steady: Array
@@ -82,14 +81,16 @@ class ModalSystem:
     """Force of friction on z'' per λ, µ φᵀt, ``(mode,)``; ``None`` without friction along t."""
 
     @property
-    def is_free(self) -> bool:
-        """Whether the tip is free: it has a row of the shapes."""
-        return bool(self.shapes.shape[0] == self.signal_steady.size)
-
-    @property
     def is_coupled(self) -> bool:
         """Whether damping may couple the modes."""
         return self.damping.ndim == 2
+
+    @cached_property
+    def unheated(self) -> ModalSystem:
+        """The system without thermal modes, where no heat acts."""
+        names = "rate", "heat_tip", "thermal_reaction"
+        none: dict[str, Any] = {name: np.zeros(0) for name in names}
+        return replace(self, coupling=self.coupling[:, :0], heat_shapes=self.heat_shapes[:, :0], **none)
 
     def sliding(self, friction: float) -> ModalSystem:
         """Return the system of a held tip with friction µ along t.
@@ -170,7 +171,6 @@ def free_system(structure: Structure) -> ModalSystem:
         heat_tip=thermal.tip,
         reaction=mechanical.tip,
         reaction_slope=np.zeros(modes),
-        relaxation=0.0,
         thermal_reaction=np.zeros(thermal.values.size),
         signal_steady=np.zeros(modes),
         signal_tip=0.0,
@@ -209,7 +209,6 @@ def held_system(structure: Structure) -> ModalSystem:
         heat_tip=thermal.tip,
         reaction=reaction,
         reaction_slope=slope,
-        relaxation=structure.damping.stiffness,
         thermal_reaction=structure.coupling_matrix[-1] @ thermal.shapes - inertia @ coupling,
         signal_steady=force_steady,
         signal_tip=np.dot(force_steady, structure.load_direction),

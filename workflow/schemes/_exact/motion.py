@@ -1,24 +1,56 @@
-"""Closed-form motion of one case in one regime: propagation, its outputs, and jumps at an impact."""
+"""The motion of one case in one regime: what is left of it when the response to its loads is subtracted.
+
+Loads and casing are constants and waves of phase ψ = Ω t + φ, pairs of coefficients of cos ψ and sin ψ. Of a block
+
+    η' = u + β,   u' = -c u - ω² η + γ,   β = β0 + Σ (βc cos ψ + βs sin ψ), γ likewise, that is
+    η'' + c η' + ω² η = F = γ + c β + β'
+
+the particular solution η of F and u = η' - β are subtracted: what is left moves freely and costs one exponential. Where
+that would lose digits (slow blocks, resonance with a wave) the block is *explicit*: it keeps its force, see
+:mod:`workflow.schemes._exact.explicit_blocks`, and only -β is subtracted from u, which leaves η'.
+"""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from workflow.kernels.compiled import inlined, part
-from workflow.kernels.packs import narrow, pack, store
+import numpy as np
+
+from workflow.kernels import elementary
+from workflow.kernels.algebra import Complex
+from workflow.kernels.compiled import part
 from workflow.models import Array
-from workflow.schemes._exact.explicit_blocks import advance_explicit, explicit_force
-from workflow.schemes._exact.layout import Expansion, Layout, Load, Memory
-from workflow.schemes._exact.propagators import aperiodic_propagator, block_propagators, first_propagators
-from workflow.schemes._exact.response import SIGNAL, TEMPERATURE, Response, casing_at, respond
+from workflow.schemes._exact.layout import Expansion, Load, Memory, Regime
 from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
+_SLOW_POLE = 0.3
+"""A block whose slowest pole times the duration, x, is below this is explicit: F/ω² would lose digits like x⁻²."""
+
+_RESONANT_POLE = 0.1
+"""Likewise a block with a pole whose distance to that of a wave, times the duration, is below this."""
+
+SIGNAL, TEMPERATURE = 0, 1
+"""Outputs of a regime: the signal that ends it at zero (gap, m, or contact force, N), and the tip temperature, K."""
+
 
 class Motion(NamedTuple):
-    """The motion of one case in one regime; states as in :mod:`~workflow.schemes._exact.tables.state`."""
+    """A regime under the loads of one case, and states in it, see :mod:`~workflow.schemes._exact.tables.state`.
 
-    r: Response
+    Arrays are those of :class:`~workflow.schemes._exact.layout.Regime` and of its
+    :class:`~workflow.schemes._exact.layout.Memory`.
+    """
+
+    blocks: int
+    firsts: int
+    explicits: int
+    aperiodics: int
+    """Numbers of blocks, first-order states, explicit blocks, and of others that do not oscillate."""
+    block: Array
+    first: Array
+    outputs: Array
+    waves: Array
+    differences: Complex
     expansion: Expansion
     now: Array
     """State at the beginning of the present step."""
@@ -26,167 +58,285 @@ class Motion(NamedTuple):
     """State at its end."""
     between: Array
     """State at some time within it; scratch."""
+    jump: Array
+    """Change of the state of a free tip by an impulse of 1 N s with its friction heat."""
     coordinates: Array
-    """[η, u, ξ]; scratch."""
     modal: Array
-    """[z, z', τ], where the coordinates are modal in the same array."""
     is_modal: bool
     inward: Array
     outward: Array
-    """All see :class:`~workflow.schemes._exact.layout.Layout`."""
-
-
-class Observed(NamedTuple):
-    """Outputs of a state."""
-
-    signal: float
-    """Gap d - x_n of the free tip, m; contact force of the held tip, N."""
-    signal_rate: float
-    temperature: float
-    """Of the tip, K."""
-    warming: float
-    """Its rate, K/s."""
-    place: float
-    """d of the casing, m."""
-    speed: float
-    """d' of the casing, m/s."""
+    gap: float
+    """d0, m."""
+    growth: float
+    """Largest rate at which a block or first-order state grows, 1/s, not negative."""
+    fastest: float
+    """Bound of all poles and of the Ω of waves, 1/s."""
+    heated: bool
+    """Whether there are thermal modes."""
+    cooling: bool
+    """Whether the tip temperature is a constant plus decaying exponentials: no block, wave or growing state shows."""
 
 
 @part
-def prepare(regime: Layout, load: Load, memory: Memory) -> Any:
-    """Return the motion of a case in a regime, its state not yet set."""
-    r, states = respond(regime, load, memory), memory.states
-    own = memory.coordinates, memory.modal, regime.is_modal, regime.inward, regime.outward
-    return Motion(r, memory.expansion, states[0], states[1], states[2], *own)
-
-
-@part
-def copy_state(source: Array, target: Array) -> None:
-    """Copy a state."""
-    for row in range(state.ROWS):
-        for k in range(source.shape[1]):
-            target[row, k] = source[row, k]
-
-
-@part
-def advance(r: Response, y: Array, t: float, dt: float, out: Array) -> None:
-    """Fill ``out`` with the state at t + dt that follows from ``y`` at t."""
-    b, f = r.block, r.first
-    block_propagators(b, dt)
-    for i in range(r.aperiodics):
-        k = int(b[block.APERIODIC_COLUMNS, i])
-        b[block.C, k], b[block.S, k] = aperiodic_propagator(b[block.DAMPING, k], b[block.STIFFNESS, k], dt)
-    for k in range(0, b.shape[1], 8):
-        lane = narrow(k)
-        C, S = pack(b, (block.C, lane)), pack(b, (block.S, lane))
-        value, slope = pack(y, (state.VALUE, lane)), pack(y, (state.SLOPE, lane))
-        store(out, (state.VALUE, lane), C * value + S * slope)
-        slope = (C - pack(b, (block.DAMPING, lane)) * S) * slope
-        store(out, (state.SLOPE, lane), slope + -pack(b, (block.STIFFNESS, lane)) * S * value)
-    for i in range(r.explicits):
-        k = int(b[block.EXPLICIT_COLUMNS, i])
-        out[state.VALUE, k], out[state.SLOPE, k], _ = advance_explicit(r, k, y, t, dt, 3)
-    if r.firsts > 0:
-        first_propagators(f, dt)
-        for j in range(0, f.shape[1], 8):
-            lane = narrow(j)
-            slope = pack(y, (state.FIRST_SLOPE, lane))
-            store(out, (state.FIRST, lane), pack(y, (state.FIRST, lane)) + dt * slope * pack(f, (first.PHI1, lane)))
-            store(out, (state.FIRST_SLOPE, lane), slope * pack(f, (first.DECAY, lane)))
-
-
-@part
-def integral(r: Response, y: Array, out: Array, t: float, dt: float) -> float:
-    """Return the integral of the signal from ``y`` at t to ``out`` at t + dt, the motion that was advanced last."""
-    b, f, area = r.block, r.first, 0.0
-    for i in range(r.explicits):
-        k = int(b[block.EXPLICIT_COLUMNS, i])
-        change = out[state.VALUE, k] - y[state.VALUE, k]
-        area += b[block.SIGNAL_VALUE, k] * advance_explicit(r, k, y, t, dt, 4)[2] + b[block.SIGNAL_SLOPE, k] * change
-    for j in range(r.firsts):
-        step = y[state.FIRST_SLOPE, j] * dt
-        value, slope = f[first.SIGNAL_VALUE, j], f[first.SIGNAL_SLOPE, j]
-        area += value * dt * (y[state.FIRST, j] + step * f[first.PHI2, j]) + slope * step * f[first.PHI1, j]
-    for k in range(r.blocks):
-        change = out[state.VALUE, k] - y[state.VALUE, k]
-        slowed = out[state.SLOPE, k] - y[state.SLOPE, k] + b[block.DAMPING, k] * change
-        area += b[block.UNFORCED_SLOPE, k] * change - b[block.SIGNAL_INTEGRAL, k] * slowed
-    area += r.outputs[SIGNAL] * dt
-    for i in range(r.waves.shape[0]):
-        omega = r.waves[i, wave.OMEGA]
-        cos, sin = wave_phase(r.waves, i, t)
-        cos_after, sin_after = wave_phase(r.waves, i, t + dt)
-        area += r.waves[i, wave.SIGNAL_COS] * (sin_after - sin) / omega
-        area -= r.waves[i, wave.SIGNAL_SIN] * (cos_after - cos) / omega
-    return float(area)
-
-
-@part
-def observe(r: Response, y: Array, t: float) -> Observed:
-    """Return the outputs of a state."""
-    b, f = r.block, r.first
-    signal, rate, temperature, warming, place, speed = _observe_waves(r, t)
-    for j in range(r.firsts):
-        xi, slope = y[state.FIRST, j], y[state.FIRST_SLOPE, j]
-        signal += f[first.SIGNAL_VALUE, j] * xi + f[first.SIGNAL_SLOPE, j] * slope
-        rate += (f[first.SIGNAL_VALUE, j] - f[first.SIGNAL_SLOPE, j] * f[first.RATE, j]) * slope
-        temperature += f[first.TEMPERATURE_VALUE, j] * xi + f[first.TEMPERATURE_SLOPE, j] * slope
-        warming += f[first.WARMING, j] * slope
-    block_signal, block_rate = 0.0, 0.0
-    for k in range(r.blocks):
-        block_signal += b[block.SIGNAL_VALUE, k] * y[state.VALUE, k]
-        block_rate += b[block.SIGNAL_VALUE, k] * y[state.SLOPE, k]
-    signal, rate = signal + block_signal, rate + block_rate
-    if r.two_way:
-        more = _observe_two_way(r, y, t)
-        signal, rate, temperature, warming = signal + more[0], rate + more[1], temperature + more[2], warming + more[3]
-    return Observed(signal, rate, temperature, warming, place, speed)
-
-
-@inlined
-def _observe_waves(r: Response, t: float) -> Observed:
-    """Return the casing, and what loads alone give of the outputs."""
-    waves, signal, temperature, rate, warming = r.waves, r.outputs[SIGNAL], r.outputs[TEMPERATURE], 0.0, 0.0
+def prepare(regime: Regime, load: Load, memory: Memory) -> Any:
+    """Return the motion of a case in a regime, its states not yet set, and complete the tables of its memory."""
+    b, f, outputs, waves = memory.block, memory.first, memory.outputs, memory.waves
+    _clear(regime, load, memory)
+    _fill_sources(regime, load, memory)
+    explicits, aperiodics = 0, 0
+    for k in range(regime.blocks):
+        _fill_force(regime, load, k, memory)
+        if _keeps_force(b, k, load):
+            b[block.EXPLICIT_COLUMNS, explicits] = k
+            explicits += 1
+        else:
+            if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
+                b[block.APERIODIC_COLUMNS, aperiodics] = k
+                aperiodics += 1
+            _subtract_particular(b, k, waves)
+        _show_subtracted(b, k, waves, outputs)
+    for j in range(regime.firsts):
+        _subtract_harmonics(f, j, waves)
+    fastest, cooling = regime.fastest, regime.growth <= 0.0 and not regime.warms
     for i in range(waves.shape[0]):
-        omega = waves[i, wave.OMEGA]
-        cos, sin = wave_phase(waves, i, t)
-        signal = signal + waves[i, wave.SIGNAL_COS] * cos + waves[i, wave.SIGNAL_SIN] * sin
-        rate += omega * (waves[i, wave.SIGNAL_SIN] * cos - waves[i, wave.SIGNAL_COS] * sin)
-        temperature = temperature + waves[i, wave.TEMPERATURE_COS] * cos + waves[i, wave.TEMPERATURE_SIN] * sin
-        warming += omega * (waves[i, wave.TEMPERATURE_SIN] * cos - waves[i, wave.TEMPERATURE_COS] * sin)
-    place, speed = casing_at(r, t)
-    return Observed(signal, rate, temperature, warming, place, speed)
+        fastest = max(fastest, waves[i, wave.OMEGA])
+        cooling &= waves[i, wave.TEMPERATURE_COS] == 0.0 and waves[i, wave.TEMPERATURE_SIN] == 0.0
+    now, after, between, jump = memory.states[0], memory.states[1], memory.states[2], memory.states[3]
+    return Motion(
+        regime.blocks,
+        regime.firsts,
+        explicits,
+        aperiodics,
+        b,
+        f,
+        outputs,
+        waves,
+        memory.differences,
+        memory.expansion,
+        now,
+        after,
+        between,
+        jump,
+        memory.coordinates,
+        memory.modal,
+        regime.is_modal,
+        regime.inward,
+        regime.outward,
+        load.gap,
+        regime.growth,
+        fastest,
+        regime.heated,
+        cooling,
+    )
 
 
 @part
-def _observe_two_way(r: Response, y: Array, t: float) -> tuple[float, float, float, float]:
-    """Return what η' of blocks shows in the signal and its rate, and blocks in the tip temperature and its rate."""
-    b = r.block
-    for k in range(b.shape[1]):
-        b[block.WORK, k] = -b[block.DAMPING, k] * y[state.SLOPE, k] - b[block.STIFFNESS, k] * y[state.VALUE, k]
-    for i in range(r.explicits):
-        k = int(b[block.EXPLICIT_COLUMNS, i])
-        b[block.WORK, k] += explicit_force(r, k, y, t)
-    signal, rate, temperature, warming = 0.0, 0.0, 0.0, 0.0
-    for k in range(r.blocks):
-        value, slope, bend = y[state.VALUE, k], y[state.SLOPE, k], b[block.WORK, k]
-        signal += b[block.SIGNAL_SLOPE, k] * slope
-        rate += b[block.SIGNAL_SLOPE, k] * bend
-        temperature += b[block.TEMPERATURE_VALUE, k] * value + b[block.TEMPERATURE_SLOPE, k] * slope
-        warming += b[block.TEMPERATURE_VALUE, k] * slope + b[block.TEMPERATURE_SLOPE, k] * bend
-    return signal, rate, temperature, warming
+def _clear(regime: Regime, load: Load, memory: Memory) -> None:
+    """Begin with the tables of the regime, and with the waves as they are given."""
+    for row in range(memory.block.shape[0]):
+        for k in range(memory.block.shape[1]):
+            memory.block[row, k] = regime.block[row, k] if row < block.ROWS else 0.0
+    for row in range(memory.first.shape[0]):
+        for j in range(memory.first.shape[1]):
+            memory.first[row, j] = regime.first[row, j] if row < first.ROWS else 0.0
+    memory.outputs[SIGNAL], memory.outputs[TEMPERATURE] = 0.0, 0.0
+    for i in range(memory.waves.shape[0]):
+        for column in range(wave.COLUMNS):
+            memory.waves[i, column] = load.waves[i, column] if column < wave.GIVEN else 0.0
+        memory.waves[i, wave.TIME] = memory.waves[i, wave.TIME_BEFORE] = np.nan
 
 
 @part
-def strike(r: Response, kick: Array, y: Array, p: float, heat: float) -> None:
-    """Apply an impulse p [N s] and a heat [J] at the free tip: v jumps by -p M⁻¹ e_n, θ by heat C2⁻¹ e_n.
+def _source(regime: Regime, load: Load, row: int) -> float:
+    """Return the constant source of a coordinate; in the last row that of the signal."""
+    steady, heating = load.steady.size, load.heating.size
+    at = steady + heating
+    source = regime.source[at, row] * load.mean + regime.source[at + 1, row] * load.gap
+    for i in range(steady):
+        source += regime.source[i, row] * load.steady[i]
+    for i in range(heating):
+        source += regime.source[steady + i, row] * load.heating[i]
+    return float(source)
 
-    ``kick`` is by how much a unit impulse lowers η and η' of each block, ``(2, block)``.
-    """
-    b, f = r.block, r.first
-    for j in range(r.firsts):
-        y[state.FIRST, j] += heat * f[first.HEAT_JUMP_VALUE, j]
-        y[state.FIRST_SLOPE, j] += heat * f[first.HEAT_JUMP_SLOPE, j]
-    for k in range(r.blocks):
-        y[state.VALUE, k] += heat * b[block.HEAT_JUMP_VALUE, k] - p * kick[0, k]
-        y[state.SLOPE, k] += heat * b[block.HEAT_JUMP_SLOPE, k] - p * kick[1, k]
+
+@part
+def _wave_source(regime: Regime, load: Load, row: int, i: int) -> tuple[float, float]:
+    """Return the coefficients of cos ψ and sin ψ of wave ``i`` in a source, by its load, d, d' and d''."""
+    at, omega = load.steady.size + load.heating.size, load.waves[i, wave.OMEGA]
+    push, place = regime.source[at, row], regime.source[at + 1, row]
+    speed, acceleration = regime.source[at + 2, row], regime.source[at + 3, row]
+    amplitude = load.waves[i, wave.CASING]
+    sin = push * load.waves[i, wave.LOAD] + (place - acceleration * omega * omega) * amplitude
+    return speed * omega * amplitude, sin
+
+
+@part
+def _fill_sources(regime: Regime, load: Load, memory: Memory) -> None:
+    """Fill the sources of the signal and of first-order states."""
+    f, outputs, waves, signal = memory.first, memory.outputs, memory.waves, 2 * regime.blocks + regime.firsts
+    outputs[SIGNAL] = _source(regime, load, signal)
+    for i in range(waves.shape[0]):
+        waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, load, signal, i)
+    for j in range(regime.firsts):
+        own = 2 * regime.blocks + j
+        f[first.SOURCE, j] = _source(regime, load, own)
+        for i in range(waves.shape[0]):
+            row = i * first.WAVE
+            f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = _wave_source(regime, load, own, i)
+
+
+@part
+def _fill_force(regime: Regime, load: Load, k: int, memory: Memory) -> None:
+    """Fill the force F on a block, and -β."""
+    b, waves = memory.block, memory.waves
+    beta, gamma = _source(regime, load, k), _source(regime, load, regime.blocks + k)
+    c = b[block.DAMPING, k]
+    b[block.PARTICULAR_SLOPE, k], b[block.FORCE, k] = -beta, gamma + c * beta
+    for i in range(waves.shape[0]):
+        row, omega = i * block.WAVE, waves[i, wave.OMEGA]
+        beta_cos, beta_sin = _wave_source(regime, load, k, i)
+        gamma_cos, gamma_sin = _wave_source(regime, load, regime.blocks + k, i)
+        b[block.PARTICULAR_SLOPE_COS + row, k], b[block.PARTICULAR_SLOPE_SIN + row, k] = -beta_cos, -beta_sin
+        b[block.FORCE_COS + row, k] = omega * beta_sin + gamma_cos + c * beta_cos
+        b[block.FORCE_SIN + row, k] = gamma_sin + c * beta_sin - omega * beta_cos
+
+
+@part
+def forced(b: Array, k: int, i: int) -> bool:
+    """Whether wave ``i`` acts on a block."""
+    row = i * block.WAVE
+    return bool(b[block.FORCE_COS + row, k] != 0.0 or b[block.FORCE_SIN + row, k] != 0.0)
+
+
+@part
+def _keeps_force(b: Array, k: int, load: Load) -> bool:
+    """Whether the response of a block to the loads cannot be subtracted without losing digits."""
+    w2, half = b[block.STIFFNESS, k], abs(b[block.HALF_DAMPING, k])
+    square = w2 - half * half
+    slow = np.sqrt(w2) if square >= 0.0 else w2 / (half + np.sqrt(-square))
+    if slow * load.duration < _SLOW_POLE:
+        return True
+    if square < 0.0:
+        return False
+    for i in range(load.waves.shape[0]):
+        beside = load.waves[i, wave.OMEGA] - np.sqrt(square)
+        distance = np.sqrt(half * half + beside * beside)
+        if forced(b, k, i) and distance * load.duration < _RESONANT_POLE:
+            return True
+    return False
+
+
+@part
+def _subtract_particular(b: Array, k: int, waves: Array) -> None:
+    """Put the particular solution η of a block, and its η' beside -β, where what is subtracted lies."""
+    c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
+    b[block.SIGNAL_INTEGRAL, k] = b[block.SIGNAL_VALUE, k] / w2
+    b[block.PARTICULAR, k] = b[block.FORCE, k] / w2
+    for row in range(4):
+        b[block.UNFORCED_VALUE + row, k] = b[block.SIGNAL_VALUE + row, k]
+    for i in range(waves.shape[0]):
+        if forced(b, k, i):
+            row, omega = i * block.WAVE, waves[i, wave.OMEGA]
+            pair = complex(b[block.FORCE_COS + row, k], -b[block.FORCE_SIN + row, k])
+            pair = elementary.quotient(pair, complex(w2 - omega * omega, c * omega))
+            cos, sin = pair.real, -pair.imag
+            b[block.PARTICULAR_COS + row, k], b[block.PARTICULAR_SIN + row, k] = cos, sin
+            b[block.PARTICULAR_SLOPE_COS + row, k] += omega * sin
+            b[block.PARTICULAR_SLOPE_SIN + row, k] -= omega * cos
+
+
+@part
+def _show_subtracted(b: Array, k: int, waves: Array, outputs: Array) -> None:
+    """Add what is subtracted from a block to the outputs of loads alone."""
+    for o in range(2):
+        value, slope = b[block.SIGNAL_VALUE + 2 * o, k], b[block.SIGNAL_SLOPE + 2 * o, k]
+        outputs[o] += value * b[block.PARTICULAR, k] + slope * b[block.PARTICULAR_SLOPE, k]
+        for i in range(waves.shape[0]):
+            for part_of in range(2):  # cos, sin
+                row = i * block.WAVE + part_of
+                shown = value * b[block.PARTICULAR_COS + row, k] + slope * b[block.PARTICULAR_SLOPE_COS + row, k]
+                waves[i, wave.SIGNAL_COS + 2 * o + part_of] += shown
+
+
+@part
+def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
+    """Subtract the response of a first-order state to its waves, which lie in the rows of the harmonics."""
+    for i in range(waves.shape[0]):
+        row = i * first.WAVE
+        cos, sin = f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j]
+        if cos != 0.0 or sin != 0.0:
+            pair = elementary.quotient(complex(cos, -sin), complex(f[first.RATE, j], waves[i, wave.OMEGA]))
+            f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = pair.real, -pair.imag
+            for o in range(2):
+                waves[i, wave.SIGNAL_COS + 2 * o] += f[first.SIGNAL + o, j] * pair.real
+                waves[i, wave.SIGNAL_SIN + 2 * o] += f[first.SIGNAL + o, j] * -pair.imag
+
+
+@part
+def casing_at(m: Motion, t: float) -> tuple[float, float]:
+    """Return the place of the casing d = d0 + Σ a sin ψ, m, and its velocity, m/s."""
+    place, speed = m.gap, 0.0
+    for i in range(m.waves.shape[0]):
+        cos, sin = wave_phase(m.waves, i, t)
+        place += m.waves[i, wave.CASING] * sin
+        speed += m.waves[i, wave.OMEGA] * (m.waves[i, wave.CASING] * cos)
+    return place, speed
+
+
+@part
+def _add_subtracted(m: Motion, t: float, sign: float, value: Array, slope: Array) -> None:
+    """Add what is subtracted of them at t to η and u of blocks, or subtract it (``sign`` -1)."""
+    b = m.block
+    for k in range(m.blocks):
+        value[k] += sign * b[block.PARTICULAR, k]
+        slope[k] += sign * b[block.PARTICULAR_SLOPE, k]
+    for i in range(m.waves.shape[0]):
+        cos, sin = wave_phase(m.waves, i, t)
+        row = i * block.WAVE
+        for k in range(m.blocks):
+            value[k] += sign * (b[block.PARTICULAR_COS + row, k] * cos + b[block.PARTICULAR_SIN + row, k] * sin)
+            turn = b[block.PARTICULAR_SLOPE_COS + row, k] * cos + b[block.PARTICULAR_SLOPE_SIN + row, k] * sin
+            slope[k] += sign * turn
+
+
+@part
+def jump_from_coordinates(m: Motion, coordinates: Array, y: Array) -> None:
+    """Fill ``y`` with the change of a state by that of its coordinates [η, u, ξ]."""
+    for j in range(m.firsts):
+        xi = coordinates[2 * m.blocks + j]
+        y[state.FIRST, j], y[state.FIRST_SLOPE, j] = xi, -m.first[first.RATE, j] * xi
+    for k in range(m.blocks):
+        y[state.VALUE, k], y[state.SLOPE, k] = coordinates[k], coordinates[m.blocks + k]
+
+
+@part
+def from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None:
+    """Fill the state ``y`` of time t from the coordinates [η, u, ξ]: the response to the loads is subtracted."""
+    f = m.first
+    for j in range(m.firsts):
+        xi = coordinates[2 * m.blocks + j]
+        for i in range(m.waves.shape[0]):
+            cos, sin = wave_phase(m.waves, i, t)
+            row = i * first.WAVE
+            xi = xi - f[first.HARMONIC_COS + row, j] * cos - f[first.HARMONIC_SIN + row, j] * sin
+        y[state.FIRST, j], y[state.FIRST_SLOPE, j] = xi, f[first.SOURCE, j] - f[first.RATE, j] * xi
+    for k in range(m.blocks):
+        y[state.VALUE, k], y[state.SLOPE, k] = coordinates[k], coordinates[m.blocks + k]
+    _add_subtracted(m, t, -1.0, y[state.VALUE], y[state.SLOPE])
+
+
+@part
+def to_coordinates(m: Motion, y: Array, t: float, coordinates: Array) -> None:
+    """Fill the coordinates [η, u, ξ] from the state ``y`` of time t: the inverse of :func:`from_coordinates`."""
+    f = m.first
+    for j in range(m.firsts):
+        xi = y[state.FIRST, j]
+        for i in range(m.waves.shape[0]):
+            cos, sin = wave_phase(m.waves, i, t)
+            row = i * first.WAVE
+            xi = xi + f[first.HARMONIC_COS + row, j] * cos + f[first.HARMONIC_SIN + row, j] * sin
+        coordinates[2 * m.blocks + j] = xi
+    for k in range(m.blocks):
+        coordinates[k], coordinates[m.blocks + k] = y[state.VALUE, k], y[state.SLOPE, k]
+    value, slope = coordinates[: m.blocks], coordinates[m.blocks : 2 * m.blocks]
+    _add_subtracted(m, t, 1.0, value, slope)

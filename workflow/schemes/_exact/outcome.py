@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.schemes._exact.pole_pairs import INSEPARABLE
+from workflow.schemes._exact.regimes import INSEPARABLE
 from workflow.schemes._interface import EXTRAPOLATED
 
 
@@ -24,9 +24,8 @@ INSIDE_CASING = 3
 NOT_FINITE = 4
 RUNNING = 5
 INVALID = 6  # a value of the case is not finite
-NO_SPECTRUM = 7  # the eigenvalues of the held tip were not found
-NO_IMPACT_LAW = 8  # the tip meets its casing, and friction pushes it further in than the contact force pushes it out
-INSEPARABLE_POLES = 9  # poles of the held tip cannot be separated, see :mod:`workflow.schemes._exact.pole_pairs`
+NO_IMPACT_LAW = 7  # the tip meets its casing, and friction pushes it further in than the contact force pushes it out
+INSEPARABLE_POLES = 8  # poles of the held tip cannot be separated, see :mod:`workflow.schemes._exact.regimes`
 
 _NEARLY_ELASTIC = 0.99
 """Restitution above which the message about the budget of events says how many impacts it takes to come to rest."""
@@ -38,7 +37,6 @@ def failure(ended: int, tally: Any, budget: Budget, e: float) -> str:
     speed = tally["speed"] if tally["impacts"] else 0.0
     return {
         INVALID: "a value of the case is not a finite number",
-        NO_SPECTRUM: "the eigenvalues of the held tip with friction heat were not found",
         OUT_OF_EVENTS: f"stopped {at} after {budget.events} contact events, its budget; "
         f"the last of {tally['impacts']} impacts had a speed of {speed:.3g} m/s; {_more_events(e)}",
         OUT_OF_STEPS: f"stopped {at} after {budget.steps} steps between contact events, its budget; "

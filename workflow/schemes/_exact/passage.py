@@ -9,9 +9,15 @@ import numpy as np
 from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.layout import Layout, Load, Memory
-from workflow.schemes._exact.motion import Motion, prepare
-from workflow.schemes._exact.response import casing_at, from_coordinates, to_coordinates
+from workflow.schemes._exact.layout import Load, Memory, Regime
+from workflow.schemes._exact.motion import (
+    Motion,
+    casing_at,
+    from_coordinates,
+    jump_from_coordinates,
+    prepare,
+    to_coordinates,
+)
 from workflow.schemes._exact.tables import expansion
 
 
@@ -22,13 +28,15 @@ class Motions(NamedTuple):
     held: Motion
     entry: Array
     exit: Array
-    """Both see :class:`~workflow.schemes._exact.layout.Layout`, of the held regime."""
+    """Both see :class:`~workflow.schemes._exact.layout.Regime`, of the held regime."""
 
 
 @part
-def motions_of(free: Layout, held: Layout, load: Load, memories: tuple[Memory, Memory]) -> Any:
-    """Return both motions of a case, their states not yet set."""
-    return Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), held.entry, held.exit)
+def motions_of(free: Regime, held: Regime, load: Load, jump: Array, memories: tuple[Memory, Memory]) -> Any:
+    """Return both motions of a case, their states not yet set; ``jump`` are those of the coordinates of a free tip."""
+    motions = Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), held.entry, held.exit)
+    jump_from_coordinates(motions.free, jump, motions.free.jump)
+    return motions
 
 
 @part
@@ -60,7 +68,7 @@ def fill_modal(motions: Motions, held: bool, t: float) -> None:
     """Fill [y, y', τ] of the free tip with the present state of the motion with the tip held, or free."""
     if held:
         _fill(motions.held, t)
-        _change_modes(motions.exit, casing_at(motions.held.r, t), motions.held.modal, motions.free.modal)
+        _change_modes(motions.exit, casing_at(motions.held, t), motions.held.modal, motions.free.modal)
     else:
         _fill(motions.free, t)
 
@@ -68,7 +76,7 @@ def fill_modal(motions: Motions, held: bool, t: float) -> None:
 @part
 def _fill(m: Motion, t: float) -> None:
     """Fill [z, z', τ] of a motion with its present state."""
-    to_coordinates(m.r, m.now, t, m.coordinates)
+    to_coordinates(m, m.now, t, m.coordinates)
     if not m.is_modal:
         multiply(m.outward, m.coordinates, m.modal)
 
@@ -83,7 +91,7 @@ def set_free(motions: Motions, t: float) -> None:
 def set_held(motions: Motions, t: float) -> None:
     """Set the held motion from [y, y', τ]."""
     held = motions.held
-    _change_modes(motions.entry, casing_at(held.r, t), motions.free.modal, held.modal)
+    _change_modes(motions.entry, casing_at(held, t), motions.free.modal, held.modal)
     _set(held, t)
 
 
@@ -92,7 +100,7 @@ def _set(m: Motion, t: float) -> None:
     """Set a motion from its [z, z', τ]."""
     if not m.is_modal:
         multiply(m.inward, m.modal, m.coordinates)
-    from_coordinates(m.r, m.coordinates, t, m.now)
+    from_coordinates(m, m.coordinates, t, m.now)
 
 
 @part
@@ -105,8 +113,8 @@ def enter_contact(motions: Motions, threshold: float, t: float) -> int:
     held = motions.held
     fill_modal(motions, False, t)
     set_held(motions, t)
-    expand(held.r, held.now, t, held.expansion)
-    force, rate = held.expansion.sums[expansion.D0, held.r.blocks], held.expansion.sums[expansion.D1, held.r.blocks]
+    expand(held, held.now, t)
+    force, rate = held.expansion.sums[expansion.D0, held.blocks], held.expansion.sums[expansion.D1, held.blocks]
     rounding = threshold * SUM_ROUNDING * held.expansion.sums[expansion.SIZE, 0]
     if abs(force) > rounding:
         return 0 if force > 0.0 else -2

@@ -25,8 +25,8 @@ from workflow.schemes._exact.expansion import (
     expanded_blocks,
     growth_bound,
 )
-from workflow.schemes._exact.motion import Motion, advance, observe
-from workflow.schemes._exact.response import TEMPERATURE
+from workflow.schemes._exact.motion import TEMPERATURE, Motion
+from workflow.schemes._exact.propagation import advance, observe
 from workflow.schemes._exact.tables import expansion, first, state
 
 _SURE = 1e-12
@@ -43,7 +43,7 @@ def peak_temperature(m: Motion, t: float, left: float, right: float, largest: fl
 
     Both lie in a step from ``m.now`` at t. ``largest`` is at least the temperature at both ends.
     """
-    if m.r.cooling and _is_monotone(m, right - t):
+    if m.cooling and _is_monotone(m, right - t):
         return largest
     return _searched(m, t, left, right, largest)
 
@@ -54,9 +54,9 @@ def _is_monotone(m: Motion, span: float) -> bool:
 
     Its rate is a sum of terms r exp(-μ τ), each between r and r max(0, 1 - μ τ).
     """
-    f, low, high = m.r.first, 0.0, 0.0
-    for j in range(m.r.firsts):
-        rate = f[first.WARMING, j] * m.now[state.FIRST_SLOPE, j]
+    f, low, high = m.first, 0.0, 0.0
+    for j in range(m.firsts):
+        rate = f[first.TEMPERATURE, j] * m.now[state.FIRST_SLOPE, j]
         later = rate * max(0.0, 1.0 - f[first.RATE, j] * span)
         low += min(rate, later)
         high += max(rate, later)
@@ -68,12 +68,12 @@ def _searched(m: Motion, t: float, left: float, right: float, largest: float) ->
     """Search interval by interval, from the left to the right."""
     at = left
     while at < right:
-        advance(m.r, m.now, t, at - t, m.between)
-        expand_output(m.r, TEMPERATURE, m.between, at, m.expansion)
-        if not m.r.cooling:
-            accumulate(m.r, m.expansion)
-        largest = max(largest, m.expansion.sums[expansion.D0, m.r.blocks])
-        if not np.isfinite(m.expansion.sums[expansion.FOURTH, m.r.blocks]):
+        advance(m, m.now, t, at - t, m.between)
+        expand_output(m, TEMPERATURE, m.between, at)
+        if not m.cooling:
+            accumulate(m)
+        largest = max(largest, m.expansion.sums[expansion.D0, m.blocks])
+        if not np.isfinite(m.expansion.sums[expansion.FOURTH, m.blocks]):
             return largest
         span = right - at
         while span > _SHORTEST * right:
@@ -91,7 +91,7 @@ def _searched(m: Motion, t: float, left: float, right: float, largest: float) ->
 @part
 def _peaks_at_an_end(m: Motion, h: float, largest: float) -> bool:
     """Whether certainly no temperature on (0, h) exceeds both ends and ``largest``: it rises, falls or stays below."""
-    s = bounds(m.r, m.expansion, m.r.blocks if m.r.cooling else expanded_blocks(m.r, h), h)
+    s = bounds(m, m.blocks if m.cooling else expanded_blocks(m, h), h)
     d1, d2, d3 = s.d1, s.d2, s.d3
     c0, c1 = d1, d1 + 2.0 * d2 / 3.0
     c2, c3 = d1 + 4.0 * d2 / 3.0 + d3, d1 + 2.0 * d2 + 3.0 * d3
@@ -109,8 +109,8 @@ def _peaks_at_an_end(m: Motion, h: float, largest: float) -> bool:
 @part
 def _bend(m: Motion, h: float) -> int:
     """Return the sign of the second derivative of the temperature on (0, h), 0 where it is not certain."""
-    sums, n = m.expansion.sums, m.r.blocks
-    fourth = (sums[expansion.FOURTH, n] + sums[expansion.FOURTH_GROWTH, 0] * h) * growth_bound(m.r.growth * h)
+    sums, n = m.expansion.sums, m.blocks
+    fourth = (sums[expansion.FOURTH, n] + sums[expansion.FOURTH_GROWTH, 0] * h) * growth_bound(m.growth * h)
     second, third = sums[expansion.D2, n], sums[expansion.D3, n]
     b0, b1, b2 = second, second + third * h / 2.0, second + third * h
     remainder = fourth * h * h / 2.0
@@ -126,7 +126,7 @@ def _concave_peak(m: Motion, t: float, at: float, h: float, largest: float) -> f
     Newton's steps on the rate, kept between points where it is positive and negative: what is left of
     the way to the last such point times the rate bounds what can still be gained.
     """
-    sums, n = m.expansion.sums, m.r.blocks
+    sums, n = m.expansion.sums, m.blocks
     rate, bend, third = sums[expansion.D1, n], sums[expansion.D2, n], sums[expansion.D3, n]
     if rate <= 0.0:
         return largest
@@ -136,8 +136,8 @@ def _concave_peak(m: Motion, t: float, at: float, h: float, largest: float) -> f
         tau = tau - rate / slope if slope < 0.0 else high
         if not (low < tau < high):
             tau = 0.5 * (low + high)
-        advance(m.r, m.now, t, at + tau - t, m.between)
-        outputs = observe(m.r, m.between, at + tau)
+        advance(m, m.now, t, at + tau - t, m.between)
+        outputs = observe(m, m.between, at + tau)
         largest, rate = max(largest, outputs.temperature), outputs.warming
         if rate > 0.0:
             low = tau

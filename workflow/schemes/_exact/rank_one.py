@@ -1,4 +1,4 @@
-"""Eigenvalues of a diagonal matrix with a rank-one term, each to its own relative accuracy.
+"""Eigenvalues and eigenvectors of a diagonal matrix with a rank-one term, each to its own relative accuracy.
 
 In coordinates that are uncoupled without friction heat the held tip has the matrix D + α u wᵀ, D = diag(d): d are the
 poles of the held structure and its thermal rates, u the response to heat at the tip, wᵀ the row of the contact force.
@@ -7,8 +7,7 @@ Its eigenvalues are the zeros of
     f(s) = 1 - α Σ u_k w_k/(s - d_k).
 
 Newton's method finds the shift δ of each from a pole, so that every difference s - d_k keeps its digits (Golub, SIAM
-Review 15 (1973) 318–334): a general eigenvalue solver errs by rounding times the *largest* eigenvalue, some 1e-11 1/s
-here, which spoils the slow thermal ones. Of complex pairs the one above the real axis is found.
+Review 15 (1973) 318–334). Of complex pairs the one above the real axis is found.
 """
 
 from __future__ import annotations
@@ -19,17 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.algebra import Complex
-from workflow.kernels.compiled import inlined, part, uncounted
+from workflow.kernels.compiled import inlined, part
 
-NEWTON_STEPS, CONVERGED = 20, 1e-10
+_NEWTON_STEPS, _CONVERGED = 20, 1e-10
 """Newton ends where a shift changes by less than this, relatively: its next change would be about the square of it."""
 
-DISTINCT = 1e-6
+_DISTINCT = 1e-6
 """Two zeros nearer than this share of their shifts keep fewer than ten digits: the general solver does no worse."""
 
-INDEPENDENT = 3e-2
+_INDEPENDENT = 3e-2
 """Eigenvectors whose product is below this share of its terms lose digits by its square and more: another pole comes
-near that has the same one, see :func:`~workflow.schemes._exact.real_blocks.real_blocks`."""
+near that has the same one, see :mod:`workflow.poles`."""
 
 
 class RankOne(NamedTuple):
@@ -66,28 +65,24 @@ def reciprocal(x: complex) -> complex:
 
 
 @part
-def find_zeros(matrix: RankOne, alpha: float, zeros: Zeros, given: int) -> int:
-    """Fill the zeros, found from ``given`` guesses or, where there are none, from the poles' first order.
-
-    Returns how many there are; 0 where they do not come out distinct.
-    """
+def find_zeros(matrix: RankOne, alpha: float, zeros: Zeros) -> int:
+    """Fill the zeros, found from the poles' first order; return how many, 0 where they do not come out distinct."""
     for k in range(matrix.d.size):
         zeros.residue[k] = alpha * matrix.u[k] * matrix.w[k]
-    count = given if given > 0 else _first_order(matrix, zeros)
-    above = 0
+    count, above = _first_order(matrix, zeros), 0
     for i in range(count):
         k, shift = zeros.pole[i], zeros.shift[i]
         real = matrix.d[k].imag + shift.imag == 0.0
         shift = _newton(matrix.d, zeros.residue, k, shift, real)
         height = 0.0 if real else matrix.d[k].imag + shift.imag
         size = square(shift)
-        if not (real or height * height > DISTINCT * DISTINCT * size) or not size < np.inf:
+        if not (real or height * height > _DISTINCT * _DISTINCT * size) or not size < np.inf:
             return 0
         zeros.shift[i] = shift
         above += int(height > 0.0)
         for n in range(i):
             away = (matrix.d[k] - matrix.d[zeros.pole[n]]) + (shift - zeros.shift[n])
-            if not square(away) > DISTINCT * DISTINCT * (size + square(zeros.shift[n])):
+            if not square(away) > _DISTINCT * _DISTINCT * (size + square(zeros.shift[n])):
                 return 0
     return count if above + count == matrix.d.size else 0
 
@@ -118,7 +113,7 @@ def _newton(d: Complex, residue: Complex, own: int, shift: complex, real: bool) 
     """Return the zero of δ f(d + δ) by Newton's method, NaN where it does not converge."""
     if residue[own] == 0.0:
         return 0.0j
-    for _ in range(NEWTON_STEPS):
+    for _ in range(_NEWTON_STEPS):
         f, slope = 1.0 + 0.0j, 0.0j
         for k in range(d.size):
             if k != own:
@@ -128,43 +123,34 @@ def _newton(d: Complex, residue: Complex, own: int, shift: complex, real: bool) 
                 slope += term * inverse
         step = (shift * f - residue[own]) * reciprocal(f + shift * slope)
         shift -= complex(step.real, 0.0) if real else step
-        if square(step) <= CONVERGED * CONVERGED * square(shift):
+        if square(step) <= _CONVERGED * _CONVERGED * square(shift):
             return shift
     return complex(np.nan, 0.0)
 
 
-@uncounted
-def _zeros(matrix: RankOne, alpha: float, zeros: Zeros, given: int) -> int:
-    return find_zeros(matrix, alpha, zeros, given)
+@part
+def fill_vectors(
+    matrix: RankOne, alpha: float, own: int, shift: complex, right: Complex, left: Complex
+) -> tuple[complex, bool]:
+    """Fill eigenvectors, left · right = 1; return wᵀ right, and whether they keep their digits.
 
-
-def room(size: int) -> Zeros:
-    """Return memory for the zeros of a matrix of so many rows."""
-    return Zeros(np.zeros(size, dtype=np.int64), *np.zeros((2, size), dtype=np.complex128))
-
-
-def put_guesses(matrix: RankOne, values: Complex, zeros: Zeros) -> int:
-    """Put eigenvalues as the general solver finds them; return how many are on or above the real axis.
-
-    A pole that heat does not move keeps its eigenvalue; others are shifts from the nearest pole that moves, real ones
-    from a real one.
+    Beside a pole its own factor 1/(s - d) is the largest: there the right vector is 1.
     """
-    values = values[values.imag >= 0]
-    still = (matrix.u == 0) | (matrix.w == 0)
-    left = np.ones(values.size, dtype=bool)
-    for k in np.flatnonzero(still & (matrix.d.imag >= 0)):
-        i = np.argmin(np.where(left, np.abs(values - matrix.d[k]), np.inf))
-        zeros.pole[i], zeros.shift[i], left[i] = k, 0.0, False
-    for i in np.flatnonzero(left):
-        away = np.abs(values[i] - matrix.d)
-        away[still | ((values[i].imag == 0) & (matrix.d.imag != 0))] = np.inf
-        zeros.pole[i] = np.argmin(away)
-        zeros.shift[i] = values[i] - matrix.d[zeros.pole[i]]
-    return values.size
-
-
-def zeros_of(matrix: RankOne, alpha: float, values: Complex) -> Zeros | None:
-    """Return the eigenvalues, ``None`` where they are not distinct; ``values`` are those of the general solver."""
-    zeros = room(matrix.d.size)
-    count = _zeros(matrix, alpha, zeros, 0) or _zeros(matrix, alpha, zeros, put_guesses(matrix, values, zeros))
-    return Zeros(zeros.pole[:count], zeros.shift[:count], zeros.residue) if count else None
+    _, d, u, w = matrix
+    f, length, terms = 1.0 + 0.0j, 1.0 + 0.0j, 1.0
+    for k in range(d.size):
+        if k != own:
+            inverse = reciprocal((d[own] - d[k]) + shift)
+            right[k], left[k] = alpha * u[k] * inverse, w[k] * inverse
+            f -= w[k] * right[k]
+    force, heat = w[own] * reciprocal(f), alpha * u[own] * reciprocal(f)
+    for k in range(d.size):
+        if k != own:
+            right[k], left[k] = force * right[k], heat * left[k]
+            term = left[k] * right[k]
+            length += term
+            terms += abs(term.real) + abs(term.imag)
+    right[own], left[own] = 1.0 + 0.0j, 1.0 + 0.0j
+    for k in range(d.size):
+        left[k] *= reciprocal(length)
+    return force, square(length) > _INDEPENDENT * _INDEPENDENT * terms * terms

@@ -8,8 +8,9 @@ import numpy as np
 
 from workflow.kernels.compiled import part
 from workflow.models import Array
-from workflow.schemes._exact.motion import Motion, Observed, advance, integral, observe
+from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.peak_temperature import peak_temperature
+from workflow.schemes._exact.propagation import Observed, advance, integral, observe
 
 TALLY = np.dtype(
     [
@@ -128,12 +129,12 @@ def record_step(record: Record, m: Motion, t: float, dt: float, final: Observed,
 
     The largest temperature is followed from load period to load period, whatever the samples between.
     """
-    tally, heated, left = record.tally, m.r.heated, t
+    tally, heated, left = record.tally, m.heated, t
     while next_due(record) < t + dt - tolerance:
         at = max(t, next_due(record))
-        advance(m.r, m.now, t, at - t, m.between)
-        impulse = integral(m.r, m.now, m.between, t, at - t) if tally.held else 0.0
-        outputs = observe(m.r, m.between, at)
+        advance(m, m.now, t, at - t, m.between)
+        impulse = integral(m, m.now, m.between, t, at - t) if tally.held else 0.0
+        outputs = observe(m, m.between, at)
         if heated:
             note_temperature(tally, outputs.temperature)
             if tally.next_period < record.period_ends.size and record.period_ends[tally.next_period] <= at:

@@ -15,8 +15,7 @@ import numpy as np
 from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, bounds, expanded_blocks, growth_bound
-from workflow.schemes._exact.layout import Expansion
-from workflow.schemes._exact.response import Response
+from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.tables import expansion
 
 _LONGER, _SHORTER = 1.5, 0.6
@@ -32,9 +31,9 @@ _CLOSE = 1e-9
 
 
 @part
-def _has_no_zero(r: Response, x: Expansion, zeros: int, h: float) -> bool:
+def _has_no_zero(m: Motion, zeros: int, h: float) -> bool:
     """Whether the signal certainly has no zero on (0, h], zeros of order ``zeros`` at 0 divided out."""
-    s = bounds(r, x, expanded_blocks(r, h) if zeros == 0 else r.blocks, h)
+    s = bounds(m, expanded_blocks(m, h) if zeros == 0 else m.blocks, h)
     a1, a2, a3, a4 = s.d1, s.d2, s.d3, -s.fourth
     if zeros == 1:
         b1, b2, b3 = a1 + a2 / 3.0, a1 + (2.0 * a2 + a3) / 3.0, a1 + a2 + a3 + a4
@@ -44,7 +43,7 @@ def _has_no_zero(r: Response, x: Expansion, zeros: int, h: float) -> bool:
     if zeros == 3:
         return bool(a3 > 0.0 and a3 + a4 >= 0.0)
     a0 = s.d0 - s.tail
-    a0 -= min(0.0, x.sums[expansion.D0, r.blocks]) - SUM_ROUNDING * x.sums[expansion.SIZE, 0]
+    a0 -= min(0.0, m.expansion.sums[expansion.D0, m.blocks]) - SUM_ROUNDING * m.expansion.sums[expansion.SIZE, 0]
     b1 = a0 + a1 / 4.0
     b2 = a0 + a1 / 2.0 + a2 / 6.0
     b3 = a0 + 0.75 * a1 + a2 / 2.0 + a3 / 4.0
@@ -53,19 +52,19 @@ def _has_no_zero(r: Response, x: Expansion, zeros: int, h: float) -> bool:
 
 
 @part
-def longest_without_zero(r: Response, x: Expansion, zeros: int, guess: float, most: float) -> float:
+def longest_without_zero(m: Motion, zeros: int, guess: float, most: float) -> float:
     """Return a step up to ``most`` on which the signal certainly has no zero; 0 if there is none."""
     h = min(guess, most)
-    if _has_no_zero(r, x, zeros, h):
+    if _has_no_zero(m, zeros, h):
         while h < most:
             longer = min(_LONGER * h, most)
-            if not _has_no_zero(r, x, zeros, longer):
+            if not _has_no_zero(m, zeros, longer):
                 break
             h = longer
         return h
     for _ in range(400):  # 0.6⁴⁰⁰ = 1e-89: nothing is left of any step
         h *= _SHORTER
-        if _has_no_zero(r, x, zeros, h):
+        if _has_no_zero(m, zeros, h):
             return h
     return 0.0
 
@@ -92,45 +91,45 @@ def cubic_zero(sums: Array, k: int, most: int, least: float) -> tuple[float, boo
 
 
 @part
-def zero_crossing(r: Response, x: Expansion, zeros: int, most: float) -> tuple[float, float]:
+def zero_crossing(m: Motion, zeros: int, most: float) -> tuple[float, float]:
     """Return a guess and the end of an interval in which the signal certainly falls through zero once.
 
     Both are 0 where none is certain before about ``most``.
     """
-    n = r.blocks
+    sums, n = m.expansion.sums, m.blocks
     if zeros == 0:
-        guess, reached = cubic_zero(x.sums, n, 20, _CLOSE)
+        guess, reached = cubic_zero(sums, n, 20, _CLOSE)
         if not reached or guess <= 0.0:
-            guess, reached = cubic_zero(x.sums, expanded_blocks(r, most), 20, _CLOSE)
+            guess, reached = cubic_zero(sums, expanded_blocks(m, most), 20, _CLOSE)
         if not reached:
             return 0.0, 0.0
     elif zeros == 1:
-        guess = _flight_guess(x.sums[expansion.D1, n], x.sums[expansion.D2, n] / 2.0, x.sums[expansion.D3, n] / 6.0)
+        guess = _flight_guess(sums[expansion.D1, n], sums[expansion.D2, n] / 2.0, sums[expansion.D3, n] / 6.0)
     else:
         return 0.0, 0.0
     if guess <= 0.0 or guess > 2.0 * most:
         return 0.0, 0.0
     for stretch in _STRETCHES:
-        if _falls_through(r, x, zeros, guess * stretch):
+        if _falls_through(m, zeros, guess * stretch):
             return guess, guess * stretch
     return 0.0, 0.0
 
 
 @part
-def _falls_through(r: Response, x: Expansion, zeros: int, h: float) -> bool:
+def _falls_through(m: Motion, zeros: int, h: float) -> bool:
     """Whether the signal certainly falls through zero exactly once on (0, h], a simple zero at 0 divided out."""
-    sums, factor = x.sums, growth_bound(r.growth * h)
-    k = expanded_blocks(r, h) if zeros == 0 else r.blocks
-    m = (sums[expansion.FOURTH, k] + sums[expansion.FOURTH_GROWTH, 0] * h) * factor
+    sums, factor = m.expansion.sums, growth_bound(m.growth * h)
+    k = expanded_blocks(m, h) if zeros == 0 else m.blocks
+    fourth = (sums[expansion.FOURTH, k] + sums[expansion.FOURTH_GROWTH, 0] * h) * factor
     a1, a2, a3 = sums[expansion.D1, k], sums[expansion.D2, k] / 2.0, sums[expansion.D3, k] / 6.0
     if zeros == 1:
-        c1, c2 = 2.0 * a3 * h, m * h * h / 8.0
+        c1, c2 = 2.0 * a3 * h, fourth * h * h / 8.0
         falls = a2 < 0.0 and a2 + c1 / 2.0 < 0.0 and a2 + c1 + c2 < 0.0
-        return bool(falls and a1 + h * (a2 + h * a3) + m * h**3 / 24.0 < 0.0)
+        return bool(falls and a1 + h * (a2 + h * a3) + fourth * h**3 / 24.0 < 0.0)
     b0 = a1 + sums[expansion.TAIL_SLOPE, k] * factor
-    c1, c2, c3 = 2.0 * a2 * h, 3.0 * a3 * h * h, m * h**3 / 6.0
+    c1, c2, c3 = 2.0 * a2 * h, 3.0 * a3 * h * h, fourth * h**3 / 6.0
     falls = b0 < 0.0 and b0 + c1 / 3.0 < 0.0 and b0 + 2.0 * c1 / 3.0 + c2 / 3.0 < 0.0 and b0 + c1 + c2 + c3 < 0.0
-    end = sums[expansion.D0, k] + sums[expansion.TAIL, k] * factor + h * (a1 + h * (a2 + h * a3)) + m * h**4 / 24.0
+    end = sums[expansion.D0, k] + sums[expansion.TAIL, k] * factor + h * (a1 + h * (a2 + h * a3)) + fourth * h**4 / 24.0
     return bool(falls and end < 0.0)
 
 

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflow.kernels import elementary
 from workflow.kernels.compiled import part
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand, row_sum
-from workflow.schemes._exact.explicit_blocks import explicit_force
+from workflow.schemes._exact.explicit_blocks import explicit_derivatives
 from workflow.schemes._exact.layout import ORDER, TAYLOR_SPAN
-from workflow.schemes._exact.motion import Motion, advance
+from workflow.schemes._exact.motion import Motion
+from workflow.schemes._exact.propagation import advance
 from workflow.schemes._exact.search import cubic_zero, longest_without_zero, zero_crossing
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
@@ -46,9 +46,9 @@ def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: fl
     On the step there is no other zero. NaN where no step is found. Zeros up to ``tolerance`` past ``left`` count as
     beyond. The expansion is used up.
     """
-    sums, n, zeros = m.expansion.sums, m.r.blocks, start.zeros
+    sums, n, zeros = m.expansion.sums, m.blocks, start.zeros
     # a thousand times a bound of the fourth derivative: what its bound over a step is multiplied by must not overflow
-    if not np.isfinite(1e3 * sums[expansion.SIZE, 0] * max(1.0, m.r.fastest) ** 4):
+    if not np.isfinite(1e3 * sums[expansion.SIZE, 0] * max(1.0, m.fastest) ** 4):
         return np.nan, False
     if start.speed >= 0.0:
         sums[expansion.D1, n] = start.speed
@@ -57,26 +57,26 @@ def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: fl
     if zeros == 0:
         if sums[expansion.D0, n] <= 0.0 and sums[expansion.D1, n] < 0.0:
             return 0.0, True
-        accumulate(m.r, m.expansion)
-    guess, end = zero_crossing(m.r, m.expansion, zeros, left)
+        accumulate(m)
+    guess, end = zero_crossing(m, zeros, left)
     if end > 0.0:
-        if zeros == 1 and m.r.fastest * end <= TAYLOR_SPAN:
+        if zeros == 1 and m.fastest * end <= TAYLOR_SPAN:
             h = _short_flight(m, t, sums[expansion.D1, n], guess)
         else:
             h = _refined_zero(m, t, guess, end)
         return (left, False) if h > left + tolerance else (min(h, left), True)
-    h = longest_without_zero(m.r, m.expansion, zeros, start.guess, left)
+    h = longest_without_zero(m, zeros, start.guess, left)
     return (h, False) if h > 0.0 else (np.nan, False)
 
 
 @part
 def _refined_zero(m: Motion, t: float, guess: float, end: float) -> float:
     """Return the zero of the signal in (0, end], by expansions about ever better points."""
-    sums, n = m.expansion.sums, m.r.blocks
+    sums, n = m.expansion.sums, m.blocks
     tau, low, high = guess, 0.0, end
     for _ in range(30):
-        advance(m.r, m.now, t, tau, m.between)
-        expand(m.r, m.between, t + tau, m.expansion)
+        advance(m, m.now, t, tau, m.between)
+        expand(m, m.between, t + tau)
         if sums[expansion.D0, n] > 0.0:
             low = tau
         else:
@@ -102,8 +102,8 @@ def _short_flight(m: Motion, t: float, speed: float, guess: float) -> float:
     Solves gap(τ)/τ = 0, which keeps its digits however low the flight is.
     """
     derivatives = m.expansion.derivatives
-    order = _series_order(1.1 * m.r.fastest * guess)
-    _series(m, t, order, _series_order(1.1 * m.r.fastest_first * guess))
+    order = _series_order(1.1 * m.fastest * guess)
+    _series(m, t, order)
     derivatives[1] = speed
     factorial = 1.0
     for n in range(1, order + 1):
@@ -133,25 +133,22 @@ def _series_order(span: float) -> int:
 
 
 @part
-def _series(m: Motion, t: float, order: int, first_order: int) -> None:
-    """Fill the derivatives of the signal at the state of t up to ``order``; first-order states up to ``first_order``.
-
-    The terms of the expansion are used up.
-    """
-    r, derivatives, b, d = m.r, m.expansion.derivatives, m.r.block, m.expansion.terms
+def _series(m: Motion, t: float, order: int) -> None:
+    """Fill the derivatives of the signal at the state of t up to ``order``; the terms of the expansion are used up."""
+    derivatives, b, d = m.expansion.derivatives, m.block, m.expansion.terms
     for n in range(order + 1):
         derivatives[n] = 0.0
-    for i in range(r.waves.shape[0]):
-        omega = r.waves[i, wave.OMEGA]
-        cos, sin = wave_phase(r.waves, i, t)
-        wave_cos, wave_sin = r.waves[i, wave.SIGNAL_COS], r.waves[i, wave.SIGNAL_SIN]
+    for i in range(m.waves.shape[0]):
+        omega = m.waves[i, wave.OMEGA]
+        cos, sin = wave_phase(m.waves, i, t)
+        wave_cos, wave_sin = m.waves[i, wave.SIGNAL_COS], m.waves[i, wave.SIGNAL_SIN]
         for n in range(order + 1):
             derivatives[n] += wave_cos * cos + wave_sin * sin
             wave_cos, wave_sin = omega * wave_sin, -omega * wave_cos
-    for j in range(r.firsts):
-        f, mu = r.first, r.first[first.RATE, j]
-        term = (f[first.SIGNAL_VALUE, j] - f[first.SIGNAL_SLOPE, j] * mu) * m.now[state.FIRST_SLOPE, j]
-        for n in range(1, first_order + 1):
+    for j in range(m.firsts):
+        f, mu = m.first, m.first[first.RATE, j]
+        term = f[first.SIGNAL, j] * m.now[state.FIRST_SLOPE, j]
+        for n in range(1, order + 1):
             derivatives[n] += term
             term *= -mu
     for n in range(order + 1):
@@ -160,26 +157,8 @@ def _series(m: Motion, t: float, order: int, first_order: int) -> None:
             s2 = -b[block.DAMPING, k] * d[expansion.D1, k] - b[block.STIFFNESS, k] * d[expansion.D0, k]
             d[expansion.D0, k] = d[expansion.D1, k]
             d[expansion.D1, k] = s2
-    for i in range(r.explicits):
-        _explicit_series(m, int(b[block.EXPLICIT_COLUMNS, i]), t, order)
-
-
-@part
-def _explicit_series(m: Motion, k: int, t: float, order: int) -> None:
-    """Add the derivatives of an explicit block to those of the signal."""
-    r, y, b, waves = m.r, m.now, m.r.block, m.r.waves
-    value, slope = y[state.VALUE, k], y[state.SLOPE, k]
-    force = explicit_force(r, k, y, t)
-    for n in range(order + 1):
-        m.expansion.derivatives[n] += b[block.SIGNAL_VALUE, k] * value + b[block.SIGNAL_SLOPE, k] * slope
-        value, slope = slope, force - b[block.DAMPING, k] * slope - b[block.STIFFNESS, k] * value
-        force = 0.0
-        for i in range(waves.shape[0]):
-            row, (cos, sin) = i * block.WAVE, wave_phase(waves, i, t)
-            f = complex(b[block.FORCE_COS + row, k], -b[block.FORCE_SIN + row, k]) * complex(cos, sin)
-            for _ in range(n + 1):
-                f *= complex(0.0, waves[i, wave.OMEGA])
-            force += f.real
-        for j in range(r.firsts):
-            decay = elementary.power(-r.first[first.RATE, j], n)
-            force += r.coupling[0, j, k] * y[state.FIRST_SLOPE, j] * decay
+    for i in range(m.explicits):
+        k, own = int(b[block.EXPLICIT_COLUMNS, i]), m.expansion.explicit
+        explicit_derivatives(m, k, m.now, t, order + 1, own)
+        for n in range(order + 1):
+            derivatives[n] += b[block.SIGNAL_VALUE, k] * own[n] + b[block.SIGNAL_SLOPE, k] * own[n + 1]

@@ -1,7 +1,7 @@
 """Rows of the table of second-order blocks, ``(ROWS, column)``; column k holds the block η'' + c η' + ω² η = F.
 
-The force on a block is F(t) = F0 + Σ (Fc cos ψ + Fs sin ψ) + Σ_j g_j ξ_j: a constant, the waves of phase ψ = Ω t + φ
-(:mod:`~workflow.schemes._exact.tables.wave`) and the first-order states ξ_j.
+The force on a block is F(t) = F0 + Σ (Fc cos ψ + Fs sin ψ): a constant, and the waves of phase ψ = Ω t + φ
+(:mod:`~workflow.schemes._exact.tables.wave`).
 An *explicit* block keeps F. Of every other block the particular solution is
 subtracted, so that what is left moves without a force. Outputs o (0: the signal, 1: the tip temperature) are linear in
 η and η': the row of output o lies 2 o below that of the signal.
@@ -19,44 +19,40 @@ OMEGA = 2  # ω, 1/s
 INVERSE_OMEGA = 3  # 1/ω, s; 0 where ω = 0
 HALF_DAMPING = 4  # c/2, 1/s
 NU = 5  # ν = √(ω² - c²/4), 1/s; 1 where the block does not oscillate
-RESONANT = 6  # 1 where a first-order state is near a pole of the block, see `Regime.resonant`
-EXPLICIT = 7  # 1 where the block keeps its force
-EXPLICIT_COLUMNS = 8  # of the explicit blocks, `Response.explicits` of them
-APERIODIC_COLUMNS = 9  # of others that do not oscillate, `Response.aperiodics` of them
+EXPLICIT_COLUMNS = 6  # of the explicit blocks, `Motion.explicits` of them
+APERIODIC_COLUMNS = 7  # of others that do not oscillate, `Motion.aperiodics` of them
 
 # outputs per η and η'
-SIGNAL_VALUE = 10
-SIGNAL_SLOPE = 11
-TEMPERATURE_VALUE = 12
-TEMPERATURE_SLOPE = 13
-UNFORCED_VALUE = 14  # SIGNAL_VALUE of blocks that are not explicit, else 0; likewise the three rows below
-UNFORCED_SLOPE = 15
-UNFORCED_TEMPERATURE_VALUE = 16
-UNFORCED_TEMPERATURE_SLOPE = 17
-SIGNAL_INTEGRAL = 18  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
+SIGNAL_VALUE = 8
+SIGNAL_SLOPE = 9
+TEMPERATURE_VALUE = 10
+TEMPERATURE_SLOPE = 11
+UNFORCED_VALUE = 12  # SIGNAL_VALUE of blocks that are not explicit, else 0; likewise the three rows below
+UNFORCED_SLOPE = 13
+UNFORCED_TEMPERATURE_VALUE = 14
+UNFORCED_TEMPERATURE_SLOPE = 15
+SIGNAL_INTEGRAL = 16  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
 
 # loads
-FORCE = 19  # F0
-SOURCE = 20  # β of η' = u + β + Σ (βc cos ψ + βs sin ψ)
-PARTICULAR = 21  # constant part of the particular solution that is subtracted
-HEAT_JUMP_VALUE = 22  # jump of η per heat at the tip, 1/J; free tip only
-HEAT_JUMP_SLOPE = 23  # jump of η' per heat at the tip
+FORCE = 17  # F0
+PARTICULAR = 18  # constant part of what is subtracted from η …
+PARTICULAR_SLOPE = 19  # … and from u
 
 # scratch of one propagation over dt
-C = 24  # of η(dt) = C η + S η'
-S = 25
-WORK = 26
-POWER = 27
+C = 20  # of η(dt) = C η + S η'
+S = 21
+WORK = 22
+POWER = 23
 
-ROWS = 28
+ROWS = 24
 
 # each wave
-FORCE_COS = 28  # Fc
-FORCE_SIN = 29  # Fs
-SOURCE_COS = 30  # βc
-SOURCE_SIN = 31  # βs
-PARTICULAR_COS = 32  # its part of the particular solution
-PARTICULAR_SIN = 33
+FORCE_COS = 24  # Fc
+FORCE_SIN = 25  # Fs
+PARTICULAR_COS = 26  # its part of what is subtracted from η …
+PARTICULAR_SIN = 27
+PARTICULAR_SLOPE_COS = 28  # … and from u
+PARTICULAR_SLOPE_SIN = 29
 
 WAVE = 6
 

@@ -1,32 +1,26 @@
 """Rows of the table of first-order states, ``(ROWS, column)``; column j holds ξ' = -μ ξ + χ0 + Σ (χc cos ψ + χs sin ψ).
 
-The response of ξ to the waves is subtracted, so that ξ' decays as exp(-μ t). Outputs o (0: the signal, 1: the tip
-temperature) are linear in ξ and ξ', the response of the blocks to ξ included: the row of output o lies 2 o below that
-of the signal. Columns are filled up to a multiple of 8 with zeros. The rows of wave i lie ``i * WAVE`` below those
-named here.
+The response of ξ to the waves is subtracted, so that ξ' decays as exp(-μ t). The row of output o (0: the signal, 1: the
+tip temperature) lies o below that of the signal. Columns are filled up to a multiple of 8 with zeros. The rows of wave
+i lie ``i * WAVE`` below those named here.
 """
 
 from __future__ import annotations
 
 RATE = 0  # μ, 1/s
-SIGNAL_VALUE = 1  # signal per ξ
-SIGNAL_SLOPE = 2  # signal per ξ'
-TEMPERATURE_VALUE = 3  # tip temperature per ξ
-TEMPERATURE_SLOPE = 4
-WARMING = 5  # rate of the tip temperature per ξ'
-SOURCE = 6  # χ0
-HEAT_JUMP_VALUE = 7  # jump of ξ per heat at the tip, 1/J; free tip only
-HEAT_JUMP_SLOPE = 8  # jump of ξ' per heat at the tip
+SIGNAL = 1  # signal per ξ
+TEMPERATURE = 2  # tip temperature per ξ
+SOURCE = 3  # χ0
 
 # scratch of one propagation over dt, x = -μ dt
-DECAY = 9  # e^x
-PHI1 = 10  # φ1 = (e^x - 1)/x
-PHI2 = 11  # φ2 = (φ1 - 1)/x
+DECAY = 4  # e^x
+PHI1 = 5  # φ1 = (e^x - 1)/x
+PHI2 = 6  # φ2 = (φ1 - 1)/x
 
-ROWS = 12
+ROWS = 7
 
 # each wave
-HARMONIC_COS = 12  # response to χc cos ψ + χs sin ψ that is subtracted from ξ
-HARMONIC_SIN = 13
+HARMONIC_COS = 7  # response to χc cos ψ + χs sin ψ that is subtracted from ξ
+HARMONIC_SIN = 8
 
 WAVE = 2

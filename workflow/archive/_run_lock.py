@@ -16,7 +16,7 @@ HOLDER = "holder"
 
 
 @contextmanager
-def holding(parts: Path) -> Iterator[None]:
+def run_lock(parts: Path) -> Iterator[None]:
     """Hold the directory of an archive's shards, which is made if need be; the system lets go at a crash.
 
     Where nothing else has come into it, as of a run that is refused, it goes again.
