@@ -35,6 +35,7 @@ from archive_samples import (
 from workflow import archive
 from workflow.archive import _content, _gather
 from workflow.grid import _encoding, encode
+from workflow.schemes import Status
 
 TEMPLATES = {
     "three dimensions, partial edge": sample_template(),
@@ -276,6 +277,22 @@ def test_a_chunk_that_was_not_written_is_noticed(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr(_gather, "_chunks", forgetting)
     with pytest.raises(archive.ArchiveError, match="impacts has 17 of 18 chunks"):
+        gather(archive.parts_of(path), template, path)
+    assert path.read_bytes() == before
+
+
+def test_a_case_that_has_not_run_is_noticed(
+    replaced: tuple[xr.Dataset, Path, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    template, path, before = replaced
+
+    def spoil(path: Path, digest: str) -> None:
+        with h5py.File(path, "r+") as file:
+            file["status"][1, 2, 24] = Status.NOT_RUN
+            file["provenance"].attrs["content_hash"] = np.bytes_(digest)
+
+    monkeypatch.setattr(_gather, "_tell_hash", spoil)
+    with pytest.raises(archive.ArchiveError, match="149 of 150 cases have run"):
         gather(archive.parts_of(path), template, path)
     assert path.read_bytes() == before
 
