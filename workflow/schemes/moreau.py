@@ -18,11 +18,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from workflow.declare import quantity
+from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
 from workflow.schemes._fixed import decoupled, theta_method
-from workflow.schemes._fixed.complementarity import BY_PLACE
-from workflow.schemes._fixed.contact import Contact, Response, Tip
+from workflow.schemes._fixed.complementarity import BY_PLACE, count_no_rebound
+from workflow.schemes._fixed.contact import Contact, Response, Tip, count_rebound
 from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.theta_method import Operator
 
@@ -61,6 +62,7 @@ def respond(law: Newton, tip: Tip, h: float, theta: float) -> Response:
     return p, -law.e * tip.velocity, p
 
 
+defines(count_rebound, Newton)(count_no_rebound)
 CONTACT = Contact(lambda cases: Newton(cases.e))
 
 

@@ -46,8 +46,8 @@ from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, plus, shared, spread, store
 from workflow.models import Array
-from workflow.schemes._fixed import case_row, total_row
-from workflow.schemes._fixed.contact import Ahead, End, Free, TipStep, contact_gain, was_pressed
+from workflow.schemes._fixed import total_row
+from workflow.schemes._fixed.contact import Ahead, End, Free, TipStep, contact_gain, friction_heat, was_pressed
 
 DAMPING, KINETIC, ELASTIC = range(3)
 """Coefficients of a mode, over φ_n² where it is scaled by that: hc/4, and energy per v² and per η²."""
@@ -148,7 +148,7 @@ def count_work(
         return
     sums, relative = account.sums, ahead.driven - dragged
     if was_pressed(own, lane):
-        heat = pack(own, (case_row.HEAT, lane))
+        heat = friction_heat(own, lane)
         relative -= account.dragged * heat
         add_to(sums, total_row.FRICTION_HEAT, heat, lane)
     before, impulse = pack(sums, (RELATIVE, lane)), account.load_share * free.impulse - ahead.impulse

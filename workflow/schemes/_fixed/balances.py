@@ -96,7 +96,8 @@ class Balances:
         self._ended[:, part] = self.account.sums[:, :count]
         self._ended_heat[:, part] = state.tau[:, :count]
         if not self._free.heat_counts:
-            self._ended[total_row.FRICTION_HEAT, part] -= state.own[case_row.HEAT, :count]
+            last = state.own[case_row.ALPHA] * state.own[case_row.IMPULSE]
+            self._ended[total_row.FRICTION_HEAT, part] -= last[:count]
 
     def result(self, elapsed: float) -> Balance:
         """Return the balances after ``elapsed`` seconds."""

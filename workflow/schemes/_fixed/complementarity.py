@@ -16,7 +16,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from workflow.schemes._fixed.contact import Contact, Response, Tip
+from workflow.kernels.compiled import defines
+from workflow.models import Array
+from workflow.schemes._fixed.contact import Contact, Law, Response, Tip, count_rebound
 from workflow.schemes._fixed.march import contact_law
 
 
@@ -33,6 +35,11 @@ def _respond(law: Complementarity, tip: Tip, h: float, theta: float) -> Response
         return 0.0, tip.free, 0.0
     p = depth / (h * theta * tip.mobility)
     return p, tip.free - depth / (h * theta), p
+
+
+@defines(count_rebound, Complementarity)
+def count_no_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Array, lane: int) -> None:
+    """Count nothing where the restitution is given, or nothing is thrown back."""
 
 
 BY_PLACE = Contact(lambda cases: Complementarity(), holds=True)

@@ -183,9 +183,20 @@ class Ahead(NamedTuple):
     """The velocity that the contact law gives the tip, with which impulses do work, m/s."""
 
 
+@by_type
+def count_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Array, lane: int) -> None:
+    """Add a contact that has ended to the sums of ``effective_restitution``, where the scheme gives it."""
+    was, presses = tip.force > 0.0, force > 0.0
+    approach = own[case_row.APPROACH, lane]
+    own[case_row.APPROACH, lane] = approach if was or not presses else tip.velocity
+    ended = approach if was and not presses else 0.0
+    own[case_row.APPROACHED, lane] += ended * ended
+    own[case_row.SEPARATED, lane] -= ended * velocity
+
+
 @part
 def _ask(law: Law, step: TipStep, own: Array, first: int, stop: int) -> None:
-    """Ask the law in some lanes, and add contacts that have ended to the sums of ``effective_restitution``.
+    """Ask the law in some lanes.
 
     Without branches but those of the law, so that the compiler asks one of plain arithmetic in many lanes at once.
     """
@@ -200,13 +211,8 @@ def _ask(law: Law, step: TipStep, own: Array, first: int, stop: int) -> None:
             own[case_row.MOBILITY, lane],
         )
         impulse, velocity, force = respond(of_case(law, own, lane), tip, step.h, step.theta)
-        was, presses = tip.force > 0.0, force > 0.0
-        approach = own[case_row.APPROACH, lane]
-        own[case_row.APPROACH, lane] = approach if was or not presses else tip.velocity
-        ended = approach if was and not presses else 0.0
-        own[case_row.APPROACHED, lane] += ended * ended
-        own[case_row.SEPARATED, lane] -= ended * velocity
-        own[case_row.CONTACT, lane], own[case_row.AFTER, lane], own[case_row.LAST, lane] = impulse, velocity, force
+        count_rebound(law, tip, velocity, force, own, lane)
+        own[case_row.IMPULSE, lane], own[case_row.AFTER, lane], own[case_row.LAST, lane] = impulse, velocity, force
 
 
 @inlined
@@ -223,8 +229,7 @@ def _contact(
 ) -> tuple[Pack, Pack, Pack]:
     """Return impulse and heat of contact in a step, and the tip's velocity at its end, relative to the casing.
 
-    Leaves in ``own`` the impulse (``CONTACT``), the friction heat α p (``HEAT``) and whether the heat may be other than
-    0 or a force be left (``PRESSED``).
+    Leaves in ``own`` the impulse (``IMPULSE``) and whether it may be other than 0 or a force be left (``PRESSED``).
     """
     store(own, (case_row.PLACE, lane), place)
     store(own, (case_row.SPEED, lane), speed)
@@ -233,11 +238,15 @@ def _contact(
     first, stop = lanes_of(lane)
     before = some_nonzero(pack(own, (case_row.LAST, lane)))
     _ask(law, step, own, first, stop)
-    p, force = pack(own, (case_row.CONTACT, lane)), pack(own, (case_row.LAST, lane))
-    heat = pack(own, (case_row.ALPHA, lane)) * p
-    store(own, (case_row.HEAT, lane), heat)
+    p, force = pack(own, (case_row.IMPULSE, lane)), pack(own, (case_row.LAST, lane))
     flag(own, (case_row.PRESSED, lane), before or some_nonzero(p) or some_nonzero(force))  # for a step more
-    return p, heat, pack(own, (case_row.AFTER, lane))
+    return p, friction_heat(own, lane), pack(own, (case_row.AFTER, lane))
+
+
+@inlined
+def friction_heat(own: Array, lane: Lane) -> Pack:
+    """Return the friction heat α p of the last step, J."""
+    return pack(own, (case_row.ALPHA, lane)) * pack(own, (case_row.IMPULSE, lane))
 
 
 @inlined
@@ -261,7 +270,6 @@ def _meet_by_theta(step: TipStep, law: Law, free: Free, own: Array, tip: Array, 
     engaged = _is_near(x, step.h * v, moved, gap, own, lane)
     if engaged:
         p, heat, after = _contact(law, step, x, v, after, gap, own, lane)
-        store(own, (case_row.IMPULSE, lane), p)
         moved = step.h * weighed(step.theta, after, step.rest, v)
         temperature += step.warming * heat
     store(own, (case_row.LOAD, lane), free.impulse)
@@ -282,10 +290,9 @@ def _meet_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Array,
     driven = after
     engaged = _is_near(x, spread(0.0, lane), step.h * leaving, free.gap, own, lane)
     if engaged:
-        latest = pack(own, (case_row.CONTACT, lane))
         p, heat, leaving = _contact(law, step, x, approach, leaving, free.gap, own, lane)
-        store(own, (case_row.IMPULSE, lane), p)
-        about = 0.5 * (latest + p)
+        about = 0.5 * (pack(own, (case_row.BEFORE, lane)) + p)
+        store(own, (case_row.BEFORE, lane), p)
         after = onto_casing(free.drive, leaving, lane)
         temperature += 0.5 * step.warming * heat
         ahead = x + step.h * after

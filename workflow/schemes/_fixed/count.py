@@ -8,6 +8,7 @@ from workflow.kernels.packs import Lane, Pack, broad, broadest, fused, narrow, p
 from workflow.models import Array
 from workflow.schemes._fixed import balance, case_row, total_row
 from workflow.schemes._fixed.balance import ELASTIC, KINETIC, Account, Dense
+from workflow.schemes._fixed.contact import friction_heat
 from workflow.schemes._fixed.free_motion import FreeStep, State, ended
 
 
@@ -69,8 +70,7 @@ def _count_pack(
         loss = spread(0.0, lane)
         for k in range(state.tau.shape[0]):
             loss = balance.with_loss(account, k, pack(state.tau, (k, lane)), loss, lane)
-        heat = pack(state.own, (case_row.HEAT, lane))
-        balance.add_loss(account, step.tip.h * account.heat_theta, loss, heat, lane)
+        balance.add_loss(account, step.tip.h * account.heat_theta, loss, friction_heat(state.own, lane), lane)
 
 
 @inlined

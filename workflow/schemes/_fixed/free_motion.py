@@ -25,7 +25,7 @@ from workflow.kernels.packs import Lane, Pack, pack, plus, shared, spread, store
 from workflow.models import Array
 from workflow.schemes._fixed import balance, case_row
 from workflow.schemes._fixed.balance import Account, Dense
-from workflow.schemes._fixed.contact import TipStep, was_pressed
+from workflow.schemes._fixed.contact import TipStep, friction_heat, was_pressed
 
 SPEED, PLACE = range(2)
 """Rows of a block's motion, and of what acts on it: u and η."""
@@ -242,7 +242,7 @@ def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: A
         drift = pack(own, (case_row.DRIFT, lane))
         warmth = pack(own, (case_row.WARMTH, lane)) + pack(own, (case_row.WARMING, lane)) * t
     if was_pressed(own, lane):
-        contact, heat = pack(own, (case_row.IMPULSE, lane)), pack(own, (case_row.HEAT, lane))
+        contact, heat = pack(own, (case_row.IMPULSE, lane)), friction_heat(own, lane)
         alone = _step(step, account, state, drift, warmth, contact, heat, lane)
     else:
         alone = _step(step, account, state, drift, warmth, None, None, lane)
@@ -266,7 +266,8 @@ def is_warmed(own: Array, lanes: int) -> bool:
 @part
 def store_heat(step: FreeStep, state: State, into: Array, lanes: int) -> None:
     """Store τ as it is at the end of the last step, with the heat of the contact in it where that counts there."""
+    own = state.own
     for k in range(into.shape[0]):
         for lane in range(lanes):
-            heat = step.heat_modes[k, HEAT_INPUT] * state.own[case_row.HEAT, lane]
+            heat = step.heat_modes[k, HEAT_INPUT] * (own[case_row.ALPHA, lane] * own[case_row.IMPULSE, lane])
             into[k, lane] = state.tau[k, lane] + heat if step.heat_counts else state.tau[k, lane]

@@ -84,7 +84,7 @@ def _open(step: FreeStep, law: Law, now: Now, state: State, block: Block, accoun
     own = state.own
     alone = Alone(pack(own, (case_row.FIRST, lane)), spread(0.0, lane), pack(own, (case_row.DRAGGED, lane)))
     stepping.store_end(close_step(step, law, now, alone, state, block, account, lane), block.tip, lane)
-    store(own, (case_row.CONTACT, lane), 2.0 * pack(own, (case_row.CONTACT, lane)))
+    store(own, (case_row.BEFORE, lane), 2.0 * pack(own, (case_row.BEFORE, lane)))
 
 
 @inlined
