@@ -21,8 +21,9 @@ class Motion:
     """Where the cases of a batch start, split in a known answer to constant loads and the rest.
 
     Blocks of second order and conducting modes rest at a static answer; an adiabatic mode warms steadily and drags a
-    mechanical response along. So the known part of the tip has the velocity drift and the temperature
-    warmth + warming · t. Constant loads on blocks of first order, rigid modes among them, act in every step.
+    mechanical response along. So the known part of the tip has the velocity drift, of which blocks of second order at
+    rest have their share beside those of first order, and the temperature warmth + warming · t. Constant loads on
+    blocks of first order, rigid modes among them, act in every step.
 
     Attributes
     ----------
@@ -66,17 +67,17 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> Motion:
     constant = blocks.of_impulses(h * load.T) + blocks.of_heat(h * warming.T)
     u = -constant[1] / h
     known = np.where(k != 0, np.stack([u, (constant[0] / h - c * u) / np.where(k != 0, k, 1.0)]), 0.0)
+    speed, place = blocks.tip
     drifting = np.flatnonzero((blocks.stiffness == 0) & (blocks.scale != 0) & constant[0].any(axis=1))
 
     places = project(modal.to_modes, cases.displacement) - blocks.step.lever * velocity
     states = blocks.of_modes(np.stack([velocity.T, places.T])) - blocks.dragged(heat.T) - known
-    grows = -np.where(elastic, modal.tip / np.where(elastic, modal.frequency, 1.0) ** 2, 0.0) @ modal.coupling
     return Motion(
         states=states,
         heat=heat.T,
         settled=settled.T,
         warming_modes=warming.T,
-        drift=project(grows, warming),
+        drift=project(speed, known[0].T) + project(place, known[1].T),
         warmth=project(modal.heat_tip, settled),
         warming=project(modal.heat_tip, warming),
         closing=project(modal.static_growth, settled),
