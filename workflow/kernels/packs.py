@@ -165,13 +165,6 @@ def complex_at(rows: Array, row: int, lane: Lane) -> tuple[Pack, Pack]:
     return pack(rows, (row, lane)), pack(rows, (row + 1, lane))
 
 
-@inlined
-def store_complex(rows: Array, row: int, lane: Lane, numbers: tuple[Pack, Pack]) -> None:
-    """Put real and imaginary parts of a pack where :func:`complex_at` finds them."""
-    store(rows, (row, lane), numbers[0])
-    store(rows, (row + 1, lane), numbers[1])
-
-
 def fused(factor: Pack, other: Pack, number: Pack) -> Pack:
     """Return ``factor * other + number``, rounded once: the same bits everywhere, slow where no instruction does it."""
     _only_in_kernels()
