@@ -19,7 +19,7 @@ from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Recorder, Results, Status, moreau
 from workflow.schemes._fixed import march
-from workflow.schemes._fixed.decoupled import Decoupled, decouple, felt_modes
+from workflow.schemes._fixed.decoupled import Decoupled, decouple, modes_at_tip
 
 BALANCES = ("energy_residual", "heat_residual")
 STEPPED = [method for method in schemes.names() if method != "event_driven"]
@@ -61,7 +61,7 @@ def relative_motion(structure: Structure, batch: Cases, h: float, path: Trajecto
     rest = np.where(elastic, force / np.where(elastic, omega2[:, 0], 1.0), 0.0)
     eta = path.displacement @ modal.to_modes.T - rest - t * steady - tau @ response.T
     zeta = path.velocity @ modal.to_modes.T - steady + tau @ (response * rate).T
-    felt = felt_modes(modal.tip)
+    felt = modes_at_tip(modal.tip)
     return Relative(modal, response, felt, eta[:, felt], zeta[:, felt], np.where(elastic, 0.0, load)[felt])
 
 

@@ -178,8 +178,8 @@ def _rows(grid: Grid, outer: int, settings: CaseSettings, varying: Any, count: i
     columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
     columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]
     if reference is not None:
-        own = _read(reference_settings(grid, outer)) | _read(exact_settings(grid, outer))
-        columns += [reference.values.get(name, values[name]) if name in own else 0.0 for name in ("e", "alpha")]
+        reads = _read(reference_settings(grid, outer)) | _read(exact_settings(grid, outer))
+        columns += [reference.values.get(name, values[name]) if name in reads else 0.0 for name in ("e", "alpha")]
     rows = np.empty((count, len(columns)))
     for k, column in enumerate(columns):
         rows[:, k] = column

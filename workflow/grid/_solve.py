@@ -85,8 +85,8 @@ def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> d
     columns = {**used, "basis_error": np.nan if choice is None else choice.error}
     basis = {name: np.full(count, float(value)) for name, value in columns.items()}
     if choice is not None and tells_basis_error(grid, outer):
-        own = np.max([errors[f"{name}_model_error"] for name in DECIDING], axis=0)
-        basis["basis_error"] = np.where(own > float(grid.value(outer, TOLERANCE)), own, basis["basis_error"])
+        largest = np.max([errors[f"{name}_model_error"] for name in DECIDING], axis=0)
+        basis["basis_error"] = np.where(largest > float(grid.value(outer, TOLERANCE)), largest, basis["basis_error"])
     return basis
 
 

@@ -17,7 +17,7 @@ Only kernels can call these operations: what they do is in :mod:`workflow.kernel
 
 from __future__ import annotations
 
-from typing import Any, NoReturn, Protocol
+from typing import NoReturn, Protocol
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import inlined, when_loaded
@@ -151,18 +151,6 @@ def weighed(weight: float, after: Pack, rest: float, before: Pack) -> Pack:
 def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
     """Return ``numbers + weight * others``, or the numbers alone where the others are ``None``, known when compiled."""
     return numbers if others is None else numbers + weight * others
-
-
-@inlined
-def times(a: Any, a_im: Any, b: Pack, b_im: Pack) -> tuple[Pack, Pack]:
-    """Return real and imaginary part of the product of complex numbers; the first may be one number for all lanes."""
-    return a * b - a_im * b_im, a * b_im + a_im * b
-
-
-@inlined
-def complex_at(rows: Array, row: int, lane: Lane) -> tuple[Pack, Pack]:
-    """Return the pack of complex numbers whose real parts begin in a row, and their imaginary parts in the next one."""
-    return pack(rows, (row, lane)), pack(rows, (row + 1, lane))
 
 
 def fused(factor: Pack, other: Pack, number: Pack) -> Pack:

@@ -74,7 +74,7 @@ class Dense(NamedTuple):
     """Whether v at a step's beginning damps."""
     load: Array
     """Of a unit impulse of the load, beside what of it acts on the tip, ``(mode,)``."""
-    yields: Array
+    half_flexibility: Array
     """1/(2 ω²), 0 of rigid modes, ``(mode,)``."""
     pulls: Array
     """Of τ near resonance, ``(pair, 2 mode)``."""

@@ -12,7 +12,7 @@ from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import balance, case_row, total_row
 from workflow.schemes._fixed.balance import Account, Dense
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.decoupled import Decoupled, felt_modes
+from workflow.schemes._fixed.decoupled import Decoupled, modes_at_tip
 from workflow.schemes._fixed.free_motion import HEAT_INPUT, FreeStep, State
 from workflow.schemes._fixed.start import Motion, contact_heat
 from workflow.schemes._fixed.totals import Balance, Content
@@ -40,11 +40,11 @@ class Balances:
         loss = self._content * modal.rate
         settled = project(loss, begun.settled.T)
 
-        omega2, felt = modal.frequency**2, np.where(modal.is_coupled, 1.0, felt_modes(modal.tip))
+        omega2, at_tip = modal.frequency**2, np.where(modal.is_coupled, 1.0, modes_at_tip(modal.tip))
         kinetic = modal.mass - omega2 * (step.lever - step.middle) ** 2
         kinetic -= 0.5 * step.tip.h * modal.damping if step.lagged else 0.0
         v, xi = blocks.in_modes(begun.states)
-        energy = 0.5 * (project(felt * kinetic, v.T**2) + project(felt * omega2, (xi + step.middle * v).T ** 2))
+        energy = 0.5 * (project(at_tip * kinetic, v.T**2) + project(at_tip * omega2, (xi + step.middle * v).T ** 2))
         self._ended, self._ended_heat = np.zeros((balance.ROWS, cases.count)), np.zeros_like(begun.heat)
         self._ended[[total_row.FIRST_ENERGY, total_row.LAST_ENERGY, total_row.LARGEST_ENERGY]] = energy
         self._ended[balance.RELATIVE] = project(modal.tip, v.T)
@@ -54,14 +54,14 @@ class Balances:
         self._moving = 0.5 * project((step.tip.h * modal.frequency[massless]) ** 2, v[massless].T ** 2)
 
         n, scale = modal.tip.size, modal.heat_scale
-        acts = _takes(blocks, contact_heat(blocks, cases))
-        self._ended[balance.SQUARE] = project(felt * _yields(modal), acts[n:].T ** 2)
+        acts = _energy_rows(blocks, contact_heat(blocks, cases))
+        self._ended[balance.SQUARE] = project(at_tip * _half_flexibility(modal), acts[n:].T ** 2)
         dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
-        scaled, unscale = felt, felt
+        scaled, unscale = at_tip, at_tip
         if dense is None:
             if step.heat_counts:  # the first step of the march counts the damping of a step that ends at t = 0
-                self._ended[total_row.DISSIPATED] = -project(step.tip.h * felt * modal.damping, v.T**2)
-            scaled, unscale = felt * modal.tip, felt / np.where(felt, modal.tip, 1.0)
+                self._ended[total_row.DISSIPATED] = -project(step.tip.h * at_tip * modal.damping, v.T**2)
+            scaled, unscale = at_tip * modal.tip, at_tip / np.where(at_tip, modal.tip, 1.0)
             acts *= np.tile(unscale, 2)[:, None]
         self.account = Account(
             modes=np.stack([0.25 * step.tip.h * modal.damping, 0.5 * kinetic, 0.5 * omega2], axis=1)
@@ -126,7 +126,7 @@ def needs_dense(blocks: Blocks, begun: Motion) -> bool:
     return blocks.modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
 
 
-def _takes(blocks: Blocks, states: Array) -> Array:
+def _energy_rows(blocks: Blocks, states: Array) -> Array:
     """Return what takes energy from all modes where ``states`` are added to blocks, ``(2 mode, column)``.
 
     That is per 2 v_m and then per ξ' - h v/2, see :class:`~workflow.schemes._fixed.balance.Dense`.
@@ -137,7 +137,7 @@ def _takes(blocks: Blocks, states: Array) -> Array:
     return np.concatenate([-0.5 * impulse - blocks.step.middle * pulled, -pulled])
 
 
-def _yields(modal: Decoupled) -> Array:
+def _half_flexibility(modal: Decoupled) -> Array:
     """Return 1/(2 ω²), 0 of rigid modes, ``(mode,)``."""
     return np.divide(0.5, modal.frequency**2, out=np.zeros_like(modal.frequency), where=modal.frequency > 0)
 
@@ -148,7 +148,7 @@ def _dense(
     """Return how matrices count the motion of modes, and its rows of lanes with what they begin with."""
     modal, step = blocks.modal, blocks.step
     n, count = modal.tip.size, blocks.damping.size
-    unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=felt_modes(blocks.scale))
+    unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=modes_at_tip(blocks.scale))
     outward = np.eye(2 * n) if blocks.outward is None else blocks.outward.reshape(2 * n, 2 * count)
     load = np.zeros(n) if modal.load is None else modal.load - structure.load_direction[-1] * modal.tip
     pulls = np.zeros((2, count, len(blocks.pairs)))
@@ -161,11 +161,11 @@ def _dense(
         damper=np.zeros((n, n)) if modal.damper is None else step.tip.h * (modal.damper - np.diag(modal.damping)),
         lagged=step.lagged,
         load=-0.5 * load,
-        yields=_yields(modal),
-        pulls=np.ascontiguousarray(_takes(blocks, pulls).T),
+        half_flexibility=_half_flexibility(modal),
+        pulls=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
         constant=lane_rows(2 * n),
         states=lane_rows(2 * count),
         moved=lane_rows(2 * n),
         inputs=lane_rows(2 * n),
     )
-    return dense, [(dense.constant, _takes(blocks, steady))]
+    return dense, [(dense.constant, _energy_rows(blocks, steady))]

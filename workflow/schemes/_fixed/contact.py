@@ -119,7 +119,7 @@ class Contact:
         """Return W as the law is given it: NaN where contact has no unique solution."""
         return np.where(self.factor(h, w) <= 0, np.nan, w)
 
-    def felt_by(self, step: TipStep) -> TipStep:
+    def with_contact(self, step: TipStep) -> TipStep:
         """Return a step with what its contact is."""
         return step._replace(stiffness=self.stiffness, holds=self.holds)
 
@@ -256,13 +256,13 @@ def was_pressed(own: Array, lane: Lane) -> bool:
 
 
 @by_type
-def meet(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
+def contact_step(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
     """Close a step by load and contact; leave in ``own`` the impulse of either (``LOAD``, ``IMPULSE``)."""
     raise NotImplementedError
 
 
-@defines(meet, TipStep)
-def _meet_by_theta(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
+@defines(contact_step, TipStep)
+def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
     x, v = tip_before(free.drive, tip, lane)
     gap, p, temperature = casing_place(free.drive, free.gap, lane), spread(0.0, lane), free.temperature
     after = relative(free.drive, free.velocity + step.load_mobility * free.impulse, lane)
@@ -280,8 +280,8 @@ def _meet_by_theta(step: TipStep, law: Law, free: Free, own: Array, tip: Array, 
     return End(engaged, x, v, temperature, p), Ahead(p, x, v, v)
 
 
-@defines(meet, CentralStep)
-def _meet_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
+@defines(contact_step, CentralStep)
+def _contact_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
     """Return the tip at t_k and the impulse about it; the step from there on is closed with p_k."""
     x, before, temperature = pack(own, (case_row.AHEAD, lane)), pack(own, (case_row.HALF, lane)), free.temperature
     after, p, about = free.velocity + step.load_mobility * free.impulse, spread(0.0, lane), spread(0.0, lane)

@@ -147,7 +147,7 @@ def _damp(dense: Dense, former: Array, sums: Array, lanes: int) -> None:
         sums[balance.SQUARE, lane] = 0.0
     for i in range(modes):
         for lane in range(lanes):
-            sums[balance.SQUARE, lane] += dense.yields[i] * dense.inputs[modes + i, lane] ** 2
+            sums[balance.SQUARE, lane] += dense.half_flexibility[i] * dense.inputs[modes + i, lane] ** 2
         for j in range(modes):
             factor = 0.25 * dense.damper[i, j]
             for lane in range(lanes):

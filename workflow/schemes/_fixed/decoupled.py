@@ -153,7 +153,7 @@ def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coup
     return -weights @ coupling[elastic]
 
 
-def felt_modes(tip: Array) -> NDArray[np.bool_]:
+def modes_at_tip(tip: Array) -> NDArray[np.bool_]:
     """Return which modes have a share in the tip, ``(mode,)``."""
     return np.asarray(np.abs(tip) > LEAST_SHARE * np.abs(tip).max(initial=0.0))
 

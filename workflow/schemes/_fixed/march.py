@@ -20,7 +20,7 @@ from workflow.schemes._fixed import case_row, free_motion, stepping, tip_row
 from workflow.schemes._fixed.balance import Account, count_work, lay_out_account
 from workflow.schemes._fixed.balances import Balances
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.contact import CentralStep, Contact, End, Free, Law, TipStep, meet, respond
+from workflow.schemes._fixed.contact import CentralStep, Contact, End, Free, Law, TipStep, contact_step, respond
 from workflow.schemes._fixed.count import count_step
 from workflow.schemes._fixed.drive import Drive, turn_drive
 from workflow.schemes._fixed.free_motion import Alone, FreeStep, State
@@ -94,7 +94,7 @@ def close_step(
     """Close a step by load and contact, and count what they do."""
     tip, load = block.tip, stepping.load_impulse(now, step.tip.h, block, lane)
     free = Free(alone.velocity, alone.temperature, load, pack(tip, (tip_row.GAP, lane)), block.drive)
-    end, ahead = meet(step.tip, law, free, state.own, tip, lane)
+    end, ahead = contact_step(step.tip, law, free, state.own, tip, lane)
     count_work(account, step.tip, end, ahead, alone.dragged, free, state.own, tip, lane)
     return end
 
