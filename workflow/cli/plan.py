@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from workflow.cli._failures import errors_in_words
-from workflow.cli._terminal import plain, say, write_json
+from workflow.cli._terminal import json_value, say, write_json
 from workflow.cli._words import Settings, StudyFile, named, read
 from workflow.cli.show import decided_lines
 
@@ -40,7 +40,7 @@ def plan(
         plan = plan_study(requested)
         held = None if output is None else holdings(requested, named(output))
         if as_json:
-            write_json({**plain(plan), "archive": held})
+            write_json({**json_value(plan), "archive": held})
             return
         for line in _lines(plan):
             say(line)

@@ -99,17 +99,17 @@ def block(name: str, value: Any) -> Html:
     Texts lose what :func:`escaped` takes from them, and what Bokeh would read as the beginning of a formula; numbers
     that are not finite are null.
     """
-    text = json.dumps(_plain(value), allow_nan=False, separators=(",", ":"))
+    text = json.dumps(_json_value(value), allow_nan=False, separators=(",", ":"))
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return tag("script", Html(text), id=name, type="application/json")
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     if isinstance(value, dict):
-        return {_plain(key): _plain(item) for key, item in value.items()}
+        return {_json_value(key): _json_value(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_json_value(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return _FORMULA.sub("\u2060", _INVALID.sub("", value)) if isinstance(value, str) else value
