@@ -38,7 +38,9 @@ def predictability(run: Callable[[Cases], Results], cases: Cases, displacement: 
 def perturbed(cases: Cases, share: float, reach: float) -> Cases:
     """Return cases with gap, tip load, start and heating changed by a share; a tip never starts beyond the casing.
 
-    ``reach`` is the largest displacement of the tip, m: the gap changes by the share of it, also where it is 0.
+    ``reach`` is the largest displacement of the tip, m: the gap changes by the share of it, also where it is 0. So does
+    the mean load, by a share of the amplitude: rounding decides whether a load presses where its sinusoid is 0. A wider
+    gap comes with a smaller mean: one direction takes contact away, the other adds to it.
     """
     gap = cases.gap + share * np.maximum(np.abs(cases.gap), reach)
     displacement = cases.displacement * (1 + share)
@@ -49,7 +51,7 @@ def perturbed(cases: Cases, share: float, reach: float) -> Cases:
     return replace(
         cases,
         gap=gap,
-        mean=cases.mean * (1 + share),
+        mean=cases.mean - share * np.maximum(np.abs(cases.mean), np.abs(cases.amplitude)),
         amplitude=cases.amplitude * (1 - share),
         displacement=displacement,
         velocity=cases.velocity * (1 - share),
