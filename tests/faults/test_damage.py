@@ -149,12 +149,3 @@ def test_five_hundred_archives_with_flipped_bytes_are_named(sound: Path, tmp_pat
     print(f"of 500 with a flipped byte plain xarray read {same} as they were, {raised} not at all, {differs} otherwise")
     assert same + raised + differs == 500
     assert differs <= 5
-
-
-@pytest.mark.slow
-def test_a_thousand_damaged_archives_are_named(sound: Path, tmp_path: Path) -> None:
-    for number in range(1000):
-        path = tmp_path / f"{number}.nc"
-        damaged(sound, path, number)
-        check_named(sound, path)
-        path.unlink()

@@ -197,7 +197,7 @@ def _make_room(template: xr.Dataset, parts: Path, target: Path) -> None:
 
 
 def _finish(template: xr.Dataset, path: Path, digest: str) -> None:
-    """See that no chunk is missing, each of which the hash has decoded, and add the hash, in characters as all texts."""
+    """See that no chunk is missing, each of which the hash has decoded, and add the hash, as characters."""
     import h5py
 
     from workflow.archive._lock import LOCK
