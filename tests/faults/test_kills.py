@@ -47,7 +47,8 @@ def has_more(archive: Path, there: set[str], count: int, since: float) -> bool:
 def test_killed_at_random_moments(tmp_path: Path, request: pytest.FixtureRequest) -> None:
     """Each kind is killed a few times, then another one, often with what the one before has left: ``--kills`` in all.
 
-    What is under the archive's name is the one before or a whole new one, and no shard of a kind goes before that.
+    What is under the archive's name is the one before or a whole new one, and no shard of a kind goes before that. With
+    ``-n 0 -s`` it says how many of each kind there were.
     """
     kills, moments, archive = request.config.getoption("--kills"), random.Random(20), tmp_path / "a.nc"
     images = {}

@@ -258,15 +258,3 @@ def test_nothing_is_taken_from_a_damaged_archive(tmp_path: Path) -> None:
     archive.write_bytes(image)
     refused(quick({"e": [0.0, 0.1]}), archive, "damaged, its bytes are not those that were written")
     run_study(quick({"e": [0.0, 0.1]}), archive, recompute=True, drop=True)
-
-
-def test_a_zip_of_300_cases_makes_300_cells(tmp_path: Path) -> None:
-    pairs = {"e": np.linspace(0, 0.9, 300).tolist(), "alpha": np.linspace(0, 50, 300).tolist()}
-    study = quick({"e": None, "alpha": None}, zip={"pair": pairs})
-    with counted() as solved:
-        run_study(study, tmp_path / "a.nc")
-    assert sum(solved) == 300
-    with open_archive(tmp_path / "a.nc") as data:
-        assert data["status"].dims == ("pair",)
-        assert data["status"].size == 300
-        assert data["alpha"].values.tolist() == pairs["alpha"]

@@ -162,10 +162,11 @@ def find(job: Job, now: Mapping[str, str], archive: Path, reuse: Reuse) -> Found
         if not reuse.recompute:
             stored = archive_sources(archive)
             refused = _other_version(archive, texts)
-            if not refused and Stored(stored).holds(hashes).any() and (names := lacking(template, stored[0].kinds)):
-                refused = _without(archive, names)
-            if not refused and (names := surplus(template, stored[0].kinds)):
-                lost.append(_wider_text(archive, names))
+            missing, wider = lacking(template, stored[0].kinds), surplus(template, stored[0].kinds)
+            if not refused and missing and Stored(stored).holds(hashes).any():
+                refused = _without_text(archive, missing)
+            if not refused and wider:
+                lost.append(_wider_text(archive, wider))
             stored = [] if refused else stored
             origins += [texts] if Stored(reuse.taken(stored, template)).holds(hashes).any() else []
     every = Stored(shards).hashes
@@ -245,7 +246,7 @@ def _other_version(archive: Path, texts: Mapping[str, str]) -> str:
     )
 
 
-def _without(archive: Path, names: Iterable[str]) -> str:
+def _without_text(archive: Path, names: Iterable[str]) -> str:
     return (
         f"{archive}: holds cases of this study, but without {', '.join(names)}; "
         "--recompute runs all cases again and replaces it, -o chooses another archive"
