@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,12 +57,12 @@ def test_a_run_goes_on_where_its_helper_fails(tmp_path: Path, monkeypatch: pytes
     asked: list[list[str]] = []
     start = compilation._started
 
-    def noted(parts: list[tuple[compilation.KernelVariant, str]]) -> Any:
-        asked.append([variant.method for variant, _ in parts])
-        return start(parts)
+    def noted(variants: Sequence[compilation.KernelVariant]) -> Any:
+        asked.append([variant.method for variant in variants])
+        return start(variants)
 
     monkeypatch.setattr(compilation, "_started", noted)
-    monkeypatch.setattr(compilation, "_note", lambda variant, call="": tmp_path / f"{variant.method}{call}.compiled")
+    monkeypatch.setattr(compilation, "_note", lambda variant: tmp_path / f"{variant.method}.compiled")
     monkeypatch.setattr(sys, "executable", str(tmp_path / "missing"))
     assert run_study(quick(**THREE), tmp_path / "three.nc", threads=2).ok
     run_study(quick(**THREE), tmp_path / "alone.nc", threads=1)
