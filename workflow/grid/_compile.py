@@ -77,7 +77,7 @@ def compiled_ahead(variants: Sequence[KernelVariant]) -> Iterator[None]:
     """Compile all but the first of what is missing in a helper process, which ends with the context."""
     helped = [variant for variant in variants if is_missing(variant)][1:]
     if helped:
-        with suppress(OSError):
+        with suppress(Exception):
             _HELPER.append((_started(helped), helped))
     try:
         yield
@@ -90,12 +90,12 @@ def compiled_ahead(variants: Sequence[KernelVariant]) -> Iterator[None]:
 
 def _started(variants: Sequence[KernelVariant]) -> subprocess.Popen[bytes]:
     """Start the helper process."""
+    content, null = pickle.dumps(variants), subprocess.DEVNULL
     code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import main; main()"
-    null = subprocess.DEVNULL
     process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=null, stderr=null)
     assert process.stdin is not None
     with suppress(OSError):  # it has ended
-        pickle.dump(variants, process.stdin)
+        process.stdin.write(content)
         process.stdin.flush()
     return process
 
