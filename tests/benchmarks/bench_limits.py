@@ -7,12 +7,10 @@ threads: the clock's), and lines that are compared take turns, so that ratios su
 from __future__ import annotations
 
 import os
-import subprocess
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
 
 import multiply_add_peak
@@ -26,7 +24,6 @@ from workflow.models import Cases, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Results
 
-DEBIAN = "/usr/bin/python3"
 H = 1e-5
 RIVALS: dict[str, tuple[str, dict[str, Any]]] = {
     "moreau": ("moreau", {}),
@@ -176,21 +173,6 @@ def scaling(size: Size) -> list[Line]:
     return lines
 
 
-def siconos(steps: int) -> float | None:
-    """Return processor seconds per step of Siconos, ``None`` where it is not installed or fails."""
-    script = Path(__file__).with_name("siconos_chain.py")
-    if not Path(DEBIAN).exists():
-        return None
-    environment = {"PATH": "/usr/bin:/bin", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    try:
-        words = subprocess.run(
-            [DEBIAN, str(script), str(steps), "1e-5"], capture_output=True, text=True, check=True, env=environment
-        ).stdout.split()
-        return float(words[0]) if words else None
-    except (OSError, subprocess.SubprocessError, ValueError):  # installed, and fails when it is used
-        return None
-
-
 def numpy_loop(steps: int) -> float:
     """Return seconds per step of the θ-method as one matrix per step, on x, v and temperatures."""
     chain, h = heavy_chain(), 1e-5
@@ -255,14 +237,10 @@ def dop853(most: int) -> tuple[float, float]:
 
 def rivals(size: Size, whole: float) -> list[Line]:
     """What people would use instead, for one step or for a simulated second."""
-    other, plain = siconos(size.rival_steps), numpy_loop(10 * size.rival_steps)
+    plain = numpy_loop(10 * size.rival_steps)
     integrated, simulated = dop853(20 if size.rival_steps > 1000 else 1)
-    measured, ratio = "skipped: not installed or fails", ""
-    if other is not None:
-        measured, ratio = f"{1e6 * other:.1f} us", f"{1e9 * other / whole:.0f}"
     what = f"SciPy DOP853 with events, {simulated:.2g} s, per simulated second"
     return [
-        ("Siconos, the same step without heat", ">= 1000", measured, ratio),
         ("NumPy, a matrix per step", ">= 300", f"{1e6 * plain:.1f} us", f"{1e9 * plain / whole:.0f}"),
         (what, "", f"{integrated:.2f} s", f"{integrated / (whole * 1e-9 / H):.0f}"),
     ]

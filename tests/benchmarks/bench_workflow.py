@@ -94,8 +94,8 @@ def memory(cases: int, kind: dict[str, str]) -> float:
 def equal_terms(size: Size) -> list[Line]:
     """Return what a user waits for, for each of distinct cases over 0.3 s, set-up and archive included, one thread.
 
-    Loops in Siconos and NumPy know no batches: their cases take as long each. Few of their steps, and SciPy's first
-    milliseconds, are measured and multiplied.
+    A loop in NumPy knows no batches: its cases take as long each. Few of its steps, and SciPy's first milliseconds, are
+    measured and multiplied.
     """
     seconds, steps = {}, 30_000
     for scheme in ("moreau", "event_driven"):
@@ -104,7 +104,6 @@ def equal_terms(size: Size) -> list[Line]:
             run_study(study, directory / "warm.nc", threads=1)
             count = sum(run_study(study, directory / "a.nc", threads=1).counts.values())
             seconds[scheme] = taken(partial(run_study, study, directory / "b.nc", threads=1)) / count
-    siconos = bench_limits.siconos(size.rival_steps)
     integrated, _ = bench_limits.dop853(20 if size.rival_steps > 1000 else 1)
     own = seconds["moreau"]
     what = f"a case of 0.3 s, {count} distinct ones, one thread, everything included"
@@ -112,14 +111,10 @@ def equal_terms(size: Size) -> list[Line]:
     for label, other in (
         ("`event_driven`", seconds["event_driven"]),
         ("NumPy, h = 1e-5 s", bench_limits.numpy_loop(10 * size.rival_steps) * steps),
-        ("Siconos, h = 1e-5 s, no heat", None if siconos is None else siconos * steps),
         ("SciPy DOP853 with events", 0.3 * integrated),
     ):
-        measured, ratio = "skipped: not installed or fails", ""
-        if other is not None:
-            measured = f"{other:.3g} s" if other >= 1 else f"{1e3 * other:.3g} ms"
-            ratio = f"{other / own:.3g}"
-        lines.append((f"{what}: {label}, over `moreau`", "", measured, ratio))
+        measured = f"{other:.3g} s" if other >= 1 else f"{1e3 * other:.3g} ms"
+        lines.append((f"{what}: {label}, over `moreau`", "", measured, f"{other / own:.3g}"))
     return lines
 
 
