@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workflow.cli._failures import errors_in_words
 from workflow.cli._terminal import say, write_json
 
 if TYPE_CHECKING:
@@ -23,16 +22,15 @@ def show(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line for each archive.")] = False,
 ) -> None:
     """Say what archives hold: dimensions, statuses, what failed and why."""
-    with errors_in_words():
-        from workflow.archive import open_archive
+    from workflow.archive import open_archive
 
-        for archive in archives:
-            with open_archive(archive) as dataset:
-                if as_json:
-                    write_json(_entries(archive, dataset))
-                else:
-                    for line in _lines(archive, dataset):
-                        say(line)
+    for archive in archives:
+        with open_archive(archive) as dataset:
+            if as_json:
+                write_json(_entries(archive, dataset))
+            else:
+                for line in _lines(archive, dataset):
+                    say(line)
 
 
 def _lines(archive: Path, dataset: xr.Dataset) -> Iterator[str]:
