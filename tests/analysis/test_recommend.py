@@ -18,6 +18,7 @@ from studies import SCENE, parsed
 from terminal import workflow
 from workflow.analysis import (
     NoReferenceError,
+    json_value,
     recommend,
     recommendation_cautions,
     recommendation_entries,
@@ -27,7 +28,6 @@ from workflow.analysis import (
 )
 from workflow.analysis._recommend import SPREAD
 from workflow.archive import open_archive
-from workflow.cli._terminal import json_value
 from workflow.run import run_study
 from workflow.schemes import Status
 
@@ -106,7 +106,10 @@ def test_it_is_what_a_brute_search_finds(seed: int, tolerance: float, bad: float
         if recommended.next is not None:
             assert recommended.next.cost < recommended.choice.cost
             assert recommended.next.share < 1
-    assert json.loads(json.dumps(json_value(recommendation_entries(recommended)), allow_nan=False))["tolerance"] == tolerance
+    assert (
+        json.loads(json.dumps(json_value(recommendation_entries(recommended)), allow_nan=False))["tolerance"]
+        == tolerance
+    )
     assert sentence(recommended).endswith(".")
     assert len(recommendation_row(recommended)) == 6
 

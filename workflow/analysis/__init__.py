@@ -21,6 +21,7 @@ from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
 from workflow.analysis._decided import decided
 from workflow.analysis._effects import effect, hidden
+from workflow.analysis._json import json_value
 from workflow.analysis._limits import (
     Limits,
     NothingSteadyError,
@@ -89,6 +90,7 @@ __all__ = [
     "impact_speeds",
     "impulse_growth",
     "is_exact",
+    "json_value",
     "labels",
     "labels_of",
     "limit_sentence",

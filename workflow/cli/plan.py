@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workflow.cli._terminal import json_value, say, write_json
+from workflow.cli._terminal import say, write_json
 from workflow.cli._words import Settings, StudyFile, named, read
 from workflow.cli.show import decided_lines
 
@@ -38,7 +38,7 @@ def plan(
     plan = plan_study(requested)
     held = None if output is None else holdings(requested, named(output))
     if as_json:
-        write_json({**json_value(plan), "archive": held})
+        write_json({**vars(plan), "archive": held})
         return
     for line in _lines(plan):
         say(line)
