@@ -37,7 +37,6 @@ from workflow.analysis._precision import (
     ERRORS,
     SENSELESS,
     Line,
-    has_lines,
     lines,
     observed_order,
 )
@@ -85,7 +84,6 @@ __all__ = [
     "finest",
     "followed_axis",
     "growth",
-    "has_lines",
     "hidden",
     "impact_speeds",
     "impulse_growth",

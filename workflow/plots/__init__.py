@@ -10,7 +10,7 @@ from workflow.plots._axes import metric_by_axis
 from workflow.plots._bifurcation import bifurcation
 from workflow.plots._branches import branches
 from workflow.plots._maps import map_dims, middle, scene_map, single_maps
-from workflow.plots._precision import convergence, error_by_cost, error_by_step, work_precision
+from workflow.plots._precision import convergence, work_precision
 from workflow.plots._response import Curve, abstract_figure, histories, tip_response
 from workflow.plots._scenes import growth_against_prediction, impact_speed_map
 from workflow.plots._sobol import sobol_indices
@@ -23,8 +23,6 @@ __all__ = [
     "bifurcation",
     "branches",
     "convergence",
-    "error_by_cost",
-    "error_by_step",
     "growth_against_prediction",
     "histories",
     "impact_speed_map",

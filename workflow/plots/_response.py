@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow.analysis import case_dims, casing_motion, contact_phases, finest, labels_of, place_text, shown_dim
-from workflow.plots._style import COLOURS, GREY, trim
+from workflow.plots._style import COLOURS, GREY, legend_below, new_figure, trim
 from workflow.plots._units import scaled
 
 if TYPE_CHECKING:
@@ -56,11 +56,9 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     phases_of
         Position of the case whose contact phases are shaded, ``None`` for none.
     """
-    from matplotlib.figure import Figure
-
     first = curves[0].case
     names = [name for name in _PANELS if name in first]
-    figure = Figure(figsize=(9.0, 2.3 * len(names) + 0.9), layout="constrained")
+    figure = new_figure(9.0, 2.3 * len(names) + 0.9)
     axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
     for panel, name in zip(axes, names, strict=True):
         about, unit, scale = _PANELS[name]
@@ -84,8 +82,7 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.08 * (high - low))
     axes[-1].set_xlabel("time [s]")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), frameon=False, fontsize=9)
+    legend_below(figure, *axes[0].get_legend_handles_labels(), columns=min(4, len(curves)))
     if title:
         figure.suptitle(title, fontsize=11)
     return figure

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis import impact_speeds
-from workflow.plots._style import COLOURS, MARKERS, trim
+from workflow.plots._style import COLOURS, label_lowest, legend_below, look, new_figure, trim
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 _OFF_THE_PANEL = 10.0
 """Growth by so many factors of e leaves the panel: it would flatten all else."""
-
 
 _COLUMNS = 3
 """Panels beside each other that are read on a page."""
@@ -34,9 +33,7 @@ def growth_against_prediction(archive: xr.Dataset) -> Figure:
         Cases in permanent contact along ``alpha`` alone, from static equilibrium, with the history
         ``contact_force``.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = new_figure(8.0, 4.6)
     panel = figure.subplots()
     t = np.asarray(archive["t"].values)[1:]
     top = static = float(archive["contact_force"].isel(alpha=0).values[1])
@@ -71,11 +68,9 @@ def impact_speed_map(archive: xr.Dataset, quantile: float = 0.9) -> Figure:
         Of the impact speeds of a case that is drawn, in the second half of its time; cases without
         contact then have none.
     """
-    from matplotlib.figure import Figure
-
     gaps = np.atleast_1d(archive["gap"].values)
     columns, rows = min(len(gaps), _COLUMNS), -(-len(gaps) // _COLUMNS)
-    figure = Figure(figsize=(3.6 * columns + 0.8, 3.6 * rows + 0.8), layout="constrained")
+    figure = new_figure(3.6 * columns + 0.8, 3.6 * rows + 0.8)
     grid: Any = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True))
     frequency = np.asarray(archive["frequency"].values)
     half = archive.isel(t=slice(archive.sizes["t"] // 2, None))
@@ -84,17 +79,11 @@ def impact_speed_map(archive: xr.Dataset, quantile: float = 0.9) -> Figure:
             chosen = half.sel(gap=gap, e=e) if "gap" in half.dims else half.sel(e=e)
             speeds = [impact_speeds(chosen.sel(frequency=f)) for f in frequency]
             quantiles = np.array([np.quantile(one, quantile) if one.size else np.nan for one in speeds])
-            look = {"marker": MARKERS[k % len(MARKERS)], "color": COLOURS[k % len(COLOURS)]}
-            panel.plot(frequency, quantiles, **look, ms=4, lw=1.3, label=f"e = {e:g}")
+            panel.plot(frequency, quantiles, **look(k), ms=4, lw=1.3, label=f"e = {e:g}")
         panel.set_title(f"gap {gap * 1e6:.3g} µm")
         if place % columns == 0:
             panel.set_ylabel("impact speed [m/s]")
-        if place + columns >= len(gaps):  # nothing is drawn below it
-            panel.set_xlabel("load frequency [Hz]")
-            panel.tick_params(labelbottom=True)
         trim(panel)
-    for panel in grid[len(gaps) :]:
-        panel.remove()
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2 * columns, frameon=False, fontsize=9)
+    label_lowest(grid, len(gaps), columns, "load frequency [Hz]")
+    legend_below(figure, *grid[0].get_legend_handles_labels(), columns=2 * columns)
     return figure

@@ -26,15 +26,7 @@ from workflow.analysis import (
     runaways,
     standings,
 )
-from workflow.plots import (
-    error_by_cost,
-    error_by_step,
-    map_dims,
-    metric_by_axis,
-    middle,
-    scene_map,
-    single_maps,
-)
+from workflow.plots import convergence, map_dims, metric_by_axis, middle, scene_map, single_maps, work_precision
 from workflow.report._html import image, short, table, tag
 from workflow.run import status_counts
 from workflow.schemes import Status
@@ -241,15 +233,14 @@ def precision(dataset: xr.Dataset) -> Section:
     """Draw speed against error where an archive has both, and name the observed orders."""
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
         return Section([], None)
-    fewest, drawn_lines = _fewest_modes(dataset), lines(dataset)
-    beside = lines(dataset, fewest) if fewest else []
+    fewest = _fewest_modes(dataset)
     shown = place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")})
     orders = [
         [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.order(name)) for name in ERRORS), _limit(line)]
-        for line in drawn_lines
+        for line in lines(dataset)
         if not line.exact
     ]
-    figure = error_by_cost(drawn_lines, beside)
+    figure = work_precision(dataset, dataset.isel(fewest) if fewest else None)
     body = [
         tag("h2", "Speed against error"),
         tag(
@@ -258,7 +249,7 @@ def precision(dataset: xr.Dataset) -> Section:
             "the share of a case in its batch.",
         ),
         image(figure, "relative error against wall seconds per simulated second"),
-        image(error_by_step(drawn_lines), "relative error, penetration and energy residual against the step"),
+        image(convergence(dataset), "relative error, penetration and energy residual against the step"),
         tag("p", "Observed orders: slopes of log error over log h of three errors or more below 0.1; rms about them:"),
         table(["scheme", *(f"{one}: order / scatter" for one in ERRORS.values()), "last stable step [s]"], orders),
     ]
