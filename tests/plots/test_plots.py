@@ -2,39 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from workflow.analysis import ERRORS, Line
+from errors_over_steps import H, over_steps
+from workflow.analysis import ERRORS
 from workflow.plots import (
-    error_by_cost,
-    error_by_step,
+    convergence,
     growth_against_prediction,
     histories,
     impact_speed_map,
     map_dims,
     save,
     scene_map,
+    work_precision,
 )
 
-H = np.logspace(-7, -3, 9)
-
-
-def line(scheme: str, error: np.ndarray, ok: np.ndarray | None = None) -> Line:
-    is_ok = np.ones(H.size, dtype=bool) if ok is None else ok
-    ok_errors = np.where(is_ok, error, np.nan)
-    return Line(scheme, H, dict.fromkeys(ERRORS, ok_errors), 1e-8 / H, 1e-3 * ok_errors, -ok_errors, is_ok, 1e-13)
-
-
-ROBUST = line("robust", 100 * H)
-LIMITED = line("limited", 1e4 * H**2, H < 5e-6)
-WILD = line("wild", np.where(H < 2e-6, 1e-3, 1e90))
-EXACT = line("exact", np.zeros(H.size))
-FOUND = [ROBUST, LIMITED, WILD, EXACT]
+FOUND = over_steps(
+    {"robust": 100 * H, "limited": 1e4 * H**2, "wild": np.where(H < 2e-6, 1e-3, 1e90), "exact": 0 * H},
+    {"limited": H < 5e-6},
+)
 
 
 def crosses(panel: object) -> list[np.ndarray]:
@@ -42,7 +32,7 @@ def crosses(panel: object) -> list[np.ndarray]:
 
 
 def test_work_precision(tmp_path: Path) -> None:
-    figure = error_by_cost(FOUND, [line("robust", 200 * H)])
+    figure = work_precision(FOUND, over_steps({"robust": 200 * H}))
     assert [panel.get_title() for panel in figure.axes] == ["impulse", "temperature", "displacement"]
     panel = figure.axes[0]
     labels = {drawn.get_label(): np.asarray(drawn.get_xdata()) for drawn in panel.get_lines()}
@@ -56,7 +46,7 @@ def test_work_precision(tmp_path: Path) -> None:
 
 
 def test_convergence(tmp_path: Path) -> None:
-    figure = error_by_step(FOUND)
+    figure = convergence(FOUND)
     titles = [panel.get_title() for panel in figure.axes]
     assert titles[:3] == [f"{about}: relative L2 error" for about in ERRORS.values()]
     assert titles[3:] == ["largest penetration [m]", "|energy residual| / largest energy"]
@@ -70,14 +60,15 @@ def test_convergence(tmp_path: Path) -> None:
 
 
 def test_a_line_of_too_few_points_has_neither_order_nor_scatter() -> None:
-    figure = error_by_step([line("short", 100 * H, H < 5e-7), EXACT])
+    figure = convergence(over_steps({"short": 100 * H, "exact": 0 * H}, {"short": H < 5e-7}))
     assert figure.axes[0].get_legend() is None
 
 
 def test_residuals_of_rounding_are_drawn_and_every_column_has_its_steps() -> None:
     """A residual below 1e-12 had no point, and the third column, of one row, no numbers at its axis."""
-    exact_balance = replace(FOUND[0], residual=np.full(H.size, 1e-16))
-    figure = error_by_step([exact_balance, *FOUND[1:]])
+    exact_balance = FOUND.copy(deep=True)
+    exact_balance["energy_residual"][0] = 1e-16
+    figure = convergence(exact_balance)
     *_, third, _, residuals = figure.axes
     assert np.asarray(residuals.get_lines()[0].get_ydata()).tolist() == [1e-16] * H.size
     assert third.get_xlabel() == "step h [s]"
@@ -85,8 +76,9 @@ def test_residuals_of_rounding_are_drawn_and_every_column_has_its_steps() -> Non
 
 
 def test_convergence_of_schemes_that_are_all_lost(tmp_path: Path) -> None:
-    save(error_by_step([line("lost", H, H < 0), EXACT]), tmp_path / "a.png")
-    save(error_by_cost([line("lost", H, H < 0)]), tmp_path / "b.png")
+    lost = over_steps({"lost": H, "exact": 0 * H}, {"lost": H < 0})
+    save(convergence(lost), tmp_path / "a.png")
+    save(work_precision(lost.isel(scheme=[0])), tmp_path / "b.png")
 
 
 def pressed(share: np.ndarray) -> xr.Dataset:

@@ -30,7 +30,7 @@ from workflow.analysis._limits import (
     limit_sentence,
     limits,
 )
-from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds, impulse_growth
+from workflow.analysis._motion import energy_kept, impact_speeds, impulse_growth
 from workflow.analysis._notable import exact_partners, is_exact, notable_cases, total_error
 from workflow.analysis._phases import contact_phases
 from workflow.analysis._precision import (
@@ -71,7 +71,6 @@ __all__ = [
     "case_dims",
     "casing_motion",
     "compare",
-    "contact_loss",
     "contact_phases",
     "count_sentence",
     "decided",
@@ -83,7 +82,6 @@ __all__ = [
     "failures",
     "finest",
     "followed_axis",
-    "growth",
     "hidden",
     "impact_speeds",
     "impulse_growth",

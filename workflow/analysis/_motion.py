@@ -1,4 +1,4 @@
-"""Quantities derived from the tip's motion: work of the contact, growth, impact speeds."""
+"""Quantities derived from the tip's motion: what energy is kept, impact speeds, growth of the impulse."""
 
 from __future__ import annotations
 
@@ -15,34 +15,24 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def contact_loss(case: xr.Dataset) -> float:
-    """Return the energy that the contact has taken, Σ p (v_n before + v_n after)/2, J.
-
-    Parameters
-    ----------
-    case
-        One case with the histories ``velocity`` and ``impulse``, sampled at every step: the output
-        interval is h.
-    """
-    velocity = np.asarray(case["velocity"].values, dtype=float)
-    impulses = np.diff(np.asarray(case["impulse"].values, dtype=float))
-    return float(np.sum(impulses * (velocity[1:] + velocity[:-1]) / 2))
-
-
 def energy_kept(case: xr.Dataset, energy: float) -> float:
     """Return the share of its initial energy that an unloaded, undamped case has in the end.
 
-    The energy residual (what the scheme gives or takes) and the loss in contact together; while the
-    energy never passes its initial value, which the residual is then relative to.
+    The energy residual (what the scheme gives or takes) and what the contact has taken, Σ p (v_n before + v_n after)/2,
+    together; while the energy never passes its initial value, which the residual is then relative to.
 
     Parameters
     ----------
     case
-        As for :func:`contact_loss`, with balances.
+        One case with balances and the histories ``velocity`` and ``impulse``, sampled at every step: the output
+        interval is h.
     energy
         Energy at t = 0, J.
     """
-    return 1.0 + float(case["energy_residual"]) - contact_loss(case) / energy
+    velocity = np.asarray(case["velocity"].values, dtype=float)
+    impulses = np.diff(np.asarray(case["impulse"].values, dtype=float))
+    taken = float(np.sum(impulses * (velocity[1:] + velocity[:-1]) / 2))
+    return 1.0 + float(case["energy_residual"]) - taken / energy
 
 
 def impact_speeds(case: xr.Dataset) -> Array:
@@ -69,23 +59,6 @@ def impact_speeds(case: xr.Dataset) -> Array:
     squared = v[before] ** 2 + 2 * acceleration * room
     speeds = np.sqrt(np.maximum(squared, 0.0))
     return np.asarray(speeds[speeds > 0])
-
-
-def growth(case: xr.Dataset, name: str, share: float = 0.3) -> float:
-    """Return the exponential rate of a history over its last part, 1/s, by least squares of its logarithm.
-
-    Parameters
-    ----------
-    case
-        One case with the history.
-    name
-        The history, positive over that part.
-    share
-        The part of the duration that is used.
-    """
-    t = np.asarray(case["t"].values, dtype=float)
-    last = t >= t[-1] * (1 - share)
-    return float(np.polyfit(t[last], np.log(np.asarray(case[name].values, dtype=float)[last]), 1)[0])
 
 
 def impulse_growth(dataset: xr.Dataset) -> Array | None:

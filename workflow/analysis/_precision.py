@@ -70,7 +70,7 @@ def observed_order(dataset: xr.Dataset, error: str = "impulse_scheme_error") -> 
     if "predictability" in dataset:
         errors = errors.where(errors > UNPREDICTABLE * dataset["predictability"].fillna(0.0))
     errors = errors.transpose(..., dim)
-    order, scatter = fitted(np.asarray(dataset["h"].values, dtype=float), np.asarray(errors.values, dtype=float))
+    order, scatter = _fitted(np.asarray(dataset["h"].values, dtype=float), np.asarray(errors.values, dtype=float))
     dims, what = errors.dims[:-1], error.replace("_", " ")
     about = {"units": "1", "long_name": f"observed order of the {what} in h"}
     about_scatter = {"units": "1", "long_name": f"root mean square of log10 of the {what} about the line of the order"}
@@ -78,16 +78,8 @@ def observed_order(dataset: xr.Dataset, error: str = "impulse_scheme_error") -> 
     return xr.Dataset(variables, errors.isel({dim: 0}, drop=True).coords)
 
 
-def fitted(h: Array, errors: Array) -> tuple[Array, Array]:
-    """Return slope and scatter of log10 error over log10 h by least squares, see :func:`observed_order`.
-
-    Parameters
-    ----------
-    h
-        Steps, s, shape ``(h,)``.
-    errors
-        ``(case, h)``, or with more dimensions before ``h`` or none; NaN where a step does not count.
-    """
+def _fitted(h: Array, errors: Array) -> tuple[Array, Array]:
+    """Return slope and scatter of log10 error over log10 h by least squares, of errors ``(…, h)``."""
     with np.errstate(invalid="ignore", divide="ignore"):
         used = (errors > 0) & (errors < ASYMPTOTIC)
         count = used.sum(axis=-1)
@@ -119,8 +111,8 @@ class Line:
         Largest penetration, m, and energy residual (NaN without balances), ``(h,)``.
     ok
         Whether the case ended ok, ``(h,)``.
-    predictability
-        Of the reference.
+    orders
+        Observed order of each error and its scatter, see :func:`observed_order`.
     """
 
     scheme: str
@@ -130,7 +122,7 @@ class Line:
     penetration: Array
     residual: Array
     ok: NDArray[np.bool_]
-    predictability: float
+    orders: dict[str, tuple[float, float]]
 
     @property
     def exact(self) -> bool:
@@ -147,14 +139,6 @@ class Line:
         """Return values at the steps whose impulse error is not :data:`SENSELESS`, NaN at others."""
         with np.errstate(invalid="ignore"):
             return np.where(self.errors["impulse_error"] < SENSELESS, values, np.nan)
-
-    def order(self, name: str) -> tuple[float, float]:
-        """Return the observed order of an error and its scatter, as :func:`observed_order` has them."""
-        error = self.errors[name]
-        with np.errstate(invalid="ignore"):
-            used = self.ok & (error > UNPREDICTABLE * self.predictability)
-        order, scatter = fitted(self.h, np.where(used, error, np.nan))
-        return float(order), float(scatter)
 
     def stable_steps(self) -> tuple[float, float] | None:
         """Return the largest step before the first that is lost, and that one, where there are both."""
@@ -183,6 +167,7 @@ def lines(dataset: xr.Dataset) -> list[Line]:
 def _line(cut: xr.Dataset, simulated: float) -> Line:
     """Return the line through the steps of one scheme."""
     ok = np.asarray(cut["status"].values) == Status.OK
+    fits = {error: observed_order(cut, error) for error in ERRORS}
 
     def of_ok(name: str) -> Array:
         return np.where(ok, np.asarray(cut[name].values, dtype=float) if name in cut else np.nan, np.nan)
@@ -195,5 +180,5 @@ def _line(cut: xr.Dataset, simulated: float) -> Line:
         penetration=of_ok("max_penetration"),
         residual=of_ok("energy_residual"),
         ok=ok,
-        predictability=float(np.nanmax(np.asarray(cut["predictability"].values, dtype=float), initial=0.0)),
+        orders={error: (float(fit["order"]), float(fit["scatter"])) for error, fit in fits.items()},
     )

@@ -95,7 +95,7 @@ def convergence(dataset: xr.Dataset) -> Figure:
     panels = np.ravel(figure.subplots(2, columns, sharex=True))
     for panel, (name, about) in zip(panels, ERRORS.items(), strict=False):
         for k, line in enumerate(stepping):
-            order, scatter = line.order(name)
+            order, scatter = line.orders[name]
             label = None if np.isnan(order) else f"order {order:z.2f}, scatter {scatter:.2f}"
             _draw_over_steps(panel, line, _shown(line.h, line.sane(line.errors[name])), k, label)
         panel.set(xscale="log", yscale="log")

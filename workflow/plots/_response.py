@@ -10,6 +10,7 @@ import numpy as np
 from workflow.analysis import case_dims, casing_motion, contact_phases, finest, labels_of, place_text, shown_dim
 from workflow.plots._style import COLOURS, GREY, legend_below, new_figure, trim
 from workflow.plots._units import scaled
+from workflow.study import readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,13 +25,14 @@ MOST_SHADED = 40
 _LINE = 0.09
 """Share of a panel's height that a line of text takes."""
 
-_PANELS = {
-    "displacement": ("tip displacement", "m", 1.0),
-    "velocity": ("tip velocity", "m/s", 1.0),
-    "temperature": ("tip temperature rise", "K", 1.0),
-    "contact_force": ("contact force", "N", 1.0),
-    "impulse": ("impulse", "N s", 1.0),
+HISTORIES = {
+    "displacement": "tip displacement",
+    "velocity": "tip velocity",
+    "temperature": "tip temperature rise",
+    "contact_force": "contact force",
+    "impulse": "impulse",
 }
+"""Histories in the order in which they stand below each other, and their titles."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +59,11 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
         Position of the case whose contact phases are shaded, ``None`` for none.
     """
     first = curves[0].case
-    names = [name for name in _PANELS if name in first]
+    names = [name for name in HISTORIES if name in first]
     figure = new_figure(9.0, 2.3 * len(names) + 0.9)
     axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
     for panel, name in zip(axes, names, strict=True):
-        about, unit, scale = _PANELS[name]
+        unit, scale = readable(str(first[name].attrs.get("units", "1"))), 1.0
         if name == "displacement":
             largest = max(float(np.nanmax(np.abs(curve.case[name].values), initial=0.0)) for curve in curves)
             unit, scale = scaled("m", np.array([largest]))
@@ -76,7 +78,7 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
             panel.plot(t, values, curve.style, color=curve.colour, lw=curve.width, label=curve.label)
         if name == "displacement":
             _draw_casing(panel, curves, scale, unit)
-        panel.set_ylabel(f"{about} [{unit}]")
+        panel.set_ylabel(f"{HISTORIES[name]} [{unit}]")
         panel.margins(x=0)
         trim(panel)
     low, high = axes[0].get_ylim()
@@ -156,7 +158,7 @@ def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
     ValueError
         There are no histories, no case is ok, or there is no such dimension.
     """
-    if not any(name in dataset for name in _PANELS):
+    if not any(name in dataset for name in HISTORIES):
         raise ValueError("the dataset keeps no histories; name them under `output.histories` of the study")
     if not bool((dataset["status"] == 0).any()):
         raise ValueError("no case of the dataset is ok")

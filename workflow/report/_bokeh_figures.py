@@ -67,8 +67,8 @@ def panel_of(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset
     panel.grid.grid_line_alpha = 0.4
     panel.axis.axis_label_text_font_style = "normal"
     panel.min_border_right = 12
-    for axis in panel.axis:
-        axis.formatter = BasicTickFormatter(power_limit_low=-5)
+    for formatter in panel.select({"type": BasicTickFormatter}):
+        formatter.power_limit_low = -5
     return panel
 
 
@@ -188,7 +188,7 @@ def _map(status_names: Sequence[str], state_names: Sequence[str]) -> Any:
 
 def _errors(name: str, label: str) -> Any:
     """Return a panel of errors on logarithmic axes: a line and markers for each scheme; a click selects."""
-    from bokeh.models import FixedTicker, HoverTool, Range1d, Span, TapTool
+    from bokeh.models import HoverTool, Range1d, Span, TapTool
 
     panel = panel_of(name, 330, x_axis_type="log", y_axis_type="log", x_range=Range1d(0.1, 1), y_range=Range1d(1e-4, 1))
     for tolerance in TOLERANCES:
@@ -210,9 +210,6 @@ def _errors(name: str, label: str) -> Any:
     tips = [("scheme", "@scheme"), ("h", "@h"), (label.split(" [")[0], "@x{0.00e}"), ("error", "@y{0.00e}")]
     panel.add_tools(HoverTool(renderers=[dots], tooltips=tips), TapTool(renderers=[dots]))
     panel.xaxis.axis_label, panel.yaxis.axis_label = label, "relative error [1]"
-    panel.xaxis.name, panel.yaxis.name = f"{name}_x", f"{name}_y"
-    for axis, grid in ((panel.xaxis, panel.xgrid), (panel.yaxis, panel.ygrid)):
-        axis.ticker = grid.ticker = FixedTicker(ticks=[])
     return panel
 
 
@@ -263,7 +260,7 @@ def orbit_panels(unit: str) -> Any:
 
 def _periods() -> Any:
     """Return the impulse of each load period and what the growth rate of permanent contact predicts."""
-    from bokeh.models import BasicTicker, FixedTicker, Range1d
+    from bokeh.models import BasicTicker, Range1d
 
     panel = panel_of("periods", 300, y_range=Range1d(0, 1))
     measured = source_of("period_impulses", "period", "impulse")
@@ -276,5 +273,4 @@ def _periods() -> Any:
     panel.xaxis.axis_label, panel.yaxis.axis_label = "load period", "impulse [N s]"
     panel.xaxis.ticker = BasicTicker(min_interval=1, num_minor_ticks=0)
     panel.yaxis.name = "periods_y"
-    panel.yaxis.ticker = panel.ygrid.ticker = FixedTicker(ticks=[])
     return panel

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from workflow.analysis import RULE, ranges
 from workflow.archive import ArchiveError, commit, open_archive, usable
-from workflow.plots import histories, save
+from workflow.plots import HISTORIES, histories, save
 from workflow.report import _sections as sections
 from workflow.report._answer import answer
 from workflow.report._branches import along_branches, interactive_branches, where_it_settles
@@ -27,10 +27,11 @@ if TYPE_CHECKING:
 _MARGIN = 20_000
 """Bytes of a page beside its parts."""
 
-_RESPONSES = ("displacement", "temperature", "contact_force")
-
-
 _FIGURES = (".png", ".svg", ".pdf")
+
+
+_DRAWN = (sections.precision, sections.maps, along_branches, shares)
+"""Sections with figures; the first that an archive has is its main one where it keeps no histories."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,7 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
     picture = written.with_suffix(".png")
     _refuse_overwriting([archive], written, picture)
     with open_archive(archive) as dataset:
-        precision, maps = sections.precision(dataset), sections.maps(dataset)
-        branches, drawn = along_branches(dataset), shares(dataset)
+        precision, maps, branches, drawn = (section(dataset) for section in _DRAWN)
         figure = _response(dataset) or precision.figure or maps.figure or branches.figure or drawn.figure
         figure_path = None if figure is None else save(figure, picture)
         methods, scene = methods_of(archive), scene_of(archive)
@@ -138,7 +138,7 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
 
 def _response(dataset: xr.Dataset) -> Figure | None:
     """Draw the tip's response, where its histories are kept and a case is ok."""
-    has_one = any(name in dataset for name in _RESPONSES) and sections.any_ok(dataset)
+    has_one = any(name in dataset for name in HISTORIES) and sections.any_ok(dataset)
     return histories(dataset) if has_one else None
 
 
@@ -147,8 +147,8 @@ def _write_figure(archive: Path, written: Path) -> ReportFiles:
     _refuse_overwriting([archive], written)
     with open_archive(archive) as dataset:
         figure = _response(dataset)
-        figure = figure or sections.precision(dataset).figure
-        figure = figure or sections.maps(dataset).figure or along_branches(dataset).figure or shares(dataset).figure
+        for section in _DRAWN:
+            figure = figure or section(dataset).figure
         if figure is None:
             raise ArchiveError(
                 f"{archive}: has no figure: it keeps no histories, no errors at three steps and no two axes of four "

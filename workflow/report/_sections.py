@@ -236,7 +236,7 @@ def precision(dataset: xr.Dataset) -> Section:
     fewest = _fewest_modes(dataset)
     shown = place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")})
     orders = [
-        [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.order(name)) for name in ERRORS), _limit(line)]
+        [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.orders[name]) for name in ERRORS), _limit(line)]
         for line in lines(dataset)
         if not line.exact
     ]

@@ -235,8 +235,8 @@
     }
     fill(`${name}_points`, data);
     const flat = rows.filter((row) => row.y === 0).map((row) => row.x).sort((a, b) => a - b);
-    logAxis(name, "x", rows.map((row) => row.x));
-    logAxis(name, "y", [...drawn.map((row) => row.y), ...(name === "cost" && drawn.length ? [0.1, 0.001] : [])]);
+    spanValues(name, "x", rows.map((row) => row.x));
+    spanValues(name, "y", [...drawn.map((row) => row.y), ...(name === "cost" && drawn.length ? [0.1, 0.001] : [])]);
     const lines = { x: [], y: [], colour: [] }, keys = [];
     schemes.forEach((label, k) => {
       const line = drawn.filter((row) => row.scheme === k).sort((a, b) => a.h - b.h);
@@ -256,19 +256,10 @@
     fill(`${name}_here`, { x: here.map((row) => row.x), y: here.map((row) => row.y) });
     writeKey(`${name}-key`, keys);
   }
-  function logAxis(name, side, values) { // range and ticks: powers of ten, with 2 and 5 between where these are few
+  function spanValues(name, side, values) {
     if (!values.length) return;
-    const figure = model(name), [low, high] = [Math.min(...values) / 1.4, Math.max(...values) * 1.4];
-    Object.assign(side === "x" ? figure.x_range : figure.y_range, { start: low, end: high });
-    const decades = Math.log10(high / low), every = Math.max(1, Math.ceil(decades / 7));
-    const ticks = [];
-    for (let k = Math.floor(Math.log10(low)); k <= Math.log10(high); k++) {
-      for (const first of decades < 2 ? [1, 2, 5] : [1]) {
-        if (first * 10 ** k >= low && first * 10 ** k <= high && k % every === 0) ticks.push([first * 10 ** k, `${first}e${k}`]);
-      }
-    }
-    model(`${name}_${side}`).ticker.ticks = ticks.map(([at]) => at);
-    model(`${name}_${side}`).major_label_overrides = new Map(ticks);
+    const range = model(name)[`${side}_range`];
+    Object.assign(range, { start: Math.min(...values) / 1.4, end: Math.max(...values) * 1.4 });
   }
   function orderOf(line) { // slope of log error over log h by least squares, of errors below a tenth
     const chance = metrics.get("predictability");
@@ -328,18 +319,6 @@
 
   // Impulse of the load periods, and what the growth rate of permanent contact predicts for them.
   const ALIKE = 1e-3; // share of the largest by which impulses differ at least for the axis to span their range only
-  function evenTicks(name, low, high) { // a few round numbers, each with the digits that tell it from the next
-    const rough = (high - low) / 5, decade = 10 ** Math.floor(Math.log10(rough));
-    const step = decade * [1, 2, 5, 10].find((one) => one * decade >= rough);
-    const ticks = [];
-    for (let k = Math.ceil(low / step); k * step <= high; k++) {
-      const digits = k === 0 ? 1 : Math.floor(Math.log10(Math.abs(k * step) * 1.0001)) - Math.floor(Math.log10(step * 1.0001)) + 1;
-      const value = Number((k * step).toPrecision(Math.min(15, Math.max(1, digits))));
-      ticks.push([k * step, Math.abs(value) < 1e6 ? String(value) : value.toExponential()]);
-    }
-    model(name).ticker.ticks = ticks.map(([at]) => at);
-    model(name).major_label_overrides = new Map(ticks);
-  }
   function drawPeriods() {
     if (!model("periods")) return;
     const entry = about.cases.entries[numberOf(place)];
@@ -367,7 +346,6 @@
       const [least, most] = [Math.min(...shown), Math.max(...shown)];
       const margin = Math.max(0.06 * (most - least), 0.5 * (ALIKE * largest - (most - least))) || 1;
       Object.assign(model("periods").y_range, { start: least - margin, end: most + margin });
-      evenTicks("periods_y", least - margin, most + margin);
     }
     say("periods-about", text);
   }
