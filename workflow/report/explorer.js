@@ -41,6 +41,8 @@
   }
   const moved = (place, changes) => place.map((k, axis) => changes[axis] ?? k);
   let place = placeOf(about.start);
+  const placesAlong = (axes) => axes.reduce((list, axis) => list.flatMap((at) => // all that differ from the selected one there
+    dims[axis].texts.map((_, k) => moved(at, { [axis]: k }))), [place]);
 
   for (const [name, item] of Object.entries(parts)) await Bokeh.embed.embed_item(item, `figure-${name}`);
   const named = new Map();
@@ -215,8 +217,7 @@
   function choices() { // places of the selected scene that differ in scheme and step, or in all that is numerical
     const varied = about.h_dim === null ? about.numerical
       : [about.scheme_dim, about.h_dim].filter((axis, k, all) => axis !== null && all.indexOf(axis) === k);
-    return varied.reduce((list, axis) => list.flatMap((at) =>
-      dims[axis].texts.map((_, k) => moved(at, { [axis]: k }))), [place]);
+    return placesAlong(varied);
   }
   function drawErrors(name, measure, xOf) {
     if (!model(name)) return;
@@ -288,10 +289,8 @@
     if (!figure) return;
     const sides = ["mechanical_modes", "thermal_modes"].map((name) => about.modes[name]);
     const varied = [...new Set(sides.map((side) => side.dim).filter((axis) => axis !== null))];
-    const places = varied.reduce((list, axis) => list.flatMap((at) =>
-      dims[axis].texts.map((_, k) => moved(at, { [axis]: k }))), [place]);
     const textAt = (side, at) => side.texts[side.dim === null ? 0 : at[side.dim]];
-    const rows = places.map((at) => ({ number: numberOf(at), counts: sides.map((side) => textAt(side, at)) }));
+    const rows = placesAlong(varied).map((at) => ({ number: numberOf(at), counts: sides.map((side) => textAt(side, at)) }));
     const sorted = sides.map((side) => [...new Set(side.texts)].sort((a, b) => (a === "auto" ? Infinity : +a) - (b === "auto" ? Infinity : +b)));
     const data = { x: [], y: [], error: [], text: [], colour: [], name: [] };
     const known = rows.map((row) => ofModel.values[row.number]).filter((value) => value > 0);
