@@ -15,6 +15,7 @@ from workflow.analysis._cases import (
     rounded_texts,
     runaways,
     shown_dim,
+    unit_of,
     value_text,
 )
 from workflow.analysis._casing import casing_motion, period_frequency
@@ -112,6 +113,7 @@ __all__ = [
     "standings",
     "total_error",
     "undecidable",
+    "unit_of",
     "usual_recommendations",
     "value_text",
     "work_precision",

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import effect, finest
+from workflow.analysis import effect, finest, unit_of
 from workflow.plots._style import COLOURS, GREY, legend_below, new_figure, trim
 from workflow.plots._units import axis_of
-from workflow.study import POINT, readable
+from workflow.study import POINT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +52,7 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
         title = axis["title"] + (f" [{axis['unit']}]" if axis["unit"] else "")
         panel.set_xlabel(fill(title, int(width / _LETTER)), fontsize=9)
         trim(panel)
-    panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{readable(archive[metric].attrs.get('units', '1')) or 1}]")
+    panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{unit_of(archive[metric]) or 1}]")
     legend_below(figure, *panels[0].get_legend_handles_labels(), columns=2)
     return figure
 

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import case_dims, impulse_growth, place_text
+from workflow.analysis import case_dims, impulse_growth, place_text, unit_of
 from workflow.plots._style import COLOURS, new_figure
 from workflow.plots._units import in_units
-from workflow.study import readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -111,9 +110,8 @@ def _refuse(dataset: xr.Dataset, dims: tuple[str, str], variable: str | None) ->
 
 def _metric(cut: xr.Dataset, variable: str) -> Panel:
     """Return the map of a metric, NaN where a case is not ok."""
-    about = cut[variable].attrs
-    unit = readable(str(about.get("units", "1")))
-    title = str(about.get("long_name", variable.replace("_", " "))) + (f" [{unit}]" if unit else "")
+    unit = unit_of(cut[variable])
+    title = str(cut[variable].attrs.get("long_name", variable.replace("_", " "))) + (f" [{unit}]" if unit else "")
     return Panel(title, np.where(cut["status"].values == 0, cut[variable].values, np.nan))
 
 

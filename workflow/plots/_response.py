@@ -7,10 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import case_dims, casing_motion, contact_phases, finest, labels_of, place_text, shown_dim
+from workflow.analysis import (
+    case_dims,
+    casing_motion,
+    contact_phases,
+    finest,
+    labels_of,
+    place_text,
+    shown_dim,
+    unit_of,
+)
 from workflow.plots._style import COLOURS, GREY, legend_below, new_figure, trim
 from workflow.plots._units import scaled
-from workflow.study import readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,7 +71,7 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     figure = new_figure(9.0, 2.3 * len(names) + 0.9)
     axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
     for panel, name in zip(axes, names, strict=True):
-        unit, scale = readable(str(first[name].attrs.get("units", "1"))), 1.0
+        unit, scale = unit_of(first[name]), 1.0
         if name == "displacement":
             largest = max(float(np.nanmax(np.abs(curve.case[name].values), initial=0.0)) for curve in curves)
             unit, scale = scaled("m", np.array([largest]))
