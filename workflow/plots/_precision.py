@@ -65,7 +65,7 @@ def work_precision(dataset: xr.Dataset, beside: xr.Dataset | None = None) -> Fig
         _tick_decades(panel.xaxis)
         _tick_decades(panel.yaxis)
     _name_steps(first, stepping)
-    _name_below(figure, first, *first.get_legend_handles_labels(), stepping, bool(reduced))
+    _name_below(figure, first, first.get_legend_handles_labels(), stepping, bool(reduced))
     return figure
 
 
@@ -116,7 +116,7 @@ def convergence(dataset: xr.Dataset) -> Figure:
         trim(panel)
     label_lowest(panels, used, columns, "step h [s]")
     handles = [panels[0].plot([], [], **look(k))[0] for k in range(len(stepping))]
-    _name_below(figure, panels[0], handles, [line.scheme for line in stepping], stepping)
+    _name_below(figure, panels[0], (handles, [line.scheme for line in stepping]), stepping)
     return figure
 
 
@@ -127,16 +127,17 @@ def _draw_over_steps(panel: Any, line: Line, points: tuple[Any, Any], k: int, la
 
 
 def _name_below(
-    figure: Figure, panel: Any, handles: list[Any], labels: list[str], stepping: Sequence[Line], reduced: bool = False
+    figure: Figure, panel: Any, named: tuple[list[Any], list[str]], stepping: Sequence[Line], reduced: bool = False
 ) -> None:
     """Name the lines below the panels, and what dashes and crosses are."""
+    handles, labels = named
     if reduced:
         handles += panel.plot([], [], "--", color=GREY, lw=0.9)
         labels += ["reduced model (dashed)"]
     if any(line.lost.any() for line in stepping):
         handles += panel.plot([], [], "x", color=GREY)
         labels += ["beyond its stable step"]
-    legend_below(figure, handles, labels, columns=4)
+    legend_below(figure, named, 4)
 
 
 def _tick_decades(axis: Any) -> None:

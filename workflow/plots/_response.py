@@ -92,7 +92,7 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.08 * (high - low))
     axes[-1].set_xlabel("time [s]")
-    legend_below(figure, *axes[0].get_legend_handles_labels(), columns=min(4, len(curves)))
+    legend_below(figure, axes[0].get_legend_handles_labels(), min(4, len(curves)))
     if title:
         figure.suptitle(title, fontsize=11)
     return figure

@@ -85,5 +85,5 @@ def impact_speed_map(archive: xr.Dataset, quantile: float = 0.9) -> Figure:
             panel.set_ylabel("impact speed [m/s]")
         trim(panel)
     label_lowest(grid, len(gaps), columns, "load frequency [Hz]")
-    legend_below(figure, *grid[0].get_legend_handles_labels(), columns=2 * columns)
+    legend_below(figure, grid[0].get_legend_handles_labels(), 2 * columns)
     return figure

@@ -53,5 +53,5 @@ def sobol_indices(dataset: xr.Dataset, *metrics: str) -> Figure:
         panel.set_title(metric.replace("_", " "), fontsize=10)
         trim(panel, "y")
     panels[0].set_ylabel("share of the variance")
-    legend_below(figure, *panels[0].get_legend_handles_labels(), columns=2)
+    legend_below(figure, panels[0].get_legend_handles_labels(), 2)
     return figure

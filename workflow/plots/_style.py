@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -30,13 +30,14 @@ def look(k: int) -> dict[str, Any]:
     return {"color": COLOURS[k % len(COLOURS)], "marker": MARKERS[k % len(MARKERS)]}
 
 
-def legend_below(figure: Figure, handles: Sequence[Artist], labels: Sequence[str], columns: int) -> None:
-    """Name curves below all panels, where there are any."""
+def legend_below(figure: Figure, named: tuple[list[Any], list[str]], columns: int) -> None:
+    """Name curves below all panels, where there are any; ``named`` holds them and their names."""
+    handles, labels = named
     if labels:
         figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
 
 
-def label_lowest(panels: Sequence[Any], used: int, columns: int, label: str) -> None:
+def label_lowest(panels: Any, used: int, columns: int, label: str) -> None:
     """Remove panels of a grid beyond those used; name and number the horizontal axis where nothing is drawn below."""
     for panel in panels[used:]:
         panel.remove()

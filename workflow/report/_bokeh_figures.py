@@ -67,8 +67,8 @@ def panel_of(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset
     panel.grid.grid_line_alpha = 0.4
     panel.axis.axis_label_text_font_style = "normal"
     panel.min_border_right = 12
-    for formatter in panel.select({"type": BasicTickFormatter}):
-        formatter.power_limit_low = -5
+    for axis in panel.axis:
+        axis.formatter = BasicTickFormatter(power_limit_low=-5)
     return panel
 
 
@@ -188,7 +188,7 @@ def _map(status_names: Sequence[str], state_names: Sequence[str]) -> Any:
 
 def _errors(name: str, label: str) -> Any:
     """Return a panel of errors on logarithmic axes: a line and markers for each scheme; a click selects."""
-    from bokeh.models import HoverTool, Range1d, Span, TapTool
+    from bokeh.models import FixedTicker, HoverTool, Range1d, Span, TapTool
 
     panel = panel_of(name, 330, x_axis_type="log", y_axis_type="log", x_range=Range1d(0.1, 1), y_range=Range1d(1e-4, 1))
     for tolerance in TOLERANCES:
@@ -210,6 +210,9 @@ def _errors(name: str, label: str) -> Any:
     tips = [("scheme", "@scheme"), ("h", "@h"), (label.split(" [")[0], "@x{0.00e}"), ("error", "@y{0.00e}")]
     panel.add_tools(HoverTool(renderers=[dots], tooltips=tips), TapTool(renderers=[dots]))
     panel.xaxis.axis_label, panel.yaxis.axis_label = label, "relative error [1]"
+    panel.xaxis.name, panel.yaxis.name = f"{name}_x", f"{name}_y"
+    for axis, grid in ((panel.xaxis, panel.xgrid), (panel.yaxis, panel.ygrid)):
+        axis.ticker = grid.ticker = FixedTicker(ticks=[])
     return panel
 
 

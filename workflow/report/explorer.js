@@ -41,8 +41,8 @@
   }
   const moved = (place, changes) => place.map((k, axis) => changes[axis] ?? k);
   let place = placeOf(about.start);
-  const placesAlong = (axes) => axes.reduce((list, axis) => list.flatMap((at) => // all that differ from the selected one there
-    dims[axis].texts.map((_, k) => moved(at, { [axis]: k }))), [place]);
+  const placesAlong = (axes) => axes.reduce( // the selected place with every combination of values of some axes
+    (list, axis) => list.flatMap((at) => dims[axis].texts.map((_, k) => moved(at, { [axis]: k }))), [place]);
 
   for (const [name, item] of Object.entries(parts)) await Bokeh.embed.embed_item(item, `figure-${name}`);
   const named = new Map();
@@ -236,8 +236,8 @@
     }
     fill(`${name}_points`, data);
     const flat = rows.filter((row) => row.y === 0).map((row) => row.x).sort((a, b) => a - b);
-    spanValues(name, "x", rows.map((row) => row.x));
-    spanValues(name, "y", [...drawn.map((row) => row.y), ...(name === "cost" && drawn.length ? [0.1, 0.001] : [])]);
+    logAxis(name, "x", rows.map((row) => row.x));
+    logAxis(name, "y", [...drawn.map((row) => row.y), ...(name === "cost" && drawn.length ? [0.1, 0.001] : [])]);
     const lines = { x: [], y: [], colour: [] }, keys = [];
     schemes.forEach((label, k) => {
       const line = drawn.filter((row) => row.scheme === k).sort((a, b) => a.h - b.h);
@@ -257,10 +257,19 @@
     fill(`${name}_here`, { x: here.map((row) => row.x), y: here.map((row) => row.y) });
     writeKey(`${name}-key`, keys);
   }
-  function spanValues(name, side, values) {
+  function logAxis(name, side, values) { // range and ticks: powers of ten, with 2 and 5 between where these are few
     if (!values.length) return;
-    const range = model(name)[`${side}_range`];
-    Object.assign(range, { start: Math.min(...values) / 1.4, end: Math.max(...values) * 1.4 });
+    const figure = model(name), [low, high] = [Math.min(...values) / 1.4, Math.max(...values) * 1.4];
+    Object.assign(side === "x" ? figure.x_range : figure.y_range, { start: low, end: high });
+    const decades = Math.log10(high / low), every = Math.max(1, Math.ceil(decades / 7));
+    const ticks = [];
+    for (let k = Math.floor(Math.log10(low)); k <= Math.log10(high); k++) {
+      for (const first of decades < 2 ? [1, 2, 5] : [1]) {
+        if (first * 10 ** k >= low && first * 10 ** k <= high && k % every === 0) ticks.push([first * 10 ** k, `${first}e${k}`]);
+      }
+    }
+    model(`${name}_${side}`).ticker.ticks = ticks.map(([at]) => at);
+    model(`${name}_${side}`).major_label_overrides = new Map(ticks);
   }
   function orderOf(line) { // slope of log error over log h by least squares, of errors below a tenth
     const chance = metrics.get("predictability");
