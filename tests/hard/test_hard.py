@@ -14,8 +14,9 @@ import pytest
 import xarray as xr
 
 import scenes
+from scripts import script
 from workflow import models
-from workflow.analysis import contact_phases, energy_kept, ranges
+from workflow.analysis import contact_phases, ranges
 from workflow.archive import open_archive
 from workflow.grid import arrange, plan
 from workflow.schemes import Status
@@ -111,7 +112,10 @@ def test_an_elastic_ball_keeps_its_energy_for_500_s() -> None:
 def test_a_clamped_bar_over_four_periods() -> None:
     """Exact: E = 1/8 for ever, force 1/2 while touched; measured elsewhere: 0.990 and 0.487, spread 0.002."""
     archive = opened("clamped_bar")
-    kept = {s: energy_kept(archive.sel(scheme=s), 1 / 8) for s in ("midpoint", "implicit_euler", "carpenter")}
+    kept = {
+        s: script("scene_pictures").energy_kept(archive.sel(scheme=s), 1 / 8)
+        for s in ("midpoint", "implicit_euler", "carpenter")
+    }
     assert kept["midpoint"] == pytest.approx(0.990, abs=1e-3)
     assert kept["implicit_euler"] == pytest.approx(0.487, abs=1e-3)
     assert 0.98 < kept["carpenter"] <= 1

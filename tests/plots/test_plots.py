@@ -5,16 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 import xarray as xr
 
 from errors_over_steps import H, over_steps
 from workflow.analysis import ERRORS
 from workflow.plots import (
     convergence,
-    growth_against_prediction,
     histories,
-    impact_speed_map,
     map_dims,
     save,
     scene_map,
@@ -79,55 +76,6 @@ def test_convergence_of_schemes_that_are_all_lost(tmp_path: Path) -> None:
     lost = over_steps({"lost": H, "exact": 0 * H}, {"lost": H < 0})
     save(convergence(lost), tmp_path / "a.png")
     save(work_precision(lost.isel(scheme=[0])), tmp_path / "b.png")
-
-
-def pressed(share: np.ndarray) -> xr.Dataset:
-    t, rate = np.linspace(0, 5, 51), 0.4 * (share - 1)
-    limit = 10 / (1 - share)
-    force = limit[:, None] + (10 - limit)[:, None] * np.exp(rate[:, None] * t)
-    force[:, 0] = 0
-    return xr.Dataset(
-        {
-            "contact_force": (("alpha", "t"), force),
-            "critical_alpha": ("alpha", np.full(share.size, 2.0)),
-            "growth_rate": ("alpha", rate),
-        },
-        coords={"alpha": 2 * share, "t": t},
-    )
-
-
-def test_growth_lies_on_its_prediction(tmp_path: Path) -> None:
-    figure = growth_against_prediction(pressed(np.array([0.0, 0.9, 1.1, 4.0])))
-    drawn = [np.asarray(one.get_ydata()) for one in figure.axes[0].get_lines() if np.size(one.get_ydata())]
-    assert len(drawn) == 4 + 3
-    for case, predicted in ((drawn[1], drawn[2]), (drawn[3], drawn[4]), (drawn[5], drawn[6])):
-        assert predicted == pytest.approx(case, rel=1e-9)
-    low, high = figure.axes[0].get_ylim()
-    assert low < 10 < high < 1e7
-    save(figure, tmp_path / "a.png")
-
-
-def test_impact_speeds_by_frequency_gap_and_e(tmp_path: Path) -> None:
-    """A saw-tooth that hits the gap at ±v: the speed drawn is v, and nothing where nothing touches."""
-    t = np.linspace(0, 1, 2001)
-    frequency, gap, e = np.array([10.0, 20.0]), np.array([0.0, 5.0]), np.array([0.0, 0.5])
-    dims = ("frequency", "gap", "e", "t")
-    phase = (t * frequency[:, None]) % 1
-    x = np.broadcast_to((phase - 1)[:, None, None], (2, 2, 2, t.size))
-    v = np.broadcast_to(frequency[:, None, None, None], x.shape)
-    force = np.zeros(x.shape)
-    force[:, 0] = np.where(phase < 1 / 40, 1.0, 0.0)[:, None]
-    archive = xr.Dataset(
-        {"displacement": (dims, x), "velocity": (dims, v), "contact_force": (dims, force)},
-        coords={"frequency": frequency, "gap": gap, "e": e, "t": t},
-    )
-    figure = impact_speed_map(archive)
-    near, far = figure.axes
-    assert near.get_title() == "gap 0 µm"
-    assert [one.get_label() for one in near.get_lines()] == ["e = 0", "e = 0.5"]
-    assert np.asarray(near.get_lines()[0].get_ydata()) == pytest.approx(frequency)
-    assert np.isnan(np.asarray(far.get_lines()[0].get_ydata())).all()
-    save(figure, tmp_path / "a.png")
 
 
 def test_an_overview_leaves_out_what_is_not_ok() -> None:

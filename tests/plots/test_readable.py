@@ -15,7 +15,6 @@ from errors_over_steps import H, over_steps
 from workflow.plots import (
     Curve,
     convergence,
-    impact_speed_map,
     metric_by_axis,
     scene_map,
     tip_response,
@@ -97,22 +96,6 @@ def test_names_of_slopes_are_apart_where_errors_hardly_change() -> None:
     figure = convergence(over_steps({"flat": 1e-3 * H**0.1}))
     for panel in figure.axes[:3]:
         assert_apart(figure, [text for text in panel.texts if "slope" in text.get_text()], 2)
-
-
-def test_many_gaps_and_restitutions_are_drawn() -> None:
-    """Nine values of e ended with an index out of range, nine gaps were a strip 33 inches wide."""
-    e, gap, frequency = np.linspace(0, 0.8, 9), 1e-5 * np.arange(1, 8), np.array([10.0, 20.0])
-    dims, shape = ("frequency", "gap", "e", "t"), (2, 7, 9, 11)
-    archive = xr.Dataset(
-        {name: (dims, np.zeros(shape)) for name in ("displacement", "velocity", "contact_force")},
-        coords={"frequency": frequency, "gap": gap, "e": e, "t": np.linspace(0, 1, 11)},
-    )
-    figure = impact_speed_map(archive)
-    assert len(figure.axes) == 7
-    assert figure.get_size_inches()[0] < 13
-    assert [bool(panel.get_xlabel()) for panel in figure.axes] == [False] * 4 + [True] * 3
-    looks = {(one.get_color(), one.get_marker()) for one in figure.axes[0].get_lines()}
-    assert len(looks) == 8
 
 
 def test_gaps_that_are_compared_are_named_where_there_is_room() -> None:

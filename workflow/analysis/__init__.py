@@ -22,6 +22,7 @@ from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
 from workflow.analysis._decided import decided
 from workflow.analysis._effects import effect, hidden
+from workflow.analysis._growth import impulse_growth
 from workflow.analysis._json import json_value
 from workflow.analysis._limits import (
     Limits,
@@ -31,7 +32,6 @@ from workflow.analysis._limits import (
     limit_sentence,
     limits,
 )
-from workflow.analysis._motion import energy_kept, impact_speeds, impulse_growth
 from workflow.analysis._notable import exact_partners, is_exact, notable_cases, total_error
 from workflow.analysis._phases import contact_phases
 from workflow.analysis._precision import (
@@ -77,14 +77,12 @@ __all__ = [
     "decided",
     "drawn_dim",
     "effect",
-    "energy_kept",
     "exact",
     "exact_partners",
     "failures",
     "finest",
     "followed_axis",
     "hidden",
-    "impact_speeds",
     "impulse_growth",
     "is_exact",
     "json_value",

@@ -12,7 +12,6 @@ from workflow.plots._branches import branches
 from workflow.plots._maps import map_dims, middle, scene_map, single_maps
 from workflow.plots._precision import convergence, work_precision
 from workflow.plots._response import HISTORIES, Curve, abstract_figure, histories, tip_response
-from workflow.plots._scenes import growth_against_prediction, impact_speed_map
 from workflow.plots._sobol import sobol_indices
 from workflow.plots._style import COLOURS, save, write_figure
 
@@ -24,9 +23,7 @@ __all__ = [
     "bifurcation",
     "branches",
     "convergence",
-    "growth_against_prediction",
     "histories",
-    "impact_speed_map",
     "map_dims",
     "metric_by_axis",
     "middle",

@@ -11,7 +11,7 @@ import numpy as np
 from workflow.analysis import Choice, notable_cases
 from workflow.plots import COLOURS
 from workflow.report._bokeh_figures import MARKS, explorer
-from workflow.report._html import Html, block, tag
+from workflow.report._html import Html, block, note, tag
 from workflow.report._page_data import page_data, shown_part
 from workflow.schemes import Status
 from workflow.study import MODES
@@ -130,12 +130,12 @@ def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: 
         if name in figures:
             about = _about(name, described)
             key = [tag("p", "", id=f"{name}-key", kind="key")] if name in ("cost", "order") else []
-            text = tag("p", about, id=f"{name}-about", kind="muted")
+            text = note(about, id=f"{name}-about")
             panels.append(tag("div", tag("h3", _TITLES[name]), text, figure_place(name), *key, kind="panel"))
     return [
         tag("h2", "Explore", id="explore"),
         tag("noscript", _NO_SCRIPT),
-        *([tag("p", remark, kind="muted")] if omitted else []),
+        *([note(remark)] if omitted else []),
         tag("div", *panels, kind="panels"),
     ]  # fmt: skip
 
@@ -166,24 +166,24 @@ def figure_place(name: str) -> Html:
 def _map_panel() -> list[str]:
     return [
         tag("h3", _TITLES["map"]),
-        tag("p", "", id="map-about", kind="muted"),
+        note("", id="map-about"),
         figure_place("map"),
-        tag("p", "A click selects a case, a slider moves through the others.", id="map-here", kind="muted"),
+        note("A click selects a case, a slider moves through the others.", id="map-here"),
         figure_place("controls"),
     ]
 
 
 def _case_panel(figures: Mapping[str, Any]) -> Html:
     """Return the place of the selected case: what it is, its curves, how to read it in Python, its metrics."""
-    curves: list[str] = [tag("p", "The archive keeps no histories.", kind="muted")]
+    curves: list[str] = [note("The archive keeps no histories.")]
     if "case" in figures:
         key = [
             tag("span", tag("i", "—", kind="chosen"), " selected case"),
             tag("span", tag("i", "━", kind="exact"), " exact solution"),
             tag("span", tag("i", "╌", kind="gap"), " gap"),
         ]
-        window = tag("p", "", id="case-window", kind="muted")
-        curves = [tag("p", *key, kind="key"), window, figure_place("case"), tag("p", "", id="case-exact", kind="muted")]
+        window = note("", id="case-window")
+        curves = [tag("p", *key, kind="key"), window, figure_place("case"), note("", id="case-exact")]
     table = tag("table", "", id="case-metrics")
     return tag(
         "div",

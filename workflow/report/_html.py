@@ -69,6 +69,16 @@ def prose(text: str) -> Html:
     return Html("".join(tag("code", part) if k % 2 else escaped(part) for k, part in enumerate(text.split("`"))))
 
 
+def paragraph(text: str) -> Html:
+    """Return a paragraph."""
+    return tag("p", text)
+
+
+def note(text: str, **attributes: str) -> Html:
+    """Return a paragraph that explains what stands beside it, in grey."""
+    return tag("p", text, kind="muted", **attributes)
+
+
 def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
     """Return a whole page; whatever of the body is no markup is escaped, and only the scripts given run.
 

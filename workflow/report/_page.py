@@ -15,7 +15,7 @@ from workflow.report import _sections as sections
 from workflow.report._answer import answer
 from workflow.report._branches import along_branches, interactive_branches, where_it_settles
 from workflow.report._explorer import PAGE_BYTES, interactive
-from workflow.report._html import THEN, image, page, short, table, tag
+from workflow.report._html import THEN, image, note, page, paragraph, short, table, tag
 from workflow.report._origin import methods_of, origin, scene_of
 from workflow.report._shares import shares
 from workflow.run import warnings_of
@@ -109,7 +109,7 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
         first_block, choice = answer(dataset, methods)
         head = [
             tag("h1", _title(dataset, archive)),
-            tag("p", str(dataset.attrs.get("summary", "")), kind="muted"),
+            note(str(dataset.attrs.get("summary", ""))),
             *_warnings(dataset),
             *where_it_settles(dataset),
             *first_block,
@@ -173,7 +173,7 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
                     ]
                 )  # fmt: skip
                 new.append(k == 0 and number > 0)
-            parts += [tag("h2", name), tag("p", f"{title}.")]
+            parts += [tag("h2", name), paragraph(f"{title}.")]
             parts += _warnings(dataset) + answer(dataset, methods_of(archive))[0]
             response = _response(dataset)
             parts += [] if response is None else [image(response, "tip response")]
@@ -186,11 +186,9 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
     ]  # fmt: skip
     body = [
         tag("h1", f"Who stays stable, who is accurate: {len(archives)} studies"),
-        tag(
-            "p",
+        note(
             f"{RULE} Errors are the largest of the impulse among ok cases; energy residual and penetration the largest "
-            f"of all ok cases. {sections.TERMS}",
-            kind="muted",
+            f"of all ok cases. {sections.TERMS}"
         ),
         table(head, rows, new),
     ]
@@ -204,4 +202,4 @@ def _title(dataset: xr.Dataset, archive: Path) -> str:
 
 def _warnings(dataset: xr.Dataset) -> list[str]:
     """Return what is to be aware of before anything is read off the results."""
-    return [tag("p", f"Beware: {warning}.") for warning in warnings_of(dataset)]
+    return [paragraph(f"Beware: {warning}.") for warning in warnings_of(dataset)]
