@@ -114,21 +114,6 @@ def test_it_is_what_a_brute_search_finds(seed: int, tolerance: float, bad: float
     assert len(recommendation_row(recommended)) == 6
 
 
-def test_noise_of_the_costs_does_not_change_the_answer() -> None:
-    """Two choices within 17 % of each other: whichever a run finds cheaper, the more accurate one is the answer."""
-    dataset = even().isel(model=[0], h=[0])
-    dataset["impulse_error"][{"scheme": 0}] = 5e-3
-    answers = []
-    for ratio in (0.85, 1.17):
-        dataset["processor_time"] = xr.ones_like(dataset["processor_time"]) * xr.where(
-            dataset.scheme == "moreau", ratio, 1.0
-        )
-        recommended = recommend(dataset, 0.01)
-        assert recommended.choice is not None
-        answers.append(recommended.choice.settings["scheme"])
-    assert answers == ["carpenter"] * 2
-
-
 def test_a_step_is_named_with_the_digits_that_select_it() -> None:
     dataset = even().assign_coords(h=[1e-6, 10**-5.5, 1e-4])
     dataset["impulse_error"][{"h": 0}] = dataset["impulse_error"][{"h": 2}] = 0.5

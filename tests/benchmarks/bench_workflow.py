@@ -1,8 +1,8 @@
 """What the workflow costs beside its kernels, and what a user waits for: lines of ``bench_table``.
 
 Durable overhead per case (wall time less the kernels' own, results on the disk) with threads and with local dask
-workers; runs with nothing to do; opening and slicing; a value added to an axis; whole runs over their kernels and over
-the number of cases; commands, in wall time and in processor time over that of the imports alone; memory.
+workers; runs with nothing to do; opening and slicing; a value added to an axis; whole runs over their kernels;
+commands, in wall time and in processor time over that of the imports alone; memory.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from statistics import median
 
 import bench_limits
 import xarray as xr
-from timing import Line, Size, least, scratch, slope, taken
+from timing import Line, Size, least, scratch, taken
 
 from studies import HEAVY_SCENE, parsed
 from workflow import open_archive, run_study
@@ -183,27 +183,6 @@ def extension(cases: int) -> Line:
     return what, "", f"{added:.2f} s", f"{added / apart:.1f}"
 
 
-def over_cases(size: Size) -> list[Line]:
-    """Whole runs of cheap cases, from the text to the archive, over their number."""
-    seconds = []
-    for cases in size.cheap_cases:
-        study = parsed(trivial(max(2, cases), METRICS))
-        if cases == 1:
-            study = study.with_({"axes.alpha": [0.5]})
-        runs = []
-        for _ in range(size.runs if cases < 10_000 else 1):
-            with scratch() as directory:
-                runs.append(taken(partial(run_study, study, directory / "a.nc")))
-        seconds.append(median(runs))
-    lines: list[Line] = [
-        (f"whole run of cheap cases, {cases} cases, per case", "", f"{1e6 * each / cases:.3g} us", "")
-        for cases, each in zip(size.cheap_cases, seconds, strict=True)
-    ]
-    first, last = size.cheap_cases[-2:]
-    steep = slope((first, last), seconds[-2:])
-    return [*lines, (f"a whole run, per case: slope over cases, from {first} to {last}", "1", "", f"{steep:.2f}")]
-
-
 def lines(size: Size) -> list[Line]:
     """Return the lines that need no other process."""
     with scratch() as directory:  # kernels compiled, libraries loaded
@@ -222,7 +201,7 @@ def lines(size: Size) -> list[Line]:
     table.append((f"overhead per case, durable, {threads} threads", "<= 8 us", f"{each:.1f} us", f"{each / 8:.2f}"))
     for cases, most in zip(size.grids, (25, 500), strict=True):
         table += there_already(cases, most, size.runs)
-    return table + [extension(cases) for cases in size.grids] + over_cases(size)
+    return table + [extension(cases) for cases in size.grids]
 
 
 def called(*words: str | Path, **environment: str) -> tuple[float, float]:

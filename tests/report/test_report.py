@@ -142,26 +142,20 @@ def test_the_figure_alone_is_what_its_name_says(kind: str, archives: list[Path],
     assert [path.read_bytes()[: len(begins)] for path in tmp_path.iterdir()] == [begins]
 
 
-def test_a_report_is_a_page_or_a_figure(archives: list[Path], tmp_path: Path) -> None:
-    for name in ("report", "report.txt", "report.nc"):
-        with pytest.raises(
-            ArchiveError, match=r"a page, \.html, or of one archive its figure alone, \.png, \.svg, \.pdf"
-        ):
-            write_report(archives[0], tmp_path / name)
-    with pytest.raises(ArchiveError, match=r"of one archive"):
-        write_report(archives, tmp_path / "both.png")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_page_never_replaces_a_device(archives: list[Path], tmp_path: Path) -> None:
-    """It is written aside and renamed: the administrator's /dev/full became a page."""
-    pipe = tmp_path / "pipe"
+def test_what_can_be_no_report_is_refused(archives: list[Path], tmp_path: Path) -> None:
+    """A page is written aside and renamed: the administrator's /dev/full became one."""
+    pipe, figures = tmp_path / "pipe", r"a page, \.html, or of one archive its figure alone, \.png, \.svg, \.pdf"
     os.mkfifo(pipe)
-    for place, problem in ((pipe, "a pipe or a device"), (tmp_path, "a directory"), (tmp_path / "no" / "a", "no such")):
+    places = {pipe: "a pipe or a device", tmp_path: "a directory", tmp_path / "no" / "a": "no such"}
+    for place, problem in (
+        places | dict.fromkeys((tmp_path / f"a{end}" for end in ("", ".txt", ".nc")), figures)
+    ).items():
         with pytest.raises(ArchiveError, match=problem):
             write_report(archives[0], place)
+    with pytest.raises(ArchiveError, match=r"of one archive"):
+        write_report(archives, tmp_path / "both.png")
     assert pipe.is_fifo()
-    assert [path.name for path in tmp_path.iterdir()] == ["pipe"]
+    assert list(tmp_path.iterdir()) == [pipe]
 
 
 def test_flutter_is_not_said_to_lie_above_the_critical_coupling(tmp_path: Path) -> None:

@@ -163,9 +163,12 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     ValueError
         The tolerance is no positive number.
     """
-    if not all(f"{name}_error" in dataset for name in COMPARED):
-        raise NoReferenceError("the archive holds no errors: its study has no `reference`")
-    share, table = stated_tolerance(dataset) if tolerance is None else as_tolerance(tolerance), Table(dataset)
+    share = stated_tolerance(dataset) if tolerance is None else as_tolerance(tolerance)
+    return _recommended(Table(dataset), share)
+
+
+def _recommended(table: Table, share: float) -> Recommendation:
+    """Return the recommendation for a tolerance."""
     within = table.error <= share
     rank = np.argsort(table.cost, kind="stable")
     good = [int(k) for k in rank if within[k].all()]
@@ -183,14 +186,14 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
         _alike([table.choice(k, within[k]) for k in alike]),
         table.error.shape[1],
         table.unpredictable(DECIDABLE * share),
-        coordinate_units(dataset),
+        coordinate_units(table.dataset),
     )
 
 
 def usual_recommendations(dataset: xr.Dataset, asked: Recommendation) -> list[Recommendation]:
     """Return the recommendations at :data:`USUAL_TOLERANCES` and the one that was asked for, the loosest first."""
-    shares = sorted({*USUAL_TOLERANCES, asked.tolerance}, reverse=True)
-    return [asked if share == asked.tolerance else recommend(dataset, share) for share in shares]
+    table, shares = Table(dataset), sorted({*USUAL_TOLERANCES, asked.tolerance}, reverse=True)
+    return [asked if share == asked.tolerance else _recommended(table, share) for share in shares]
 
 
 def _alike(choices: list[Choice]) -> tuple[Choice, ...]:
@@ -252,6 +255,8 @@ class Table:
     """Errors and statuses of each choice in each case of the scene, ``(choice, case)``, and costs ``(choice,)``."""
 
     def __init__(self, dataset: xr.Dataset) -> None:
+        if not all(f"{name}_error" in dataset for name in COMPARED):
+            raise NoReferenceError("the archive holds no errors: its study has no `reference`")
         self.dataset = dataset
         self.rows = numerical_dims(dataset)
         self.columns = tuple(dim for dim in case_dims(dataset) if dim not in self.rows)

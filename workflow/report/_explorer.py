@@ -32,19 +32,6 @@ _TITLES = {
     "orbit": "The steady rub of the selected case",
 }
 
-_ABOUT = {
-    "cost": (
-        "Largest relative error of displacement, temperature and impulse, for the scene of the selected case; lines "
-        "lead through the steps of a scheme. Dotted across: 10 %, 1 %, 0.1 %. A click selects."
-    ),
-    "order": (
-        "For the scene of the selected case; order is the slope of log error over log h, where three errors or more "
-        "are below a tenth."
-    ),
-    "modes": "For the scene of the selected case, which is framed. The star is the study's own choice",
-}
-
-
 _NO_SCRIPT = (
     "The figures below are drawn by a script, which this viewer does not run; save the page and open it in a browser."
 )
@@ -143,20 +130,23 @@ def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: 
 def _about(name: str, described: Mapping[str, Any]) -> str:
     """Return what stands above a panel."""
     metrics = [metric["name"] for metric in described["metrics"]]
-    about = _ABOUT.get(name, "")
-    if name == "modes":
-        part = "The reduced model's part of the error" if "model_error" in metrics else "The whole error"
-        about = (
-            f"{part}. {about}{' (auto)' if 'auto' in (described['chosen_modes'] or ()) else ', as recommended above'}."
+    if name == "cost":
+        return (
+            "Largest relative error of displacement, temperature and impulse, for the scene of the selected case; "
+            "lines lead through the steps of a scheme. Dotted across: 10 %, 1 %, 0.1 %. A click selects."
         )
     if name == "order":
-        part = (
-            "The scheme's part of the error"
-            if "scheme_error" in metrics
-            else "The whole error, reduced model's included"
+        split = "scheme_error" in metrics
+        part = "The scheme's part of the error" if split else "The whole error, reduced model's included"
+        return (
+            f"{part}. For the scene of the selected case; order is the slope of log error over log h, where three "
+            "errors or more are below a tenth."
         )
-        about = f"{part}. {about}"
-    return about
+    if name == "modes":
+        part = "The reduced model's part of the error" if "model_error" in metrics else "The whole error"
+        star = "choice (auto)" if "auto" in (described["chosen_modes"] or ()) else "choice, as recommended above"
+        return f"{part}. For the scene of the selected case, which is framed. The star is the study's own {star}."
+    return ""
 
 
 def figure_place(name: str) -> Html:

@@ -16,7 +16,7 @@ from workflow.report._answer import answer
 from workflow.report._branches import along_branches, interactive_branches, where_it_settles
 from workflow.report._explorer import PAGE_BYTES, interactive
 from workflow.report._html import THEN, image, note, page, paragraph, short, table, tag
-from workflow.report._origin import methods_of, origin, scene_of
+from workflow.report._origin import origin, study_of
 from workflow.report._shares import shares
 from workflow.run import warnings_of
 
@@ -105,7 +105,7 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
         precision, maps, branches, drawn = (section(dataset) for section in _DRAWN)
         figure = _response(dataset) or precision.figure or maps.figure or branches.figure or drawn.figure
         figure_path = None if figure is None else save(figure, picture)
-        methods, scene = methods_of(archive), scene_of(archive)
+        methods, scene = study_of(archive)
         first_block, choice = answer(dataset, methods)
         head = [
             tag("h1", _title(dataset, archive)),
@@ -174,7 +174,7 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
                 )  # fmt: skip
                 new.append(k == 0 and number > 0)
             parts += [tag("h2", name), paragraph(f"{title}.")]
-            parts += _warnings(dataset) + answer(dataset, methods_of(archive))[0]
+            parts += _warnings(dataset) + answer(dataset, study_of(archive)[0])[0]
             response = _response(dataset)
             parts += [] if response is None else [image(response, "tip response")]
             parts += sections.standing(dataset)[3:]
