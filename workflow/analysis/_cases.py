@@ -89,6 +89,12 @@ def mode_counts(dataset: xr.Dataset, name: str) -> NDArray[np.float64]:
     return counts
 
 
+def modes_along(dataset: xr.Dataset, dim: str) -> NDArray[np.float64]:
+    """Return the modes of both kinds at each place along a dimension, 0 where no count lies along it."""
+    names = [name for name in MODES if name in dataset.coords and dataset[name].dims == (dim,)]
+    return sum((mode_counts(dataset, name) for name in names), np.zeros(dataset.sizes[dim]))
+
+
 def naming(dataset: xr.Dataset, dim: str) -> list[str]:
     """Return the coordinates that name the values of a dimension; points and matrices of a drawn zip do not."""
     return [str(name) for name in dataset.coords if dataset[name].dims == (dim,) and name not in (POINT, MATRIX)]

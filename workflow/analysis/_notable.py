@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, finest, mode_counts
+from workflow.analysis._cases import case_dims, finest, modes_along
 from workflow.analysis._recommend import Choice, is_numerical, numerical_dims
 from workflow.schemes import Status
-from workflow.study import MODES
 from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
@@ -137,17 +136,8 @@ def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[n
     place, coords = finest(dataset), dataset.coords.items()
     changing_scene = {dim for name, values in coords if not is_numerical(dataset, str(name)) for dim in values.dims}
     at = {dim: place[dim] for dim in numerical_dims(dataset) if dim not in changing_scene}
-    if dataset["scheme"].ndim:
-        at[str(dataset["scheme"].dims[0])] = _most_modes(dataset, exact)
+    for dim in map(str, dataset["scheme"].dims):
+        at[dim] = int(np.argmax(np.where(exact, modes_along(dataset, dim), -np.inf)))
     number = xr.DataArray(np.arange(status.size).reshape(status.shape), dims=case_dims(dataset))
     partners = number.isel(at).broadcast_like(number).transpose(*number.dims).values.ravel()
     return np.where(status.ravel()[partners] == Status.OK, partners, -1)
-
-
-def _most_modes(dataset: xr.Dataset, exact: NDArray[np.bool_]) -> int:
-    """Return the exact scheme's place along its dimension, that with the most modes where they lie along it too."""
-    modes = np.zeros(exact.size)
-    for name in MODES:
-        if name in dataset.coords and dataset[name].dims == dataset["scheme"].dims:
-            modes += mode_counts(dataset, name)
-    return int(np.argmax(np.where(exact, modes, -np.inf)))

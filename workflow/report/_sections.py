@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow.analysis import (
     ERRORS,
@@ -21,7 +20,7 @@ from workflow.analysis import (
     hidden,
     labels_of,
     lines,
-    mode_counts,
+    modes_along,
     place_text,
     runaways,
     standings,
@@ -249,12 +248,10 @@ def _limit(line: Line) -> str:
 
 def _fewest_modes(dataset: xr.Dataset) -> dict[str, int]:
     """Return where the reduced model with the fewest modes lies along the dimensions of the counts of modes."""
-    counts: dict[str, NDArray[np.float64]] = {}
-    for name in MODES:
-        if name in dataset.coords and dataset[name].ndim == 1 and dataset[name].size > 1:
-            dim = str(dataset[name].dims[0])
-            counts[dim] = counts.get(dim, 0.0) + mode_counts(dataset, name)
-    return {dim: int(np.argmin(sums)) for dim, sums in counts.items()}
+    dims = {
+        str(dim) for name in MODES if name in dataset.coords for dim in dataset[name].dims if dataset.sizes[dim] > 1
+    }
+    return {dim: int(np.argmin(modes_along(dataset, dim))) for dim in dims}
 
 
 def _percent(share: float) -> str:
