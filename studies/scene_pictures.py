@@ -9,7 +9,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from workflow.analysis import casing_motion
-from workflow.plots._style import COLOURS, label_lowest, legend_below, look, new_figure, trim
+from workflow.plots import Curve, tip_response
+from workflow.plots._style import COLOURS, GREY, label_lowest, legend_below, look, new_figure, trim
 
 _OFF_THE_PANEL = 10.0
 """Growth by so many factors of e leaves the panel: it would flatten all else."""
@@ -130,3 +131,26 @@ def impact_speed_map(archive: xr.Dataset, quantile: float = 0.9) -> Figure:
     label_lowest(grid, len(gaps), columns, "load frequency [Hz]")
     legend_below(figure, grid[0].get_legend_handles_labels(), 2 * columns)
     return figure
+
+
+def abstract_figure(archive: xr.Dataset) -> Figure:
+    """Draw the extended abstract's figure beside the exact solution: reduced dashed, without contact heat grey.
+
+    Parameters
+    ----------
+    archive
+        Of ``studies/abstract_figure.yaml``: dimensions ``scheme`` (exact first), ``alpha`` (0 first) and ``model``
+        (full first).
+    """
+    exact, stepped = archive.isel(scheme=0, model=0), archive.isel(scheme=-1)
+    cold, hot = exact.isel(alpha=0), stepped.isel(alpha=-1)
+    modes = f"{int(hot['mechanical_modes'][-1])} + {int(hot['thermal_modes'][-1])} modes"
+    return tip_response(
+        [
+            Curve(cold, "α = 0, exact", GREY, "-", 1.0),
+            Curve(exact.isel(alpha=-1), f"α = {float(hot['alpha']):g} m/s, exact", COLOURS[5], "-", 3.2),
+            Curve(hot.isel(model=0), f"h = {float(hot['h']):g} s, full", COLOURS[6], "-", 0.8),
+            Curve(hot.isel(model=-1), f"h = {float(hot['h']):g} s, {modes}", COLOURS[1], "--", 1.1),
+        ],
+        phases_of=1,
+    )

@@ -11,7 +11,7 @@ from workflow.plots._bifurcation import bifurcation
 from workflow.plots._branches import branches
 from workflow.plots._maps import map_dims, middle, scene_map, single_maps
 from workflow.plots._precision import convergence, work_precision
-from workflow.plots._response import HISTORIES, Curve, abstract_figure, histories, tip_response
+from workflow.plots._response import HISTORIES, Curve, histories, tip_response
 from workflow.plots._sobol import sobol_indices
 from workflow.plots._style import COLOURS, save, write_figure
 
@@ -19,7 +19,6 @@ __all__ = [
     "COLOURS",
     "HISTORIES",
     "Curve",
-    "abstract_figure",
     "bifurcation",
     "branches",
     "convergence",

@@ -1,4 +1,4 @@
-"""Histories of some cases below each other, and the figure of the extended abstract."""
+"""Histories of some cases below each other."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from workflow.analysis import (
     shown_dim,
     unit_of,
 )
-from workflow.plots._style import COLOURS, GREY, legend_below, new_figure, trim
+from workflow.plots._style import COLOURS, legend_below, new_figure, trim
 from workflow.plots._units import scaled
 
 if TYPE_CHECKING:
@@ -123,29 +123,6 @@ def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> N
             xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8, xytext=(-3, 2),
             textcoords="offset points",
         )  # fmt: skip
-
-
-def abstract_figure(archive: xr.Dataset) -> Figure:
-    """Draw the extended abstract's figure beside the exact solution: reduced dashed, without contact heat grey.
-
-    Parameters
-    ----------
-    archive
-        Of ``studies/abstract_figure.yaml``: dimensions ``scheme`` (exact first), ``alpha`` (0 first) and ``model``
-        (full first).
-    """
-    exact, stepped = archive.isel(scheme=0, model=0), archive.isel(scheme=-1)
-    cold, hot = exact.isel(alpha=0), stepped.isel(alpha=-1)
-    modes = f"{int(hot['mechanical_modes'][-1])} + {int(hot['thermal_modes'][-1])} modes"
-    return tip_response(
-        [
-            Curve(cold, "α = 0, exact", GREY, "-", 1.0),
-            Curve(exact.isel(alpha=-1), f"α = {float(hot['alpha']):g} m/s, exact", COLOURS[5], "-", 3.2),
-            Curve(hot.isel(model=0), f"h = {float(hot['h']):g} s, full", COLOURS[6], "-", 0.8),
-            Curve(hot.isel(model=-1), f"h = {float(hot['h']):g} s, {modes}", COLOURS[1], "--", 1.1),
-        ],
-        phases_of=1,
-    )
 
 
 def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
