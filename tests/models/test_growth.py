@@ -203,5 +203,4 @@ def test_one_node_at_its_critical_coupling() -> None:
         parts = {"heat_capacities": 10 ** rng.uniform(-9, 0, 1), "conduction": 10 ** rng.uniform(-3, 6, 1)}
         one = uniform_chain(1, springs=10 ** rng.uniform(3, 9, 1), **parts)
         fastest = growth(in_contact(one), critical_alpha(one))
-        assert fastest.rate == 0
-        assert not fastest.is_positive
+        assert abs(fastest.rate) <= fastest.uncertainty
