@@ -116,8 +116,8 @@ class InContact:
         kinds = each[: 2 * count].reshape(count, 2).max(axis=1), each[2 * count :]
         order = (np.argsort(-kind, kind="stable")[:most] for kind in kinds)
         modes, heats = (np.sort(o[alpha * kind[o] > _ROUNDING]) for o, kind in zip(order, kinds, strict=True))
-        chosen = {"modes": self.modes[:, modes], "heat": self.heat[:, heats]}
-        part = replace(self, **chosen, coupling=self.coupling[np.ix_(modes, heats)])
+        coupling = self.coupling[np.ix_(modes, heats)]
+        part = replace(self, modes=self.modes[:, modes], heat=self.heat[:, heats], coupling=coupling)
         return part, np.delete(self.poles, np.concatenate([2 * modes, 2 * modes + 1, 2 * count + heats]))
 
     def contact_force(self, s: Complex) -> tuple[Complex, Complex]:
@@ -214,7 +214,7 @@ def _improved(contact: InContact, alpha: float, spectrum: Complex) -> Array:
                 break
     found = left <= np.maximum(_CONVERGED * np.abs(roots), _UNCERTAIN * np.abs(spectrum).max(initial=0.0))
     is_whole = contact.poles.size <= _ALL_STATES
-    return np.where(found, roots, starts).real[found | is_whole]
+    return np.asarray(np.where(found, roots, starts).real[found | is_whole])
 
 
 def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:
