@@ -131,12 +131,6 @@ def error(full: Results, basis: str, nodes: int, mechanical: int | None, thermal
     return relative(run.histories[name], full.histories[name])
 
 
-@pytest.mark.parametrize("basis", EXACT)
-def test_all_vectors_are_the_heavy_chain(basis: str, full_runs: dict[int, Results]) -> None:
-    for name in HISTORIES:
-        assert error(full_runs[20], basis, 20, 19, 19, name) < 1e-9
-
-
 @pytest.mark.parametrize(
     ("basis", "nodes", "vectors", "least", "most"),
     [
