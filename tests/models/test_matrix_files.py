@@ -122,9 +122,10 @@ def pickled(tmp_path: Path) -> Path:
     return path
 
 
-def cut_off(tmp_path: Path) -> Path:
+def lying_npz(tmp_path: Path) -> Path:
+    """A header of more than is there."""
     path = as_npz(ENTRIES, tmp_path)
-    path.write_bytes(path.read_bytes()[:-100])
+    path.write_bytes(path.read_bytes().replace(b"(5, 5)", b"(9, 5)"))
     return path
 
 
@@ -162,7 +163,7 @@ def other_text(tmp_path: Path) -> Path:
 
 HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
     "pickle": (pickled, "no NPZ file, or damaged: Object arrays cannot be loaded"),
-    "NPZ that is cut off": (cut_off, "no NPZ file, or damaged"),
+    "NPZ header that lies": (lying_npz, "no NPZ file, or damaged"),
     "Matrix Market header that lies": (market("5 5 100000000000"), "no MTX file, or damaged"),
     "Matrix Market header of a giant": (market("4000000000 4000000000 1"), "at most"),
     "MATLAB 7.3": (later_mat, "-v7"),

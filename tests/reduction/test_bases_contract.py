@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,12 +43,6 @@ def built(
     structure: Structure, basis: str, mechanical: int | None, thermal: int | None, time: float = 0.3
 ) -> Reduction:
     return reduce_structure(structure, mechanical, thermal, basis, time)
-
-
-@pytest.mark.parametrize("basis", BASES)
-def test_a_basis_is_one_file_of_at_most_150_lines(basis: str) -> None:
-    [place] = [path for path in reduction.__path__ if (Path(path) / f"{basis}.py").exists()]
-    assert len((Path(place) / f"{basis}.py").read_text(encoding="utf-8").splitlines()) <= 150
 
 
 @pytest.mark.parametrize("structure", STRUCTURES.values(), ids=STRUCTURES.keys())

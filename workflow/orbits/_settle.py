@@ -25,8 +25,8 @@ _EXCESS = 1000.0
 _BALANCES, _BETWEEN = 30, 50
 """Times that the temperatures of a transient are put in balance, at most, and periods before they are looked at."""
 
-_EXPONENT_PERIODS = 100
-"""Periods over which the Lyapunov exponent is taken."""
+_EXPONENT_PERIODS = 400
+"""Periods over which the Lyapunov exponent is taken: of chaos it scatters by a twentieth."""
 
 
 @dataclass(frozen=True)
