@@ -199,7 +199,8 @@ def growth(contact: InContact, alpha: float, friction: float = 0.0) -> Growth:
 def _improved(contact: InContact, alpha: float, spectrum: Complex) -> Array:
     """Return the real parts of the rightmost of a spectrum, improved by Newton's method on 1/G(s) = α.
 
-    Those that it does not find stay as they are where the spectrum is that of all modes, else they are left out.
+    Those that it does not find stay as they are where the spectrum is that of all modes, else they are left out; NaN
+    where none is left.
     """
     above = spectrum[spectrum.imag >= 0]
     starts = above[np.argsort(-above.real, kind="stable")[:_IMPROVED]]
@@ -213,8 +214,8 @@ def _improved(contact: InContact, alpha: float, spectrum: Complex) -> Array:
             if np.all(left <= _ROUNDING * np.abs(roots)):
                 break
     found = left <= np.maximum(_CONVERGED * np.abs(roots), _UNCERTAIN * np.abs(spectrum).max(initial=0.0))
-    is_whole = contact.poles.size <= _ALL_STATES
-    return np.asarray(np.where(found, roots, starts).real[found | is_whole])
+    known = found | (contact.poles.size <= _ALL_STATES)
+    return np.where(found, roots, starts).real[known] if known.any() or not known.size else np.full(1, np.nan)
 
 
 def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import Analysed, Flow
@@ -146,18 +147,15 @@ class Curve:
         """
         assert self.scale is not None
         assert self.first is not None
-        basis, now = flow.operator.basis, flow.structure
+        basis, first, now = flow.operator.basis, self.first, flow.structure
         size, n = flow.start.size, flow.modes
-        sides, scale = np.ones(size), np.full(size, self.scale[2])
-        sides[:n] = sides[n : 2 * n] = np.where(self.first.mass[-1] * now.mass[-1] < 0, -1.0, 1.0)
-        sides[2 * n :] = np.where(self.first.heat_capacity[-1] * now.heat_capacity[-1] < 0, -1.0, 1.0)[: size - 2 * n]
-        scale[:n], scale[n : 2 * n] = self.scale[:2]
-        factor = sides / (scale * np.sqrt(size))
-        out, into = np.zeros((size, size)), np.zeros((size, size))
-        for part in (slice(0, n), slice(n, 2 * n)):
-            out[part, part], into[part, part] = basis.free.shapes, basis.to_modes
-        if size > 2 * n:
-            out[2 * n :, 2 * n :], into[2 * n :, 2 * n :] = basis.free.heat_shapes, basis.to_thermal
+        kinds = [(basis.free.shapes, basis.to_modes)] * 2 + [
+            (basis.free.heat_shapes, basis.to_thermal)
+        ] * flow.is_heated
+        inertia = [first.mass[-1] * now.mass[-1]] * 2 + [first.heat_capacity[-1] * now.heat_capacity[-1]]
+        sides = np.where(np.concatenate(inertia)[:size] < 0, -1.0, 1.0)
+        factor = sides / (np.repeat(self.scale, (n, n, size - 2 * n)) * np.sqrt(size))
+        out, into = (block_diag(*matrices) for matrices in zip(*kinds, strict=True))
         return factor[:, None] * out, into / factor
 
     def rephased(self, point: Point) -> Point:
