@@ -136,7 +136,7 @@ class Grid:
         values = self._values(outer)
         if CHOSEN not in (values["mechanical_modes"], values["thermal_modes"]):
             return None
-        first = int(self.alike(np.array([outer]), _decides)[0])
+        first = int(self.alike(np.array([outer]), decides_structure)[0])
         if first not in self.decided.cases:
             settings = self.study.cell(self._values(first))
             setting = Setting(settings, self._conditions, replace(self.sampling, balances=False), self.shortest)
@@ -168,13 +168,13 @@ class Grid:
 
     def _decides_reference(self, path: str) -> bool:
         assert self.study.reference is not None
-        return _decides(path) and path not in self.study.reference.values
+        return decides_structure(path) and path not in self.study.reference.values
 
     @cached_property
     def choices(self) -> Decided:
         """Counts of modes that tolerances decide, by the first outer index that each belongs to."""
         return Decided(
-            self._all_of(self.choice, _decides) if self.study.is_auto else {},
+            self._all_of(self.choice, decides_structure) if self.study.is_auto else {},
             self._all_of(self.reference_choice, self._decides_reference) if self.study.reference is not None else {},
         )
 
@@ -278,8 +278,8 @@ def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:
     return np.unravel_index(index, shape) if shape else ()
 
 
-def _decides(path: str) -> bool:
-    """Tell whether counts that a tolerance decides may differ along an axis."""
+def decides_structure(path: str) -> bool:
+    """Tell whether the structure that a case is run on, and the counts that a tolerance decides, may differ so."""
     return path not in ("scheme", "h") and not path.startswith("schemes.")
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -59,21 +59,25 @@ class ReferenceSolution:
     failure: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Block:
     """Solutions that are computed together: references, or exact solutions of reduced models, of an outer index.
 
     ``rows`` count the distinct solutions of the settings, see :func:`distinct_rows`.
     """
 
-    number: int
     outer: int
     is_exact: bool
     rows: tuple[int, ...]
 
 
-Solutions = Mapping[tuple[CaseSettings, bool], Mapping[int, ReferenceSolution]]
-"""By settings and whether they are exact solutions beside the reference; by row."""
+Begun = TypeVar("Begun")
+
+Kind = tuple[CaseSettings, bool]
+"""Settings of solutions, and whether they are exact ones beside the reference."""
+
+Solutions = Mapping[Kind, Mapping[int, ReferenceSolution]]
+"""Solutions by kind and row."""
 
 
 @lru_cache(maxsize=256)
@@ -102,8 +106,8 @@ def _only_what_is_read(settings: CaseSettings) -> CaseSettings:
     return replace(settings, **unread)
 
 
-def needed_settings(grid: Grid, outer: int) -> list[tuple[CaseSettings, bool]]:
-    """Return settings of the reference of an outer index, and of the exact solution beside it unless that is it."""
+def needed_kinds(grid: Grid, outer: int) -> list[Kind]:
+    """Return the kind of the reference of an outer index, and of the exact solution beside it unless that is it."""
     ours, theirs = reference_settings(grid, outer), exact_settings(grid, outer)
     return [(ours, False)] if theirs == ours else [(ours, False), (theirs, True)]
 
@@ -132,65 +136,82 @@ def distinct_rows(grid: Grid, settings: CaseSettings, inner: Indices) -> Indices
     return np.asarray(np.ravel_multi_index(own, shape))
 
 
-class References:
-    """Which blocks of solutions tasks need; each row is in one block as long as that is held."""
+class References(Generic[Begun]):
+    """Blocks of solutions that batches are compared with, each begun when the first of them needs it.
 
-    def __init__(self, grid: Grid) -> None:
-        self._grid, self._number = grid, 0
-        self._held: OrderedDict[int, tuple[tuple[CaseSettings, bool], Block]] = OrderedDict()
-        self._by_row: dict[tuple[CaseSettings, bool], dict[int, int]] = {}
+    Parameters
+    ----------
+    begin
+        Begins to compute a block, and returns what its solutions will be had from. The latest blocks are held, one
+        that is needed again later is begun again.
+    """
+
+    def __init__(self, grid: Grid, begin: Callable[[Block], Begun]) -> None:
+        self._grid, self._begin = grid, begin
+        self._held: OrderedDict[Block, Begun] = OrderedDict()
+        self._by_row: dict[Kind, dict[int, Block]] = {}
         self._most_rows = max(1, HELD_BYTES // (8 * grid.sampling.count * len(COMPARED)))
 
-    def blocks_of(self, batches: Iterable[Batch]) -> list[Block]:
-        """Return the blocks that the cases of some batches are compared with: new ones where none is held."""
+    def of(self, batches: Iterable[Batch]) -> dict[Block, Begun]:
+        """Return the blocks that the cases of some batches are compared with."""
         if self._grid.study.reference is None:
-            return []
-        needed: dict[int, Block] = {}
-        for batch in batches:
-            for key in needed_settings(self._grid, batch.outer):
-                held = self._by_row.setdefault(key, {})
-                rows = np.unique(distinct_rows(self._grid, key[0], batch.inner)).tolist()
-                new = [row for row in rows if row not in held]
-                for first in range(0, len(new), MOST_CASES):
-                    block = Block(self._number, batch.outer, key[1], tuple(new[first : first + MOST_CASES]))
-                    self._held[block.number] = key, block
-                    held.update(dict.fromkeys(block.rows, block.number))
-                    self._number += 1
-                needed |= {number: self._held[number][1] for number in {held[row] for row in rows}}
-        for number in needed:
-            self._held.move_to_end(number)
-        count = sum(len(block.rows) for _, block in self._held.values())
-        while count > self._most_rows and next(iter(self._held)) not in needed:
-            _, (key, block) = self._held.popitem(last=False)
-            for row in block.rows:
-                del self._by_row[key][row]
-            count -= len(block.rows)
-        return list(needed.values())
+            return {}
+        needed = dict.fromkeys(block for batch in batches for block in self._blocks_of(batch))
+        for block in needed:
+            self._held.move_to_end(block)
+        count = sum(len(block.rows) for block in self._held)
+        while count > self._most_rows and (oldest := next(iter(self._held))) not in needed:
+            del self._held[oldest]
+            for row in oldest.rows:
+                del self._by_row[_kind_of(self._grid, oldest)][row]
+            count -= len(oldest.rows)
+        return {block: self._held[block] for block in needed}
 
-    def holds(self, block: Block) -> bool:
-        """Tell whether later tasks may need a block."""
-        return block.number in self._held
+    def _blocks_of(self, batch: Batch) -> Iterator[Block]:
+        """Yield the blocks of a batch, after new ones are begun where none is held."""
+        for kind in needed_kinds(self._grid, batch.outer):
+            held = self._by_row.setdefault(kind, {})
+            rows = np.unique(distinct_rows(self._grid, kind[0], batch.inner)).tolist()
+            new = [row for row in rows if row not in held]
+            for first in range(0, len(new), MOST_CASES):
+                block = Block(batch.outer, kind[1], tuple(new[first : first + MOST_CASES]))
+                self._held[block] = self._begin(block)
+                held.update(dict.fromkeys(block.rows, block))
+            yield from (held[row] for row in rows)
 
 
-def solutions_of(grid: Grid, computed: Iterable[tuple[Block, Sequence[ReferenceSolution]]]) -> Solutions:
-    """Return what blocks hold by settings and row."""
-    solutions: dict[tuple[CaseSettings, bool], dict[int, ReferenceSolution]] = {}
-    for block, each in computed:
-        settings = exact_settings(grid, block.outer) if block.is_exact else reference_settings(grid, block.outer)
-        solutions.setdefault((settings, block.is_exact), {}).update(zip(block.rows, each, strict=True))
+def solutions_for(grid: Grid, batch: Batch) -> Solutions:
+    """Compute the solutions that a batch is compared with."""
+    return solutions_of(grid, References(grid, lambda block: compute_block(grid, block)).of([batch]))
+
+
+def solutions_of(grid: Grid, computed: Mapping[Block, Sequence[ReferenceSolution]]) -> Solutions:
+    """Return what blocks hold by kind and row."""
+    solutions: dict[Kind, dict[int, ReferenceSolution]] = {}
+    for block, each in computed.items():
+        solutions.setdefault(_kind_of(grid, block), {}).update(zip(block.rows, each, strict=True))
     return solutions
+
+
+def _kind_of(grid: Grid, block: Block) -> Kind:
+    settings = exact_settings(grid, block.outer) if block.is_exact else reference_settings(grid, block.outer)
+    return settings, block.is_exact
 
 
 def compute_block(grid: Grid, block: Block) -> list[ReferenceSolution]:
     """Return the solutions of a block."""
-    settings = exact_settings(grid, block.outer) if block.is_exact else reference_settings(grid, block.outer)
-    structure, periods = reduced_structure(settings), fastest(grid) * grid.sampling.duration
-    runs = len(block.rows) * (1 if block.is_exact else REFERENCE_RUNS)
-    with timed(runs * case_seconds(settings, structure, replace(grid.sampling, balances=False), periods)):
-        return compute_solutions(grid, settings, np.array(block.rows, dtype=np.int64), is_exact=block.is_exact)
+    settings, _ = _kind_of(grid, block)
+    with timed(len(block.rows) * solution_seconds(grid, settings, block.is_exact)):
+        return _computed_or_lost(grid, settings, np.array(block.rows, dtype=np.int64), is_exact=block.is_exact)
 
 
-def compute_solutions(grid: Grid, settings: CaseSettings, rows: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
+def solution_seconds(grid: Grid, settings: CaseSettings, is_exact: bool) -> float:
+    """Return model seconds of a solution; a reference is run three times for its predictability."""
+    sampling, periods = replace(grid.sampling, balances=False), fastest(grid) * grid.sampling.duration
+    return (1 if is_exact else REFERENCE_RUNS) * case_seconds(settings, reduced_structure(settings), sampling, periods)
+
+
+def _computed_or_lost(grid: Grid, settings: CaseSettings, rows: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
     """Return solutions, references with their predictability.
 
     One that raises is NaN, which harms neither its neighbours nor its cases.
@@ -201,7 +222,7 @@ def compute_solutions(grid: Grid, settings: CaseSettings, rows: Indices, *, is_e
     except (Exception, SystemExit) as error:  # whatever a model or scheme raises
         if rows.size > 1:
             return [
-                one for row in rows for one in compute_solutions(grid, settings, np.array([row]), is_exact=is_exact)
+                one for row in rows for one in _computed_or_lost(grid, settings, np.array([row]), is_exact=is_exact)
             ]
         lost = np.full(grid.sampling.count, np.nan)
         return [ReferenceSolution(dict.fromkeys(COMPARED, lost), np.nan, reason_of(error))]

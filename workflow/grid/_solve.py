@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,9 @@ from workflow.grid._frequencies import longest_period_count
 from workflow.grid._operators import compile_for, full_structure, judged, projection_residual_of, run_batch, runaways_of
 from workflow.grid._perturbation import Perturbation
 from workflow.grid._reference import against_reference, tells_basis_error
-from workflow.grid._reference_solutions import Solutions
+from workflow.grid._reference_solutions import Solutions, solutions_for
 from workflow.grid._steady import blank, branch_values, steady_values
+from workflow.grid._tasks import Batch
 from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
 from workflow.judges.reasons import reason_of
 from workflow.judges.trials import DECIDING
@@ -48,22 +48,24 @@ def solve(
     outer: int,
     inner: Indices,
     perturbation: Perturbation | None = None,
-    known: Solutions = MappingProxyType({}),
+    solutions: Solutions | None = None,
 ) -> Solved:
     """Run the cases ``inner`` of one outer index.
 
     Cases that differ only in axes their scheme does not read are run once; the reference may read
     them, so each has its own errors. What raises becomes cases of status ``failed``; it harms no
     neighbour, which then run one by one. ``perturbation`` changes the data of the cases, not those of their reference;
-    ``known`` are solutions that errors are measured against and that are computed already.
+    ``solutions`` are those that errors are measured against, which are computed here if they are not given.
     """
     settings = grid.settings(outer)
     canonical, place = np.unique(grid.canonical_inner(settings, inner), return_inverse=True)
     solved = _solve_or_tell(grid, outer, canonical, perturbation)
     where = place.ravel()
     values = {name: array[where] for name, array in solved.values.items()}
+    if solutions is None:
+        solutions = solutions_for(grid, Batch(outer, inner))
     with np.errstate(all="ignore"):
-        errors, remarks = against_reference(grid, outer, inner, values, known)
+        errors, remarks = against_reference(grid, outer, inner, values, solutions)
         values |= _basis(grid, outer, inner.size, errors)
     own = {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages}
     both = {k: "; ".join(text[k] for text in (remarks, own) if k in text) for k in {*remarks, *own}}
