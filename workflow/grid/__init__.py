@@ -2,7 +2,7 @@
 
 from workflow.grid._ahead import kernel_variants
 from workflow.grid._arrangement import Grid, arrange, reads
-from workflow.grid._choice import ChosenModes, Decided, choices_text, read_choices
+from workflow.grid._choice import Choices, ChosenModes, choices_text, read_choices
 from workflow.grid._compile import compiled_ahead
 from workflow.grid._conditions import FRICTION
 from workflow.grid._encoding import CHUNK_BYTES, COMPRESSED, LEVEL, encode

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from workflow.grid._arrangement import TOLERANCE, Grid
-from workflow.grid._choice import ChosenModes
+from workflow.grid._choice import OF_REFERENCE, ChosenModes
 from workflow.grid._corners import corner_text
 from workflow.grid._figures import size_text
 from workflow.grid._reference_solutions import reference_settings
@@ -42,13 +42,14 @@ def choice_cautions(grid: Grid) -> Iterator[str]:
 
 def _all(grid: Grid) -> Iterator[tuple[str, float, ChosenModes]]:
     """Yield what each choice is for, its tolerance, and the choice."""
-    for outer, choice in grid.choices.cases.items():
-        tolerance = float(grid.value(outer, TOLERANCE))
-        yield _for(grid.settings(outer), tolerance), tolerance, choice
-    for outer, choice in grid.choices.references.items():
-        assert grid.study.reference is not None
-        tolerance = float(grid.study.reference.values[TOLERANCE])
-        yield f"reference, {_for(reference_settings(grid, outer), tolerance)}", tolerance, choice
+    for name, choice in grid.choices.items():
+        outer, reference = int(name.removeprefix(OF_REFERENCE)), grid.study.reference
+        if reference is None or not name.startswith(OF_REFERENCE):
+            tolerance = float(grid.value(outer, TOLERANCE))
+            yield _for(grid.settings(outer), tolerance), tolerance, choice
+        else:
+            tolerance = float(reference.values[TOLERANCE])
+            yield f"reference, {_for(reference_settings(grid, outer), tolerance)}", tolerance, choice
 
 
 def _for(settings: CaseSettings, tolerance: float) -> str:

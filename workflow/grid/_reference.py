@@ -16,9 +16,8 @@ from workflow.grid._reference_solutions import (
     Kind,
     ReferenceSolution,
     Solutions,
-    distinct_rows,
-    distinct_shape,
     exact_settings,
+    is_compared,
     needed_kinds,
     reference_settings,
     solutions_for,
@@ -74,7 +73,7 @@ def against_reference(
 
 def _in_order(grid: Grid, kind: Kind, inner: Indices, solutions: Solutions) -> list[ReferenceSolution]:
     """Return the solutions of a kind for the conditions of some cases."""
-    return [solutions[kind][row] for row in distinct_rows(grid, kind[0], inner).tolist()]
+    return [solutions[kind][first] for first in grid.inner_alike(inner, is_compared(grid, kind[0])).tolist()]
 
 
 def _histories(solutions: Sequence[ReferenceSolution], name: str) -> Array:
@@ -135,7 +134,7 @@ def distinct_solutions(grid: Grid) -> Iterator[tuple[CaseSettings, bool, int]]:
     references = {settings for settings, is_exact in every if not is_exact}
     for settings, is_exact in every:
         if not (is_exact and settings in references):
-            yield settings, is_exact, int(np.prod(distinct_shape(grid, settings), dtype=np.int64))
+            yield settings, is_exact, grid.inner_distinct(is_compared(grid, settings))
 
 
 def solution_counts(grid: Grid) -> tuple[int, int]:

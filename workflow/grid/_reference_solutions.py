@@ -63,12 +63,12 @@ class ReferenceSolution:
 class Block:
     """Solutions that are computed together: references, or exact solutions of reduced models, of an outer index.
 
-    ``rows`` count the distinct solutions of the settings, see :func:`distinct_rows`.
+    ``inner`` are the first inner indices that have these solutions, see :func:`is_compared`.
     """
 
     outer: int
     is_exact: bool
-    rows: tuple[int, ...]
+    inner: tuple[int, ...]
 
 
 Begun = TypeVar("Begun")
@@ -77,7 +77,7 @@ Kind = tuple[CaseSettings, bool]
 """Settings of solutions, and whether they are exact ones beside the reference."""
 
 Solutions = Mapping[Kind, Mapping[int, ReferenceSolution]]
-"""Solutions by kind and row."""
+"""Solutions by kind and first inner index."""
 
 
 @lru_cache(maxsize=256)
@@ -112,28 +112,10 @@ def needed_kinds(grid: Grid, outer: int) -> list[Kind]:
     return [(ours, False)] if theirs == ours else [(ours, False), (theirs, True)]
 
 
-def distinct_shape(grid: Grid, settings: CaseSettings) -> tuple[int, ...]:
-    """Return the sizes of the inner dimensions, 1 for those along which a solution stays the same."""
+def is_compared(grid: Grid, settings: CaseSettings) -> Callable[[str], bool]:
+    """Return what tells whether solutions of some settings differ along an axis."""
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
-    return tuple(
-        dimension.size
-        if any(
-            axis.path not in replaced and reads(settings.scheme.method, settings.scheme.label, axis.path)
-            for axis in dimension.axes
-        )
-        else 1
-        for dimension in grid.inner
-    )
-
-
-def distinct_rows(grid: Grid, settings: CaseSettings, inner: Indices) -> Indices:
-    """Return for each inner index the number of its solution, among those that are distinct."""
-    shape = distinct_shape(grid, settings)
-    if not shape:
-        return np.zeros_like(inner)
-    index = np.unravel_index(inner, grid.inner_shape)
-    own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
-    return np.asarray(np.ravel_multi_index(own, shape))
+    return lambda path: path not in replaced and reads(settings.scheme.method, settings.scheme.label, path)
 
 
 class References(Generic[Begun]):
@@ -149,8 +131,8 @@ class References(Generic[Begun]):
     def __init__(self, grid: Grid, begin: Callable[[Block], Begun]) -> None:
         self._grid, self._begin = grid, begin
         self._held: OrderedDict[Block, Begun] = OrderedDict()
-        self._by_row: dict[Kind, dict[int, Block]] = {}
-        self._most_rows = max(1, HELD_BYTES // (8 * grid.sampling.count * len(COMPARED)))
+        self._block_of: dict[Kind, dict[int, Block]] = {}
+        self._most = max(1, HELD_BYTES // (8 * grid.sampling.count * len(COMPARED)))
 
     def of(self, batches: Iterable[Batch]) -> dict[Block, Begun]:
         """Return the blocks that the cases of some batches are compared with."""
@@ -159,25 +141,25 @@ class References(Generic[Begun]):
         needed = dict.fromkeys(block for batch in batches for block in self._blocks_of(batch))
         for block in needed:
             self._held.move_to_end(block)
-        count = sum(len(block.rows) for block in self._held)
-        while count > self._most_rows and (oldest := next(iter(self._held))) not in needed:
+        count = sum(len(block.inner) for block in self._held)
+        while count > self._most and (oldest := next(iter(self._held))) not in needed:
             del self._held[oldest]
-            for row in oldest.rows:
-                del self._by_row[_kind_of(self._grid, oldest)][row]
-            count -= len(oldest.rows)
+            for inner in oldest.inner:
+                del self._block_of[_kind_of(self._grid, oldest)][inner]
+            count -= len(oldest.inner)
         return {block: self._held[block] for block in needed}
 
     def _blocks_of(self, batch: Batch) -> Iterator[Block]:
         """Yield the blocks of a batch, after new ones are begun where none is held."""
         for kind in needed_kinds(self._grid, batch.outer):
-            held = self._by_row.setdefault(kind, {})
-            rows = np.unique(distinct_rows(self._grid, kind[0], batch.inner)).tolist()
-            new = [row for row in rows if row not in held]
+            held = self._block_of.setdefault(kind, {})
+            first_alike = np.unique(self._grid.inner_alike(batch.inner, is_compared(self._grid, kind[0]))).tolist()
+            new = [inner for inner in first_alike if inner not in held]
             for first in range(0, len(new), MOST_CASES):
                 block = Block(batch.outer, kind[1], tuple(new[first : first + MOST_CASES]))
                 self._held[block] = self._begin(block)
-                held.update(dict.fromkeys(block.rows, block))
-            yield from (held[row] for row in rows)
+                held.update(dict.fromkeys(block.inner, block))
+            yield from (held[inner] for inner in first_alike)
 
 
 def solutions_for(grid: Grid, batch: Batch) -> Solutions:
@@ -186,10 +168,10 @@ def solutions_for(grid: Grid, batch: Batch) -> Solutions:
 
 
 def solutions_of(grid: Grid, computed: Mapping[Block, Sequence[ReferenceSolution]]) -> Solutions:
-    """Return what blocks hold by kind and row."""
+    """Return what blocks hold by kind and first inner index."""
     solutions: dict[Kind, dict[int, ReferenceSolution]] = {}
     for block, each in computed.items():
-        solutions.setdefault(_kind_of(grid, block), {}).update(zip(block.rows, each, strict=True))
+        solutions.setdefault(_kind_of(grid, block), {}).update(zip(block.inner, each, strict=True))
     return solutions
 
 
@@ -201,8 +183,8 @@ def _kind_of(grid: Grid, block: Block) -> Kind:
 def compute_block(grid: Grid, block: Block) -> list[ReferenceSolution]:
     """Return the solutions of a block."""
     settings, _ = _kind_of(grid, block)
-    with timed(len(block.rows) * solution_seconds(grid, settings, block.is_exact)):
-        return _computed_or_lost(grid, settings, np.array(block.rows, dtype=np.int64), is_exact=block.is_exact)
+    with timed(len(block.inner) * solution_seconds(grid, settings, block.is_exact)):
+        return _computed_or_lost(grid, settings, np.array(block.inner, dtype=np.int64), is_exact=block.is_exact)
 
 
 def solution_seconds(grid: Grid, settings: CaseSettings, is_exact: bool) -> float:
@@ -211,30 +193,26 @@ def solution_seconds(grid: Grid, settings: CaseSettings, is_exact: bool) -> floa
     return (1 if is_exact else REFERENCE_RUNS) * case_seconds(settings, reduced_structure(settings), sampling, periods)
 
 
-def _computed_or_lost(grid: Grid, settings: CaseSettings, rows: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
+def _computed_or_lost(grid: Grid, settings: CaseSettings, inner: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
     """Return solutions, references with their predictability.
 
     One that raises is NaN, which harms neither its neighbours nor its cases.
     """
     try:
         with waiting_for(REFERENCES), np.errstate(all="ignore"):
-            return _computed(grid, settings, rows, is_exact)
+            return _computed(grid, settings, inner, is_exact)
     except (Exception, SystemExit) as error:  # whatever a model or scheme raises
-        if rows.size > 1:
-            return [
-                one for row in rows for one in _computed_or_lost(grid, settings, np.array([row]), is_exact=is_exact)
-            ]
+        if inner.size > 1:
+            return [one for k in inner for one in _computed_or_lost(grid, settings, np.array([k]), is_exact=is_exact)]
         lost = np.full(grid.sampling.count, np.nan)
         return [ReferenceSolution(dict.fromkeys(COMPARED, lost), np.nan, reason_of(error))]
 
 
-def _computed(grid: Grid, settings: CaseSettings, rows: Indices, is_exact: bool) -> list[ReferenceSolution]:
-    shape = distinct_shape(grid, settings)
-    inner = np.ravel_multi_index(np.unravel_index(rows, shape), grid.inner_shape) if shape else rows
+def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool) -> list[ReferenceSolution]:
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
     structure = full_structure(settings)
-    cases = conditions(settings, structure, varying, rows.size)
+    cases = conditions(settings, structure, varying, inner.size)
     compile_for(settings, balances=False)
     sampling = replace(grid.sampling, balances=False)
 
@@ -244,12 +222,12 @@ def _computed(grid: Grid, settings: CaseSettings, rows: Indices, is_exact: bool)
     results = run(cases)
     ok = results.status == Status.OK
     histories = {name: np.where(ok[:, None], results.histories[name], np.nan) for name in COMPARED}
-    change, sound = np.full(rows.size, np.nan), np.flatnonzero(ok)
+    change, sound = np.full(inner.size, np.nan), np.flatnonzero(ok)
     if not is_exact and sound.size:
         displacement, is_static = histories["displacement"][sound], settings.scene.initial == "static"
         change[sound] = predictability(run, cases.take(sound), displacement, is_static=is_static)
-    failures = ["" if ok[k] else results.messages.get(k, "it did not end ok") for k in range(rows.size)]
+    failures = ["" if ok[k] else results.messages.get(k, "it did not end ok") for k in range(inner.size)]
     return [
         ReferenceSolution({name: values[k] for name, values in histories.items()}, float(change[k]), failures[k])
-        for k in range(rows.size)
+        for k in range(inner.size)
     ]

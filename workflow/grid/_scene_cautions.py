@@ -31,11 +31,8 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
             stiffness = stiffness_of(reduced_structure(settings), settings.scheme.options)
             yield from soft_spring(full_structure(settings), stiffness, settings.scheme.label)
     for settings in _distinct_settings(grid, parameters):
-        structure, duration, is_static = (
-            full_structure(settings),
-            grid.sampling.duration,
-            settings.scene.initial == "static",
-        )
+        structure, duration = full_structure(settings), grid.sampling.duration
+        is_static = settings.scene.initial == "static"
         if not isinstance(structure, Chain) or structure.has_matrices:  # of others the modes are not at hand
             model = model_on(reduced(settings))
             yield from scene_cautions(structure, model, _cases(grid, settings), duration, is_static=is_static)
@@ -54,8 +51,8 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
 
 def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
     """Yield the first settings that differ along axes whose path begins so."""
-    for outer in np.unique(grid.alike(grid.computed, lambda path: path.startswith(beginnings)))[:MOST_OUTER]:
-        yield grid.settings(int(outer))
+    for outer in grid.kinds(lambda path: path.startswith(beginnings))[:MOST_OUTER]:
+        yield grid.settings(outer)
 
 
 def _cases(grid: Grid, settings: CaseSettings) -> Cases:

@@ -58,21 +58,25 @@ def solve(
     ``solutions`` are those that errors are measured against, which are computed here if they are not given.
     """
     settings = grid.settings(outer)
-    canonical, place = np.unique(grid.canonical_inner(settings, inner), return_inverse=True)
-    solved = _solve_or_tell(grid, outer, canonical, perturbation)
-    where = place.ravel()
+    first, where = np.unique(grid.inner_alike(inner, grid.is_read(settings.scheme)), return_inverse=True)
+    solved = _solve_or_tell(grid, outer, first, perturbation)
     values = {name: array[where] for name, array in solved.values.items()}
     if solutions is None:
         solutions = solutions_for(grid, Batch(outer, inner))
     with np.errstate(all="ignore"):
         errors, remarks = against_reference(grid, outer, inner, values, solutions)
         values |= _basis(grid, outer, inner.size, errors)
-    own = {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages}
-    both = {k: "; ".join(text[k] for text in (remarks, own) if k in text) for k in {*remarks, *own}}
+    own = {k: solved.messages.get(source, "") for k, source in enumerate(where.tolist())}
     choice = grid.choice(outer)
-    if choice is not None and not choice.is_confirmed:
-        both = {k: "; ".join(filter(None, (both.get(k), f"basis_error: {choice.against}"))) for k in range(inner.size)}
-    return Solved({**values, **errors}, both)
+    unconfirmed = "" if choice is None or choice.is_confirmed else f"basis_error: {choice.against}"
+    messages = _joined_messages(remarks, own, dict.fromkeys(range(inner.size), unconfirmed))
+    return Solved({**values, **errors}, messages)
+
+
+def _joined_messages(*every: Mapping[int, str]) -> dict[int, str]:
+    """Return what several say of cases, by position, of those of which any says something."""
+    joined = {k: "; ".join(filter(None, (texts.get(k) for texts in every))) for k in set().union(*every)}
+    return {k: text for k, text in joined.items() if text}
 
 
 def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> dict[str, Array]:
@@ -138,14 +142,9 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Pertur
         "status": results.status,
         "runaway": runaway.astype(np.int8),
     }
-    messages = {k: "; ".join(filter(None, (results.messages.get(k), text))) for k, text in enumerate(remarks)}
-    messages = {k: text for k, text in messages.items() if text}
-    for case in np.flatnonzero(np.isnan(values["growth_rate"])):
-        earlier = [messages[int(case)]] if int(case) in messages else []
-        messages[int(case)] = "; ".join(
-            [*earlier, "growth_rate: the eigenvalues of the tip in contact did not converge"]
-        )
-    return Solved(values, messages)
+    lost = np.flatnonzero(np.isnan(values["growth_rate"])).tolist()
+    unconverged = dict.fromkeys(lost, "growth_rate: the eigenvalues of the tip in contact did not converge")
+    return Solved(values, _joined_messages(results.messages, dict(enumerate(remarks)), unconverged))
 
 
 def _followed(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
-from workflow.grid._arrangement import Grid, Indices, decides_structure
+from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import alpha_of
 from workflow.grid._costs import (
     case_seconds,
@@ -132,7 +132,7 @@ def _growth_seconds_of_inner(grid: Grid, settings: CaseSettings) -> float:
 def _seconds_of_inner(grid: Grid, outer: int) -> float:
     """Return the mean over the inner indices: distinct cases are stepped, where a scheme has packs whole ones."""
     settings = grid.settings(outer)
-    stepped = grid.distinct_inner(settings)
+    stepped = grid.inner_distinct(grid.is_read(settings.scheme))
     if schemes.load(settings.scheme.method).TOGETHER > 1:
         stepped = -(-stepped // PACK) * PACK
     handling = handling_seconds(grid.sampling.count, len(grid.study.output.histories))
