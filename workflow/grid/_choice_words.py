@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from workflow.grid._arrangement import TOLERANCE, Grid
 from workflow.grid._choice import OF_REFERENCE, ChosenModes
 from workflow.grid._corners import corner_text
-from workflow.grid._figures import size_text
+from workflow.grid._figures import distinct_lines, size_text
 from workflow.grid._reference_solutions import reference_settings
 from workflow.study import CaseSettings
 
@@ -24,9 +24,9 @@ _UNTRIED = (
 
 def choice_lines(grid: Grid) -> tuple[str, ...]:
     """Return a line for each count that a tolerance decides, of many the first and how many more there are."""
-    lines = [f"{name}: {_counts(choice)}, {_error_text(choice)}" for name, _, choice in _all(grid)]
-    more = (f"and {len(lines) - _SHOWN} more",) if len(lines) > _SHOWN else ()
-    return (*lines[:_SHOWN], *more)
+    return distinct_lines(
+        (f"{name}: {_counts(choice)}, {_error_text(choice)}" for name, _, choice in _all(grid)), _SHOWN
+    )
 
 
 def choice_cautions(grid: Grid) -> Iterator[str]:

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._conditions import conditions
-from workflow.grid._operators import full_structure, run_batch
-from workflow.grid._perturbation import Perturbation
+from workflow.grid._operators import run_batch
+from workflow.grid._perturbation import Perturbation, cases_of
 from workflow.grid._reference_solutions import (
     BASIS,
     Kind,
@@ -116,10 +115,9 @@ def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbat
         solutions = _in_order(grid, kind, inner, solutions_for(grid, Batch(outer, inner)))
         return {name: _histories(solutions, name) for name in COMPARED}
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
-    settings = perturbation.settings(settings)
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
-    cases = conditions(settings, full_structure(settings), varying, inner.size)
-    results = run_batch(settings, perturbation.cases(cases), replace(grid.sampling, balances=False))
+    settings, cases = cases_of(settings, varying, inner.size, perturbation)
+    results = run_batch(settings, cases, replace(grid.sampling, balances=False))
     ended = (results.status == Status.OK)[:, None]
     return {name: np.where(ended, results.histories[name], np.nan) for name in COMPARED}
 

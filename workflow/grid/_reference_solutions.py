@@ -12,10 +12,10 @@ import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, reads
-from workflow.grid._conditions import conditions
 from workflow.grid._costs import case_seconds
 from workflow.grid._frequencies import fastest
-from workflow.grid._operators import compile_for, full_structure, judged, reduced_structure, run_batch
+from workflow.grid._operators import compile_for, judged, reduced_structure, run_batch
+from workflow.grid._perturbation import cases_of
 from workflow.grid._speed import timed
 from workflow.grid._tasks import Batch
 from workflow.grid._waiting_for import REFERENCES, waiting_for
@@ -211,8 +211,7 @@ def _computed_or_lost(grid: Grid, settings: CaseSettings, inner: Indices, *, is_
 def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool) -> list[ReferenceSolution]:
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
-    structure = full_structure(settings)
-    cases = conditions(settings, structure, varying, inner.size)
+    _, cases = cases_of(settings, varying, inner.size)
     compile_for(settings, balances=False)
     sampling = replace(grid.sampling, balances=False)
 

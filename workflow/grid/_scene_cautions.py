@@ -8,8 +8,8 @@ import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid
-from workflow.grid._conditions import conditions
 from workflow.grid._operators import full_structure, model_on, projection_residual_of, reduced, reduced_structure
+from workflow.grid._perturbation import cases_of
 from workflow.judges.cautions import scene_cautions, soft_spring
 from workflow.models import Cases, Chain
 from workflow.reduction import DEFAULT
@@ -58,7 +58,7 @@ def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
 def _cases(grid: Grid, settings: CaseSettings) -> Cases:
     """Return cases to look at: all, or a regular choice that has the first and the last."""
     inner = np.unique(np.linspace(0, grid.inner_count - 1, min(grid.inner_count, MOST_CASES)).round().astype(np.int64))
-    return conditions(settings, full_structure(settings), grid.inner_values(inner), inner.size)
+    return cases_of(settings, grid.inner_values(inner), inner.size)[1]
 
 
 def basis_text(settings: CaseSettings) -> str:

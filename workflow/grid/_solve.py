@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from workflow import schemes, variables
 from workflow.grid._arrangement import TOLERANCE, Grid, Indices
-from workflow.grid._conditions import conditions
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._operators import compile_for, full_structure, judged, projection_residual_of, run_batch, runaways_of
-from workflow.grid._perturbation import Perturbation
+from workflow.grid._operators import compile_for, judged, projection_residual_of, run_batch, runaways_of
+from workflow.grid._perturbation import Perturbation, cases_of
 from workflow.grid._reference import against_reference, tells_basis_error
 from workflow.grid._reference_solutions import Solutions, solutions_for
 from workflow.grid._steady import blank, branch_values, steady_values
@@ -119,10 +118,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Pertur
     if grid.study.branch is not None:
         compile_for(settings, grid.sampling.balances)
         return _joined([_followed(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
-    settings = settings if perturbation is None else perturbation.settings(settings)
-    structure = full_structure(settings)
-    cases = conditions(settings, structure, grid.inner_values(inner), inner.size)
-    cases = cases if perturbation is None else perturbation.cases(cases)
+    settings, cases = cases_of(settings, grid.inner_values(inner), inner.size, perturbation)
     compile_for(settings, grid.sampling.balances)
     results, seconds = _timed(grid, settings, cases)
     results = judged(settings, cases, results, grid.sampling.duration)
