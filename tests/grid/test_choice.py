@@ -18,15 +18,7 @@ from workflow import schemes
 from workflow.analysis import decided, labels_of, mode_counts, recommend, recommendation_entries, sentence
 from workflow.archive import open_archive, provenance
 from workflow.cli import app
-from workflow.grid import (
-    ChosenModes,
-    arrange,
-    choices_text,
-    plan_study,
-    read_choices,
-    solve,
-    structure_of,
-)
+from workflow.grid import ChosenModes, arrange, choices_text, plan_study, read_choices, solve, structure_of
 from workflow.grid._conditions import conditions
 from workflow.grid._corners import corners_of
 from workflow.judges import trials
