@@ -74,7 +74,7 @@ def provenance_of(grid: Grid) -> dict[str, str]:
         "solver_version": str(SOLVER_VERSION),
         "versions": json.dumps(versions(), sort_keys=True),
         "code_revision": code_revision(),
-        **({"choices": choices_text(grid.choices)} if any(grid.choices) else {}),
+        **({"choices": choices_text(grid.choices)} if grid.choices else {}),
         "platform": platform.platform(),
         "processor": processor(),
         "pinned": str(is_pinned()).lower(),
