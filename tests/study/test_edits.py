@@ -11,7 +11,7 @@ import pytest
 from studies import SMALL, parsed
 from workflow import read_study
 from workflow.study import StudyError, setting
-from workflow.study.draws import Range
+from workflow.study.ranges import Range
 
 ONE_NODE = "{nodes: 1, mass: 1e-3, stiffness: 1e6, heat_capacity: 1}"
 

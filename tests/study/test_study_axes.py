@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 
 from study_samples import BLADE, CHAIN
 from workflow.study import Initial, Load, Study, StudyError, json_schema, parse_study
-from workflow.study.axes import coordinate_names, spread_values
-from workflow.study.field_types import Spread
+from workflow.study.axes import coordinate_names
+from workflow.study.ranges import Spread
 from workflow.study.source import compose
 from workflow.variables import reserved_names
 
@@ -84,7 +84,7 @@ def test_listed_values_keep_order_and_bits(values: list[float]) -> None:
 def test_spread_values(first: float, ratio: float, count: int) -> None:
     last = first * ratio
     for law in ("lin", "log"):
-        values = spread_values(Spread(law, first, last, count))
+        values = Spread(law, first, last, count).expanded()
         assert len(values) == count
         assert all(float(f"{value:.12g}") == value for value in values)
         assert values[0] == pytest.approx(first, rel=1e-11)
@@ -94,8 +94,8 @@ def test_spread_values(first: float, ratio: float, count: int) -> None:
 
 
 def test_spread_over_decades_and_counts() -> None:
-    assert spread_values(Spread("log", 1e-6, 1e-2, 5)) == (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
-    assert spread_values(Spread("lin", 0.0, 1.0, 11)) == tuple(index / 10 for index in range(11))
+    assert Spread("log", 1e-6, 1e-2, 5).expanded() == (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+    assert Spread("lin", 0.0, 1.0, 11).expanded() == tuple(index / 10 for index in range(11))
     (nodes,) = chain("axes: {scene.chain.nodes: {log: [10, 80, 4]}}").dimensions
     assert nodes.axes[0].values == (10, 20, 40, 80)
 
@@ -193,7 +193,7 @@ WORDS = st.sampled_from(["a", "b", "gap", "impulse", "t", "e"])
 
 @given(st.lists(st.lists(WORDS, min_size=1, max_size=4).map(".".join), unique=True, max_size=6))
 def test_names_are_distinct_wherever_paths_can_tell(paths: list[str]) -> None:
-    names = coordinate_names(paths, set(reserved_names()))
+    names = coordinate_names(paths, reserved_names())
     for path, name in names.items():
         whole = path.replace(".", "_")
         assert whole.endswith(name)
@@ -332,7 +332,7 @@ def test_schema_follows_the_declarations() -> None:
     assert json.loads(json.dumps(schema)) == schema
     assert schema["required"] == ["study", "scene"]
     assert schema["additionalProperties"] is False
-    parameters = schema["$defs"]["blade_parameters"]
+    parameters = schema["properties"]["scene"]["properties"]["blade"]
     assert parameters["additionalProperties"] is False
     assert "convection" not in parameters["required"]
     assert parameters["properties"]["length"]["description"] == "length from root to tip [m]; above 0"
@@ -340,7 +340,7 @@ def test_schema_follows_the_declarations() -> None:
     assert number == {"type": "number", "exclusiveMinimum": 0}
     assert re.search(text["pattern"], "40 mm")
     assert not re.search(text["pattern"], "mm")
-    axes = schema["$defs"]["axes"]["properties"]
+    axes = schema["properties"]["axes"]["properties"]
     assert {"e", "h", "alpha", "scheme", "scene.casing.gap", "scene.blade.length", "scene.chain.mass"} <= set(axes)
     assert {"lin", "log", "branch"} == {key for form in axes["e"]["anyOf"] for key in form.get("properties", {})}
 

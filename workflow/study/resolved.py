@@ -9,10 +9,11 @@ from typing import Any, Literal
 
 from workflow import reduction
 from workflow.declare import File, word_of
-from workflow.study.addresses import MODES, TOLERANCE, Address, scene_values, scheme_options, settings
-from workflow.study.draws import Range
+from workflow.study.addresses import MODES, TOLERANCE, scene_values, scheme_options, settings
+from workflow.study.forms import Entry
 from workflow.study.mistakes import StudyError
 from workflow.study.quantities import readable
+from workflow.study.ranges import Range
 from workflow.study.settings import AUTO, CHOSEN, CaseSettings, Output
 from workflow.study.source import compose
 from workflow.study.study import Study
@@ -53,13 +54,13 @@ def resolved_values(study: Study, cell: CaseSettings) -> tuple[ResolvedValue, ..
     single = {axis.path: axis for axis in study.scalars}
     written = _written(study)
     labels = {label: (choice.method,) for label, choice in study.schemes.items()}
-    addresses: dict[str, Address | None] = {
+    addresses: dict[str, Entry | None] = {
         **scene_values((cell.scene.model,), (len(cell.scene.casing.harmonics), len(cell.scene.load.harmonics)))
     }
     addresses |= {"scene.duration": None, **settings(tuple(labels), reduction.names()), **scheme_options(labels)}
     resolved = list(_files(cell))
     for path, address in addresses.items():
-        unit = "s" if address is None else address.unit
+        unit = "s" if address is None else address.kind.unit
         if path in axes:
             varied = _in_words(path, axes[path].values)
             resolved.append(ResolvedValue(path, varied, unit, "axis", ranges.get(path)))

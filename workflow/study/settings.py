@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import inf
 from typing import Any, Literal
 
 from workflow import reduction
 from workflow.declare import Values, quantity, word
-from workflow.models import Array
 
 FULL = "full"
 """Not reduced; stored as the number of interior modes, one fewer than the model has nodes."""
@@ -200,37 +197,3 @@ class Output:
     def of_branches(self) -> Output:
         """What an archive of branches keeps: no histories, balances and sections, always steady rubs."""
         return replace(self, histories=(), balances=False, sections=False, steady=self.steady or Steady())
-
-
-Counts = tuple[int, ...] | None
-"""Of the cases; ``None`` where they are not known."""
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """Sizes of the structures of a study.
-
-    Attributes
-    ----------
-    nodes
-        Numbers of nodes; of a model without them those of the displacements that loads and starts are given for.
-    temperatures
-        Numbers of temperatures that starts are given for.
-    coordinates
-        Numbers of mechanical and of thermal coordinates, by the setting of their modes.
-    large, most
-        Coordinates above which a structure cannot be kept full, and the most modes of each kind that it then has.
-    contact
-        Weights w of the displacements that a start is given for, x_n = wᵀx; ``None`` where the last one is the tip.
-    """
-
-    nodes: Counts = None
-    temperatures: Counts = None
-    coordinates: Mapping[str, Counts] | None = None
-    large: float = inf
-    most: int = 0
-    contact: Array | None = None
-
-    def of(self, path: str) -> Counts:
-        """Return the numbers of coordinates that a setting of modes chooses from."""
-        return self.nodes if self.coordinates is None else self.coordinates[path]

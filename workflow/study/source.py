@@ -73,6 +73,11 @@ class Source:
         line = self.lines.get(written, 1) if line is None else line
         self.mistakes.append(Mistake(self.file, line, dotted(place), problem, remedy))
 
+    def refuse(self) -> None:
+        """Refuse the study if it has mistakes."""
+        if self.mistakes:
+            raise StudyError(self.mistakes)
+
 
 def dotted(place: Place) -> str:
     """Return a place as users write it: ``scene.chain.mass[2]``."""
