@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from workflow.declare import Quantity
 from workflow.study import udunits
 from workflow.study.mistakes import WrongValueError
-from workflow.study.quantities import COMMON, UnitError, parse_unit, pint_unit, read_quantity
+from workflow.study.quantities import COMMON, parse_unit, pint_unit, read_quantity
 
 METRE = Quantity("m", "length")
 DECIMALS = st.decimals(allow_nan=False, allow_infinity=False, min_value=-(10**9), max_value=10**9, places=6)
@@ -70,7 +70,10 @@ def test_units(written: str, unit: str, value: float) -> None:
         ("1 dB", "1"),
         ("1 %", "m"),
     ]
-    + [(f"1 {text}", "m") for text in ("m**999", "m**-1e9", "m m", "m; m", "m+m", "(m)", "m//m", "m" * 50, "5", "m 2")]
+    + [
+        (f"1 {text}", "m")
+        for text in ("m**999", "m**-1e9", "m m", "m; m", "m+m", "(m)", "m//m", "m" * 50, "5", "m 2", "m/1", "m*1")
+    ]
     + [(text, "m") for text in ("", "m", "nan m", "inf m", "0x1 m", "1_0 m", "1e9999 m", "9**9**9 m", "1 2 m", "٣ m")],
 )
 def test_refused(written: str, unit: str) -> None:
@@ -87,16 +90,6 @@ def test_any_text_is_a_number_or_a_mistake(text: str) -> None:
     else:
         return
     assert remedy == "write metres, e.g. `0.5 mm`"
-
-
-@given(st.text(alphabet="msKgradzWN_µ·*/^-+1 23.e", max_size=20))
-def test_any_unit_is_read_or_refused(unit: str) -> None:
-    try:
-        worth, roots = parse_unit(unit)
-    except UnitError:
-        return
-    assert worth.is_finite()
-    assert all(roots.values())
 
 
 @given(st.integers(-(10**6), 10**6), st.integers(-(10**6), 10**6), st.integers(-(10**6), 10**6))
@@ -116,12 +109,6 @@ def test_bounds(number: int, low: int, high: int) -> None:
 def test_cf_units(declared: str, cf: str) -> None:
     assert udunits(declared) == cf
     assert parse_unit(cf if cf != "1" else "1") == parse_unit(declared)
-
-
-@pytest.mark.parametrize("text", ["50 um/1", "50 um 1", "50 um*1", "5 1/1/s"])
-def test_a_one_within_a_unit_is_refused(text: str) -> None:
-    with pytest.raises(WrongValueError, match="is not a unit"):
-        read_quantity(text, Quantity("m", "a length") if "um" in text else Quantity("Hz", "a frequency"))
 
 
 @pytest.mark.parametrize("name", sorted(COMMON))

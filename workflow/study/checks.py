@@ -35,14 +35,14 @@ _CASING_HARMONICS = "scene.casing.harmonics"
 
 @dataclass(frozen=True)
 class Written:
-    """Where the values of a study are written: ``lines`` of all entries, and places of its axes by path."""
+    """What a study gives: paths of all entries, and places of its axes by path."""
 
-    lines: Mapping[Place, int]
+    given: frozenset[str]
     axes: Mapping[str, Place]
 
     def has(self, path: str) -> bool:
         """Tell whether a scene value is written, in the scene or as an axis."""
-        return path in self.axes or place_of_path(path) in self.lines
+        return path in self.axes or path in self.given
 
     def place_of(self, *paths: str) -> Place:
         """Return where the first of some scene values is written, as an axis or in the scene."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from workflow.study.mistakes import Mistake, Place, StudyError
 from workflow.study.quantities import NUMBER
-from workflow.study.source import Source, compose
+from workflow.study.source import Source, compose, dotted, written_axes
 
 OPTION = "-s"
 """How replaced values are named in messages, unless another word is given: the option of the command line."""
@@ -68,13 +68,11 @@ def replaced(source: Source, settings: Mapping[str, Any], option: str = OPTION) 
         if fault:
             raise StudyError([Mistake(name, None, "", *fault)])
         new.named[tuple(int(step) if str(step).isdigit() else step for step in place)] = name
-    hidden = [(key, varied) for key in settings if (varied := _varied_at(tree, key))]
-    if hidden:
-        problem = "has no effect, as {} varies this value"
-        raise StudyError(
-            Mistake(f"{option} {key}", None, "", problem.format(varied), f"set {varied} instead")
-            for key, varied in hidden
-        )
+    for place, path, content in written_axes(tree):
+        if path in settings and content is not None:
+            varied, name = dotted(place), f"{option} {path}"
+            problem = f"has no effect, as {varied} varies this value"
+            raise StudyError([Mistake(name, None, "", problem, f"set {varied} instead")])
     new.text = text_of(tree, source.text, {key: _plain(value, key) for key, value in settings.items()})
     return new
 
@@ -136,17 +134,6 @@ def _place(key: str) -> Place:
         name, path = rest.split(".", 1)
         return (head, name, "of", path[3:]) if path.startswith("of.") else (head, name, path)
     return tuple(key.split("."))
-
-
-def _varied_at(tree: Any, path: str) -> str | None:
-    """Return the key of the axis or the column of a zip that varies a path, ``None`` where none does."""
-    sections = {"axes": tree.get("axes")} if isinstance(tree, dict) else {}
-    if isinstance(tree, dict) and isinstance(tree.get("zip"), dict):
-        sections |= {f"zip.{name}": zipped for name, zipped in tree["zip"].items()}
-        drawn = {f"{name}.of": zipped.get("of") for name, zipped in sections.items() if isinstance(zipped, dict)}
-        sections |= drawn
-    owners = (name for name, section in sections.items() if isinstance(section, dict) and section.get(path) is not None)
-    return next((f"{owner}.{path}" for owner in owners), None)
 
 
 def _put(tree: Any, place: Place, value: Any) -> tuple[str, str] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
@@ -21,18 +21,18 @@ from workflow.study.kinds import LONGEST_LIST
 from workflow.study.mistakes import Place, WrongValueError, one_of, place_of_path
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice
 from workflow.study.sizes import Sizes, sizes_of_nodes, sizes_of_structure
-from workflow.study.source import Source
+from workflow.study.source import Source, given_paths, mapping, written_axes
 from workflow.variables import STEADY, reserved_names
 
 
 @dataclass(frozen=True)
 class Fields:
-    """The fields of a study, read one by one: by section, with what its axes may vary and where they are written."""
+    """The fields of a study, read one by one: by section, with what its axes may vary and what is written where."""
 
     source: Source
     sections: Mapping[str, Any]
     addresses: Mapping[str, Entry]
-    axes: Mapping[str, Place]
+    written: Written
 
 
 def read_fields(source: Source, files: Files) -> Fields:
@@ -48,7 +48,7 @@ def read_fields(source: Source, files: Files) -> Fields:
     methods, bases = _methods(source), reduction.names()
     labels = tuple(methods)
     addresses = settings(labels, bases) | scene_values(names, _harmonics(source.tree)) | scheme_options(methods)
-    axes = [axis for axis in _axes(source.tree) if axis[1] in addresses]
+    axes = [axis for axis in written_axes(source.tree) if axis[1] in addresses]
     tree, supplied = _supplied(source, axes)
     sections: dict[str, Any] = {}
     try:
@@ -59,19 +59,13 @@ def read_fields(source: Source, files: Files) -> Fields:
             if place not in supplied and not follows:
                 source.report(place, problem, remedy)
     source.refuse()
-    return Fields(source, sections, addresses, {path: place for place, path, _ in axes})
-
-
-def _mapping(value: Any, *keys: str) -> dict[str, Any]:
-    """Return the mapping at some keys of a tree, an empty one where there is none."""
-    for key in keys:
-        value = value.get(key) if isinstance(value, dict) else None
-    return value if isinstance(value, dict) else {}
+    written = Written(frozenset(given_paths(source.tree)), {path: place for place, path, _ in axes})
+    return Fields(source, sections, addresses, written)
 
 
 def _model(source: Source) -> str:
     """Return the scene's one model, empty where there is not exactly one."""
-    scene = _mapping(source.tree, "scene")
+    scene = mapping(source.tree, "scene")
     named = [key for key in scene if key in models.names()]
     if len(named) > 1:
         problem = f"is a second model beside `{named[0]}`"
@@ -85,8 +79,8 @@ def _methods(source: Source) -> dict[str, tuple[str, ...]]:
     """Return every label that a scheme can have with the methods it may stand for."""
     methods = schemes.names()
     defined: dict[str, tuple[str, ...]] = {}
-    for label in _mapping(source.tree, "schemes"):
-        method = _mapping(source.tree, "schemes", label).get("method")
+    for label in mapping(source.tree, "schemes"):
+        method = mapping(source.tree, "schemes", label).get("method")
         is_method = isinstance(method, str) and method in methods
         defined[label] = (str(method),) if is_method else methods
         if label in methods and is_method and method != label:
@@ -97,19 +91,9 @@ def _methods(source: Source) -> dict[str, tuple[str, ...]]:
 
 def _harmonics(tree: Any) -> tuple[int, int]:
     """Return how many harmonics of casing and load a study as written has."""
-    lists = (_mapping(tree, "scene", group).get("harmonics") for group in ("casing", "load"))
+    lists = (mapping(tree, "scene", group).get("harmonics") for group in ("casing", "load"))
     casing, load = (min(len(entries), LONGEST_LIST) if isinstance(entries, list) else 0 for entries in lists)
     return casing, load
-
-
-def _axes(tree: Any) -> Iterator[tuple[Place, str, Any]]:
-    """Yield place, path and content of all axes as written."""
-    sections: list[Place] = [("axes",)]
-    for name in _mapping(tree, "zip"):
-        sections.append(("zip", name, "of") if "of" in _mapping(tree, "zip", name) else ("zip", name))
-    for section in sections:
-        for path, content in _mapping(tree, *map(str, section)).items():
-            yield (*section, path), path, content
 
 
 def _supplied(source: Source, axes: list[tuple[Place, str, Any]]) -> tuple[Any, set[Place]]:
@@ -158,7 +142,7 @@ def resolve(fields: Fields) -> CaseSpace:
     arrangement.count_modes(nodes, sizes)
     arrangement.refuse_repeated()
     defaults = {path: addresses[path].default for path in settings((), ()) if path != TOLERANCE}
-    if scene.friction is not None and "alpha" not in fields.axes:
+    if scene.friction is not None and "alpha" not in fields.written.axes:
         del defaults["alpha"]  # friction makes it
     asked = sections.get("output", {})
     steady = bool(asked.get("steady")) or bool(arrangement.followed)
@@ -177,7 +161,7 @@ def resolve(fields: Fields) -> CaseSpace:
         branch=branch,
     )
     cases = dataclasses.replace(cases, schemes=defined | _bare(cases))
-    for fault in faults(cases, sizes, Written(source.lines, fields.axes)):
+    for fault in faults(cases, sizes, fields.written):
         source.report(*fault)
     source.refuse()
     return cases

@@ -28,6 +28,8 @@ class Study(CaseSpace):
         Under which the archive may be used, empty where the study states none.
     attached
         Places of files that came with the study's text, by the names that it gives them.
+    given
+        Dotted paths of what the text gives.
     """
 
     name: str
@@ -36,6 +38,12 @@ class Study(CaseSpace):
     file: str
     license: str = ""
     attached: Mapping[str, Path] = field(default_factory=dict)
+    given: frozenset[str] = frozenset()
+
+    def gives(self, path: str) -> bool:
+        """Tell whether the text gives the value at a path, where it belongs or as an axis of one value."""
+        static = path.startswith("scene.initial.") and isinstance(self.scene.initial, str)
+        return path in self.given or f"axes.{path}" in self.given or static
 
     def with_(self, settings: Mapping[str, Any]) -> Study:
         """Return this study with some values replaced; its text has them too.
@@ -163,4 +171,5 @@ def parse_study(
         file=file,
         license=sections.get("license", ""),
         attached=files.attached,
+        given=fields.written.given,
     )
