@@ -47,7 +47,7 @@ class Arrangement:
     followed: dict[str, Spread] = field(default_factory=dict)
 
     def take(self, axes: Axes, zips: Mapping[str, Axes | Drawn]) -> None:
-        """Take the values of all axes, unless they come to too many cases."""
+        """Take the values of all axes; a study of too many cases is refused before any are expanded."""
         cases = math.prod(count_of(content) for content in axes.values())
         for zipped in zips.values():
             cases *= zipped.count if isinstance(zipped, Drawn) else max(map(count_of, zipped.values()))
@@ -55,7 +55,7 @@ class Arrangement:
             count = f"{cases:.3g}" if cases < 1e300 else "more than 1e300"
             place = "axes" if axes else "zip"
             self.source.report((place,), f"come to {count} cases", f"keep them to {MOST_CASES:.0e}")
-            return
+            self.source.refuse()
         for path, content in axes.items():
             if isinstance(content, Spread) and content.law == "branch":
                 if self.followed or path in ("h", TOLERANCE):

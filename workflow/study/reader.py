@@ -7,6 +7,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import lru_cache
 from typing import Any
 
 from workflow import models, reduction, schemes
@@ -17,7 +18,7 @@ from workflow.study.checks import Written, faults
 from workflow.study.document import SCENE_KEYS, study_form
 from workflow.study.files import Files
 from workflow.study.forms import Entry
-from workflow.study.kinds import LONGEST_LIST
+from workflow.study.kinds import LONGEST_LIST, Kind
 from workflow.study.mistakes import Place, WrongValueError, one_of, place_of_path
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice
 from workflow.study.sizes import Sizes, sizes_of_nodes, sizes_of_structure
@@ -45,22 +46,34 @@ def read_fields(source: Source, files: Files) -> Fields:
     """
     model = _model(source)
     names = (model,) if model else models.names()
-    methods, bases = _methods(source), reduction.names()
-    labels = tuple(methods)
-    addresses = settings(labels, bases) | scene_values(names, _harmonics(source.tree)) | scheme_options(methods)
+    methods = tuple(_methods(source).items())
+    addresses, form = _form(names, methods, reduction.names(), _harmonics(source.tree))
     axes = [axis for axis in written_axes(source.tree) if axis[1] in addresses]
     tree, supplied = _supplied(source, axes)
     sections: dict[str, Any] = {}
     try:
-        sections = study_form(addresses, names, labels, bases).read(tree, files)
+        sections = form.read(tree, files)
     except WrongValueError as error:
         for place, problem, remedy in error.faults:
-            follows = model is None and place[:1] in (("axes",), ("zip",)) and str(place[-1]).startswith("scene.")
+            follows = not model and place[:1] in (("axes",), ("zip",)) and str(place[-1]).startswith("scene.")
             if place not in supplied and not follows:
                 source.report(place, problem, remedy)
     source.refuse()
     written = Written(frozenset(given_paths(source.tree)), {path: place for place, path, _ in axes})
     return Fields(source, sections, addresses, written)
+
+
+@lru_cache(maxsize=32)
+def _form(
+    names: tuple[str, ...],
+    methods: tuple[tuple[str, tuple[str, ...]], ...],
+    bases: tuple[str, ...],
+    harmonics: tuple[int, int],
+) -> tuple[dict[str, Entry], Kind]:
+    """Return what may vary and the form of a study, for some models, methods by label, bases and harmonics."""
+    labels = tuple(label for label, _ in methods)
+    addresses = settings(labels, bases) | scene_values(names, harmonics) | scheme_options(dict(methods))
+    return addresses, study_form(addresses, names, labels, bases)
 
 
 def _model(source: Source) -> str:
