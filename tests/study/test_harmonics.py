@@ -94,14 +94,12 @@ def test_the_start_is_judged_against_the_casing_at_0():
         read_study(written("{frequency: 1, phase: 90 deg}", rest=f"{start}\n{axes}"))
 
 
+HARMONICS = "{amplitude: 1, frequency: 3}", "{amplitude: 1 um, frequency: 5}"
+
+
 @pytest.mark.parametrize(
     ("amplitude", "load", "casing", "periods"),
-    [
-        ("1", "{amplitude: 1, frequency: 3}", "{amplitude: 1 um, frequency: 5}", 2),
-        ("0", "{amplitude: 1, frequency: 3}", "{amplitude: 1 um, frequency: 5}", 3),
-        ("0", "", "{amplitude: 1 um, frequency: 5}", 5),
-        ("0", "", "", 2),
-    ],
+    [("1", *HARMONICS, 2), ("0", *HARMONICS, 3), ("0", "", HARMONICS[1], 5), ("0", "", "", 2)],
 )
 def test_periods_are_those_of_the_load_then_of_a_load_harmonic_then_of_the_casing(amplitude, load, casing, periods):
     study = read_study(written(casing, load, amplitude=amplitude))
@@ -134,5 +132,8 @@ def test_a_case_is_known_by_what_acts_on_it():
 
 
 def test_settings_reach_entries_of_harmonics():
-    study = read_study(written("{frequency: 2, amplitude: 1 um}")).with_({"scene.casing.harmonics.0.amplitude": "3 um"})
-    assert study.scene.casing.harmonics[0].amplitude == 3e-6
+    order = "{order: 2, amplitude: 1 um}"
+    changed = {"scene.casing.harmonics.0.amplitude": "3 um", "scene.speed": "600 rpm"}
+    scene = read_study(written(order, rest="  speed: 1")).with_(changed).scene
+    assert (scene.casing.harmonics[0].amplitude, scene.speed) == (3e-6, 10)
+    assert read_study(written(order), {"scene.speed": 2}).scene.speed == 2

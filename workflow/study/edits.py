@@ -24,13 +24,7 @@ _POWER = re.compile(rf"(?=.*[eE]){NUMBER}")
 
 
 def setting(words: str) -> tuple[str, Any]:
-    """Return key and value of ``KEY=VALUE``; the value is YAML.
-
-    Raises
-    ------
-    StudyError
-        There is no key or no equals sign, or the value is not YAML.
-    """
+    """Return key and value of ``KEY=VALUE``; the value is YAML, or it is a ``StudyError``."""
     key, equals, text = words.partition("=")
     if not equals or not key.strip():
         remedy = 'write -s KEY=VALUE, e.g. -s scene.casing.gap="10 um"'
@@ -44,16 +38,9 @@ def setting(words: str) -> tuple[str, Any]:
 
 
 def replaced(source: Source, settings: Mapping[str, Any], option: str = OPTION) -> Source:
-    """Return a study's source with values replaced, as if they had been written in it.
+    """Return a study's source with values replaced by their dotted path, as if they had been written in it.
 
-    Parameters
-    ----------
-    source
-        The study as composed.
-    settings
-        New values by dotted path; what follows ``axes.`` or ``zip.NAME.`` is one key.
-    option
-        What names these values in messages, before their key.
+    What follows ``axes.`` or ``zip.NAME.`` is one key. ``option`` names the values in messages, before their key.
 
     Raises
     ------

@@ -19,9 +19,9 @@ from workflow.study.document import SCENE_KEYS, study_form
 from workflow.study.files import Files
 from workflow.study.forms import Entry
 from workflow.study.kinds import LONGEST_LIST, Kind
-from workflow.study.mistakes import Place, WrongValueError, one_of, place_of_path
+from workflow.study.mistakes import Place, StudyError, WrongValueError, one_of, place_of_path
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice
-from workflow.study.sizes import Sizes, sizes_of_nodes, sizes_of_structure
+from workflow.study.sizes import Sizes, sizes_of
 from workflow.study.source import Source, given_paths, mapping, written_axes
 from workflow.variables import STEADY, reserved_names
 
@@ -151,7 +151,12 @@ def resolve(fields: Fields) -> CaseSpace:
     arrangement = Arrangement(source)
     arrangement.take(sections.get("axes", {}), sections.get("zip", {}))
     nodes = f"scene.{scene.model}.nodes"
-    sizes = _sizes(source, scene, arrangement.values(nodes), has_nodes=nodes in addresses)
+    counts = (arrangement.values(nodes) or (scene.parameters.nodes,)) if nodes in addresses else ()
+    try:
+        sizes = sizes_of(scene, tuple(map(int, counts)))
+    except models.UnusableMatricesError as error:
+        source.report(("scene", scene.model), error.problem, error.remedy)
+        raise StudyError(source.mistakes) from None
     arrangement.count_modes(nodes, sizes)
     arrangement.refuse_repeated()
     defaults = {path: addresses[path].default for path in settings((), ()) if path != TOLERANCE}
@@ -178,18 +183,6 @@ def resolve(fields: Fields) -> CaseSpace:
         source.report(*fault)
     source.refuse()
     return cases
-
-
-def _sizes(source: Source, scene: Scene, counts: tuple[Any, ...], has_nodes: bool) -> Sizes:
-    """Return the sizes of the structures of all cases, with some numbers of nodes where the model has any."""
-    if has_nodes:
-        return sizes_of_nodes(counts or (scene.parameters.nodes,))
-    try:
-        return sizes_of_structure(scene)
-    except models.UnusableMatricesError as error:
-        source.report(("scene", scene.model), error.problem, error.remedy)
-        source.refuse()
-        raise
 
 
 def _reserved(defined: Mapping[str, SchemeChoice], steady: bool) -> frozenset[str]:

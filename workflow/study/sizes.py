@@ -38,29 +38,26 @@ class Sizes:
     contact: Array | None = None
 
 
-def sizes_of_nodes(counts: Counts) -> Sizes:
-    """Return the sizes of the structures of a model with some numbers of nodes."""
-    inputs = dict.fromkeys(("node", "spring", "temperature"), counts)
-    return Sizes(inputs, dict.fromkeys(MODES, counts), models.MOST_FULL, models.MOST_ONE_BY_ONE)
-
-
-def sizes_of_structure(scene: Scene) -> Sizes:
-    """Return the sizes of the structure of a model without ``nodes``.
+def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
+    """Return the sizes of the structures of all cases; ``nodes`` are the numbers of them where the model has any.
 
     Raises
     ------
     UnusableMatricesError
-        Its matrices are no structure.
+        The matrices of the scene are no structure.
     """
+    if nodes:
+        inputs = dict.fromkeys(("node", "spring", "temperature"), nodes)
+        return Sizes(inputs, dict.fromkeys(MODES, nodes), models.MOST_FULL, models.MOST_ONE_BY_ONE)
     try:
         structure = models.load(scene.model).assemble(scene.parameters)
         both = structure.mechanical_size, structure.thermal_size
-        nodes, temperatures = ((size,) for size in structure.input_sizes)
+        displacements, temperatures = ((size,) for size in structure.input_sizes)
         most = models.most_modes(scene.model, scene.parameters)
     except models.UnusableMatricesError:
         raise
     except Exception:  # whatever a model from outside raises: its cases say it
         return Sizes({}, dict.fromkeys(MODES, ()))
-    inputs = {"node": nodes, "spring": nodes, "temperature": temperatures}
+    inputs = {"node": displacements, "spring": displacements, "temperature": temperatures}
     coordinates = {path: (size,) for path, size in zip(MODES, both, strict=True)}
     return Sizes(inputs, coordinates, inf if most is None else most + 1, most or 0, structure.input_contact)

@@ -126,13 +126,7 @@ def dotted(place: Place) -> str:
 
 
 def read_text(path: str | Path) -> str:
-    """Return the text of a study's file.
-
-    Raises
-    ------
-    StudyError
-        No such file, not a regular file, not readable, too large, or not UTF-8.
-    """
+    """Return the text of a study's file; a ``StudyError`` tells why it cannot be read."""
 
     def refusal(problem: str, remedy: str, line: int | None = None) -> StudyError:
         return StudyError([Mistake(str(path), line, "", problem, remedy)])

@@ -145,8 +145,7 @@ def parse_study(
     text, file
         The text, and its name in messages.
     settings
-        Values that replace some of it, by dotted path; what follows ``axes.`` or ``zip.NAME.`` is one key. The study's
-        own ``text`` has them.
+        Values that replace some of it, see :meth:`Study.with_`; the study's own ``text`` has them.
     option
         What names these values in messages, before their key.
     attached
