@@ -160,11 +160,11 @@ def resolve(fields: Fields) -> CaseSpace:
     arrangement.count_modes(nodes, sizes)
     arrangement.refuse_repeated()
     defaults = {path: addresses[path].default for path in settings((), ()) if path != TOLERANCE}
-    if scene.friction is not None and "alpha" not in fields.written.axes:
-        del defaults["alpha"]  # friction makes it
     asked = sections.get("output", {})
     steady = bool(asked.get("steady")) or bool(arrangement.followed)
     dimensions, scalars, branch = arrangement.named(addresses, defaults, _reserved(defined, steady))
+    if scene.friction is not None:  # alpha is what it makes
+        scalars = tuple(axis for axis in scalars if axis.path != "alpha")
     reference = None
     if sections.get("reference") is not None:
         reference = Reference(_reference(source, sections["reference"], sizes, nodes, dimensions))
