@@ -51,10 +51,10 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     if _is_small(structure):
         _add_moments(pair, span, constraint)
     else:
-        span.add_each(pair.held_modes(max(count - MOST_MOMENTS + 1, 0)).shapes)
+        span.add_each(pair.modes(max(count - MOST_MOMENTS + 1, 0), held=True).shapes)
         _add_moments(pair, span, span.apart(constraint))
     if not span.is_full:
-        span.add_each(pair.held_modes(count).shapes)
+        span.add_each(pair.modes(count, held=True).shapes)
     return mechanical_vectors(structure, span.all())
 
 
@@ -80,7 +80,7 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
         if vector is not None and not each_alone:
             heat = pair.inertia_of(vector)
     if not span.is_full:
-        span.add_each(pair.held_modes(count).shapes)
+        span.add_each(pair.modes(count, held=True).shapes)
     return thermal_vectors(structure, span.all())
 
 
@@ -94,4 +94,4 @@ def _add_moments(pair: Pair, span: Orthonormal, begin: Array) -> None:
     vector: Array | None = begin
     for _ in range(MOST_MOMENTS - 1):
         if vector is not None:
-            vector = span.add(pair.answer_held(pair.inertia_of(vector)))
+            vector = span.add(pair.answer(pair.inertia_of(vector), held=True))
