@@ -177,7 +177,7 @@ def _line(cut: xr.Dataset, orders: dict[str, tuple[float, float]]) -> Line:
         return np.where(ok, np.asarray(cut[name].values, dtype=float) if name in cut else np.nan, np.nan)
 
     return Line(
-        scheme=str(cut["scheme"].item()),
+        scheme=str(cut["scheme"].values),
         h=np.asarray(cut["h"].values, dtype=float),
         errors={error: of_ok(error) for error in ERRORS},
         seconds=np.asarray(cut["processor_time"].values, dtype=float) / simulated_seconds(cut),
