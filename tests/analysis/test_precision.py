@@ -17,7 +17,7 @@ def test_what_cannot_be_predicted_has_no_order() -> None:
     error = np.minimum(5e4 * LONG, 1.0)  # no longer of any order at the end
     bent = over_steps({"one": error}).assign(predictability=over_steps({"one": 0 * LONG + 1e-2})["impulse_error"])
     assert np.isnan(observed_order(bent, "impulse_error")["order"]).all()
-    assert float(observed_order(over_steps({"one": error}), "impulse_error")["order"]) == pytest.approx(1.0)
+    assert observed_order(over_steps({"one": error}), "impulse_error")["order"].item() == pytest.approx(1.0)
 
 
 def test_the_scatter_of_an_order_is_that_of_the_points_about_the_line() -> None:

@@ -161,24 +161,28 @@ def lines(dataset: xr.Dataset) -> list[Line]:
     chosen = dataset.isel({dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")}).sortby("h")
     if "scheme" not in chosen.dims:
         chosen = chosen.assign_coords(scheme=chosen.coords.get("scheme", "scheme")).expand_dims("scheme")
-    return [_line(chosen.isel(scheme=k), simulated_seconds(dataset)) for k in range(chosen.sizes["scheme"])]
+    fits = {error: observed_order(chosen, error) for error in ERRORS}
+    orders = [
+        {error: (float(fit["order"][k]), float(fit["scatter"][k])) for error, fit in fits.items()}
+        for k in range(chosen.sizes["scheme"])
+    ]
+    return [_line(chosen.isel(scheme=k), one) for k, one in enumerate(orders)]
 
 
-def _line(cut: xr.Dataset, simulated: float) -> Line:
+def _line(cut: xr.Dataset, orders: dict[str, tuple[float, float]]) -> Line:
     """Return the line through the steps of one scheme."""
     ok = np.asarray(cut["status"].values) == Status.OK
-    fits = {error: observed_order(cut, error) for error in ERRORS}
 
     def of_ok(name: str) -> Array:
         return np.where(ok, np.asarray(cut[name].values, dtype=float) if name in cut else np.nan, np.nan)
 
     return Line(
-        scheme=str(cut["scheme"].item()),
+        scheme=str(cut["scheme"].values),
         h=np.asarray(cut["h"].values, dtype=float),
         errors={error: of_ok(error) for error in ERRORS},
-        seconds=np.asarray(cut["processor_time"].values, dtype=float) / simulated,
+        seconds=np.asarray(cut["processor_time"].values, dtype=float) / simulated_seconds(cut),
         penetration=of_ok("max_penetration"),
         residual=of_ok("energy_residual"),
         ok=ok,
-        orders={error: (float(fit["order"]), float(fit["scatter"])) for error, fit in fits.items()},
+        orders=orders,
     )

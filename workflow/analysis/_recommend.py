@@ -312,9 +312,9 @@ class Table:
         values: dict[str, Any] = {}
         for name, coordinate in self.dataset.coords.items():
             if coordinate.ndim == 1 and coordinate.dims[0] in dims and name not in (POINT, MATRIX):
-                values[str(name)] = coordinate[at[str(coordinate.dims[0])]].item()
+                values[str(name)] = coordinate[at[str(coordinate.dims[0])]].values.item()
             elif coordinate.ndim == 0 and fixed and is_numerical(self.dataset, str(name)):
-                values[str(name)] = coordinate.item()
+                values[str(name)] = coordinate.values.item()
         return values
 
     def _worst(self, row: int, case: int, at: Mapping[str, int]) -> Worst:
