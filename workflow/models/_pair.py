@@ -247,10 +247,10 @@ class DensePair(Pair):
         return (self._held if held else self._free).lowest(count)
 
     def answer(self, load: Array, held: bool = False) -> Array:
-        modes = self.modes(held=held)
-        elastic = modes.values > 0
-        shapes = np.ascontiguousarray(modes.shapes[:, elastic])
-        return np.asarray(project(shapes, project(shapes.T, load[None]) / modes.values[elastic])[0])
+        return np.asarray(_by_modes(self.modes(held=held), load[None])[0])
+
+    def static_answers(self, loads: Array) -> Array:
+        return _by_modes(self._free, loads)
 
     def answers_held_shifted(self) -> Callable[[Array, float], Array]:
         modes = self._held
@@ -262,6 +262,13 @@ class DensePair(Pair):
 
     def spectrum(self) -> Array:
         return np.where(self._free.inertia > 0, self._free.values, np.inf)
+
+
+def _by_modes(modes: Modes, loads: Array) -> Array:
+    """Return the sum of the modal answers to loads ``(case, coordinate)``; modes with λ = 0 take no part."""
+    elastic = modes.values > 0
+    shapes = np.ascontiguousarray(modes.shapes[:, elastic])
+    return project(shapes, project(shapes.T, loads) / modes.values[elastic])
 
 
 def _singular_modes(inertia: Array, deformation: Array, whole: Array | None = None) -> Modes:

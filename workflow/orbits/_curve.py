@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import Analysed, Flow
-from workflow.orbits._orbit import Orbit, is_small, longest
+from workflow.orbits._orbit import Orbit, has_converged, longest
 from workflow.schemes._exact.advance import Course
 from workflow.schemes._exact.batch import heat_acts
 
@@ -91,7 +91,7 @@ class Curve:
                 return None
             error = self._charts(orbit.flow)[0] @ orbit.course.X - u[:-1]
             size = max(orbit.residual, abs(float(row @ u - target)))
-            if is_small(size, last):
+            if has_converged(size, last):
                 return self._point(u, point.phase, orbit, point.row, point.place + length)
             last, slope = size, self._slope(u, point.phase, orbit)
             if slope is None:
@@ -149,9 +149,8 @@ class Curve:
         assert self.first is not None
         basis, first, now = flow.operator.basis, self.first, flow.structure
         size, n = flow.start.size, flow.modes
-        kinds = [(basis.free.shapes, basis.to_modes)] * 2 + [
-            (basis.free.heat_shapes, basis.to_thermal)
-        ] * flow.is_heated
+        kinds = [(basis.free.shapes, basis.to_modes)] * 2
+        kinds += [(basis.free.heat_shapes, basis.to_thermal)] * flow.is_heated
         inertia = [first.mass[-1] * now.mass[-1]] * 2 + [first.heat_capacity[-1] * now.heat_capacity[-1]]
         sides = np.where(np.concatenate(inertia)[:size] < 0, -1.0, 1.0)
         factor = sides / (np.repeat(self.scale, (n, n, size - 2 * n)) * np.sqrt(size))

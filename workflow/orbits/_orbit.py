@@ -90,7 +90,7 @@ def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale:
             return None
         change, D = course.X - X, flow.derivative(course)
         error = flow.size(change, scale)
-        if is_small(error, last):
+        if has_converged(error, last):
             return Orbit(flow, order, course, D, error)
         try:
             X, last = X + np.linalg.solve(np.eye(X.size) - D, change), error
@@ -99,8 +99,8 @@ def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale:
     return None
 
 
-def is_small(residual: float, last: float) -> bool:
-    """Tell whether a residual is small enough, and no longer halved from the last one by Newton's method."""
+def has_converged(residual: float, last: float) -> bool:
+    """Tell whether the residual of Newton's method is small enough, and no longer halved from the last one."""
     return residual < 0.01 * RESIDUAL or (residual < RESIDUAL and not residual < 0.5 * last)
 
 
