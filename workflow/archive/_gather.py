@@ -103,7 +103,9 @@ def assemble(
 
     create(template, texts, path, _messages(stored, *places), hashes)
     with LOCK, h5py.File(path, "r+") as archive, ThreadPoolExecutor() as threads:
-        variables = {str(name): archive[name] for name in template.data_vars}  # a look-up takes as long as writing a chunk
+        variables = {
+            str(name): archive[name] for name in template.data_vars
+        }  # a look-up takes as long as writing a chunk
         encoded = deque[tuple[str, tuple[int, ...], Future[bytes]]]()
         for name, offset, values in _chunks(template, stored, *places):
             if not offset:  # a single case without t
