@@ -60,7 +60,8 @@ class Prepared:
             batches = [Batch(batch.outer, batch.inner[self._is_missing(batch)]) for batch in task.batches]
             left = tuple(batch for batch in batches if batch.inner.size)
             if left:
-                yield replace(task, batches=left, cases=sum(batch.inner.size for batch in left))
+                share = self.share(task)
+                yield replace(task, batches=left, seconds=share * task.seconds, cases=round(share * task.cases))
 
     def share(self, task: Task) -> float:
         """Return the share of a task's cases that is to be computed."""

@@ -34,7 +34,7 @@ from workflow.archive import (
     stored_hashes,
     surplus,
 )
-from workflow.grid import CaseHashes, Decided, arrange, case_hashes, read_choices
+from workflow.grid import CaseHashes, Choices, arrange, case_hashes, read_choices
 from workflow.run._task import Job
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError
@@ -224,7 +224,7 @@ def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> Mapping
     return resolved
 
 
-def stored_choices(texts: Mapping[str, str]) -> Decided:
+def stored_choices(texts: Mapping[str, str]) -> Choices:
     """Return the counts of modes that tolerances decided, from the texts of an archive or of an unfinished run.
 
     None where they cannot be read: they are decided anew then.
@@ -232,7 +232,7 @@ def stored_choices(texts: Mapping[str, str]) -> Decided:
     try:
         return read_choices(texts.get("choices", "{}"))
     except (ValueError, LookupError, TypeError, AttributeError):
-        return Decided()
+        return {}
 
 
 def _other_version(archive: Path, texts: Mapping[str, str]) -> str:
@@ -263,8 +263,7 @@ def _wider_text(archive: Path, names: Iterable[str]) -> str:
 def _unasked_text(archive: Path, unasked: int, cases: int, was: Mapping[str, str], now: Mapping[str, str]) -> str:
     none = "holds another study of the same name: none of its cases is"
     which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
-    pairs = zip(stored_choices(was), stored_choices(now), strict=True)
-    other = any(set(a.values()) - set(b.values()) for a, b in pairs)
+    other = set(stored_choices(was).values()) - set(stored_choices(now).values())
     decided = ", as its tolerance decides `auto` by other cases" if other else ""
     return (
         f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "

@@ -44,7 +44,7 @@ from typing import NamedTuple
 
 from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, plus, shared, spread, store
+from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, shared, spread, store
 from workflow.models import Array
 from workflow.schemes._fixed import total_row
 from workflow.schemes._fixed.contact import Ahead, End, Free, TipStep, contact_gain, friction_heat, was_pressed
@@ -112,6 +112,12 @@ class Account(NamedTuple):
     heat_theta: float
     """Weight of the temperatures at a step's end in what it loses."""
     dense: Dense | None = None
+
+
+@inlined
+def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
+    """Return ``numbers + weight * others``, or the numbers alone where the others are ``None``, known when compiled."""
+    return numbers if others is None else numbers + weight * others
 
 
 @inlined
