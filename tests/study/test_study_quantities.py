@@ -7,10 +7,11 @@ from decimal import Decimal
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic_core import ValidationError
 
 from workflow.declare import Quantity
 from workflow.study import udunits
-from workflow.study.mistakes import WrongValueError
+from workflow.study.mistakes import faults_of
 from workflow.study.quantities import COMMON, parse_unit, pint_unit, read_quantity
 
 METRE = Quantity("m", "length")
@@ -67,7 +68,7 @@ def test_units(written: str, unit: str, value: float) -> None:
     + [(text, "m") for text in ("", "m", "nan m", "inf m", "0x1 m", "1_0 m", "1e9999 m", "9**9**9 m", "1 2 m", "٣ m")],
 )
 def test_refused(written: str, unit: str) -> None:
-    with pytest.raises(WrongValueError):
+    with pytest.raises(ValidationError):
         read_quantity(written, Quantity(unit, ""))
 
 
@@ -75,8 +76,8 @@ def test_refused(written: str, unit: str) -> None:
 def test_any_text_is_a_number_or_a_mistake(text: str) -> None:
     try:
         assert isinstance(read_quantity(text, METRE), float)
-    except WrongValueError as error:
-        ((_, _, remedy),) = error.faults
+    except ValidationError as error:
+        ((_, _, remedy),) = faults_of(error)
     else:
         return
     assert remedy == "write metres, e.g. `0.5 mm`"

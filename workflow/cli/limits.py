@@ -65,14 +65,17 @@ def limits(
 
 def _read(option: str, unit: str, text: str | None) -> float | None:
     """Return a bound in SI; a number without unit is in SI."""
+    from pydantic_core import ValidationError
+
     from workflow.declare import Quantity
-    from workflow.study.mistakes import WrongValueError
+    from workflow.study.mistakes import faults_of
     from workflow.study.quantities import read_quantity
 
     try:
         return None if text is None else float(read_quantity(_number_or_text(text), Quantity(unit, option, above=0)))
-    except WrongValueError as error:
-        raise typer.BadParameter(f"{option}: {error}") from None
+    except ValidationError as error:
+        ((_, problem, remedy),) = faults_of(error)
+        raise typer.BadParameter(f"{option}: {problem}; {remedy}") from None
 
 
 def _number_or_text(text: str) -> float | str:

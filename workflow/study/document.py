@@ -12,9 +12,8 @@ from workflow import models, schemes
 from workflow.declare import Quantity
 from workflow.study.addresses import OF_SCENE, settings
 from workflow.study.draws import SAMPLES, drawn
-from workflow.study.files import Files
 from workflow.study.forms import Entry, Record, either, entries_of, named, no_mapping, record, record_of, summary
-from workflow.study.kinds import FLAG, LINE, Kind, Number, keyword, name, number, usable
+from workflow.study.kinds import FLAG, LINE, Kind, Number, keyword, leaf, name, number, usable
 from workflow.study.mistakes import one_of, quoted, wrong
 from workflow.study.ranges import MOST_VALUES, axis_values, between
 from workflow.study.settings import Friction, Initial, Load, Output, Scene, SchemeChoice, Steady
@@ -33,17 +32,17 @@ _SOME = r"^(schemes|scene\.(casing|load)\.harmonics)\."
 """Paths that only some studies have."""
 
 
-def _static(value: Any, files: Files) -> Any:
+def _static(value: Any) -> Any:
     if value != "static":
         raise wrong(f"{quoted(value)} is not a mapping or `static`", "write a mapping or `static`")
     return value
 
 
-_STATIC = Kind(_static, {"const": "static"})
+_STATIC = leaf(_static, {"const": "static"})
 """The word ``static`` in the place of an initial state."""
 
 
-def _broken(model: str, value: Any, files: Files) -> None:
+def _broken(model: str, value: Any) -> None:
     usable(models.fault(model))
 
 
@@ -59,8 +58,7 @@ def _scene(names: tuple[str, ...]) -> Record:
         if models.fault(model) is None:
             entries[model] = Entry(record_of(models.load(model).Parameters), summary(models.load(model)))
         else:
-            broken = Kind(partial(_broken, model), {})
-            entries[model] = Entry(broken, "a model that cannot be used")
+            entries[model] = Entry(leaf(partial(_broken, model), {}), "a model that cannot be used")
 
     def build(given: dict[str, Any]) -> Scene:
         model = next((key for key in given if key in names), "")

@@ -72,7 +72,7 @@ def drawn(sample: str, points: int, of: Mapping[str, Range], seed: int = 0) -> D
 
     Raises
     ------
-    WrongValueError
+    ValidationError
         There is nothing to draw, too much, or Sobol' indices have one number or points that are no power of two.
     """
     if len(of) < (least := 2 if sample == INDICES else 1):

@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+from pydantic_core import ValidationError, core_schema
+
 from workflow.declare import quantity_of, word_of
-from workflow.study.files import Files
-from workflow.study.kinds import FLAG, Kind, Schema, keyword, list_of, number, read_each, text
-from workflow.study.mistakes import Fault, WrongValueError, nearest, one_of, quoted, wrong
+from workflow.study.kinds import FLAG, Kind, Schema, keyword, list_of, number, one_of_several, text
+from workflow.study.mistakes import Fault, faults_of, nearest, one_of, quoted, refusal, wrong
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def record(
         Pattern of further keys that some study may have, for the JSON Schema of all.
     """
 
-    def read(value: Any, files: Files) -> Any:
+    def read(value: Any, read_known: core_schema.ValidatorFunctionWrapHandler) -> Any:
         is_mapping(value)
         unknown = [key for key in value if key not in entries]
         meant = {nearest(key, entries) for key in unknown}  # misspelt is not missing, too
@@ -77,16 +78,16 @@ def record(
             elsewhere = (moved or {}).get(key)
             problem = "does not belong here" if elsewhere else f"{quoted(key)} is not known here"
             faults.append(((key,), problem, elsewhere or one_of(key, entries)))
-        known = [key for key in value if key in entries]
-        given: list[Any] = []
         try:
-            given = read_each(((key, entries[key].kind, value[key]) for key in known), files)
-        except WrongValueError as error:
-            faults += error.faults
+            given = read_known(value)
+        except ValidationError as error:
+            faults += faults_of(error)
         if faults:
-            raise WrongValueError(faults)
-        return build(dict(zip(known, given, strict=True)))
+            raise refusal(faults)
+        return build({key: given[key] for key in value})
 
+    fields = {key: core_schema.typed_dict_field(entry.kind.core, required=False) for key, entry in entries.items()}
+    core = core_schema.no_info_wrap_validator_function(read, core_schema.typed_dict_schema(fields))
     schema = {
         "type": "object",
         "description": about,
@@ -95,33 +96,28 @@ def record(
         "additionalProperties": False,
         **({"patternProperties": {more: {}}} if more else {}),
     }
-    return Record(read, schema, entries=entries)
+    return Record(core, schema, entries=entries)
 
 
-def is_mapping(value: Any) -> None:
-    """Refuse what is no mapping."""
+def is_mapping(value: Any) -> dict[str, Any]:
+    """Return a mapping and refuse what is none."""
     if not isinstance(value, dict):
         problem = "has nothing in it" if value is None else f"{quoted(value)} is not a mapping"
         raise wrong(problem, "write `key: value` entries, or leave it out")
+    return value
 
 
 def named(key: Kind, kind: Kind) -> Kind:
     """Return the kind of a mapping whose entries have one kind, and names that the study gives them."""
-
-    def read(value: Any, files: Files) -> dict[str, Any]:
-        is_mapping(value)
-        read_each(((word, key, word) for word in value), files)
-        return dict(zip(value, read_each(((word, kind, one) for word, one in value.items()), files), strict=True))
-
+    core = core_schema.dict_schema(key.core, kind.core)
     schema = {"type": "object", "propertyNames": key.schema, "additionalProperties": kind.schema}
-    return Kind(read, schema)
+    return Kind(core_schema.no_info_before_validator_function(is_mapping, core), schema)
 
 
 def either(choose: Callable[[Any], int], *kinds: Kind) -> Kind:
     """Return the kind of what is one of several, chosen by its form, so that one mistake gives one message."""
-    return Kind(
-        lambda value, files: kinds[choose(value)].read(value, files), {"anyOf": [kind.schema for kind in kinds]}
-    )
+    cores = [kind.core for kind in kinds]
+    return Kind(one_of_several(choose, cores), {"anyOf": [kind.schema for kind in kinds]})
 
 
 def no_mapping(value: Any) -> int:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from workflow.declare import File, Quantity, Rows, Word
-from workflow.study.files import Files
-from workflow.study.mistakes import Fault, WrongValueError, one_of, quoted, wrong
+from pydantic_core import CoreSchema, core_schema
+
+from workflow.declare import File, Quantity, Word
+from workflow.study.mistakes import one_of, quoted, wrong
 from workflow.study.quantities import NUMBER, admissible, read_quantity, udunits
 
 Schema = dict[str, Any]
@@ -25,15 +26,15 @@ class Kind:
 
     Attributes
     ----------
-    read
-        Returns the value of an entry in SI; raises ``WrongValueError``.
+    core
+        How pydantic reads an entry, in SI; the context are the ``Files`` of the study.
     schema
         JSON Schema of what may be written.
     varies
         Whether its values can be those of an axis.
     """
 
-    read: Callable[[Any, Files], Any]
+    core: CoreSchema
     schema: Schema
     varies: bool = False
 
@@ -47,23 +48,32 @@ class Kind:
         return meaning
 
 
-def read_each(reads: Iterable[tuple[str | int, Kind, Any]], files: Files, *place: str) -> list[Any]:
-    """Read values, each of its kind at its key or position; all faults are raised together."""
-    values: list[Any] = []
-    faults: list[Fault] = []
-    for step, kind, value in reads:
-        try:
-            values.append(kind.read(value, files))
-        except WrongValueError as error:
-            faults += error.below(*place, step)
-    if faults:
-        raise WrongValueError(faults)
-    return values
+def leaf(read: Callable[[Any], Any], schema: Schema, varies: bool = False) -> Kind:
+    """Return the kind of an entry that a function reads."""
+    return Kind(core_schema.no_info_plain_validator_function(read), schema, varies)
 
 
-def read_list(values: list[Any], kind: Kind, files: Files, *place: str) -> tuple[Any, ...]:
-    """Read a list of entries of one kind."""
-    return tuple(read_each(((k, kind, value) for k, value in enumerate(values)), files, *place))
+def many(item: CoreSchema) -> CoreSchema:
+    """Return how a list of entries of one kind is read, as a tuple."""
+    return core_schema.tuple_schema([item], variadic_item_index=0)
+
+
+def one_of_several(choose: Callable[[Any], int], cores: Sequence[CoreSchema]) -> CoreSchema:
+    """Return how a value is read whose form chooses among several, so that one mistake gives one message."""
+
+    def judged(value: Any) -> Any:  # an error of the discriminator itself would lose its place
+        choose(value)
+        return value
+
+    union = core_schema.tagged_union_schema(
+        {-1 - k: core for k, core in enumerate(cores)}, discriminator=lambda value: -1 - choose(value)
+    )
+    return core_schema.no_info_before_validator_function(judged, union)
+
+
+def is_list(value: Any) -> int:
+    """Choose the second of two forms for a list."""
+    return int(isinstance(value, list))
 
 
 def usable(fault: str | None, *place: str) -> None:
@@ -75,15 +85,15 @@ def usable(fault: str | None, *place: str) -> None:
 def name(what: str) -> Kind:
     """Return the kind of an identifier: the name of a study, the label of a scheme, the dimension of a zip."""
 
-    def read(value: Any, files: Files) -> str:
+    def read(value: Any) -> str:
         if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,63}", value):
             raise wrong(f"{quoted(value)} is no name", f"name {what} in at most 64 letters, digits and _")
         return value
 
-    return Kind(read, {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]{0,63}$"})
+    return leaf(read, {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]{0,63}$"})
 
 
-def _line(value: Any, files: Files) -> str:
+def _line(value: Any) -> str:
     if not isinstance(value, str):
         raise wrong(f"{quoted(value)} is not a text", "write a line of text, in quotes if need be")
     if len(value) > LONGEST_TEXT:
@@ -91,17 +101,17 @@ def _line(value: Any, files: Files) -> str:
     return " ".join(value.split())
 
 
-LINE = Kind(_line, {"type": "string", "maxLength": LONGEST_TEXT})
+LINE = leaf(_line, {"type": "string", "maxLength": LONGEST_TEXT})
 """Free text, whose spaces and line ends become single spaces."""
 
 
-def _flag(value: Any, files: Files) -> bool:
+def _flag(value: Any) -> bool:
     if not isinstance(value, bool):
         raise wrong(f"{quoted(value)} is neither true nor false", "write true or false")
     return value
 
 
-FLAG = Kind(_flag, {"type": "boolean"})
+FLAG = leaf(_flag, {"type": "boolean"})
 
 
 def keyword(words: tuple[str, ...], labels: bool = False, fault: Callable[[str], str | None] | None = None) -> Kind:
@@ -110,66 +120,72 @@ def keyword(words: tuple[str, ...], labels: bool = False, fault: Callable[[str],
     ``labels`` are words that a study may add to; ``fault`` tells why what a word names cannot be used.
     """
 
-    def read(value: Any, files: Files) -> str:
+    def read(value: Any) -> str:
         if not isinstance(value, str) or value not in words:
             raise wrong(f"{quoted(value)} is none of the choices", one_of(str(value), words))
         usable(fault(value) if fault else None)
         return value
 
-    return Kind(read, {"type": "string", "examples" if labels else "enum": list(words)}, varies=True)
+    return leaf(read, {"type": "string", "examples" if labels else "enum": list(words)}, varies=True)
 
 
 def list_of(item: Kind, remedy: str, distinct: bool = False) -> Kind:
     """Return the kind of a list of moderate length, read as a tuple."""
 
-    def read(value: Any, files: Files) -> tuple[Any, ...]:
+    def check(value: Any) -> list[Any]:
         if not isinstance(value, list):
             raise wrong(f"{quoted(value)} is not a list", remedy)
         if len(value) > LONGEST_LIST:
             raise wrong(f"has {len(value)} entries", f"write at most {LONGEST_LIST}")
-        entries = read_list(value, item, files)
+        return value
+
+    def check_distinct(entries: tuple[Any, ...]) -> tuple[Any, ...]:
         if distinct and len(set(entries)) < len(entries):
             raise wrong("names one twice", "name each once")
         return entries
 
-    return Kind(read, {"type": "array", "items": item.schema, **({"uniqueItems": True} if distinct else {})})
+    listed = core_schema.no_info_before_validator_function(check, many(item.core))
+    core = core_schema.no_info_after_validator_function(check_distinct, listed)
+    return Kind(core, {"type": "array", "items": item.schema, **({"uniqueItems": True} if distinct else {})})
 
 
 def text(declared: Word) -> Kind:
     """Return the kind of a text, or the name of a file, that a model or scheme declares; rows may stand for a file."""
-    columns = declared.columns
-    row = None if columns is None else _row(columns)
 
-    def read(value: Any, files: Files) -> str | int | File | Rows:
-        if row is not None and isinstance(value, list):
-            return read_list(value, row, files)
+    def read(value: Any, info: core_schema.ValidationInfo[Any]) -> str | int | File:
         if declared.number and isinstance(value, int | float) and not isinstance(value, bool):
             return value if isinstance(value, int) else repr(value)
         if not isinstance(value, str) or not value or len(value) > LONGEST_TEXT or not value.isprintable():
             raise wrong(f"{quoted(value)} is not a line of text", f"write up to {LONGEST_TEXT} printable characters")
-        return files.read(value, declared) if declared.file else value
+        return info.context.read(value, declared) if declared.file else value
 
+    core: CoreSchema = core_schema.with_info_plain_validator_function(read)
     forms: list[Schema] = [{"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}]
     forms += [{"type": "number"}] if declared.number else []
-    forms += [] if row is None else [{"type": "array", "items": row.schema}]
-    return Kind(read, {"anyOf": forms} if len(forms) > 1 else forms[0], varies=not declared.file)
+    if declared.columns is not None:
+        row = _row(declared.columns)
+        core = one_of_several(is_list, [core, many(row.core)])
+        forms.append({"type": "array", "items": row.schema})
+    return Kind(core, {"anyOf": forms} if len(forms) > 1 else forms[0], varies=not declared.file)
 
 
 def _row(columns: tuple[tuple[str, str], ...]) -> Kind:
     """Return the kind of a row of a table: values in the order of its columns or by their names; else any numbers."""
     names = [column for column, _ in columns]
 
-    def read(value: Any, files: Files) -> tuple[float, ...]:
+    def in_order(value: Any) -> list[Any]:
         if isinstance(value, dict) and names and set(value) == set(names):
             value = [value[column] for column in names]
         if not isinstance(value, list) or not value or (names and len(value) != len(names)):
             raise wrong("is no row of the table", f"write {', '.join(names) or 'numbers'}, as a list")
-        kinds = [number(Quantity(unit, column)) for column, unit in columns or (("number", "1"),) * len(value)]
-        return tuple(read_each(zip(range(len(value)), kinds, value, strict=True), files))
+        return value
 
+    cells = [number(Quantity(unit, column)).core for column, unit in columns]
+    row = core_schema.tuple_schema(cells) if cells else many(number(Quantity("1", "number")).core)
     cell: Schema = {"anyOf": [{"type": "number"}, {"type": "string"}]}
     by_name = {"type": "object", "properties": dict.fromkeys(names, cell), "required": names}
-    return Kind(read, {"anyOf": [{"type": "array", "items": cell}, *([by_name] if names else [])]})
+    forms = [{"type": "array", "items": cell}, *([by_name] if names else [])]
+    return Kind(core_schema.no_info_before_validator_function(in_order, row), {"anyOf": forms})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +215,7 @@ class Number(Kind):
 def number(declared: Quantity, whole: bool = False, words: tuple[str, ...] = ()) -> Number:
     """Return the kind of a quantity; ``words`` are admitted beside a number: ``full``, ``auto``."""
 
-    def one(value: Any, files: Files) -> Any:
+    def read(value: Any) -> Any:
         if words and isinstance(value, str):
             if value in words:
                 return value
@@ -207,12 +223,8 @@ def number(declared: Quantity, whole: bool = False, words: tuple[str, ...] = ())
             raise wrong(f"{quoted(value)} is not a number of modes", f"write {listed}")
         return read_quantity(value, declared, whole)
 
-    def read(value: Any, files: Files) -> Any:
-        if isinstance(value, list) and declared.per is not None:
-            return read_list(value, Kind(one, {}), files)
-        return one(value, files)
-
     bounds = {"exclusiveMinimum": declared.above, "minimum": declared.at_least, "maximum": declared.at_most}
+    core: CoreSchema = core_schema.no_info_plain_validator_function(read)
     numbers: Schema = {"type": "integer" if whole else "number"}
     forms: list[Schema] = [numbers | {word: bound for word, bound in bounds.items() if bound is not None}]
     if words:
@@ -220,6 +232,7 @@ def number(declared: Quantity, whole: bool = False, words: tuple[str, ...] = ())
     elif not whole:
         forms.append({"type": "string", "pattern": rf"^\s*{NUMBER}\s*[^\s0-9].*$|^\s*{NUMBER}\s*$"})
     if declared.per is not None:
+        core = one_of_several(is_list, [core, many(core)])
         forms.append({"type": "array", "items": {"anyOf": forms[:2]}, "minItems": 1})
     schema = {"anyOf": forms} if len(forms) > 1 else forms[0]
-    return Number(read, schema, varies=True, declared=declared, whole=whole)
+    return Number(core, schema, varies=True, declared=declared, whole=whole)

@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
+
 Place = tuple[str | int, ...]
 """Keys and positions that lead from the top of a study to an entry."""
 
@@ -59,24 +61,28 @@ Fault = tuple[Place, str, str]
 """Where something is wrong, what, and what would be right."""
 
 
-class WrongValueError(Exception):
-    """What is wrong with a value that is being read, at its place or below it."""
-
-    def __init__(self, faults: Iterable[Fault]) -> None:
-        self.faults = tuple(faults)
-        super().__init__(self.faults)
-
-    def __str__(self) -> str:
-        return "\n".join(f"{problem}; {remedy}" for _, problem, remedy in self.faults)
-
-    def below(self, *place: str | int) -> tuple[Fault, ...]:
-        """Return the faults as they are of an entry at a place."""
-        return tuple(((*place, *deeper), problem, remedy) for deeper, problem, remedy in self.faults)
+def wrong(problem: str, remedy: str, *place: str | int) -> ValidationError:
+    """Return the error of one fault, in the value that is being read or at a place below it."""
+    return refusal([(place, problem, remedy)])
 
 
-def wrong(problem: str, remedy: str, *place: str | int) -> WrongValueError:
-    """Return the error of one fault, in the value itself or at a place below it."""
-    return WrongValueError([(place, problem, remedy)])
+def refusal(faults: Iterable[Fault]) -> ValidationError:
+    """Return the error of some faults, to which pydantic adds the place of the value and the faults of others."""
+    details: list[InitErrorDetails] = []
+    for place, problem, remedy in faults:
+        error = PydanticCustomError("wrong", "{problem}; {remedy}", {"problem": problem, "remedy": remedy})
+        details.append(InitErrorDetails(type=error, loc=place, input=None))
+    return ValidationError.from_exception_data("study", details)
+
+
+def faults_of(error: ValidationError) -> list[Fault]:
+    """Return the faults of an error, each where it is in the study."""
+    faults: list[Fault] = []
+    for line in error.errors(include_url=False, include_input=False):
+        steps = line["loc"][:-1] if line["loc"][-1:] == ("[key]",) else line["loc"]  # a name that is refused
+        place = tuple(step for step in steps if isinstance(step, str) or step >= 0)  # below 0 is the form of a value
+        faults.append((place, line["ctx"]["problem"], line["ctx"]["remedy"]))
+    return faults
 
 
 _SYNONYMS = {"restitution": "e", "step": "h", "time_step": "h", "dt": "h", "clearance": "gap"}

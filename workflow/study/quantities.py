@@ -161,7 +161,7 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
 
     Raises
     ------
-    WrongValueError
+    ValidationError
         With problem and remedy: no number, not finite, the wrong unit, out of bounds.
     """
     kind = "a whole number" if whole else _SPOKEN.get(declared.unit, (f"in {declared.unit}",))[0]

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic_core import core_schema
 
 from workflow.declare import Quantity
-from workflow.study.files import Files
-from workflow.study.kinds import Kind, Number, Schema, number, read_each, read_list
+from workflow.study.forms import either
+from workflow.study.kinds import Kind, Number, many, number, one_of_several
 from workflow.study.mistakes import quoted, wrong
 
 Value = float | int | str
+Law = Literal["lin", "log", "branch"]
+LAWS: tuple[Law, ...] = ("lin", "log", "branch")
 MOST_VALUES = 10**6
 MOST_POINTS = 10_000
 """Of a branch."""
@@ -23,7 +28,7 @@ MOST_POINTS = 10_000
 class Range:
     """Values between two ends, at equal or drawn distances or ratios, or those of a branch."""
 
-    law: Literal["lin", "log", "branch"]
+    law: Law
     low: float
     high: float
 
@@ -61,77 +66,104 @@ def axis_values(kind: Kind, zipped: bool = False) -> Kind:
     What is spread over real numbers is not expanded.
     """
 
-    def one(value: Any, files: Files) -> Any:
-        if isinstance(value, list | dict):
-            raise wrong(f"{quoted(value)} is not a single value", "an axis has single values")
-        return kind.read(value, files)
-
-    def read(value: Any, files: Files) -> Content:
+    def choose(value: Any) -> int:
         if isinstance(value, dict):
-            return _spread(value, kind, zipped, files)
+            return 2 + LAWS.index(_law(value, kind, zipped))
         if isinstance(value, list):
             if not value:
                 raise wrong("is empty", "write at least one value, or leave the axis out")
-            return read_list(value, Kind(one, {}), files)
+            return 1
         if zipped:
             raise wrong(f"{quoted(value)} is not a list", "write a list as long as the others of this zip")
-        single: Value = one(value, files)
-        return single
+        return 0
 
-    forms = [*([] if zipped else [kind.schema]), {"type": "array", "items": kind.schema, "minItems": 1}]
+    one = Kind(core_schema.no_info_before_validator_function(_single, kind.core), kind.schema)
+    kinds = [one, Kind(many(one.core), {"type": "array", "items": one.schema, "minItems": 1})]
     if isinstance(kind, Number):
-        end, count = kind.single.schema, {"type": "integer", "minimum": 2, "maximum": MOST_VALUES}
-        ends = {"type": "array", "prefixItems": [end, end, count], "minItems": 3, "maxItems": 3}
-        forms += [_of_law(law, ends) for law in ("lin", "log", *(() if zipped else ("branch",)))]
-    return Kind(read, {"anyOf": forms})
+        kinds += [_under(law, _spread(law, kind)) for law in LAWS]
+    shown = kinds[1:4] if zipped else kinds  # neither a single value nor a branch
+    return Kind(one_of_several(choose, [each.core for each in kinds]), {"anyOf": [each.schema for each in shown]})
 
 
-def _spread(value: dict[str, Any], kind: Kind, zipped: bool, files: Files) -> Content:
-    """Read ``{LAW: [first, last, count]}``; whole numbers are listed at once, which they can be at most."""
-    form = "write a list, {lin: [first, last, count]} or {log: [first, last, count]}"
-    law: Literal["lin", "log", "branch"] = "branch" if "branch" in value else "log" if "log" in value else "lin"
+def _single(value: Any) -> Any:
+    if isinstance(value, list | dict):
+        raise wrong(f"{quoted(value)} is not a single value", "an axis has single values")
+    return value
+
+
+_SPREAD = "write a list, {lin: [first, last, count]} or {log: [first, last, count]}"
+
+
+def _law(value: dict[str, Any], kind: Kind, zipped: bool) -> Law:
+    """Return how the values of an axis are spread, where they can be."""
+    law: Law = "branch" if "branch" in value else "log" if "log" in value else "lin"
     if set(value) != {law}:
-        raise wrong("is neither a list nor `lin`, `log` or `branch`", form)
+        raise wrong("is neither a list nor `lin`, `log` or `branch`", _SPREAD)
     if not isinstance(kind, Number):
         raise wrong("has words for values, which cannot be spread", "write a list")
     if law == "branch" and (zipped or kind.whole):
         raise wrong("is followed along a real-valued axis of its own alone", "write a list or lin", law)
-    entries = value[law]
-    if not isinstance(entries, list) or len(entries) != 3:
-        raise wrong(f"{quoted(entries)} is not first, last and count", form, law)
+    return law
+
+
+def _spread(law: Law, kind: Number) -> Kind:
+    """Return the kind of ``[first, last, count]``; whole numbers are listed at once, which they can be at most."""
+
+    def build(entries: tuple[float, float, int]) -> Content:
+        first, last, size = entries
+        if first == last:
+            raise wrong("begins and ends with the same value", "write a list of one")
+        if law == "log" and not min(first, last) > 0:
+            raise wrong("a logarithmic axis needs positive ends", "write above 0, or use lin")
+        spread = Spread(law, first, last, size)
+        if not kind.whole:
+            return spread
+        if size > abs(last - first) + 1 or any(each != int(each) for each in spread.expanded()):
+            raise wrong("has values that are not whole numbers", "write a list")
+        return tuple(int(each) for each in spread.expanded())
+
     count = Quantity("1", "number of values", at_least=2, at_most=MOST_POINTS if law == "branch" else MOST_VALUES)
     kinds = (kind.single, kind.single, number(count, whole=True))
-    first, last, size = read_each(zip(range(3), kinds, entries, strict=True), files, law)
-    if first == last:
-        raise wrong("begins and ends with the same value", "write a list of one", law)
-    if law == "log" and not min(first, last) > 0:
-        raise wrong("a logarithmic axis needs positive ends", "write above 0, or use lin", law)
-    spread = Spread(law, first, last, size)
-    if not kind.whole:
-        return spread
-    if size > abs(last - first) + 1 or any(each != int(each) for each in spread.expanded()):
-        raise wrong("has values that are not whole numbers", "write a list")
-    return tuple(int(each) for each in spread.expanded())
+    return _some(kinds, "not first, last and count", _SPREAD, build)
 
 
 def between(kind: Number) -> Kind:
     """Return the kind of the range of a number that is drawn: ``[low, high]``, or ``{log: [low, high]}``."""
 
-    def read(value: Any, files: Files) -> Range:
-        law: Literal["lin", "log"] = "log" if isinstance(value, dict) and set(value) == {"log"} else "lin"
-        ends = value["log"] if law == "log" else value
-        if not isinstance(ends, list) or len(ends) != 2:
-            raise wrong(f"{quoted(ends)} is no range", "write [low, high] or {log: [low, high]}")
-        low, high = read_list(ends, kind, files, *(("log",) if law == "log" else ()))
+    def build(law: Law, ends: tuple[float, float]) -> Range:
+        low, high = ends
         if not low < high:
             raise wrong("does not end above its begin", "write the lower end first")
         if law == "log" and not low > 0:
             raise wrong("has a logarithm and needs positive ends", "write above 0, or [low, high]")
         return Range(law, low, high)
 
-    ends = {"type": "array", "items": kind.schema, "minItems": 2, "maxItems": 2}
-    return Kind(read, {"anyOf": [ends, _of_law("log", ends)]})
+    def choose(value: Any) -> int:
+        return int(isinstance(value, dict) and set(value) == {"log"})
+
+    remedy = "write [low, high] or {log: [low, high]}"
+    lin, log = (_some((kind, kind), "no range", remedy, partial(build, law)) for law in LAWS[:2])
+    return either(choose, lin, _under("log", log))
 
 
-def _of_law(law: str, ends: Schema) -> Schema:
-    return {"type": "object", "properties": {law: ends}, "required": [law], "additionalProperties": False}
+def _some(kinds: tuple[Kind, ...], otherwise: str, remedy: str, build: Callable[[Any], Any]) -> Kind:
+    """Return the kind of a list of some entries, each of its own kind, of which something is built."""
+    size = len(kinds)
+
+    def check(value: Any) -> list[Any]:
+        if not isinstance(value, list) or len(value) != size:
+            raise wrong(f"{quoted(value)} is {otherwise}", remedy)
+        return value
+
+    entries = core_schema.tuple_schema([kind.core for kind in kinds])
+    core = core_schema.no_info_before_validator_function(check, entries)
+    schema = {"type": "array", "prefixItems": [kind.schema for kind in kinds], "minItems": size, "maxItems": size}
+    return Kind(core_schema.no_info_after_validator_function(build, core), schema)
+
+
+def _under(law: Law, kind: Kind) -> Kind:
+    """Return the kind of ``{LAW: ...}``, read as what stands there."""
+    mapping = core_schema.typed_dict_schema({law: core_schema.typed_dict_field(kind.core)})
+    core = core_schema.no_info_after_validator_function(lambda read: read[law], mapping)
+    properties = {law: kind.schema}
+    return Kind(core, {"type": "object", "properties": properties, "required": [law], "additionalProperties": False})

@@ -10,6 +10,8 @@ from decimal import Decimal
 from functools import lru_cache
 from typing import Any
 
+from pydantic_core import SchemaValidator, ValidationError
+
 from workflow import models, reduction, schemes
 from workflow.study.addresses import MODES, TOLERANCE, scene_values, scheme_options, settings
 from workflow.study.axes import Arrangement, mode_count
@@ -18,8 +20,8 @@ from workflow.study.checks import Written, faults
 from workflow.study.document import SCENE_KEYS, study_form
 from workflow.study.files import Files
 from workflow.study.forms import Entry
-from workflow.study.kinds import LONGEST_LIST, Kind
-from workflow.study.mistakes import Place, StudyError, WrongValueError, one_of, place_of_path
+from workflow.study.kinds import LONGEST_LIST
+from workflow.study.mistakes import Place, StudyError, faults_of, one_of, place_of_path
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice
 from workflow.study.sizes import Sizes, sizes_of
 from workflow.study.source import Source, given_paths, mapping, written_axes
@@ -52,9 +54,9 @@ def read_fields(source: Source, files: Files) -> Fields:
     tree, supplied = _supplied(source, axes)
     sections: dict[str, Any] = {}
     try:
-        sections = form.read(tree, files)
-    except WrongValueError as error:
-        for place, problem, remedy in error.faults:
+        sections = form.validate_python(tree, context=files)
+    except ValidationError as error:
+        for place, problem, remedy in faults_of(error):
             follows = not model and place[:1] in (("axes",), ("zip",)) and str(place[-1]).startswith("scene.")
             if place not in supplied and not follows:
                 source.report(place, problem, remedy)
@@ -69,11 +71,11 @@ def _form(
     methods: tuple[tuple[str, tuple[str, ...]], ...],
     bases: tuple[str, ...],
     harmonics: tuple[int, int],
-) -> tuple[dict[str, Entry], Kind]:
+) -> tuple[dict[str, Entry], SchemaValidator]:
     """Return what may vary and the form of a study, for some models, methods by label, bases and harmonics."""
     labels = tuple(label for label, _ in methods)
     addresses = settings(labels, bases) | scene_values(names, harmonics) | scheme_options(dict(methods))
-    return addresses, study_form(addresses, names, labels, bases)
+    return addresses, SchemaValidator(study_form(addresses, names, labels, bases).core)
 
 
 def _model(source: Source) -> str:
