@@ -240,8 +240,8 @@ def defines(function: Callable[..., Any], kind: type) -> Callable[[F], F]:
     return add
 
 
-def of_case(values: N, rows: Any, lane: int) -> N:
-    """Return a named tuple of numbers for a lane: integers in ``values`` are rows ``(row, lane)``; in kernels only."""
+def of_case(values: N, lane: int) -> N:
+    """Return a named tuple of numbers for a lane, of numbers and of rows ``(lane,)``; in kernels only."""
     raise NotImplementedError
 
 
@@ -250,13 +250,13 @@ def _declare_of_case() -> None:
     from numba import types
     from numba.extending import overload
 
-    def choose(values: Any, rows: Any, lane: Any) -> Any:
+    def choose(values: Any, lane: Any) -> Any:
         own = (
-            f"rows[values[{k}], lane]" if isinstance(kind, types.Integer) else f"values[{k}]"
+            f"values[{k}][lane]" if isinstance(kind, types.Array) else f"values[{k}]"
             for k, kind in enumerate(values.types)
         )
         made: dict[str, Any] = {"Kind": values.instance_class}
-        exec(f"def of_case(values, rows, lane):\n    return Kind({', '.join(own)})", made)
+        exec(f"def of_case(values, lane):\n    return Kind({', '.join(own)})", made)
         return made["of_case"]
 
     options: Any = _options(**_PART, forceinline=True)

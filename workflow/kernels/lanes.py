@@ -9,6 +9,9 @@ casing), so that the vectorised loop serves every lane and a case's numbers do n
 
 from __future__ import annotations
 
+from functools import cache
+from typing import TypeVar
+
 import numpy as np
 
 from workflow.kernels import Array
@@ -37,6 +40,34 @@ def cached_lanes(rows: int) -> int:
     while lanes > FEWEST_LANES and 8 * rows * lanes > CACHED:
         lanes //= 2
     return lanes
+
+
+class Rows:
+    """Named rows of lanes, or of all cases: a subclass annotates a name for each.
+
+    Its objects are records of NumPy's (:func:`named_rows`), whose fields are the rows: kernels know where each lies.
+    """
+
+
+R = TypeVar("R", bound=Rows)
+
+
+def rows_in(kind: type[Rows]) -> int:
+    """Return the number of rows of a kind."""
+    return len(kind.__annotations__)
+
+
+def named_rows(kind: type[R], rows: Array) -> R:
+    """Return rows ``(…, row, lane)``, which lie in one piece, as a record of a kind, or an array of records."""
+    pieces = rows.reshape(*rows.shape[:-2], rows.shape[-2] * rows.shape[-1]).view(_record(kind, rows.shape[-1]))
+    named: R = pieces[..., 0][()]
+    return named
+
+
+@cache
+def _record(kind: type[Rows], width: int) -> np.dtype[np.record]:
+    """Return the type of a record, one object for each kind: numba looks at every other anew."""
+    return np.dtype((np.record, np.dtype([(name, float, (width,)) for name in kind.__annotations__], align=True)))
 
 
 def lane_rows(*shape: int) -> Array:
