@@ -10,7 +10,7 @@ casing), so that the vectorised loop serves every lane and a case's numbers do n
 from __future__ import annotations
 
 from functools import cache
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -59,13 +59,14 @@ def rows_in(kind: type[Rows]) -> int:
 
 def named_rows(kind: type[R], rows: Array) -> R:
     """Return rows ``(…, row, lane)``, which lie in one piece, as a record of a kind, or an array of records."""
-    pieces = rows.reshape(*rows.shape[:-2], rows.shape[-2] * rows.shape[-1]).view(_record(kind, rows.shape[-1]))
+    record: Any = _record(cast(Any, kind), rows.shape[-1])
+    pieces: Any = rows.reshape(*rows.shape[:-2], rows.shape[-2] * rows.shape[-1]).view(record)
     named: R = pieces[..., 0][()]
     return named
 
 
 @cache
-def _record(kind: type[Rows], width: int) -> np.dtype[np.record]:
+def _record(kind: type[Rows], width: int) -> Any:
     """Return the type of a record, one object for each kind: numba looks at every other anew."""
     return np.dtype((np.record, np.dtype([(name, float, (width,)) for name in kind.__annotations__], align=True)))
 

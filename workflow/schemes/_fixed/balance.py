@@ -9,7 +9,7 @@ jump J = δξ. With midpoint values (·)_m = (end + begin)/2 the energy residual
     ΔE + hc v_m² - I v_m - ω² J η_m.
 
 For the part of load and contact that acts on the tip Σ I v_m is (S_load - p) times the tip's velocity relative to the
-dragged one. That is taken from the contact law (``Ahead.driven``), not from the modes: an impulse that does not have
+dragged one. That is taken from the contact law (``End.driven``), not from the modes: an impulse that does not have
 the effect its law states shows in the residual. What is left of an impulse of contact are its heat and its friction.
 Damping that couples modes is one more impulse, -h C v_m beside the diagonal. Energy that a contact law gives beside its
 impulse, as a contact spring where contact begins and ends, is added (:func:`contact_gain`).
@@ -46,7 +46,7 @@ from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, plus, shared, spread, store
 from workflow.models import Array
-from workflow.schemes._fixed.contact import Ahead, End, Free, TipStep, contact_gain, friction_heat, was_pressed
+from workflow.schemes._fixed.contact import End, Free, TipStep, contact_gain, friction_heat, was_pressed
 from workflow.schemes._fixed.rows import Own, Tips, Totals
 
 DAMPING, KINETIC, ELASTIC = range(3)
@@ -127,7 +127,6 @@ def count_work(
     account: Account | None,
     step: TipStep,
     end: End,
-    ahead: Ahead,
     dragged: Pack,
     free: Free,
     own: Own,
@@ -137,12 +136,12 @@ def count_work(
     """Count friction heat, and the work of load and contact at the tip in a step that contact has closed."""
     if account is None:
         return
-    sums, relative = account.sums, ahead.driven - dragged
+    sums, relative = account.sums, end.driven - dragged
     if was_pressed(own, lane):
         heat = friction_heat(own, lane)
         relative -= account.dragged * heat
         add_to(sums.friction_heat, heat, lane)
-    before, impulse = pack(sums.relative, lane), account.load_share * free.impulse - ahead.impulse
+    before, impulse = pack(sums.relative, lane), account.load_share * free.impulse - end.acting
     store(sums.relative, lane, relative)
     gain = contact_gain(step, end, impulse, relative - before, free, own, tip, lane)
     add_to(sums.dissipated, fused(impulse, -0.5 * (relative + before), gain), lane)

@@ -57,6 +57,7 @@ class Balances:
         n, scale = modal.tip.size, modal.heat_scale
         acts = _energy_rows(blocks, contact_heat(blocks, cases))
         self._ended.square = project(at_tip * _half_flexibility(modal), acts[n:].T ** 2)
+        self.dense: Dense | None
         self.dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
         scaled, unscale = at_tip, at_tip
         if self.dense is None:

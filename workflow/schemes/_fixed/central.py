@@ -156,7 +156,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     ended = step_batch(operator.structure, blocks, contact, w, cases, before, sampling, drive)
     # squared: a contact that grows can stop short of infinity where its energy is beyond it
     tip = ended.watched.tip
-    finite = np.isfinite(np.square([tip.displacement, tip.velocity, tip.temperature])).all(axis=0)
+    finite = np.asarray(np.isfinite(np.square([tip.displacement, tip.velocity, tip.temperature])).all(axis=0))
     return collect(ended, *_judge(operator, blocks, cases, contact.factor(h, w) <= 0, finite))
 
 

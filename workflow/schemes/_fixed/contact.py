@@ -168,15 +168,8 @@ class End(NamedTuple):
     temperature: Pack
     impulse: Pack
     """Impulse of contact in the step, N s, >= 0."""
-
-
-class Ahead(NamedTuple):
-    """What the next step begins with."""
-
-    impulse: Pack
+    acting: Pack
     """Impulse of contact that acts on the states, N s."""
-    place: Pack
-    velocity: Pack
     driven: Pack
     """The velocity that the contact law gives the tip, with which impulses do work, m/s."""
 
@@ -253,13 +246,13 @@ def was_pressed(own: Own, lane: Lane) -> bool:
 
 
 @by_type
-def contact_step(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> tuple[End, Ahead]:
+def contact_step(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
     """Close a step by load and contact; leave in ``own`` the impulse of either."""
     raise NotImplementedError
 
 
 @defines(contact_step, TipStep)
-def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> tuple[End, Ahead]:
+def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
     x, v = tip_before(free.drive, tip, lane)
     gap, p, temperature = casing_place(free.drive, free.gap, lane), spread(0.0, lane), free.temperature
     after = relative(free.drive, free.velocity + step.load_mobility * free.impulse, lane)
@@ -274,11 +267,11 @@ def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, 
     if step.holds:
         x = where(p > 0.0, gap, x)
     x, v = tip_after(free.drive, x, after, free.gap, lane)
-    return End(engaged, x, v, temperature, p), Ahead(p, x, v, v)
+    return End(engaged, x, v, temperature, p, p, v)
 
 
 @defines(contact_step, CentralStep)
-def _contact_centrally(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> tuple[End, Ahead]:
+def _contact_centrally(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
     """Return the tip at t_k and the impulse about it; the step from there on is closed with p_k."""
     x, before, temperature = pack(own.ahead, lane), pack(own.half, lane), free.temperature
     after, p, about = free.velocity + step.load_mobility * free.impulse, spread(0.0, lane), spread(0.0, lane)
@@ -300,7 +293,7 @@ def _contact_centrally(step: TipStep, law: Law, free: Free, own: Own, tip: Tips,
     store(own.ahead, lane, ahead)
     store(own.half, lane, after)
     store(own.load, lane, free.impulse)
-    return End(engaged, x, 0.5 * (before + after), temperature, about), Ahead(p, ahead, after, driven)
+    return End(engaged, x, 0.5 * (before + after), temperature, about, p, driven)
 
 
 @by_type

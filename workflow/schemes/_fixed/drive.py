@@ -89,8 +89,8 @@ class DriveRows(NamedTuple):
     @property
     def named(self) -> Drive:
         """The same by names, as kernels take it."""
-        waves = [cast(Sequence[Wave], named_rows(Wave, rows)) for rows in self[:2]]
-        return Drive(*waves, named_rows(Moving, self.state))
+        load, casing = (cast(Sequence[Wave], named_rows(Wave, rows)) for rows in (self.load, self.casing))
+        return Drive(load, casing, named_rows(Moving, self.state))
 
 
 def drive_of(cases: Cases, h: float, theta: float) -> tuple[DriveRows | None, Cases]:

@@ -95,8 +95,8 @@ def close_step(
     """Close a step by load and contact, and count what they do."""
     tip, load = block.tip, stepping.load_impulse(now, step.tip.h, block, lane)
     free = Free(alone.velocity, alone.temperature, load, pack(tip.gap, lane), block.drive)
-    end, ahead = contact_step(step.tip, law, free, state.own, tip, lane)
-    count_work(account, step.tip, end, ahead, alone.dragged, free, state.own, tip, lane)
+    end = contact_step(step.tip, law, free, state.own, tip, lane)
+    count_work(account, step.tip, end, alone.dragged, free, state.own, tip, lane)
     return end
 
 
@@ -197,7 +197,9 @@ def step_batch(
     filled = [rows_of_cases, scale * states.swapaxes(0, 1), scale * drives(blocks, cases).swapaxes(0, 1)]
     filled += [blocks.scale[begun.drifting, None] * begun.steady, begun.heat * modal.heat_scale[:, None]]
     lanes, before = [lane_rows(*values.shape[:-1]) for values in filled], lane_rows(len(begun.heat))
-    state = State(named_rows(Own, lanes[0]), *lanes[1:], before, before if free.heat_counts else lanes[-1])
+    state = State._make(
+        [named_rows(Own, lanes[0]), *lanes[1:], before, before if free.heat_counts else lanes[-1], None]
+    )
     rows, fillings = 2 * len(state.motion) + len(state.tau), [*zip(lanes, filled, strict=True), *law_filled]
     balances = Balances(structure, blocks, free, cases, begun) if sampling.balances else None
     if balances is not None:

@@ -32,7 +32,6 @@ from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, 
 class Now(NamedTuple):
     """A step, as its packs of lanes see it."""
 
-    step: int
     t: float
     """Time at its end, s."""
     last: bool
@@ -51,9 +50,8 @@ class Now(NamedTuple):
 @inlined
 def step_at(step: int, theta: float, leader: int, warmed: bool, block: Block) -> Now:
     """Return a step, with the load at its two ends weighed by 1 - θ and θ."""
-    sine = tip_load.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes)
-    mark, last = block.marks.next_mark[0], step == block.steps
-    return Now(step, step * block.h, last, step == mark, step + 1 == mark, sine, leader, warmed)
+    sine, mark = tip_load.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes), block.marks.next_mark[0]
+    return Now(step * block.h, step == block.steps, step == mark, step + 1 == mark, sine, leader, warmed)
 
 
 @inlined
@@ -103,8 +101,8 @@ def observe(span: float, tip: Tips, lanes: int) -> None:
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         x, v = pack(tip.new_displacement, lane), pack(tip.new_velocity, lane)
-        end = End(True, x, v, pack(tip.new_temperature, lane), pack(tip.step_impulse, lane))
-        count_end(end, True, span, tip, lane)
+        temperature, p = pack(tip.new_temperature, lane), pack(tip.step_impulse, lane)
+        count_end(End(True, x, v, temperature, p, p, v), True, span, tip, lane)
 
 
 @inlined
