@@ -1,10 +1,11 @@
 """Lanes: where the cases of a block lie beside each other in memory.
 
-Numbers of each case lie in a few arrays ``(row, lane)``, not in one array per quantity, and a kernel asserts before its
-first step that a row is ``ROW`` long. Both are for speed: where the distance between two rows is known at compile time,
-the compiler can prove that rows do not overlap and steps eight lanes at once; else it compares their addresses
-before each short loop, or steps lane by lane. Idle lanes fill up the last pack (all zero: a tip at rest, far from its
-casing), so that the vectorised loop serves every lane and a case's numbers do not depend on its place in a batch.
+Numbers of each case lie in a few arrays ``(row, lane)`` or records of rows that have names, not in one array per
+quantity, and a kernel asserts before its first step that a row of an array is ``ROW`` long. Both are for speed: where
+the distance between two rows is known at compile time, the compiler can prove that rows do not overlap and steps eight
+lanes at once; else it compares their addresses before each short loop, or steps lane by lane. Idle lanes fill up the
+last pack (all zero: a tip at rest, far from its casing), so that the vectorised loop serves every lane and a case's
+numbers do not depend on its place in a batch.
 """
 
 from __future__ import annotations

@@ -151,8 +151,8 @@ def _waves(harmonics: Harmonics, h: float) -> Array:
     rows = np.zeros((harmonics.width, rows_in(Wave), harmonics.amplitude.shape[0]))
     waves: Any = named_rows(Wave, rows)
     turn_sine, turn_cosine = elementwise.sine_cosine(harmonics.angular * h)
-    waves.turn_sine, waves.turn_cosine = turn_sine.T, turn_cosine.T
-    waves.amplitude, waves.frequency, waves.phase = (values.T for values in harmonics.rows)
+    waves["turn_sine"], waves["turn_cosine"] = turn_sine.T, turn_cosine.T
+    waves["amplitude"], waves["frequency"], waves["phase"] = (values.T for values in harmonics.rows)
     return rows
 
 

@@ -1,4 +1,8 @@
-"""The load at the tip, F0 + F1 sin(2π f t + φ), in a fixed step; one sine for lanes of the same frequency and phase."""
+"""The load at the tip, F0 + F1 sin(2π f t + φ), in a fixed step; one sine for lanes of the same frequency and phase.
+
+It is not one of the harmonics of :mod:`~workflow.schemes._fixed.drive`: where each lane turns a sine of its own a step
+of the heavy chain with 3 + 12 modes takes 1.15 times as long.
+"""
 
 from __future__ import annotations
 
