@@ -42,7 +42,7 @@ def _entries(package: str) -> dict[str, str]:
 @cache
 def modules_from_outside() -> frozenset[str]:
     """Return the modules that entry points add to any registry of this package."""
-    return frozenset(entry.value for package in REGISTRIES for entry in entry_points(group=package))
+    return frozenset(place for package in REGISTRIES for place in _entries(package).values())
 
 
 @cache
@@ -51,7 +51,7 @@ def outside_sources() -> dict[str, str | None]:
 
     Results depend on them as they do on the solver's version, which stands for the sources of this package.
     """
-    added = {entry.name: entry.value for package in REGISTRIES for entry in entry_points(group=package)}
+    added = {name: place for package in REGISTRIES for name, place in _entries(package).items()}
     return {name: source_digest(place.split(".")[0]) for name, place in sorted(added.items())}
 
 

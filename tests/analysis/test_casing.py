@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workflow.analysis import casing_motion, impact_speeds, period_frequency
+from workflow.analysis import casing_motion, period_frequency
 
 
 def case(attrs: dict, **coords: tuple) -> xr.Dataset:
@@ -65,21 +65,3 @@ def test_periods_are_those_of_the_load_else_of_the_first_harmonic(
 @pytest.mark.parametrize("scene", [{}, {"load": 1}, {"load": {"amplitude": 0, "harmonics": [2]}}])
 def test_a_scene_without_sense_has_no_periods(scene: dict) -> None:
     assert np.isnan(period_frequency(case({}), scene))
-
-
-def test_impact_speeds_are_relative_to_the_casing() -> None:
-    """A tip that moves on at 3 mm/s meets a casing that comes with up to 2π · 0.2 mm/s."""
-    moves = [{"amplitude": 2e-4, "frequency": 1.0, "order": None, "phase": np.pi}]
-    dataset = case({**attributes(moves), "speed": 0.0})
-    t = dataset["t"].values
-    x = 3e-3 * (t - 0.5) + 1e-5 + 2e-4 * np.sin(np.pi)
-    place = casing_motion(dataset)
-    assert place is not None
-    touched = (x >= place[0]) & (t > 0.3)
-    dataset = dataset.assign(
-        displacement=("t", np.minimum(x, place[0])),
-        velocity=("t", np.full(t.size, 3e-3)),
-        contact_force=("t", touched * 1.0),
-    )
-    ahead = 2 * np.pi * 2e-4  # d = -a sin(2π t) rises at t = 1/2
-    assert impact_speeds(dataset)[0] == pytest.approx(3e-3 - ahead, rel=1e-2)

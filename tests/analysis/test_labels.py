@@ -33,11 +33,9 @@ def test_numbers_are_as_short_as_they_can_be() -> None:
     assert exact("moreau") == "moreau"
 
 
-def test_pictures_round() -> None:
-    dataset = xr.Dataset(coords={"h": ("h", [3.16227766017e-05], {"units": "s"})})
-    assert labels_of(dataset, "h", rounded=True) == ["h 3.162e-05 s"]
-
-
-def test_values_that_four_digits_do_not_tell_apart_are_not_rounded() -> None:
-    dataset = xr.Dataset(coords={"h": ("h", [1.00001e-5, 1.00002e-5], {"units": "s"})})
-    assert labels_of(dataset, "h", named=False, rounded=True) == ["1.00001e-05 s", "1.00002e-05 s"]
+def test_pictures_round_to_digits_that_tell_values_apart() -> None:
+    alike = [1.00001e-5, 1.00002e-5], ["1.00001e-05 s", "1.00002e-05 s"]
+    for values, texts in (([3.16227766017e-05], ["3.162e-05 s"]), alike):
+        dataset = xr.Dataset(coords={"h": ("h", values, {"units": "s"})})
+        assert labels_of(dataset, "h", named=False, rounded=True) == texts
+        assert labels_of(dataset, "h", rounded=True) == [f"h {text}" for text in texts]

@@ -6,49 +6,40 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workflow.analysis import ERRORS, Line, effect, hidden, lines, observed_order
+from errors_over_steps import H as LONG
+from errors_over_steps import over_steps
+from workflow.analysis import effect, hidden, lines, observed_order
 
 H = np.logspace(-6, -3, 7)
 
 
-def line(scheme: str, error: np.ndarray, seconds: np.ndarray, ok: np.ndarray | None = None, limit: float = 0.0) -> Line:
-    is_ok = np.ones(H.size, dtype=bool) if ok is None else ok
-    ok_errors = np.where(is_ok, error, np.nan)
-    return Line(scheme, H, dict.fromkeys(ERRORS, ok_errors), seconds, ok_errors, ok_errors, is_ok, limit)
-
-
-@pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
-def test_orders_are_slopes(order: float) -> None:
-    assert line("one", 0.05 * (H / H[-1]) ** order, 1 / H).order("impulse_error") == pytest.approx((order, 0.0))
-
-
-def test_orders_leave_out_what_is_no_order() -> None:
-    error = np.minimum(5e4 * H, 1.0)  # no longer of any order at the end
-    error[0] = 1e-3  # what cannot be predicted
-    bent = line("one", error, 1 / H, limit=1e-2)
-    assert np.isnan(bent.order("impulse_error")).all()
-    order, _ = line("one", np.maximum(50 * H, 1e-3), 1 / H, limit=1e-4).order("impulse_error")
-    assert order == pytest.approx(1.0, abs=0.02)
+def test_what_cannot_be_predicted_has_no_order() -> None:
+    error = np.minimum(5e4 * LONG, 1.0)  # no longer of any order at the end
+    bent = over_steps({"one": error}).assign(predictability=over_steps({"one": 0 * LONG + 1e-2})["impulse_error"])
+    assert np.isnan(observed_order(bent, "impulse_error")["order"]).all()
+    assert observed_order(over_steps({"one": error}), "impulse_error")["order"].item() == pytest.approx(1.0)
 
 
 def test_the_scatter_of_an_order_is_that_of_the_points_about_the_line() -> None:
     """Points a factor 2 above and below a line of slope 1, which mirror each other and leave the slope as it is."""
-    about = np.array([2.0, 0.5, 0.5, 1.0, 0.5, 0.5, 2.0])
+    about = np.array([1.0, 2.0, 0.5, 0.5, 1.0, 0.5, 0.5, 2.0, 1.0])
     expected = np.sqrt(np.mean((np.log10(about) - np.log10(about).mean()) ** 2))
-    assert line("one", 10 * H * about, 1 / H).order("impulse_error") == pytest.approx((1.0, expected))
+    (line,) = lines(over_steps({"one": 10 * LONG * about}))
+    assert line.orders["impulse_error"] == pytest.approx((1.0, expected))
 
 
 def test_limits_of_stability() -> None:
-    lost = line("one", H, 1 / H, ok=H < 1e-4)
+    lost, stable = lines(over_steps({"lost": LONG, "stable": LONG}, {"lost": LONG < 1e-4}))
     assert lost.stable_steps() == (pytest.approx(10**-4.5), pytest.approx(1e-4))
-    assert line("one", H, 1 / H).stable_steps() is None
+    assert stable.stable_steps() is None
 
 
 def test_a_scheme_without_contact_is_not_exact() -> None:
     """Where the tip stays clear no scheme errs in the impulse."""
-    clear = dict.fromkeys(ERRORS, np.zeros(H.size)) | {"displacement_error": 0.05 * H / H[-1]}
-    none = np.zeros(H.size)
-    assert not Line("one", H, clear, 1 / H, none, none, np.ones(H.size, dtype=bool), 0.0).exact
+    dataset = over_steps({"one": 0 * LONG})
+    (exact,), (clear,) = lines(dataset), lines(dataset.assign(displacement_error=dataset["impulse_error"] + 0.05))
+    assert exact.exact
+    assert not clear.exact
 
 
 def study(e_matters: float) -> xr.Dataset:
@@ -168,10 +159,10 @@ def test_a_scheme_that_does_not_read_h_has_no_order() -> None:
 def test_observed_orders_are_those_of_the_lines() -> None:
     dataset = study(0.1).assign_coords(h=[1e-4, 1e-3, 1e-2])
     (rough, exact), observed = lines(dataset), observed_order(dataset, "impulse_error")
-    assert np.isnan(exact.order("impulse_error")).all()
+    assert np.isnan(exact.orders["impulse_error"]).all()
     assert np.isnan(observed["order"].sel(scheme="exact").values).all()
     one = observed.sel(scheme="rough", e=0, alpha=1)
-    assert (float(one["order"]), float(one["scatter"])) == rough.order("impulse_error") == pytest.approx((1.0, 0.0))
+    assert (float(one["order"]), float(one["scatter"])) == rough.orders["impulse_error"] == pytest.approx((1.0, 0.0))
 
 
 def test_an_order_needs_errors_and_steps() -> None:

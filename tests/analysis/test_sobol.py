@@ -11,7 +11,8 @@ from scipy.stats import sobol_indices
 
 from workflow import open_archive, plots, read_study, recommend, run_study, sobol
 from workflow.report import write_report
-from workflow.study.draws import Drawn, Range
+from workflow.study.draws import Drawn
+from workflow.study.ranges import Range
 
 NUMBERS = ("x", "y", "z")
 

@@ -35,7 +35,6 @@ from archive_samples import (
 from workflow import archive
 from workflow.archive import _content, _gather
 from workflow.grid import _encoding, encode
-from workflow.schemes import Status
 
 TEMPLATES = {
     "three dimensions, partial edge": sample_template(),
@@ -237,7 +236,7 @@ def test_replacing_an_archive(replaced: tuple[xr.Dataset, Path, bytes]) -> None:
     assert path.read_bytes() != before
 
 
-@pytest.mark.parametrize("where", ["create", "assemble", "hash_content", "_tell_hash", "_read_back", "seal", "sync"])
+@pytest.mark.parametrize("where", ["create", "assemble", "hash_content", "_finish", "seal", "sync"])
 def test_a_failure_anywhere_leaves_target_and_shards(
     replaced: tuple[xr.Dataset, Path, bytes], monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
@@ -281,22 +280,6 @@ def test_a_chunk_that_was_not_written_is_noticed(tmp_path: Path, monkeypatch: py
     assert path.read_bytes() == before
 
 
-def test_a_case_that_has_not_run_is_noticed(
-    replaced: tuple[xr.Dataset, Path, bytes], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    template, path, before = replaced
-
-    def spoil(path: Path, digest: str) -> None:
-        with h5py.File(path, "r+") as file:
-            file["status"][1, 2, 24] = Status.NOT_RUN
-            file["provenance"].attrs["content_hash"] = np.bytes_(digest)
-
-    monkeypatch.setattr(_gather, "_tell_hash", spoil)
-    with pytest.raises(archive.ArchiveError, match="149 of 150 cases have run"):
-        gather(archive.parts_of(path), template, path)
-    assert path.read_bytes() == before
-
-
 def test_a_write_that_fails_inside_hdf5(tmp_path: Path) -> None:
     """A limit on the size of files makes netCDF-C and HDF5 fail as on a full disk."""
     template = TEMPLATES["three dimensions, partial edge"]
@@ -318,20 +301,13 @@ def test_a_write_that_fails_inside_hdf5(tmp_path: Path) -> None:
     for limit in (0, 4096, 30_000):
         words = (tmp_path / "a.nc", limit, Path(__file__).parent)
         call = [sys.executable, "-c", textwrap.dedent(code), *map(str, words)]
-        done = subprocess.run(call, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(call, capture_output=True, text=True, timeout=300)
         assert done.returncode == 1, done.stderr
         assert "the archive could not be written" in done.stderr
         assert "Traceback" not in done.stderr
         assert [entry.name for entry in tmp_path.iterdir()] == ["a.nc.parts"]
         assert len(archive.find_shards(tmp_path / "a.nc.parts")[0]) == 15
     gather(tmp_path / "a.nc.parts", template, tmp_path / "a.nc")
-
-
-def test_removing_shards_twice_is_no_fault(tmp_path: Path) -> None:
-    parts = put_all(tmp_path / "a.nc", TEMPLATES["one cell"], sample_results(TEMPLATES["one cell"]))
-    archive.remove_parts(parts)
-    assert not parts.exists()
-    archive.remove_parts(parts)
 
 
 @pytest.mark.parametrize("name", ["pipe", "pipe.npz"])

@@ -19,7 +19,6 @@ from archive_samples import TEXTS, check_dataset, make_archive, sample_results, 
 from quick import begin, interrupted, quick
 from studies import cut_finely
 from workflow import archive
-from workflow.grid import encode
 from workflow.run import run_study
 
 TEMPLATE = sample_template()
@@ -88,21 +87,6 @@ def test_other_tools_read_it(path: Path) -> None:
         assert file["message"][0, 0, 6] == "case 6 diverged: ρ = 1.2"
 
 
-def test_h5netcdf_reads_it(path: Path) -> None:
-    pytest.importorskip("h5netcdf")
-    with xr.open_dataset(path, engine="h5netcdf") as dataset:
-        check_dataset(dataset, TEMPLATE, RESULTS)
-
-
-def test_values_of_an_axis_keep_the_order_of_the_study(tmp_path: Path) -> None:
-    values = [0.5, 0.0, 0.9]
-    template = encode(xr.Dataset({"status": ("e", np.zeros(3, "i1"))}, {"e": values}))
-    path = make_archive(tmp_path / "a.nc", template, {"status": np.zeros(3, "i1")})
-    with archive.open_archive(path) as dataset:
-        assert dataset["e"].values.tolist() == values
-        assert dataset.sel(e=0.0)["e"] == 0.0
-
-
 def test_provenance_is_kept_whole(path: Path) -> None:
     expected = TEXTS | {"content_hash": archive.content_hash(path)}
     assert archive.provenance(path) == expected
@@ -110,15 +94,6 @@ def test_provenance_is_kept_whole(path: Path) -> None:
     with archive.open_archive(path) as dataset:  # two handles on one file
         assert archive.provenance(str(path)) == expected
         check_dataset(dataset, TEMPLATE, RESULTS)
-
-
-def test_the_hash_is_of_what_is_there_now(path: Path, tmp_path: Path) -> None:
-    edited = tmp_path / "edited.nc"
-    edited.write_bytes(path.read_bytes())
-    with netCDF4.Dataset(edited, "a") as file:
-        file["impacts"][1, 1, 1] += 1
-    assert archive.provenance(edited)["content_hash"] == archive.content_hash(path)
-    assert archive.content_hash(edited) != archive.content_hash(path)
 
 
 def test_an_unfinished_archive_is_seen_as_far_as_it_is(begun: Path, whole: Path) -> None:

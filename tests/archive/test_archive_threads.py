@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import threading
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -74,12 +73,3 @@ def test_gathering_while_others_read(tmp_path: Path) -> None:
         for future in [pool.submit(task, i) for i in range(8) for task in (make, read)]:
             future.result()
     assert len({archive.content_hash(path) for path in tmp_path.glob("*.nc")}) == 1
-
-
-def test_shards_from_processes(tmp_path: Path) -> None:
-    parts = begin(tmp_path / "a.nc")
-    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
-        halves = [pool.submit(put_shard, parts, TEMPLATE, RESULTS, *ends) for ends in ((0, 1800), (1800, 4000))]
-        for half in halves:
-            half.result()
-    assert stored_in(parts).holds(sample_hashes(TEMPLATE)).all()

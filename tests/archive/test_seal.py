@@ -6,11 +6,9 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from archive_samples import make_archive, sample_results, sample_template
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from workflow import archive
 from workflow.archive._seal import is_intact, is_sealed, seal
 
 
@@ -42,13 +40,3 @@ def test_files_of_any_length(tmp_path: Path, size: int) -> None:
     for image in (path.read_bytes() + b"\0", path.read_bytes()[:-1], path.read_bytes()[1:]):
         path.write_bytes(image)
         assert not is_intact(path)
-
-
-def test_an_archive_is_sealed_as_it_is_gathered(tmp_path: Path) -> None:
-    template = sample_template()
-    path = make_archive(tmp_path / "a.nc", template, sample_results(template))
-    assert archive.is_whole(path)
-    path.write_bytes(path.read_bytes()[:-1])
-    assert not archive.is_whole(path)
-    with pytest.raises(archive.ArchiveError, match=r"a\.nc: damaged, its bytes are not those"):
-        archive.require_whole(path)

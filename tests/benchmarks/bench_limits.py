@@ -1,4 +1,4 @@
-"""Kernels against the processor and against what people use: lines of ``bench_table``.
+"""Kernels against the processor: lines of ``bench_table``; and what people use instead.
 
 Everything is the heavy chain (20 nodes, heated, θ = 1) unless a line says otherwise. Times are the processor's own (two
 threads: the clock's), and lines that are compared take turns, so that ratios survive a machine that others use too.
@@ -7,12 +7,10 @@ threads: the clock's), and lines that are compared take turns, so that ratios su
 from __future__ import annotations
 
 import os
-import subprocess
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
 
 import multiply_add_peak
@@ -26,7 +24,6 @@ from workflow.models import Cases, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Results
 
-DEBIAN = "/usr/bin/python3"
 H = 1e-5
 RIVALS: dict[str, tuple[str, dict[str, Any]]] = {
     "moreau": ("moreau", {}),
@@ -67,8 +64,8 @@ def rub(structure: Structure, count: int, **values: Any) -> Cases:
     return cases(structure, count, **{"alpha": alpha, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0, **values})
 
 
-def batched(size: Size) -> tuple[list[Line], float]:
-    """Batches on one core: against the processor's peak, reduced, cold, alone; ns of a full step."""
+def batched(size: Size) -> list[Line]:
+    """Batches on one core: against the processor's peak, reduced, cold, alone."""
     full = heavy_chain()
     reduction = reduce_structure(full, 3, 12)
     batch, cold = rub(full, size.cases), rub(full, size.cases, alpha=0.0)
@@ -99,7 +96,7 @@ def batched(size: Size) -> tuple[list[Line], float]:
         ("reduced over full", "<= 0.45", f"{few:.2f} ns", f"{few / whole:.2f}"),
         ("one case alone, full", "<= 350 ns", f"{single:.0f} ns", f"{single / 350:.2f}"),
         ("no heat over a mechanical model", "1", f"{unheated:.2f} ns", f"{unheated / bare:.2f}"),
-    ], whole
+    ]
 
 
 def stored(size: Size) -> list[Line]:
@@ -176,21 +173,6 @@ def scaling(size: Size) -> list[Line]:
     return lines
 
 
-def siconos(steps: int) -> float | None:
-    """Return processor seconds per step of Siconos, ``None`` where it is not installed or fails."""
-    script = Path(__file__).with_name("siconos_chain.py")
-    if not Path(DEBIAN).exists():
-        return None
-    environment = {"PATH": "/usr/bin:/bin", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    try:
-        words = subprocess.run(
-            [DEBIAN, str(script), str(steps), "1e-5"], capture_output=True, text=True, check=True, env=environment
-        ).stdout.split()
-        return float(words[0]) if words else None
-    except (OSError, subprocess.SubprocessError, ValueError):  # installed, and fails when it is used
-        return None
-
-
 def numpy_loop(steps: int) -> float:
     """Return seconds per step of the θ-method as one matrix per step, on x, v and temperatures."""
     chain, h = heavy_chain(), 1e-5
@@ -253,21 +235,6 @@ def dop853(most: int) -> tuple[float, float]:
     return (time.process_time() - begun) / t, t
 
 
-def rivals(size: Size, whole: float) -> list[Line]:
-    """What people would use instead, for one step or for a simulated second."""
-    other, plain = siconos(size.rival_steps), numpy_loop(10 * size.rival_steps)
-    integrated, simulated = dop853(20 if size.rival_steps > 1000 else 1)
-    measured, ratio = "skipped: not installed or fails", ""
-    if other is not None:
-        measured, ratio = f"{1e6 * other:.1f} us", f"{1e9 * other / whole:.0f}"
-    what = f"SciPy DOP853 with events, {simulated:.2g} s, per simulated second"
-    return [
-        ("Siconos, the same step without heat", ">= 1000", measured, ratio),
-        ("NumPy, a matrix per step", ">= 300", f"{1e6 * plain:.1f} us", f"{1e9 * plain / whole:.0f}"),
-        (what, "", f"{integrated:.2f} s", f"{integrated / (whole * 1e-9 / H):.0f}"),
-    ]
-
-
 def stepping(size: Size) -> list[Line]:
     """The stepping schemes over ``moreau``, and with balances over without, full and reduced."""
     full, h = heavy_chain(), 5e-6
@@ -319,6 +286,4 @@ def exact(size: Size) -> list[Line]:
 
 def lines(size: Size) -> list[Line]:
     """Return all lines."""
-    first, whole = batched(size)
-    others = rivals(size, whole) + stored(size) + threads(size) + scaling(size)
-    return first + others + stepping(size) + exact(size)
+    return batched(size) + stored(size) + threads(size) + scaling(size) + stepping(size) + exact(size)

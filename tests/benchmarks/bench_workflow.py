@@ -1,8 +1,8 @@
 """What the workflow costs beside its kernels, and what a user waits for: lines of ``bench_table``.
 
 Durable overhead per case (wall time less the kernels' own, results on the disk) with threads and with local dask
-workers; runs with nothing to do; opening and slicing; a value added to an axis; whole runs over their kernels and over
-the number of cases; commands, in wall time and in processor time over that of the imports alone; memory.
+workers; runs with nothing to do; opening and slicing; a value added to an axis; whole runs over their kernels;
+commands, in wall time and in processor time over that of the imports alone; memory.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from statistics import median
 
 import bench_limits
 import xarray as xr
-from timing import Line, Size, least, scratch, slope, taken
+from timing import Line, Size, least, scratch, taken
 
 from studies import HEAVY_SCENE, parsed
 from workflow import open_archive, run_study
@@ -94,8 +94,8 @@ def memory(cases: int, kind: dict[str, str]) -> float:
 def equal_terms(size: Size) -> list[Line]:
     """Return what a user waits for, for each of distinct cases over 0.3 s, set-up and archive included, one thread.
 
-    Loops in Siconos and NumPy know no batches: their cases take as long each. Few of their steps, and SciPy's first
-    milliseconds, are measured and multiplied.
+    A loop in NumPy knows no batches: its cases take as long each. Few of its steps, and SciPy's first milliseconds, are
+    measured and multiplied.
     """
     seconds, steps = {}, 30_000
     for scheme in ("moreau", "event_driven"):
@@ -104,7 +104,6 @@ def equal_terms(size: Size) -> list[Line]:
             run_study(study, directory / "warm.nc", threads=1)
             count = sum(run_study(study, directory / "a.nc", threads=1).counts.values())
             seconds[scheme] = taken(partial(run_study, study, directory / "b.nc", threads=1)) / count
-    siconos = bench_limits.siconos(size.rival_steps)
     integrated, _ = bench_limits.dop853(20 if size.rival_steps > 1000 else 1)
     own = seconds["moreau"]
     what = f"a case of 0.3 s, {count} distinct ones, one thread, everything included"
@@ -112,14 +111,10 @@ def equal_terms(size: Size) -> list[Line]:
     for label, other in (
         ("`event_driven`", seconds["event_driven"]),
         ("NumPy, h = 1e-5 s", bench_limits.numpy_loop(10 * size.rival_steps) * steps),
-        ("Siconos, h = 1e-5 s, no heat", None if siconos is None else siconos * steps),
         ("SciPy DOP853 with events", 0.3 * integrated),
     ):
-        measured, ratio = "skipped: not installed or fails", ""
-        if other is not None:
-            measured = f"{other:.3g} s" if other >= 1 else f"{1e3 * other:.3g} ms"
-            ratio = f"{other / own:.3g}"
-        lines.append((f"{what}: {label}, over `moreau`", "", measured, ratio))
+        measured = f"{other:.3g} s" if other >= 1 else f"{1e3 * other:.3g} ms"
+        lines.append((f"{what}: {label}, over `moreau`", "", measured, f"{other / own:.3g}"))
     return lines
 
 
@@ -188,27 +183,6 @@ def extension(cases: int) -> Line:
     return what, "", f"{added:.2f} s", f"{added / apart:.1f}"
 
 
-def over_cases(size: Size) -> list[Line]:
-    """Whole runs of cheap cases, from the text to the archive, over their number."""
-    seconds = []
-    for cases in size.cheap_cases:
-        study = parsed(trivial(max(2, cases), METRICS))
-        if cases == 1:
-            study = study.with_({"axes.alpha": [0.5]})
-        runs = []
-        for _ in range(size.runs if cases < 10_000 else 1):
-            with scratch() as directory:
-                runs.append(taken(partial(run_study, study, directory / "a.nc")))
-        seconds.append(median(runs))
-    lines: list[Line] = [
-        (f"whole run of cheap cases, {cases} cases, per case", "", f"{1e6 * each / cases:.3g} us", "")
-        for cases, each in zip(size.cheap_cases, seconds, strict=True)
-    ]
-    first, last = size.cheap_cases[-2:]
-    steep = slope((first, last), seconds[-2:])
-    return [*lines, (f"a whole run, per case: slope over cases, from {first} to {last}", "1", "", f"{steep:.2f}")]
-
-
 def lines(size: Size) -> list[Line]:
     """Return the lines that need no other process."""
     with scratch() as directory:  # kernels compiled, libraries loaded
@@ -227,7 +201,7 @@ def lines(size: Size) -> list[Line]:
     table.append((f"overhead per case, durable, {threads} threads", "<= 8 us", f"{each:.1f} us", f"{each / 8:.2f}"))
     for cases, most in zip(size.grids, (25, 500), strict=True):
         table += there_already(cases, most, size.runs)
-    return table + [extension(cases) for cases in size.grids] + over_cases(size)
+    return table + [extension(cases) for cases in size.grids]
 
 
 def called(*words: str | Path, **environment: str) -> tuple[float, float]:

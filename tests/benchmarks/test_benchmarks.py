@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import bench_against
 import bench_bases
-import bench_plan
-import bench_shifts
 import bench_table
 import pytest
 from timing import TINY
@@ -22,15 +20,6 @@ def test_bases_are_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = bench_bases.text(sizes=(20,), steps=700).splitlines()[2:-1]
     assert len(lines) == 2 * len(bench_bases.reduction.names())
     assert all(float(line.split("|")[7]) < 1e-12 for line in lines)  # α_c
-
-
-def test_shifts_print_their_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    bench_shifts.main(nodes=(2001,), vectors=(4,), counts=(2, 4))
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split(",")[0] for line in lines[1:]] == ["2001 nodes", "finite element blade"]
-    for line in lines[1:]:
-        assert len(line.split("vectors")[1].split()) == 2
-        assert all(0 < float(error) < 0.1 for error in line.split("vectors")[1].split())
 
 
 def test_the_kept_table_is_what_the_script_prints() -> None:
@@ -49,13 +38,6 @@ def test_the_kept_table_is_what_the_script_prints() -> None:
     assert bench_table.headlines(kept).count("\n") == 4 + len(bench_table.HEADLINES) == 10
     assert len(lines(text)) > 20
     assert lines(text) <= lines(kept)
-
-
-@pytest.mark.slow  # five processes
-def test_plan_prints_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    bench_plan.main(["abstract figure"])
-    line = capsys.readouterr().out.splitlines()[1]
-    assert all(float(line.split(f"{word} ")[1].split(",")[0].split()[0]) > 0 for word in ("first", "again", "wall"))
 
 
 def test_two_versions_are_compared_row_by_row() -> None:

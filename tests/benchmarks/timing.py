@@ -30,16 +30,14 @@ class Size:
     node_steps: int = 4_000_000
     run_cases: int = 10_000
     grids: tuple[int, int] = (10_000, 100_000)
-    cheap_cases: tuple[int, ...] = (1, 10, 1_000, 100_000, 1_000_000)
 
 
 QUICK = Size(
-    steps=3_000, runs=3, rival_steps=300, exact_cases=30, node_steps=1_000_000, run_cases=1_000, grids=(1_000, 10_000),
-    cheap_cases=(1, 10, 1_000, 100_000),
+    steps=3_000, runs=3, rival_steps=300, exact_cases=30, node_steps=1_000_000, run_cases=1_000, grids=(1_000, 10_000)
 )  # fmt: skip
 TINY = Size(
     cases=9, steps=40, runs=1, rival_steps=20, exact_cases=1, nodes=(5, 10), modes=(2, 5), long_nodes=200,
-    node_steps=6_000, run_cases=4, grids=(8, 20), cheap_cases=(1, 10),
+    node_steps=6_000, run_cases=4, grids=(8, 20),
 )  # fmt: skip
 
 

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from hostile import ESCAPES
-from studies import ILL, SMALL, written
+from quick import begin
+from studies import ILL, SMALL, parsed, written
 from terminal import typed, workflow
-from workflow.cli import app
+from workflow.archive import provenance
 from workflow.cli._terminal import write_json
+from workflow.run import run_study
 
 
 def test_run_show_report(tmp_path: Path) -> None:
@@ -77,15 +78,6 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     assert "ill_posed: " in shown.stdout
     assert " and 1 more: contact has no unique solution" in shown.stdout
     assert "alpha 1e+09 W/N" in shown.stdout
-
-
-@pytest.mark.parametrize("path", ["", ".", "/"])
-@pytest.mark.parametrize("command", ["run", "report"])
-def test_a_path_that_names_no_file_is_refused(command: str, path: str, tmp_path: Path) -> None:
-    words = ["run", str(written(ILL, tmp_path)), "-o", path] if command == "run" else ["report", path]
-    done = CliRunner().invoke(app, words)
-    assert done.exit_code == 2
-    assert done.output == f"{path or '.'}: a directory, not an archive; name a file\n"
 
 
 FAILED_REFERENCE = """
@@ -180,6 +172,8 @@ def test_schema_is_json(tmp_path: Path) -> None:
         (("run", "right.yaml", "--retry", "--recompute"), "--retry and --recompute exclude each other"),
         (("run", "right.yaml", "-s", "axes.h=1e-4", "-s", "axes.h=1e-5"), "-s axes.h: is given more than once"),
         (("plan", "right.yaml", "-s", "study=a", "-s", " study =b"), "-s study: is given more than once"),
+        *((("run", "right.yaml", "-o", path), "a directory, not an archive; name a file") for path in ("", ".", "/")),
+        (("report", ""), ".: a directory, not an archive; name a file"),
         (("run",), "STUDY"),
         (("fly",), "fly"),
     ],
@@ -206,24 +200,17 @@ def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("archive", ["small.html", "small.png"])
-def test_a_report_never_overwrites_its_archive(archive: str, tmp_path: Path) -> None:
-    study = written(SMALL, tmp_path)
-    assert workflow("run", study, "-o", archive, cwd=tmp_path).returncode == 0
-    before = (tmp_path / archive).read_bytes()
-    done = workflow("report", archive, cwd=tmp_path)
-    assert done.returncode == 2
-    assert "would be one file" in done.stderr
-    assert (tmp_path / archive).read_bytes() == before
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return run_study(parsed(SMALL), tmp_path_factory.mktemp("small") / "small.nc").archive
 
 
 @pytest.mark.parametrize("name", ["status", "contact_impulse"])
-def test_a_damaged_chunk_is_reported(name: str, tmp_path: Path) -> None:
+def test_a_damaged_chunk_is_reported(name: str, small: Path, tmp_path: Path) -> None:
     import h5py
 
-    study = written(SMALL, tmp_path)
-    assert workflow("run", study, cwd=tmp_path).returncode == 0
     archive = tmp_path / "small.nc"
+    archive.write_bytes(small.read_bytes())
     with h5py.File(archive) as file:
         place = file[name].id.get_chunk_info(0)
     with open(archive, "r+b") as file:
@@ -236,9 +223,6 @@ def test_a_damaged_chunk_is_reported(name: str, tmp_path: Path) -> None:
 
 
 def test_a_study_changed_after_an_interrupted_run(tmp_path: Path) -> None:
-    from quick import begin
-    from studies import parsed
-
     begin(parsed(SMALL), tmp_path / "small.nc")
     other = SMALL.replace("study: small", "study: other")
     done = workflow("run", written(other, tmp_path), "-o", "small.nc", cwd=tmp_path)
@@ -249,25 +233,26 @@ def test_a_study_changed_after_an_interrupted_run(tmp_path: Path) -> None:
 
 
 def test_settings_replace_values_and_are_stored(tmp_path: Path) -> None:
-    from workflow.archive import provenance
-
     study = written(SMALL, tmp_path)
     words = ["-s", "scene.casing.gap=10 um", "-s", "axes.e=[0, 0.5]", "-s", "axes.alpha=[0]"]
-    done = CliRunner().invoke(app, ["run", str(study), *words, "-q", "-o", str(tmp_path / "a.nc")])
-    assert (done.exit_code, done.output) == (0, "")
+    done = workflow("run", study, *words, "-q", "-o", "a.nc", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     text = provenance(tmp_path / "a.nc")["study"]
     assert "10 um" in text
     assert "50 um" not in text
-    shown = json.loads(CliRunner().invoke(app, ["show", "--json", str(tmp_path / "a.nc")]).stdout)
+    shown = json.loads(workflow("show", "--json", "a.nc", cwd=tmp_path).stdout)
     assert shown["coordinates"]["e"]["values"] == [0.0, 0.5]
     assert shown["coordinates"]["gap"]["values"] == 1e-5
     assert shown["status"] == {"ok": 8}
-    refused = CliRunner().invoke(app, ["plan", str(study), "-s", "scene.casing.gap=10 kg"])
-    assert refused.exit_code == 2
+    refused = workflow("plan", study, "-s", "scene.casing.gap=10 kg", cwd=tmp_path)
+    assert refused.returncode == 2
     assert refused.stderr.startswith("-s scene.casing.gap: ")
-    both = CliRunner().invoke(app, ["show", str(tmp_path / "a.nc"), str(tmp_path / "a.nc")])
-    assert both.stdout.count("status: 8 ok") == 2
-    (tmp_path / "study.nc").write_bytes((tmp_path / "a.nc").read_bytes())
-    meant = CliRunner().invoke(app, ["show", str(study)])
-    assert meant.exit_code == 2
+
+
+def test_show_takes_several_archives_and_asks_after_a_study(small: Path, tmp_path: Path) -> None:
+    assert workflow("show", small, small, cwd=tmp_path).stdout.count("status: 60 ok") == 2
+    study = written(SMALL, tmp_path)
+    study.with_suffix(".nc").write_bytes(small.read_bytes())
+    meant = workflow("show", study, cwd=tmp_path)
+    assert meant.returncode == 2
     assert f"did you mean {study.with_suffix('.nc')}?" in meant.stderr

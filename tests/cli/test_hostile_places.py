@@ -33,16 +33,11 @@ def workflow(*words: str | Path, status: int = 2) -> str:
 
 
 @pytest.mark.parametrize("command", ["show", "report", "verify", "run", "plan"])
-def test_a_pipe_is_not_waited_for(command: str, tmp_path: Path) -> None:
-    pipe = tmp_path / "a.nc"
+def test_a_pipe_is_not_waited_for_and_a_loop_of_links_is_said(command: str, tmp_path: Path) -> None:
+    pipe, loop = tmp_path / "a.nc", tmp_path / "b.nc"
     os.mkfifo(pipe)
-    assert str(pipe) in workflow(command, pipe)
-
-
-@pytest.mark.parametrize("command", ["show", "report", "verify", "run", "plan"])
-def test_a_loop_of_links(command: str, tmp_path: Path) -> None:
-    loop = tmp_path / "a.nc"
     loop.symlink_to(loop)
+    assert str(pipe) in workflow(command, pipe)
     assert "too many levels of symbolic links" in workflow(command, loop).lower()
 
 

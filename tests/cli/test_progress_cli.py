@@ -47,23 +47,19 @@ def test_a_line_comes_again_and_again_without_a_terminal(tmp_path: Path, monkeyp
     assert re.fullmatch(r"a\.nc: 34 %, \d:\d\d elapsed, [012]:\d\d left; 204 of 540 cases, 2 diverged", line)
 
 
-def test_a_bar_fits_in_a_terminal_of_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
-    screen = io.StringIO()
-    monkeypatch.setattr(_progress, "console", lambda: Console(file=screen, force_terminal=True, width=80, markup=False))
-    follower = Follower()
-    with following(follower, "a.nc", False):
-        follower(Advance(540, 204, {"diverged": 2}, 0.349, 12.4, 125.0))
-    shown = screen.getvalue()
-    assert re.search("34 %, 0:00 elapsed, 2:0[45] left; 204 of 540 cases, 2 diverged", shown)
-    assert "failed" not in shown
-
-
-def test_a_bar_shows_the_time_before_anything_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
-    screen = io.StringIO()
-    monkeypatch.setattr(_progress, "console", lambda: Console(file=screen, force_terminal=True, width=80))
-    with following(Follower(), "a.nc", False):
-        pass
-    assert "0:00 elapsed" in screen.getvalue()
+def test_a_bar_fits_in_a_terminal_and_shows_the_time_before_anything_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    for told, line in (
+        ([], "0:00 elapsed"),
+        ([SLOW], "34 %, 0:00 elapsed, 2:0[45] left; 204 of 540 cases, 2 diverged"),
+    ):
+        screen, follower = io.StringIO(), Follower()
+        console = Console(file=screen, force_terminal=True, width=80, markup=False)
+        monkeypatch.setattr(_progress, "console", lambda console=console: console)
+        with following(follower, "a.nc", False):
+            for advance in told:
+                follower(advance)
+        assert re.search(line, screen.getvalue())
+        assert "failed" not in screen.getvalue()
 
 
 def test_a_quiet_run_shows_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

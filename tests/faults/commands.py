@@ -56,11 +56,14 @@ def wait_until(what: Callable[[], bool], process: Process) -> bool:
     return True
 
 
-def shards(archive: Path) -> int:
-    """Return how many shards of an archive there are."""
-    return len(list(parts_of(archive).glob("*.npz")))
+def shards(archive: Path) -> set[str]:
+    """Return the names of the shards of an archive."""
+    return {shard.name for shard in parts_of(archive).glob("*.npz")}
 
 
-def is_gathered(archive: Path) -> bool:
-    """Tell whether an archive is being put together."""
-    return (parts_of(archive) / f"{archive.name}.tmp").exists()
+def is_gathered(archive: Path, since: float) -> bool:
+    """Tell whether an archive has begun to be put together since a time; a run that was killed leaves what it had."""
+    try:
+        return (parts_of(archive) / f"{archive.name}.tmp").stat().st_mtime >= since
+    except FileNotFoundError:
+        return False

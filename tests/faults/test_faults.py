@@ -145,15 +145,11 @@ def flipped(shard: Path) -> None:
     shard.write_bytes(image)
 
 
-def foreign(shard: Path) -> None:
-    """A shard of other cases under its name."""
-    other = shard.parents[1] / "b.nc"
-    interrupted(quick({"e": [0.1], "alpha": [0.0, 5.0, 20.0, 50.0]}, scene={"casing.gap": 1e-5}), other, 0)
-    run_study(quick({"e": 0.1, "alpha": 0.0}), other.with_name("c.nc"))
+def removed(shard: Path) -> None:
     shard.unlink()
 
 
-@pytest.mark.parametrize("damage", [torn, flipped, foreign])
+@pytest.mark.parametrize("damage", [torn, flipped, removed])
 def test_a_damaged_shard_is_computed_again(
     damage: Any, tmp_path: Path, expected: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

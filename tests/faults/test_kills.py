@@ -5,92 +5,92 @@ from __future__ import annotations
 import random
 import signal
 import time
+from collections import Counter
 from functools import partial
 from pathlib import Path
+from shutil import rmtree
 
 import pytest
 from commands import PATIENCE, is_gathered, shards, started, wait_until
 
 from quick import quick
 from studies import written
-from workflow.archive import content_hash, open_archive, parts_of, provenance
-from workflow.grid import arrange, case_hashes
+from workflow.archive import content_hash, parts_of, provenance
 from workflow.run import run_study, verify
 from workflow.study import Study
 
-ALPHA = [float(k) for k in range(50)]
-"""The innermost dimension, as long as a unit."""
+ALPHA = [*map(float, range(49)), 1e9]
+"""The innermost dimension, as long as a unit; the last case of each row is ill-posed, for ``--retry``."""
 
 OLD = quick({"e": [0.0, 0.5], "alpha": ALPHA[:30:2]}, study="killed")
 NEW = quick({"h": [1e-4, 5e-5], "e": [0.0, 0.5, 0.9], "alpha": ALPHA}, study="killed")
 """300 cases in 6 units; the archive of OLD has some of them."""
+OTHER = quick({"e": [0.1, 0.5, 0.2], "alpha": ALPHA}, study="killed")
+"""A third of its cases are among those of NEW."""
+
+KINDS: dict[str, tuple[Study | None, Study, tuple[str, ...]]] = {
+    "run": (None, NEW, ()),
+    "extension": (OLD, NEW, ()),
+    "retry": (NEW, NEW, ("--retry",)),
+    "recompute": (NEW, NEW, ("--recompute",)),
+    "drop": (NEW, OTHER, ()),
+}
+"""What each kind of run begins from, its study and its options."""
 
 
-def whole(study: Study, directory: Path) -> str:
-    archive = directory / "whole.nc"
-    run_study(study, archive)
-    return content_hash(archive)
-
-
-def is_reached(archive: Path, count: int) -> bool:
-    return parts_of(archive).exists() and shards(archive) >= count
-
-
-def check_state(archive: Path, before: bytes | None, expected: str) -> None:
-    """An archive is absent or the one before, or whole: nothing between."""
-    if archive.exists() and archive.read_bytes() != before:
-        with open_archive(archive) as data:
-            assert (data["status"] != 4).all()
-        assert content_hash(archive) == provenance(archive)["content_hash"] == expected
+def has_more(archive: Path, there: set[str], count: int, since: float) -> bool:
+    """Tell whether so many shards have come since a time, or none is left to come."""
+    return len(shards(archive) - there) >= count or is_gathered(archive, since)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("extended", [False, True], ids=["new", "extended"])
-def test_killed_at_random_moments(extended: bool, tmp_path: Path, request: pytest.FixtureRequest) -> None:
-    kills = request.config.getoption("--kills") // (3 if extended else 1)
-    moments = random.Random(20 + extended)
-    expected = whole(NEW, tmp_path)
-    text, archive = written(NEW.text, tmp_path), tmp_path / "a.nc"
-    units = len(case_hashes(arrange(NEW))) // len(ALPHA)
-    before = None
-    if extended:
-        run_study(OLD, tmp_path / "old.nc")
-        before = (tmp_path / "old.nc").read_bytes()
+def test_killed_at_random_moments(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    """Each kind is killed a few times, then another one, often with what the one before has left: ``--kills`` in all.
 
-    def begin() -> None:
+    What is under the archive's name is the one before or a whole new one, and no shard of a kind goes before that. With
+    ``-n 0 -s`` it says how many of each kind there were.
+    """
+    kills, moments, archive = request.config.getoption("--kills"), random.Random(20), tmp_path / "a.nc"
+    images = {}
+    for number, study in enumerate((OLD, NEW, OTHER)):
+        run_study(study, tmp_path / f"{number}.nc")
+        images[study.text] = (tmp_path / f"{number}.nc").read_bytes(), content_hash(tmp_path / f"{number}.nc")
+    killed, gathering, replaced = Counter[str](), 0, 0
+    while killed.total() < kills or gathering < kills // 10:
+        kind = moments.choice(sorted(KINDS, key=lambda each: (killed[each], each))[:3])
+        begun_from, study, options = KINDS[kind]
         archive.unlink(missing_ok=True)
-        if before is not None:
-            archive.write_bytes(before)
-
-    begin()
-    killed = gathering = runs = 0
-    while killed < kills or gathering < kills // 10:
-        there = shards(archive)
-        count, late, runs = min(units, there + moments.randrange(1, 3)), runs % 3 == 2, runs + 1
-        with started("run", text, "-o", archive, pause=0.1) as process:
-            if late:
-                wait_until(lambda: is_gathered(archive), process)
-                time.sleep(moments.uniform(0, 0.03))
-            else:
-                wait_until(partial(is_reached, archive, count), process)
-                time.sleep(moments.uniform(0, 0.3))
-            alive = process.poll() is None
-            killed += alive
-            gathering += alive and is_gathered(archive)
-            process.kill()
-            process.wait(PATIENCE)
-        check_state(archive, before, expected)
+        if begun_from is not None:
+            archive.write_bytes(images[begun_from.text][0])
+        if moments.random() < 0.5:  # else it goes on with what the one before has left
+            rmtree(parts_of(archive), ignore_errors=True)
+        before, others = archive.read_bytes() if archive.exists() else None, shards(archive)
+        words = ("run", written(study.text, tmp_path), "-o", archive, "--drop", *options)
+        for _ in range(moments.randrange(1, 6)):
+            there, began = shards(archive), time.time()
+            with started(*words, pause=0.1) as process:
+                if moments.random() < 0.25:
+                    wait_until(partial(is_gathered, archive, began), process)
+                    time.sleep(moments.uniform(0, 0.03))
+                else:
+                    wait_until(partial(has_more, archive, there, moments.randrange(1, 3), began), process)
+                    time.sleep(moments.uniform(0, 0.3))
+                alive = process.poll() is None
+                killed[kind] += alive
+                gathering += alive and is_gathered(archive, began)
+                process.kill()
+                process.wait(PATIENCE)
+            if archive.exists() and archive.read_bytes() != before:
+                replaced += 1
+                break
+            assert there - others <= shards(archive)
         if archive.exists() and archive.read_bytes() != before:
-            begin()
-    assert gathering >= kills // 10
-    if not shards(archive):  # the last resume has something to go on from
-        begin()
-        with started("run", text, "-o", archive, pause=0.1) as process:
-            assert wait_until(lambda: shards(archive) >= 2, process)
-            process.kill()
-    there = shards(archive)
-    assert run_study(NEW, archive).resumed >= there * len(ALPHA)
-    assert content_hash(archive) == expected
+            assert content_hash(archive) == provenance(archive)["content_hash"] == images[study.text][1]
+        else:
+            assert archive.exists() == (before is not None)
+    print(f"{killed.total()} kills: {dict(killed)}, {gathering} while gathering; {replaced} archives were replaced")
+    run_study(study, archive, drop=True)
+    assert content_hash(archive) == images[study.text][1]
     assert all(check.holds for check in verify(archive, 20))
     assert not parts_of(archive).exists()
     assert not list(tmp_path.rglob("*.tmp"))
@@ -104,17 +104,18 @@ def test_killed_at_random_moments(extended: bool, tmp_path: Path, request: pytes
 def test_stopped_it_says_what_is_stored_and_goes_on(number: int, status: int, tmp_path: Path) -> None:
     text, archive = written(NEW.text, tmp_path), tmp_path / "a.nc"
     with started("run", text, "-o", archive, "--threads", "1", pause=0.3) as process:
-        assert wait_until(lambda: shards(archive) == 2, process)
+        assert wait_until(lambda: len(shards(archive)) == 2, process)
         time.sleep(0.1)
         process.send_signal(number)
         _, output = process.communicate(timeout=PATIENCE)
     assert process.returncode == status
-    stored = shards(archive)
+    stored = len(shards(archive))
     assert 2 <= stored < 6
     assert output.startswith(f"stopped; {50 * stored} of 300 cases are stored beside {archive}")
     assert "the same command goes on from there" in output
     assert "Traceback" not in output
     assert not archive.exists()
     assert run_study(NEW, archive).resumed == 50 * stored
-    assert content_hash(archive) == whole(NEW, tmp_path)
-    assert sorted(e.name for e in tmp_path.iterdir()) == ["a.nc", "study.yaml", "whole.nc"]
+    assert sorted(e.name for e in tmp_path.iterdir()) == ["a.nc", "study.yaml"]
+    run_study(NEW, tmp_path / "whole.nc")
+    assert content_hash(archive) == content_hash(tmp_path / "whole.nc")

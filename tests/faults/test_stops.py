@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGKILL at any moment: the right exit status, one line, no traceback, nothing lost."""
+"""Ctrl-C and SIGTERM at any moment: the right exit status, one line, no traceback, nothing lost."""
 
 from __future__ import annotations
 
@@ -65,8 +65,6 @@ def judged(status: int, out: str, err: str, number: signal.Signals) -> str:
     """Return a word for how a run ended: it was stopped, it was done before, or what is wrong."""
     if "Traceback" in err or "Exception ignored" in err:
         return "traceback"
-    if number == signal.SIGKILL and status == -9:
-        return "killed"
     if status == 128 + number and err.startswith("stopped") and err.count("\n") == 1:
         return "stopped"
     return "done" if status == 0 and not err and "cases" in out else f"status {status}: {err.strip()[-200:]}"
@@ -89,7 +87,7 @@ def outcomes(number: signal.Signals, times: int, chance: random.Random, director
         how, said = stopped(words, number, chance.uniform(0, lasts))
         counts[how] += 1
         lasts *= 0.9 if how == "done" else 1.0  # runs take less time than the first one did: stop the next one earlier
-        if how not in ("stopped", "done", "killed"):
+        if how not in ("stopped", "done"):
             print(how, said, file=sys.stderr)
     return counts
 
@@ -104,8 +102,8 @@ def test_stopped_while_libraries_are_imported(number: signal.Signals, after: flo
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_stopped_at_a_hundred_random_moments(number: signal.Signals, tmp_path: Path) -> None:
     counts = outcomes(number, 100, random.Random(1), tmp_path)
-    assert set(counts) <= {"stopped", "done", "killed", "verified"}, counts
-    assert counts["stopped"] + counts["killed"] > 50
+    assert set(counts) <= {"stopped", "done", "verified"}, counts
+    assert counts["stopped"] > 50

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,6 @@ from quick import quick
 from workflow.grid import _compile as compilation
 from workflow.grid import arrange
 from workflow.grid._ahead import kernel_variants
-from workflow.grid._operators import reduced_structure
-from workflow.models import needs_matrices
 from workflow.run import run_study
 
 THREE = {
@@ -30,38 +29,17 @@ def test_every_scheme_and_the_reference_have_kernels_of_their_own() -> None:
     assert [variant.method for variant in kernel_variants(arrange(quick()))] == ["moreau"]
 
 
-@pytest.mark.parametrize("nodes", [5, 1000])  # the longer one is stepped node by node where it is not reduced
-@pytest.mark.parametrize("method", ["moreau", "event_driven"])
-def test_kernels_of_a_reduced_chain_are_those_of_its_reduced_structure(nodes: int, method: str) -> None:
-    modes = {"mechanical_modes": 2, "thermal_modes": 2}
-    grid = arrange(quick({"scheme": method, **modes}, scene={"chain.nodes": nodes}))
-    (variant,) = kernel_variants(grid)
-    structure = reduced_structure(grid.settings(0))
-    assert structure.mechanical_size == 3
-    assert variant.massless_tip == structure.has_massless_tip
-    assert variant.coupled == needs_matrices(structure)
-    assert variant.slides == (structure.tangent is not None)
-
-
-def test_a_case_that_cannot_be_set_up_wants_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(*_: object) -> None:
-        raise ValueError("no such structure")
-
-    monkeypatch.setattr("workflow.grid._ahead.kernel_variant", fails)
-    assert (kernel_variants(arrange(quick(**THREE)))) == []
-
-
 def test_a_run_goes_on_where_its_helper_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is one that cannot be started."""
     asked: list[list[str]] = []
     start = compilation._started
 
-    def noted(parts: list[tuple[compilation.KernelVariant, str]]) -> Any:
-        asked.append([variant.method for variant, _ in parts])
-        return start(parts)
+    def noted(variants: Sequence[compilation.KernelVariant]) -> Any:
+        asked.append([variant.method for variant in variants])
+        return start(variants)
 
     monkeypatch.setattr(compilation, "_started", noted)
-    monkeypatch.setattr(compilation, "_note", lambda variant, call="": tmp_path / f"{variant.method}{call}.compiled")
+    monkeypatch.setattr(compilation, "_note", lambda variant: tmp_path / f"{variant.method}.compiled")
     monkeypatch.setattr(sys, "executable", str(tmp_path / "missing"))
     assert run_study(quick(**THREE), tmp_path / "three.nc", threads=2).ok
     run_study(quick(**THREE), tmp_path / "alone.nc", threads=1)

@@ -126,7 +126,7 @@ def test_cases_that_take_long_are_not_kept_together(unbroken: float, monkeypatch
     case = max(cutting.seconds_per_case(grid, outer) for outer in grid.computed.tolist())
     assert 16 * case > 1e-3
     for task in tasks(grid):
-        assert task.seconds < 1.5 * max(1e-3, unbroken, case) + cutting.SETTING_UP
+        assert task.seconds < 1.5 * max(1e-3, unbroken, 8 * case) + cutting.costs(grid).setup.max()
 
 
 def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from studies import CHAOS, SCENE, parsed
 from workflow import schemes
-from workflow.grid import Batch, References, Solved, arrange, solution_counts, solve
+from workflow.grid import Batch, Block, References, Solved, arrange, solution_counts, solve
 from workflow.run import run_study
 from workflow.schemes import Status
 
@@ -83,13 +83,17 @@ def test_a_case_more_computes_its_own_reference_alone(tmp_path: Path, monkeypatc
 def test_references_beyond_what_is_held_are_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
     grid = arrange(parsed(REFERRED))
     monkeypatch.setattr("workflow.grid._reference_solutions.HELD_BYTES", 3 * 8 * grid.sampling.count * 4)
-    references, inner = References(grid), np.arange(grid.inner_count)
-    first = references.blocks_of([Batch(0, inner[:2])])
-    assert references.blocks_of([Batch(0, inner[:2])]) == first
-    second = references.blocks_of([Batch(0, inner[2:5])])
-    assert not any(references.holds(block) for block in first)
-    assert all(references.holds(block) for block in second)
-    assert references.blocks_of([Batch(0, inner[:2])]) != first
+    begun = list[Block]()
+    references, inner = References(grid, begun.append), np.arange(grid.inner_count)
+    first = references.of([Batch(0, inner[:2])])
+    assert references.of([Batch(0, inner[:2])]) == first
+    assert begun == list(first)
+    references.of([Batch(0, inner[2:5])])
+    held = len(begun)
+    references.of([Batch(0, inner[2:5])])
+    assert len(begun) == held
+    assert references.of([Batch(0, inner[:2])]) == first
+    assert begun[held:] == list(first)
 
 
 def test_a_reference_that_fails_leaves_no_error_number() -> None:

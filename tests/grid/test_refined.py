@@ -67,7 +67,7 @@ def test_the_error_of_a_reference_is_that_against_the_full_solution(tolerance: f
     true = max(float(dataset[name].max()) for name in ("displacement_error", "temperature_error"))
     assert 0 < true <= stated * 1.2
     assert stated <= tolerance
-    [choice] = arrange(study).choices.references.values()
+    [choice] = arrange(study).choices.values()
     assert choice.mechanical_modes < NODES - 1
     structure = f"{NODES} + {NODES} coordinates"
     assert f"reference, tolerance {tolerance:g}, krylov, {structure}" in plan_study(study).choices[0]
@@ -76,13 +76,13 @@ def test_the_error_of_a_reference_is_that_against_the_full_solution(tolerance: f
 
 def test_one_choice_serves_all_bases_of_the_cases(tmp_path: Path) -> None:
     grid = arrange(read_study(study_of(tmp_path, 1e-2, "krylov, rubin")))
-    assert len(grid.choices.references) == 1
+    assert len(grid.choices) == 1
     assert len({grid.reference_choice(outer) for outer in range(grid.outer_count)}) == 1
 
 
 def test_a_small_structure_is_compared_with_the_full_one() -> None:
     reference = "{scheme: event_driven, mechanical_modes: auto, thermal_modes: auto, tolerance: 0.1}"
     text = f"study: a\n{SCENE}axes: {{scheme: event_driven, alpha: [0, 20]}}\nreference: {reference}\n"
-    [choice] = arrange(parsed(text)).choices.references.values()
+    [choice] = arrange(parsed(text)).choices.values()
     assert "the full model" in choice.against
     assert 0 < choice.error <= 0.1

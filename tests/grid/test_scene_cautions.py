@@ -63,12 +63,6 @@ def test_a_spring_softer_than_the_tip_gives_a_caution() -> None:
     assert matching[0].startswith("the contact spring of soft, 5e+05 N/m, is softer than the tip, 1e+06 N/m")
 
 
-def test_a_plan_says_nothing_of_temperatures() -> None:
-    """At 15 um and alpha = 30 the exact solution reaches 3 918 K, which no estimate tells beforehand."""
-    text = BLADE.replace("20 um", "15 um") + "axes: {scheme: event_driven, alpha: [0, 30]}\n"
-    assert not [line for line in warnings(text) if " K" in line]
-
-
 @pytest.mark.parametrize(("modes", "lost"), [("full", False), ("3", True)])
 def test_what_a_basis_cannot_hold_gives_a_caution(modes: str, lost: bool) -> None:
     heat = ", heating: [" + ", ".join("1" if node == 7 else "0" for node in range(20)) + "]"

@@ -18,13 +18,17 @@ from workflow.schemes import Status
 ONE = """
 study: a
 scene:
-  chain: {{nodes: {nodes}, mass: 1.0e-3, stiffness: 1.0e6{more}}}
+  chain: {{nodes: {nodes}, mass: {mass}, stiffness: {stiffness}{more}}}
   casing: {{gap: {gap}}}
   {scene}
   duration: {duration}
+schemes: {{spring: {{method: penalty, stiffness: {spring}}}}}
 axes: {{scheme: {scheme}, h: {h}{axes}}}
 output: {{interval: {interval}, histories: [], balances: {balances}}}
 """
+USUAL = {"nodes": 1, "mass": 1e-3, "stiffness": 1e6, "more": "", "gap": 0, "scene": "", "duration": 0.01, "spring": 1e7}
+USUAL |= {"scheme": "moreau", "h": 1e-6, "axes": "", "interval": "1 ms", "balances": "false"}
+HEAT = ", damping: {mass: 10}, spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1.0e-2, conductance: "
 
 
 def heavy(h: float, balances: str) -> str:
@@ -42,27 +46,16 @@ def solved(text: str) -> Solved:
 
 
 def one(**values: Any) -> Solved:
-    usual = {"nodes": 1, "more": "", "gap": 0, "scene": "", "duration": 0.01, "scheme": "moreau", "h": 1e-6}
-    return solved(ONE.format(**{**usual, "axes": "", "interval": "1 ms", "balances": "false", **values}))
-
-
-TABLE = """
-study: a
-scene:
-  chain: {nodes: 1, mass: 0.01, stiffness: 0, heat_capacity: 1}
-  casing: {gap: 0, harmonics: [{amplitude: 80 um, frequency: 50 Hz, phase: 1.1222043866499591}]}
-  load: {mean: 0.0981}
-  initial: {displacement: -5.625846933623595e-4}
-  duration: 20 s
-schemes: {implicit_euler: {method: moreau, theta: 1}}
-axes: {scheme: implicit_euler, e: 0.8, h: 80 us}
-output: {interval: 20 ms, histories: []}
-"""
+    return solved(ONE.format(**{**USUAL, **values}))
 
 
 def test_a_ball_that_its_table_strikes_a_thousand_times_is_ok() -> None:
     """θ = 1, all impacts in one phase of the table, 250 steps per period: its balance leaves 3e-13 of its energy."""
-    table = solved(TABLE)
+    table = one(
+        mass=0.01, stiffness=0, more=", heat_capacity: 1", duration=20, h=8e-5, axes=", e: 0.8", interval="20 ms",
+        gap="0, harmonics: [{amplitude: 80 um, frequency: 50 Hz, phase: 1.1222043866499591}]",
+        scene="load: {mean: 0.0981}\n  initial: {displacement: -5.625846933623595e-4}", balances="true",
+    )  # fmt: skip
     assert table.values["status"][0] == Status.OK
     assert table.values["impacts"][0] == 1000
     assert abs(table.values["energy_residual"][0]) < 2e-12
@@ -70,22 +63,13 @@ def test_a_ball_that_its_table_strikes_a_thousand_times_is_ok() -> None:
 
 def test_a_held_tip_of_a_hundred_times_its_energy_is_not_ok() -> None:
     """Three nodes that start 1 mm from their casing come 0.21 m far: a residual of 0.99999, below 1 for ever."""
-    text = """
-    study: a
-    scene:
-      chain: {nodes: 3, mass: 0.01, stiffness: 1.0e6, heat_capacity: 1}
-      casing: {gap: 0}
-      initial: {displacement: -1.0e-3}
-      duration: 20 ms
-    schemes: {spring: {method: penalty, stiffness: 1.0e8}}
-    axes: {scheme: spring, h: STEP}
-    output: {interval: 0.2 ms, balances: true}
-    """
-    thrown = solved(text.replace("STEP", "1.75e-5"))
+    scene = {"nodes": 3, "mass": 0.01, "more": ", heat_capacity: 1", "scene": "initial: {displacement: -1.0e-3}"}
+    scene |= {"duration": 0.02, "scheme": "spring", "spring": 1e8, "interval": "0.2 ms", "balances": "true"}
+    thrown = one(**scene, h=1.75e-5)
     assert np.abs(thrown.values["displacement"]).max() > 0.1
     assert thrown.values["status"][0] == Status.DIVERGED
     assert "+0.99" in thrown.messages[0]
-    sound = solved(text.replace("STEP", "5.0e-6"))
+    sound = one(**scene, h=5e-6)
     assert np.abs(sound.values["displacement"]).max() < 2e-3
     assert sound.values["status"][0] == Status.OK
 
@@ -110,10 +94,8 @@ def test_a_tip_that_is_thrown_far_off_is_not_ok_without_balances_either() -> Non
 
 
 def test_a_bound_on_displacement_judges_time_stepping_alone() -> None:
-    text = ONE.format(
-        nodes=1, more=", heat_capacity: 1", gap=1e-6, scene="initial: {velocity: -1.0e-3}", duration=0.01,
-        scheme="[moreau, event_driven]", h=1e-6, axes="", interval="1 ms", balances="false",
-    )  # fmt: skip
+    scene = {"more": ", heat_capacity: 1", "gap": 1e-6, "scene": "initial: {velocity: -1.0e-3}"}
+    text = ONE.format(**{**USUAL, **scene, "scheme": "[moreau, event_driven]"})
     grid = arrange(parsed(text))
     for outer, status in ((0, Status.DIVERGED), (1, Status.OK)):
         cell = grid.settings(outer)
@@ -124,27 +106,15 @@ def test_a_bound_on_displacement_judges_time_stepping_alone() -> None:
         assert judged(cell, cases, replace(results, histories=far), grid.sampling.duration).status[0] == status
 
 
-TRAPPED = """
-study: a
-scene:
-  chain: {nodes: 4, mass: 1.0e-3, stiffness: 1.0e6, damping: {mass: 10}, spacing: 1.0e-2, expansion: 1.0e-5,
-          heat_capacity: 1.0e-2, conductance: 0}
-  casing: {gap: 1.0e-6}
-  load: {amplitude: 10, frequency: 200}
-  duration: 2
-schemes: {stiff: {method: penalty, stiffness: 1.0e7}}
-axes: {scheme: stiff, h: STEP, alpha: 8}
-output: {interval: 50 ms, histories: [], balances: false}
-"""
-
-
 def test_heat_that_cannot_leave_excuses_no_blow_up() -> None:
     """α_c = 0: a growth of e²⁰ hid a tip that was 2e8 m from its casing; below the limit the case is a runaway."""
-    created = solved(TRAPPED.replace("STEP", "1.41e-5"))
+    scene = {"nodes": 4, "more": f"{HEAT}0", "gap": 1e-6, "scene": "load: {amplitude: 10, frequency: 200}"}
+    scene |= {"duration": 2, "scheme": "spring", "axes": ", alpha: 8", "interval": "50 ms"}
+    created = one(**scene, h=1.41e-5)
     assert created.values["critical_alpha"][0] == 0
     assert created.values["max_penetration"][0] > 1e8
     assert created.values["status"][0] == Status.DIVERGED
-    sound = solved(TRAPPED.replace("STEP", "5.0e-6"))
+    sound = one(**scene, h=5e-6)
     assert sound.values["runaway"][0]
     assert sound.values["thermal_closing"][0] > 1e6 * 1e-6
     assert sound.values["status"][0] == Status.OK
@@ -153,15 +123,7 @@ def test_heat_that_cannot_leave_excuses_no_blow_up() -> None:
 def test_dissipation_never_counts() -> None:
     """A tip that hammers a casing without a gap: implicit Euler takes many times the largest energy."""
     more, load = ", damping: {mass: 5}, heat_capacity: 1", "load: {amplitude: 5, frequency: 700}"
-    results = one(
-        nodes=3,
-        more=more,
-        scene=load,
-        duration=0.05,
-        h=1e-5,
-        balances="true",
-        axes=", e: 0.9",
-    )
+    results = one(nodes=3, more=more, scene=load, duration=0.05, h=1e-5, balances="true", axes=", e: 0.9")
     assert results.values["energy_residual"][0] < -1
     assert results.values["status"][0] == Status.OK
 
@@ -192,21 +154,19 @@ def test_heating_that_pushes_the_tip_counts() -> None:
 
 def test_runaway_is_physics() -> None:
     """A pressed tip a hundred times above its critical coupling: it stays ok, with its flag, in every scheme."""
-    heat = ", damping: {mass: 10}, spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1.0e-2, conductance: 0.1"
     for scheme in ("moreau", "carpenter", "penalty", "event_driven"):
         values = {"scene": "load: {mean: 7.5}\n  initial: static", "axes": ", alpha: 50", "balances": "true"}
-        results = one(nodes=4, more=heat, gap=-1e-5, duration=0.05, h=1e-6, scheme=scheme, **values)
+        results = one(nodes=4, more=f"{HEAT}0.1", gap=-1e-5, duration=0.05, h=1e-6, scheme=scheme, **values)
         assert results.values["runaway"][0] == 1
         assert results.values["status"][0] == Status.OK, (scheme, results.messages)
 
 
 def test_a_runaway_whose_balance_is_rounding_is_physics() -> None:
     """A pressed tip whose heat grows e^113-fold does not move: its energy residual is rounding of thermal work."""
-    heat = ", damping: {mass: 10}, spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1.0e-2, conductance: 0.1"
     scene = "load: {mean: 7.5, amplitude: 2, frequency: 100}\n  initial: static"
     for alpha in (300, 500, 700):
         values = {"scene": scene, "axes": f", alpha: {alpha}", "balances": "true"}
-        results = one(nodes=1, more=heat, gap=-1e-5, duration=0.05, h=1e-6, **values)
+        results = one(nodes=1, more=f"{HEAT}0.1", gap=-1e-5, duration=0.05, h=1e-6, **values)
         assert results.values["status"][0] == Status.OK, results.messages
 
 
@@ -214,23 +174,19 @@ def test_a_free_root_is_left_to_the_balances() -> None:
     """K1 is singular: a tip may fly off as far as it likes."""
     results = one(more=", heat_capacity: 1", scene="load: {mean: -1}", gap=1e-6, duration=1)
     assert results.values["status"][0] == Status.OK
-    text = ONE.format(
-        nodes=1, more=", heat_capacity: 1", gap=1e-9, scene="load: {mean: -1000}", duration=1, scheme="moreau",
-        h=1e-3, axes="", interval="0.1 s", balances="false",
-    ).replace("stiffness: 1.0e6", "stiffness: 0")  # fmt: skip
-    assert solved(text).values["status"][0] == Status.OK
+    thrown = one(stiffness=0, more=", heat_capacity: 1", scene="load: {mean: -1000}", gap=1e-9, duration=1, h=1e-3)
+    assert thrown.values["status"][0] == Status.OK
 
 
 @pytest.mark.parametrize("scheme", ["moreau", "event_driven"])
 @pytest.mark.parametrize("root", ["1.0e6", "[0, 1.0e6, 1.0e6]"], ids=["clamped", "free"])
 def test_a_tip_at_rest_at_a_gap_of_zero_creates_no_energy(scheme: str, root: str) -> None:
     """The load presses the tip and touches zero once a period: nothing moves, and balances are set beside rounding."""
-    text = ONE.replace("stiffness: 1.0e6{more}", "stiffness: {root}{more}").format(
-        nodes=3, root=root, more=", heat_capacity: 1, damping: {mass: 10, stiffness: 1.0e-6}", gap=0, duration=0.1,
+    results = one(
+        nodes=3, stiffness=root, more=", heat_capacity: 1, damping: {mass: 10, stiffness: 1.0e-6}", duration=0.1,
         scene="load: {mean: 7.569, amplitude: 7.569, frequency: 122.73668917555895}", scheme=scheme,
-        h=4.4e-5, axes="", interval="1 ms", balances="true",
+        h=4.4e-5, balances="true",
     )  # fmt: skip
-    results = solved(text)
     assert np.abs(results.values["displacement"]).max() < 1e-15
     assert results.values["status"][0] == Status.OK, results.messages
 

@@ -25,7 +25,6 @@ from workflow.kernels.packs import (
     some_nonzero,
     spread,
     store,
-    weighed,
     where,
 )
 from workflow.models import Array
@@ -120,21 +119,6 @@ def test_arithmetic_of_each_lane(march: Callable[..., None]) -> None:
     assert np.array_equal(np.signbit(rows[3:, used]), np.signbit(by_numpy))
     assert np.array_equal(rows[:3], before[:3], equal_nan=True)
     assert np.array_equal(rows[:, LANES // 2 :], before[:, LANES // 2 :])  # nothing beside the lanes in use
-
-
-@numba.njit(error_model="numpy")
-def weigh(weight: float, rest: float, rows: Array) -> None:
-    lane = broad(0)
-    store(rows, (2, lane), weighed(weight, pack(rows, (0, lane)), rest, pack(rows, (1, lane))))
-
-
-@pytest.mark.parametrize(("weight", "rest"), [(0.7, 0.3), (1.0, 0.0)])
-def test_weighed_or_left_alone(weight: float, rest: float) -> None:
-    rows = lane_rows(3)
-    rows[:2] = np.random.default_rng(2).normal(size=(2, ROW))
-    weigh(weight, rest, rows)
-    assert np.array_equal(rows[2, :BROAD], (weight * rows[0] + rest * rows[1])[:BROAD])
-    assert not np.any(rows[2, BROAD:])
 
 
 @numba.njit(error_model="numpy")

@@ -66,12 +66,6 @@ def test_an_indefinite_matrix_is_refused_by_cholmod() -> None:
 
 
 @needs_cholmod
-def test_bulky_matrices_are_filled_less() -> None:
-    """What the extra is for: the order is another, and large matrices alone take it."""
-    assert sorted(factors._nested_dissection(lattice(6, 0.1))) == list(range(6**3))
-
-
-@needs_cholmod
 def test_a_basis_is_the_same_by_both(monkeypatch: pytest.MonkeyPatch) -> None:
     given, reduced = taken_from(blade(NODES)), []
     for most in (factors.MOST_BY_SUPERLU, 0):

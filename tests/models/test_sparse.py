@@ -12,7 +12,6 @@ from scipy.sparse import csc_array, diags_array
 from scenes import blade, cases, relative
 from workflow.models import (
     GivenMatrices,
-    Rayleigh,
     Sparse,
     Structure,
     TooManyCoordinatesError,
@@ -37,13 +36,8 @@ def taken_from(structure: Structure, **other: Any) -> GivenMatrices:
     """The sparse matrices of a structure."""
     tip = np.zeros(structure.mechanical_size)
     tip[-1] = 1.0
-    matrices = (
-        structure.mass,
-        structure.stiffness_matrix,
-        structure.coupling_matrix,
-        structure.heat_capacity,
-        structure.conductance_matrix,
-    )
+    names = ("mass", "stiffness_matrix", "coupling_matrix", "heat_capacity", "conductance_matrix")
+    matrices = (getattr(structure, name) for name in names)
     none = np.zeros(tip.size)
     given = GivenMatrices(*map(csc_array, matrices), tip, tip, none, none, structure.damping)
     return replace(given, **other)
@@ -153,28 +147,18 @@ def long_chain(nodes: int, **other: Any) -> GivenMatrices:
     return replace(GivenMatrices(*map(csc_array, matrices), tip, tip, 0 * tip, 0 * tip), **other)
 
 
-@pytest.mark.parametrize(
-    ("change", "problem"),
-    [
-        (
-            {"mass": csc_array(diags_array(np.full(2001, -1.0)))},
-            "contact acts on what has no inertia, among displacements",
-        ),
-        (
-            {
-                "stiffness": csc_array(
-                    diags_array([np.full(2001, 1.0), np.full(2000, -1.0), np.full(2000, -1.0)], offsets=[0, 1, -1])
-                )
-            },
-            "stiffness is indefinite",
-        ),
-        ({"stiffness": csc_array(diags_array(np.append(np.ones(2000), 0.0)))}, "nothing holds the part"),
-    ],
-    ids=["mass", "indefinite", "loose"],
-)
-def test_what_is_no_structure_is_refused(change: dict[str, Any], problem: str) -> None:
+LINE = diags_array([np.ones(2001), *2 * [np.full(2000, -1.0)]], offsets=[0, 1, -1])
+REFUSED = {
+    "mass": ("mass", diags_array(np.full(2001, -1.0)), "contact acts on what has no inertia, among displacements"),
+    "indefinite": ("stiffness", LINE, "stiffness is indefinite"),
+    "loose": ("stiffness", diags_array(np.append(np.ones(2000), 0.0)), "nothing holds the part"),
+}
+
+
+@pytest.mark.parametrize(("name", "matrix", "problem"), REFUSED.values(), ids=REFUSED)
+def test_what_is_no_structure_is_refused(name: str, matrix: Any, problem: str) -> None:
     with pytest.raises(UnusableMatricesError, match=problem):
-        structure_from_sparse(long_chain(2001, **change))
+        structure_from_sparse(long_chain(2001, **{name: csc_array(matrix)}))
 
 
 def test_a_small_free_structure_is_dense(chain: Structure) -> None:
@@ -242,23 +226,11 @@ def test_massless_degrees_of_freedom_of_a_large_structure_follow() -> None:
 @pytest.mark.parametrize("is_sparse", [False, True])
 def test_heat_without_heat_capacity_grows_the_structure_at_once(is_sparse: bool) -> None:
     """Of 4 W on a conductance of 2.5 W/K: 1.6 K, 0.32 N on each node, (1 · 0.32 + 2 · 0.32)/10⁴ m at the tip."""
-    springs, conductors = (
-        1e4 * np.array([[2.0, -1.0], [-1.0, 1.0]]),
-        np.array([[3.0, -1, 0], [-1, 2.5, -1], [0, -1, 1.5]]),
-    )
-    matrices = GivenMatrices(
-        mass=0.01 * np.eye(2),
-        stiffness=springs,
-        coupling=np.array([[-0.1, -0.2, 0.0], [0.0, -0.2, -0.1]]),
-        heat_capacity=np.diag([0.1, 0.0, 0.1]),
-        conductance=conductors,
-        contact=np.array([0.0, 1.0]),
-        thermal_contact=np.array([0.0, 0.0, 1.0]),
-        steady=np.zeros(2),
-        heating=np.array([0.0, 4.0, 0.0]),
-        damping=Rayleigh(),
-    )
-    names = ("mass", "stiffness", "coupling", "heat_capacity", "conductance")
-    sparse = replace(matrices, **{name: csc_array(getattr(matrices, name)) for name in names})
-    structure = _sparse_structure(sparse) if is_sparse else structure_from_matrices(matrices)
+    springs = 1e4 * np.array([[2.0, -1.0], [-1.0, 1.0]])
+    conductors = np.array([[3.0, -1, 0], [-1, 2.5, -1], [0, -1, 1.5]])
+    coupling = np.array([[-0.1, -0.2, 0.0], [0.0, -0.2, -0.1]])
+    matrices = 0.01 * np.eye(2), springs, coupling, np.diag([0.1, 0.0, 0.1]), conductors
+    rest = np.array([0.0, 1.0]), np.array([0.0, 0.0, 1.0]), np.zeros(2), np.array([0.0, 4.0, 0.0])
+    sparse, dense = GivenMatrices(*map(csc_array, matrices), *rest), GivenMatrices(*matrices, *rest)
+    structure = _sparse_structure(sparse) if is_sparse else structure_from_matrices(dense)
     assert growth_at_once(structure) == pytest.approx(9.6e-5, rel=1e-12)

@@ -8,19 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from test_steady_rubs import TURN, light_heat, oscillator, pressed
 
-from scenes import blade, blade_rub, cases, chain
-from workflow.models import Cases, Rayleigh, Structure, critical_alpha, growth_rate
+from scenes import blade, blade_rub, cases
+from workflow.models import Cases, Structure, critical_alpha, growth_rate
 from workflow.orbits import BIFURCATIONS, STATES, Options, branch, steady_rubs
 from workflow.orbits._curve import Problem
 from workflow.reduction import reduce_structure
-
-TURN = 2 * np.pi
-
-
-def oscillator(damping: float = 0.0) -> Structure:
-    """A unit mass on a unit spring."""
-    return chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(damping, 0.0))
 
 
 def along(name: str, structure: Structure, batch: Cases) -> Problem:
@@ -117,8 +111,7 @@ def test_a_soft_rub_becomes_free_where_the_gap_is_its_reach() -> None:
 
 def test_equilibria_of_permanent_contact_under_a_constant_load() -> None:
     """λ = (F - k d/n)/(1 - α/α_c) along F."""
-    lumps = {"mass": 0.1, "stiffness": 4e3, "spacing": 0.01, "expansion": 1e-5, "heat_capacity": 2.0}
-    structure = chain(nodes=4, damping=Rayleigh(40.0, 0.0), conductance=0.3, **lumps)
+    structure = pressed()
     scene = cases(structure, alpha=0.5 * critical_alpha(structure), gap=1e-3)
     values = followed(along("mean", structure, scene), 2.0, 5.0, 8, 20.0)
     np.testing.assert_allclose(values["value"], np.linspace(2, 5, 8), rtol=1e-3)
@@ -129,9 +122,7 @@ def test_equilibria_of_permanent_contact_under_a_constant_load() -> None:
 
 def test_permanent_contact_flutters_where_its_growth_rate_passes_zero() -> None:
     """Below α_c, by a pair of poles: a torus under a load that is periodic."""
-    lumps = {"mass": 1.85, "stiffness": 3190.0, "spacing": 0.1, "expansion": 2.04e-3, "heat_capacity": 0.21}
-    lumps |= {"conductance": 3.36, "convection": 0.16, "damping": Rayleigh(0.6, 3e-4)}
-    structure = chain(nodes=8, **lumps)
+    structure = light_heat()
     scene, limit = cases(structure, gap=1e-3, mean=20.0, amplitude=1.0, frequency=0.7), critical_alpha(structure)
     flutter = brentq(lambda alpha: growth_rate(structure, alpha), 0.3 * limit, 0.5 * limit, xtol=1e-12)
     values = followed(along("alpha", structure, scene), 0.3 * limit, 0.6 * limit, 10, 100.0)

@@ -168,11 +168,15 @@ def test_slow_heat_without_a_balance_runs_away() -> None:
     assert np.all(np.diff(warming[4:]) > 0)
 
 
+def light_heat() -> Structure:
+    """Eight masses whose heat is as fast as they are."""
+    lumps = {"mass": 1.85, "stiffness": 3190.0, "spacing": 0.1, "expansion": 2.04e-3, "heat_capacity": 0.21}
+    return chain(nodes=8, conductance=3.36, convection=0.16, damping=Rayleigh(0.6, 3e-4), **lumps)
+
+
 def test_it_runs_away_without_a_whole_period_in_contact_too() -> None:
     """An intermittent rub whose temperature grows fourfold in each common period of casing and load."""
-    lumps = {"mass": 1.85, "stiffness": 3190.0, "spacing": 0.1, "expansion": 2.04e-3, "heat_capacity": 0.21}
-    lumps |= {"conductance": 3.36, "convection": 0.16, "damping": Rayleigh(0.6, 3e-4)}
-    structure, frequency = chain(nodes=8, **lumps), 0.716
+    structure, frequency = light_heat(), 0.716
     harmonics = {
         "casing_harmonics": [[0.0139, 1.5 * frequency, 3.73]],
         "load_harmonics": [[9.2, 3 * frequency, 1.29]],

@@ -2,39 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 import xarray as xr
 
-from workflow.analysis import ERRORS, Line
+from errors_over_steps import H, over_steps
+from workflow.analysis import ERRORS
 from workflow.plots import (
-    error_by_cost,
-    error_by_step,
-    growth_against_prediction,
+    convergence,
     histories,
-    impact_speed_map,
     map_dims,
     save,
     scene_map,
+    work_precision,
 )
 
-H = np.logspace(-7, -3, 9)
-
-
-def line(scheme: str, error: np.ndarray, ok: np.ndarray | None = None) -> Line:
-    is_ok = np.ones(H.size, dtype=bool) if ok is None else ok
-    ok_errors = np.where(is_ok, error, np.nan)
-    return Line(scheme, H, dict.fromkeys(ERRORS, ok_errors), 1e-8 / H, 1e-3 * ok_errors, -ok_errors, is_ok, 1e-13)
-
-
-ROBUST = line("robust", 100 * H)
-LIMITED = line("limited", 1e4 * H**2, H < 5e-6)
-WILD = line("wild", np.where(H < 2e-6, 1e-3, 1e90))
-EXACT = line("exact", np.zeros(H.size))
-FOUND = [ROBUST, LIMITED, WILD, EXACT]
+FOUND = over_steps(
+    {"robust": 100 * H, "limited": 1e4 * H**2, "wild": np.where(H < 2e-6, 1e-3, 1e90), "exact": 0 * H},
+    {"limited": H < 5e-6},
+)
 
 
 def crosses(panel: object) -> list[np.ndarray]:
@@ -42,7 +29,7 @@ def crosses(panel: object) -> list[np.ndarray]:
 
 
 def test_work_precision(tmp_path: Path) -> None:
-    figure = error_by_cost(FOUND, [line("robust", 200 * H)])
+    figure = work_precision(FOUND, over_steps({"robust": 200 * H}))
     assert [panel.get_title() for panel in figure.axes] == ["impulse", "temperature", "displacement"]
     panel = figure.axes[0]
     labels = {drawn.get_label(): np.asarray(drawn.get_xdata()) for drawn in panel.get_lines()}
@@ -56,7 +43,7 @@ def test_work_precision(tmp_path: Path) -> None:
 
 
 def test_convergence(tmp_path: Path) -> None:
-    figure = error_by_step(FOUND)
+    figure = convergence(FOUND)
     titles = [panel.get_title() for panel in figure.axes]
     assert titles[:3] == [f"{about}: relative L2 error" for about in ERRORS.values()]
     assert titles[3:] == ["largest penetration [m]", "|energy residual| / largest energy"]
@@ -70,14 +57,15 @@ def test_convergence(tmp_path: Path) -> None:
 
 
 def test_a_line_of_too_few_points_has_neither_order_nor_scatter() -> None:
-    figure = error_by_step([line("short", 100 * H, H < 5e-7), EXACT])
+    figure = convergence(over_steps({"short": 100 * H, "exact": 0 * H}, {"short": H < 5e-7}))
     assert figure.axes[0].get_legend() is None
 
 
 def test_residuals_of_rounding_are_drawn_and_every_column_has_its_steps() -> None:
     """A residual below 1e-12 had no point, and the third column, of one row, no numbers at its axis."""
-    exact_balance = replace(FOUND[0], residual=np.full(H.size, 1e-16))
-    figure = error_by_step([exact_balance, *FOUND[1:]])
+    exact_balance = FOUND.copy(deep=True)
+    exact_balance["energy_residual"][0] = 1e-16
+    figure = convergence(exact_balance)
     *_, third, _, residuals = figure.axes
     assert np.asarray(residuals.get_lines()[0].get_ydata()).tolist() == [1e-16] * H.size
     assert third.get_xlabel() == "step h [s]"
@@ -85,57 +73,9 @@ def test_residuals_of_rounding_are_drawn_and_every_column_has_its_steps() -> Non
 
 
 def test_convergence_of_schemes_that_are_all_lost(tmp_path: Path) -> None:
-    save(error_by_step([line("lost", H, H < 0), EXACT]), tmp_path / "a.png")
-    save(error_by_cost([line("lost", H, H < 0)]), tmp_path / "b.png")
-
-
-def pressed(share: np.ndarray) -> xr.Dataset:
-    t, rate = np.linspace(0, 5, 51), 0.4 * (share - 1)
-    limit = 10 / (1 - share)
-    force = limit[:, None] + (10 - limit)[:, None] * np.exp(rate[:, None] * t)
-    force[:, 0] = 0
-    return xr.Dataset(
-        {
-            "contact_force": (("alpha", "t"), force),
-            "critical_alpha": ("alpha", np.full(share.size, 2.0)),
-            "growth_rate": ("alpha", rate),
-        },
-        coords={"alpha": 2 * share, "t": t},
-    )
-
-
-def test_growth_lies_on_its_prediction(tmp_path: Path) -> None:
-    figure = growth_against_prediction(pressed(np.array([0.0, 0.9, 1.1, 4.0])))
-    drawn = [np.asarray(one.get_ydata()) for one in figure.axes[0].get_lines() if np.size(one.get_ydata())]
-    assert len(drawn) == 4 + 3
-    for case, predicted in ((drawn[1], drawn[2]), (drawn[3], drawn[4]), (drawn[5], drawn[6])):
-        assert predicted == pytest.approx(case, rel=1e-9)
-    low, high = figure.axes[0].get_ylim()
-    assert low < 10 < high < 1e7
-    save(figure, tmp_path / "a.png")
-
-
-def test_impact_speeds_by_frequency_gap_and_e(tmp_path: Path) -> None:
-    """A saw-tooth that hits the gap at ±v: the speed drawn is v, and nothing where nothing touches."""
-    t = np.linspace(0, 1, 2001)
-    frequency, gap, e = np.array([10.0, 20.0]), np.array([0.0, 5.0]), np.array([0.0, 0.5])
-    dims = ("frequency", "gap", "e", "t")
-    phase = (t * frequency[:, None]) % 1
-    x = np.broadcast_to((phase - 1)[:, None, None], (2, 2, 2, t.size))
-    v = np.broadcast_to(frequency[:, None, None, None], x.shape)
-    force = np.zeros(x.shape)
-    force[:, 0] = np.where(phase < 1 / 40, 1.0, 0.0)[:, None]
-    archive = xr.Dataset(
-        {"displacement": (dims, x), "velocity": (dims, v), "contact_force": (dims, force)},
-        coords={"frequency": frequency, "gap": gap, "e": e, "t": t},
-    )
-    figure = impact_speed_map(archive)
-    near, far = figure.axes
-    assert near.get_title() == "gap 0 µm"
-    assert [one.get_label() for one in near.get_lines()] == ["e = 0", "e = 0.5"]
-    assert np.asarray(near.get_lines()[0].get_ydata()) == pytest.approx(frequency)
-    assert np.isnan(np.asarray(far.get_lines()[0].get_ydata())).all()
-    save(figure, tmp_path / "a.png")
+    lost = over_steps({"lost": H, "exact": 0 * H}, {"lost": H < 0})
+    save(convergence(lost), tmp_path / "a.png")
+    save(work_precision(lost.isel(scheme=[0])), tmp_path / "b.png")
 
 
 def test_an_overview_leaves_out_what_is_not_ok() -> None:

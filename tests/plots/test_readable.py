@@ -11,25 +11,18 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from workflow.analysis import ERRORS, Line
+from errors_over_steps import H, over_steps
 from workflow.plots import (
     Curve,
-    error_by_cost,
-    error_by_step,
-    impact_speed_map,
+    convergence,
     metric_by_axis,
     scene_map,
     tip_response,
+    work_precision,
 )
 from workflow.report._bokeh_figures import SELECTED, STATUS_COLOURS
 
-H = np.logspace(-7, -3, 9)
 SCHEMES = ("implicit_euler", "midpoint", "carpenter", "penalty_10", "penalty_100", "penalty_implicit", "event_driven")
-
-
-def line(scheme: str, error: np.ndarray, ok: np.ndarray, seconds: np.ndarray) -> Line:
-    kept = np.where(ok, error, np.nan)
-    return Line(scheme, H, dict.fromkeys(ERRORS, kept), seconds, 1e-3 * kept, -kept, ok, 1e-13)
 
 
 def places(figure: Figure, texts: list[Any]) -> list[Any]:
@@ -79,7 +72,7 @@ def test_axes_that_vary_together_show_their_values() -> None:
 
 @pytest.mark.parametrize("decades", [0.1, 0.7, 1.5, 4.0])
 def test_times_of_work_precision_are_apart(decades: float) -> None:
-    figure = error_by_cost([line("one", 100 * H, H > 0, np.logspace(-2, -2 - decades, H.size))])
+    figure = work_precision(over_steps({"one": 100 * H}, seconds=np.logspace(-2, -2 - decades, H.size)))
     for panel in figure.axes:
         ticks = [*panel.get_xticklabels(), *panel.get_xticklabels(minor=True)]
         low, high = panel.get_xlim()
@@ -88,8 +81,8 @@ def test_times_of_work_precision_are_apart(decades: float) -> None:
 
 def test_names_of_slopes_are_below_the_crosses() -> None:
     """Up to six rows of crosses stand above what is drawn."""
-    lost = [line(name, 50 * H, H < 2e-6, 1e-8 / H) for name in SCHEMES[1:5]]
-    figure = error_by_step([line("robust", 100 * H, H > 0, 1e-8 / H), *lost])
+    lost = dict.fromkeys(SCHEMES[1:5], 50 * H)
+    figure = convergence(over_steps({"robust": 100 * H, **lost}, dict.fromkeys(lost, H < 2e-6)))
     FigureCanvasAgg(figure).draw()
     for panel in figure.axes[:3]:
         names = places(figure, [text for text in panel.texts if "slope" in text.get_text()])
@@ -100,25 +93,9 @@ def test_names_of_slopes_are_below_the_crosses() -> None:
 
 
 def test_names_of_slopes_are_apart_where_errors_hardly_change() -> None:
-    figure = error_by_step([line("flat", 1e-3 * H**0.1, H > 0, 1e-8 / H)])
+    figure = convergence(over_steps({"flat": 1e-3 * H**0.1}))
     for panel in figure.axes[:3]:
         assert_apart(figure, [text for text in panel.texts if "slope" in text.get_text()], 2)
-
-
-def test_many_gaps_and_restitutions_are_drawn() -> None:
-    """Nine values of e ended with an index out of range, nine gaps were a strip 33 inches wide."""
-    e, gap, frequency = np.linspace(0, 0.8, 9), 1e-5 * np.arange(1, 8), np.array([10.0, 20.0])
-    dims, shape = ("frequency", "gap", "e", "t"), (2, 7, 9, 11)
-    archive = xr.Dataset(
-        {name: (dims, np.zeros(shape)) for name in ("displacement", "velocity", "contact_force")},
-        coords={"frequency": frequency, "gap": gap, "e": e, "t": np.linspace(0, 1, 11)},
-    )
-    figure = impact_speed_map(archive)
-    assert len(figure.axes) == 7
-    assert figure.get_size_inches()[0] < 13
-    assert [bool(panel.get_xlabel()) for panel in figure.axes] == [False] * 4 + [True] * 3
-    looks = {(one.get_color(), one.get_marker()) for one in figure.axes[0].get_lines()}
-    assert len(looks) == 8
 
 
 def test_gaps_that_are_compared_are_named_where_there_is_room() -> None:

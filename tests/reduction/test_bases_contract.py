@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,12 +43,6 @@ def built(
     structure: Structure, basis: str, mechanical: int | None, thermal: int | None, time: float = 0.3
 ) -> Reduction:
     return reduce_structure(structure, mechanical, thermal, basis, time)
-
-
-@pytest.mark.parametrize("basis", BASES)
-def test_a_basis_is_one_file_of_at_most_150_lines(basis: str) -> None:
-    [place] = [path for path in reduction.__path__ if (Path(path) / f"{basis}.py").exists()]
-    assert len((Path(place) / f"{basis}.py").read_text(encoding="utf-8").splitlines()) <= 150
 
 
 @pytest.mark.parametrize("structure", STRUCTURES.values(), ids=STRUCTURES.keys())
@@ -129,12 +122,6 @@ def error(full: Results, basis: str, nodes: int, mechanical: int | None, thermal
     reduction = built(structure, basis, mechanical, thermal)
     run = step(reduction.structure, reduction.project(rub(structure)), 1e-5, OVER)
     return relative(run.histories[name], full.histories[name])
-
-
-@pytest.mark.parametrize("basis", EXACT)
-def test_all_vectors_are_the_heavy_chain(basis: str, full_runs: dict[int, Results]) -> None:
-    for name in HISTORIES:
-        assert error(full_runs[20], basis, 20, 19, 19, name) < 1e-9
 
 
 @pytest.mark.parametrize(

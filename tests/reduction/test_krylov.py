@@ -48,9 +48,9 @@ def test_moments_and_modes_are_in_the_mechanical_space() -> None:
     vectors = BASIS.mechanical(structure, 18, None)
     moment = structure.mechanical.constraint
     for _ in range(krylov.MOST_MOMENTS - 1):
-        moment = structure.mechanical.answer_held(mass @ moment)
+        moment = structure.mechanical.answer(mass @ moment, held=True)
         assert outside(moment, vectors, mass) < 1e-10
-    modes = structure.mechanical.held_modes(14).shapes
+    modes = structure.mechanical.modes(14, held=True).shapes
     lost = [outside(mode, vectors, mass) for mode in modes.T]
     assert max(lost[:13]) < 1e-10
     assert lost[13] > 1e-6

@@ -25,23 +25,17 @@ def best_static(stiffness: np.ndarray, basis: np.ndarray, load: np.ndarray) -> f
     return float(np.sqrt(lacking @ stiffness @ lacking / (full @ stiffness @ full)))
 
 
-def lost_state(norm: np.ndarray, basis: np.ndarray, projection: np.ndarray, state: np.ndarray) -> float:
-    lacking = state - basis @ (projection @ state)
-    return float(np.sqrt(lacking @ norm @ lacking / (state @ norm @ state)))
-
-
 def expected(structure: Structure, reduction: Reduction, name: str, values: np.ndarray) -> float:
     x, theta = reduction.displacement_basis, reduction.temperature_basis
-    match name:
-        case "displacement":
-            return lost_state(structure.stiffness_matrix, x, reduction.displacement_projection, values)
-        case "velocity":
-            return lost_state(structure.mass, x, reduction.displacement_projection, values)
-        case "temperature":
-            return lost_state(structure.heat_capacity, theta, reduction.temperature_projection, values)
-        case "steady":
-            return best_static(structure.stiffness_matrix, x, values)
-    return best_static(structure.conductance_matrix, theta, values)
+    if name in ("steady", "heating"):
+        static = (structure.stiffness_matrix, x) if name == "steady" else (structure.conductance_matrix, theta)
+        return best_static(*static, values)
+    basis, projection = x, reduction.displacement_projection
+    if name == "temperature":
+        basis, projection = theta, reduction.temperature_projection
+    norms = {"displacement": "stiffness_matrix", "velocity": "mass", "temperature": "heat_capacity"}
+    norm, lacking = getattr(structure, norms[name]), values - basis @ (projection @ values)
+    return float(np.sqrt(lacking @ norm @ lacking / (values @ norm @ values)))
 
 
 @pytest.mark.parametrize("by_matrices", [False, True])

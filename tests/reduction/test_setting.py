@@ -13,7 +13,7 @@ from quick import hashes_of, quick
 from studies import SCENE, parsed
 from workflow import reduction
 from workflow.archive import open_archive
-from workflow.grid import arrange, case_hashes, plan_study, solve
+from workflow.grid import arrange, case_hashes, solve
 from workflow.run import run_study
 from workflow.study import StudyError, read_study
 
@@ -43,11 +43,6 @@ def other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 def study(text: str) -> str:
     return f"study: a\n{SCENE}output: {{interval: 1 ms}}\n{text}\n"
-
-
-def test_it_is_a_scalar_coordinate_where_a_study_says_nothing() -> None:
-    [scalar] = [s for s in parsed(study("")).scalars if s.path == "reduction"]
-    assert scalar.values == ("craig_bampton",)
 
 
 def test_the_default_keeps_the_identity_of_cases_that_were_run_before_there_were_bases() -> None:
@@ -87,11 +82,6 @@ def test_full_is_not_reduced_on_either_side(other: str) -> None:
     grid = arrange(parsed(text))
     runs = [solve(grid, outer, np.arange(1)).values["displacement"] for outer in (0, 1)]
     assert np.array_equal(*runs)
-
-
-def test_plan_names_it() -> None:
-    plan = plan_study(parsed(study("axes: {mechanical_modes: 1}")))
-    assert [v.text for v in plan.scene if v.path == "reduction"] == ["craig_bampton"]
 
 
 @pytest.mark.parametrize("place", ["axes: {{reduction: {}}}", "reference: {{reduction: {}}}"])

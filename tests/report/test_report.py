@@ -8,13 +8,12 @@ import os
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from quick import quick
 from studies import SCENE, parsed
+from terminal import workflow
 from workflow.analysis import recommend, sentence
 from workflow.archive import ArchiveError, open_archive
-from workflow.cli import app
 from workflow.report import ReportFiles, write_report
 from workflow.report import _sections as sections
 from workflow.report._answer import answer
@@ -114,65 +113,49 @@ def test_what_an_answer_quotes_is_code(archives: list[Path]) -> None:
 
 
 def test_several_archives_share_a_page(archives: list[Path], tmp_path: Path) -> None:
-    written = write_report(archives, tmp_path / "joint.html")
-    text = written.page.read_text(encoding="utf-8")
-    assert written.figure is None
+    done = workflow("report", *archives, "-o", "joint.html", cwd=tmp_path)
+    assert done.stdout.splitlines() == ["page   joint.html"], done.stderr
+    text = (tmp_path / "joint.html").read_text(encoding="utf-8")
     assert "2 studies" in text
     assert text.index(">referred<") < text.index(">pressed<")
     assert "no h" in text  # theta = 0.3
-    assert list(tmp_path.iterdir()) == [written.page]
-
-
-def test_the_command_takes_several_archives(
-    archives: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, ["report", *map(str, archives), "-o", "all.html"])
-    assert done.exit_code == 0, done.output
-    assert done.stdout.splitlines() == ["page   all.html"]
-    missing = CliRunner().invoke(app, ["report", str(archives[0]), "none.nc", "-o", "other.html"])
-    assert missing.exit_code == 2
+    missing = workflow("report", archives[0], "none.nc", "-o", "other.html", cwd=tmp_path)
+    assert missing.returncode == 2
     assert "none.nc: no such archive" in missing.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["all.html"]
+    assert [path.name for path in tmp_path.iterdir()] == ["joint.html"]
 
 
-def test_a_joint_report_never_overwrites_an_archive(archives: list[Path], tmp_path: Path) -> None:
-    page = tmp_path / "pressed.html"
-    page.write_bytes(before := archives[1].read_bytes())
+@pytest.mark.parametrize(("name", "joint"), [("pressed.html", False), ("pressed.png", False), ("pressed.html", True)])
+def test_a_report_never_overwrites_an_archive(name: str, joint: bool, archives: list[Path], tmp_path: Path) -> None:
+    archive = tmp_path / name
+    archive.write_bytes(before := archives[1].read_bytes())
     with pytest.raises(ArchiveError, match="would be one file"):
-        write_report([archives[0], page], page)
-    assert page.read_bytes() == before
+        write_report([archives[0], archive] if joint else archive, archive if joint else None)
+    assert archive.read_bytes() == before
 
 
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
 def test_the_figure_alone_is_what_its_name_says(kind: str, archives: list[Path], tmp_path: Path) -> None:
     """``-o figure.pdf`` wrote HTML."""
     begins = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}[kind]
-    done = CliRunner().invoke(app, ["report", str(archives[1]), "-o", str(tmp_path / f"figure.{kind}")])
-    assert done.exit_code == 0, done.output
+    assert workflow("report", archives[1], "-o", f"figure.{kind}", cwd=tmp_path).returncode == 0
     assert [path.read_bytes()[: len(begins)] for path in tmp_path.iterdir()] == [begins]
 
 
-def test_a_report_is_a_page_or_a_figure(archives: list[Path], tmp_path: Path) -> None:
-    for name in ("report", "report.txt", "report.nc"):
-        with pytest.raises(
-            ArchiveError, match=r"a page, \.html, or of one archive its figure alone, \.png, \.svg, \.pdf"
-        ):
-            write_report(archives[0], tmp_path / name)
-    with pytest.raises(ArchiveError, match=r"of one archive"):
-        write_report(archives, tmp_path / "both.png")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_page_never_replaces_a_device(archives: list[Path], tmp_path: Path) -> None:
-    """It is written aside and renamed: the administrator's /dev/full became a page."""
-    pipe = tmp_path / "pipe"
+def test_what_can_be_no_report_is_refused(archives: list[Path], tmp_path: Path) -> None:
+    """A page is written aside and renamed: the administrator's /dev/full became one."""
+    pipe, figures = tmp_path / "pipe", r"a page, \.html, or of one archive its figure alone, \.png, \.svg, \.pdf"
     os.mkfifo(pipe)
-    for place, problem in ((pipe, "a pipe or a device"), (tmp_path, "a directory"), (tmp_path / "no" / "a", "no such")):
+    places = {pipe: "a pipe or a device", tmp_path: "a directory", tmp_path / "no" / "a": "no such"}
+    for place, problem in (
+        places | dict.fromkeys((tmp_path / f"a{end}" for end in ("", ".txt", ".nc")), figures)
+    ).items():
         with pytest.raises(ArchiveError, match=problem):
             write_report(archives[0], place)
+    with pytest.raises(ArchiveError, match=r"of one archive"):
+        write_report(archives, tmp_path / "both.png")
     assert pipe.is_fifo()
-    assert [path.name for path in tmp_path.iterdir()] == ["pipe"]
+    assert list(tmp_path.iterdir()) == [pipe]
 
 
 def test_flutter_is_not_said_to_lie_above_the_critical_coupling(tmp_path: Path) -> None:
@@ -194,7 +177,7 @@ output: {interval: 1 ms, histories: []}
     assert passed.startswith("0.5")
     assert "," not in passed
     assert "2 of the ok cases would flutter in permanent contact below" in page
-    shown = CliRunner().invoke(app, ["show", str(archive)]).stdout
+    shown = workflow("show", archive, cwd=tmp_path).stdout
     assert "1 ok cases above their critical alpha" in shown
     assert "2 ok cases whose contact would flutter below it" in shown
 
@@ -220,5 +203,5 @@ def test_an_answer_without_contact_is_cautioned_on_the_page_and_in_json(tmp_path
         quick({"e": None, "alpha": 0.0}, scene={"casing.gap": 1.0}, reference={"scheme": "event_driven"}), archive
     )
     assert "Beware: no case that is ok touches its casing" in write_report(archive).page.read_text(encoding="utf-8")
-    done = CliRunner().invoke(app, ["recommend", str(archive), "--json"]).stdout
+    done = workflow("recommend", archive, "--json", cwd=tmp_path).stdout
     assert json.loads(done)["cautions"] == ["no case that is ok touches its casing, so only free motion is compared"]

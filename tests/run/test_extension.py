@@ -248,28 +248,13 @@ def test_what_cannot_be_extended_is_refused(tmp_path: Path) -> None:
         assert "velocity" in data
 
 
-@pytest.mark.parametrize("name", ["provenance/case_hash", "status", "displacement", "alpha"])
-def test_nothing_is_taken_from_a_damaged_archive(name: str, tmp_path: Path) -> None:
+def test_nothing_is_taken_from_a_damaged_archive(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
     with h5py.File(archive) as file:
-        place = file[name].id.get_chunk_info(0).byte_offset
-    with open(archive, "r+b") as data:
-        data.seek(place + 3)
-        byte = data.read(1)
-        data.seek(place + 3)
-        data.write(bytes([byte[0] ^ 1]))
+        place = file["provenance/case_hash"].id.get_chunk_info(0).byte_offset
+    image = bytearray(archive.read_bytes())
+    image[place + 3] ^= 1
+    archive.write_bytes(image)
     refused(quick({"e": [0.0, 0.1]}), archive, "damaged, its bytes are not those that were written")
     run_study(quick({"e": [0.0, 0.1]}), archive, recompute=True, drop=True)
-
-
-def test_a_zip_of_300_cases_makes_300_cells(tmp_path: Path) -> None:
-    pairs = {"e": np.linspace(0, 0.9, 300).tolist(), "alpha": np.linspace(0, 50, 300).tolist()}
-    study = quick({"e": None, "alpha": None}, zip={"pair": pairs})
-    with counted() as solved:
-        run_study(study, tmp_path / "a.nc")
-    assert sum(solved) == 300
-    with open_archive(tmp_path / "a.nc") as data:
-        assert data["status"].dims == ("pair",)
-        assert data["status"].size == 300
-        assert data["alpha"].values.tolist() == pairs["alpha"]

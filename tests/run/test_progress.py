@@ -16,7 +16,7 @@ from quick import quick
 from studies import ILL, SMALL, cut_finely, parsed
 from workflow.grid import _tasks as cutting
 from workflow.grid import _waiting_for, waiting_for
-from workflow.run import Advance, Outcome, in_words, repeating, run_study
+from workflow.run import Advance, Outcome, in_words, run_study
 from workflow.run import _notebook as notebook_lines
 from workflow.run._progress import ProgressCounter, time_left
 from workflow.run._task import Stored
@@ -52,17 +52,6 @@ def test_work_counts_what_cases_cost(tmp_path: Path, many_tasks: None) -> None:
     half = next(advance for advance in reported if advance.stored >= 2)
     assert half.stored == 2
     assert half.work < 0.25
-
-
-def test_a_case_that_diverged_is_called_that(tmp_path: Path) -> None:
-    reported: list[Advance] = []
-    schemes = {"unstable": {"method": "moreau", "theta": 0.3}}
-    study = quick({"scheme": ["moreau", "unstable"], "e": None, "alpha": [0.0, 5.0]}, schemes=schemes)
-    outcome = run_study(study, tmp_path / "a.nc", 1, reported.append)
-    assert outcome.counts == {"ok": 2, "diverged": 2}
-    assert reported[-1].endings == {"diverged": 2}
-    assert in_words(reported[-1], 1.0).endswith("4 of 4 cases, 2 diverged")
-    assert "failed" not in in_words(reported[-1], 1.0)
 
 
 def test_a_run_that_goes_on_begins_where_it_stopped(tmp_path: Path, many_tasks: None) -> None:
@@ -154,21 +143,6 @@ def test_a_run_names_what_it_waits_for(tmp_path: Path, monkeypatch: pytest.Monke
     run_study(quick(auto, scene=scene, reference={"scheme": "event_driven"}), tmp_path / "a.nc")
     stages = [name for name in dict.fromkeys(named) if name in ("trials of `auto`", "references", "cases", "gathering")]
     assert stages == ["trials of `auto`", "cases", "references", "gathering"]
-
-
-def test_something_is_repeated_until_the_end() -> None:
-    thrice, number = threading.Event(), [0]
-
-    def act() -> None:
-        number[0] += 1
-        if number[0] == 3:
-            thrice.set()
-
-    with repeating(act, 1e-3):
-        assert thrice.wait(30)
-    after = number[0]
-    assert not threading.Event().wait(0.02)
-    assert number[0] == after
 
 
 class SlowHandle:

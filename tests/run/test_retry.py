@@ -126,34 +126,40 @@ def test_an_unfinished_run_is_ended_before_it_is_retried(
     assert not parts_of(archive).exists()
 
 
-def test_a_retry_that_was_stopped_goes_on(
-    tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("same", [True, False], ids=["the same command", "a plain run"])
+@pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])
+def test_what_was_stopped_goes_on(
+    again: dict[str, bool],
+    same: bool,
+    tmp_path: Path,
+    broken: set[float],
+    solved: list[int],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     cut_finely(monkeypatch)
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
     before = archive.read_bytes()
     broken.clear()
-    interrupted(quick(), archive, 2, retry=True)
+    interrupted(quick(), archive, 2, **again)
     assert archive.read_bytes() == before
     solved.clear()
-    assert run_study(quick(), archive, threads=1, retry=True).ok
-    assert len(solved) == 1
-
-
-@pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])
-def test_a_plain_run_finishes_what_was_stopped(
-    again: dict[str, bool], tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cut_finely(monkeypatch)
-    archive = tmp_path / "a.nc"
-    run_study(quick(), archive)
-    broken.clear()
-    interrupted(quick(), archive, 2, **again)
-    solved.clear()
-    assert run_study(quick(), archive, threads=1).counts == {"ok": 9}
+    assert run_study(quick(), archive, threads=1, **(again if same else {})).counts == {"ok": 9}  # type: ignore[arg-type]
     assert len(solved) == (1 if "retry" in again else 3)
     assert not parts_of(archive).exists()
+
+
+def test_what_another_command_has_stored_is_recomputed(
+    tmp_path: Path, solved: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a command that is stopped as well nothing is lost."""
+    cut_finely(monkeypatch)
+    archive = tmp_path / "a.nc"
+    interrupted(quick(), archive, 2)
+    interrupted(quick(), archive, 1, recompute=True)
+    solved.clear()
+    assert run_study(quick(), archive, threads=1).ok
+    assert len(solved) == 2 * 3
 
 
 def test_what_an_unfinished_extension_has_stored_is_not_run_again_by_a_retry(

@@ -8,18 +8,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from quick import interrupted, room_for
 from studies import ILL, SINGLE, SMALL, cut_finely, parsed
-from workflow.archive import ArchiveError, content_hash, open_archive, parts_of
-from workflow.grid import _tasks as cutting
+from workflow.archive import content_hash, open_archive, parts_of
 from workflow.run import run_study
-
-
-@pytest.fixture
-def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cut even the smallest study in a task per unit."""
-    cut_finely(monkeypatch)
-    monkeypatch.setattr(cutting, "TARGET_TASKS", 10**6)
 
 
 def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:
@@ -54,17 +45,6 @@ def test_bits_do_not_depend_on_threads_or_tasks(tmp_path: Path, monkeypatch: pyt
     assert len(set(hashes)) == 1
 
 
-def test_an_interrupted_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, many_tasks: None) -> None:
-    whole, archive = tmp_path / "whole.nc", tmp_path / "small.nc"
-    run_study(parsed(SMALL), whole)
-    written = interrupted(parsed(SMALL), archive, 3)
-    assert not archive.exists()
-    with room_for(100) as again:
-        assert run_study(parsed(SMALL), archive).resumed == 15
-    assert not set(again) & set(written)
-    assert content_hash(archive) == content_hash(whole)
-
-
 def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:
     outcome = run_study(parsed(ILL), tmp_path / "ill.nc")
     assert outcome.counts == {"ok": 4, "ill_posed": 4}
@@ -76,15 +56,6 @@ def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:
         assert np.isfinite(data["contact_impulse"].sel(alpha=[0, 5]).values).all()
         assert np.isnan(data["contact_impulse"].sel(alpha=[1e9, 2e9]).values).all()
         assert (data["runaway"].sel(alpha=[1e9, 2e9]) == 1).all()
-
-
-def test_a_second_run_is_refused_while_the_first_runs(tmp_path: Path) -> None:
-    from workflow.archive import run_lock
-
-    archive = tmp_path / "a.nc"
-    with run_lock(parts_of(archive)), pytest.raises(ArchiveError, match="another run has it"):
-        run_study(parsed(SINGLE), archive)
-    assert run_study(parsed(SINGLE), archive).ok
 
 
 @pytest.mark.parametrize("name", ["gap", "alpha_and_e"])
@@ -99,7 +70,6 @@ def test_parts_that_outlived_their_archive_go(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     run_study(parsed(SINGLE), archive)
     parts_of(archive).mkdir()
-    (parts_of(archive) / "command.json").write_text("{}")
     assert run_study(parsed(SINGLE), archive).resumed == 1
     assert list(tmp_path.iterdir()) == [archive]
 

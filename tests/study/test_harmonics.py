@@ -7,8 +7,7 @@ from workflow import read_study
 from workflow.grid import arrange, case_hashes, longest_period_count
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import structure_of
-from workflow.study import StudyError
-from workflow.study.axes import possible_names
+from workflow.study import StudyError, parse_study
 
 SCENE = """study: moving
 scene:
@@ -17,6 +16,8 @@ scene:
   load: {amplitude: %s, frequency: 2 Hz%s}
   duration: 1
 %s"""
+
+FRICTION = "  friction: {coefficient: 0.2, sliding_speed: 9, heat_share: 1}"
 
 
 def written(casing: str = "", load: str = "", rest: str = "", amplitude: str = "1") -> str:
@@ -56,18 +57,6 @@ def test_orders_are_multiples_of_the_speed_whichever_of_them_varies():
     assert batch.load_at(t)[0] == pytest.approx(np.sin(2 * turn) + 2 * np.sin(30 * turn), rel=1e-14)
 
 
-@pytest.mark.parametrize(
-    ("path", "names"),
-    [
-        ("scene.casing.gap", ["gap", "casing_gap", "scene_casing_gap"]),
-        ("scene.casing.harmonics.0.amplitude", ["harmonic_amplitude", "harmonic_amplitude_0"]),
-        ("scene.load.harmonics.11.phase", ["harmonic_phase", "harmonic_phase_11", "load_harmonic_phase_11"]),
-    ],
-)
-def test_no_name_of_a_dimension_begins_with_an_index(path, names):
-    assert possible_names(path)[: len(names)] == names
-
-
 def test_names_are_numbered_where_they_are_taken():
     axes = "".join(
         f"  scene.{path}.amplitude: [0, 1e-6]\n"
@@ -75,12 +64,8 @@ def test_names_are_numbered_where_they_are_taken():
     )
     text = written("{order: 1}, {order: 2}", "{order: 1, amplitude: 1}, {order: 2}", f"  speed: 1\naxes:\n{axes}")
     names = [dimension.name for dimension in read_study(text).dimensions]
-    assert names == [
-        "amplitude",
-        "harmonic_amplitude_0",
-        "casing_harmonic_amplitude_1",
-        "load_harmonic_amplitude_1",
-    ]
+    numbered = ["harmonic_amplitude_0", "casing_harmonic_amplitude_1", "load_harmonic_amplitude_1"]
+    assert names == ["amplitude", *numbered]
 
 
 @pytest.mark.parametrize(
@@ -88,27 +73,15 @@ def test_names_are_numbered_where_they_are_taken():
     [
         ("{amplitude: 1 um}", "", "", r"harmonics\[0\]: has neither `frequency` nor `order`; write one of the two"),
         ("{amplitude: 1 um, order: 1, frequency: 2}", "", "  speed: 1", "has both `frequency` and `order`"),
-        (
-            "",
-            "{amplitude: 1, order: 1}",
-            "",
-            r"load\.harmonics\[0\]\.order: is a multiple of a speed that is",
-        ),
+        ("", "{amplitude: 1, order: 1}", "", r"load\.harmonics\[0\]\.order: is a multiple of a speed that is"),
         ("{order: 1}", "", "  speed: 1", r"casing\.harmonics\[0\]\.amplitude: is missing"),
         ("{amplitude: 1 N, order: 1}", "", "  speed: 1", r"casing\.harmonics\[0\]\.amplitude: .* is not a length"),
         ("3", "", "", r"casing\.harmonics\[0\]: `3` is not a mapping"),
         ("", "", "  friction: {coefficient: 0.2, sliding_speed: 9}", r"scene\.friction\.heat_share: is missing"),
-        (
-            "",
-            "",
-            "  friction: {coefficient: 0.2, sliding_speed: 9, heat_share: 1}\naxes: {alpha: [1, 2]}",
-            r"f:8: axes\.alpha: stands beside `scene\.friction`",
-        ),
+        ("", "", f"{FRICTION}\naxes: {{alpha: [1, 2]}}", r"f:8: axes\.alpha: stands beside `scene\.friction`"),
     ],
 )
 def test_mistakes_are_told_where_they_are(casing, load, rest, message):
-    from workflow.study import parse_study
-
     with pytest.raises(StudyError, match=message):
         parse_study(written(casing, load, rest), "f")
 
@@ -121,14 +94,12 @@ def test_the_start_is_judged_against_the_casing_at_0():
         read_study(written("{frequency: 1, phase: 90 deg}", rest=f"{start}\n{axes}"))
 
 
+HARMONICS = "{amplitude: 1, frequency: 3}", "{amplitude: 1 um, frequency: 5}"
+
+
 @pytest.mark.parametrize(
     ("amplitude", "load", "casing", "periods"),
-    [
-        ("1", "{amplitude: 1, frequency: 3}", "{amplitude: 1 um, frequency: 5}", 2),
-        ("0", "{amplitude: 1, frequency: 3}", "{amplitude: 1 um, frequency: 5}", 3),
-        ("0", "", "{amplitude: 1 um, frequency: 5}", 5),
-        ("0", "", "", 2),
-    ],
+    [("1", *HARMONICS, 2), ("0", *HARMONICS, 3), ("0", "", HARMONICS[1], 5), ("0", "", "", 2)],
 )
 def test_periods_are_those_of_the_load_then_of_a_load_harmonic_then_of_the_casing(amplitude, load, casing, periods):
     study = read_study(written(casing, load, amplitude=amplitude))
@@ -161,5 +132,8 @@ def test_a_case_is_known_by_what_acts_on_it():
 
 
 def test_settings_reach_entries_of_harmonics():
-    study = read_study(written("{frequency: 2, amplitude: 1 um}")).with_({"scene.casing.harmonics.0.amplitude": "3 um"})
-    assert study.scene.casing.harmonics[0].amplitude == 3e-6
+    order = "{order: 2, amplitude: 1 um}"
+    changed = {"scene.casing.harmonics.0.amplitude": "3 um", "scene.speed": "600 rpm"}
+    scene = read_study(written(order, rest="  speed: 1")).with_(changed).scene
+    assert (scene.casing.harmonics[0].amplitude, scene.speed) == (3e-6, 10)
+    assert read_study(written(order), {"scene.speed": 2}).scene.speed == 2

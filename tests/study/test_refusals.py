@@ -13,88 +13,48 @@ from workflow.cli import app
 from workflow.study import StudyError, parse_study, read_study
 from workflow.study.source import MOST_ENTRIES, compose
 
+TITLE = "title: Tip response of a compressor blade that rubs on its casing"
+STEPS = "{log: [1e-6, 1e-4, 5]}"
 CHANGED = [
     (17, "frequency: 5 Hz", "frequency: 1e15 Hz", "scene.load.frequency", "2e+15 load periods", "up to 1e+06 Hz"),
     # line; what is written there, what stands there instead; key, fragments of the problem and the remedy
     (1, "study: blade", "study: 5 blades", "study", "is no name", "letters, digits"),
-    (1, "study: blade", "study: [blade]", "study", "a list is no name", "letters, digits"),
-    (1, "study: blade", "stduy: blade", "stduy", "is not known", "did you mean `study`"),
     (2, "title: Tip", f"title: {'Tip ' * 300}", "title", "characters", "at most 1000"),
-    (
-        2,
-        "title: Tip response of a compressor blade that rubs on its casing",
-        'title: "a\\uD800"',
-        "title",
-        "escape that is no character",
-        "write the character",
-    ),
-    (2, "title: Tip response of a compressor blade that rubs on its casing", "title: 5", "title", "not a text", "line"),
-    (4, "  blade:", "  blad:", "scene.blad", "is not known", "did you mean `blade`"),
-    (6, "    length: 40 mm", "    lenght: 40 mm", "scene.blade.lenght", "is not known", "did you mean `length`"),
+    (2, TITLE, 'title: "a\\uD800"', "title", "escape that is no character", "write the character"),
+    (2, TITLE, "title: 5", "title", "not a text", "line"),
     (6, "length: 40 mm", "length: 40 kg", "scene.blade.length", "`40 kg` is not a length", "e.g. `0.5 mm`"),
     (6, "length: 40 mm", "length: 40 furlong_per", "scene.blade.length", "is not a unit", "metres"),
     (6, "length: 40 mm", "length: 9**9**9 m", "scene.blade.length", "`**9**9 m` is not a unit", "metres"),
     (6, "length: 40 mm", "length: '40'", "scene.blade.length", "without a unit", "metres"),
-    (6, "length: 40 mm", "length: mm", "scene.blade.length", "is not a length", "metres"),
-    (6, "length: 40 mm", "length: 40 (mm)", "scene.blade.length", "is not a unit", "metres"),
-    (6, "length: 40 mm", "length: 40 __import__('os')", "scene.blade.length", "is not a unit", "metres"),
-    (6, "length: 40 mm", "length: 1e999 mm", "scene.blade.length", "is not finite", "metres"),
-    (6, "length: 40 mm", "length: .nan", "scene.blade.length", "is not finite", "metres"),
-    (6, "length: 40 mm", "length: -.inf", "scene.blade.length", "is not finite", "metres"),
-    (6, "length: 40 mm", f"length: {'9' * 299}{'0' * 200}", "scene.blade.length", "is not finite", "metres"),
-    (6, "length: 40 mm", "length: true", "scene.blade.length", "`true` is not a length", "metres"),
     (6, "length: 40 mm", "length:", "scene.blade.length", "has no value", "metres"),
-    (6, "length: 40 mm", "length: [40 mm]", "scene.blade.length", "a list is not a length", "metres"),
-    (6, "length: 40 mm", "length: {mm: 40}", "scene.blade.length", "a mapping is not a length", "metres"),
     (6, "length: 40 mm", "length: 0", "scene.blade.length", "out of range", "above 0 m"),
     (6, "length: 40 mm", "length: !!float 40", "scene.blade.length", "has the tag", "without a tag"),
-    (6, "length: 40 mm", "length: !metres 40", "scene.blade.length", "has the tag", "without a tag"),
     (9, "density: 4430", "density: 4430 K", "scene.blade.density", "in kg/m**3", "1 kg/m**3"),
-    (5, "nodes: 20", "nodes: 20.5", "scene.blade.nodes", "is not a whole number", "whole"),
-    (5, "nodes: 20", "nodes: 0", "scene.blade.nodes", "out of range", "at least 1 and at most 200000"),
-    (5, "nodes: 20", "nodes: many", "scene.blade.nodes", "is not a whole number", "write a whole"),
     (15, "{mass: 10.0, stiffness: 2.0e-7}", "{mas: 10.0}", "scene.blade.damping.mas", "not known", "`mass`"),
     (15, "{mass: 10.0, stiffness: 2.0e-7}", "10", "scene.blade.damping", "is not a mapping", "key: value"),
     (16, "{gap: 20 um}", "{gap: 20 um, gap: 10 um}", "scene.casing.gap", "stands twice, first in line 16", "keep one"),
     (17, "frequency: 5 Hz", "frequency: 5 rad/s", "scene.load.frequency", "is not a frequency", "e.g. `5 Hz`"),
-    (17, "frequency: 5 Hz", "frequency: -5 Hz", "scene.load.frequency", "out of range", "at least 0"),
     (17, "phase: 0", "phase: 1e22", "scene.load.phase", "is out of range", "at least -1000 and at most 1000 rad"),
-    (17, "phase: 0", "phase: 3 Hz", "scene.load.phase", "is not an angle", "90 deg"),
     (18, "temperature: 0}", "temperature: 20 degC}", "scene.initial.temperature", "has an offset", "the rise above"),
-    (18, "temperature: 0}", "temperature: 20 °C}", "scene.initial.temperature", "has an offset", "kelvin"),
     (18, "temperature: 0}", "temperature: [1, 2]}", "scene.initial.temperature", "has 2 values", "20 values"),
     (18, "{displacement: 0, v", "{displacement: 16 um, v", "scene.initial.displacement", "inside the casing", "static"),
     (18, "{displacement: 0, velocity: 0, temperature: 0}", "statik", "scene.initial", "not a mapping or", "static"),
-    (19, "  duration: 2 s", "  duration: 0", "scene.duration", "out of range", "above 0"),
     (3, "  duration: 2 s\n", "", "scene.duration", "is missing", "write it: duration"),
     (22, "midpoint: {method: m", "midpoint: {method: nm", "schemes.midpoint.method", "no method", "`moreau`"),
     (22, "midpoint: {method: moreau,", "midpoint: {", "schemes.midpoint", "`method` is missing", "moreau"),
-    (22, "theta: 0.5", "thta: 0.5", "schemes.midpoint.thta", "not known", "did you mean `theta`"),
-    (22, "theta: 0.5", "theta: 1.5", "schemes.midpoint.theta", "out of range", "at least 0 and at most 1"),
     (24, "[implicit_euler, midpoint]", "[implicit_euler, midpiont]", "axes.scheme[1]", "none of", "`midpoint`"),
-    (24, "[implicit_euler, midpoint]", "{lin: [1, 2, 3]}", "axes.scheme", "cannot be spread", "write a list"),
     (25, "e: [0, 0.5, 0.9]", "e: [0, 0.5, 1.1]", "axes.e[2]", "out of range", "at least 0 and at most 1"),
     (25, "e: [0, 0.5, 0.9]", "e: []", "axes.e", "is empty", "at least one"),
     (25, "e: [0, 0.5, 0.9]", "e: [0, 0.5, 0.5]", "axes.e", "has `0.5` twice", "distinct"),
     (25, "e: [0, 0.5, 0.9]", "e: [0, [0.5]]", "axes.e[1]", "not a single value", "single"),
     (4, "tip_stiffness: 1.0e6", "youngs_modulus: 114e9\n    tip_stiffness: 1e6", "scene.blade", "has both", "one of"),
     (4, "    tip_stiffness: 1.0e6\n", "", "scene.blade", "neither `tip_stiffness` nor `youngs_modulus`", "one of"),
-    (26, "{log: [1e-6, 1e-4, 5]}", "[1e-4, 3]", "axes.h", "3 s is longer than the duration of 2 s", "at most 2 s"),
+    (26, STEPS, "[1e-4, 3]", "axes.h", "3 s is longer than the duration of 2 s", "at most 2 s"),
     (25, "e: [0, 0.5, 0.9]", "restitution: [0]", "axes.restitution", "not known", "did you mean `e`"),
-    (25, "e: [0, 0.5, 0.9]", "ee: [0]", "axes.ee", "not known", "did you mean `e`"),
-    (26, "{log: [1e-6, 1e-4, 5]}", "{log: [0 s, 1e-4, 5]}", "axes.h.log[0]", "out of range", "above 0"),
-    (26, "{log: [1e-6, 1e-4, 5]}", "{log: [1e-6, 1e-4]}", "axes.h.log", "not first, last and count", "count"),
-    (26, "{log: [1e-6, 1e-4, 5]}", "{log: [1e-6, 1e-6, 5]}", "axes.h.log", "same value", "list of one"),
-    (26, "{log: [1e-6, 1e-4, 5]}", "{log: [1e-6, 1e-4, 1e12]}", "axes.h.log[2]", "out of range", "at most 1e+06"),
-    (26, "{log: [1e-6, 1e-4, 5]}", "{geo: [1e-6, 1e-4, 5]}", "axes.h", "neither a list nor", "log"),
-    (
-        23,
-        "{log: [1e-6, 1e-4, 5]}",
-        "{log: [1e-6, 1e-4, 1e6]}\n  scene.load.mean: {lin: [0, 1, 1000]}",
-        "axes",
-        "cases",
-        "1e",
-    ),
+    (26, STEPS, "{log: [0 s, 1e-4, 5]}", "axes.h.log[0]", "out of range", "above 0"),
+    (26, STEPS, "{log: [1e-6, 1e-6, 5]}", "axes.h.log", "same value", "list of one"),
+    (26, STEPS, "{geo: [1e-6, 1e-4, 5]}", "axes.h", "neither a list nor", "log"),
+    (23, STEPS, "{log: [1e-6, 1e-4, 1e6]}\n  scene.load.mean: {lin: [0, 1, 1000]}", "axes", "cases", "1e"),
     (27, "alpha: [0, 30]", "alpha: {log: [0, 30, 5]}", "axes.alpha.log", "positive ends", "lin"),
     (28, "scene.casing.gap: [", "scene.casing.gpa: [", "axes.scene.casing.gpa", "not known", "`scene.casing.gap`"),
     (28, "scene.casing.gap: [", "scene.duration: [", "axes.scene.duration", "does not belong", "one time axis"),
@@ -102,24 +62,13 @@ CHANGED = [
     (27, "alpha: [0, 30]", "schemes.midpiont.theta: [0, 1]", "axes.schemes.midpiont.theta", "not known", "midpoint"),
     (30, "alpha: [0, 30]", "mechanical_modes: [1]", "zip.model.mechanical_modes", "is an axis already", "keep one"),
     (30, "mechanical_modes: [1, 3, full]", "mechanical_modes: [1, full]", "zip.model", "different length", "as many"),
-    (30, "[1, 3, full]", "[1, 3, 20]", "zip.model.mechanical_modes", "more than", "19"),
-    (30, "[1, 3, full]", "[1, -3, full]", "zip.model.mechanical_modes[1]", "range", "0"),
-    (30, "[1, 3, full]", "[1, 3, al]", "zip.model.mechanical_modes[2]", "modes", "full"),
     (30, "mechanical_modes: [1, 3, full]", "mechanical_modes: 3", "zip.model.mechanical_modes", "not a list", "others"),
     (30, "  model: {mech", "  status: {mech", "zip.status", "name of a variable", "otherwise"),
     (30, "  model: {mech", "  a b: {mech", "zip.a b", "is no name", "letters"),
     (31, "reference: {scheme: moreau", "reference: {scheme: exact", "reference.scheme", "none of", "midpoint"),
-    (31, "reference: {scheme", "reference: {gap: 1, scheme", "reference.gap", "not known", "can stand here"),
-    (31, "reference: {scheme: moreau, m", "reference: {e: 2, m", "reference.e", "out of range", "at most 1"),
     (33, "interval: 1 ms", "interval: 3 ms", "output.interval", "does not divide", "write e.g. 0.004, for 500"),
-    (33, "interval: 1 ms", "interval: 1 ns", "output.interval", "samples", "at least"),
-    (33, "interval: 1 ms", "interval: 0", "output.interval", "out of range", "above 0"),
-    (34, "[displacement, t", "[displacment, t", "output.histories[0]", "none of", "`displacement`"),
-    (34, "[displacement, temperature, contact_force]", "displacement", "output.histories", "not a list", "[]"),
-    (35, "precision: float64", "precision: float16", "output.precision", "none of", "float"),
     (35, "precision: float64", "balances: maybe", "output.balances", "neither true nor false", "true or false"),
     (32, "output:", "e: 0.5\noutput:", "e", "does not belong here", "under `axes`"),
-    (32, "output:", "duration: 2\noutput:", "duration", "does not belong here", "under `scene`"),
     (32, "output:", "<<: {}\noutput:", "<<", "merge key", "not read"),
     (32, "output:", "[1]: 5\noutput:", "", "a key that is no word", "one word"),
 ]
@@ -142,17 +91,14 @@ def test_changed_line(line: int, old: str, new: str, key: str, problem: str, rem
 
 WHOLE = [
     ("", None, "is empty"),
-    ("# nothing\n", None, "is empty"),
     ("- 1\n- 2\n", "", "is not a mapping"),
     ("just words", "", "is not a mapping"),
     ("study: a\n---\nstudy: b\n", "", "another document"),
     ("study: 'a\n", "", "is not YAML"),
     ("study: a: b\n", "", "is not YAML"),
-    ("study: \x00\n", "", "is not YAML"),
     ('study: "\\UFFFFFFFF"\n', "", "is not YAML"),
     ("%YAML 9.9\n---\nstudy: a\n", "", "is not YAML"),
     ("study: " + "[" * 10_000, "", "deeper than 40"),
-    ("study: " + "{a: " * 10_000, "", "deeper than 40"),
     ("\n".join(" " * i + "a:" for i in range(1000)), "", "deeper than 40"),
     ("a: [1]\nb: *a\n", "", "undefined alias"),
     ("a: &a [1, *a]\n", "", "deeper than 40"),
@@ -189,7 +135,6 @@ def test_aliases_that_grow_are_refused_by_the_number_of_entries() -> None:
         (lambda path: os.mkfifo(path), "is not a file"),
         (lambda path: path.write_bytes(b"study: a\ntitle: \xff\n"), "not UTF-8"),
         (lambda path: path.write_bytes(b"#" * (2**20 + 1)), "larger than 1 MiB"),
-        (lambda path: path.write_bytes(b""), "is empty"),
     ],
 )
 def test_file(tmp_path: Path, make, problem: str) -> None:
@@ -200,7 +145,7 @@ def test_file(tmp_path: Path, make, problem: str) -> None:
     (mistake,) = refused.value.mistakes
     assert problem in mistake.problem
     assert mistake.file == str(path)
-    assert str(refused.value).startswith(str(path))
+    assert mistake.line == (2 if "UTF" in problem else None)
 
 
 def test_path_with_a_null_character() -> None:
@@ -216,11 +161,8 @@ def test_a_duration_far_below_the_interval() -> None:
         parse_study(text + "output: {interval: 1 ms}\n", "study")
 
 
-def test_not_utf8_names_the_line(tmp_path: Path) -> None:
-    path = tmp_path / "study.yaml"
-    path.write_bytes(b"study: a\ntitle: \xff\n")
-    with pytest.raises(StudyError, match=r":2: "):
-        read_study(path)
+def drawn(path: str, points: int = 4) -> str:
+    return f"{{sample: random, points: {points}, of: {{{path}: [0, 1]}}}}"
 
 
 NODES = [
@@ -232,9 +174,7 @@ NODES = [
     ("axes: {mechanical_modes: auto}", "axes.mechanical_modes", "is `auto` without a `tolerance`"),
     ("zip: {a: {thermal_modes: [1, auto]}}", "zip.a.thermal_modes", "is `auto` without a `tolerance`"),
     ("axes: {thermal_modes: automatic}", "axes.thermal_modes", "`automatic` is not a number of modes"),
-    ("axes: {thermal_modes: auto, tolerance: 0}", "axes.tolerance", "is out of range"),
     ("axes: {tolerance: full}", "axes.tolerance", "is not a pure number"),
-    ("tolerance: 0.1", "tolerance", "does not belong here"),
     ("reference: {thermal_modes: auto}", "reference.thermal_modes", "is `auto` without a `tolerance`"),
     ("reference: {tolerance: 0.1}", "reference.tolerance", "decides nothing"),
     ("axes: {scene.chain.nodes: [2, 3], mechanical_modes: [1, full]}", "axes.mechanical_modes", "nodes varies"),
@@ -242,46 +182,23 @@ NODES = [
     ("axes: {scene.chain.nodes: [2, 3]}\nreference: {thermal_modes: 2}", "reference.thermal_modes", "more than the 1"),
     ("axes: {scene.chain.nodes: {lin: [2, 5, 3]}}", "axes.scene.chain.nodes", "not whole numbers"),
     ("zip: {a: {}}", "zip.a", "is empty"),
-    ("zip: {e: {e: [0, 1]}}", "zip.e", "name of a variable"),
     ("zip: {a: {sample: random, points: 4, of: {e: [0.5, 0]}}}", "zip.a.of.e", "does not end above its begin"),
     ("zip: {a: {sample: random, points: 4, of: {e: [0, 2]}}}", "zip.a.of.e[1]", "`2` is out of range"),
     ("zip: {a: {sample: random, points: 4, of: {e: {log: [0, 1]}}}}", "zip.a.of.e", "needs positive ends"),
-    ("zip: {a: {sample: random, points: 4, of: {e: {lin: [0, 1]}}}}", "zip.a.of.e", "is no range"),
     ("zip: {a: {sample: random, points: 4, of: {h: [1e-5, 1e-4]}}}", "zip.a.of.h", "does not belong here"),
     ("zip: {a: {sample: random, points: 4, of: {}}}", "zip.a.of", "has 0 numbers"),
-    ("zip: {a: {sample: random, points: 1, of: {e: [0, 1]}}}", "zip.a.points", "`1` is out of range"),
-    ("zip: {a: {sample: random, of: {e: [0, 1]}}}", "zip.a.points", "is missing"),
     ("zip: {a: {sample: sobol, points: 4, of: {e: [0, 1]}}}", "zip.a.sample", "is none of the choices"),
-    ("zip: {a: {sample: random, points: 4, of: {e: [0, 1]}, alpha: [1]}}", "zip.a.alpha", "is not known here"),
     ("zip: {a: {sample: sobol_indices, points: 4, of: {e: [0, 1]}}}", "zip.a.of", "has 1 numbers"),
-    (
-        "zip: {a: {sample: sobol_indices, points: 12, of: {e: [0, 1], alpha: [0, 1]}}}",
-        "zip.a.points",
-        "12 is no power of two",
-    ),
-    (
-        "zip: {a: {sample: sobol_indices, points: 524288, of: {e: [0, 1], alpha: [0, 1]}}}",
-        "zip.a.points",
-        "come to 2097152 cases",
-    ),
-    (
-        "axes: {alpha: [0, 1], h: {lin: [1e-5, 1e-4, 1000]}}\nzip: {a: {sample: random, points: 1e6, of: {e: [0, 1]}}}",
-        "axes",
-        "come to 2e+09 cases",
-    ),
-    (
-        "zip: {a: {sample: random, points: 4, of: {e: [0, 1]}}, b: {sample: random, points: 4, of: {alpha: [0, 1]}}}",
-        "zip.b",
-        "and so is another zip",
-    ),
-    ("zip: {h: {sample: random, points: 4, of: {e: [0, 1]}}}", "zip.h", "name of a variable"),
+    ("zip: {a: {sample: sobol_indices, points: 12, of: {e: [0, 1], alpha: [0, 1]}}}", "zip.a.points", "power of two"),
+    ("zip: {a: {sample: sobol_indices, points: 524288, of: {e: [0, 1], alpha: [0, 1]}}}", "zip.a.points", "2097152"),
+    (f"axes: {{h: {{lin: [1e-5, 1e-4, 1000]}}}}\nzip: {{a: {drawn('e', 10**6)}}}", "axes", "come to 1e+09 cases"),
+    (f"zip: {{a: {drawn('e')}, b: {drawn('alpha')}}}", "zip.b", "and so is another zip"),
+    (f"zip: {{h: {drawn('e')}}}", "zip.h", "name of a variable"),
     ("axes: {e: 0}\nzip: {a: {sample: random, points: 4, of: {e: [0, 1]}}}", "zip.a.of.e", "is an axis already"),
     ("axes: {scene.initial: [static]}", "axes.scene.initial", "does not belong"),
     ("schemes: {moreau: 3}", "schemes.moreau", "not a mapping"),
     ("axes: 5", "axes", "not a mapping"),
     ("axes:", "axes", "has nothing in it"),
-    ("zip: [1]", "zip", "not a mapping"),
-    ("load: {}", "load", "does not belong here"),
 ]
 
 
@@ -310,13 +227,8 @@ def test_static_start_has_no_axis() -> None:
 
 
 def test_two_models_and_no_model() -> None:
-    (second,) = mistakes_of(
-        CHAIN.replace(
-            "  casing",
-            "  blade: {nodes: 3, length: 1, width: 1, thickness: 1, density: 1,"
-            " specific_heat: 1, conductivity: 1, tip_stiffness: 1}\n  casing",
-        )
-    )
+    blade = "{nodes: 3, length: 1, width: 1, thickness: 1, density: 1, specific_heat: 1, conductivity: 1}"
+    (second,) = mistakes_of(CHAIN.replace("  casing", f"  blade: {blade}\n  casing"))
     assert (second.key, second.line) == ("scene.blade", 4)
     (unknown,) = mistakes_of(CHAIN.replace("chain: {", "truss: {") + "axes: {scene.truss.mass: [1, 2]}\n")
     assert (unknown.key, unknown.line) == ("scene.truss", 3)
@@ -326,26 +238,20 @@ def test_two_models_and_no_model() -> None:
 
 
 def test_mistakes_of_entries_come_at_once_in_the_order_of_the_file_then_those_between_them() -> None:
-    entries = (
-        BLADE.replace("length: 40 mm", "length: 40 kg")
-        .replace("gap: 20 um}", "gap: 20 um, colour: red}")
-        .replace("duration: 2 s", "duration: 2 s\n  wind: 3")
-        .replace("theta: 0.5", "theta: half")
-        .replace("0.9]", "0.9, 7]")
-        .replace("alpha: [0, 30]", "alpha: []")
-        .replace("float64", "float65")
-    )
-    between = BLADE.replace("[4, 12, full]", "[4, 12]").replace("interval: 1 ms", "interval: 3 ms")
-    expected = [
-        "scene.blade.length",
-        "scene.casing.colour",
-        "scene.wind",
-        "schemes.midpoint.theta",
-        "axes.e[3]",
-        "axes.alpha",
-        "output.precision",
-    ]
-    for text, keys in ((entries, expected), (between, ["zip.model", "output.interval"])):
+    entries = {
+        "scene.blade.length": ("length: 40 mm", "length: 40 kg"),
+        "scene.casing.colour": ("gap: 20 um}", "gap: 20 um, colour: red}"),
+        "scene.wind": ("duration: 2 s", "duration: 2 s\n  wind: 3"),
+        "schemes.midpoint.theta": ("theta: 0.5", "theta: half"),
+        "axes.e[3]": ("0.9]", "0.9, 7]"),
+        "axes.alpha": ("alpha: [0, 30]", "alpha: []"),
+        "output.precision": ("float64", "float65"),
+    }
+    between = {"zip.model": ("[4, 12, full]", "[4, 12]"), "output.interval": ("interval: 1 ms", "interval: 3 ms")}
+    for changes in (entries, between):
+        text, keys = BLADE, list(changes)
+        for old, new in changes.values():
+            text = text.replace(old, new)
         mistakes = mistakes_of(text)
         assert [mistake.key for mistake in mistakes] == keys
         assert [mistake.line for mistake in mistakes] == sorted(mistake.line or 0 for mistake in mistakes)

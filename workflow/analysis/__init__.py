@@ -9,18 +9,21 @@ from workflow.analysis._cases import (
     finest,
     labels,
     labels_of,
-    mode_counts,
+    modes_along,
     naming,
     place_text,
     rounded_texts,
     runaways,
     shown_dim,
+    unit_of,
     value_text,
 )
 from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
 from workflow.analysis._decided import decided
 from workflow.analysis._effects import effect, hidden
+from workflow.analysis._growth import impulse_growth
+from workflow.analysis._json import json_value
 from workflow.analysis._limits import (
     Limits,
     NothingSteadyError,
@@ -29,14 +32,12 @@ from workflow.analysis._limits import (
     limit_sentence,
     limits,
 )
-from workflow.analysis._motion import contact_loss, energy_kept, growth, impact_speeds, impulse_growth
 from workflow.analysis._notable import exact_partners, is_exact, notable_cases, total_error
 from workflow.analysis._phases import contact_phases
 from workflow.analysis._precision import (
     ERRORS,
     SENSELESS,
     Line,
-    has_lines,
     lines,
     observed_order,
 )
@@ -71,30 +72,26 @@ __all__ = [
     "case_dims",
     "casing_motion",
     "compare",
-    "contact_loss",
     "contact_phases",
     "count_sentence",
     "decided",
     "drawn_dim",
     "effect",
-    "energy_kept",
     "exact",
     "exact_partners",
     "failures",
     "finest",
     "followed_axis",
-    "growth",
-    "has_lines",
     "hidden",
-    "impact_speeds",
     "impulse_growth",
     "is_exact",
+    "json_value",
     "labels",
     "labels_of",
     "limit_sentence",
     "limits",
     "lines",
-    "mode_counts",
+    "modes_along",
     "naming",
     "notable_cases",
     "numerical_dims",
@@ -114,6 +111,7 @@ __all__ = [
     "standings",
     "total_error",
     "undecidable",
+    "unit_of",
     "usual_recommendations",
     "value_text",
     "work_precision",

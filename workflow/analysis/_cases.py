@@ -59,9 +59,14 @@ def exact(value: object) -> str:
     return next((text for digits in range(4, 17) if float(text := f"{value:.{digits}g}") == value), repr(float(value)))
 
 
+def unit_of(values: xr.DataArray) -> str:
+    """Return the unit of values as it is written by hand, ``W/N``; an empty text of pure numbers."""
+    return readable(str(values.attrs.get("units", "1")))
+
+
 def coordinate_units(dataset: xr.Dataset) -> dict[str, str]:
-    """Return the units of coordinates as they are written by hand, ``W/N``, by name; empty texts of pure numbers."""
-    return {str(name): readable(str(values.attrs.get("units", "1"))) for name, values in dataset.coords.items()}
+    """Return the units of coordinates by name, see :func:`unit_of`."""
+    return {str(name): unit_of(values) for name, values in dataset.coords.items()}
 
 
 def is_auto(coordinate: xr.DataArray, value: object) -> bool:
@@ -82,6 +87,12 @@ def mode_counts(dataset: xr.Dataset, name: str) -> NDArray[np.float64]:
         used = dataset[f"{name}_used"].isel(dict(zip(coordinate.dims, place, strict=True)))
         counts[place] = float(used.max())
     return counts
+
+
+def modes_along(dataset: xr.Dataset, dim: str) -> NDArray[np.float64]:
+    """Return the modes of both kinds at each place along a dimension, 0 where no count lies along it."""
+    names = [name for name in MODES if name in dataset.coords and dataset[name].dims == (dim,)]
+    return sum((mode_counts(dataset, name) for name in names), np.zeros(dataset.sizes[dim]))
 
 
 def naming(dataset: xr.Dataset, dim: str) -> list[str]:
@@ -128,7 +139,7 @@ def place_text(dataset: xr.Dataset, place: Mapping[str, int]) -> str:
 
 
 def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
-    unit = readable(str(coordinate.attrs.get("units", "1")))
+    unit = unit_of(coordinate)
     before = f"{coordinate.name} ".replace("_", " ") if named else ""
     after = f" {unit}" if unit else ""
     few = rounded and np.issubdtype(coordinate.dtype, np.floating)

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, coordinate_units, exact, labels, naming
+from workflow.analysis._cases import case_dims, coordinate_units, exact, labels, naming, unit_of
 from workflow.analysis._recommend import is_numerical
 from workflow.schemes import Status
-from workflow.study import readable
 from workflow.variables import BY_NAME
 
 if TYPE_CHECKING:
@@ -248,7 +247,7 @@ def limit_sentence(
     limit: Limit, dataset: xr.Dataset, bounds: Mapping[str, float | None], *, of_one: bool = False
 ) -> str:
     """Return a limit as a sentence: of all cases, or of the one branch or combination that it names."""
-    units = coordinate_units(dataset) | {limit.axis: readable(str(dataset[limit.axis].attrs.get("units", "1")))}
+    units = coordinate_units(dataset) | {limit.axis: unit_of(dataset[limit.axis])}
 
     def written(name: str, value: Any) -> str:
         return f"{value:.6g}" if name in dataset.data_vars else exact(value)  # points of a branch have all digits

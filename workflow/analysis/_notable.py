@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, finest, mode_counts
+from workflow.analysis._cases import case_dims, finest, modes_along
 from workflow.analysis._recommend import Choice, is_numerical, numerical_dims
 from workflow.schemes import Status
-from workflow.study import MODES
 from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
@@ -127,31 +126,18 @@ def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[n
     ndarray
         Shape ``(case,)``, cases counted as in :func:`notable_cases`.
     """
+    import xarray as xr
+
     status = np.asarray(dataset["status"].values)
-    none = np.full(status.size, -1, dtype=np.int64)
-    if "scheme" not in dataset.coords:
-        return none
-    labels = [str(label) for label in np.atleast_1d(dataset["scheme"].values)]
+    labels = [str(label) for label in np.atleast_1d(dataset["scheme"].values)] if "scheme" in dataset.coords else []
     exact = np.asarray([methods.get(label, label) == EXACT for label in labels])
     if not exact.any():
-        return none
+        return np.full(status.size, -1, dtype=np.int64)
     place, coords = finest(dataset), dataset.coords.items()
     changing_scene = {dim for name, values in coords if not is_numerical(dataset, str(name)) for dim in values.dims}
     at = {dim: place[dim] for dim in numerical_dims(dataset) if dim not in changing_scene}
-    if dataset["scheme"].ndim:
-        at[str(dataset["scheme"].dims[0])] = _most_modes(dataset, exact)
-    places: list[NDArray[np.int64]] = list(np.indices(status.shape, sparse=True))
-    dims = case_dims(dataset)
-    fixed = [np.asarray(at[dim]) if dim in at else places[k] for k, dim in enumerate(dims)]
-    partners = np.broadcast_to(np.ravel_multi_index(fixed, status.shape), status.shape) if dims else np.zeros((), int)
-    partners = np.ascontiguousarray(partners).ravel().astype(np.int64)
+    for dim in map(str, dataset["scheme"].dims):
+        at[dim] = int(np.argmax(np.where(exact, modes_along(dataset, dim), -np.inf)))
+    number = xr.DataArray(np.arange(status.size).reshape(status.shape), dims=case_dims(dataset))
+    partners = number.isel(at).broadcast_like(number).transpose(*number.dims).values.ravel()
     return np.where(status.ravel()[partners] == Status.OK, partners, -1)
-
-
-def _most_modes(dataset: xr.Dataset, exact: NDArray[np.bool_]) -> int:
-    """Return the exact scheme's place along its dimension, that with the most modes where they lie along it too."""
-    modes = np.zeros(exact.size)
-    for name in MODES:
-        if name in dataset.coords and dataset[name].dims == dataset["scheme"].dims:
-            modes += mode_counts(dataset, name)
-    return int(np.argmax(np.where(exact, modes, -np.inf)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -71,7 +70,7 @@ def observed_order(dataset: xr.Dataset, error: str = "impulse_scheme_error") -> 
     if "predictability" in dataset:
         errors = errors.where(errors > UNPREDICTABLE * dataset["predictability"].fillna(0.0))
     errors = errors.transpose(..., dim)
-    order, scatter = fitted(np.asarray(dataset["h"].values, dtype=float), np.asarray(errors.values, dtype=float))
+    order, scatter = _fitted(np.asarray(dataset["h"].values, dtype=float), np.asarray(errors.values, dtype=float))
     dims, what = errors.dims[:-1], error.replace("_", " ")
     about = {"units": "1", "long_name": f"observed order of the {what} in h"}
     about_scatter = {"units": "1", "long_name": f"root mean square of log10 of the {what} about the line of the order"}
@@ -79,16 +78,8 @@ def observed_order(dataset: xr.Dataset, error: str = "impulse_scheme_error") -> 
     return xr.Dataset(variables, errors.isel({dim: 0}, drop=True).coords)
 
 
-def fitted(h: Array, errors: Array) -> tuple[Array, Array]:
-    """Return slope and scatter of log10 error over log10 h by least squares, see :func:`observed_order`.
-
-    Parameters
-    ----------
-    h
-        Steps, s, shape ``(h,)``.
-    errors
-        ``(case, h)``, or with more dimensions before ``h`` or none; NaN where a step does not count.
-    """
+def _fitted(h: Array, errors: Array) -> tuple[Array, Array]:
+    """Return slope and scatter of log10 error over log10 h by least squares, of errors ``(…, h)``."""
     with np.errstate(invalid="ignore", divide="ignore"):
         used = (errors > 0) & (errors < ASYMPTOTIC)
         count = used.sum(axis=-1)
@@ -120,8 +111,8 @@ class Line:
         Largest penetration, m, and energy residual (NaN without balances), ``(h,)``.
     ok
         Whether the case ended ok, ``(h,)``.
-    predictability
-        Of the reference.
+    orders
+        Observed order of each error and its scatter, see :func:`observed_order`.
     """
 
     scheme: str
@@ -131,7 +122,7 @@ class Line:
     penetration: Array
     residual: Array
     ok: NDArray[np.bool_]
-    predictability: float
+    orders: dict[str, tuple[float, float]]
 
     @property
     def exact(self) -> bool:
@@ -144,13 +135,10 @@ class Line:
         with np.errstate(invalid="ignore"):
             return np.asarray(~self.ok | (self.errors["impulse_error"] > SENSELESS))
 
-    def order(self, name: str) -> tuple[float, float]:
-        """Return the observed order of an error and its scatter, as :func:`observed_order` has them."""
-        error = self.errors[name]
+    def sane(self, values: Array) -> Array:
+        """Return values at the steps whose impulse error is not :data:`SENSELESS`, NaN at others."""
         with np.errstate(invalid="ignore"):
-            used = self.ok & (error > UNPREDICTABLE * self.predictability)
-        order, scatter = fitted(self.h, np.where(used, error, np.nan))
-        return float(order), float(scatter)
+            return np.where(self.errors["impulse_error"] < SENSELESS, values, np.nan)
 
     def stable_steps(self) -> tuple[float, float] | None:
         """Return the largest step before the first that is lost, and that one, where there are both."""
@@ -160,44 +148,41 @@ class Line:
         return float(self.h[bad[0] - 1]), float(self.h[bad[0]])
 
 
-def has_lines(dataset: xr.Dataset) -> bool:
-    """Tell whether an archive has steps, a reference and schemes to compare."""
-    return "impulse_error" in dataset and dataset.sizes.get("h", 1) > 1
+def lines(dataset: xr.Dataset) -> list[Line]:
+    """Return a line per scheme through all steps, in the case that :func:`finest` shows of all other dimensions.
 
-
-def lines(dataset: xr.Dataset, place: Mapping[str, int] | None = None) -> list[Line]:
-    """Return a line per scheme through all steps.
-
-    Parameters
-    ----------
-    dataset
-        An archive with dimension ``h`` and errors.
-    place
-        Position along every other dimension; the case that :func:`finest` shows where not given.
+    Raises
+    ------
+    ValueError
+        The dataset has no errors or one step only.
     """
-    at = {**finest(dataset), **(place or {})}
-    at = {dim: k for dim, k in at.items() if dim not in ("scheme", "h")}
-    chosen = dataset.isel(at).sortby("h")
-    names = [str(name) for name in chosen["scheme"].values] if "scheme" in chosen.dims else [""]
-    drawn = []
-    for k, name in enumerate(names):
-        one = chosen.isel(scheme=k) if "scheme" in chosen.dims else chosen
-        ok = np.asarray(one["status"].values) == Status.OK
+    if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 2:
+        raise ValueError("errors over steps need a `reference` in the study and several steps `h` in the dataset")
+    chosen = dataset.isel({dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")}).sortby("h")
+    if "scheme" not in chosen.dims:
+        chosen = chosen.assign_coords(scheme=chosen.coords.get("scheme", "scheme")).expand_dims("scheme")
+    fits = {error: observed_order(chosen, error) for error in ERRORS}
+    orders = [
+        {error: (float(fit["order"][k]), float(fit["scatter"][k])) for error, fit in fits.items()}
+        for k in range(chosen.sizes["scheme"])
+    ]
+    return [_line(chosen.isel(scheme=k), one) for k, one in enumerate(orders)]
 
-        def values(variable: str, one: xr.Dataset = one, ok: NDArray[np.bool_] = ok) -> Array:
-            return np.where(ok, np.asarray(one[variable].values, dtype=float), np.nan)
 
-        blank = np.full(ok.shape, np.nan)
-        drawn.append(
-            Line(
-                name or str(dataset["scheme"].values.item() if "scheme" in dataset.coords else "scheme"),
-                np.asarray(one["h"].values, dtype=float),
-                {error: values(error) for error in ERRORS},
-                np.asarray(one["processor_time"].values, dtype=float) / simulated_seconds(dataset),
-                values("max_penetration"),
-                values("energy_residual") if "energy_residual" in one else blank,
-                ok,
-                float(np.nanmax(np.asarray(one["predictability"].values, dtype=float), initial=0.0)),
-            )
-        )
-    return drawn
+def _line(cut: xr.Dataset, orders: dict[str, tuple[float, float]]) -> Line:
+    """Return the line through the steps of one scheme."""
+    ok = np.asarray(cut["status"].values) == Status.OK
+
+    def of_ok(name: str) -> Array:
+        return np.where(ok, np.asarray(cut[name].values, dtype=float) if name in cut else np.nan, np.nan)
+
+    return Line(
+        scheme=str(cut["scheme"].values),
+        h=np.asarray(cut["h"].values, dtype=float),
+        errors={error: of_ok(error) for error in ERRORS},
+        seconds=np.asarray(cut["processor_time"].values, dtype=float) / simulated_seconds(cut),
+        penetration=of_ok("max_penetration"),
+        residual=of_ok("energy_residual"),
+        ok=ok,
+        orders=orders,
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -163,9 +163,12 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
     ValueError
         The tolerance is no positive number.
     """
-    if not all(f"{name}_error" in dataset for name in COMPARED):
-        raise NoReferenceError("the archive holds no errors: its study has no `reference`")
-    share, table = stated_tolerance(dataset) if tolerance is None else as_tolerance(tolerance), Table(dataset)
+    share = stated_tolerance(dataset) if tolerance is None else as_tolerance(tolerance)
+    return _recommended(Table(dataset), share)
+
+
+def _recommended(table: Table, share: float) -> Recommendation:
+    """Return the recommendation for a tolerance."""
     within = table.error <= share
     rank = np.argsort(table.cost, kind="stable")
     good = [int(k) for k in rank if within[k].all()]
@@ -183,14 +186,14 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
         _alike([table.choice(k, within[k]) for k in alike]),
         table.error.shape[1],
         table.unpredictable(DECIDABLE * share),
-        coordinate_units(dataset),
+        coordinate_units(table.dataset),
     )
 
 
 def usual_recommendations(dataset: xr.Dataset, asked: Recommendation) -> list[Recommendation]:
     """Return the recommendations at :data:`USUAL_TOLERANCES` and the one that was asked for, the loosest first."""
-    shares = sorted({*USUAL_TOLERANCES, asked.tolerance}, reverse=True)
-    return [asked if share == asked.tolerance else recommend(dataset, share) for share in shares]
+    table, shares = Table(dataset), sorted({*USUAL_TOLERANCES, asked.tolerance}, reverse=True)
+    return [asked if share == asked.tolerance else _recommended(table, share) for share in shares]
 
 
 def _alike(choices: list[Choice]) -> tuple[Choice, ...]:
@@ -252,6 +255,8 @@ class Table:
     """Errors and statuses of each choice in each case of the scene, ``(choice, case)``, and costs ``(choice,)``."""
 
     def __init__(self, dataset: xr.Dataset) -> None:
+        if not all(f"{name}_error" in dataset for name in COMPARED):
+            raise NoReferenceError("the archive holds no errors: its study has no `reference`")
         self.dataset = dataset
         self.rows = numerical_dims(dataset)
         self.columns = tuple(dim for dim in case_dims(dataset) if dim not in self.rows)
@@ -277,56 +282,23 @@ class Table:
 
     def choice(self, row: int, within: NDArray[np.bool_]) -> Choice:
         """Return a choice with its evidence."""
-        cost = float(self.cost[row])
-        settings = self._values(self.rows, row, scalars=True)
-        return Choice(
-            settings,
-            cost,
-            cost / simulated_seconds(self.dataset),
-            float(within.mean()),
-            *self._worst(row),
-            self._step_matters(row),
-            self._used(row),
-            {name: value for name, value in settings.items() if not is_numerical(self.dataset, name)},
-        )
-
-    def _values(self, dims: Sequence[str], place: int, scalars: bool = False) -> dict[str, Any]:
-        """Return the coordinates along some dimensions at a place, and those numerical ones that are fixed."""
-        sizes = [self.dataset.sizes[dim] for dim in dims]
-        at = dict(zip(dims, np.unravel_index(place, sizes) if sizes else (), strict=True))
-        coordinates: dict[str, Any] = {}
-        for name, coordinate in self.dataset.coords.items():
-            fixed = coordinate.ndim == 0 and scalars and is_numerical(self.dataset, str(name))
-            if fixed or (coordinate.ndim == 1 and coordinate.dims[0] in at and name not in (POINT, MATRIX)):
-                value = coordinate.values if fixed else coordinate.values[at[str(coordinate.dims[0])]]
-                coordinates[str(name)] = value.item() if hasattr(value, "item") else value
-        return coordinates
-
-    def _used(self, row: int) -> dict[str, int]:
-        """Return the counts of modes that a choice used where it leaves them to its tolerance."""
-        settings = self._values(self.rows, row, scalars=True)
-        names = [name for name in MODES if name in settings and is_auto(self.dataset[name], settings[name])]
-        return {name: int(np.nanmax(self._array(f"{name}_used")[row])) for name in names}
-
-    def _worst(self, row: int) -> tuple[Worst, int]:
-        """Return the worst case of a choice and its number: one without an error, else the one with the largest."""
-        error = self.error[row]
+        error, dims = self.error[row], case_dims(self.dataset)
         case = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
-        several = self.errors[:, row, case]
-        name = COMPARED[0 if np.isnan(several).all() else int(np.nanargmax(several))]
         at = self._place(row, case)
-        one = self.dataset.isel(at)  # only what is asked of it is read
-        worst = Worst(
-            self._values(self.columns, case),
-            float(error[case]),
-            name,
-            float(one.get(f"{name}_scheme_error", np.nan)),
-            float(one.get(f"{name}_model_error", np.nan)),
-            Status(int(self.status[row, case])).name.lower(),
-            str(one["message"].values) if "message" in one else "",
+        settings = self._values(self.rows, at, fixed=True)
+        auto = [name for name in MODES if name in settings and is_auto(self.dataset[name], settings[name])]
+        cost = float(self.cost[row])
+        return Choice(
+            settings=settings,
+            cost=cost,
+            cost_per_second=cost / simulated_seconds(self.dataset),
+            share=float(within.mean()),
+            worst=self._worst(row, case, at),
+            number=int(np.ravel_multi_index([at[dim] for dim in dims], self.dataset["status"].shape)) if dims else 0,
+            step_matters=self._step_matters(row, at),
+            used={name: int(np.nanmax(self._array(f"{name}_used")[row])) for name in auto},
+            tied={name: value for name, value in settings.items() if not is_numerical(self.dataset, name)},
         )
-        place = [at[dim] for dim in case_dims(self.dataset)]
-        return worst, int(np.ravel_multi_index(place, self.dataset["status"].shape)) if place else 0
 
     def _place(self, row: int, case: int) -> dict[str, int]:
         """Return where a case of a choice lies along the dimensions."""
@@ -335,23 +307,44 @@ class Table:
         place = np.unravel_index(row * self.error.shape[1] + case, sizes) if sizes else ()
         return dict(zip(dims, map(int, place), strict=True))
 
-    def _step_matters(self, row: int) -> bool:
+    def _values(self, dims: Sequence[str], at: Mapping[str, int], fixed: bool = False) -> dict[str, Any]:
+        """Return the coordinates along some dimensions at a place, and the numerical ones that are fixed if asked."""
+        values: dict[str, Any] = {}
+        for name, coordinate in self.dataset.coords.items():
+            if coordinate.ndim == 1 and coordinate.dims[0] in dims and name not in (POINT, MATRIX):
+                values[str(name)] = coordinate[at[str(coordinate.dims[0])]].values.item()
+            elif coordinate.ndim == 0 and fixed and is_numerical(self.dataset, str(name)):
+                values[str(name)] = coordinate.values.item()
+        return values
+
+    def _worst(self, row: int, case: int, at: Mapping[str, int]) -> Worst:
+        """Return the worst case of a choice."""
+        several = self.errors[:, row, case]
+        name = COMPARED[0 if np.isnan(several).all() else int(np.nanargmax(several))]
+        one = self.dataset.isel(at)  # only what is asked of it is read
+        return Worst(
+            case=self._values(self.columns, at),
+            error=float(self.error[row, case]),
+            variable=name,
+            scheme_error=float(one.get(f"{name}_scheme_error", np.nan)),
+            model_error=float(one.get(f"{name}_model_error", np.nan)),
+            status=Status(int(self.status[row, case])).name.lower(),
+            message=str(one["message"].values) if "message" in one else "",
+        )
+
+    def _step_matters(self, row: int, at: Mapping[str, int]) -> bool:
         """Tell whether a choice differs from its neighbours along ``h``."""
         if "h" not in self.rows or np.isnan(self.error[row]).all():
             return True
-        sizes = [self.dataset.sizes[dim] for dim in self.rows]
-        place = list(np.unravel_index(row, sizes))
-        axis = self.rows.index("h")
-        alike = [int(np.ravel_multi_index([*place[:axis], k, *place[axis + 1 :]], sizes)) for k in range(sizes[axis])]
-        return len(alike) < 2 or not np.array_equal(
-            self.error[alike], np.broadcast_to(self.error[row], (len(alike), self.error.shape[1])), equal_nan=True
-        )
+        errors = self.error.reshape(*(self.dataset.sizes[dim] for dim in self.rows), -1)
+        steps = errors[tuple(slice(None) if dim == "h" else at[dim] for dim in self.rows)]
+        return len(steps) < 2 or not np.array_equal(steps, np.broadcast_to(steps[:1], steps.shape), equal_nan=True)
 
     def unpredictable(self, most: float) -> tuple[dict[str, Any], ...]:
         """Return the cases of the scene whose predictability exceeds a share."""
         with np.errstate(invalid="ignore"):
             exceeds = (self._array("predictability") > most).any(axis=0)
-        return tuple(self._values(self.columns, int(case)) for case in np.flatnonzero(exceeds))
+        return tuple(self._values(self.columns, self._place(0, int(case))) for case in np.flatnonzero(exceeds))
 
 
 def simulated_seconds(dataset: xr.Dataset) -> float:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -91,20 +93,19 @@ def _standing(chosen: xr.Dataset, scheme: str, step: str) -> Standing:
     codes, numbers = np.unique(chosen["status"].values, return_counts=True)
     counts = {Status(int(code)).name.lower(): int(n) for code, n in zip(codes, numbers, strict=True)}
     gap = abs(chosen["gap"].astype(float))
-    depths = _of_ok(chosen, chosen["max_penetration"] / gap.where(gap > 0, 1.0))
     residuals = _of_ok(chosen, chosen.get("energy_residual"))
     restitutions = _of_ok(chosen, chosen.get("effective_restitution"))
     error = _own_error(chosen)
     return Standing(
         scheme,
         step,
-        float(chosen["h"]) if "h" in chosen.coords and chosen["h"].ndim == 0 else float("nan"),
-        counts,
-        error,
-        max(residuals, key=abs, default=float("nan")),
-        max(depths, default=float("nan")),
-        float(np.median(restitutions)) if restitutions else float("nan"),
-        _verdict(counts, error, any(residual > GAINS for residual in residuals)),
+        h=float(chosen["h"]) if "h" in chosen.coords and chosen["h"].ndim == 0 else np.nan,
+        counts=counts,
+        error=error,
+        residual=_extreme(residuals),
+        penetration=_extreme(_of_ok(chosen, chosen["max_penetration"] / gap.where(gap > 0, 1.0))),
+        restitution=float(np.median(restitutions)) if restitutions else np.nan,
+        verdict=_verdict(counts, error, any(residual > GAINS for residual in residuals)),
     )
 
 
@@ -116,7 +117,7 @@ def _own_error(chosen: xr.Dataset) -> float:
         at = {dim: place[dim] for dim in place if any(chosen[n].dims == (dim,) for n in MODES if n in chosen.coords)}
         full = chosen.isel(at)
         parts = _of_ok(full, full["impulse_error"])
-    return max(parts, default=float("nan"))
+    return max(parts, default=np.nan)
 
 
 def _of_ok(chosen: xr.Dataset, values: xr.DataArray | None) -> list[float]:
@@ -181,23 +182,24 @@ def ranges(dataset: xr.Dataset) -> list[StepRange]:
 
 
 def _range(scheme: str, rows: list[Standing]) -> StepRange:
-    stable = _up_to(rows, [row.ok for row in rows])
     measured = [row for row in rows if not np.isnan(row.error)]
-    accurate = _up_to(rows, [row.ok and row.error <= ACCURATE for row in rows]) if measured else ""
-    residuals = [row.residual for row in rows if not np.isnan(row.residual)]
-    depths = [row.penetration for row in rows if not np.isnan(row.penetration)]
     return StepRange(
         scheme,
-        sum(sum(row.counts.values()) for row in rows),
-        sum(row.counts.get("ok", 0) for row in rows),
-        stable,
-        accurate,
-        measured[0].error if measured else float("nan"),
-        measured[-1].error if measured else float("nan"),
-        max(residuals, key=abs) if residuals else float("nan"),
-        max(depths) if depths else float("nan"),
-        tuple(row.verdict for k, row in enumerate(rows) if k == 0 or row.verdict != rows[k - 1].verdict),
+        cases=sum(sum(row.counts.values()) for row in rows),
+        ok=sum(row.counts.get("ok", 0) for row in rows),
+        stable=_up_to(rows, [row.ok for row in rows]),
+        accurate=_up_to(rows, [row.ok and row.error <= ACCURATE for row in rows]) if measured else "",
+        finest=measured[0].error if measured else np.nan,
+        coarsest=measured[-1].error if measured else np.nan,
+        residual=_extreme(row.residual for row in rows),
+        penetration=_extreme(row.penetration for row in rows),
+        verdicts=tuple(verdict for verdict, _ in groupby(row.verdict for row in rows)),
     )
+
+
+def _extreme(values: Iterable[float]) -> float:
+    """Return the value of the largest magnitude, with its sign; NaN where there is none."""
+    return max((value for value in values if not np.isnan(value)), key=abs, default=np.nan)
 
 
 def _up_to(rows: list[Standing], good: list[bool]) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._recommend import NoReferenceError, Table, simulated_seconds
+from workflow.analysis._recommend import Table, simulated_seconds
 from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
@@ -45,11 +45,9 @@ def work_precision(dataset: xr.Dataset, error: str | None = None) -> xr.Dataset:
     """
     import xarray as xr
 
-    if not all(f"{name}_error" in dataset for name in COMPARED):
-        raise NoReferenceError("the archive holds no errors: its study has no `reference`")
+    table = Table(dataset)
     if error is not None and error not in dataset:
         raise ValueError(f"the dataset has no `{error}`; give one of {', '.join(f'{name}_error' for name in COMPARED)}")
-    table = Table(dataset)
     errors = table.error if error is None else table.of_ok_cases(error)
     worst = np.max(errors, axis=1)
     variables = {

@@ -18,7 +18,7 @@ from workflow.archive._open import (
     statuses,
     study_text,
 )
-from workflow.archive._parts import Command, clear_parts, file_of, parts_of, read_command, remove_parts, start_parts
+from workflow.archive._parts import Command, file_of, parts_of, read_command, remove_parts, start_parts
 from workflow.archive._provenance import (
     COPIED,
     SOFTWARE,
@@ -36,7 +36,6 @@ from workflow.archive._stored import (
     Hashes,
     Source,
     Stored,
-    archive_kinds,
     archive_sources,
     are_among,
     lacking,

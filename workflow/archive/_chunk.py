@@ -17,9 +17,10 @@ def encode_chunk(values: NDArray[Any]) -> bytes:
     """Return one chunk as HDF5's filters Fletcher-32, shuffle and deflate would store it."""
     size, image = values.dtype.itemsize, np.ascontiguousarray(values).view(np.uint8).ravel()
     image = np.concatenate([image, np.frombuffer(fletcher32(image), np.uint8)])
-    whole = image.size // size * size
-    shuffled = image[:whole].reshape(-1, size).T.ravel()
-    return zlib.compress(np.concatenate([shuffled, image[whole:]]).data, LEVEL)
+    whole, shuffled = image.size // size * size, np.empty_like(image)
+    shuffled[:whole].reshape(size, -1)[...] = image[:whole].reshape(-1, size).T
+    shuffled[whole:] = image[whole:]
+    return zlib.compress(shuffled.data, LEVEL)
 
 
 def fletcher32(image: NDArray[np.uint8]) -> bytes:

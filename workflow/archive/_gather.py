@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import os
+from collections import deque
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,6 @@ from workflow.archive._create import create
 from workflow.archive._files import ArchiveError, free_space, sync, writing
 from workflow.archive._seal import seal
 from workflow.archive._stored import MESSAGE, PROVENANCE, STATUS, Hashes, Places, Stored, boxes
-from workflow.schemes import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,6 +31,9 @@ Index = NDArray[np.int64] | slice
 
 _HELD = 8
 """Sources of which the values of one variable are held at a time."""
+
+_AHEAD = 2 * (os.cpu_count() or 1)
+"""Chunks that are being encoded while others are read and written."""
 
 
 def gather(
@@ -73,9 +75,7 @@ def gather(
         with writing("the archive", parts):
             _make_room(template, parts, target)
             assemble(template, texts, aside, hashes, stored, places)
-            digest = hash_content(aside)
-            _tell_hash(aside, digest)
-            _read_back(template, aside, digest)
+            _finish(template, aside, hash_content(aside))
             seal(aside)
             sync(aside)
         with writing("the archive", target.parent):
@@ -103,15 +103,24 @@ def assemble(
 
     create(template, texts, path, _messages(stored, *places), hashes)
     with LOCK, h5py.File(path, "r+") as archive, ThreadPoolExecutor() as threads:
-        variables = {name: archive[name] for name in template.data_vars}  # a look-up takes as long as writing a chunk
-        chunks = _chunks(template, stored, *places)
-        while some := list(islice(chunks, 2 * (os.cpu_count() or 1))):
-            encoded = threads.map(encode_chunk, (values for *_, values in some))
-            for (name, offset, values), chunk in zip(some, encoded, strict=True):
-                if variables[name].id.rank == 0:  # a single case without t
-                    variables[name][()] = values[()]
-                else:
-                    variables[name].id.write_direct_chunk(offset, chunk)
+        variables = {
+            str(name): archive[name] for name in template.data_vars
+        }  # a look-up takes as long as writing a chunk
+        encoded = deque[tuple[str, tuple[int, ...], Future[bytes]]]()
+        for name, offset, values in _chunks(template, stored, *places):
+            if not offset:  # a single case without t
+                variables[name][()] = values[()]
+                continue
+            encoded.append((name, offset, threads.submit(encode_chunk, values)))
+            if len(encoded) > _AHEAD:
+                _write_first(variables, encoded)
+        while encoded:
+            _write_first(variables, encoded)
+
+
+def _write_first(variables: Mapping[str, Any], encoded: deque[tuple[str, tuple[int, ...], Future[bytes]]]) -> None:
+    name, offset, chunk = encoded.popleft()
+    variables[name].id.write_direct_chunk(offset, chunk.result())
 
 
 def _chunks(
@@ -189,34 +198,20 @@ def _make_room(template: xr.Dataset, parts: Path, target: Path) -> None:
         raise OSError(f"no space left on device, it needs about {needed / 2**20:.3g} MiB")
 
 
-def _tell_hash(path: Path, digest: str) -> None:
-    """Add the content hash, in characters of fixed length like the other texts."""
+def _finish(template: xr.Dataset, path: Path, digest: str) -> None:
+    """See that no chunk is missing, each of which the hash has decoded, and add the hash, as characters."""
     import h5py
 
     from workflow.archive._lock import LOCK
 
     with LOCK, h5py.File(path, "r+") as archive:
-        archive[PROVENANCE].attrs["content_hash"] = np.bytes_(digest)
-
-
-def _read_back(template: xr.Dataset, path: Path, digest: str) -> None:
-    """Compare what is on the disk with what should be there; the hash has decoded every chunk before."""
-    import h5py
-
-    from workflow.archive._lock import LOCK
-
-    with LOCK, h5py.File(path, "r") as archive:
-        faults = []
         for name in template.data_vars:
             stored = archive[name]
             cut = zip(stored.shape, stored.chunks or stored.shape, strict=True)
             expected = math.prod(-(-size // length) for size, length in cut)
             if stored.chunks is not None and stored.id.get_num_chunks() != expected:
-                faults.append(f"{name} has {stored.id.get_num_chunks()} of {expected} chunks")
-        status = archive[STATUS][...]
-        if np.any((status < 0) | (status >= Status.NOT_RUN)):
-            faults.append(f"{np.sum(status < Status.NOT_RUN)} of {status.size} cases have run")
-        if archive[PROVENANCE].attrs["content_hash"] != digest.encode():
-            faults.append("the content hash is not in place")
-    if faults:
-        raise ArchiveError(f"{path}: does not read back as written: {'; '.join(faults)}; gather again")
+                raise ArchiveError(
+                    f"{path}: does not read back as written: {name} has {stored.id.get_num_chunks()} of {expected} "
+                    "chunks; gather again"
+                )
+        archive[PROVENANCE].attrs["content_hash"] = np.bytes_(digest)

@@ -21,8 +21,8 @@ from workflow.archive._parts import COMMAND, Command, parts_of, read_command
 from workflow.archive._provenance import grid_of
 from workflow.archive._seal import is_intact, is_sealed
 from workflow.archive._shard import find_shards
-from workflow.archive._stored import MESSAGE, PROVENANCE, STATUS, Stored
-from workflow.archive._with_xarray import opened
+from workflow.archive._stored import MESSAGE, PROVENANCE, STATUS, Stored, opened
+from workflow.archive._with_xarray import open_dataset
 from workflow.grid import case_hashes, template
 from workflow.study import StudyError
 
@@ -121,10 +121,8 @@ def content_hash(path: str | Path) -> str:
         There is no such file, it is unfinished, its values cannot be read, or it is not an archive of this workflow.
     """
     path = usable(path)
-    if _unfinished(path) is not None:
-        raise ArchiveError(f"{path}: unfinished, only its shards are there; run the study to its end first")
     with _read(path):
-        pass
+        pass  # it is an archive
     with reading(path):
         return hash_content(path)
 
@@ -137,7 +135,7 @@ def is_whole(path: str | Path) -> bool:
     Raises
     ------
     ArchiveError
-        There is no such file, it is not an archive of this workflow, or it cannot be read.
+        There is no such file, it is unfinished or not an archive of this workflow, or it cannot be read.
     """
     path = usable(path)
     _look(path)
@@ -168,12 +166,8 @@ def require_whole(path: str | Path) -> None:
 @contextmanager
 def _read(path: Path) -> Iterator[Any]:
     """Open a finished archive with h5py."""
-    import h5py
-
-    from workflow.archive._lock import LOCK
-
     _look(path)
-    with LOCK, reading(path), h5py.File(path, "r") as file:
+    with opened(path) as file:
         _recognise(path, file.attrs)
         yield file
 
@@ -217,19 +211,19 @@ def _open_view(path: Path, command: Command, chunks: Any) -> xr.Dataset:
         with writing("a view of the shards", view.parent):
             stored, hashes = Stored(find_shards(parts_of(path))[0]), case_hashes(grid)
             assemble(template(grid, command.warnings), command.texts, view, hashes, stored, stored.find(hashes))
-        opened = _open_dataset(view, chunks, path)
+        dataset = _open_dataset(view, chunks, path)
     except BaseException:
         view.unlink(missing_ok=True)
         raise
 
     def discard() -> None:
-        opened.close()
+        dataset.close()
         view.unlink(missing_ok=True)
         _VIEWS.discard(view)
 
-    dataset = opened.copy()
-    dataset.set_close(discard)
-    return dataset
+    shown = dataset.copy()
+    shown.set_close(discard)
+    return shown
 
 
 _VIEWS: set[Path] = set()
@@ -246,7 +240,7 @@ def discard_views() -> None:
 def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
     _look(path)
     try:
-        dataset = opened(path, chunks)
+        dataset = open_dataset(path, chunks)
     except Warning:  # about the chunks asked for, where warnings are errors
         raise
     except Exception as error:  # whatever xarray makes of a file that is not what it was
@@ -268,6 +262,9 @@ def _look(path: Path) -> None:
         with open(path, "rb") as file:
             signature = file.read(len(HDF5_SIGNATURE))
     except FileNotFoundError as error:
+        if _unfinished(path) is not None:
+            text = f"{path}: unfinished, only its shards are there; run the study to its end first"
+            raise ArchiveError(text) from error
         raise ArchiveError(
             f"{path}: no such archive, nor {parts_of(path).name} of one in the making; "
             "`workflow run` makes it from a study"

@@ -24,22 +24,23 @@ class Command:
         Those of the provenance group: the study, its files, counts of modes that tolerances decided, software.
     warnings
         What the plan warned of, a line each.
-    retry, recompute, drop
-        Options of the run.
     archive
         Which file was under the archive's name, ``None`` where none was: another one may come under it, with the very
         same bytes.
     begun
-        Time at which it began, in ns.
+        Time at which the run began, in ns.
+    retry, recompute, drop, since
+        What it does with cases that are stored already.
     """
 
     texts: Mapping[str, str]
     warnings: str = ""
+    archive: tuple[int, int] | None = None
+    begun: int = 0
     retry: bool = False
     recompute: bool = False
     drop: bool = False
-    archive: tuple[int, int] | None = None
-    begun: int = 0
+    since: int = 0
 
     @property
     def key(self) -> str:
@@ -129,13 +130,6 @@ def read_command(parts: str | Path) -> Command | None:
         raise ArchiveError(
             f"{path}: damaged; remove the directory and give the command again, the study runs anew"
         ) from error
-
-
-def clear_parts(parts: str | Path) -> None:
-    """Remove what runs left in the directory of the shards but the file of the run that holds it."""
-    for file in Path(parts).iterdir():
-        if file.name != HOLDER and _is_ours(file):
-            file.unlink(missing_ok=True)
 
 
 def remove_parts(parts: str | Path) -> None:

@@ -74,7 +74,7 @@ def provenance_of(grid: Grid) -> dict[str, str]:
         "solver_version": str(SOLVER_VERSION),
         "versions": json.dumps(versions(), sort_keys=True),
         "code_revision": code_revision(),
-        **({"choices": choices_text(grid.choices)} if any(grid.choices) else {}),
+        **({"choices": choices_text(grid.choices)} if grid.choices else {}),
         "platform": platform.platform(),
         "processor": processor(),
         "pinned": str(is_pinned()).lower(),
@@ -92,7 +92,7 @@ def processor() -> str:
 
 def versions() -> dict[str, str]:
     """Return the version of everything that has a hand in an archive."""
-    packages = ("numpy", "scipy", "numba", "xarray", "netCDF4", "h5py", "dask", "pydantic", "pint", "ruamel.yaml")
+    packages = ("numpy", "scipy", "numba", "xarray", "netCDF4", "h5py", "dask", "pint", "ruamel.yaml")
     own = {"python": sys.version.split()[0], "rotor-stator-workflow": workflow.__version__}
     return own | {name: _version(name) for name in (*packages, *(FACTORISING if has_cholmod() else ()))}
 

@@ -96,7 +96,7 @@ def find_shards(parts: str | Path, just_written: bool = False) -> tuple[list[Sou
                 _read(path, members, name)
             kinds = {name: (member.dtype, member.shape[1:]) for name, member in members.items()}
             hashes, status = (_read(path, members, name) for name in (CASE_HASH, STATUS))
-            sources.append(Source(hashes, status, partial(_read, path, members), kinds))
+            sources.append(Source(hashes, status, partial(_read, path, members), kinds, path.name))
         except Exception as error:  # whatever changed bytes make of the libraries
             rejected.append((path.name, f"damaged: {reason(error)}"))
     return sources, rejected

@@ -49,35 +49,31 @@ class Source:
         Returns a variable of all of them, ``(case, …)``, by its name; ``message`` as bytes.
     kinds
         What is stored.
+    name
+        Of a shard; empty of an archive, which is earlier than any.
     """
 
     hashes: Hashes
     status: NDArray[np.int8]
     read: Callable[[str], NDArray[Any]]
     kinds: Kinds
+    name: str = ""
+
+    def only_ok(self) -> Source:
+        """Return the cases that are ok."""
+        rows = np.flatnonzero(self.status == Status.OK)
+        return Source(self.hashes[rows], self.status[rows], lambda name: self.read(name)[rows], self.kinds, self.name)
 
 
 class Stored:
-    """Cases that sources hold; of two with one hash that of the later source counts.
+    """Cases that sources hold, the earliest first; of two with one hash that of the later source counts."""
 
-    Parameters
-    ----------
-    sources
-        The earliest first.
-    ok_alone
-        How many of them count with their cases that are ok alone, from the first.
-    """
-
-    def __init__(self, sources: Iterable[Source] = (), ok_alone: int = 0) -> None:
+    def __init__(self, sources: Iterable[Source] = ()) -> None:
         self.sources = tuple(sources)
-        rows = [
-            np.flatnonzero(each.status == Status.OK) if k < ok_alone else np.arange(each.status.size)
-            for k, each in enumerate(self.sources)
-        ]
-        self._row = np.concatenate([np.empty(0, np.int64), *rows])
-        self._source = np.repeat(np.arange(len(rows)), [row.size for row in rows])
-        every = (each.hashes if k >= ok_alone else each.hashes[rows[k]] for k, each in enumerate(self.sources))
-        self.hashes: Hashes = np.concatenate([np.empty((0, 16), np.uint8), *every])
+        sizes = [each.status.size for each in self.sources]
+        self._row = np.concatenate([np.empty(0, np.int64), *map(np.arange, sizes)])
+        self._source = np.repeat(np.arange(len(sizes)), sizes)
+        self.hashes: Hashes = np.concatenate([np.empty((0, 16), np.uint8), *(each.hashes for each in self.sources)])
         order = np.argsort(_keys(self.hashes), kind="stable")
         self._row, self._source, self.hashes = self._row[order], self._source[order], self.hashes[order]
 
@@ -120,9 +116,10 @@ def archive_sources(path: Path) -> list[Source]:
     ArchiveError
         It is damaged.
     """
-    hashes, kinds = stored_hashes(path), archive_kinds(path)
+    hashes = stored_hashes(path)
     with opened(path) as file:
         status, lengths = file[STATUS][...], file[STATUS].chunks or ()
+        kinds = {name: (each.dtype, each.shape[status.ndim :]) for name, each in file.items() if hasattr(each, "dtype")}
     index = np.arange(status.size).reshape(status.shape)
     sources = []
     for box in boxes(status.shape, lengths):
@@ -143,19 +140,6 @@ def _read(path: Path, box: tuple[slice, ...], name: str) -> NDArray[Any]:
         values = np.asarray(file[name][box])
     values = values.reshape(-1, *values.shape[len(box) :])
     return np.ascontiguousarray(values).view(f"S{values.shape[1]}")[:, 0] if name == MESSAGE else values
-
-
-def archive_kinds(path: Path) -> Kinds:
-    """Return what an archive holds of its cases.
-
-    Raises
-    ------
-    ArchiveError
-        It is damaged.
-    """
-    with opened(path) as file:
-        dims = file[STATUS].ndim
-        return {name: (item.dtype, item.shape[dims:]) for name, item in file.items() if hasattr(item, "dtype")}
 
 
 def stored_hashes(path: Path) -> Hashes:

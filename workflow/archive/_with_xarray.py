@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def opened(path: Path, chunks: Any) -> xr.Dataset:
+def open_dataset(path: Path, chunks: Any) -> xr.Dataset:
     """Open a file with xarray and give an index to each coordinate along a dimension of another name.
 
     ``chunks="auto"`` cuts each variable by the size of its numbers: dimensions are then cut as finely as any of them,

@@ -1,8 +1,8 @@
-"""The command line: ``_app`` puts it together, each command is the module of its name.
+"""The command line: each command is the module of its name, ``_app`` puts them together.
 
-``_words`` describes arguments that several commands share, ``_terminal`` writes to the terminal, ``_failures`` turns
-errors into messages and exit statuses, ``_stop`` ends a command at Ctrl-C or SIGTERM. Nothing heavy is imported before
-a command needs it.
+``_words`` describes arguments that several commands share, ``_terminal`` writes to the terminal, ``_failures`` says
+what an error means and which exit status it has, ``_stop`` ends a command at Ctrl-C or SIGTERM. Nothing heavy is
+imported before a command needs it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def main() -> None:
 
     pin()
     heed_signals()
-    from workflow.cli._failures import run_application
+    from workflow.cli._app import run_application
 
     run_application()
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import sys
+from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
-from workflow.cli._terminal import say
+from workflow.cli._failures import judge_memory, tell, warnings_in_words
+from workflow.cli._stop import ignore_signals
+from workflow.cli._terminal import forgive, say
 from workflow.cli.limits import limits
 from workflow.cli.plan import plan
 from workflow.cli.recommend import recommend
@@ -16,8 +20,24 @@ from workflow.cli.schema import schema
 from workflow.cli.show import show
 from workflow.cli.verify import verify
 
+
+class Commands(TyperGroup):
+    """The commands. An error in one becomes a clear message and an exit status, none ends in a traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was called."""
+        try:
+            with warnings_in_words():
+                return super().invoke(ctx)
+        except Exception as error:
+            if isinstance(error, typer.Exit | typer.Abort) or hasattr(error, "format_message"):  # the parser's own
+                raise
+            raise typer.Exit(tell(error)) from None
+
+
 app = typer.Typer(
     name="workflow",
+    cls=Commands,
     no_args_is_help=True,
     invoke_without_command=True,
     add_completion=True,
@@ -43,3 +63,15 @@ def workflow(
 
 for command in (run, plan, show, recommend, limits, verify, report, schema):
     app.command()(command)
+
+
+def run_application() -> NoReturn:
+    """Run the command that was called and exit with its status."""
+    forgive()
+    try:
+        judge_memory()
+        status = app(standalone_mode=False) or 0
+    except Exception as error:
+        status = tell(error)
+    ignore_signals()
+    sys.exit(status)

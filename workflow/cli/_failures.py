@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import errno
 import os
-import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from traceback import format_exception, walk_tb
-from typing import Any, NoReturn
+from typing import Any
 
-import typer
-
-from workflow.cli._stop import ignore_signals
-from workflow.cli._terminal import forgive, print_error
+from workflow.cli._terminal import print_error
 
 NOT_OK = 1
 """Exit status: some case is not ok; the rest is complete and stored."""
@@ -35,26 +31,12 @@ _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start ne
 """How the system, the loader, Python's threads and NumPy say that there is no memory."""
 
 
-def run_application() -> NoReturn:
-    """Run the command that was called and exit with its status; no error ends in a traceback."""
-    forgive()
-    try:
-        _judge_memory()
-        from workflow.cli._app import app
-
-        status = app(standalone_mode=False) or 0
-    except Exception as error:
-        status = _last_resort(error)
-    ignore_signals()
-    sys.exit(status)
-
-
 LEAST_MEMORY = 2**30
 """Bytes of address space below which the linear algebra library that NumPy loads waits for ever, or ends the process:
 measured at 300 and 600 MB; loading alone takes 400 MB."""
 
 
-def _judge_memory() -> None:
+def judge_memory() -> None:
     """Refuse a limit of the address space (``ulimit -v``) under which libraries cannot be loaded."""
     import resource
 
@@ -65,42 +47,72 @@ def _judge_memory() -> None:
             raise MemoryError
 
 
-def _last_resort(error: Exception) -> int:
-    """Print an error that no command has handled; return the exit status."""
+def tell(error: Exception) -> int:
+    """Print what an error means for whoever called the command; return the exit status."""
     if hasattr(error, "format_message"):
-        _tell_usage(error)
-        return int(getattr(error, "exit_code", WRONG))
-    if os.environ.get(TRACEBACK):
-        for line in "".join(format_exception(error)).splitlines():
-            print_error(line)
+        return _tell_usage(error)
     if lacks_memory(error):
         print_error(
             "there is not enough memory; allow this process more of it (ulimit -v, at least 1 GiB), or run a smaller "
             "study on fewer threads"
         )
         return WRONG
+    lines = _to_be_mended(error)
+    for line in lines:
+        print_error(line)
+    return WRONG if lines else _tell_defect(error)
+
+
+def _to_be_mended(error: Exception) -> list[str]:
+    """Return what is wrong with a study, an archive or a place, and what would be right; nothing of a defect."""
+    from workflow.archive import ArchiveError
+    from workflow.models import UnusableMatricesError
+    from workflow.registry import BrokenModuleError
+    from workflow.study import StudyError
+
+    match error:
+        case StudyError():
+            return [str(mistake) for mistake in error.mistakes]
+        case UnusableMatricesError() | BrokenModuleError():  # of one value: what is wrong with all is the study's
+            return [f"a structure of this study cannot be used: {error}"]
+        case ArchiveError():
+            return [str(error)]
+        case UnicodeDecodeError():
+            return ["a text in the archive is not UTF-8, as `workflow run` writes it; restore a copy"]
+        case RuntimeError() if any(word in str(error) for word in ("NetCDF", "HDF")):
+            return [f"the archive is damaged ({error}); restore a copy, or move it away and run its study again"]
+        case OSError():
+            where = f"{error.filename}: " if error.filename else ""
+            advice = "; choose a place that can be written" if error.errno in _PLACE else ""
+            advice = "; choose a shorter name" if error.errno == errno.ENAMETOOLONG else advice
+            return [f"{where}{(error.strerror or str(error)).lower()}{advice}"]
+    return []
+
+
+def _tell_defect(error: Exception) -> int:
+    """Print where this program, or a module from outside, failed."""
+    if os.environ.get(TRACEBACK):
+        for line in "".join(format_exception(error)).splitlines():
+            print_error(line)
     outside = _from_outside(error)
     if outside is not None:
         print_error(f"{outside}: {type(error).__name__}: {error}; it is no part of this program, correct it there")
         return WRONG
-    where = _innermost(error)
     print_error(
-        f"a defect of this program: {type(error).__name__}{where}: {error}; finished results stay where they are. "
-        f"Please report it with the study and this line; {TRACEBACK}=1 in the environment shows the traceback"
+        f"a defect of this program: {type(error).__name__}{_innermost(error)}: {error}; finished results stay where "
+        f"they are. Please report it with the study and this line; {TRACEBACK}=1 in the environment shows the traceback"
     )
     return DEFECT
 
 
-def _tell_usage(error: Any) -> None:
+def _tell_usage(error: Any) -> int:
     """Tell what the parser of the command line refuses: usage and fault; the help where no word was given."""
     message, context = error.format_message(), getattr(error, "ctx", None)
-    if context is not None and message == context.get_help():
-        lines = message.splitlines()
-    else:
-        usage = context.get_usage().splitlines() if context is not None else []
-        lines = [*usage, f"Error: {message}"]
-    for line in lines:
+    if context is not None and message != context.get_help():
+        message = f"{context.get_usage()}\nError: {message}"
+    for line in message.splitlines():
         print_error(line)
+    return int(getattr(error, "exit_code", WRONG))
 
 
 def lacks_memory(error: BaseException) -> bool:
@@ -137,67 +149,16 @@ def _from_outside(error: BaseException) -> str | None:
 
 
 @contextmanager
-def _warnings_in_words() -> Iterator[None]:
-    """Print what a structure warns of as other messages."""
-    from workflow.models import LargeFactorsWarning
-
+def warnings_in_words() -> Iterator[None]:
+    """Print what this package warns of as other messages."""
     with warnings.catch_warnings():
         others = warnings.showwarning
 
         def show(message: Any, category: Any, *where: Any, **more: Any) -> None:
-            if issubclass(category, LargeFactorsWarning):
+            if category.__module__.startswith("workflow."):
                 print_error(f"beware: {message}")
             else:
                 others(message, category, *where, **more)
 
         warnings.showwarning = show
-        warnings.simplefilter("always", LargeFactorsWarning)
         yield
-
-
-@contextmanager
-def naming(file: Path) -> Iterator[None]:
-    """Give an error that a full disk raises on writing the name of the file, which the system leaves out."""
-    try:
-        yield
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(file)) from error
-
-
-@contextmanager
-def errors_in_words() -> Iterator[None]:
-    """Turn what a user can mend into one clear message and the exit status of a wrong call."""
-    from workflow.archive import ArchiveError
-    from workflow.models import UnusableMatricesError
-    from workflow.registry import BrokenModuleError
-    from workflow.study import StudyError
-
-    try:
-        with _warnings_in_words():
-            yield
-    except StudyError as error:
-        for mistake in error.mistakes:
-            print_error(str(mistake))
-        raise typer.Exit(WRONG) from None
-    except (UnusableMatricesError, BrokenModuleError) as error:  # of one value: what is wrong with all is the study's
-        print_error(f"a structure of this study cannot be used: {error}")
-        raise typer.Exit(WRONG) from None
-    except ArchiveError as error:
-        print_error(str(error))
-        raise typer.Exit(WRONG) from None
-    except UnicodeDecodeError:
-        print_error("a text in the archive is not UTF-8, as `workflow run` writes it; restore a copy")
-        raise typer.Exit(WRONG) from None
-    except RuntimeError as error:
-        if not any(word in str(error) for word in ("NetCDF", "HDF")):
-            raise
-        print_error(f"the archive is damaged ({error}); restore a copy, or move it away and run its study again")
-        raise typer.Exit(WRONG) from None
-    except OSError as error:
-        if lacks_memory(error):
-            raise
-        where = f"{error.filename}: " if error.filename else ""
-        advice = "; choose a place that can be written" if error.errno in _PLACE else ""
-        advice = "; choose a shorter name" if error.errno == errno.ENAMETOOLONG else advice
-        print_error(f"{where}{(error.strerror or str(error)).lower()}{advice}")
-        raise typer.Exit(WRONG) from None

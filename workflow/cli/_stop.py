@@ -12,11 +12,11 @@ import _thread
 import os
 import signal
 import sys
+from contextlib import contextmanager
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from contextlib import AbstractContextManager
 
 _STOP_MESSAGES: list[Callable[[], str]] = []
 """What is said at the end; the last entry counts."""
@@ -74,16 +74,11 @@ def _discard_views() -> None:
         archive.discard_views()
 
 
-def saying(message: Callable[[], str]) -> AbstractContextManager[None]:
+@contextmanager
+def saying(message: Callable[[], str]) -> Iterator[None]:
     """Print what ``message`` returns, one clean line, if a signal ends the process within this context."""
-    from contextlib import contextmanager
-
-    @contextmanager
-    def context() -> Iterator[None]:
-        _STOP_MESSAGES.append(message)
-        try:
-            yield
-        finally:
-            _STOP_MESSAGES.remove(message)
-
-    return context()
+    _STOP_MESSAGES.append(message)
+    try:
+        yield
+    finally:
+        _STOP_MESSAGES.remove(message)

@@ -7,10 +7,8 @@ would obey are taken out.
 from __future__ import annotations
 
 import codecs
-import dataclasses
 import io
 import json
-import math
 import os
 import re
 import sys
@@ -74,25 +72,16 @@ def write(text: str) -> None:
             raise
 
 
-def json_value(value: Any) -> Any:
-    """Return nested dataclasses, mappings and sequences as JSON has them; numbers that are not finite become null."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {entry.name: json_value(getattr(value, entry.name)) for entry in dataclasses.fields(value)}
-    if isinstance(value, dict):
-        return {key: json_value(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [json_value(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def write_json(value: Any, indent: int | None = None) -> None:
-    """Print a value as JSON, see :func:`json_value`; characters that a terminal obeys stand as their codes.
+    """Print a value as JSON; characters that a terminal obeys stand as their codes.
 
     Raises
     ------
     OSError
         The standard output cannot be written to.
     """
+    from workflow.analysis import json_value
+
     lines = json.dumps(json_value(value), indent=indent, ensure_ascii=False, allow_nan=False).split("\n")
     write("\n".join(_OBEYED.sub(lambda match: f"\\u{ord(match[0]):04x}", line) for line in lines))
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workflow.cli._failures import errors_in_words
-from workflow.cli._terminal import json_value, say, write_json
+from workflow.cli._terminal import say, write_json
 from workflow.cli._words import Settings, StudyFile, named, read
 from workflow.cli.show import decided_lines
 
@@ -31,27 +30,26 @@ def plan(
 
     With an archive: how many cases it holds, how many are missing, how many the study no longer asks for.
     """
-    with errors_in_words():
-        from workflow.archive import open_archive
-        from workflow.grid import plan_study
-        from workflow.run import holdings
+    from workflow.archive import open_archive
+    from workflow.grid import plan_study
+    from workflow.run import holdings
 
-        requested = read(study, settings)
-        plan = plan_study(requested)
-        held = None if output is None else holdings(requested, named(output))
-        if as_json:
-            write_json({**json_value(plan), "archive": held})
-            return
-        for line in _lines(plan):
-            say(line)
-        if output is not None and held is not None:
-            say(f"  in {output}: {held.stored} stored, {held.missing} missing, {held.dropped} no longer asked for")
-            if held.stored and requested.is_auto:
-                with open_archive(named(output)) as dataset:
-                    for line in decided_lines(dataset):
-                        say(line)
-            if held.note:
-                say(f"  beware: {held.note}")
+    requested = read(study, settings)
+    plan = plan_study(requested)
+    held = None if output is None else holdings(requested, named(output))
+    if as_json:
+        write_json({**vars(plan), "archive": held})
+        return
+    for line in _lines(plan):
+        say(line)
+    if output is not None and held is not None:
+        say(f"  in {output}: {held.stored} stored, {held.missing} missing, {held.dropped} no longer asked for")
+        if held.stored and requested.is_auto:
+            with open_archive(named(output)) as dataset:
+                for line in decided_lines(dataset):
+                    say(line)
+        if held.note:
+            say(f"  beware: {held.note}")
 
 
 def _lines(plan: Plan) -> Iterator[str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
+from workflow.cli._failures import NOT_OK, WRONG
 from workflow.cli._terminal import console, print_error, say, write_json
 from workflow.cli._words import ArchiveFile
 
@@ -30,39 +30,37 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
 
     Exit status: 0 answered, 1 nothing in the archive meets it, 2 the archive has no reference.
     """
-    with errors_in_words():
-        from workflow.analysis import (
-            NoReferenceError,
-            recommendation_cautions,
-            recommendation_entries,
-            usual_recommendations,
-        )
-        from workflow.analysis import recommend as choose
-        from workflow.archive import open_archive
+    from workflow.analysis import (
+        NoReferenceError,
+        recommendation_cautions,
+        recommendation_entries,
+        usual_recommendations,
+    )
+    from workflow.analysis import recommend as choose
+    from workflow.archive import ArchiveError, open_archive
 
-        with open_archive(archive) as dataset:
-            if "point" in dataset.dims:
-                print_error(f"{archive}: holds branches of steady rubs, which have no errors to recommend by")
-                raise typer.Exit(WRONG)
-            try:
-                recommendation = choose(dataset, tolerance)
-                table = usual_recommendations(dataset, recommendation)
-            except NoReferenceError as error:
-                print_error(f"{archive}: {error}; run it with one to another archive, e.g. {_with_reference(archive)}")
-                raise typer.Exit(WRONG) from None
-            except ValueError as error:
-                print_error(str(error))
-                raise typer.Exit(WRONG) from None
-            cautions = recommendation_cautions(dataset)
-        for caution in cautions:
-            print_error(f"{archive}: {caution}")
-        if as_json:
-            others = [recommendation_entries(other) for other in table]
-            write_json(recommendation_entries(recommendation) | {"cautions": cautions, "table": others}, indent=2)
-        else:
-            _write_text(recommendation, table)
-        if recommendation.choice is None:
-            raise typer.Exit(NOT_OK)
+    with open_archive(archive) as dataset:
+        if "point" in dataset.dims:
+            raise ArchiveError(f"{archive}: holds branches of steady rubs, which have no errors to recommend by")
+        try:
+            recommendation = choose(dataset, tolerance)
+            table = usual_recommendations(dataset, recommendation)
+        except NoReferenceError as error:
+            advice = f"run it with one to another archive, e.g. {_with_reference(archive)}"
+            raise ArchiveError(f"{archive}: {error}; {advice}") from None
+        except ValueError as error:
+            print_error(str(error))
+            raise typer.Exit(WRONG) from None
+        cautions = recommendation_cautions(dataset)
+    for caution in cautions:
+        print_error(f"{archive}: {caution}")
+    if as_json:
+        others = [recommendation_entries(other) for other in table]
+        write_json(recommendation_entries(recommendation) | {"cautions": cautions, "table": others}, indent=2)
+    else:
+        _write_text(recommendation, table)
+    if recommendation.choice is None:
+        raise typer.Exit(NOT_OK)
 
 
 def _with_reference(archive: Path) -> str:

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from workflow.cli._failures import errors_in_words
 from workflow.cli._terminal import clean, console, say
 from workflow.cli._words import named
 
@@ -26,13 +25,12 @@ def report(
     ] = None,
 ) -> None:
     """Write figures and tables of one archive or several as one self-contained HTML page."""
-    with errors_in_words():
-        paths = [named(archive) for archive in archives]
-        with console().status(clean(f"reading {', '.join(path.name for path in paths)}, drawing figures and the page")):
-            from workflow.report import write_report
+    paths = [named(archive) for archive in archives]
+    with console().status(clean(f"reading {', '.join(path.name for path in paths)}, drawing figures and the page")):
+        from workflow.report import write_report
 
-            written = write_report(paths, output)
-        if written.figure is not None:
-            say(f"figure {written.figure}")
-        if written.page is not None:
-            say(f"page   {written.page}")
+        written = write_report(paths, output)
+    if written.figure is not None:
+        say(f"figure {written.figure}")
+    if written.page is not None:
+        say(f"page   {written.page}")

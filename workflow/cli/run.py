@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workflow.cli._failures import NOT_OK, WRONG, errors_in_words
+from workflow.cli._failures import NOT_OK, WRONG
 from workflow.cli._progress import following
 from workflow.cli._stop import saying
 from workflow.cli._terminal import clean, print_error, say
@@ -43,28 +43,27 @@ def run(
     """Run a study; what an interrupted run or an earlier archive of it holds is kept and the rest is run."""
     _refuse_several({"--threads": threads, "--workers": workers, "--scheduler": scheduler})
     _refuse_several({"--retry": retry, "--recompute": recompute})
-    with errors_in_words():
-        from workflow.run import ClusterError, Follower, run_study
+    from workflow.run import ClusterError, Follower, run_study
 
-        requested = read(study, settings)
-        archive = Path(f"{requested.name}.nc") if output is None else named(output)
-        follower = Follower()
-        try:
-            with (
-                following(follower, archive.name, quiet),
-                saying(lambda: _stopped(archive, follower)),
-                redirect_stdout(sys.stderr),
-            ):
-                outcome = run_study(
-                    requested, archive, threads, follower,
-                    workers=workers, scheduler=scheduler, retry=retry, recompute=recompute, drop=drop,
-                )  # fmt: skip
-        except ClusterError as error:
-            reached = "" if follower.advance is None else f"; {_reached(follower.advance)} {archive}"
-            print_error(f"{error}{reached}")
-            raise typer.Exit(WRONG) from None
-        if not (quiet and outcome.ok):
-            _tell(outcome)
+    requested = read(study, settings)
+    archive = Path(f"{requested.name}.nc") if output is None else named(output)
+    follower = Follower()
+    try:
+        with (
+            following(follower, archive.name, quiet),
+            saying(lambda: _stopped(archive, follower)),
+            redirect_stdout(sys.stderr),
+        ):
+            outcome = run_study(
+                requested, archive, threads, follower,
+                workers=workers, scheduler=scheduler, retry=retry, recompute=recompute, drop=drop,
+            )  # fmt: skip
+    except ClusterError as error:
+        reached = "" if follower.advance is None else f"; {_reached(follower.advance)} {archive}"
+        print_error(f"{error}{reached}")
+        raise typer.Exit(WRONG) from None
+    if not (quiet and outcome.ok):
+        _tell(outcome)
     raise typer.Exit(0 if outcome.ok else NOT_OK)
 
 

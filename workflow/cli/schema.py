@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from workflow.cli._failures import errors_in_words, naming
 from workflow.cli._terminal import say, write
 
 
@@ -18,13 +17,15 @@ def schema(
     ] = None,
 ) -> None:
     """Write the JSON Schema of a study, for editors."""
-    with errors_in_words():
-        from workflow.study import json_schema
+    from workflow.study import json_schema
 
-        text = json.dumps(json_schema(), indent=2, ensure_ascii=False)
-        if output is None:
-            write(text)
-        else:
-            with naming(output):
-                output.write_text(text + "\n", encoding="utf-8")
-            say(str(output))
+    text = json.dumps(json_schema(), indent=2, ensure_ascii=False)
+    if output is None:
+        write(text)
+    else:
+        try:
+            output.write_text(text + "\n", encoding="utf-8")
+        except OSError as error:
+            error.filename = str(output)  # the system leaves it out where a disk is full
+            raise
+        say(str(output))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workflow.cli._failures import errors_in_words
 from workflow.cli._terminal import say, write_json
 
 if TYPE_CHECKING:
@@ -23,16 +22,15 @@ def show(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line for each archive.")] = False,
 ) -> None:
     """Say what archives hold: dimensions, statuses, what failed and why."""
-    with errors_in_words():
-        from workflow.archive import open_archive
+    from workflow.archive import open_archive
 
-        for archive in archives:
-            with open_archive(archive) as dataset:
-                if as_json:
-                    write_json(_entries(archive, dataset))
-                else:
-                    for line in _lines(archive, dataset):
-                        say(line)
+    for archive in archives:
+        with open_archive(archive) as dataset:
+            if as_json:
+                write_json(_entries(archive, dataset))
+            else:
+                for line in _lines(archive, dataset):
+                    say(line)
 
 
 def _lines(archive: Path, dataset: xr.Dataset) -> Iterator[str]:
@@ -72,8 +70,7 @@ def _entries(archive: Path, dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
-    from workflow.analysis import case_dims, exact, labels_of, value_text
-    from workflow.study import readable
+    from workflow.analysis import case_dims, exact, labels_of, unit_of, value_text
 
     for dim in case_dims(dataset):
         values = labels_of(dataset, dim, named=False)
@@ -81,8 +78,7 @@ def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
         yield f"  {dim} ({len(values)}): {'; '.join(values[:VALUES_SHOWN])}{more}"
     for name in dataset.coords:
         if dataset[name].ndim == 0:
-            unit = readable(str(dataset[name].attrs.get("units", "1")))
-            yield f"  {name} = {value_text(dataset[name], dataset[name].item())} {unit}".rstrip()
+            yield f"  {name} = {value_text(dataset[name], dataset[name].item())} {unit_of(dataset[name])}".rstrip()
     if "t" in dataset.sizes:
         t = dataset["t"].values
         yield f"  t: {t.size} samples to {exact(t[-1])} s"

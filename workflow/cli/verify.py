@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from workflow.cli._failures import NOT_OK, errors_in_words
+from workflow.cli._failures import NOT_OK
 from workflow.cli._terminal import say
 from workflow.cli._words import ArchiveFile
 
@@ -19,12 +19,11 @@ def verify(
 ) -> None:
     """Check an archive's bytes and hashes, then run a sample of its cases again and compare."""
     differing: set[str] = set()
-    with errors_in_words():
-        from workflow.run import verify as checks_of
+    from workflow.run import verify as checks_of
 
-        for check in checks_of(archive, sample):
-            differing |= set() if check.holds else {check.name}
-            say(f"  {check.name:8} {'ok' if check.holds else 'DIFFERS'}: {check.detail}")
-        verdict = _OTHER_SOLVER if differing == {"solver"} else "not as it was written" if differing else "verified"
-        say(f"{archive}: {verdict}")
+    for check in checks_of(archive, sample):
+        differing |= set() if check.holds else {check.name}
+        say(f"  {check.name:8} {'ok' if check.holds else 'DIFFERS'}: {check.detail}")
+    verdict = _OTHER_SOLVER if differing == {"solver"} else "not as it was written" if differing else "verified"
+    say(f"{archive}: {verdict}")
     raise typer.Exit(NOT_OK if differing else 0)

@@ -2,11 +2,11 @@
 
 from workflow.grid._ahead import kernel_variants
 from workflow.grid._arrangement import Grid, arrange, reads
-from workflow.grid._choice import ChosenModes, Decided, choices_text, read_choices
+from workflow.grid._choice import Choices, ChosenModes, choices_text, read_choices
 from workflow.grid._compile import compiled_ahead
 from workflow.grid._conditions import FRICTION
 from workflow.grid._encoding import CHUNK_BYTES, COMPRESSED, LEVEL, encode
-from workflow.grid._estimate import Time, estimate, measured_run, model_seconds, task_seconds, time_to_compile
+from workflow.grid._estimate import Time, estimate, measured_run, task_seconds, time_to_compile
 from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
 from workflow.grid._identity import CaseHashes, case_hashes

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
-from workflow.grid._choice import ChosenModes, Decided, Setting, choose, refine
+from workflow.grid._choice import OF_REFERENCE, Choices, ChosenModes, Setting, choose, refine
 from workflow.grid._conditions import FRICTION
 from workflow.judges.trials import EXACT
 from workflow.schemes import Sampling
@@ -54,7 +54,7 @@ class Grid:
     study: Study
     outer: tuple[Dimension, ...]
     inner: tuple[Dimension, ...]
-    decided: Decided = field(default_factory=Decided)
+    decided: Choices = field(default_factory=dict)
     """Counts of modes that were decided elsewhere, as :attr:`choices` has them."""
 
     @property
@@ -136,54 +136,46 @@ class Grid:
         values = self._values(outer)
         if CHOSEN not in (values["mechanical_modes"], values["thermal_modes"]):
             return None
-        first = int(self.alike(np.array([outer]), _decides)[0])
-        if first not in self.decided.cases:
-            settings = self.study.cell(self._values(first))
-            setting = Setting(settings, self._conditions, replace(self.sampling, balances=False), self.shortest)
-            return choose(setting, float(values["tolerance"]))
-        return self.decided.cases[first]
-
-    @property
-    def _conditions(self) -> tuple[Dimension, ...]:
-        """Dimensions in whose corners a tolerance decides: also the axis that is followed, by its ends."""
-        branch, model = self.study.branch, self.study.scene.model
-        if branch is None or fixes_operator(branch.axis.path, model):
-            return self.inner
-        return (*self.inner, Dimension(branch.axis.name, (branch.axis,)))
+        first = int(self.alike(np.array([outer]), decides_structure)[0])
+        return self.decided.get(str(first)) or choose(self._setting(first, {}), float(values[TOLERANCE]))
 
     def reference_choice(self, outer: int) -> ChosenModes | None:
         """Return the counts of modes of an outer index's reference that its tolerance decides, ``None`` without one."""
         reference = self.study.reference
         if reference is None or not reference.is_auto:
             return None
-        replaced = reference.values
         first = int(self.alike(np.array([outer]), self._decides_reference)[0])
-        if first not in self.decided.references:
-            settings = self.study.cell({**self._values(first), **replaced})
-            remaining = [replace(d, axes=tuple(a for a in d.axes if a.path not in replaced)) for d in self.inner]
-            inner = tuple(dimension for dimension in remaining if dimension.axes)
-            setting = Setting(settings, inner, replace(self.sampling, balances=False), self.shortest)
-            return refine(setting, float(replaced[TOLERANCE]))
-        return self.decided.references[first]
+        setting, tolerance = self._setting(first, reference.values), float(reference.values[TOLERANCE])
+        return self.decided.get(f"{OF_REFERENCE}{first}") or refine(setting, tolerance)
 
     def _decides_reference(self, path: str) -> bool:
         assert self.study.reference is not None
-        return _decides(path) and path not in self.study.reference.values
+        return decides_structure(path) and path not in self.study.reference.values
+
+    def _setting(self, outer: int, replaced: Mapping[str, Any]) -> Setting:
+        """Return what trials for an outer index depend on, some values replaced.
+
+        An axis that is followed has corners too, its ends.
+        """
+        dimensions, branch = list(self.inner), self.study.branch
+        if branch is not None and not fixes_operator(branch.axis.path, self.study.scene.model):
+            dimensions.append(Dimension(branch.axis.name, (branch.axis,)))
+        left = [replace(d, axes=tuple(axis for axis in d.axes if axis.path not in replaced)) for d in dimensions]
+        settings = self.study.cell({**self._values(outer), **replaced})
+        sampling = replace(self.sampling, balances=False)
+        return Setting(settings, tuple(dimension for dimension in left if dimension.axes), sampling, self.shortest)
 
     @cached_property
-    def choices(self) -> Decided:
-        """Counts of modes that tolerances decide, by the first outer index that each belongs to."""
-        return Decided(
-            self._all_of(self.choice, _decides) if self.study.is_auto else {},
-            self._all_of(self.reference_choice, self._decides_reference) if self.study.reference is not None else {},
-        )
-
-    def _all_of(
-        self, choice: Callable[[int], ChosenModes | None], matters: Callable[[str], bool]
-    ) -> dict[int, ChosenModes]:
-        first = np.unique(self.alike(np.arange(self.outer_count, dtype=np.int64), matters))
-        choices = {int(outer): choice(int(outer)) for outer in first}
-        return {outer: chosen for outer, chosen in choices.items() if chosen is not None}
+    def choices(self) -> Choices:
+        """All counts of modes that tolerances decide."""
+        every, reference = np.arange(self.outer_count, dtype=np.int64), self.study.reference
+        chosen: dict[str, ChosenModes | None] = {}
+        if self.study.is_auto:
+            chosen |= {str(k): self.choice(k) for k in np.unique(self.alike(every, decides_structure)).tolist()}
+        if reference is not None and reference.is_auto:
+            first = np.unique(self.alike(every, self._decides_reference)).tolist()
+            chosen |= {f"{OF_REFERENCE}{k}": self.reference_choice(k) for k in first}
+        return {name: choice for name, choice in chosen.items() if choice is not None}
 
     @cached_property
     def shortest(self) -> float:
@@ -202,11 +194,11 @@ class Grid:
 
     def unread(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
         """Tell whether a scheme's results do not depend on a dimension."""
-        return not any(reads(scheme.method, scheme.label, axis.path) for axis in dimension.axes if self._acts(axis))
+        return not _any(dimension, self.is_read(scheme))
 
-    def _acts(self, axis: Axis) -> bool:
+    def _acts(self, path: str) -> bool:
         """Tell whether an axis can change results: not a tolerance that decides no count."""
-        return axis.path != TOLERANCE or self.study.is_auto
+        return path != TOLERANCE or self.study.is_auto
 
     def uncompared(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
         """Tell whether the reference of its cases, where there is one, is the same all along a dimension.
@@ -217,26 +209,12 @@ class Grid:
             return True
         replaced = self.study.reference.values
         truth = self.study.schemes[str(replaced.get("scheme", scheme.label))]
-        return not any(
-            reads(method, truth.label, axis.path)
-            for axis in dimension.axes
-            if axis.path not in replaced and self._acts(axis)
-            for method in (truth.method, EXACT)
-        )
 
-    def canonical_inner(self, settings: CaseSettings, inner: Indices) -> Indices:
-        """Return for each inner index the first one with the same results."""
-        if not self.inner:
-            return inner
-        index = np.unravel_index(inner, self.inner_shape)
-        first = [
-            np.zeros_like(i) if self.unread(d, settings.scheme) else i for d, i in zip(self.inner, index, strict=True)
-        ]
-        return np.asarray(np.ravel_multi_index(first, self.inner_shape), dtype=np.int64)
+        def matters(path: str) -> bool:
+            read = any(reads(method, truth.label, path) for method in (truth.method, EXACT))
+            return read and path not in replaced and self._acts(path)
 
-    def distinct_inner(self, settings: CaseSettings) -> int:
-        """Return how many inner indices have results of their own."""
-        return math.prod(d.size for d in self.inner if not self.unread(d, settings.scheme))
+        return not _any(dimension, matters)
 
     @cached_property
     def computed(self) -> Indices:
@@ -261,16 +239,39 @@ class Grid:
                     i[scheme == k] = 0
         return np.bincount(np.ravel_multi_index(index, self.outer_shape) if self.outer else outer, minlength=outer.size)
 
+    def kinds(self, matters: Callable[[str], bool]) -> list[int]:
+        """Return the first of the computed outer indices that differ along axes that matter."""
+        return [int(outer) for outer in np.unique(self.alike(self.computed, matters))]
+
     def alike(self, outer: Indices, matters: Callable[[str], bool]) -> Indices:
         """Return for each outer index the first one that differs only along axes that do not matter."""
-        if not self.outer:
-            return outer
-        index = np.unravel_index(outer, self.outer_shape)
-        first = [
-            i if any(matters(axis.path) for axis in d.axes) else np.zeros_like(i)
-            for d, i in zip(self.outer, index, strict=True)
-        ]
-        return np.asarray(np.ravel_multi_index(first, self.outer_shape), dtype=np.int64)
+        return _alike(self.outer, outer, matters)
+
+    def inner_alike(self, inner: Indices, matters: Callable[[str], bool]) -> Indices:
+        """Return for each inner index the first one that differs only along axes that do not matter."""
+        return _alike(self.inner, inner, matters)
+
+    def inner_distinct(self, matters: Callable[[str], bool]) -> int:
+        """Return how many inner indices differ along axes that matter."""
+        return math.prod(d.size for d in self.inner if _any(d, matters))
+
+    def is_read(self, scheme: SchemeChoice) -> Callable[[str], bool]:
+        """Return what tells whether a scheme's results depend on an axis of this study."""
+        return lambda path: self._acts(path) and reads(scheme.method, scheme.label, path)
+
+
+def _any(dimension: Dimension, matters: Callable[[str], bool]) -> bool:
+    return any(matters(axis.path) for axis in dimension.axes)
+
+
+def _alike(dimensions: tuple[Dimension, ...], index: Indices, matters: Callable[[str], bool]) -> Indices:
+    """Return for each index over some dimensions the first one that differs only along axes that do not matter."""
+    if not dimensions:
+        return index
+    shape = tuple(dimension.size for dimension in dimensions)
+    places = zip(dimensions, np.unravel_index(index, shape), strict=True)
+    first = [place if _any(dimension, matters) else np.zeros_like(place) for dimension, place in places]
+    return np.asarray(np.ravel_multi_index(first, shape), dtype=np.int64)
 
 
 def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:
@@ -278,12 +279,12 @@ def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:
     return np.unravel_index(index, shape) if shape else ()
 
 
-def _decides(path: str) -> bool:
-    """Tell whether counts that a tolerance decides may differ along an axis."""
+def decides_structure(path: str) -> bool:
+    """Tell whether the structure that a case is run on, and the counts that a tolerance decides, may differ so."""
     return path not in ("scheme", "h") and not path.startswith("schemes.")
 
 
-def arrange(study: Study, decided: Decided | None = None) -> Grid:
+def arrange(study: Study, decided: Choices | None = None) -> Grid:
     """Order a study's dimensions: operators outermost, then conditions; ``decided`` as :attr:`Grid.choices`.
 
     The order depends on what varies, neither on how many values it has nor on its place in the file: an axis that
@@ -294,7 +295,7 @@ def arrange(study: Study, decided: Decided | None = None) -> Grid:
     inner = [d for d in study.dimensions if d not in outer]
     outer.sort(key=lambda d: (min(_outermost_first(axis.path) for axis in d.axes), d.name))
     inner.sort(key=lambda d: (max(_innermost_last(axis.path) for axis in d.axes), d.name))
-    return Grid(study, tuple(outer), tuple(inner), decided or Decided())
+    return Grid(study, tuple(outer), tuple(inner), decided or {})
 
 
 def _outermost_first(path: str) -> int:

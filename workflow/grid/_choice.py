@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from math import isnan, nan
-from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -24,8 +22,8 @@ from workflow.models import Structure
 from workflow.schemes import Sampling
 from workflow.study import CHOSEN, CaseSettings, Dimension
 
-_REFERENCE = "reference "
-"""What the key of a reference's choice begins with, before its outer index."""
+OF_REFERENCE = "reference "
+"""Beginning of the name of a reference's choice, before its outer index."""
 
 _NAMED = 3
 """Corners left out that are named, at most."""
@@ -141,29 +139,23 @@ def _choice(least: LeastVectors, corners: list[Corner]) -> ChosenModes:
     return ChosenModes(*least.counts, least.error, corners[least.worst], least.against, untried)
 
 
-class Decided(NamedTuple):
-    """Counts of modes that tolerances decide, of cases and of references, by the first outer index they belong to."""
-
-    cases: Mapping[int, ChosenModes] = MappingProxyType({})
-    references: Mapping[int, ChosenModes] = MappingProxyType({})
+Choices = Mapping[str, ChosenModes]
+"""Counts of modes that tolerances decide, by the first outer index they belong to, which for those of references
+:data:`OF_REFERENCE` precedes."""
 
 
-def choices_text(decided: Decided) -> str:
-    """Return choices by outer index as JSON; an error that is NaN as null."""
-    every = {str(outer): choice for outer, choice in decided.cases.items()}
-    every |= {f"{_REFERENCE}{outer}": choice for outer, choice in decided.references.items()}
-    entries = {key: asdict(choice) | {"hardest": dict(choice.hardest)} for key, choice in every.items()}
+def choices_text(choices: Choices) -> str:
+    """Return choices as JSON; an error that is NaN as null."""
+    entries = {name: asdict(choice) | {"hardest": dict(choice.hardest)} for name, choice in choices.items()}
     for entry in entries.values():
         entry["error"] = None if isnan(entry["error"]) else entry["error"]
     return json.dumps(entries, sort_keys=True, allow_nan=False)
 
 
-def read_choices(text: str) -> Decided:
+def read_choices(text: str) -> Choices:
     """Return choices from what :func:`choices_text` has made of them."""
-    cases: dict[int, ChosenModes] = {}
-    references: dict[int, ChosenModes] = {}
-    for key, entry in json.loads(text).items():
+    choices: dict[str, ChosenModes] = {}
+    for name, entry in json.loads(text).items():
         error, hardest = nan if entry["error"] is None else entry["error"], tuple(entry["hardest"].items())
-        of = references if key.startswith(_REFERENCE) else cases
-        of[int(key.removeprefix(_REFERENCE))] = ChosenModes(**{**entry, "error": error, "hardest": hardest})
-    return Decided(cases, references)
+        choices[name] = ChosenModes(**{**entry, "error": error, "hardest": hardest})
+    return choices

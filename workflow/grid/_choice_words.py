@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from workflow.grid._arrangement import TOLERANCE, Grid
-from workflow.grid._choice import ChosenModes
+from workflow.grid._choice import OF_REFERENCE, ChosenModes
 from workflow.grid._corners import corner_text
-from workflow.grid._figures import size_text
+from workflow.grid._figures import distinct_lines, size_text
 from workflow.grid._reference_solutions import reference_settings
 from workflow.study import CaseSettings
 
@@ -24,9 +24,9 @@ _UNTRIED = (
 
 def choice_lines(grid: Grid) -> tuple[str, ...]:
     """Return a line for each count that a tolerance decides, of many the first and how many more there are."""
-    lines = [f"{name}: {_counts(choice)}, {_error_text(choice)}" for name, _, choice in _all(grid)]
-    more = (f"and {len(lines) - _SHOWN} more",) if len(lines) > _SHOWN else ()
-    return (*lines[:_SHOWN], *more)
+    return distinct_lines(
+        (f"{name}: {_counts(choice)}, {_error_text(choice)}" for name, _, choice in _all(grid)), _SHOWN
+    )
 
 
 def choice_cautions(grid: Grid) -> Iterator[str]:
@@ -42,13 +42,14 @@ def choice_cautions(grid: Grid) -> Iterator[str]:
 
 def _all(grid: Grid) -> Iterator[tuple[str, float, ChosenModes]]:
     """Yield what each choice is for, its tolerance, and the choice."""
-    for outer, choice in grid.choices.cases.items():
-        tolerance = float(grid.value(outer, TOLERANCE))
-        yield _for(grid.settings(outer), tolerance), tolerance, choice
-    for outer, choice in grid.choices.references.items():
-        assert grid.study.reference is not None
-        tolerance = float(grid.study.reference.values[TOLERANCE])
-        yield f"reference, {_for(reference_settings(grid, outer), tolerance)}", tolerance, choice
+    for name, choice in grid.choices.items():
+        outer, reference = int(name.removeprefix(OF_REFERENCE)), grid.study.reference
+        if reference is None or not name.startswith(OF_REFERENCE):
+            tolerance = float(grid.value(outer, TOLERANCE))
+            yield _for(grid.settings(outer), tolerance), tolerance, choice
+        else:
+            tolerance = float(reference.values[TOLERANCE])
+            yield f"reference, {_for(reference_settings(grid, outer), tolerance)}", tolerance, choice
 
 
 def _for(settings: CaseSettings, tolerance: float) -> str:

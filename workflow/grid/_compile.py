@@ -26,9 +26,9 @@ import numpy as np
 from workflow import models
 from workflow.grid._speed import untimed
 from workflow.grid._waiting_for import COMPILING, waiting_for
-from workflow.kernels.cache import directory_of, is_lasting
+from workflow.kernels.cache import directory_of
 from workflow.models import Cases, Harmonics
-from workflow.schemes import Sampling, Scheme, load
+from workflow.schemes import Sampling, load
 
 
 @dataclass(frozen=True)
@@ -54,10 +54,7 @@ class KernelVariant:
         return (*kinds, *(option for option in options if not isinstance(option[1], float)))
 
 
-_Part = tuple[KernelVariant, str]
-"""A variant and the call that needs one of its large kernels alone, empty for all of it."""
-
-_HELPER: list[tuple[subprocess.Popen[bytes], list[_Part]]] = []
+_HELPER: list[tuple[subprocess.Popen[bytes], Sequence[KernelVariant]]] = []
 """The helper process while it runs, and what it compiles, in this order."""
 
 
@@ -65,30 +62,23 @@ _HELPER: list[tuple[subprocess.Popen[bytes], list[_Part]]] = []
 def compile_scheme(variant: KernelVariant) -> None:
     """Run a scheme once: it compiles the kernels that are not in the cache, and loads the others.
 
-    Of what the helper compiles the calls that it leaves are compiled here, then the helper is waited for.
+    What the helper compiles of the scheme is waited for.
     """
     with waiting_for(COMPILING), untimed():
-        for process, parts in _HELPER:
-            notes = [_note(*part) for part in parts if part[0].method == variant.method]
-            for call in list(load(variant.method).KERNEL_CALLS)[1:] if notes else ():
-                _compile(variant, call)
-            while process.poll() is None and not all(note is None or note.exists() for note in notes):
+        for process, variants in _HELPER:
+            same = [helped for helped in variants if helped.method == variant.method]
+            while process.poll() is None and any(map(is_missing, same)):
                 time.sleep(0.02)
         _compile(variant)
 
 
 @contextmanager
 def compiled_ahead(variants: Sequence[KernelVariant]) -> Iterator[None]:
-    """Compile what the run does not begin with in a helper process, which ends with the context.
-
-    Of a scheme that names its large kernels apart (``KERNEL_CALLS``) the helper takes the first, the run the others.
-    """
-    missing = [variant for variant in variants if is_missing(variant)]
-    parts = [(variant, next(iter(load(variant.method).KERNEL_CALLS), "")) for variant in missing]
-    parts = [part for place, part in enumerate(parts) if place > 0 or part[1]]
-    if parts:
+    """Compile all but the first of what is missing in a helper process, which ends with the context."""
+    helped = [variant for variant in variants if is_missing(variant)][1:]
+    if helped:
         with suppress(Exception):
-            _HELPER.append((_started(parts), parts))
+            _HELPER.append((_started(helped), helped))
     try:
         yield
     finally:
@@ -98,19 +88,13 @@ def compiled_ahead(variants: Sequence[KernelVariant]) -> Iterator[None]:
             process.communicate()
 
 
-def _started(parts: list[_Part]) -> subprocess.Popen[bytes]:
+def _started(variants: Sequence[KernelVariant]) -> subprocess.Popen[bytes]:
     """Start the helper process."""
-    content = pickle.dumps(parts)
-    paths = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-c", f"from {__name__} import main; main()"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": paths},
-    )
-    with suppress(OSError):
-        assert process.stdin is not None
+    content, null = pickle.dumps(variants), subprocess.DEVNULL
+    code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import main; main()"
+    process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=null, stderr=null)
+    assert process.stdin is not None
+    with suppress(OSError):  # it has ended
         process.stdin.write(content)
         process.stdin.flush()
     return process
@@ -118,45 +102,42 @@ def _started(parts: list[_Part]) -> subprocess.Popen[bytes]:
 
 def main() -> None:
     """Compile what the parent sends, and end with its pipe."""
-    parts = pickle.load(sys.stdin.buffer)
+    variants = pickle.load(sys.stdin.buffer)
     threading.Thread(target=lambda: (sys.stdin.buffer.read(), os._exit(0)), daemon=True).start()
     gc.disable()  # a tenth of the time of a compiler that leaves little garbage; this process does nothing else
-    for part in parts:
-        _compile(*part)
+    for variant in variants:
+        _compile(variant)
 
 
-def _compile(variant: KernelVariant, call: str = "") -> None:
-    """Compile a scheme, or what one of its calls needs, and note that it is in the cache.
+def _compile(variant: KernelVariant) -> None:
+    """Run a scheme for one small case, and note that its kernels are in the cache.
 
     Nothing is raised: the case may be another than the one that is refused, and says itself why it fails.
     """
     with suppress(Exception, SystemExit):
-        scheme, arguments = _example(variant)
-        (scheme.KERNEL_CALLS[call] if call else scheme.compute)(*arguments)
-        note = _note(variant, call)
+        _run(variant)
+        note = _note(variant)
         if note is not None:
             note.touch()
 
 
-def _example(variant: KernelVariant) -> tuple[Scheme, tuple[Any, Cases, Sampling]]:
-    """Return a scheme, and what its ``compute`` is called with for one small case of a kind."""
+def _run(variant: KernelVariant) -> None:
+    """Run a scheme for one small case of a kind."""
     chain = models.load("chain")
     parameters = chain.Parameters(1, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
-    structure = chain.assemble(parameters)
-    if variant.massless_tip:
-        whole = structure.matrices()
-        structure = replace(whole, mechanical=replace(whole.mechanical, inertia=np.zeros((1, 1))))
-    if variant.slides:
-        structure = replace(structure.matrices(), tangent=np.ones(1))
-    if variant.coupled:
-        structure = replace(structure.matrices(), load=np.ones(1))
-    scheme = load(variant.method)
-    none, one, node = np.zeros(1), np.ones(1), np.zeros((1, 1))
-    casing = Harmonics(*np.zeros((3, 1, int(variant.harmonics))))
-    cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node, casing_harmonics=casing)
-    cases = replace(cases, friction=np.full(1, 0.5 * variant.slides))
-    over = Sampling(1.0, 0.5, 3, balances=variant.balances)
-    return scheme, (scheme.init(structure, 0.5, variant.options), cases, over)
+    whole = chain.assemble(parameters).matrices()
+    massless = replace(whole.mechanical, inertia=np.zeros((1, 1)))
+    structure = replace(
+        whole,
+        mechanical=massless if variant.massless_tip else whole.mechanical,
+        tangent=np.ones(1) if variant.slides else None,
+        load=np.ones(1) if variant.coupled else None,
+    )
+    scheme, none, one, node = load(variant.method), np.zeros(1), np.ones(1), np.zeros((1, 1))
+    harmonics, friction = Harmonics(*np.zeros((3, 1, int(variant.harmonics)))), np.full(1, 0.5 * variant.slides)
+    cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node, casing_harmonics=harmonics)
+    operator, over = scheme.init(structure, 0.5, variant.options), Sampling(1.0, 0.5, 3, balances=variant.balances)
+    scheme.compute(operator, replace(cases, friction=friction), over)
 
 
 def is_missing(variant: KernelVariant) -> bool:
@@ -165,12 +146,10 @@ def is_missing(variant: KernelVariant) -> bool:
     return note is not None and not note.exists()
 
 
-def _note(variant: KernelVariant, call: str = "") -> Path | None:
-    """Return the file whose presence says that kernels are in the cache; ``None`` without a lasting one."""
+def _note(variant: KernelVariant) -> Path | None:
+    """Return the file whose presence says that kernels are in the cache; ``None`` where none are kept."""
     import llvmlite.binding
 
-    directory = directory_of(type(variant.options).__module__) if is_lasting() else None
-    if directory is None:
-        return None
-    words = (*variant.words, call, llvmlite.binding.get_host_cpu_name())
-    return directory / f"{hashlib.sha256(repr(words).encode()).hexdigest()[:16]}.compiled"
+    directory = directory_of(type(variant.options).__module__)
+    name = hashlib.sha256(repr((variant.words, llvmlite.binding.get_host_cpu_name())).encode()).hexdigest()[:16]
+    return None if directory is None else directory / f"{name}.compiled"

@@ -70,14 +70,17 @@ def setup_seconds(structure: Structure) -> float:
 
 def modes_seconds(structure: Structure) -> float:
     """Return what modes and the reduction of a full structure cost, of a large one those of few modes."""
-    states = _states(structure)
-    return 5e-3 + 1.2e-7 * min(states, _DENSE) ** 2 + (1e-6 * states if states > _DENSE else 0.0)
+    return 5e-3 + 1.2e-7 * min(_states(structure), _DENSE) ** 2 + _few_modes_seconds(structure)
 
 
 def growth_seconds(structure: Structure) -> float:
     """Return what the growth rate at one α costs: the eigenvalues of a structure, of a large one those of few modes."""
+    return 1e-4 + 1.5e-9 * min(_states(structure), _DENSE) ** 3 + _few_modes_seconds(structure)
+
+
+def _few_modes_seconds(structure: Structure) -> float:
     states = _states(structure)
-    return 1e-4 + 1.5e-9 * min(states, _DENSE) ** 3 + (1e-6 * states if states > _DENSE else 0.0)
+    return 1e-6 * states if states > _DENSE else 0.0
 
 
 def compiling_seconds(method: str) -> float:
@@ -85,9 +88,9 @@ def compiling_seconds(method: str) -> float:
     return _COMPILING.get(method, _COMPILING_OTHERS)
 
 
-def handling_seconds(cases: int, samples: int, histories: int) -> float:
-    """Return what cases cost beside their schemes: conditions, metrics, compression."""
-    return cases * (5e-6 + samples * (3e-8 + 8e-8 * histories))
+def handling_seconds(samples: int, histories: int) -> float:
+    """Return what a case costs beside its scheme: conditions, metrics, compression."""
+    return 5e-6 + samples * (3e-8 + 8e-8 * histories)
 
 
 def beside_seconds(cases: int, size: int) -> float:

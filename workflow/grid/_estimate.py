@@ -2,40 +2,21 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 
-import numpy as np
-
-from workflow import schemes
 from workflow.grid import _speed
 from workflow.grid._ahead import kernel_variants
 from workflow.grid._arrangement import Grid
 from workflow.grid._compile import is_missing
-from workflow.grid._conditions import alpha_of
-from workflow.grid._costs import (
-    LOADING,
-    beside_seconds,
-    case_seconds,
-    compiling_seconds,
-    growth_seconds,
-    handling_seconds,
-    modes_seconds,
-    setup_seconds,
-)
-from workflow.grid._frequencies import fastest, longest_period_count
+from workflow.grid._costs import LOADING, beside_seconds, compiling_seconds, modes_seconds, setup_seconds
+from workflow.grid._frequencies import longest_period_count
 from workflow.grid._operators import full_structure, reduced_structure
 from workflow.grid._reference import distinct_solutions
-from workflow.grid._reference_solutions import REFERENCE_RUNS
-from workflow.grid._tasks import Task, decides_cost, seconds_per_case, steady_bytes, tasks
-from workflow.kernels.lanes import PACK
-
-MOST_LOOKED_AT = 20_000
-"""Cases whose couplings are looked at."""
+from workflow.grid._reference_solutions import solution_seconds
+from workflow.grid._tasks import Task, steady_bytes, tasks
 
 
 @dataclass(frozen=True)
@@ -83,8 +64,8 @@ def result_bytes(grid: Grid) -> int:
 def estimate(grid: Grid, threads: int | None = None) -> Time:
     """Return how long a study will take; ``threads`` is one for each processor where not given."""
     threads, factor = threads or len(os.sched_getaffinity(0)), _speed.factor()
-    scale, seconds = factor or 1.0, [model_seconds(grid, task) for task in tasks(grid)]
-    work = (sum(seconds) + beside_tasks(grid)) * scale
+    scale, seconds = factor or 1.0, [task.seconds for task in tasks(grid)]
+    work = (sum(seconds) + reference_seconds(grid)) * scale
     beside = beside_seconds(grid.outer_count * grid.inner_count, result_bytes(grid))
     beside += LOADING * len(kernel_variants(grid))
     return Time(
@@ -99,31 +80,12 @@ def estimate(grid: Grid, threads: int | None = None) -> Time:
 def task_seconds(grid: Grid) -> Iterator[tuple[Task, float]]:
     """Yield the tasks of a study in their order, each with the processor seconds it will take on this machine.
 
-    What tasks share, references above all, is spread evenly over their work.
+    References are spread evenly over their work.
     """
-    total = sum(model_seconds(grid, task) for task in tasks(grid))
-    scale = (1 + beside_tasks(grid) / total) * (_speed.factor() or 1.0)
+    total = sum(task.seconds for task in tasks(grid))
+    scale = (1 + reference_seconds(grid) / total) * (_speed.factor() or 1.0)
     for task in tasks(grid):
-        yield task, model_seconds(grid, task) * scale
-
-
-def model_seconds(grid: Grid, task: Task) -> float:
-    """Return the processor seconds of a task by the cost model, without references, operators and growth rates."""
-    model, seconds = grid.study.scene.model, 0.0
-    for batch in task.batches:
-        kind = int(grid.alike(np.array([batch.outer]), lambda path: decides_cost(path, model))[0])
-        seconds += _batch_seconds(grid, kind, batch.inner.size)
-    return seconds
-
-
-@lru_cache(maxsize=4096)
-def _batch_seconds(grid: Grid, outer: int, count: int) -> float:
-    """Return model seconds of so many cases: the distinct ones are stepped, where a scheme has packs whole ones."""
-    settings = grid.settings(outer)
-    distinct = math.ceil(count * grid.distinct_inner(settings) / grid.inner_count)
-    padded = -(-distinct // PACK) * PACK if schemes.load(settings.scheme.method).TOGETHER > 1 else distinct
-    handling = handling_seconds(count, grid.sampling.count, len(grid.study.output.histories))
-    return padded * seconds_per_case(grid, outer) + handling
+        yield task, task.seconds * scale
 
 
 def time_to_compile(grid: Grid, threads: int) -> float:
@@ -132,39 +94,10 @@ def time_to_compile(grid: Grid, threads: int) -> float:
     return sum(seconds) / min(threads, 2)
 
 
-def beside_tasks(grid: Grid) -> float:
-    """Return model seconds of what tasks share: references, operators, growth rates."""
-    return _reference_seconds(grid) + _operator_seconds(grid)
-
-
-def _reference_seconds(grid: Grid) -> float:
-    """Return model seconds of reference solutions, and of exact solutions beside them with their operators."""
-    sampling, periods = replace(grid.sampling, balances=False), fastest(grid) * grid.sampling.duration
+def reference_seconds(grid: Grid) -> float:
+    """Return model seconds of reference solutions, and of exact solutions beside them, with their operators."""
     seconds = 0.0
     for settings, is_exact, count in distinct_solutions(grid):
-        structure, runs = reduced_structure(settings), count * (1 if is_exact else REFERENCE_RUNS)
-        seconds += runs * case_seconds(settings, structure, sampling, periods)
-        seconds += setup_seconds(structure) + modes_seconds(full_structure(settings))
-    return seconds
-
-
-def _operator_seconds(grid: Grid) -> float:
-    """Return model seconds of operators, and of growth rates at each distinct α of a structure."""
-
-    def matters(path: str) -> bool:
-        return path not in ("scheme", "h") and not path.startswith("schemes.")
-
-    structures = np.unique(grid.alike(grid.computed, matters))
-    kinds, counts = np.unique(
-        grid.alike(structures, lambda path: matters(path) and decides_cost(path, grid.study.scene.model)),
-        return_counts=True,
-    )
-    inner, seconds = np.arange(min(grid.inner_count, MOST_LOOKED_AT), dtype=np.int64), 0.0
-    for outer, count in zip(kinds.tolist(), counts.tolist(), strict=True):
-        settings = grid.settings(outer)
-        structure, alpha = reduced_structure(settings), alpha_of(settings, grid.inner_values(inner), inner.size)
-        operators = count * grid.computed.size / structures.size
-        full = full_structure(settings)
-        once = modes_seconds(full) + np.unique(alpha).size * growth_seconds(structure)
-        seconds += operators * setup_seconds(structure) + count * once
+        seconds += count * solution_seconds(grid, settings, is_exact)
+        seconds += setup_seconds(reduced_structure(settings)) + modes_seconds(full_structure(settings))
     return seconds

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 from workflow.declare import File
+from workflow.grid._conditions import conditions
+from workflow.grid._operators import full_structure
 from workflow.judges.perturbations import perturbed
-from workflow.models import Cases
+from workflow.models import Array, Cases
 from workflow.study import CaseSettings
 
 SHARE = 1e-12
@@ -37,6 +40,19 @@ class Perturbation:
     def cases(self, cases: Cases) -> Cases:
         """Return the cases with another gap, tip load, start and heating."""
         return perturbed(cases, self.direction * SHARE, self.reach)
+
+
+def cases_of(
+    settings: CaseSettings, varying: Mapping[str, Array], count: int, perturbation: Perturbation | None = None
+) -> tuple[CaseSettings, Cases]:
+    """Return settings, and their cases on the full structure, both with their data changed if asked.
+
+    See :func:`workflow.grid._conditions.conditions`.
+    """
+    if perturbation is None:
+        return settings, conditions(settings, full_structure(settings), varying, count)
+    settings = perturbation.settings(settings)
+    return settings, perturbation.cases(conditions(settings, full_structure(settings), varying, count))
 
 
 def _changed(value: Any, share: float) -> Any:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow import schemes
-from workflow.grid._arrangement import Grid, Indices, arrange
+from workflow.grid._arrangement import Grid, arrange
 from workflow.grid._choice_words import choice_lines
 from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._figures import Figures, distinct_lines, figures
@@ -102,19 +102,16 @@ def _plan(grid: Grid) -> Plan:
     computed, model = grid.computed, grid.study.scene.model
     kinds, kind = np.unique(grid.alike(computed, lambda path: path in ("scheme", "h")), return_inverse=True)
     every = [grid.settings(int(outer)) for outer in kinds]
-    distinct = np.array([grid.distinct_inner(settings) for settings in every])
+    distinct = np.array([grid.inner_distinct(grid.is_read(settings.scheme)) for settings in every])
     marching = np.array(
         [
             grid.sampling.steps(settings.h) if "h" in schemes.load(settings.scheme.method).READS else 0
             for settings in every
         ]
     )
-    structures = np.unique(grid.alike(computed, lambda path: path.startswith(f"scene.{model}.")))
-    shown = [grid.settings(int(outer)) for outer in structures[:_STRUCTURES_SHOWN]]
-    number = batches = 0
-    for task in tasks(grid):
-        number += 1
-        batches += len(task.batches)
+    structures = grid.kinds(lambda path: path.startswith(f"scene.{model}."))
+    shown = [grid.settings(outer) for outer in structures[:_STRUCTURES_SHOWN]]
+    batches = [len(task.batches) for task in tasks(grid)]
     cases = grid.outer_count * grid.inner_count
     references, exact = solution_counts(grid)
     return Plan(
@@ -126,8 +123,8 @@ def _plan(grid: Grid) -> Plan:
         unique=int(np.sum(distinct[kind])),
         references=references,
         exact=exact,
-        batches=batches,
-        tasks=number,
+        batches=sum(batches),
+        tasks=len(batches),
         steps=sum(int(n) * int(d) * int(c) for n, d, c in zip(marching, distinct, np.bincount(kind), strict=True)),
         time=estimate(grid),
         bytes=result_bytes(grid),
@@ -135,16 +132,15 @@ def _plan(grid: Grid) -> Plan:
         structures=tuple(map(figures, shown)),
         more_structures=len(structures) - len(shown),
         choices=choice_lines(grid),
-        operators=(*distinct_lines(_operators(grid, computed), _STRUCTURES_SHOWN), *_factors(shown)),
+        operators=(*distinct_lines(_operators(grid), _STRUCTURES_SHOWN), *_factors(shown)),
         warnings=warnings(grid),
     )
 
 
-def _operators(grid: Grid, computed: Indices) -> Iterator[str]:
+def _operators(grid: Grid) -> Iterator[str]:
     """Yield what structures and those of references are stepped by, where a scheme has a choice."""
     names, model = ("scheme", "reduction", "mechanical_modes", "thermal_modes"), grid.study.scene.model
-    places = np.unique(grid.alike(computed, lambda path: path in names or path.startswith(f"scene.{model}.")))
-    for outer in looked_at(places):
+    for outer in looked_at(grid.kinds(lambda path: path in names or path.startswith(f"scene.{model}."))):
         own, truth = grid.settings(outer), grid.study.reference is not None
         for settings in (own, reference_settings(grid, outer)) if truth else (own,):
             scheme = schemes.load(settings.scheme.method)

@@ -8,20 +8,20 @@ from dataclasses import replace
 import numpy as np
 
 from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._conditions import conditions
-from workflow.grid._operators import full_structure, run_batch
-from workflow.grid._perturbation import Perturbation
+from workflow.grid._operators import run_batch
+from workflow.grid._perturbation import Perturbation, cases_of
 from workflow.grid._reference_solutions import (
     BASIS,
+    Kind,
     ReferenceSolution,
     Solutions,
-    compute_solutions,
-    distinct_rows,
-    distinct_shape,
     exact_settings,
-    needed_settings,
+    is_compared,
+    needed_kinds,
     reference_settings,
+    solutions_for,
 )
+from workflow.grid._tasks import Batch
 from workflow.judges.distances import norms, relative
 from workflow.judges.trials import EXACT
 from workflow.models import Array
@@ -37,7 +37,7 @@ PARTS = "scheme and model error: "
 
 
 def against_reference(
-    grid: Grid, outer: int, inner: Indices, results: Mapping[str, Array], known: Solutions
+    grid: Grid, outer: int, inner: Indices, results: Mapping[str, Array], solutions: Solutions
 ) -> tuple[dict[str, Array], dict[int, str]]:
     """Return the errors of a batch against the study's reference, ``(case,)`` each, and what cannot be formed.
 
@@ -50,15 +50,13 @@ def against_reference(
     ----------
     results
         Histories ``(case, t)`` and ``status`` of the batch.
-    known
-        Solutions that are computed already; the others are computed here.
+    solutions
+        Those that the batch is compared with.
     """
     if grid.study.reference is None:
         return {}, {}
-    solutions = [
-        _solutions(grid, settings, inner, is_exact, known) for settings, is_exact in needed_settings(grid, outer)
-    ]
-    references, exact = solutions[0], solutions[-1]
+    compared = [_in_order(grid, kind, inner, solutions) for kind in needed_kinds(grid, outer)]
+    references, exact = compared[0], compared[-1]
     errors: dict[str, Array] = {"predictability": np.array([one.predictability for one in references])}
     chosen = grid.reference_choice(outer)
     if chosen is not None:
@@ -72,17 +70,9 @@ def against_reference(
     return errors, _messages(references, exact, errors, results["status"] == Status.OK)
 
 
-def _solutions(
-    grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool, known: Solutions
-) -> list[ReferenceSolution]:
-    """Return the solutions of some settings for the conditions of some cases."""
-    rows = distinct_rows(grid, settings, inner)
-    solutions = dict(known.get((settings, is_exact), {}))
-    missing = np.array([row for row in np.unique(rows) if row not in solutions], dtype=np.int64)
-    if missing.size:
-        computed = compute_solutions(grid, settings, missing, is_exact=is_exact)
-        solutions |= dict(zip(missing.tolist(), computed, strict=True))
-    return [solutions[row] for row in rows.tolist()]
+def _in_order(grid: Grid, kind: Kind, inner: Indices, solutions: Solutions) -> list[ReferenceSolution]:
+    """Return the solutions of a kind for the conditions of some cases."""
+    return [solutions[kind][first] for first in grid.inner_alike(inner, is_compared(grid, kind[0])).tolist()]
 
 
 def _histories(solutions: Sequence[ReferenceSolution], name: str) -> Array:
@@ -121,13 +111,13 @@ def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbat
     """
     settings = exact_settings(grid, outer)
     if perturbation is None:
-        solutions = _solutions(grid, settings, inner, True, {})
+        kind = needed_kinds(grid, outer)[-1]  # the reference itself where that is exact
+        solutions = _in_order(grid, kind, inner, solutions_for(grid, Batch(outer, inner)))
         return {name: _histories(solutions, name) for name in COMPARED}
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
-    settings = perturbation.settings(settings)
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
-    cases = conditions(settings, full_structure(settings), varying, inner.size)
-    results = run_batch(settings, perturbation.cases(cases), replace(grid.sampling, balances=False))
+    settings, cases = cases_of(settings, varying, inner.size, perturbation)
+    results = run_batch(settings, cases, replace(grid.sampling, balances=False))
     ended = (results.status == Status.OK)[:, None]
     return {name: np.where(ended, results.histories[name], np.nan) for name in COMPARED}
 
@@ -138,11 +128,11 @@ def distinct_solutions(grid: Grid) -> Iterator[tuple[CaseSettings, bool, int]]:
         return
     replaced = grid.study.reference.values
     outer = np.unique(grid.alike(grid.computed, lambda path: path in BASIS or path not in replaced))
-    every = dict.fromkeys(needed for k in outer for needed in needed_settings(grid, int(k)))
+    every = dict.fromkeys(kind for k in outer for kind in needed_kinds(grid, int(k)))
     references = {settings for settings, is_exact in every if not is_exact}
     for settings, is_exact in every:
         if not (is_exact and settings in references):
-            yield settings, is_exact, int(np.prod(distinct_shape(grid, settings), dtype=np.int64))
+            yield settings, is_exact, grid.inner_distinct(is_compared(grid, settings))
 
 
 def solution_counts(grid: Grid) -> tuple[int, int]:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, reads
-from workflow.grid._conditions import conditions
 from workflow.grid._costs import case_seconds
 from workflow.grid._frequencies import fastest
-from workflow.grid._operators import compile_for, full_structure, judged, reduced_structure, run_batch
+from workflow.grid._operators import compile_for, judged, reduced_structure, run_batch
+from workflow.grid._perturbation import cases_of
 from workflow.grid._speed import timed
 from workflow.grid._tasks import Batch
 from workflow.grid._waiting_for import REFERENCES, waiting_for
@@ -59,21 +59,25 @@ class ReferenceSolution:
     failure: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Block:
     """Solutions that are computed together: references, or exact solutions of reduced models, of an outer index.
 
-    ``rows`` count the distinct solutions of the settings, see :func:`distinct_rows`.
+    ``inner`` are the first inner indices that have these solutions, see :func:`is_compared`.
     """
 
-    number: int
     outer: int
     is_exact: bool
-    rows: tuple[int, ...]
+    inner: tuple[int, ...]
 
 
-Solutions = Mapping[tuple[CaseSettings, bool], Mapping[int, ReferenceSolution]]
-"""By settings and whether they are exact solutions beside the reference; by row."""
+Begun = TypeVar("Begun")
+
+Kind = tuple[CaseSettings, bool]
+"""Settings of solutions, and whether they are exact ones beside the reference."""
+
+Solutions = Mapping[Kind, Mapping[int, ReferenceSolution]]
+"""Solutions by kind and first inner index."""
 
 
 @lru_cache(maxsize=256)
@@ -102,118 +106,112 @@ def _only_what_is_read(settings: CaseSettings) -> CaseSettings:
     return replace(settings, **unread)
 
 
-def needed_settings(grid: Grid, outer: int) -> list[tuple[CaseSettings, bool]]:
-    """Return settings of the reference of an outer index, and of the exact solution beside it unless that is it."""
+def needed_kinds(grid: Grid, outer: int) -> list[Kind]:
+    """Return the kind of the reference of an outer index, and of the exact solution beside it unless that is it."""
     ours, theirs = reference_settings(grid, outer), exact_settings(grid, outer)
     return [(ours, False)] if theirs == ours else [(ours, False), (theirs, True)]
 
 
-def distinct_shape(grid: Grid, settings: CaseSettings) -> tuple[int, ...]:
-    """Return the sizes of the inner dimensions, 1 for those along which a solution stays the same."""
+def is_compared(grid: Grid, settings: CaseSettings) -> Callable[[str], bool]:
+    """Return what tells whether solutions of some settings differ along an axis."""
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
-    return tuple(
-        dimension.size
-        if any(
-            axis.path not in replaced and reads(settings.scheme.method, settings.scheme.label, axis.path)
-            for axis in dimension.axes
-        )
-        else 1
-        for dimension in grid.inner
-    )
+    return lambda path: path not in replaced and reads(settings.scheme.method, settings.scheme.label, path)
 
 
-def distinct_rows(grid: Grid, settings: CaseSettings, inner: Indices) -> Indices:
-    """Return for each inner index the number of its solution, among those that are distinct."""
-    shape = distinct_shape(grid, settings)
-    if not shape:
-        return np.zeros_like(inner)
-    index = np.unravel_index(inner, grid.inner_shape)
-    own = [np.minimum(i, size - 1) for i, size in zip(index, shape, strict=True)]
-    return np.asarray(np.ravel_multi_index(own, shape))
+class References(Generic[Begun]):
+    """Blocks of solutions that batches are compared with, each begun when the first of them needs it.
 
+    Parameters
+    ----------
+    begin
+        Begins to compute a block, and returns what its solutions will be had from. The latest blocks are held, one
+        that is needed again later is begun again.
+    """
 
-class References:
-    """Which blocks of solutions tasks need; each row is in one block as long as that is held."""
+    def __init__(self, grid: Grid, begin: Callable[[Block], Begun]) -> None:
+        self._grid, self._begin = grid, begin
+        self._held: OrderedDict[Block, Begun] = OrderedDict()
+        self._block_of: dict[Kind, dict[int, Block]] = {}
+        self._most = max(1, HELD_BYTES // (8 * grid.sampling.count * len(COMPARED)))
 
-    def __init__(self, grid: Grid) -> None:
-        self._grid, self._number = grid, 0
-        self._held: OrderedDict[int, tuple[tuple[CaseSettings, bool], Block]] = OrderedDict()
-        self._by_row: dict[tuple[CaseSettings, bool], dict[int, int]] = {}
-        self._most_rows = max(1, HELD_BYTES // (8 * grid.sampling.count * len(COMPARED)))
-
-    def blocks_of(self, batches: Iterable[Batch]) -> list[Block]:
-        """Return the blocks that the cases of some batches are compared with: new ones where none is held."""
+    def of(self, batches: Iterable[Batch]) -> dict[Block, Begun]:
+        """Return the blocks that the cases of some batches are compared with."""
         if self._grid.study.reference is None:
-            return []
-        needed: dict[int, Block] = {}
-        for batch in batches:
-            for key in needed_settings(self._grid, batch.outer):
-                held = self._by_row.setdefault(key, {})
-                rows = np.unique(distinct_rows(self._grid, key[0], batch.inner)).tolist()
-                new = [row for row in rows if row not in held]
-                for first in range(0, len(new), MOST_CASES):
-                    block = Block(self._number, batch.outer, key[1], tuple(new[first : first + MOST_CASES]))
-                    self._held[block.number] = key, block
-                    held.update(dict.fromkeys(block.rows, block.number))
-                    self._number += 1
-                needed |= {number: self._held[number][1] for number in {held[row] for row in rows}}
-        for number in needed:
-            self._held.move_to_end(number)
-        count = sum(len(block.rows) for _, block in self._held.values())
-        while count > self._most_rows and next(iter(self._held)) not in needed:
-            _, (key, block) = self._held.popitem(last=False)
-            for row in block.rows:
-                del self._by_row[key][row]
-            count -= len(block.rows)
-        return list(needed.values())
+            return {}
+        needed = dict.fromkeys(block for batch in batches for block in self._blocks_of(batch))
+        for block in needed:
+            self._held.move_to_end(block)
+        count = sum(len(block.inner) for block in self._held)
+        while count > self._most and (oldest := next(iter(self._held))) not in needed:
+            del self._held[oldest]
+            for inner in oldest.inner:
+                del self._block_of[_kind_of(self._grid, oldest)][inner]
+            count -= len(oldest.inner)
+        return {block: self._held[block] for block in needed}
 
-    def holds(self, block: Block) -> bool:
-        """Tell whether later tasks may need a block."""
-        return block.number in self._held
+    def _blocks_of(self, batch: Batch) -> Iterator[Block]:
+        """Yield the blocks of a batch, after new ones are begun where none is held."""
+        for kind in needed_kinds(self._grid, batch.outer):
+            held = self._block_of.setdefault(kind, {})
+            first_alike = np.unique(self._grid.inner_alike(batch.inner, is_compared(self._grid, kind[0]))).tolist()
+            new = [inner for inner in first_alike if inner not in held]
+            for first in range(0, len(new), MOST_CASES):
+                block = Block(batch.outer, kind[1], tuple(new[first : first + MOST_CASES]))
+                self._held[block] = self._begin(block)
+                held.update(dict.fromkeys(block.inner, block))
+            yield from (held[inner] for inner in first_alike)
 
 
-def solutions_of(grid: Grid, computed: Iterable[tuple[Block, Sequence[ReferenceSolution]]]) -> Solutions:
-    """Return what blocks hold by settings and row."""
-    solutions: dict[tuple[CaseSettings, bool], dict[int, ReferenceSolution]] = {}
-    for block, each in computed:
-        settings = exact_settings(grid, block.outer) if block.is_exact else reference_settings(grid, block.outer)
-        solutions.setdefault((settings, block.is_exact), {}).update(zip(block.rows, each, strict=True))
+def solutions_for(grid: Grid, batch: Batch) -> Solutions:
+    """Compute the solutions that a batch is compared with."""
+    return solutions_of(grid, References(grid, lambda block: compute_block(grid, block)).of([batch]))
+
+
+def solutions_of(grid: Grid, computed: Mapping[Block, Sequence[ReferenceSolution]]) -> Solutions:
+    """Return what blocks hold by kind and first inner index."""
+    solutions: dict[Kind, dict[int, ReferenceSolution]] = {}
+    for block, each in computed.items():
+        solutions.setdefault(_kind_of(grid, block), {}).update(zip(block.inner, each, strict=True))
     return solutions
+
+
+def _kind_of(grid: Grid, block: Block) -> Kind:
+    settings = exact_settings(grid, block.outer) if block.is_exact else reference_settings(grid, block.outer)
+    return settings, block.is_exact
 
 
 def compute_block(grid: Grid, block: Block) -> list[ReferenceSolution]:
     """Return the solutions of a block."""
-    settings = exact_settings(grid, block.outer) if block.is_exact else reference_settings(grid, block.outer)
-    structure, periods = reduced_structure(settings), fastest(grid) * grid.sampling.duration
-    runs = len(block.rows) * (1 if block.is_exact else REFERENCE_RUNS)
-    with timed(runs * case_seconds(settings, structure, replace(grid.sampling, balances=False), periods)):
-        return compute_solutions(grid, settings, np.array(block.rows, dtype=np.int64), is_exact=block.is_exact)
+    settings, _ = _kind_of(grid, block)
+    with timed(len(block.inner) * solution_seconds(grid, settings, block.is_exact)):
+        return _computed_or_lost(grid, settings, np.array(block.inner, dtype=np.int64), is_exact=block.is_exact)
 
 
-def compute_solutions(grid: Grid, settings: CaseSettings, rows: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
+def solution_seconds(grid: Grid, settings: CaseSettings, is_exact: bool) -> float:
+    """Return model seconds of a solution; a reference is run three times for its predictability."""
+    sampling, periods = replace(grid.sampling, balances=False), fastest(grid) * grid.sampling.duration
+    return (1 if is_exact else REFERENCE_RUNS) * case_seconds(settings, reduced_structure(settings), sampling, periods)
+
+
+def _computed_or_lost(grid: Grid, settings: CaseSettings, inner: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
     """Return solutions, references with their predictability.
 
     One that raises is NaN, which harms neither its neighbours nor its cases.
     """
     try:
         with waiting_for(REFERENCES), np.errstate(all="ignore"):
-            return _computed(grid, settings, rows, is_exact)
+            return _computed(grid, settings, inner, is_exact)
     except (Exception, SystemExit) as error:  # whatever a model or scheme raises
-        if rows.size > 1:
-            return [
-                one for row in rows for one in compute_solutions(grid, settings, np.array([row]), is_exact=is_exact)
-            ]
+        if inner.size > 1:
+            return [one for k in inner for one in _computed_or_lost(grid, settings, np.array([k]), is_exact=is_exact)]
         lost = np.full(grid.sampling.count, np.nan)
         return [ReferenceSolution(dict.fromkeys(COMPARED, lost), np.nan, reason_of(error))]
 
 
-def _computed(grid: Grid, settings: CaseSettings, rows: Indices, is_exact: bool) -> list[ReferenceSolution]:
-    shape = distinct_shape(grid, settings)
-    inner = np.ravel_multi_index(np.unravel_index(rows, shape), grid.inner_shape) if shape else rows
+def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool) -> list[ReferenceSolution]:
     replaced = grid.study.reference.values if grid.study.reference is not None else {}
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
-    structure = full_structure(settings)
-    cases = conditions(settings, structure, varying, rows.size)
+    _, cases = cases_of(settings, varying, inner.size)
     compile_for(settings, balances=False)
     sampling = replace(grid.sampling, balances=False)
 
@@ -223,12 +221,12 @@ def _computed(grid: Grid, settings: CaseSettings, rows: Indices, is_exact: bool)
     results = run(cases)
     ok = results.status == Status.OK
     histories = {name: np.where(ok[:, None], results.histories[name], np.nan) for name in COMPARED}
-    change, sound = np.full(rows.size, np.nan), np.flatnonzero(ok)
+    change, sound = np.full(inner.size, np.nan), np.flatnonzero(ok)
     if not is_exact and sound.size:
         displacement, is_static = histories["displacement"][sound], settings.scene.initial == "static"
         change[sound] = predictability(run, cases.take(sound), displacement, is_static=is_static)
-    failures = ["" if ok[k] else results.messages.get(k, "it did not end ok") for k in range(rows.size)]
+    failures = ["" if ok[k] else results.messages.get(k, "it did not end ok") for k in range(inner.size)]
     return [
         ReferenceSolution({name: values[k] for name, values in histories.items()}, float(change[k]), failures[k])
-        for k in range(rows.size)
+        for k in range(inner.size)
     ]

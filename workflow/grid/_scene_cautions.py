@@ -8,8 +8,8 @@ import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid
-from workflow.grid._conditions import conditions
 from workflow.grid._operators import full_structure, model_on, projection_residual_of, reduced, reduced_structure
+from workflow.grid._perturbation import cases_of
 from workflow.judges.cautions import scene_cautions, soft_spring
 from workflow.models import Cases, Chain
 from workflow.reduction import DEFAULT
@@ -31,11 +31,8 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
             stiffness = stiffness_of(reduced_structure(settings), settings.scheme.options)
             yield from soft_spring(full_structure(settings), stiffness, settings.scheme.label)
     for settings in _distinct_settings(grid, parameters):
-        structure, duration, is_static = (
-            full_structure(settings),
-            grid.sampling.duration,
-            settings.scene.initial == "static",
-        )
+        structure, duration = full_structure(settings), grid.sampling.duration
+        is_static = settings.scene.initial == "static"
         if not isinstance(structure, Chain) or structure.has_matrices:  # of others the modes are not at hand
             model = model_on(reduced(settings))
             yield from scene_cautions(structure, model, _cases(grid, settings), duration, is_static=is_static)
@@ -54,14 +51,14 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
 
 def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
     """Yield the first settings that differ along axes whose path begins so."""
-    for outer in np.unique(grid.alike(grid.computed, lambda path: path.startswith(beginnings)))[:MOST_OUTER]:
-        yield grid.settings(int(outer))
+    for outer in grid.kinds(lambda path: path.startswith(beginnings))[:MOST_OUTER]:
+        yield grid.settings(outer)
 
 
 def _cases(grid: Grid, settings: CaseSettings) -> Cases:
     """Return cases to look at: all, or a regular choice that has the first and the last."""
     inner = np.unique(np.linspace(0, grid.inner_count - 1, min(grid.inner_count, MOST_CASES)).round().astype(np.int64))
-    return conditions(settings, full_structure(settings), grid.inner_values(inner), inner.size)
+    return cases_of(settings, grid.inner_values(inner), inner.size)[1]
 
 
 def basis_text(settings: CaseSettings) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,13 @@ from numpy.typing import NDArray
 
 from workflow import schemes, variables
 from workflow.grid._arrangement import TOLERANCE, Grid, Indices
-from workflow.grid._conditions import conditions
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._operators import compile_for, full_structure, judged, projection_residual_of, run_batch, runaways_of
-from workflow.grid._perturbation import Perturbation
+from workflow.grid._operators import compile_for, judged, projection_residual_of, run_batch, runaways_of
+from workflow.grid._perturbation import Perturbation, cases_of
 from workflow.grid._reference import against_reference, tells_basis_error
-from workflow.grid._reference_solutions import Solutions
+from workflow.grid._reference_solutions import Solutions, solutions_for
 from workflow.grid._steady import blank, branch_values, steady_values
+from workflow.grid._tasks import Batch
 from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
 from workflow.judges.reasons import reason_of
 from workflow.judges.trials import DECIDING
@@ -48,29 +47,35 @@ def solve(
     outer: int,
     inner: Indices,
     perturbation: Perturbation | None = None,
-    known: Solutions = MappingProxyType({}),
+    solutions: Solutions | None = None,
 ) -> Solved:
     """Run the cases ``inner`` of one outer index.
 
     Cases that differ only in axes their scheme does not read are run once; the reference may read
     them, so each has its own errors. What raises becomes cases of status ``failed``; it harms no
     neighbour, which then run one by one. ``perturbation`` changes the data of the cases, not those of their reference;
-    ``known`` are solutions that errors are measured against and that are computed already.
+    ``solutions`` are those that errors are measured against, which are computed here if they are not given.
     """
     settings = grid.settings(outer)
-    canonical, place = np.unique(grid.canonical_inner(settings, inner), return_inverse=True)
-    solved = _solve_or_tell(grid, outer, canonical, perturbation)
-    where = place.ravel()
+    first, where = np.unique(grid.inner_alike(inner, grid.is_read(settings.scheme)), return_inverse=True)
+    solved = _solve_or_tell(grid, outer, first, perturbation)
     values = {name: array[where] for name, array in solved.values.items()}
+    if solutions is None:
+        solutions = solutions_for(grid, Batch(outer, inner))
     with np.errstate(all="ignore"):
-        errors, remarks = against_reference(grid, outer, inner, values, known)
+        errors, remarks = against_reference(grid, outer, inner, values, solutions)
         values |= _basis(grid, outer, inner.size, errors)
-    own = {k: solved.messages[int(source)] for k, source in enumerate(where) if int(source) in solved.messages}
-    both = {k: "; ".join(text[k] for text in (remarks, own) if k in text) for k in {*remarks, *own}}
+    own = {k: solved.messages.get(source, "") for k, source in enumerate(where.tolist())}
     choice = grid.choice(outer)
-    if choice is not None and not choice.is_confirmed:
-        both = {k: "; ".join(filter(None, (both.get(k), f"basis_error: {choice.against}"))) for k in range(inner.size)}
-    return Solved({**values, **errors}, both)
+    unconfirmed = "" if choice is None or choice.is_confirmed else f"basis_error: {choice.against}"
+    messages = _joined_messages(remarks, own, dict.fromkeys(range(inner.size), unconfirmed))
+    return Solved({**values, **errors}, messages)
+
+
+def _joined_messages(*every: Mapping[int, str]) -> dict[int, str]:
+    """Return what several say of cases, by position, of those of which any says something."""
+    joined = {k: "; ".join(filter(None, (texts.get(k) for texts in every))) for k in set().union(*every)}
+    return {k: text for k, text in joined.items() if text}
 
 
 def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> dict[str, Array]:
@@ -113,10 +118,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Pertur
     if grid.study.branch is not None:
         compile_for(settings, grid.sampling.balances)
         return _joined([_followed(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
-    settings = settings if perturbation is None else perturbation.settings(settings)
-    structure = full_structure(settings)
-    cases = conditions(settings, structure, grid.inner_values(inner), inner.size)
-    cases = cases if perturbation is None else perturbation.cases(cases)
+    settings, cases = cases_of(settings, grid.inner_values(inner), inner.size, perturbation)
     compile_for(settings, grid.sampling.balances)
     results, seconds = _timed(grid, settings, cases)
     results = judged(settings, cases, results, grid.sampling.duration)
@@ -136,14 +138,9 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Pertur
         "status": results.status,
         "runaway": runaway.astype(np.int8),
     }
-    messages = {k: "; ".join(filter(None, (results.messages.get(k), text))) for k, text in enumerate(remarks)}
-    messages = {k: text for k, text in messages.items() if text}
-    for case in np.flatnonzero(np.isnan(values["growth_rate"])):
-        earlier = [messages[int(case)]] if int(case) in messages else []
-        messages[int(case)] = "; ".join(
-            [*earlier, "growth_rate: the eigenvalues of the tip in contact did not converge"]
-        )
-    return Solved(values, messages)
+    lost = np.flatnonzero(np.isnan(values["growth_rate"])).tolist()
+    unconverged = dict.fromkeys(lost, "growth_rate: the eigenvalues of the tip in contact did not converge")
+    return Solved(values, _joined_messages(results.messages, dict(enumerate(remarks)), unconverged))
 
 
 def _followed(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from workflow import variables
 from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._conditions import conditions
 from workflow.grid._operators import as_run, full_structure
-from workflow.grid._perturbation import Perturbation
+from workflow.grid._perturbation import Perturbation, cases_of
 from workflow.judges.trials import EXACT
 from workflow.models import Cases, Structure, growth_at_once
 from workflow.study import CaseSettings, Study
@@ -71,10 +70,7 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
     def problem(value: float) -> tuple[Structure, Cases]:
         """Return structure and case at a value of the axis."""
         settings = grid.settings(outer, {followed.axis.path: value})
-        settings = settings if perturbation is None else perturbation.settings(settings)
-        structure = full_structure(settings)
-        cases = conditions(settings, structure, grid.inner_values(inner), inner.size)
-        return as_run(settings, cases if perturbation is None else perturbation.cases(cases))
+        return as_run(*cases_of(settings, grid.inner_values(inner), inner.size, perturbation))
 
     start, stop = map(float, followed.axis.values)
     options = Options(asked.periods, asked.samples)

@@ -13,9 +13,19 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._costs import case_seconds, steady_seconds
+from workflow.grid._conditions import alpha_of
+from workflow.grid._costs import (
+    case_seconds,
+    growth_seconds,
+    handling_seconds,
+    modes_seconds,
+    setup_seconds,
+    steady_seconds,
+)
 from workflow.grid._frequencies import fastest, longest_period_count
-from workflow.grid._operators import reduced_structure
+from workflow.grid._operators import full_structure, reduced_structure
+from workflow.kernels.lanes import PACK
+from workflow.study import CaseSettings
 
 SHORTEST, LONGEST = 0.1, 5.0
 """Seconds of work of a task but for the last ones: below, dask's cost of about 0.5 ms a task would show;
@@ -34,12 +44,6 @@ LAST, SHORTEST_LAST = 4, 0.01
 """A task is at most this part of what is left of a study, down to a chunk or so many seconds: of equal
 tasks the last one runs alone for most of its time, of such ones threads end together."""
 
-SETTING_UP = 2e-3
-"""Seconds for what the cases of an outer index share: modes, operators, arrays of a batch."""
-
-HANDLING = 5e-6
-"""Seconds a case takes beside its steps: its conditions, metrics, their compression."""
-
 TASK_BYTES = 32 * 2**20
 """Results a task holds in memory before they are written."""
 
@@ -48,6 +52,9 @@ MOST_ROWS = 1000
 
 BATCH_SECONDS = 0.025
 """Work of a batch that is short enough for the last tasks of a run."""
+
+MOST_LOOKED_AT = 20_000
+"""Cases whose couplings are looked at."""
 
 
 class Batch(NamedTuple):
@@ -59,7 +66,10 @@ class Batch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Batches that are computed and stored together: what one dask task does."""
+    """Batches that are computed and stored together: what one dask task does.
+
+    ``seconds`` are those of the cost model, without references.
+    """
 
     number: int
     batches: tuple[Batch, ...]
@@ -67,21 +77,28 @@ class Task:
     cases: int
 
 
+class Costs(NamedTuple):
+    """What the outer indices that are computed cost, ``(outer,)`` each.
+
+    ``setup`` are seconds before the first case, ``each`` those of an inner index; ``together`` is the number of cases
+    that the scheme steps at once.
+    """
+
+    setup: NDArray[np.float64]
+    each: NDArray[np.float64]
+    together: NDArray[np.int64]
+
+
 def seconds_per_case(grid: Grid, outer: int) -> float:
-    """Return the estimated seconds of one case, from the scheme's fixed cost model."""
+    """Return the seconds of one case by the cost model."""
     settings = grid.settings(outer)
     structure, periods = reduced_structure(settings), fastest(grid) * grid.sampling.duration
     return steady_seconds(grid.study, settings, structure) + case_seconds(settings, structure, grid.sampling, periods)
 
 
-def together(grid: Grid, outer: int) -> int:
-    """Return how many cases of an outer index the scheme steps at once."""
-    return schemes.load(grid.settings(outer).scheme.method).TOGETHER
-
-
 @lru_cache(maxsize=4)
-def _computed(grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the seconds of a case, and the cases stepped together, of every outer index that is computed.
+def costs(grid: Grid) -> Costs:
+    """Return the costs of a grid.
 
     The cost model knows scheme, step and sizes: what else an axis varies in a structure does not count.
     Structures are made for it, and kept for the run, so that one thread of BLAS makes them here as in a
@@ -90,10 +107,36 @@ def _computed(grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     from threadpoolctl import threadpool_limits
 
     model = grid.study.scene.model
-    alike, where = np.unique(grid.alike(grid.computed, lambda path: decides_cost(path, model)), return_inverse=True)
+    kinds, kind = np.unique(grid.alike(grid.computed, lambda path: decides_cost(path, model)), return_inverse=True)
+    of_structure = grid.alike(
+        grid.computed, lambda path: path not in ("scheme", "h") and not path.startswith("schemes.")
+    )
+    _, structure, sharing = np.unique(of_structure, return_inverse=True, return_counts=True)
     with threadpool_limits(limits=1, user_api="blas"):
-        seconds = np.array([seconds_per_case(grid, int(outer)) for outer in alike])
-        return seconds[where], np.array([together(grid, int(outer)) for outer in alike])[where]
+        every = [grid.settings(outer) for outer in kinds.tolist()]
+        operator = np.array([setup_seconds(reduced_structure(settings)) for settings in every])
+        modes = np.array([modes_seconds(full_structure(settings)) for settings in every])
+        growth = np.array([_growth_seconds_of_inner(grid, settings) for settings in every])
+        each = np.array([_seconds_of_inner(grid, outer) for outer in kinds.tolist()])
+    together, shared = np.array([schemes.load(one.scheme.method).TOGETHER for one in every]), sharing[structure]
+    return Costs(operator[kind] + modes[kind] / shared, each[kind] + growth[kind] / shared, together[kind])
+
+
+def _growth_seconds_of_inner(grid: Grid, settings: CaseSettings) -> float:
+    """Return the mean over the inner indices of what the growth rates at all distinct α of a structure cost."""
+    inner = np.arange(min(grid.inner_count, MOST_LOOKED_AT), dtype=np.int64)
+    couplings = np.unique(alpha_of(settings, grid.inner_values(inner), inner.size)).size
+    return couplings / inner.size * growth_seconds(reduced_structure(settings))
+
+
+def _seconds_of_inner(grid: Grid, outer: int) -> float:
+    """Return the mean over the inner indices: distinct cases are stepped, where a scheme has packs whole ones."""
+    settings = grid.settings(outer)
+    stepped = grid.inner_distinct(grid.is_read(settings.scheme))
+    if schemes.load(settings.scheme.method).TOGETHER > 1:
+        stepped = -(-stepped // PACK) * PACK
+    handling = handling_seconds(grid.sampling.count, len(grid.study.output.histories))
+    return stepped / grid.inner_count * seconds_per_case(grid, outer) + handling
 
 
 def decides_cost(path: str, model: str) -> bool:
@@ -119,9 +162,8 @@ def _grain(grid: Grid) -> int:
     """
     if grid.study.branch is not None:
         return 1
-    seconds, at_once = _computed(grid)
+    _, seconds, at_once = costs(grid)
     share = min(max(float(seconds.sum()) * grid.inner_count / TARGET_TASKS, BATCH_SECONDS), LONGEST)
-    seconds = np.maximum(seconds, 1e-300)
     most = _power_of_two_below(float(np.min(np.maximum(share, np.minimum(UNBROKEN, at_once * seconds)) / seconds)))
     row = grid.inner_shape[-1] if grid.inner else 1
     return min(most, row if grid.outer_count * grid.inner_count <= MOST_ROWS * row else grid.inner_count)
@@ -132,9 +174,8 @@ def tasks(grid: Grid) -> Iterator[Task]:
 
     Cases that are stepped together stay together: fewer would cost as much.
     """
-    seconds, at_once = _computed(grid)
-    seconds = seconds + HANDLING
-    total = float(seconds.sum()) * grid.inner_count + SETTING_UP * seconds.size
+    setup, seconds, at_once = costs(grid)
+    total = float(seconds.sum()) * grid.inner_count + float(setup.sum())
     target = max(_power_of_two_below(min(total / SHORTEST, TARGET_TASKS)), math.ceil(total / LONGEST))
     most_cases, grain = max(1, TASK_BYTES // bytes_per_case(grid)), _grain(grid)
     grain = min(grain, most_cases)
@@ -144,15 +185,16 @@ def tasks(grid: Grid) -> Iterator[Task]:
     def finished() -> Task:
         return Task(number, tuple(gathered), work, cases)
 
-    for outer, each, least in zip(
-        grid.computed.tolist(), map(float, seconds), -(-at_once // grain) * grain, strict=True
+    least_cases = -(-at_once // grain) * grain
+    for outer, once, each, least in zip(
+        grid.computed.tolist(), setup.tolist(), seconds.tolist(), least_cases.tolist(), strict=True
     ):
         first = 0
         while first < grid.inner_count:
             left, most_together = total - assigned, max(grain, int(UNBROKEN / each))
-            few = min(int(least), grid.inner_count - first, most_together)
+            few = min(least, grid.inner_count - first, most_together)
             fair = min(left / max(1, target - number), max(left / LAST, SHORTEST_LAST), LONGEST)
-            begin = SETTING_UP if first == 0 else 0.0
+            begin = once if first == 0 else 0.0
             room, fitting = (fair - work - begin) / each, most_cases - cases
             if gathered and (work >= 0.9 * fair or room < 0.5 * few or fitting < min(few, grid.inner_count - first)):
                 yield finished()

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
+from random import Random
 from typing import NamedTuple
 
 import numpy as np
 
 from workflow import schemes
-from workflow.grid._arrangement import Grid, Indices
+from workflow.grid._arrangement import Grid
 from workflow.grid._choice_words import choice_cautions
 from workflow.grid._conditions import friction_of
 from workflow.grid._frequencies import fastest
@@ -32,14 +33,13 @@ _LOOKED_AT = 5000
 
 def warnings(grid: Grid) -> tuple[str, ...]:
     """Return what to beware of, one sentence each, none twice."""
-    computed = grid.computed
-    choices = [grid.settings(int(k)).scheme for k in np.unique(grid.alike(computed, lambda path: path == "scheme"))]
+    choices = [grid.settings(outer).scheme for outer in grid.kinds(lambda path: path == "scheme")]
     idle = (
         f"{dimension.name} changes nothing: no scheme of this study reads it, its cases are the same"
         for dimension in (*grid.outer, *grid.inner)
         if all(grid.unread(dimension, one) and grid.uncompared(dimension, one) for one in choices)
     )
-    every = [grid.settings(outer) for outer in looked_at(computed)]
+    every = [grid.settings(outer) for outer in looked_at(grid.computed.tolist())]
     cautions = [caution for settings in every for caution in _cautions(grid, settings)]
     steps = _sentences(cautions, len(set(map(basis_text, every))))
     lacks_exact = grid.study.output.steady is not None and all(choice.method != EXACT for choice in choices)
@@ -69,11 +69,9 @@ def warning_lines(grid: Grid) -> tuple[str, ...]:
     return (*sentences[: _REPEATED - 1], f"… and {len(sentences) - _REPEATED + 1} more, which `workflow plan` names")
 
 
-def looked_at(computed: Indices) -> list[int]:
+def looked_at(outer: list[int]) -> list[int]:
     """Return outer indices to judge: all of them, or of very many a fixed random choice."""
-    if computed.size > _LOOKED_AT:
-        computed = np.sort(np.random.default_rng(0).choice(computed, _LOOKED_AT, replace=False))
-    return [int(outer) for outer in computed]
+    return outer if len(outer) <= _LOOKED_AT else sorted(Random(0).sample(outer, _LOOKED_AT))
 
 
 @lru_cache(maxsize=64)

@@ -2,8 +2,8 @@
 
 What decides is the larger of the relative errors of the tip's displacement and temperature in the worst case, against
 the full structure; one of more than 300 coordinates is reduced to 100 + 100 vectors of the same basis, which confirm at
-most half as many. Counts begin where the tip's transfer functions put them (:mod:`workflow.reduction._transfer`). Then
-the fewest vectors of each kind beside the most of the other are sought, and from there the smallest sum of both.
+most half as many. The fewest vectors of each kind beside the most of the other are sought, and from there the smallest
+sum of both.
 """
 
 from __future__ import annotations
@@ -16,9 +16,7 @@ import numpy as np
 
 from workflow.judges.trials import Counts, Problem, Trials, largest_change
 from workflow.kernels.algebra import MOST_BY_JACOBI
-from workflow.models import MOST_ONE_BY_ONE, Array, Structure
-from workflow.reduction import Reduction, reduce_structure
-from workflow.reduction._transfer import Excitation, least_counts
+from workflow.models import MOST_ONE_BY_ONE, Structure
 from workflow.schemes import Results, Status
 
 ANY = -1
@@ -87,24 +85,6 @@ class FullTrials:
             self.untried = {k: _ending(full, k) for k in problem.every if k not in self.sound}
             self.failure = "" if self.sound else self.untried[0]
 
-    def first_counts(self, tolerance: float) -> Counts:
-        """Return the counts that the tip's transfer functions ask for in the first case."""
-        problem, model = self._problem, self._problem.model(self.most)
-        cases, structure = model.project(problem.cases), model.structure
-
-        def reduce(mechanical: int, thermal: int) -> Reduction:
-            return reduce_structure(structure, mechanical, thermal, problem.basis, problem.sampling.duration)
-
-        warmth = structure.thermal.inertia_of(cases.temperature[0])
-        excitation = Excitation(
-            duration=problem.sampling.duration,
-            shortest=problem.shortest,
-            frequency=float(cases.frequency[0]),
-            forces=np.column_stack([_tip(structure.mechanical_size), cases.steady[0]]),
-            heats=np.column_stack([_tip(structure.thermal_size), cases.heating[0], warmth]),
-        )
-        return least_counts(structure, reduce, excitation, tolerance, self.most)
-
     def errors(self, counts: Counts, which: Sequence[int]) -> list[float]:
         """Return the error of some cases with so many vectors; infinite where they end otherwise than ok."""
         unknown = [k for k in which if (counts, k) not in self._errors]
@@ -133,8 +113,8 @@ def least_vectors(trials: FullTrials, requested: Counts, tolerance: float) -> Le
     """Return the counts of the smallest reduced model that meets a tolerance.
 
     Where a count that is given stands in its way, or rounding, the model that adds no more than the tolerance to what
-    is then left; where no case ends ok the counts that the transfer functions ask for. Where more vectors are needed
-    than the trials can confirm, all that errors are measured against, without an error.
+    is then left. Where no case ends ok, or more vectors are needed than the trials can confirm, all that errors are
+    measured against, without an error.
 
     Parameters
     ----------
@@ -147,11 +127,10 @@ def least_vectors(trials: FullTrials, requested: Counts, tolerance: float) -> Le
     """
     least, every = ends(requested, trials.most)
     _, most = ends(requested, trials.confirmable)
-    first = _within(trials.first_counts(tolerance), least, every if trials.failure else most)
     if trials.failure:
         why = f"no corner of the scene ended ok by {trials.by}: {trials.failure}"
-        return LeastVectors(first, nan, 0, f"as transfer functions ask for, not confirmed: {why}", {})
-    counts = _smallest_of(trials, first, least, most, every, tolerance)
+        return LeastVectors(every, nan, 0, f"not confirmed: {why}", {})
+    counts = _smallest_of(trials, least, most, every, tolerance)
     model = "the full model" if trials.is_full else f"the model of {trials.most[0]} + {trials.most[1]} vectors"
     if not all(np.less_equal(counts, trials.confirmable)):
         confirmable = f"{trials.confirmable[0]} + {trials.confirmable[1]}"
@@ -169,9 +148,7 @@ def ends(requested: Counts, most: Counts) -> tuple[Counts, Counts]:
     return least, _each(lambda k: most[k] if requested[k] == ANY else requested[k], (0, 1))
 
 
-def _smallest_of(
-    trials: FullTrials, first: Counts, least: Counts, most: Counts, every: Counts, tolerance: float
-) -> Counts:
+def _smallest_of(trials: FullTrials, least: Counts, most: Counts, every: Counts, tolerance: float) -> Counts:
     """Return the smallest counts up to ``most`` that meet a tolerance in all cases, ``every`` if only these do.
 
     They are decided by few cases, and by what then misses the tolerance.
@@ -186,34 +163,34 @@ def _smallest_of(
         def error(mechanical: int, thermal: int) -> float:
             return max(trials.errors((mechanical, thermal), deciding))
 
-        first = smallest(error, first, least, most, allowed)
-        errors = trials.errors(first, trials.sound)
+        counts = smallest(error, least, most, allowed)
+        errors = trials.errors(counts, trials.sound)
         worst = trials.sound[errors.index(max(errors))]
         if max(errors) <= allowed or worst in deciding:
-            return first
+            return counts
         deciding.append(worst)
 
 
-def smallest(error: Callable[[int, int], float], first: Counts, least: Counts, most: Counts, allowed: float) -> Counts:
-    """Return the counts of the smallest sum whose error is allowed, begun at ``first``."""
-    mechanical = fewest(lambda count: error(count, most[1]), first[0], least[0], most[0], allowed)
-    thermal = fewest(lambda count: error(most[0], count), first[1], least[1], most[1], allowed)
+def smallest(error: Callable[[int, int], float], least: Counts, most: Counts, allowed: float) -> Counts:
+    """Return the counts of the smallest sum whose error is allowed."""
+    mechanical = fewest(lambda count: error(count, most[1]), least[0], most[0], allowed)
+    thermal = fewest(lambda count: error(most[0], count), least[1], most[1], allowed)
     best = most
     for count in range(mechanical, most[0] + 1):
         if count + thermal >= sum(best):
             break
-        beside = _first(lambda other, count=count: error(count, other) <= allowed, thermal, thermal, most[1])  # type: ignore[misc]
+        beside = _first(lambda other, count=count: error(count, other) <= allowed, thermal, most[1])  # type: ignore[misc]
         if beside is not None and count + beside < sum(best):
             best = count, beside
     return best
 
 
-def fewest(error: Callable[[int], float], first: int, least: int, most: int, allowed: float) -> int:
+def fewest(error: Callable[[int], float], least: int, most: int, allowed: float) -> int:
     """Return the smallest count that meets a tolerance, among those above which the error is not hopeless.
 
     Errors do not fall evenly with the count.
     """
-    passing = _first(lambda count: error(count) <= allowed, first, least, most)
+    passing = _first(lambda count: error(count) <= allowed, least, most)
     best = count = most if passing is None else passing
     while count > least and error(count) <= _HOPELESS * allowed:
         count -= 1
@@ -221,9 +198,9 @@ def fewest(error: Callable[[int], float], first: int, least: int, most: int, all
     return best
 
 
-def _first(meets: Callable[[int], bool], first: int, least: int, most: int) -> int | None:
-    """Return a count from ``first`` on that meets something and whose predecessor does not, ``None`` if none does."""
-    below, count, stride = first - 1, first, 1
+def _first(meets: Callable[[int], bool], least: int, most: int) -> int | None:
+    """Return a count from ``least`` on that meets something and whose predecessor does not, ``None`` if none does."""
+    below, count, stride = least - 1, least, 1
     while not meets(count):
         if count == most:
             return None
@@ -237,10 +214,6 @@ def _first(meets: Callable[[int], bool], first: int, least: int, most: int) -> i
     return count
 
 
-def _within(counts: Counts, least: Counts, most: Counts) -> Counts:
-    return _each(lambda k: min(max(counts[k], least[k]), most[k]), (0, 1))
-
-
 def _each(of: Callable[[int], int], pair: tuple[int, int]) -> Counts:
     return of(pair[0]), of(pair[1])
 
@@ -249,9 +222,3 @@ def _ending(results: Results, case: int) -> str:
     """Return how a case ended that is not ok."""
     status = Status(int(results.status[case])).name.lower()
     return ": ".join(filter(None, [status, results.messages.get(case, "")]))
-
-
-def _tip(size: int) -> Array:
-    unit = np.zeros(size)
-    unit[-1] = 1.0
-    return unit

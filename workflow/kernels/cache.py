@@ -1,4 +1,4 @@
-"""Directories in which compiled kernels are kept, one for each state of the sources that kernels are made of.
+"""The directory in which compiled kernels are kept, one for each state of the sources that kernels are made of.
 
 Kernels inline functions, constants and named tuples of other modules, so that machine code is right as long as none of
 these sources changes. A directory is named by a digest of all sources of the physics floor, of those of the package
@@ -26,58 +26,42 @@ PLAIN = "WORKFLOW_PLAIN_NUMBA"
 
 UNUSED_SECONDS = 24 * 3600.0
 
-_NAME = "rotor-stator-workflow"
 _WITHOUT_KERNELS = {"judges", "study", "grid", "archive", "run", "analysis", "plots", "report", "cli"}
 """Directories of the package whose sources no kernel is made of."""
 
-
-@cache
-def root() -> Path:
-    """Return the directory of all compiled kernels.
-
-    It lies in ``NUMBA_CACHE_DIR`` where that is set, else beside the sources, else in the user's cache; it is a
-    temporary one where none of them can be written.
-    """
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    for parent in [Path(chosen)] if chosen else [Path(__file__).parent / "__pycache__", home]:
-        directory = parent / _NAME
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=directory):
-                return directory
-        except OSError:
-            continue
-    return Path(tempfile.mkdtemp(prefix=f"{_NAME}-"))
-
-
-def is_lasting() -> bool:
-    """Tell whether other processes find the same directory."""
-    return root().name == _NAME
-
-
-def directory_of(module: str) -> Path | None:
-    """Return where the compiled kernels of an imported module are kept; ``None`` where its source is no file."""
-    return _directory_of(module.split(".")[0], bool(os.environ.get(PLAIN)))
-
-
-@cache
-def _directory_of(package: str, plain: bool) -> Path | None:
-    state: tuple[object, ...] = (_DIGEST, sys.version_info[:3], version("numba"), plain)
-    if package != __name__.split(".")[0]:
-        outside = source_digest(package)
-        if outside is None:
-            return None
-        state += (outside,)
-    directory = root() / hashlib.sha256(repr(state).encode()).hexdigest()[:16]
-    directory.mkdir(parents=True, exist_ok=True)
-    os.utime(directory)
-    for other in root().iterdir():
-        with suppress(OSError):  # another process removes it
-            if time.time() - other.stat().st_mtime > UNUSED_SECONDS:
-                shutil.rmtree(other, ignore_errors=True)
-    return directory
-
-
 _DIGEST = digest(Path(__file__).parents[1], "**/*.py", _WITHOUT_KERNELS)
 """Taken when the process begins: a source that changes later is not the one that was imported."""
+
+
+@cache
+def directory_of(module: str) -> Path | None:
+    """Return where the compiled kernels of an imported module are kept; ``None`` where they cannot be.
+
+    That is where its source is no file, or no directory can be written: below ``NUMBA_CACHE_DIR`` where that is set,
+    else beside the sources or in the user's cache.
+    """
+    package, ours = module.split(".")[0], __name__.split(".")[0]
+    source = _DIGEST if package == ours else source_digest(package)
+    if source is None:
+        return None
+    state = _DIGEST, source, sys.version_info[:3], version("numba"), bool(os.environ.get(PLAIN))
+    name = hashlib.sha256(repr(state).encode()).hexdigest()[:16]
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    for parent in [Path(chosen)] if chosen else [Path(__file__).parent / "__pycache__", home]:
+        directory = parent / "rotor-stator-workflow" / name
+        with suppress(OSError):
+            directory.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=directory):
+                os.utime(directory)
+            _remove_unused(directory.parent)
+            return directory
+    return None
+
+
+def _remove_unused(root: Path) -> None:
+    """Remove the directories that no process has used for long."""
+    for directory in root.iterdir():
+        with suppress(OSError):  # another process removes it
+            if time.time() - directory.stat().st_mtime > UNUSED_SECONDS:
+                shutil.rmtree(directory, ignore_errors=True)

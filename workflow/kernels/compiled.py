@@ -28,13 +28,6 @@ TESTED = ("0.68",)
 """Minor versions of numba that :mod:`workflow.kernels.whole_program`, which reaches into it, was tested with."""
 
 _LOADING = RLock()
-_WHEN_LOADED: list[Callable[[], object]] = []
-
-
-def when_loaded(action: F) -> F:
-    """Have something done before the next kernel is compiled, which may import numba: what extends it."""
-    _WHEN_LOADED.append(action)
-    return action
 
 
 class Deferred:
@@ -49,8 +42,7 @@ class Deferred:
         """Numba's own object for the function; asking for it imports numba."""
         if self._dispatcher is None:
             with _LOADING:
-                while _WHEN_LOADED:
-                    _WHEN_LOADED.pop(0)()
+                _extend_numba()
                 if self._dispatcher is None:
                     self._dispatcher = self._make(self._function)
         return self._dispatcher
@@ -165,35 +157,9 @@ def kernel(function: F) -> F:
     return cast(F, Deferred(function, _compiled))
 
 
-def inlined(function: F) -> F:
-    """Translate a part of a kernel that is called in every step and must cost no call.
-
-    It allocates nothing, and its arrays are not counted, see :func:`part`.
-    """
-    return cast(F, Deferred(function, lambda f: _translated(f, forceinline=True)))
-
-
 def uncounted(function: F) -> F:
     """Compile a kernel that allocates nothing: its arrays are not counted, see :func:`part`."""
     return cast(F, Deferred(function, lambda f: _compiled(f, _nrt=False)))
-
-
-def rolled(function: F) -> F:
-    """Let a kernel's loops stay as they are written, below :func:`kernel` or :func:`uncounted`.
-
-    A large kernel in which none is worth unrolling compiles faster and runs as fast.
-    """
-    cast(Any, function).is_rolled = True
-    return function
-
-
-def kept_with(module: str, function: F) -> F:
-    """Compile an :func:`uncounted` kernel for the types of another module: the cache follows the imports of that one.
-
-    ``function`` is one of its own for each module, as those that a function defines.
-    """
-    function.__module__ = module
-    return uncounted(function)
 
 
 def part(function: F) -> F:
@@ -205,6 +171,27 @@ def part(function: F) -> F:
     return cast(F, Deferred(function, _translated))
 
 
+def inlined(function: F) -> F:
+    """Translate a :func:`part` of a kernel that is called in every step and must cost no call."""
+    return cast(F, Deferred(function, lambda f: _translated(f, forceinline=True)))
+
+
+_CHOICES: dict[Callable[..., Any], Callable[..., Any]] = {}
+"""Of functions whose code the types of their arguments choose: what returns the code for these, until numba knows."""
+
+
+def _extend_numba() -> None:
+    """Have numba know operations on packs, and the functions whose code types choose."""
+    import workflow.kernels.pack_operations  # noqa: F401
+
+    while _CHOICES:
+        from numba.extending import overload
+
+        options: Any = _options(**_PART, forceinline=True)
+        function, choose = _CHOICES.popitem()
+        overload(function, jit_options=options, strict=False)(choose)
+
+
 _DEFINITIONS: dict[Callable[..., Any], dict[type, Callable[..., Any]]] = {}
 """What :func:`defines` gave each function declared by :func:`by_type`, for each type of first argument."""
 
@@ -212,21 +199,10 @@ _DEFINITIONS: dict[Callable[..., Any], dict[type, Callable[..., Any]]] = {}
 def by_type(function: F) -> F:
     """Declare an :func:`inlined` function that the type of its first argument, a named tuple, chooses when compiled.
 
-    What it does for a type is defined by :func:`defines`; for all others it is the function's own body. A module that
-    has a kernel must import the definitions for the types that it is called with: the cache follows imports.
+    What it does for a type is defined by :func:`defines`; for all others it is the function's own body.
     """
     definitions = _DEFINITIONS[function] = {}
-
-    def choose(first: Any, *others: Any) -> Callable[..., Any]:
-        return definitions.get(getattr(first, "instance_class", type(None)), function)
-
-    @when_loaded
-    def declare() -> None:
-        from numba.extending import overload
-
-        options: Any = _options(**_PART, forceinline=True)
-        overload(function, jit_options=options, strict=False)(choose)
-
+    _CHOICES[function] = lambda first, *others: definitions.get(getattr(first, "instance_class", type(None)), function)
     return function
 
 
@@ -245,19 +221,16 @@ def of_case(values: N, lane: int) -> N:
     raise NotImplementedError
 
 
-@when_loaded
-def _declare_of_case() -> None:
+def _of_case_for(values: Any, lane: Any) -> Any:
+    """Return :func:`of_case` for a type of named tuple."""
     from numba import types
-    from numba.extending import overload
 
-    def choose(values: Any, lane: Any) -> Any:
-        own = (
-            f"values[{k}][lane]" if isinstance(kind, types.Array) else f"values[{k}]"
-            for k, kind in enumerate(values.types)
-        )
-        made: dict[str, Any] = {"Kind": values.instance_class}
-        exec(f"def of_case(values, lane):\n    return Kind({', '.join(own)})", made)
-        return made["of_case"]
+    own = (
+        f"values[{k}][lane]" if isinstance(kind, types.Array) else f"values[{k}]" for k, kind in enumerate(values.types)
+    )
+    made: dict[str, Any] = {"Kind": values.instance_class}
+    exec(f"def of_case(values, lane):\n    return Kind({', '.join(own)})", made)
+    return made["of_case"]
 
-    options: Any = _options(**_PART, forceinline=True)
-    overload(of_case, jit_options=options, strict=False)(choose)
+
+_CHOICES[of_case] = _of_case_for

@@ -20,12 +20,6 @@ from __future__ import annotations
 from typing import NoReturn, Protocol
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import inlined, when_loaded
-
-
-@when_loaded
-def _define_operations() -> None:
-    import workflow.kernels.pack_operations  # noqa: F401
 
 
 def _only_in_kernels() -> NoReturn:
@@ -143,18 +137,6 @@ def flag(row: Array, lane: Lane, up: bool) -> None:
 def some_nonzero(numbers: Pack) -> bool:
     """Tell whether a number in some lane is not 0, as a NaN is."""
     _only_in_kernels()
-
-
-@inlined
-def weighed(weight: float, after: Pack, rest: float, before: Pack) -> Pack:
-    """Return ``weight * after + rest * before``, for weights whose sum is 1: ``after`` alone where the rest is 0."""
-    return after if rest == 0.0 else weight * after + rest * before
-
-
-@inlined
-def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
-    """Return ``numbers + weight * others``, or the numbers alone where the others are ``None``, known when compiled."""
-    return numbers if others is None else numbers + weight * others
 
 
 def fused(factor: Pack, other: Pack, number: Pack) -> Pack:

@@ -19,7 +19,7 @@ from functools import cache
 from typing import Any
 
 from llvmlite import ir
-from llvmlite.binding import Linkage, create_pass_builder, create_pipeline_tuning_options
+from llvmlite.binding import Linkage
 from numba.core import base, codegen, compiler, lowering, postproc, transforms, typed_passes, types
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.ir import Assign
@@ -114,13 +114,6 @@ def _array(kind: Any, make_array: Any = arrayobj.make_array) -> Any:
     return Description
 
 
-def _pass_builder(machine: Any, opt: int = 2, loop_vectorize: bool = False, slp_vectorize: bool = False) -> Any:
-    """Return LLVM's passes but for unrolling of loops."""
-    options = create_pipeline_tuning_options(opt)
-    options.loop_vectorization, options.slp_vectorization, options.loop_unrolling = loop_vectorize, slp_vectorize, False
-    return create_pass_builder(machine, options)
-
-
 @cache
 def _signature(of: Any, context: Any, args: Any, *, usual: Any = types.BaseFunction.get_call_type, **named: Any) -> Any:
     """Return the signature of a call of numba's own function, which is remembered."""
@@ -143,8 +136,6 @@ _REPLACED: tuple[tuple[Any, str, Any], ...] = (
     (base.BaseContext, "get_abi_sizeof", cache(base.BaseContext.get_abi_sizeof)),
 )
 """What of numba's gives way to ours while a kernel is compiled: it writes less, to the same effect."""
-
-_ROLLED = ((codegen, "create_pass_builder", _pass_builder),)  # beside these where loops stay as written
 
 
 def typed_alike(dispatcher: Any) -> Any:
@@ -178,14 +169,13 @@ class KernelCompiler(compiler.Compiler):
 
     def _compile_core(self) -> Any:
         """Compile with what is replaced, which no other code of the process meets: numba compiles under a lock."""
-        replaced = _REPLACED + _ROLLED * getattr(self.state.func_id.func, "is_rolled", False)
-        usual = [getattr(owner, name) for owner, name, _ in replaced]
+        usual = [getattr(owner, name) for owner, name, _ in _REPLACED]
         try:
-            for owner, name, ours in replaced:
+            for owner, name, ours in _REPLACED:
                 setattr(owner, name, ours)
             return super()._compile_core()
         finally:
-            for (owner, name, _), before in zip(replaced, usual, strict=True):
+            for (owner, name, _), before in zip(_REPLACED, usual, strict=True):
                 setattr(owner, name, before)
 
     def define_pipelines(self) -> list[Any]:

@@ -16,8 +16,8 @@ from workflow.models._chain_pair import MOST_ONE_BY_ONE
 from workflow.models._equilibrium import NoEquilibriumError, at_rest, static_equilibrium
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
 from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
-from workflow.models._growth import Growth, InContact, growth, growth_rate, in_contact
-from workflow.models._harmonics import NO_HARMONICS, Harmonics
+from workflow.models._growth import growth, growth_rate, in_contact
+from workflow.models._harmonics import Harmonics
 from workflow.models._modes import (
     coupled_damping,
     couples_free_modes,
@@ -34,7 +34,7 @@ from workflow.models._modes import (
 )
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
 from workflow.models._semidefinite import UnusableMatricesError
-from workflow.models._sliding import CriticalFriction, critical_friction, directions
+from workflow.models._sliding import critical_friction, directions
 from workflow.models._sparse import Sparse
 from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._sparse_pair import MOST_REDUCED

@@ -2,41 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from workflow.kernels import Array
 from workflow.models._cases import Cases
-from workflow.models._modes import mechanical_modes
+from workflow.models._modes import coupled_damping, mechanical_modes
 from workflow.models._static import static_tip_growth
 from workflow.models._structure import Structure
 
 
 def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
-    """Return a bound of the tip's displacement without contact, m, ``(case,)``; ``inf`` where a rigid mode moves it.
+    """Return a bound of the tip's displacement without contact, m, ``(case,)``.
+
+    ``inf`` where a rigid mode moves it, or damping hands energy from one mode to another.
 
     It sums the answers to constant and harmonic loads, what the start adds, and twice the quasi-static growth by
     heating and initial temperatures. In modes, x_n = Σ φ_n η, with p̄ the constant load and p the harmonic one,
     η = p̄/ω² + Im[H e^{i(Ωt + φ)}] + a transient, with H = p/(ω² - Ω² + iΩc). The transient begins with the difference
     (Δη, Δζ) of the initial state to the first two, and stays below sqrt(Δη² + (Δζ/ω)²), as no mode gains energy by
-    itself. Damping that couples modes hands energy from one to another: H solves for all of them, and the transient
-    stays below sqrt(S Σ (ω²Δη² + Δζ²)), S = Σ φ_n²/ω².
+    itself.
     """
     modes = mechanical_modes(structure)
-    omega, tip = modes.values, modes.tip
+    omega, tip, damping = modes.values, modes.tip, coupled_damping(structure, modes)
     moving = (omega == 0) & (np.abs(tip) > 1e-9 * np.abs(tip).max())
-    if np.any(moving):
+    if np.any(moving) or damping.ndim == 2:
         return np.full(cases.count, np.inf)
     elastic = omega > 0
-    omega, tip, shapes = omega[elastic], tip[elastic], modes.shapes[:, elastic]
+    omega, tip, damping, shapes = omega[elastic], tip[elastic], damping[elastic], modes.shapes[:, elastic]
     amplitudes, frequencies, phases = _sinusoids(cases)
     constant = frequencies == 0
     mean = cases.mean + np.where(constant, amplitudes * np.sin(phases), 0.0).sum(axis=0)
     drive = tip if structure.load is None else structure.load @ shapes
     static = (cases.steady @ shapes + mean[:, None] * drive) / omega**2
-    damping = structure.damping.of_modes(omega)
-    coupled = None if structure.damper is None else shapes.T @ structure.damper @ shapes
     momenta = structure.mechanical.inertia_of(shapes)
     offset = cases.displacement @ momenta - static
     speed = cases.velocity @ momenta
@@ -45,27 +42,14 @@ def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
         for amplitude, frequency, phase in zip(np.where(constant, 0.0, amplitudes), frequencies, phases, strict=True):
             acts, turning = amplitude[:, None], 2 * np.pi * frequency[:, None]
             response = acts * drive / (omega**2 - turning**2 + 1j * turning * damping)
-            if coupled is not None:
-                response = acts * _coupled_response(omega**2, damping, coupled, turning, drive)
             response = np.where(acts == 0, 0.0, response)
             begins = response * np.exp(1j * phase[:, None])
             offset, speed = offset - begins.imag, speed - (1j * turning * begins).imag
             harmonic += np.abs(np.sum(tip * response, axis=1))
         swing = np.hypot(offset, speed / omega)
         transient = np.sum(np.abs(tip) * swing, axis=1)
-        if coupled is not None:
-            transient = np.sqrt(np.sum((tip / omega) ** 2) * np.sum((omega * swing) ** 2, axis=1))
     growth = 2 * _warmest(structure, cases, duration) @ np.abs(static_tip_growth(structure))
     return np.asarray(np.sum(tip * static, axis=1) + harmonic + transient + growth)
-
-
-def _coupled_response(stiffness: Array, damping: Array, coupled: Array, turning: Array, drive: Array) -> Any:
-    """Return the modal response to a unit load at angular frequencies ``(case, 1)``, complex, ``(case, mode)``."""
-    answers = {}
-    for omega in np.unique(turning):
-        matrix = np.diag(stiffness - omega**2 + 1j * omega * damping) + 1j * omega * coupled
-        answers[float(omega)] = np.linalg.lstsq(matrix, drive.astype(complex), rcond=None)[0]
-    return np.array([answers[float(omega)] for omega in turning[:, 0]])
 
 
 def _sinusoids(cases: Cases) -> tuple[Array, Array, Array]:

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 
@@ -147,9 +147,6 @@ class ChainPair(Pair):
             u[part] -= np.dot(self.lumps[part], u[part]) / np.sum(self.lumps[part])
         return u
 
-    def answer_held(self, load: Array) -> Array:
-        return self.answer(load, held=True)
-
     def answers_held_shifted(self) -> Callable[[Array, float], Array]:
         return lambda load, shift: self._lifted(shift).answer(load, held=True)
 
@@ -189,14 +186,10 @@ class ChainPair(Pair):
         shapes[: self.size - held] = np.sqrt(2) * vectors[::2] / np.sqrt(self.lumps[: self.size - held, None])
         return Modes(np.maximum(values**2 - lift, 0.0), shapes)
 
-    def _is_few(self, count: int | None) -> TypeGuard[int]:
-        return count is not None and count <= MOST_ONE_BY_ONE + 1 and self.size > MOST_BY_JACOBI
-
-    def modes(self, count: int | None = None) -> Modes:
-        return self.lowest(count) if self._is_few(count) else self.dense.modes(count)
-
-    def held_modes(self, count: int | None = None) -> Modes:
-        return self.lowest(count, held=True) if self._is_few(count) else self.dense.held_modes(count)
+    def modes(self, count: int | None = None, held: bool = False) -> Modes:
+        if count is not None and count <= MOST_ONE_BY_ONE + 1 and self.size > MOST_BY_JACOBI:
+            return self.lowest(count, held)
+        return self.dense.modes(count, held)
 
     def _value(self, which: int) -> float:
         """Return λ of the mode ``which`` (from 0, ascending)."""

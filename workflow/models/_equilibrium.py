@@ -63,7 +63,7 @@ def static_equilibrium(
         force = force + friction * max(reaction, 0.0) / yields * structure.tangent if yields > 0 else force
     if reaction < -UNBALANCED * (np.abs(moved).sum() + abs(pressing)) or yields <= 0 or pair.moves(force, held=True):
         raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
-    return gap * pair.constraint + pair.answer_held(force), temperature
+    return gap * pair.constraint + pair.answer(force, held=True), temperature
 
 
 def at_rest(structure: Structure, cases: Cases) -> Cases:

@@ -10,9 +10,9 @@ constant and loads left out, equation (1) becomes
 the last one being (1a) multiplied by ψᵀ. With a free root ψ strains no spring, so g is exactly zero. Friction µ along t
 adds µ φᵀt λ to the first line and divides λ by 1 - µ (ψᵀt - L φᵀt).
 
-Of up to 600 states all eigenvalues are computed, of more those of the 100 + 100 modes that contact heat moves most.
-Where c couples no modes the rightmost are improved on the whole system, 1 = α G(s), with G(s) the contact force that a
-unit heat load at the tip causes, both as exp(s t).
+Of up to 600 states all eigenvalues are computed, of more those of the 100 + 100 modes that contact heat moves most; the
+others are taken to stay where they are without it. Where c couples no modes the rightmost are improved on the whole
+system, 1 = α G(s), with G(s) the contact force that a unit heat load at the tip causes, both as exp(s t).
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex, eigenvalues
@@ -48,12 +47,8 @@ _UNCERTAIN = 1e-12
 _CONVERGED = 1e-7
 """Share of an eigenvalue by which the last step of its improvement may change it."""
 
-_ZERO = 1e-13
-"""Share of a pole that is rounding: contact heat that moves it no further leaves it where it is, and an eigenvalue
-below that share of the slowest pole is 0."""
-
-_BESIDE = 1e-6
-"""Share of a pole within which another one counts as the same, and at which Newton's iteration starts beside it."""
+_ROUNDING = 1e-13
+"""Share of a pole that is rounding: contact heat that moves it no further leaves it where it is."""
 
 
 class Growth(NamedTuple):
@@ -101,32 +96,29 @@ class InContact:
         return np.append(poles(self.modes[0], self.modes[1]), -self.heat[0])
 
     @cached_property
-    def orders(self) -> Complex:
-        """ds/dα of the eigenvalue at each pole at α = 0, the residue of G there, 1/s per W/N."""
+    def shares(self) -> Array:
+        """By which share of itself contact heat moves each pole, over α, at first order: residues of G over poles."""
         omega, damping, participation, drag = self.modes[:, :, None]
         decay, tip, static = self.heat
         s = self.poles[: 2 * omega.size].reshape(-1, 2)
         driven = ((self.coupling * tip)[:, None] / (s[:, :, None] + decay)).sum(axis=2)
-        apart, least = 2 * s + damping, _BESIDE * np.abs(s)
-        mechanical = s * (participation * s + drag) * driven / np.where(np.abs(apart) < least, least, apart)
+        with np.errstate(divide="ignore", invalid="ignore"):  # of critical damping
+            moved = np.nan_to_num(s * (participation * s + drag) * driven / (2 * s + damping))
         rest = decay * (decay - damping) + omega**2
-        share = np.divide(decay * (participation * decay - drag), rest, out=np.zeros_like(rest), where=rest != 0)
-        return np.append(mechanical, tip * (static + (share * self.coupling).sum(axis=0)))
+        follows = np.divide(decay * (participation * decay - drag), rest, out=np.zeros_like(rest), where=rest != 0)
+        moved, size = np.append(moved, tip * (static + (follows * self.coupling).sum(axis=0))), np.abs(self.poles)
+        return np.asarray(np.abs(moved) / np.maximum(size, size[size > 0].min(initial=np.inf)))
 
-    @cached_property
-    def strongest(self) -> tuple[InContact, Complex]:
-        """The system of the modes that contact heat moves most, and the poles of all others."""
-        count = self.modes.shape[1]
-        if self.poles.size <= _ALL_STATES or self.damping is not None:
-            return self, self.poles[:0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.nan_to_num(np.abs(self.orders) / np.abs(self.poles), posinf=np.inf)
-        shares = share[: 2 * count].reshape(count, 2).max(axis=1), share[2 * count :]
-        modes, heats = (np.sort(np.argsort(-of, kind="stable")[:_STRONGEST]) for of in shares)
-        system = replace(
-            self, modes=self.modes[:, modes], heat=self.heat[:, heats], coupling=self.coupling[np.ix_(modes, heats)]
-        )
-        return system, np.delete(self.poles, np.concatenate([2 * modes, 2 * modes + 1, 2 * count + heats]))
+    def moved(self, alpha: float) -> tuple[InContact, Complex]:
+        """Return the system of the modes that contact heat moves, of a large one the strongest, and all other poles."""
+        count, each = self.modes.shape[1], self.shares
+        most = _STRONGEST if self.poles.size > _ALL_STATES else self.poles.size
+        kinds = each[: 2 * count].reshape(count, 2).max(axis=1), each[2 * count :]
+        order = (np.argsort(-kind, kind="stable")[:most] for kind in kinds)
+        modes, heats = (np.sort(o[alpha * kind[o] > _ROUNDING]) for o, kind in zip(order, kinds, strict=True))
+        coupling = self.coupling[np.ix_(modes, heats)]
+        part = replace(self, modes=self.modes[:, modes], heat=self.heat[:, heats], coupling=coupling)
+        return part, np.delete(self.poles, np.concatenate([2 * modes, 2 * modes + 1, 2 * count + heats]))
 
     def contact_force(self, s: Complex) -> tuple[Complex, Complex]:
         """Return G(s), the contact force by a unit heat load at the tip as exp(s t), and dG/ds; ``(s,)`` each.
@@ -168,7 +160,7 @@ def in_contact(structure: Structure) -> InContact:
     Friction drives rigid modes of the interior too: they are kept where there is a direction of it.
     """
     pair, few = structure.mechanical, None if structure.has_matrices else _STRONGEST
-    held, thermal = pair.held_modes(few), structure.thermal.modes(few)
+    held, thermal = pair.modes(few, held=True), structure.thermal.modes(few)
     kept = (held.values > 0) | (structure.tangent is not None)
     omega, shapes = np.sqrt(held.values[kept]), np.ascontiguousarray(held.shapes[:, kept])
     constraint, expansions = pair.constraint, structure.expansions(thermal.shapes)
@@ -197,30 +189,21 @@ def growth(contact: InContact, alpha: float, friction: float = 0.0) -> Growth:
         values = eigenvalues(contact.matrix(alpha, friction))
         rates = values.real
     else:
-        values, rates = _rates(contact, alpha)
+        part, others = contact.moved(alpha)
+        values = np.append(eigenvalues(part.matrix(alpha)), contact.poles)
+        rates = np.append(_improved(contact, alpha, values[: -contact.poles.size]), others.real)
     rate = float(rates.max(initial=0.0 if contact.has_rigid else -np.inf)) + 0.0
     return Growth(rate if np.isfinite(rate) else np.nan, _UNCERTAIN * float(np.abs(values).max(initial=0.0)))
 
 
-def _rates(contact: InContact, alpha: float) -> tuple[Complex, Array]:
-    """Return approximate eigenvalues, and real parts of those that are improved or stay at their poles.
+def _improved(contact: InContact, alpha: float, spectrum: Complex) -> Array:
+    """Return the real parts of the rightmost of a spectrum, improved by Newton's method on 1/G(s) = α.
 
-    On a pole that takes no part in the contact 1/G says nothing.
+    Those that it does not find stay as they are where the spectrum is that of all modes, else they are left out; NaN
+    where none is left.
     """
-    poles, (part, others) = contact.poles, contact.strongest
-    slowest = np.abs(poles[poles != 0]).min(initial=np.inf)
-    still = poles[alpha * np.abs(contact.orders) <= _ZERO * np.maximum(np.abs(poles), slowest)]
-    spectrum = np.concatenate([eigenvalues(part.matrix(alpha)), others * (1 + _BESIDE)])
     above = spectrum[spectrum.imag >= 0]
     starts = above[np.argsort(-above.real, kind="stable")[:_IMPROVED]]
-    roots, converged = _improved(contact, alpha, starts, _UNCERTAIN * np.abs(spectrum).max(initial=0.0))
-    rates = np.where(converged, roots, starts).real[converged | (part is contact)]
-    rates[np.abs(rates) <= _ZERO * slowest] = 0.0
-    return np.append(spectrum, poles), np.append(rates, still.real)
-
-
-def _improved(contact: InContact, alpha: float, starts: Complex, least: float) -> tuple[Complex, NDArray[np.bool_]]:
-    """Return eigenvalues improved by Newton's method on 1/G(s) = α, and which of them it found, to ``least`` 1/s."""
     roots, left = starts.copy(), np.full(starts.size, np.inf)
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):
@@ -228,9 +211,11 @@ def _improved(contact: InContact, alpha: float, starts: Complex, least: float) -
             step = force * (alpha * force - 1) / slope
             step[~np.isfinite(step)] = 0.0
             roots, left = roots - step, np.abs(step)
-            if np.all(left <= _ZERO * np.abs(roots)):
+            if np.all(left <= _ROUNDING * np.abs(roots)):
                 break
-    return roots, left <= np.maximum(_CONVERGED * np.abs(roots), least)
+    found = left <= np.maximum(_CONVERGED * np.abs(roots), _UNCERTAIN * np.abs(spectrum).max(initial=0.0))
+    known = found | (contact.poles.size <= _ALL_STATES)
+    return np.where(found, roots, starts).real[known] if known.any() or not known.size else np.full(1, np.nan)
 
 
 def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:

@@ -74,7 +74,7 @@ class Modes:
 
     def with_tip_held(self) -> Modes:
         """Return modes of what is beside the tip as those of the whole, 0 at the tip."""
-        return Modes(self.values, np.vstack([self.shapes, np.zeros(self.values.size)]))
+        return Modes(self.values, np.ascontiguousarray(np.vstack([self.shapes, np.zeros(self.values.size)])))
 
 
 class Pair(ABC):
@@ -157,16 +157,12 @@ class Pair(ABC):
         return float(np.sum(self.weights * self.deformed**2))
 
     @abstractmethod
-    def modes(self, count: int | None = None) -> Modes:
-        """Return the lowest modes with the tip free, all if not said."""
+    def modes(self, count: int | None = None, held: bool = False) -> Modes:
+        """Return the lowest modes, all if not said, with the tip free or ``held``, 0 then."""
 
     @abstractmethod
-    def held_modes(self, count: int | None = None) -> Modes:
-        """Return the lowest modes with the tip held, all if not said; their tip is 0."""
-
-    @abstractmethod
-    def answer(self, load: Array) -> Array:
-        """Return K⁻¹ f, ``(coordinate,)``.
+    def answer(self, load: Array, held: bool = False) -> Array:
+        """Return K⁻¹ f with the tip free or ``held``, ``(coordinate,)``.
 
         On a part that nothing holds loads are balanced by its inertia first, f - M r with r its rigid motion, so that a
         deformation is left that the loads alone do not determine up to a rigid motion (inertia relief).
@@ -176,10 +172,6 @@ class Pair(ABC):
         """Return K⁻¹ f for every case, ``(case, coordinate)``, each distinct load answered once."""
         first, which = distinct_rows(loads)
         return np.reshape([self.answer(load) for load in loads[first]], (-1, self.size))[which]
-
-    @abstractmethod
-    def answer_held(self, load: Array) -> Array:
-        """Return K⁻¹ f with the tip held, ``(coordinate,)``; loads on a part that nothing holds are left out."""
 
     @abstractmethod
     def answers_held_shifted(self) -> Callable[[Array, float], Array]:
@@ -198,9 +190,9 @@ class Pair(ABC):
     def spectrum(self) -> Array:
         """Return λ of all modes, ascending, infinite of a static deformation; of large pairs the lowest and highest."""
 
-    @abstractmethod
     def largest(self) -> float:
         """Return the largest λ; of sparse matrices about that."""
+        return float(self.spectrum()[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +235,7 @@ class DensePair(Pair):
         return deformed if moved else np.zeros_like(deformed)
 
     @cached_property
-    def _modes(self) -> Modes:
+    def _free(self) -> Modes:
         massless = self.size > 0 and not np.any(self.inertia[-1])
         return (_condensed_modes if massless else _singular_modes)(self.inertia, self.weighted)
 
@@ -251,34 +243,25 @@ class DensePair(Pair):
     def _held(self) -> Modes:
         return _singular_modes(self.inertia[:-1, :-1], self.weighted[:, :-1]).with_tip_held()
 
-    def modes(self, count: int | None = None) -> Modes:
-        return self._modes.lowest(count)
+    def modes(self, count: int | None = None, held: bool = False) -> Modes:
+        return (self._held if held else self._free).lowest(count)
 
-    def held_modes(self, count: int | None = None) -> Modes:
-        return self._held.lowest(count)
-
-    def answer(self, load: Array) -> Array:
-        return np.asarray(_by_modes(self._modes, load[None])[0])
+    def answer(self, load: Array, held: bool = False) -> Array:
+        return np.asarray(_by_modes(self.modes(held=held), load[None])[0])
 
     def static_answers(self, loads: Array) -> Array:
-        return _by_modes(self._modes, loads)
-
-    def answer_held(self, load: Array) -> Array:
-        return np.asarray(_by_modes(self._held, load[None])[0])
+        return _by_modes(self._free, loads)
 
     def answers_held_shifted(self) -> Callable[[Array, float], Array]:
         modes = self._held
         return lambda load, shift: np.asarray(modes.shapes @ ((modes.shapes.T @ load) / (modes.values + shift)))
 
     def rigid_motions(self, held: bool) -> Array:
-        modes = self._held if held else self._modes
+        modes = self.modes(held=held)
         return modes.shapes[:, modes.values == 0]
 
     def spectrum(self) -> Array:
-        return np.where(self._modes.inertia > 0, self._modes.values, np.inf)
-
-    def largest(self) -> float:
-        return float(self._modes.values[-1])
+        return np.where(self._free.inertia > 0, self._free.values, np.inf)
 
 
 def _by_modes(modes: Modes, loads: Array) -> Array:

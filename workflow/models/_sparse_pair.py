@@ -127,15 +127,14 @@ class SparsePair(Pair):
         forces[-1] = self.tip_stiffness
         return forces
 
-    def answer_held(self, load: Array) -> Array:
-        return np.append(self._interior(load[:-1]), 0.0)
-
-    def answer(self, load: Array) -> Array:
+    def answer(self, load: Array, held: bool = False) -> Array:
         """Return K⁻¹ f, ``(coordinate,)``; where the tip moves freely of a load that inertia balances, the tip at 0."""
+        if held:
+            return np.append(self._interior(load[:-1]), 0.0)
         if self.tip_stiffness > 0:
-            return self.answer_held(load) + self.constraint * (self.constraint @ load / self.tip_stiffness)
+            return self.answer(load, held=True) + self.constraint * (self.constraint @ load / self.tip_stiffness)
         inertia = self.inertia_of(self.constraint)
-        return self.answer_held(load - inertia * (self.constraint @ load) / (self.constraint @ inertia))
+        return self.answer(load - inertia * (self.constraint @ load) / (self.constraint @ inertia), held=True)
 
     def rigid_motions(self, held: bool) -> Array:
         """Return what moves a tip freely; nothing else may be loose."""
@@ -148,20 +147,16 @@ class SparsePair(Pair):
 
         return lambda load, shift: np.append(factors(shift)(load[:-1]), 0.0)
 
-    def held_modes(self, count: int | None = None) -> Modes:
+    def modes(self, count: int | None = None, held: bool = False) -> Modes:
+        """Return the lowest modes; where the tip moves freely the lowest λ is exactly 0."""
         if count is None:
-            return self.dense.held_modes()
-        shapes = np.zeros((self.size, count))
-        values, shapes[:-1] = _lowest(self.stiffness[:-1, :-1], self.inertia[:-1, :-1], self._interior, count, 0.0)
-        return Modes(values, shapes)
-
-    def modes(self, count: int | None = None) -> Modes:
-        """Return the lowest modes with the tip free; where it moves freely the lowest λ is exactly 0."""
-        if count is None:
-            return self.dense.modes()
+            return self.dense.modes(held=held)
+        if held:
+            inside = self.stiffness[:-1, :-1], self.inertia[:-1, :-1]
+            return Modes(*_lowest(*inside, self._interior, count, 0.0)).with_tip_held()
         if self.tip_stiffness > 0 or self.size == 1:
             return Modes(*_lowest(self.stiffness, self.inertia, self.answer, count, 0.0))
-        shift = float(self.held_modes(1).values[0])
+        shift = float(self.modes(1, held=True).values[0])
         moved = factorised(self.stiffness + shift * self.inertia)
         values, shapes = _lowest(self.stiffness, self.inertia, moved, count, -shift)
         values[:1] = 0.0
@@ -170,9 +165,6 @@ class SparsePair(Pair):
     def spectrum(self) -> Array:
         lowest = float(self.modes(1).values[0])
         return np.array([lowest, max(self._largest(), lowest)])
-
-    def largest(self) -> float:
-        return float(self.spectrum()[-1])
 
     def _largest(self) -> float:
         """Return about the largest eigenvalue of the pair: of the inertia lumped on its diagonal, some percent low."""

@@ -6,10 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import Analysed, Flow
-from workflow.orbits._orbit import RESIDUAL, Orbit, longest
+from workflow.orbits._orbit import Orbit, has_converged, longest
+from workflow.schemes._exact.advance import Course
 from workflow.schemes._exact.batch import heat_acts
 
 Problem = Callable[[float], tuple[Structure, Cases]]
@@ -89,7 +91,7 @@ class Curve:
                 return None
             error = self._charts(orbit.flow)[0] @ orbit.course.X - u[:-1]
             size = max(orbit.residual, abs(float(row @ u - target)))
-            if size < 0.01 * RESIDUAL or (size < RESIDUAL and not size < 0.5 * last):
+            if has_converged(size, last):
                 return self._point(u, point.phase, orbit, point.row, point.place + length)
             last, slope = size, self._slope(u, point.phase, orbit)
             if slope is None:
@@ -105,11 +107,16 @@ class Curve:
 
     def _at(self, u: Array, point: Point) -> Orbit | None:
         """Return the motion from u over kT, the largest change of w its residual; ``None`` where it does not repeat."""
-        flow, k = self.flow(u[-1]), point.orbit.order
+        flow, course, w = self._mapped(u, point.phase, point.orbit)
+        residual = float(np.abs(w - u[:-1]).max())
+        return Orbit(flow, point.orbit.order, course, flow.derivative(course), residual) if course.repeats else None
+
+    def _mapped(self, u: Array, phase: float, orbit: Orbit) -> tuple[Flow, Course, Array]:
+        """Return the case at u, its motion from there over the kT of an orbit near it, and w at its end."""
+        flow = self.flow(u[-1])
         out, into = self._charts(flow)
-        course = flow.march(into @ u[:-1], point.orbit.course.was_held, point.phase * flow.period, k * flow.period)
-        residual = float(np.abs(out @ course.X - u[:-1]).max())
-        return Orbit(flow, k, course, flow.derivative(course), residual) if course.repeats else None
+        course = flow.march(into @ u[:-1], orbit.course.was_held, phase * flow.period, orbit.order * flow.period)
+        return flow, course, out @ course.X
 
     def _point(self, u: Array, phase: float, orbit: Orbit, along: Array, place: float = 0.0) -> Point | None:
         """Return an orbit as a point, with the tangent of the curve on the side of a row."""
@@ -130,12 +137,8 @@ class Curve:
     def _slope(self, u: Array, phase: float, orbit: Orbit) -> Array | None:
         """Return the derivative of the map by q, of a difference to within the range."""
         side = _DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE
-        flow = self.flow(u[-1] + side)
-        out, into = self._charts(flow)
-        span = orbit.order * flow.period
-        course = flow.march(into @ u[:-1], orbit.course.was_held, phase * flow.period, span)
-        change = out @ course.X - self._charts(orbit.flow)[0] @ orbit.course.X
-        return np.asarray(change / side) if course.repeats else None
+        _, course, w = self._mapped(np.append(u[:-1], u[-1] + side), phase, orbit)
+        return (w - self._charts(orbit.flow)[0] @ orbit.course.X) / side if course.repeats else None
 
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
         """Return w per X and X per w.
@@ -144,18 +147,14 @@ class Curve:
         """
         assert self.scale is not None
         assert self.first is not None
-        basis, now = flow.operator.basis, flow.structure
+        basis, first, now = flow.operator.basis, self.first, flow.structure
         size, n = flow.start.size, flow.modes
-        sides, scale = np.ones(size), np.full(size, self.scale[2])
-        sides[:n] = sides[n : 2 * n] = np.where(self.first.mass[-1] * now.mass[-1] < 0, -1.0, 1.0)
-        sides[2 * n :] = np.where(self.first.heat_capacity[-1] * now.heat_capacity[-1] < 0, -1.0, 1.0)[: size - 2 * n]
-        scale[:n], scale[n : 2 * n] = self.scale[:2]
-        factor = sides / (scale * np.sqrt(size))
-        out, into = np.zeros((size, size)), np.zeros((size, size))
-        for part in (slice(0, n), slice(n, 2 * n)):
-            out[part, part], into[part, part] = basis.free.shapes, basis.to_modes
-        if size > 2 * n:
-            out[2 * n :, 2 * n :], into[2 * n :, 2 * n :] = basis.free.heat_shapes, basis.to_thermal
+        kinds = [(basis.free.shapes, basis.to_modes)] * 2
+        kinds += [(basis.free.heat_shapes, basis.to_thermal)] * flow.is_heated
+        inertia = [first.mass[-1] * now.mass[-1]] * 2 + [first.heat_capacity[-1] * now.heat_capacity[-1]]
+        sides = np.where(np.concatenate(inertia)[:size] < 0, -1.0, 1.0)
+        factor = sides / (np.repeat(self.scale, (n, n, size - 2 * n)) * np.sqrt(size))
+        out, into = (block_diag(*matrices) for matrices in zip(*kinds, strict=True))
         return factor[:, None] * out, into / factor
 
     def rephased(self, point: Point) -> Point:

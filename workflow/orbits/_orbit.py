@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workflow.kernels import algebra
 from workflow.kernels.algebra import Complex, eigenvalues
 from workflow.models import Array
 from workflow.orbits._flow import Flow
@@ -80,36 +79,29 @@ def longest(course: Course, *, flights: bool = False) -> float:
 
 
 def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale: Array) -> Orbit | None:
-    """Return the orbit of order k near X at ``begin`` by damped steps of Newton's method; ``None`` where they fail.
+    """Return the orbit of order k near X at ``begin`` by Newton's method; ``None`` where it fails.
 
-    A step is halved until the next one, by the same derivative, is shorter. Once the residual is small enough steps go
-    on for as long as they halve it.
+    Once the residual is small enough steps go on for as long as they halve it.
     """
-    best: Orbit | None = None
-    step, trial, share = np.zeros(X.size), X, 1.0
-    inverse: Array = np.eye(X.size)
+    last = np.inf
     for _ in range(_MOST):
-        course = flow.march(trial, contact, begin, order * flow.period)
-        change = course.X - trial
-        error = flow.size(change, scale) if course.repeats else np.inf
-        if best is not None and best.residual < RESIDUAL and not error < 0.5 * best.residual:
-            return best
-        if error < RESIDUAL or (
-            error < np.inf and (best is None or flow.size(inverse @ change, scale) < flow.size(step, scale))
-        ):
-            D = flow.derivative(course)
-            best, share = Orbit(flow, order, course, D, error), 1.0
-            try:
-                inverse = algebra.inverse(np.eye(X.size) - D)
-            except np.linalg.LinAlgError:
-                return None
-            step = np.asarray(inverse @ change, dtype=np.float64)
-        else:
-            share /= 2
-            if best is None or share * flow.size(step, scale) < RESIDUAL:
-                return None
-        trial = best.course.start + share * step
-    return best if best is not None and best.residual < RESIDUAL else None
+        course = flow.march(X, contact, begin, order * flow.period)
+        if not course.repeats:
+            return None
+        change, D = course.X - X, flow.derivative(course)
+        error = flow.size(change, scale)
+        if has_converged(error, last):
+            return Orbit(flow, order, course, D, error)
+        try:
+            X, last = X + np.linalg.solve(np.eye(X.size) - D, change), error
+        except np.linalg.LinAlgError:
+            return None
+    return None
+
+
+def has_converged(residual: float, last: float) -> bool:
+    """Tell whether the residual of Newton's method is small enough, and no longer halved from the last one."""
+    return residual < 0.01 * RESIDUAL or (residual < RESIDUAL and not residual < 0.5 * last)
 
 
 def without_events(flow: Flow, contact: bool, scale: Array) -> Orbit | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,20 +16,17 @@ from workflow.schemes._exact.linear import growth, propagators
 MOST_PERIODS = 1000
 """Common periods by which a transient is followed beyond its duration, at most."""
 
-_CHUNK = 50
-"""Periods per march: its budget of events is for these."""
-
 _NEAR = 1e-8
 """Deviation from an orbit, over the motion, below which the transient is there."""
 
 _EXCESS = 1000.0
 """Quasi-static tip growth over what the scene accounts for, above which a temperature has left every bound."""
 
-_BALANCES = 30
-"""Times that the temperatures of a transient are put in balance, at most."""
+_BALANCES, _BETWEEN = 30, 50
+"""Times that the temperatures of a transient are put in balance, at most, and periods before they are looked at."""
 
-_EXPONENT_PERIODS = 100
-"""Periods over which the Lyapunov exponent is taken."""
+_EXPONENT_PERIODS = 400
+"""Periods over which the Lyapunov exponent is taken: of chaos it scatters by a twentieth."""
 
 
 @dataclass(frozen=True)
@@ -64,25 +62,24 @@ def settle(flow: Flow, duration: float, options: Options) -> Settled:
     """Return what becomes of a case after its transient over ``duration`` [s]."""
     if np.isnan(flow.period):
         return Settled(NOT_FOUND, f"the loads have no common period within {MOST_LOAD_PERIODS} load periods")
+    X, contact, more, done = flow.start, False, max(1, int(np.ceil(duration / flow.period - 1e-9))), options.window
     try:
-        last = _after(flow, flow.start, False, max(1, int(np.ceil(duration / flow.period - 1e-9))))
-        done = 0
         while True:
-            courses = _one_by_one(flow, last, options.window)
-            found, last, done = _found(flow, courses, options), courses[-1], done + options.window
+            courses = _periods(flow, X, contact, more, options.window)
+            X, contact, found = courses[-1].X, courses[-1].contact, _found(flow, courses, options)
             if found is not None:
                 return found
             if done >= MOST_PERIODS:
                 break
             more = min(done, MOST_PERIODS - done)
-            last, done = _after(flow, last.X, last.contact, more), done + more
+            done += more + options.window
     except _StoppedError as stopped:
         return Settled(NOT_FOUND, f"the transient {stopped}")
     found = _by_balance(flow, courses, options) if flow.is_heated else None
     if found is not None:
         return found
     message = f"nothing that repeats within {options.periods} periods was found in {MOST_PERIODS} after the transient"
-    return Settled(NOT_FOUND, message, None, _exponent(flow, last.X, last.contact))
+    return Settled(NOT_FOUND, message, None, _exponent(flow, X, contact))
 
 
 def _by_balance(flow: Flow, transient: list[Course], options: Options) -> Settled | None:
@@ -95,8 +92,8 @@ def _by_balance(flow: Flow, transient: list[Course], options: Options) -> Settle
     for _ in range(_BALANCES):
         force = sum(float(course.tally["impulse"]) for course in courses) / (len(courses) * flow.period)
         try:
-            warm = _after(flow, flow.balanced(courses[-1].X, force), courses[-1].contact, _CHUNK)
-            courses = _one_by_one(flow, warm, options.window)
+            X = flow.balanced(courses[-1].X, force)
+            courses = _periods(flow, X, courses[-1].contact, _BETWEEN, options.window)
         except _StoppedError:
             return None
         found = _found(flow, courses, options)
@@ -115,30 +112,16 @@ def _leads_to(flow: Flow, transient: list[Course], orbit: Orbit | None) -> bool:
     return left < away
 
 
-def _after(flow: Flow, X: Array, contact: bool, periods: int) -> Course:
-    """Return the last part of the motion over some periods."""
-    while True:
-        span = min(periods, _CHUNK)
-        course = _marched(flow, X, contact, span * flow.period, kept=0)
-        X, contact, periods = course.X, course.contact, periods - span
-        if not periods:
-            return course
-
-
-def _one_by_one(flow: Flow, last: Course, periods: int) -> list[Course]:
-    """Return the periods that follow, with their events."""
-    courses = [last]
-    for _ in range(periods):
-        courses.append(_marched(flow, courses[-1].X, courses[-1].contact, flow.period, samples=16))
-    return courses[1:]
-
-
-def _marched(flow: Flow, X: Array, contact: bool, span: float, **recorded: int) -> Course:
-    """Return the motion over a span from the start of a period."""
-    course = flow.march(X, contact, 0.0, span, **recorded)
-    if course.failure:
-        raise _StoppedError(course.failure)
-    return course
+def _periods(flow: Flow, X: Array, contact: bool, passed: int, count: int) -> list[Course]:
+    """Return so many periods of the motion from the start of one, after others that have passed."""
+    courses: deque[Course] = deque(maxlen=count)
+    for _ in range(passed + count):
+        course = flow.march(X, contact, 0.0, flow.period, samples=16)
+        if course.failure:
+            raise _StoppedError(course.failure)
+        courses.append(course)
+        X, contact = course.X, course.contact
+    return list(courses)
 
 
 def _found(flow: Flow, courses: list[Course], options: Options) -> Settled | None:

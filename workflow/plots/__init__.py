@@ -10,24 +10,19 @@ from workflow.plots._axes import metric_by_axis
 from workflow.plots._bifurcation import bifurcation
 from workflow.plots._branches import branches
 from workflow.plots._maps import map_dims, middle, scene_map, single_maps
-from workflow.plots._precision import convergence, error_by_cost, error_by_step, work_precision
-from workflow.plots._response import Curve, abstract_figure, histories, tip_response
-from workflow.plots._scenes import growth_against_prediction, impact_speed_map
+from workflow.plots._precision import convergence, work_precision
+from workflow.plots._response import HISTORIES, Curve, histories, tip_response
 from workflow.plots._sobol import sobol_indices
 from workflow.plots._style import COLOURS, save, write_figure
 
 __all__ = [
     "COLOURS",
+    "HISTORIES",
     "Curve",
-    "abstract_figure",
     "bifurcation",
     "branches",
     "convergence",
-    "error_by_cost",
-    "error_by_step",
-    "growth_against_prediction",
     "histories",
-    "impact_speed_map",
     "map_dims",
     "metric_by_axis",
     "middle",

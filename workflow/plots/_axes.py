@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import effect, finest
-from workflow.plots._style import COLOURS, GREY, trim
+from workflow.analysis import effect, finest, unit_of
+from workflow.plots._style import COLOURS, GREY, legend_below, new_figure, trim
 from workflow.plots._units import axis_of
-from workflow.study import POINT, readable
+from workflow.study import POINT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,8 +29,6 @@ _FREE = 0.8
 
 def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
     """Draw a metric along every dimension through the finest case, the range of all cases behind it."""
-    from matplotlib.figure import Figure
-
     place = finest(archive)
     varied = [dim for dim in place if archive.sizes[dim] > 1]
     strongest = sorted(varied, key=lambda dim: -np.nan_to_num(effect(archive, metric, dim)))[:MOST_PANELS]
@@ -38,7 +36,7 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
     width = min(3.0, 11.4 / max(len(axes), 1))
     upright = {dim: len(axis["texts"]) * _room(axis["texts"]) > _FREE * width for dim, axis in axes.items()}
     height = 2.9 + max((_room(axis["texts"]) for dim, axis in axes.items() if upright[dim]), default=0.0)
-    figure = Figure(figsize=(max(width * len(axes), 3.0) + 0.6, height), layout="constrained")
+    figure = new_figure(max(width * len(axes), 3.0) + 0.6, height)
     panels: Any = np.atleast_1d(figure.subplots(1, max(len(axes), 1), sharey=True))
     values = archive[metric].where(archive["status"] == 0)
     for panel, (dim, axis) in zip(panels, axes.items(), strict=True):
@@ -54,10 +52,8 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
         title = axis["title"] + (f" [{axis['unit']}]" if axis["unit"] else "")
         panel.set_xlabel(fill(title, int(width / _LETTER)), fontsize=9)
         trim(panel)
-    panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{readable(archive[metric].attrs.get('units', '1')) or 1}]")
-    if axes:
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
+    panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{unit_of(archive[metric]) or 1}]")
+    legend_below(figure, panels[0].get_legend_handles_labels(), 2)
     return figure
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow.analysis import case_dims, finest
-from workflow.plots._style import COLOURS, trim
-from workflow.plots._units import scaled
+from workflow.plots._style import COLOURS, new_figure, trim
+from workflow.plots._units import in_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,8 +35,6 @@ def bifurcation(dataset: xr.Dataset, along: str, variable: str = "section_displa
     ValueError
         There is no such dimension with numbers, or no such variable of load periods.
     """
-    from matplotlib.figure import Figure
-
     if along not in case_dims(dataset) or along not in dataset.coords or dataset[along].dtype.kind not in "if":
         raise ValueError(f"`{along}` is no dimension with numbers; they lie along {', '.join(case_dims(dataset))}")
     if variable not in dataset or "period" not in dataset[variable].dims:
@@ -46,15 +44,10 @@ def bifurcation(dataset: xr.Dataset, along: str, variable: str = "section_displa
     values = np.asarray(cut[variable].values, dtype=float)
     complete = np.isfinite(values).sum(axis=1, keepdims=True)
     values = np.where(np.arange(values.shape[1]) >= complete // 2, values, np.nan)
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    figure = new_figure(7.0, 4.2)
     panel = figure.subplots()
-    (x_unit, x_factor), (unit, factor) = (
-        scaled(str(dataset[name].attrs.get("units", "1")), numbers)
-        for name, numbers in ((along, dataset[along].values), (variable, values))
-    )
-    x = np.broadcast_to(dataset[along].values[:, None] * x_factor, values.shape)
-    panel.plot(x.ravel(), values.ravel() * factor, ".", color=COLOURS[0], ms=2)
-    for name, there, label in ((along, x_unit, panel.set_xlabel), (variable, unit, panel.set_ylabel)):
-        label(name.replace("_", " ") + (f" [{there}]" if there else ""))
+    (x, x_label), (y, y_label) = in_units(dataset[along]), in_units(cut[variable].copy(data=values))
+    panel.plot(np.repeat(x, values.shape[1]), y.ravel(), ".", color=COLOURS[0], ms=2)
+    panel.set(xlabel=x_label, ylabel=y_label)
     trim(panel)
     return figure

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow.analysis import case_dims, followed_axis, labels, labels_of
-from workflow.plots._style import COLOURS, trim
-from workflow.plots._units import scaled
+from workflow.plots._style import COLOURS, new_figure, trim
+from workflow.plots._units import in_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,8 +26,6 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
     ValueError
         The archive has no branches, or no such variable along them.
     """
-    from matplotlib.figure import Figure
-
     along = followed_axis(dataset)
     if along is None or variable not in dataset or dataset[variable].dims != dataset[along].dims:
         raise ValueError(f"there are no branches of `{variable}`; write an axis as `{{branch: [from, to, points]}}`")
@@ -35,7 +33,7 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
     stable, flags = labels(dataset["steady_state"]).values != "unstable", labels(dataset["bifurcation"]).values
     dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
     texts = {dim: labels_of(dataset, dim, rounded=True) for dim in dims}
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    figure = new_figure(7.0, 4.2)
     panel = figure.subplots()
     for k, place in enumerate(np.ndindex(dataset["status"].shape)):
         where = dict(zip(case_dims(dataset), place, strict=True))
@@ -51,9 +49,3 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
         panel.legend(fontsize=8, frameon=False)
     trim(panel)
     return figure
-
-
-def in_units(values: xr.DataArray) -> tuple[np.ndarray, str]:
-    """Return values in a readable unit, and their label."""
-    unit, factor = scaled(str(values.attrs.get("units", "1")), values.values)
-    return np.asarray(values.values) * factor, str(values.name).replace("_", " ") + (f" [{unit}]" if unit else "")

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import case_dims, impulse_growth, place_text
-from workflow.plots._style import COLOURS
-from workflow.plots._units import scaled
-from workflow.study import readable
+from workflow.analysis import case_dims, impulse_growth, place_text, unit_of
+from workflow.plots._style import COLOURS, new_figure
+from workflow.plots._units import in_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,18 +74,16 @@ def scene_map(dataset: xr.Dataset, across: str, up: str, variable: str | None = 
     ValueError
         A dimension has no numbers, or there is no such metric.
     """
-    from matplotlib.figure import Figure
-
     dims = (across, up)
     _refuse(dataset, dims, variable)
     place = middle(dataset, dims)
     cut = _cut(dataset, dims, place)
     if variable is not None:
-        figure = Figure(figsize=(5.25, 4.0), layout="constrained")
+        figure = new_figure(5.25, 4.0)
         _draw(figure.subplots(), cut, dims, _metric(cut, variable))
         figure.suptitle(place_text(dataset, place), fontsize=10)
         return figure
-    figure = Figure(figsize=(10.5, 8.0), layout="constrained")
+    figure = new_figure(10.5, 8.0)
     grid, panels = figure.subplots(2, 2, sharex=True, sharey=True), _panels(cut)
     for axes in grid.flat[len(panels) :]:
         axes.remove()
@@ -113,19 +110,16 @@ def _refuse(dataset: xr.Dataset, dims: tuple[str, str], variable: str | None) ->
 
 def _metric(cut: xr.Dataset, variable: str) -> Panel:
     """Return the map of a metric, NaN where a case is not ok."""
-    about = cut[variable].attrs
-    unit = readable(str(about.get("units", "1")))
-    title = str(about.get("long_name", variable.replace("_", " "))) + (f" [{unit}]" if unit else "")
+    unit = unit_of(cut[variable])
+    title = str(cut[variable].attrs.get("long_name", variable.replace("_", " "))) + (f" [{unit}]" if unit else "")
     return Panel(title, np.where(cut["status"].values == 0, cut[variable].values, np.nan))
 
 
 def single_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> list[Figure]:
     """Draw the maps of :func:`scene_map` as a figure each, to stand below each other where a page is narrow."""
-    from matplotlib.figure import Figure
-
     cut, figures = _cut(archive, dims, place), []
     for panel in _panels(cut):
-        figures.append(Figure(figsize=(5.25, 4.0), layout="constrained"))
+        figures.append(new_figure(5.25, 4.0))
         _draw(figures[-1].subplots(), cut, dims, panel)
     return figures
 
@@ -140,7 +134,7 @@ def _draw(axes: Any, cut: xr.Dataset, dims: tuple[str, str], panel: Panel) -> No
     """Draw one map with its colours, its critical coupling and the names of its axes."""
     from matplotlib import colormaps
 
-    (x, x_label), (y, y_label) = (_axis(cut, dim) for dim in dims)
+    (x, x_label), (y, y_label) = (in_units(cut[dim]) for dim in dims)
     norm, levels = _norm(panel.values)
     values = np.clip(panel.values, norm.vmin, None)
     mesh = axes.pcolormesh(x, y, values, cmap=colormaps["cividis"], norm=norm, shading="nearest")
@@ -172,12 +166,6 @@ def _panels(cut: xr.Dataset) -> list[Panel]:
         Panel("largest temperature rise of the tip [K]", shown(cut["max_temperature"].values)),
     ]
     return [panel for panel in panels if np.isfinite(panel.values).any()]
-
-
-def _axis(cut: xr.Dataset, dim: str) -> tuple[NDArray[np.float64], str]:
-    """Return the values of an axis in a readable unit, and its label."""
-    unit, factor = scaled(str(cut[dim].attrs.get("units", "1")), cut[dim].values)
-    return cut[dim].values * factor, dim.replace("_", " ") + (f" [{unit}]" if unit else "")
 
 
 def _critical(cut: xr.Dataset) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Histories of some cases below each other, and the figure of the extended abstract."""
+"""Histories of some cases below each other."""
 
 from __future__ import annotations
 
@@ -7,8 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workflow.analysis import case_dims, casing_motion, contact_phases, finest, labels_of, place_text, shown_dim
-from workflow.plots._style import COLOURS, GREY, trim
+from workflow.analysis import (
+    case_dims,
+    casing_motion,
+    contact_phases,
+    finest,
+    labels_of,
+    place_text,
+    shown_dim,
+    unit_of,
+)
+from workflow.plots._style import COLOURS, legend_below, new_figure, trim
 from workflow.plots._units import scaled
 
 if TYPE_CHECKING:
@@ -24,13 +33,14 @@ MOST_SHADED = 40
 _LINE = 0.09
 """Share of a panel's height that a line of text takes."""
 
-_PANELS = {
-    "displacement": ("tip displacement", "m", 1.0),
-    "velocity": ("tip velocity", "m/s", 1.0),
-    "temperature": ("tip temperature rise", "K", 1.0),
-    "contact_force": ("contact force", "N", 1.0),
-    "impulse": ("impulse", "N s", 1.0),
+HISTORIES = {
+    "displacement": "tip displacement",
+    "velocity": "tip velocity",
+    "temperature": "tip temperature rise",
+    "contact_force": "contact force",
+    "impulse": "impulse",
 }
+"""Histories in the order in which they stand below each other, and their titles."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +66,12 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     phases_of
         Position of the case whose contact phases are shaded, ``None`` for none.
     """
-    from matplotlib.figure import Figure
-
     first = curves[0].case
-    names = [name for name in _PANELS if name in first]
-    figure = Figure(figsize=(9.0, 2.3 * len(names) + 0.9), layout="constrained")
+    names = [name for name in HISTORIES if name in first]
+    figure = new_figure(9.0, 2.3 * len(names) + 0.9)
     axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
     for panel, name in zip(axes, names, strict=True):
-        about, unit, scale = _PANELS[name]
+        unit, scale = unit_of(first[name]), 1.0
         if name == "displacement":
             largest = max(float(np.nanmax(np.abs(curve.case[name].values), initial=0.0)) for curve in curves)
             unit, scale = scaled("m", np.array([largest]))
@@ -78,14 +86,13 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
             panel.plot(t, values, curve.style, color=curve.colour, lw=curve.width, label=curve.label)
         if name == "displacement":
             _draw_casing(panel, curves, scale, unit)
-        panel.set_ylabel(f"{about} [{unit}]")
+        panel.set_ylabel(f"{HISTORIES[name]} [{unit}]")
         panel.margins(x=0)
         trim(panel)
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.08 * (high - low))
     axes[-1].set_xlabel("time [s]")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), frameon=False, fontsize=9)
+    legend_below(figure, axes[0].get_legend_handles_labels(), min(4, len(curves)))
     if title:
         figure.suptitle(title, fontsize=11)
     return figure
@@ -118,29 +125,6 @@ def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> N
         )  # fmt: skip
 
 
-def abstract_figure(archive: xr.Dataset) -> Figure:
-    """Draw the extended abstract's figure beside the exact solution: reduced dashed, without contact heat grey.
-
-    Parameters
-    ----------
-    archive
-        Of ``studies/abstract_figure.yaml``: dimensions ``scheme`` (exact first), ``alpha`` (0 first) and ``model``
-        (full first).
-    """
-    exact, stepped = archive.isel(scheme=0, model=0), archive.isel(scheme=-1)
-    cold, hot = exact.isel(alpha=0), stepped.isel(alpha=-1)
-    modes = f"{int(hot['mechanical_modes'][-1])} + {int(hot['thermal_modes'][-1])} modes"
-    return tip_response(
-        [
-            Curve(cold, "α = 0, exact", GREY, "-", 1.0),
-            Curve(exact.isel(alpha=-1), f"α = {float(hot['alpha']):g} m/s, exact", COLOURS[5], "-", 3.2),
-            Curve(hot.isel(model=0), f"h = {float(hot['h']):g} s, full", COLOURS[6], "-", 0.8),
-            Curve(hot.isel(model=-1), f"h = {float(hot['h']):g} s, {modes}", COLOURS[1], "--", 1.1),
-        ],
-        phases_of=1,
-    )
-
-
 def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
     """Draw the histories of the cases along one dimension below each other: select what else is shown before.
 
@@ -159,7 +143,7 @@ def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
     ValueError
         There are no histories, no case is ok, or there is no such dimension.
     """
-    if not any(name in dataset for name in _PANELS):
+    if not any(name in dataset for name in HISTORIES):
         raise ValueError("the dataset keeps no histories; name them under `output.histories` of the study")
     if not bool((dataset["status"] == 0).any()):
         raise ValueError("no case of the dataset is ok")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis import drawn_dim, finest, sobol
-from workflow.plots._style import COLOURS, trim
+from workflow.plots._style import COLOURS, legend_below, new_figure, trim
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,12 +32,10 @@ def sobol_indices(dataset: xr.Dataset, *metrics: str) -> Figure:
     ValueError
         Nothing is drawn for Sobol' indices, or there is no such metric.
     """
-    from matplotlib.figure import Figure
-
     metrics = metrics or ("contact_impulse", "max_temperature")
     place = {dim: k for dim, k in finest(dataset).items() if dim != drawn_dim(dataset)}
     indices = {metric: sobol(dataset.isel(place), metric) for metric in metrics}
-    figure = Figure(figsize=(3.4 * len(metrics) + 0.6, 3.6), layout="constrained")
+    figure = new_figure(3.4 * len(metrics) + 0.6, 3.6)
     panels: Any = np.atleast_1d(figure.subplots(1, len(metrics), sharey=True))
     for panel, (metric, index) in zip(panels, indices.items(), strict=True):
         at = np.arange(index.sizes["number"])
@@ -55,6 +53,5 @@ def sobol_indices(dataset: xr.Dataset, *metrics: str) -> Figure:
         panel.set_title(metric.replace("_", " "), fontsize=10)
         trim(panel, "y")
     panels[0].set_ylabel("share of the variance")
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
+    legend_below(figure, panels[0].get_legend_handles_labels(), 2)
     return figure

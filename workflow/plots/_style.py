@@ -18,6 +18,34 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 GREY = "#8a8a8a"
 
 
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of so many inches, which no window shows."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def look(k: int) -> dict[str, Any]:
+    """Return colour and marker of the curve of a number."""
+    return {"color": COLOURS[k % len(COLOURS)], "marker": MARKERS[k % len(MARKERS)]}
+
+
+def legend_below(figure: Figure, named: tuple[list[Any], list[str]], columns: int) -> None:
+    """Name curves below all panels, where there are any; ``named`` holds them and their names."""
+    handles, labels = named
+    if labels:
+        figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
+
+
+def label_lowest(panels: Any, used: int, columns: int, label: str) -> None:
+    """Remove panels of a grid beyond those used; name and number the horizontal axis where nothing is drawn below."""
+    for panel in panels[used:]:
+        panel.remove()
+    for panel in panels[max(used - columns, 0) : used]:
+        panel.set_xlabel(label)
+        panel.tick_params(labelbottom=True)
+
+
 def trim(panel: Any, grid: str = "both") -> None:
     """Leave a panel its left and lower edge and a faint grid."""
     panel.spines[["top", "right"]].set_visible(False)

@@ -34,6 +34,12 @@ def scaled(unit: str, values: NDArray[Any]) -> tuple[str, float]:
     return next((name, factor) for least, name, factor in _SCALES[unit] if usual >= least)
 
 
+def in_units(values: xr.DataArray) -> tuple[NDArray[Any], str]:
+    """Return values in a readable unit, and their label."""
+    unit, factor = scaled(str(values.attrs.get("units", "1")), values.values)
+    return np.asarray(values.values) * factor, str(values.name).replace("_", " ") + (f" [{unit}]" if unit else "")
+
+
 def coordinate_texts(coordinate: xr.DataArray) -> tuple[str, list[str]]:
     """Return the unit and the values of a coordinate as texts, numbers in the fewest digits from four on."""
     values = np.atleast_1d(coordinate.values)

@@ -18,7 +18,7 @@ the digits, so that what is kept is known to the other half before it is made or
 
 def fixed_interface_modes(structure: Structure, count: int) -> Array:
     """Return the lowest mechanical modes with the tip held, ``(node, mode)``."""
-    return structure.mechanical.held_modes(count).shapes
+    return structure.mechanical.modes(count, held=True).shapes
 
 
 def relative_thermal_modes(structure: Structure, count: int) -> Array:

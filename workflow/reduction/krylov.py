@@ -40,8 +40,8 @@ MOST_MOMENTS = 6
 MOST_SHIFTS = 6
 """Different shifts where each vector is made from the one before. With 12 vectors and 3, 4, 6, 8 or 12 shifts the tip's
 temperature in ``studies/scaling.yaml`` errs by 4.7e-3, 8.6e-4, 3.7e-4, 2.7e-4 and 2.9e-4 at 10 000 nodes, by 2.3e-2,
-1.1e-2, 3.5e-3, 3.1e-3 and 2.3e-3 at 100 000 (``python tests/benchmarks/bench_shifts.py``). On a finite element blade
-it errs by 1.4e-9 to 7.5e-9 with 8 vectors and 2 to 8 shifts."""
+1.1e-2, 3.5e-3, 3.1e-3 and 2.3e-3 at 100 000. On a finite element blade it errs by 1.4e-9 to 7.5e-9 with 8 vectors and 2
+to 8 shifts."""
 
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
@@ -51,10 +51,10 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     if _is_small(structure):
         _add_moments(pair, span, constraint)
     else:
-        span.add_each(pair.held_modes(max(count - MOST_MOMENTS + 1, 0)).shapes)
+        span.add_each(pair.modes(max(count - MOST_MOMENTS + 1, 0), held=True).shapes)
         _add_moments(pair, span, span.apart(constraint))
     if not span.is_full:
-        span.add_each(pair.held_modes(count).shapes)
+        span.add_each(pair.modes(count, held=True).shapes)
     return mechanical_vectors(structure, span.all())
 
 
@@ -80,7 +80,7 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
         if vector is not None and not each_alone:
             heat = pair.inertia_of(vector)
     if not span.is_full:
-        span.add_each(pair.held_modes(count).shapes)
+        span.add_each(pair.modes(count, held=True).shapes)
     return thermal_vectors(structure, span.all())
 
 
@@ -94,4 +94,4 @@ def _add_moments(pair: Pair, span: Orthonormal, begin: Array) -> None:
     vector: Array | None = begin
     for _ in range(MOST_MOMENTS - 1):
         if vector is not None:
-            vector = span.add(pair.answer_held(pair.inertia_of(vector)))
+            vector = span.add(pair.answer(pair.inertia_of(vector), held=True))

@@ -18,7 +18,7 @@ from workflow.analysis import (
     undecidable,
     usual_recommendations,
 )
-from workflow.report._html import prose, table, tag
+from workflow.report._html import note, paragraph, prose, table, tag
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,20 +39,18 @@ def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[list[str], 
             else f"Which method, which step: {error}. Run the study with `reference: {{scheme: event_driven}}` to "
             "another archive, with -o."
         )
-        return [tag("section", tag("h2", "Answer"), tag("p", prose(explanation)), kind="answer")], None
+        return [tag("section", tag("h2", "Answer"), paragraph(prose(explanation)), kind="answer")], None
     rows = usual_recommendations(dataset, recommendation)
     body = [
         tag("h2", "Answer"),
         tag("p", prose(sentence(recommendation)), kind="quoted"),
-        *(tag("p", prose(f"Beware: {caution}.")) for caution in recommendation_cautions(dataset)),
+        *(paragraph(prose(f"Beware: {caution}.")) for caution in recommendation_cautions(dataset)),
         *_undecidable(rows),
         table(RECOMMENDATION_COLUMNS, [recommendation_row(row) for row in rows]),
-        tag(
-            "p",
+        note(
             "The error of a case is the largest of the relative L2 errors of its displacement, temperature and "
             "impulse; cases are all those of the scene's axes, and one that is not ok misses. Limited by step: the "
-            "scheme's part of the worst error is the larger; by basis: that of the reduced model.",
-            kind="muted",
+            "scheme's part of the worst error is the larger; by basis: that of the reduced model."
         ),
     ]
     return [tag("section", *body, kind="answer")], recommendation.choice or recommendation.next
@@ -61,4 +59,4 @@ def answer(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[list[str], 
 def _undecidable(rows: list[Recommendation]) -> list[str]:
     """Name the cases whose reference moves too much by rounding, at the largest tolerance that has any."""
     sentences = [undecidable(row) for row in rows if row.undecidable]
-    return [tag("p", text) for text in dict.fromkeys(sentences)]
+    return [paragraph(text) for text in dict.fromkeys(sentences)]

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis import case_dims, followed_axis, labels, labels_of
-from workflow.plots._branches import in_units
 from workflow.plots._style import COLOURS
-from workflow.plots._units import scaled
+from workflow.plots._units import in_units, scaled
 from workflow.report._bokeh_figures import SELECTED, orbit_panels, panel_of, source_of
 from workflow.report._page_cases import ORBIT
 

@@ -263,7 +263,7 @@ def orbit_panels(unit: str) -> Any:
 
 def _periods() -> Any:
     """Return the impulse of each load period and what the growth rate of permanent contact predicts."""
-    from bokeh.models import BasicTicker, FixedTicker, Range1d
+    from bokeh.models import BasicTicker, Range1d
 
     panel = panel_of("periods", 300, y_range=Range1d(0, 1))
     measured = source_of("period_impulses", "period", "impulse")
@@ -276,5 +276,4 @@ def _periods() -> Any:
     panel.xaxis.axis_label, panel.yaxis.axis_label = "load period", "impulse [N s]"
     panel.xaxis.ticker = BasicTicker(min_interval=1, num_minor_ticks=0)
     panel.yaxis.name = "periods_y"
-    panel.yaxis.ticker = panel.ygrid.ticker = FixedTicker(ticks=[])
     return panel

@@ -11,7 +11,7 @@ from workflow.analysis import NothingSteadyError, count_sentence, followed_axis,
 from workflow.plots import branches
 from workflow.report._bokeh_branches import branch_explorer
 from workflow.report._explorer import figure_place, library
-from workflow.report._html import block, image, prose, tag
+from workflow.report._html import block, image, note, paragraph, prose, tag
 from workflow.report._sections import Section, any_ok
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def along_branches(dataset: xr.Dataset) -> Section:
     about = "Solid: stable rubs; dashed: unstable ones. Beyond the fold where both meet a rub runs away or jumps."
     names = _varied(dataset)
     pictures = [image(branches(dataset, name), f"{name.replace('_', ' ')} along the branches") for name in names]
-    body = [tag("h2", "Branches"), tag("p", about, kind="muted"), tag("div", *pictures, kind="panels")]
+    body = [tag("h2", "Branches"), note(about), tag("div", *pictures, kind="panels")]
     return Section(body, branches(dataset, names[0]))
 
 
@@ -38,7 +38,7 @@ def where_it_settles(dataset: xr.Dataset) -> list[str]:
     except NothingSteadyError:
         return []
     sentences = [tag("p", prose(limit_sentence(limit, dataset, {})), kind="quoted") for limit in found.limits]
-    count = tag("p", prose(count_sentence(found)))
+    count = paragraph(prose(count_sentence(found)))
     return [tag("section", tag("h2", "Where it settles"), *sentences, count, kind="answer")]
 
 
@@ -49,7 +49,7 @@ def interactive_branches(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
     titles = {"branches": "A point of a branch", "orbit": "Its steady rub"}
     about = {"branches": "Filled: stable rubs; open: unstable ones. A click selects.", "orbit": ""}
     panels = [
-        tag("div", tag("h3", titles[name]), tag("p", about[name], id=f"{name}-about", kind="muted"), figure_place(name))
+        tag("div", tag("h3", titles[name]), note(about[name], id=f"{name}-about"), figure_place(name))
         for name in titles
     ]
     figures = block("branch-figures", branch_explorer(dataset, _varied(dataset)[0]))

@@ -11,7 +11,7 @@ import numpy as np
 from workflow.analysis import Choice, notable_cases
 from workflow.plots import COLOURS
 from workflow.report._bokeh_figures import MARKS, explorer
-from workflow.report._html import Html, block, tag
+from workflow.report._html import Html, block, note, tag
 from workflow.report._page_data import page_data, shown_part
 from workflow.schemes import Status
 from workflow.study import MODES
@@ -31,19 +31,6 @@ _TITLES = {
     "periods": "Impulse of each load period",
     "orbit": "The steady rub of the selected case",
 }
-
-_ABOUT = {
-    "cost": (
-        "Largest relative error of displacement, temperature and impulse, for the scene of the selected case; lines "
-        "lead through the steps of a scheme. Dotted across: 10 %, 1 %, 0.1 %. A click selects."
-    ),
-    "order": (
-        "For the scene of the selected case; order is the slope of log error over log h, where three errors or more "
-        "are below a tenth."
-    ),
-    "modes": "For the scene of the selected case, which is framed. The star is the study's own choice",
-}
-
 
 _NO_SCRIPT = (
     "The figures below are drawn by a script, which this viewer does not run; save the page and open it in a browser."
@@ -130,12 +117,12 @@ def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: 
         if name in figures:
             about = _about(name, described)
             key = [tag("p", "", id=f"{name}-key", kind="key")] if name in ("cost", "order") else []
-            text = tag("p", about, id=f"{name}-about", kind="muted")
+            text = note(about, id=f"{name}-about")
             panels.append(tag("div", tag("h3", _TITLES[name]), text, figure_place(name), *key, kind="panel"))
     return [
         tag("h2", "Explore", id="explore"),
         tag("noscript", _NO_SCRIPT),
-        *([tag("p", remark, kind="muted")] if omitted else []),
+        *([note(remark)] if omitted else []),
         tag("div", *panels, kind="panels"),
     ]  # fmt: skip
 
@@ -143,20 +130,23 @@ def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: 
 def _about(name: str, described: Mapping[str, Any]) -> str:
     """Return what stands above a panel."""
     metrics = [metric["name"] for metric in described["metrics"]]
-    about = _ABOUT.get(name, "")
-    if name == "modes":
-        part = "The reduced model's part of the error" if "model_error" in metrics else "The whole error"
-        about = (
-            f"{part}. {about}{' (auto)' if 'auto' in (described['chosen_modes'] or ()) else ', as recommended above'}."
+    if name == "cost":
+        return (
+            "Largest relative error of displacement, temperature and impulse, for the scene of the selected case; "
+            "lines lead through the steps of a scheme. Dotted across: 10 %, 1 %, 0.1 %. A click selects."
         )
     if name == "order":
-        part = (
-            "The scheme's part of the error"
-            if "scheme_error" in metrics
-            else "The whole error, reduced model's included"
+        split = "scheme_error" in metrics
+        part = "The scheme's part of the error" if split else "The whole error, reduced model's included"
+        return (
+            f"{part}. For the scene of the selected case; order is the slope of log error over log h, where three "
+            "errors or more are below a tenth."
         )
-        about = f"{part}. {about}"
-    return about
+    if name == "modes":
+        part = "The reduced model's part of the error" if "model_error" in metrics else "The whole error"
+        star = "choice (auto)" if "auto" in (described["chosen_modes"] or ()) else "choice, as recommended above"
+        return f"{part}. For the scene of the selected case, which is framed. The star is the study's own {star}."
+    return ""
 
 
 def figure_place(name: str) -> Html:
@@ -166,24 +156,24 @@ def figure_place(name: str) -> Html:
 def _map_panel() -> list[str]:
     return [
         tag("h3", _TITLES["map"]),
-        tag("p", "", id="map-about", kind="muted"),
+        note("", id="map-about"),
         figure_place("map"),
-        tag("p", "A click selects a case, a slider moves through the others.", id="map-here", kind="muted"),
+        note("A click selects a case, a slider moves through the others.", id="map-here"),
         figure_place("controls"),
     ]
 
 
 def _case_panel(figures: Mapping[str, Any]) -> Html:
     """Return the place of the selected case: what it is, its curves, how to read it in Python, its metrics."""
-    curves: list[str] = [tag("p", "The archive keeps no histories.", kind="muted")]
+    curves: list[str] = [note("The archive keeps no histories.")]
     if "case" in figures:
         key = [
             tag("span", tag("i", "—", kind="chosen"), " selected case"),
             tag("span", tag("i", "━", kind="exact"), " exact solution"),
             tag("span", tag("i", "╌", kind="gap"), " gap"),
         ]
-        window = tag("p", "", id="case-window", kind="muted")
-        curves = [tag("p", *key, kind="key"), window, figure_place("case"), tag("p", "", id="case-exact", kind="muted")]
+        window = note("", id="case-window")
+        curves = [tag("p", *key, kind="key"), window, figure_place("case"), note("", id="case-exact")]
     table = tag("table", "", id="case-metrics")
     return tag(
         "div",

@@ -10,7 +10,6 @@ import hashlib
 import html
 import io
 import json
-import math
 import re
 from collections.abc import Sequence
 from importlib.resources import files
@@ -18,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from workflow.analysis import json_value
 from workflow.plots import write_figure
 
 STYLE = files("workflow.report").joinpath("page.css").read_text(encoding="utf-8")
@@ -40,7 +40,6 @@ sets styles of its own, hence ``unsafe-inline`` for them.
 
 _INVALID = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters but tab and line feed, changes of the order of writing, halves of a pair of surrogates."""
-
 
 _FORMULA = re.compile(r"(?<=\$)(?=\$)|(?<=\\)(?=[\[(])")
 """Between the two signs with which TeX begins a formula."""
@@ -68,6 +67,16 @@ def tag(name: str, *content: str, **attributes: str) -> Html:
 def prose(text: str) -> Html:
     """Return a text as markup in which what stands between backticks is code."""
     return Html("".join(tag("code", part) if k % 2 else escaped(part) for k, part in enumerate(text.split("`"))))
+
+
+def paragraph(text: str) -> Html:
+    """Return a paragraph."""
+    return tag("p", text)
+
+
+def note(text: str, **attributes: str) -> Html:
+    """Return a paragraph that explains what stands beside it, in grey."""
+    return tag("p", text, kind="muted", **attributes)
 
 
 def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
@@ -99,20 +108,11 @@ def block(name: str, value: Any) -> Html:
     Texts lose what :func:`escaped` takes from them, and what Bokeh would read as the beginning of a formula; numbers
     that are not finite are null.
     """
-    text = json.dumps(_json_value(value), allow_nan=False, separators=(",", ":"))
+    plain = json_value(value, lambda text: _FORMULA.sub("\u2060", _INVALID.sub("", text)))
+    text = json.dumps(plain, allow_nan=False, separators=(",", ":"))
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return tag("script", Html(text), id=name, type="application/json")
-
-
-def _json_value(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {_json_value(key): _json_value(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_json_value(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return _FORMULA.sub("\u2060", _INVALID.sub("", value)) if isinstance(value, str) else value
 
 
 def image(figure: Any, about: str) -> Html:

@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 _FACTS = ("processor", "platform", "solver_version", "code_revision", "content_hash")
 
 
-def methods_of(archive: Path) -> dict[str, str]:
-    """Return the method of each scheme of an archive's study by its label; empty where provenance does not hold it."""
-    schemes = _stored(provenance(archive), "resolved").get("schemes")
-    stored = schemes.items() if isinstance(schemes, dict) else ()
-    return {str(label): str(form["method"]) for label, form in stored if isinstance(form, dict) and "method" in form}
+def study_of(archive: Path) -> tuple[dict[str, str], dict[str, Any]]:
+    """Return the method of each scheme of an archive's study by its label, and the scene as resolved.
 
-
-def scene_of(archive: Path) -> dict[str, Any]:
-    """Return the scene of an archive's study as resolved; empty where provenance does not hold it."""
-    scene = _stored(provenance(archive), "resolved").get("scene")
-    return scene if isinstance(scene, dict) else {}
+    Both are empty where provenance does not hold them.
+    """
+    resolved = _stored(provenance(archive), "resolved")
+    schemes, scene = ({} if not isinstance(part, dict) else part for part in map(resolved.get, ("schemes", "scene")))
+    methods = {
+        str(k): str(form["method"]) for k, form in schemes.items() if isinstance(form, dict) and "method" in form
+    }
+    return methods, scene
 
 
 def _stored(texts: Mapping[str, str], name: str) -> dict[str, Any]:

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from workflow.analysis import RULE, ranges
 from workflow.archive import ArchiveError, commit, open_archive, usable
-from workflow.plots import histories, save
+from workflow.plots import HISTORIES, histories, save
 from workflow.report import _sections as sections
 from workflow.report._answer import answer
 from workflow.report._branches import along_branches, interactive_branches, where_it_settles
 from workflow.report._explorer import PAGE_BYTES, interactive
-from workflow.report._html import THEN, image, page, short, table, tag
-from workflow.report._origin import methods_of, origin, scene_of
+from workflow.report._html import THEN, image, note, page, paragraph, short, table, tag
+from workflow.report._origin import origin, study_of
 from workflow.report._shares import shares
 from workflow.run import warnings_of
 
@@ -27,10 +27,11 @@ if TYPE_CHECKING:
 _MARGIN = 20_000
 """Bytes of a page beside its parts."""
 
-_RESPONSES = ("displacement", "temperature", "contact_force")
-
-
 _FIGURES = (".png", ".svg", ".pdf")
+
+
+_DRAWN = (sections.precision, sections.maps, along_branches, shares)
+"""Sections with figures; the first that an archive has is its main one where it keeps no histories."""
 
 
 @dataclass(frozen=True)
@@ -101,15 +102,14 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
     picture = written.with_suffix(".png")
     _refuse_overwriting([archive], written, picture)
     with open_archive(archive) as dataset:
-        precision, maps = sections.precision(dataset), sections.maps(dataset)
-        branches, drawn = along_branches(dataset), shares(dataset)
+        precision, maps, branches, drawn = (section(dataset) for section in _DRAWN)
         figure = _response(dataset) or precision.figure or maps.figure or branches.figure or drawn.figure
         figure_path = None if figure is None else save(figure, picture)
-        methods, scene = methods_of(archive), scene_of(archive)
+        methods, scene = study_of(archive)
         first_block, choice = answer(dataset, methods)
         head = [
             tag("h1", _title(dataset, archive)),
-            tag("p", str(dataset.attrs.get("summary", "")), kind="muted"),
+            note(str(dataset.attrs.get("summary", ""))),
             *_warnings(dataset),
             *where_it_settles(dataset),
             *first_block,
@@ -138,7 +138,7 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
 
 def _response(dataset: xr.Dataset) -> Figure | None:
     """Draw the tip's response, where its histories are kept and a case is ok."""
-    has_one = any(name in dataset for name in _RESPONSES) and sections.any_ok(dataset)
+    has_one = any(name in dataset for name in HISTORIES) and sections.any_ok(dataset)
     return histories(dataset) if has_one else None
 
 
@@ -147,8 +147,8 @@ def _write_figure(archive: Path, written: Path) -> ReportFiles:
     _refuse_overwriting([archive], written)
     with open_archive(archive) as dataset:
         figure = _response(dataset)
-        figure = figure or sections.precision(dataset).figure
-        figure = figure or sections.maps(dataset).figure or along_branches(dataset).figure or shares(dataset).figure
+        for section in _DRAWN:
+            figure = figure or section(dataset).figure
         if figure is None:
             raise ArchiveError(
                 f"{archive}: has no figure: it keeps no histories, no errors at three steps and no two axes of four "
@@ -173,8 +173,8 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
                     ]
                 )  # fmt: skip
                 new.append(k == 0 and number > 0)
-            parts += [tag("h2", name), tag("p", f"{title}.")]
-            parts += _warnings(dataset) + answer(dataset, methods_of(archive))[0]
+            parts += [tag("h2", name), paragraph(f"{title}.")]
+            parts += _warnings(dataset) + answer(dataset, study_of(archive)[0])[0]
             response = _response(dataset)
             parts += [] if response is None else [image(response, "tip response")]
             parts += sections.standing(dataset)[3:]
@@ -186,11 +186,9 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
     ]  # fmt: skip
     body = [
         tag("h1", f"Who stays stable, who is accurate: {len(archives)} studies"),
-        tag(
-            "p",
+        note(
             f"{RULE} Errors are the largest of the impulse among ok cases; energy residual and penetration the largest "
-            f"of all ok cases. {sections.TERMS}",
-            kind="muted",
+            f"of all ok cases. {sections.TERMS}"
         ),
         table(head, rows, new),
     ]
@@ -204,4 +202,4 @@ def _title(dataset: xr.Dataset, archive: Path) -> str:
 
 def _warnings(dataset: xr.Dataset) -> list[str]:
     """Return what is to be aware of before anything is read off the results."""
-    return [tag("p", f"Beware: {warning}.") for warning in warnings_of(dataset)]
+    return [paragraph(f"Beware: {warning}.") for warning in warnings_of(dataset)]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis import case_dims, casing_motion, period_frequency
+from workflow.plots import HISTORIES
 from workflow.plots._units import scaled
 from workflow.report._thinned import BUCKETS, Pack, levels, thinned, thinned_times
 
@@ -17,14 +18,6 @@ if TYPE_CHECKING:
 
 MOST = 1500
 """Cases whose histories a page holds at most: beyond, reading them takes longer than anybody looks."""
-
-TITLES = {
-    "displacement": "tip displacement",
-    "velocity": "tip velocity",
-    "temperature": "tip temperature rise",
-    "contact_force": "contact force",
-    "impulse": "impulse",
-}
 
 ORBIT = ("orbit_displacement", "orbit_velocity", "orbit_temperature")
 
@@ -50,7 +43,7 @@ def append_cases(
     dict or None
         Where each case lies; ``None`` where the archive keeps neither.
     """
-    names = [name for name in TITLES if name in part] if "t" in part.coords and part.sizes["t"] > 1 else []
+    names = [name for name in HISTORIES if name in part] if "t" in part.coords and part.sizes["t"] > 1 else []
     orbits = ORBIT[0] in part and "point" not in part.dims
     if not names and "period_impulse" not in part and not orbits:
         return None
@@ -101,7 +94,7 @@ def _history(part: xr.Dataset, name: str) -> dict[str, Any]:
     if name == "displacement" and not np.any(size):
         size = np.abs(np.asarray(part[name].isel(dict.fromkeys(case_dims(part), 0)).values, dtype=float))
     shown, factor = scaled(unit, size)
-    return {"name": name, "title": TITLES[name], "unit": shown, "factor": factor}
+    return {"name": name, "title": HISTORIES[name], "unit": shown, "factor": factor}
 
 
 def _curve(pack: Pack, values: NDArray[np.float64]) -> dict[str, Any]:

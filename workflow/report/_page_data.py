@@ -190,10 +190,10 @@ def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> 
         values = _DERIVED[name](part) if derived else np.asarray(part[name].values, dtype=float)
         if values is None or not np.isfinite(values).any():
             continue
-        small = rounded(np.where(ok, values.ravel(), np.nan))
-        if pack.size + pack.cost(small) > room:
+        if pack.size > room:
             left.append(name.replace("_", " "))
             continue
+        small = rounded(np.where(ok, values.ravel(), np.nan))
         unit = "1" if derived else str(part[name].attrs.get("units", "1"))
         shown_unit, factor = scaled(unit, small)
         about = _EXPLAINED.get(name) or str(part[name].attrs.get("long_name", ""))

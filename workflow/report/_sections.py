@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow.analysis import (
     ERRORS,
@@ -21,21 +20,13 @@ from workflow.analysis import (
     hidden,
     labels_of,
     lines,
-    mode_counts,
+    modes_along,
     place_text,
     runaways,
     standings,
 )
-from workflow.plots import (
-    error_by_cost,
-    error_by_step,
-    map_dims,
-    metric_by_axis,
-    middle,
-    scene_map,
-    single_maps,
-)
-from workflow.report._html import image, short, table, tag
+from workflow.plots import convergence, map_dims, metric_by_axis, middle, scene_map, single_maps, work_precision
+from workflow.report._html import image, note, paragraph, short, table, tag
 from workflow.run import status_counts
 from workflow.schemes import Status
 from workflow.study import MODES
@@ -85,18 +76,16 @@ def cases(dataset: xr.Dataset) -> list[str]:
         critical = np.unique(limits.where(dataset["alpha"] > limits).values.round(12))
         text = ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5])
         body.append(
-            tag(
-                "p",
+            paragraph(
                 f"{above} of the ok cases lie above the critical heat coupling ({text} W/N): in permanent contact "
-                "their tip would run away thermally. That is physics, not a failure.",
+                "their tip would run away thermally. That is physics, not a failure."
             )
         )
     if flutter:
         body.append(
-            tag(
-                "p",
+            paragraph(
                 f"{flutter} of the ok cases would flutter in permanent contact below the critical heat coupling: an "
-                "oscillation grows, at the growth_rate. That is physics, not a failure.",
+                "oscillation grows, at the growth_rate. That is physics, not a failure."
             )
         )
     entries = failures(dataset)
@@ -104,7 +93,7 @@ def cases(dataset: xr.Dataset) -> list[str]:
         rows = [[f.status, str(f.cases), f.first, f.message] for f in entries[:_FAILURES_SHOWN]]
         body.append(table(["status", "cases", "the first of them", "what it did"], rows))
         if len(entries) > _FAILURES_SHOWN:
-            body.append(tag("p", f"… and {len(entries) - _FAILURES_SHOWN} more messages."))
+            body.append(paragraph(f"… and {len(entries) - _FAILURES_SHOWN} more messages."))
     body += _decided(dataset)
     dims = [[dim, str(dataset.sizes[dim]), _listed(labels_of(dataset, dim, False, True))] for dim in case_dims(dataset)]
     if dims:
@@ -141,11 +130,7 @@ def maps(dataset: xr.Dataset) -> Section:
         "Grey: the tip never touches its casing (growth: not in the first load period), or the case is not ok. Dashed: "
         "the critical coupling, above which a tip in permanent contact runs away."
     )
-    body = [
-        tag("h2", "Maps"),
-        tag("p", about, kind="muted"),
-        tag("div", *pictures, kind="panels"),
-    ]
+    body = [tag("h2", "Maps"), note(about), tag("div", *pictures, kind="panels")]
     return Section(body, scene_map(dataset, *dims))
 
 
@@ -159,10 +144,10 @@ def effects(dataset: xr.Dataset) -> list[str]:
     shown = place_text(dataset, finest(dataset))
     return [
         tag("h2", "What the axes do"),
-        tag("p", "Largest change along each axis, all others fixed, as a share of the largest value of all cases."),
+        paragraph("Largest change along each axis, all others fixed, as a share of the largest value of all cases."),
         table(["axis", *(name.replace("_", " ") for name in names)], rows),
         *_hidden(dataset),
-        tag("p", f"Grey: from the least to the largest ok case. The line changes one axis of {shown}."),
+        paragraph(f"Grey: from the least to the largest ok case. The line changes one axis of {shown}."),
         image(metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
         image(metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),
     ]
@@ -179,7 +164,7 @@ def _hidden(dataset: xr.Dataset) -> list[str]:
                 f"computation, no more than the median error of {who}.",
             )
         )
-    return [tag("p", "Axes whose effect lies below the error:"), tag("ul", *entries)] if entries else []
+    return [paragraph("Axes whose effect lies below the error:"), tag("ul", *entries)] if entries else []
 
 
 def standing(dataset: xr.Dataset) -> list[str]:
@@ -203,14 +188,8 @@ def standing(dataset: xr.Dataset) -> list[str]:
         "verdict",
     ]  # fmt: skip
     new = [k > 0 and row.scheme != rows[k - 1].scheme for k, row in enumerate(rows)]
-    more = [tag("p", f"… and {len(rows) - len(body)} more.")] if len(rows) > len(body) else []
-    return [
-        tag("h2", "Who stays stable, who is accurate"),
-        tag("p", RULE, kind="muted"),
-        tag("p", TERMS, kind="muted"),
-        table(head, body, new),
-        *more,
-    ]
+    more = [paragraph(f"… and {len(rows) - len(body)} more.")] if len(rows) > len(body) else []
+    return [tag("h2", "Who stays stable, who is accurate"), note(RULE), note(TERMS), table(head, body, new), *more]
 
 
 def errors(dataset: xr.Dataset) -> list[str]:
@@ -227,11 +206,10 @@ def errors(dataset: xr.Dataset) -> list[str]:
         at = dict(zip(dims, place, strict=True))
         pairs = [(float(medians[name].isel(at)), float(largest[name].isel(at))) for name in names]
         rows.append([labels[dim][k] for dim, k in at.items()] + [f"{short(a)} / {short(b)}" for a, b in pairs])
-    about = tag(
-        "p",
+    about = paragraph(
         "Relative L2 distance from the reference, median / largest of the ok cases over all other axes; reduced models "
         f"carry their own error. Predictability of the references: {float(dataset['predictability'].max()):.1e}, the "
-        "change of a reference when its gap changes by 1e-12.",
+        "change of a reference when its gap changes by 1e-12."
     )
     head = [*dims, *(name.replace("_", " ") for name in names)]
     return [tag("h2", "Errors"), about, table(head, rows)]
@@ -241,25 +219,23 @@ def precision(dataset: xr.Dataset) -> Section:
     """Draw speed against error where an archive has both, and name the observed orders."""
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
         return Section([], None)
-    fewest, drawn_lines = _fewest_modes(dataset), lines(dataset)
-    beside = lines(dataset, fewest) if fewest else []
+    fewest = _fewest_modes(dataset)
     shown = place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")})
     orders = [
-        [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.order(name)) for name in ERRORS), _limit(line)]
-        for line in drawn_lines
+        [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.orders[name]) for name in ERRORS), _limit(line)]
+        for line in lines(dataset)
         if not line.exact
     ]
-    figure = error_by_cost(drawn_lines, beside)
+    figure = work_precision(dataset, dataset.isel(fewest) if fewest else None)
     body = [
         tag("h2", "Speed against error"),
-        tag(
-            "p",
+        paragraph(
             f"{shown or 'The only scene'}. Times are those of this run on its machine, with whatever else ran there; "
-            "the share of a case in its batch.",
+            "the share of a case in its batch."
         ),
-        image(figure, "relative error against wall seconds per simulated second"),
-        image(error_by_step(drawn_lines), "relative error, penetration and energy residual against the step"),
-        tag("p", "Observed orders: slopes of log error over log h of three errors or more below 0.1; rms about them:"),
+        image(figure, "relative error against processor seconds per simulated second"),
+        image(convergence(dataset), "relative error, penetration and energy residual against the step"),
+        paragraph("Observed orders: slopes of log error over log h of three errors or more below 0.1; rms about them:"),
         table(["scheme", *(f"{one}: order / scatter" for one in ERRORS.values()), "last stable step [s]"], orders),
     ]
     return Section(body, figure)
@@ -272,12 +248,10 @@ def _limit(line: Line) -> str:
 
 def _fewest_modes(dataset: xr.Dataset) -> dict[str, int]:
     """Return where the reduced model with the fewest modes lies along the dimensions of the counts of modes."""
-    counts: dict[str, NDArray[np.float64]] = {}
-    for name in MODES:
-        if name in dataset.coords and dataset[name].ndim == 1 and dataset[name].size > 1:
-            dim = str(dataset[name].dims[0])
-            counts[dim] = counts.get(dim, 0.0) + mode_counts(dataset, name)
-    return {dim: int(np.argmin(sums)) for dim, sums in counts.items()}
+    dims = {
+        str(dim) for name in MODES if name in dataset.coords for dim in dataset[name].dims if dataset.sizes[dim] > 1
+    }
+    return {dim: int(np.argmin(modes_along(dataset, dim))) for dim in dims}
 
 
 def _percent(share: float) -> str:

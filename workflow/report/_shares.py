@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from workflow.analysis import drawn_dim, effect, finest, place_text
 from workflow.plots import sobol_indices
-from workflow.report._html import image, tag
+from workflow.report._html import image, note, tag
 from workflow.report._sections import METRICS, Section
 
 if TYPE_CHECKING:
@@ -28,5 +28,5 @@ def shares(dataset: xr.Dataset) -> Section:
     where = place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim != design})
     figure = sobol_indices(dataset, *changing) if changing else None
     picture = [] if figure is None else [image(figure, "Sobol' indices of the drawn numbers")]
-    about = tag("p", f"{_SHARES} {where}".strip(), kind="muted")
+    about = note(f"{_SHARES} {where}".strip())
     return Section([tag("h2", "What the drawn numbers do"), about, *picture], figure)

@@ -92,12 +92,6 @@ class Pack:
         self._bytes += self._compressor.compress(raw) + self._compressor.flush(zlib.Z_SYNC_FLUSH)
         return entry
 
-    def cost(self, array: NDArray[Any]) -> int:
-        """Return about how many characters an array would take, without taking it in."""
-        plain = np.ascontiguousarray(array.ravel())
-        raw = plain.view(np.uint8).reshape(-1, 4).T.tobytes() if array.dtype == np.float32 else plain.tobytes()
-        return 4 * -(-len(zlib.compress(raw, 6)) // 3)
-
     def text(self) -> str:
         """Return the block in base64."""
         return base64.b64encode(self._bytes + self._compressor.copy().flush()).decode()

@@ -41,6 +41,8 @@
   }
   const moved = (place, changes) => place.map((k, axis) => changes[axis] ?? k);
   let place = placeOf(about.start);
+  const placesAlong = (axes) => axes.reduce( // the selected place with every combination of values of some axes
+    (list, axis) => list.flatMap((at) => dims[axis].texts.map((_, k) => moved(at, { [axis]: k }))), [place]);
 
   for (const [name, item] of Object.entries(parts)) await Bokeh.embed.embed_item(item, `figure-${name}`);
   const named = new Map();
@@ -215,8 +217,7 @@
   function choices() { // places of the selected scene that differ in scheme and step, or in all that is numerical
     const varied = about.h_dim === null ? about.numerical
       : [about.scheme_dim, about.h_dim].filter((axis, k, all) => axis !== null && all.indexOf(axis) === k);
-    return varied.reduce((list, axis) => list.flatMap((at) =>
-      dims[axis].texts.map((_, k) => moved(at, { [axis]: k }))), [place]);
+    return placesAlong(varied);
   }
   function drawErrors(name, measure, xOf) {
     if (!model(name)) return;
@@ -297,10 +298,8 @@
     if (!figure) return;
     const sides = ["mechanical_modes", "thermal_modes"].map((name) => about.modes[name]);
     const varied = [...new Set(sides.map((side) => side.dim).filter((axis) => axis !== null))];
-    const places = varied.reduce((list, axis) => list.flatMap((at) =>
-      dims[axis].texts.map((_, k) => moved(at, { [axis]: k }))), [place]);
     const textAt = (side, at) => side.texts[side.dim === null ? 0 : at[side.dim]];
-    const rows = places.map((at) => ({ number: numberOf(at), counts: sides.map((side) => textAt(side, at)) }));
+    const rows = placesAlong(varied).map((at) => ({ number: numberOf(at), counts: sides.map((side) => textAt(side, at)) }));
     const sorted = sides.map((side) => [...new Set(side.texts)].sort((a, b) => (a === "auto" ? Infinity : +a) - (b === "auto" ? Infinity : +b)));
     const data = { x: [], y: [], error: [], text: [], colour: [], name: [] };
     const known = rows.map((row) => ofModel.values[row.number]).filter((value) => value > 0);
@@ -328,18 +327,6 @@
 
   // Impulse of the load periods, and what the growth rate of permanent contact predicts for them.
   const ALIKE = 1e-3; // share of the largest by which impulses differ at least for the axis to span their range only
-  function evenTicks(name, low, high) { // a few round numbers, each with the digits that tell it from the next
-    const rough = (high - low) / 5, decade = 10 ** Math.floor(Math.log10(rough));
-    const step = decade * [1, 2, 5, 10].find((one) => one * decade >= rough);
-    const ticks = [];
-    for (let k = Math.ceil(low / step); k * step <= high; k++) {
-      const digits = k === 0 ? 1 : Math.floor(Math.log10(Math.abs(k * step) * 1.0001)) - Math.floor(Math.log10(step * 1.0001)) + 1;
-      const value = Number((k * step).toPrecision(Math.min(15, Math.max(1, digits))));
-      ticks.push([k * step, Math.abs(value) < 1e6 ? String(value) : value.toExponential()]);
-    }
-    model(name).ticker.ticks = ticks.map(([at]) => at);
-    model(name).major_label_overrides = new Map(ticks);
-  }
   function drawPeriods() {
     if (!model("periods")) return;
     const entry = about.cases.entries[numberOf(place)];
@@ -367,7 +354,6 @@
       const [least, most] = [Math.min(...shown), Math.max(...shown)];
       const margin = Math.max(0.06 * (most - least), 0.5 * (ALIKE * largest - (most - least))) || 1;
       Object.assign(model("periods").y_range, { start: least - margin, end: most + margin });
-      evenTicks("periods_y", least - margin, most + margin);
     }
     say("periods-about", text);
   }

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import chain, islice
+from itertools import chain, count, islice
 from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -171,21 +171,18 @@ def _results(
     ended: SimpleQueue[Any] = SimpleQueue()
     under_way: dict[str, Task] = {}
     name = f"workflow-{session.begun}-{'alone' if limit == 1 else 'all'}"  # a task that is tried again has another
-    references, solutions = References(job.grid), dict[Block, Any]()
+
+    def begin(block: Block) -> Any:
+        return client.submit(run_block, session, block, key=f"{name}-reference-{next(numbers)}", pure=False)
+
+    references, numbers = References(job.grid, begin), count()
 
     def submit(number: int) -> None:
         for task in islice(tasks, number):
-            blocks = references.blocks_of(task.batches)
-            for block in blocks:
-                if block not in solutions:
-                    key = f"{name}-reference-{block.number}"
-                    solutions[block] = client.submit(run_block, session, block, key=key, pure=False)
-            needed, key = [solutions[block] for block in blocks], f"{name}-{task.number}"
-            future = client.submit(run_task, session, task, blocks, needed, key=key, pure=False)
+            needed, key = references.of(task.batches), f"{name}-{task.number}"
+            future = client.submit(run_task, session, task, list(needed), list(needed.values()), key=key, pure=False)
             under_way[future.key] = task
             future.add_done_callback(ended.put)
-            for block in [block for block in solutions if not references.holds(block)]:
-                del solutions[block]
 
     submit(limit)
     while under_way:

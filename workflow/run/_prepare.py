@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +16,8 @@ from workflow.archive import (
     SOFTWARE,
     ArchiveError,
     Command,
+    Source,
     Stored,
-    clear_parts,
     file_of,
     find_shards,
     parts_of,
@@ -26,7 +26,7 @@ from workflow.archive import (
     start_parts,
 )
 from workflow.grid import Batch, CaseHashes, Grid, Task, tasks, warning_lines
-from workflow.run._reuse import Found, Reuse, find
+from workflow.run._reuse import Reuse, find
 from workflow.run._task import Job, not_ok
 
 
@@ -40,15 +40,18 @@ class Prepared:
         What its tasks share.
     texts
         Those of the provenance group.
-    found
-        What was stored before.
+    archive
+        Cases of the archive.
+    reuse
+        What is done with them, and with shards.
     missing
         For each case whether it is to be computed.
     """
 
     job: Job
     texts: Mapping[str, str]
-    found: Found
+    archive: tuple[Source, ...]
+    reuse: Reuse
     missing: NDArray[np.bool_]
 
     def tasks(self) -> Iterator[Task]:
@@ -57,7 +60,8 @@ class Prepared:
             batches = [Batch(batch.outer, batch.inner[self._is_missing(batch)]) for batch in task.batches]
             left = tuple(batch for batch in batches if batch.inner.size)
             if left:
-                yield replace(task, batches=left, cases=sum(batch.inner.size for batch in left))
+                share = self.share(task)
+                yield replace(task, batches=left, seconds=share * task.seconds, cases=round(share * task.cases))
 
     def share(self, task: Task) -> float:
         """Return the share of a task's cases that is to be computed."""
@@ -68,22 +72,23 @@ class Prepared:
 
     def stored(self) -> Stored:
         """Return what is stored by now."""
-        return self.found.and_shards(self.job)
+        shards = find_shards(self.job.parts, just_written=True)[0]
+        return Stored(self.reuse.taken([*self.archive, *shards], self.job.template))
 
     def progress(self) -> tuple[int, Counter[str]]:
         """Return how many cases are stored by now, and those of them that are not ok by their status."""
-        if self.missing.all() and not find_shards(self.job.parts)[0]:
+        stored = self.stored()
+        if not stored.sources:
             return 0, Counter()
-        status = self.stored().status(self.job.hashes.all())
+        status = stored.status(self.job.hashes.all())
         return status.size, not_ok(status)
 
 
 def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
     """Take what an earlier archive and an interrupted run hold of a study, and begin the directory of its shards.
 
-    A plain run finishes the command that was interrupted. ``reuse`` takes away what the archive holds, never shards
-    of the same command. Processes that are not started ``here`` are not asked by what linear algebra they compute:
-    they count as not pinned.
+    A plain run finishes the command that was interrupted. Processes that are not started ``here`` are not asked by what
+    linear algebra they compute: they count as not pinned.
 
     Raises
     ------
@@ -98,21 +103,16 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
             f"{parts}: holds unfinished results of another study, {earlier.study!r}; finish that one, remove the "
             "directory, or choose another archive with -o"
         )
+    reuse = replace(reuse, since=job.begun)
     if earlier is not None and (earlier.key, earlier.archive) == (texts["key"], there):
-        kept = (reuse.retry, reuse.recompute) if reuse.retry or reuse.recompute else (earlier.retry, earlier.recompute)
-        is_same = kept == (earlier.retry, earlier.recompute)
-        reuse = Reuse(*kept, drop=reuse.drop or earlier.drop)
-    else:
-        is_same = False
-    if there is not None and (reuse.retry or reuse.recompute) and not is_same:
-        clear_parts(parts)  # shards of a run that took other cases, or was killed when its archive was in place
-    found = Found()
-    if there is not None or find_shards(parts)[0]:
-        found = find(job, texts, archive, reuse)
-        found.require(reuse.drop)
+        reuse = replace(reuse, drop=reuse.drop or earlier.drop)
+        if (reuse.retry, reuse.recompute) in ((False, False), (earlier.retry, earlier.recompute)):
+            reuse = Reuse(earlier.retry, earlier.recompute, reuse.drop, earlier.since)
+    found = find(job, texts, archive, reuse)
+    found.require(reuse.drop)
     count = grid.outer_count * grid.inner_count
-    missing = np.ones(count, bool) if found.is_empty else ~found.stored.holds(job.hashes.all())
+    missing = ~found.stored.holds(job.hashes.all()) if found.stored.sources else np.ones(count, bool)
     if any(COPIED in origin or any(origin.get(n) != texts[n] for n in SOFTWARE) for origin in found.origins):
         texts[COPIED] = "cases that other software or another processor ran"
-    start_parts(parts, Command(texts, job.warnings, reuse.retry, reuse.recompute, reuse.drop, there, job.begun))
-    return Prepared(job, texts, found, missing)
+    start_parts(parts, Command(texts, job.warnings, there, job.begun, **asdict(reuse)))
+    return Prepared(job, texts, found.archive, reuse, missing)

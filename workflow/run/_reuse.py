@@ -1,13 +1,17 @@
-"""What of a study is stored under the name of its archive: what a run takes of it, and what it would lose."""
+"""What decides that a case is not run again: it is stored under its hash, with all that the study asks for.
+
+Cases are stored in the archive and in the shards of a run that was stopped. ``--recompute`` takes away what was stored
+before it was given, ``--retry`` what is not ok of that. Of what is left a shard counts before the archive, and a later
+shard before an earlier one.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +20,6 @@ from workflow.archive import (
     Hashes,
     Source,
     Stored,
-    archive_kinds,
     archive_sources,
     are_among,
     find_shards,
@@ -31,7 +34,7 @@ from workflow.archive import (
     stored_hashes,
     surplus,
 )
-from workflow.grid import CaseHashes, Decided, arrange, case_hashes, read_choices
+from workflow.grid import CaseHashes, Choices, arrange, case_hashes, read_choices
 from workflow.run._task import Job
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError
@@ -49,14 +52,26 @@ class Reuse:
     retry
         Run the cases again that are not ok.
     recompute
-        Run all cases again, and take none from an archive, whatever version of the solver made it.
+        Run all cases again, whatever version of the solver made those that are stored.
     drop
         Leave out stored cases that the study no longer asks for.
+    since
+        Time, in ns, at which this was first asked for: shards that were written later are results of it.
     """
 
     retry: bool = False
     recompute: bool = False
     drop: bool = False
+    since: int = 0
+
+    def taken(self, sources: Iterable[Source], template: xr.Dataset) -> list[Source]:
+        """Return the cases that are not run again: with all variables of a template, in no lower precision."""
+        whole = [source for source in sources if not lacking(template, source.kinds)]
+        first = f"{self.since:020d}"
+        before = [source for source in whole if source.name < first]
+        if self.retry:
+            before = [source.only_ok() for source in before]
+        return [*([] if self.recompute else before), *(source for source in whole if source.name >= first)]
 
 
 @dataclass(frozen=True)
@@ -88,11 +103,9 @@ class Found:
     Attributes
     ----------
     archive
-        What a run takes of the archive.
-    shards
-        What it takes of an unfinished run.
-    ok_alone
-        Whether of the archive only cases count that are ok.
+        Cases of the archive.
+    stored
+        What a run takes, of the archive and of shards.
     origins
         Texts of provenance of what it takes.
     dropped
@@ -104,28 +117,12 @@ class Found:
     """
 
     archive: tuple[Source, ...] = ()
-    shards: tuple[Source, ...] = ()
-    ok_alone: bool = False
+    stored: Stored = field(default_factory=Stored)
     origins: tuple[Mapping[str, str], ...] = ()
     dropped: int = 0
     refused: str = ""
     unasked: str = ""
     lost: tuple[str, ...] = ()
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing is stored."""
-        return not self.archive and not self.shards
-
-    @cached_property
-    def stored(self) -> Stored:
-        """What a run takes, a shard before the archive."""
-        return Stored([*self.archive, *self.shards], len(self.archive) if self.ok_alone else 0)
-
-    def and_shards(self, job: Job) -> Stored:
-        """Return what is stored when shards have been written."""
-        shards = find_shards(job.parts, just_written=True)[0]
-        return replace(self, shards=tuple(shard for shard in shards if not lacking(job.template, shard.kinds))).stored
 
     def require(self, drop: bool) -> None:
         """Refuse to go on with a run that cannot take what is stored, or would lose some of it.
@@ -141,7 +138,7 @@ class Found:
 
 
 def find(job: Job, now: Mapping[str, str], archive: Path, reuse: Reuse) -> Found:
-    """Return what of a study an archive and the shards of an unfinished run hold, a shard before the archive.
+    """Return what of a study an archive and the shards of an unfinished run hold.
 
     ``now`` are the texts of the provenance group that the run will write.
 
@@ -150,7 +147,10 @@ def find(job: Job, now: Mapping[str, str], archive: Path, reuse: Reuse) -> Found
     ArchiveError
         The archive is another study's, or it is damaged.
     """
-    template, hashes, parts = job.template, job.hashes.all(), job.parts
+    shards = find_shards(job.parts)[0]
+    if not shards and not archive.exists():
+        return Found()  # no case is hashed before it is run
+    template, hashes = job.template, job.hashes.all()
     origins, lost = list[Mapping[str, str]](), list[str]()
     stored: list[Source] = []
     dropped, refused, unasked = 0, "", ""
@@ -160,25 +160,28 @@ def find(job: Job, now: Mapping[str, str], archive: Path, reuse: Reuse) -> Found
         dropped, cases = _unasked(archive, texts, hashes)
         unasked = _unasked_text(archive, dropped, cases, texts, now) if dropped else ""
         if not reuse.recompute:
-            refused = _other_version(archive, texts) or _without(archive, template, hashes)
-            wider = [] if refused else surplus(template, archive_kinds(archive))
-            lost += [_wider_text(archive, wider)] if wider else []
-            stored += [] if refused else archive_sources(archive)
-            origins += [texts] if Stored(stored).holds(hashes).any() else []
-    shards = find_shards(parts)[0]
+            stored = archive_sources(archive)
+            refused = _other_version(archive, texts)
+            missing, wider = lacking(template, stored[0].kinds), surplus(template, stored[0].kinds)
+            if not refused and missing and Stored(stored).holds(hashes).any():
+                refused = _without_text(archive, missing)
+            if not refused and wider:
+                lost.append(_wider_text(archive, wider))
+            stored = [] if refused else stored
+            origins += [texts] if Stored(reuse.taken(stored, template)).holds(hashes).any() else []
     every = Stored(shards).hashes
     narrowed = Stored([shard for shard in shards if lacking(template, shard.kinds) or surplus(template, shard.kinds)])
     gone = int(np.sum(~are_among(every, hashes) | narrowed.holds(every)))
     if gone:
         lost.append(
-            f"{parts}: holds {len(every)} cases of an unfinished run of this study as it was, {gone} of which it no "
-            "longer asks for, or not with all that is stored of them; finish that run with the study as it was, --drop "
-            "leaves them out, -o chooses another archive"
+            f"{job.parts}: holds {len(every)} cases of an unfinished run of this study as it was, {gone} of which it "
+            "no longer asks for, or not with all that is stored of them; finish that run with the study as it was, "
+            "--drop leaves them out, -o chooses another archive"
         )
-    command = read_command(parts) if shards else None
+    command = read_command(job.parts) if shards else None
     origins += [] if command is None else [command.texts]
-    taken = tuple(shard for shard in shards if not lacking(template, shard.kinds))
-    return Found(tuple(stored), taken, reuse.retry, tuple(origins), dropped + gone, refused, unasked, tuple(lost))
+    taken = Stored(reuse.taken([*stored, *shards], template))
+    return Found(tuple(stored), taken, tuple(origins), dropped + gone, refused, unasked, tuple(lost))
 
 
 def holdings(study: Study, archive: str | Path) -> Holdings:
@@ -198,51 +201,30 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
     return Holdings(stored, len(hashes) - stored, found.dropped, "; ".join(filter(None, (found.refused, *found.lost))))
 
 
-def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> None:
-    """Refuse the archive of another study.
+def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> Mapping[str, Any]:
+    """Return the resolved study of which an archive holds an earlier state; refuse the archive of another one.
 
     Raises
     ------
     ArchiveError
         It has another name, or none.
     """
-    name = origin(archive, texts).study
+    try:
+        resolved: Mapping[str, Any] = json.loads(texts["resolved"])
+        name = str(resolved["study"])
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
+        raise ArchiveError(
+            f"{archive}: does not say which study it holds; choose another archive with -o, or move it away"
+        ) from error
     if name != study.name:
         raise ArchiveError(
             f"{archive}: holds another study, {name!r} and not {study.name!r}; "
             "choose another archive with -o, or move this one away"
         )
+    return resolved
 
 
-@dataclass(frozen=True)
-class Origin:
-    """What an archive was made of: name, title and licence of its study, and version of the solver."""
-
-    study: str
-    title: str
-    license: str
-    solver: str
-
-
-def origin(archive: Path, texts: Mapping[str, str]) -> Origin:
-    """Return what an archive was made of, from its provenance.
-
-    Raises
-    ------
-    ArchiveError
-        They are not there.
-    """
-    try:
-        resolved = json.loads(texts["resolved"])
-        named = str(resolved["study"]), str(resolved["title"]), str(resolved.get("license", ""))
-        return Origin(*named, texts["solver_version"])
-    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
-        raise ArchiveError(
-            f"{archive}: does not say which study it holds; choose another archive with -o, or move it away"
-        ) from error
-
-
-def stored_choices(texts: Mapping[str, str]) -> Decided:
+def stored_choices(texts: Mapping[str, str]) -> Choices:
     """Return the counts of modes that tolerances decided, from the texts of an archive or of an unfinished run.
 
     None where they cannot be read: they are decided anew then.
@@ -250,12 +232,12 @@ def stored_choices(texts: Mapping[str, str]) -> Decided:
     try:
         return read_choices(texts.get("choices", "{}"))
     except (ValueError, LookupError, TypeError, AttributeError):
-        return Decided()
+        return {}
 
 
 def _other_version(archive: Path, texts: Mapping[str, str]) -> str:
     """Say that another version of the solver has made an archive, whose cases are not taken then."""
-    version = origin(archive, texts).solver
+    version = texts.get("solver_version")
     if version == str(SOLVER_VERSION):
         return ""
     return (
@@ -264,11 +246,7 @@ def _other_version(archive: Path, texts: Mapping[str, str]) -> str:
     )
 
 
-def _without(archive: Path, template: xr.Dataset, hashes: Hashes) -> str:
-    """Say that an archive holds cases of a study without all of their variables."""
-    names = lacking(template, archive_kinds(archive))
-    if not names or not are_among(hashes, stored_hashes(archive)).any():
-        return ""
+def _without_text(archive: Path, names: Iterable[str]) -> str:
     return (
         f"{archive}: holds cases of this study, but without {', '.join(names)}; "
         "--recompute runs all cases again and replaces it, -o chooses another archive"
@@ -285,8 +263,7 @@ def _wider_text(archive: Path, names: Iterable[str]) -> str:
 def _unasked_text(archive: Path, unasked: int, cases: int, was: Mapping[str, str], now: Mapping[str, str]) -> str:
     none = "holds another study of the same name: none of its cases is"
     which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
-    pairs = zip(stored_choices(was), stored_choices(now), strict=True)
-    other = any(set(a.values()) - set(b.values()) for a, b in pairs)
+    other = set(stored_choices(was).values()) - set(stored_choices(now).values())
     decided = ", as its tolerance decides `auto` by other cases" if other else ""
     return (
         f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "
@@ -301,8 +278,8 @@ def _unasked(archive: Path, texts: Mapping[str, str], hashes: Hashes) -> tuple[i
     count where that cannot be read any more.
     """
     try:
-        same = origin(archive, texts).solver == str(SOLVER_VERSION)
-        stored = stored_hashes(archive) if same else case_hashes(grid_of(texts))
+        is_same = texts.get("solver_version") == str(SOLVER_VERSION)
+        stored = stored_hashes(archive) if is_same else case_hashes(grid_of(texts))
     except (ArchiveError, StudyError, LookupError, ValueError, TypeError):  # damaged, where all is computed again
         cases = statuses(archive).size
         return cases, cases

@@ -8,13 +8,10 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
-from typing import TypedDict, Unpack
 
 import numpy as np
 
 from workflow.archive import (
-    ArchiveError,
-    file_of,
     gather,
     parts_of,
     provenance,
@@ -40,20 +37,12 @@ from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import Prepared, prepare
 from workflow.run._progress import Progress, ProgressCounter
-from workflow.run._reuse import Reuse, check_name, origin, stored_choices
+from workflow.run._reuse import Reuse, check_name, stored_choices
 from workflow.run._runner import Resources, RunTasks, runner
 from workflow.run._task import Stored
 from workflow.run._worker import ClusterError
 from workflow.schemes import Status
 from workflow.study import Study, StudySource, read_study
-
-
-class ReuseOptions(TypedDict, total=False):
-    """Options of :func:`run_study` on cases that are stored already, all false by default: see :class:`Reuse`."""
-
-    retry: bool
-    recompute: bool
-    drop: bool
 
 
 def run_study(
@@ -64,7 +53,9 @@ def run_study(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
-    **reuse: Unpack[ReuseOptions],
+    retry: bool = False,
+    recompute: bool = False,
+    drop: bool = False,
 ) -> Outcome:
     """Run what is missing of a study and leave its archive.
 
@@ -100,16 +91,13 @@ def run_study(
     """
     study = read_study(study)
     archive = Path(f"{study.name}.nc" if archive is None else archive)
+    resources, reuse = Resources(threads, workers, scheduler), Reuse(retry, recompute, drop)
     if progress is None and in_notebook():
         with notebook_line(archive.name) as line:
-            outcome = run_study(study, archive, threads, line, workers=workers, scheduler=scheduler, **reuse)
+            outcome = _run(study, archive, resources, reuse, line)
             line.end(outcome)
             return outcome
-    resources, chosen = Resources(threads, workers, scheduler), Reuse(**reuse)
-    tell = progress if callable(progress) else None
-    if chosen.retry and parts_of(archive).exists():  # an unfinished run ends first
-        _run(study, archive, resources, Reuse(drop=chosen.drop), tell)
-    return _run(study, archive, resources, chosen, tell)
+    return _run(study, archive, resources, reuse, progress if callable(progress) else None)
 
 
 def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progress: Progress | None) -> Outcome:
@@ -117,9 +105,6 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
     begun = time.perf_counter()
     parts = parts_of(archive)
     if archive.exists() and not _has_work(study, archive, reuse):
-        if parts.exists():  # of a run that was killed between its last two steps
-            with run_lock(parts):
-                remove_parts(parts)
         return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
     earlier = read_command(parts)
     same = earlier if earlier is not None and earlier.key == study_key(study) else None
@@ -153,15 +138,10 @@ def _has_work(study: Study, archive: Path, reuse: Reuse) -> bool:
     if not reuse.recompute:
         require_whole(archive)
     texts = provenance(archive)
-    check_name(study, archive, texts)
-    was, key = origin(archive, texts), study_key(study)
-    if reuse.recompute or texts.get("key") != key or (was.title, was.license) != (study.title, study.license):
+    held = check_name(study, archive, texts)
+    if reuse.recompute or parts_of(archive).exists() or texts.get("key") != study_key(study):
         return True
-    try:
-        left = read_command(parts_of(archive))
-    except ArchiveError:
-        left = None
-    if left is not None and (left.key != key or left.archive == file_of(archive)):  # a run was stopped
+    if (held.get("title"), held.get("license", "")) != (study.title, study.license):
         return True
     return reuse.retry and bool(np.any(statuses(archive) != Status.OK))
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,8 +19,6 @@ from workflow.schemes import Status
 
 if TYPE_CHECKING:
     import xarray as xr
-
-_NONE: Solutions = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +52,9 @@ def not_ok(status: NDArray[Any], times: int = 1) -> Counter[str]:
     return Counter({status_name(int(v)): times * int(n) for v, n in zip(values, numbers, strict=True)})
 
 
-def store_task(job: Job, task: Task, known: Solutions = _NONE) -> Stored:
-    """Compute the cases of a task and store them, of equal hashes one.
-
-    ``known`` are solutions that errors are measured against and that are computed already.
-    """
-    return _store(job, task, lambda batch: solve(job.grid, batch.outer, batch.inner, known=known))
+def store_task(job: Job, task: Task, solutions: Solutions) -> Stored:
+    """Compute the cases of a task, which are compared with some solutions, and store them, of equal hashes one."""
+    return _store(job, task, lambda batch: solve(job.grid, batch.outer, batch.inner, solutions=solutions))
 
 
 def store_lost(job: Job, task: Task, text: str) -> Stored:

@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from functools import partial
 from itertools import islice
 
-from workflow.grid import Block, References, ReferenceSolution, Task, compute_block, model_seconds, solutions_of, timed
+from workflow.grid import Block, References, ReferenceSolution, Task, compute_block, solutions_of, timed
 from workflow.run._task import Job, Stored, store_task
 
 _GRAPH = 512
@@ -30,34 +30,27 @@ def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
     from dask.threaded import get
     from threadpoolctl import threadpool_limits
 
-    references, due = References(job.grid), deque[Callable[[], None]]()
-    solved: dict[Block, Future[list[ReferenceSolution]]] = {}
+    due = deque[Callable[[], None]]()
 
-    def solve_block(block: Block, solution: Future[list[ReferenceSolution]]) -> None:
-        solution.set_result(compute_block(job.grid, block))
+    def begin(block: Block) -> Future[list[ReferenceSolution]]:
+        solutions = Future[list[ReferenceSolution]]()
+        due.append(lambda: solutions.set_result(compute_block(job.grid, block)))
+        return solutions
 
-    def run_task(task: Task, blocks: dict[Block, Future[list[ReferenceSolution]]]) -> None:
-        known = solutions_of(job.grid, [(block, solution.result()) for block, solution in blocks.items()])
-        with timed(model_seconds(job.grid, task)):
-            result = store_task(job, task, known)
+    def run_task(task: Task, needed: dict[Block, Future[list[ReferenceSolution]]]) -> None:
+        solutions = solutions_of(job.grid, {block: begun.result() for block, begun in needed.items()})
+        with timed(task.seconds):
+            result = store_task(job, task, solutions)
         stored(result)
-
-    def plan(task: Task) -> None:
-        blocks = references.blocks_of(task.batches)
-        for block in blocks:
-            if block not in solved:
-                solved[block] = Future()
-                due.append(partial(solve_block, block, solved[block]))
-        due.append(partial(run_task, task, {block: solved[block] for block in blocks}))
-        for block in [block for block in solved if not references.holds(block)]:
-            del solved[block]
 
     def next_one() -> None:
         due.popleft()()
 
+    references = References(job.grid, begin)
     with threadpool_limits(limits=1, user_api="blas"):
         while some := list(islice(missing, _GRAPH)):
             for task in some:
-                plan(task)
+                needed = references.of(task.batches)
+                due.append(partial(run_task, task, needed))
             graph = {f"task-{k}": (next_one,) for k in range(len(due))}  # a tenth of the time that `delayed` takes
             get(graph, list(graph), num_workers=threads)

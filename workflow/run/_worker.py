@@ -98,7 +98,7 @@ def run_task(session: Session, task: Task, blocks: list[Block], solutions: list[
     """
     with _single_threaded_blas().limit(limits=1, user_api="blas"):
         job = _job(session)
-        return store_task(job, task, solutions_of(job.grid, zip(blocks, solutions, strict=True)))
+        return store_task(job, task, solutions_of(job.grid, dict(zip(blocks, solutions, strict=True))))
 
 
 def _job(session: Session) -> Job:

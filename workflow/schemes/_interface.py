@@ -257,9 +257,6 @@ class Scheme:
     GENERAL
         What it takes beside the common: ``damping`` by a matrix that couples modes, a ``load`` elsewhere than on the
         tip, ``friction`` along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``).
-    KERNEL_CALLS
-        By name, a call ``(operator, cases, sampling)`` for each kernel that takes long to compile, which needs no other
-        of them: several processes share their compilation. A scheme that names none is compiled by running it.
     about
         One line on the scheme; the first paragraph of the module's docstring where it does not say.
     """
@@ -280,7 +277,6 @@ class Scheme:
     HARMONICS: frozenset[str] = frozenset({"load"})
     GENERAL: frozenset[str] = frozenset()
     massless_tip: Callable[[Any], str | None] = _needs_mass
-    KERNEL_CALLS: Mapping[str, Callable[[Any, Cases, Sampling], object]] = field(default_factory=dict)
     about: str = ""
 
     @classmethod

@@ -24,7 +24,6 @@ import numpy as np
 
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure, couples_free_modes, poles
-from workflow.schemes._exact import batch
 from workflow.schemes._exact.batch import Operator, make_operator, run_batch
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._interface import Results, Sampling
@@ -33,7 +32,6 @@ READS = frozenset({"e", "alpha"})
 GENERAL = frozenset({"damping", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
-KERNEL_CALLS = batch.KERNEL_CALLS
 STEP_SECONDS = 1.4e-8
 
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from dataclasses import MISSING
 
-from workflow import models, schemes
-from workflow.declare import Quantity, quantity_of, word_of
-from workflow.study.field_types import Keyword, Reading, Text, is_whole
-from workflow.study.forms import LONGEST_LIST
-from workflow.study.quantities import udunits
+from workflow import models, reduction, schemes
+from workflow.declare import Quantity
+from workflow.study.forms import Entry, Record, entries_of
+from workflow.study.kinds import Number, keyword, number
 from workflow.study.settings import (
     AUTO,
     FULL,
@@ -29,44 +27,32 @@ DEFAULT_SCHEME = "moreau"
 MODES = ("mechanical_modes", "thermal_modes")
 REDUCTION = "reduction"
 TOLERANCE = "tolerance"
+OF_SCENE = ("model", "parameters", "load", "initial", "friction")
+"""Fields of a scene that are not read as they are declared."""
 
 
-@dataclass(frozen=True)
-class Address:
-    """A value that an axis may vary: how it is read, and what it means."""
+def settings(labels: tuple[str, ...], bases: tuple[str, ...]) -> dict[str, Entry]:
+    """Return the settings of a case that stand under ``axes`` by their bare names, for some schemes and bases.
 
-    value: Reading | Keyword | Text
-    description: str
-
-    @property
-    def unit(self) -> str:
-        """CF unit; empty for words."""
-        return udunits(self.value.declared.unit) if isinstance(self.value, Reading) else ""
-
-
-def settings(labels: tuple[str, ...], bases: tuple[str, ...]) -> dict[str, Address]:
-    """Return the settings of a case that stand under ``axes`` by their bare names, for some schemes and bases."""
-    addresses: dict[str, Address] = {}
-    for name, value, description in _values(CaseSettings):
-        if isinstance(value, Reading):
-            value = dataclasses.replace(value, words=(FULL, AUTO) if name in MODES else ())
-        if name == REDUCTION:
-            value = Keyword(bases)
-        addresses[name] = Address(value, description)
+    ``tolerance`` has no default.
+    """
+    values = dict(entries_of(CaseSettings, ("scene", "scheme")))
+    for path in MODES:
+        modes = Quantity("1", values[path].meaning, at_least=0)
+        values[path] = dataclasses.replace(values[path], kind=number(modes, whole=True, words=(FULL, AUTO)))
+    values[REDUCTION] = dataclasses.replace(values[REDUCTION], kind=keyword(bases, fault=reduction.fault))
     about = "largest relative error that the reduced model of `auto` leaves; tolerance of a recommendation"
-    addresses[TOLERANCE] = Address(Reading(Quantity("1", about, above=0.0)), about)
-    return {"scheme": Address(Keyword(labels, labels=True), "time integration scheme")} | addresses
+    values[TOLERANCE] = Entry(number(Quantity("1", about, above=0.0)), about, MISSING)
+    scheme = keyword(labels, labels=True, fault=_fault_of_scheme)
+    return {"scheme": Entry(scheme, "time integration scheme", DEFAULT_SCHEME)} | values
 
 
-def setting_defaults() -> dict[str, Any]:
-    """Return what the settings are where a study does not say; `tolerance` has no default."""
-    defaults = {
-        entry.name: entry.default for entry in dataclasses.fields(CaseSettings) if quantity_of(entry) or word_of(entry)
-    }
-    return {"scheme": DEFAULT_SCHEME} | defaults
+def _fault_of_scheme(label: str) -> str | None:
+    """Return why a method cannot be used; that of a label of the study is judged where it is defined."""
+    return schemes.fault(label) if label in schemes.names() else None
 
 
-def scene_values(names: tuple[str, ...], harmonics: tuple[int, int] = (0, 0)) -> dict[str, Address]:
+def scene_values(names: tuple[str, ...], harmonics: tuple[int, int] = (0, 0)) -> dict[str, Entry]:
     """Return the scene values of some models by dotted path, without the duration.
 
     ``harmonics`` are the numbers of harmonics of casing and load.
@@ -76,46 +62,28 @@ def scene_values(names: tuple[str, ...], harmonics: tuple[int, int] = (0, 0)) ->
     groups |= {f"casing.harmonics.{k}": CasingHarmonic for k in range(harmonics[0])}
     groups |= {f"load.harmonics.{k}": LoadHarmonic for k in range(harmonics[1])}
     groups |= {"friction": Friction}
-    speed = {f"scene.{name}": Address(value, about) for name, value, about in _values(Scene) if name == "speed"}
-    return speed | {
-        f"scene.{group}.{name}": Address(value, description)
-        for group, declared in groups.items()
-        for name, value, description in _values(declared)
-    }
+    values = {"scene.speed": entries_of(Scene, OF_SCENE)["speed"]}
+    for group, declared in groups.items():
+        values |= _values(entries_of(declared), f"scene.{group}")
+    return values
 
 
-def harmonic_counts(tree: Any) -> tuple[int, int]:
-    """Return how many harmonics of casing and load a study as written has."""
-    scene = tree.get("scene") if isinstance(tree, dict) else None
-    groups = [scene.get(group) if isinstance(scene, dict) else None for group in ("casing", "load")]
-    lists = [group.get("harmonics") if isinstance(group, dict) else None for group in groups]
-    casing, load = (min(len(entries), LONGEST_LIST) if isinstance(entries, list) else 0 for entries in lists)
-    return casing, load
-
-
-def scheme_options(methods: Mapping[str, tuple[str, ...]]) -> dict[str, Address]:
+def scheme_options(methods: Mapping[str, tuple[str, ...]]) -> dict[str, Entry]:
     """Return the options of schemes by dotted path; ``methods`` holds the possible ones per label."""
     return {
-        f"schemes.{label}.{name}": Address(value, f"{description} of {label}")
+        path: dataclasses.replace(entry, meaning=f"{entry.meaning} of {label}")
         for label, candidates in methods.items()
         for method in candidates
         if schemes.fault(method) is None
-        for name, value, description in _values(schemes.load(method).Options)
+        for path, entry in _values(entries_of(schemes.load(method).Options), f"schemes.{label}")
     }
 
 
-def _values(declared: type) -> Iterator[tuple[str, Reading | Keyword | Text, str]]:
-    """Yield path, reading and description of the values of a declared dataclass, nested ones too."""
-    hints = get_type_hints(declared)
-    for entry in dataclasses.fields(declared):
-        hint, quantity = hints[entry.name], quantity_of(entry)
-        if quantity is not None:
-            single = dataclasses.replace(quantity, per=None)
-            yield entry.name, Reading(single, whole=is_whole(hint)), quantity.description
-        elif (text := word_of(entry)) is not None and not text.file:
-            yield entry.name, Text(text), text.description
-        elif get_origin(hint) is Literal:
-            yield entry.name, Keyword(get_args(hint)), entry.name.replace("_", " ")
-        elif isinstance(hint, type) and dataclasses.is_dataclass(hint) and declared not in (CaseSettings, Scene):
-            for name, value, description in _values(hint):
-                yield f"{entry.name}.{name}", value, description
+def _values(entries: Mapping[str, Entry], above: str) -> Iterator[tuple[str, Entry]]:
+    """Yield the single values among some entries with their paths, those of nested mappings too."""
+    for name, entry in entries.items():
+        kind, path = entry.kind, f"{above}.{name}"
+        if isinstance(kind, Record):
+            yield from _values(kind.entries, path)
+        elif kind.varies:
+            yield path, dataclasses.replace(entry, kind=kind.single if isinstance(kind, Number) else kind)

@@ -1,296 +1,194 @@
-"""From the axes as written to the dimensions of a study: counts, values, ``full``, names."""
+"""From the axes as read to the dimensions of a study: values, counts of modes, names."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
-import numpy as np
-
-from workflow.study.addresses import MODES, TOLERANCE, Address, setting_defaults
-from workflow.study.draws import Drawn, Range
-from workflow.study.field_types import Listed, Reading, Single, Spread
+from workflow.study.addresses import MODES, TOLERANCE
+from workflow.study.case_space import Axis, Branch, Dimension
+from workflow.study.draws import Drawn
+from workflow.study.forms import Entry
 from workflow.study.mistakes import Place, quoted
-from workflow.study.settings import AUTO, CHOSEN, FULL, Sizes
+from workflow.study.ranges import Content, Spread, Value, count_of
+from workflow.study.settings import AUTO, CHOSEN, FULL
+from workflow.study.sizes import Counts, Sizes
 from workflow.study.source import Source
 
-Value = float | int | str
 MOST_CASES = 10**8
 
-
-@dataclass(frozen=True)
-class Axis:
-    """One quantity that a study varies, or one of the settings that it holds.
-
-    Attributes
-    ----------
-    path
-        What it sets: ``e``, ``scheme``, ``scene.casing.gap``, ``schemes.LABEL.option``.
-    name
-        Name of its coordinate.
-    values
-        Values in SI, in the study's order; ``full`` is resolved.
-    unit
-        CF unit (``N m-1``); empty for words.
-    description
-        Long name.
-    """
-
-    path: str
-    name: str
-    values: tuple[Value, ...]
-    unit: str
-    description: str
-
-
-@dataclass(frozen=True)
-class Dimension:
-    """A dimension of the archive: one axis, or axes that vary together, as listed or as drawn."""
-
-    name: str
-    axes: tuple[Axis, ...]
-    drawn: Drawn | None = None
-
-    @property
-    def size(self) -> int:
-        """Number of values along the dimension."""
-        return len(self.axes[0].values)
-
-
-@dataclass(frozen=True)
-class Branch:
-    """The axis along which a branch of steady rubs is followed; the ends of its range are the values of ``axis``."""
-
-    axis: Axis
-    points: int
-
-
-def spread_values(spread: Spread) -> tuple[float, ...]:
-    """Return the values of a spread axis, rounded to 12 significant digits."""
-    return Range(spread.law, spread.first, spread.last).values(np.arange(spread.count) / (spread.count - 1))
-
-
-def expanded(content: Single | Listed | Spread, whole: bool) -> tuple[Value, ...]:
-    """Return the values of an axis.
-
-    Raises
-    ------
-    ValueError
-        A spread over whole numbers has others between its ends.
-    """
-    if isinstance(content, Single):
-        return (content.value,)
-    if isinstance(content, Listed):
-        return content.values
-    values = spread_values(content)
-    if not whole:
-        return values
-    if any(value != int(value) for value in values):
-        raise ValueError("has values that are not whole numbers")
-    return tuple(int(value) for value in values)
+Axes = Mapping[str, Content]
+"""Contents of axes by path."""
 
 
 @dataclass
 class _Group:
-    """A dimension in the making; a zip has a name of its own."""
+    """A dimension in the making: an axis, or the columns of a zip, which has a name."""
 
     place: Place
     columns: dict[str, tuple[Value, ...]]
-    name: str | None = None
+    name: str = ""
     drawn: Drawn | None = None
 
-    def column(self, path: str) -> Place:
-        """Return where an axis stands in the study, for messages."""
-        return (*self.place, path) if self.name is not None else self.place
+    def place_of(self, path: str) -> Place:
+        """Return where an axis stands in the study."""
+        return (*self.place, path) if self.name else self.place
 
 
+@dataclass
 class Arrangement:
-    """Arranges the axes of a study in dimensions and scalars; mistakes go to the source.
+    """Dimensions in the making, single values and followed axes by path; what is wrong goes to the source."""
 
-    Parameters
-    ----------
-    source
-        The study as written.
-    addresses
-        What may vary.
-    nodes
-        Path of the model's number of nodes, ``None`` where the model is unknown.
-    sizes
-        How many nodes or coordinates the structures of the cases have.
-    reserved
-        Names of the archive's variables, which no axis takes.
-    """
+    source: Source
+    groups: list[_Group] = field(default_factory=list)
+    singles: dict[str, Value] = field(default_factory=dict)
+    followed: dict[str, Spread] = field(default_factory=dict)
 
-    def __init__(
-        self,
-        source: Source,
-        addresses: Mapping[str, Address],
-        nodes: str | None,
-        sizes: Sizes,
-        reserved: frozenset[str],
-    ) -> None:
-        self.reserved = reserved
-        self.source, self.addresses, self.nodes, self.sizes = source, addresses, nodes, sizes
-        self.groups: list[_Group] = []
-        self.singles: dict[str, Value] = {}
-        self.followed: dict[str, Spread] = {}
-        self.branch: Branch | None = None
-
-    def arrange(
-        self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any] | Drawn]
-    ) -> tuple[tuple[Dimension, ...], tuple[Axis, ...]]:
-        """Return dimensions and scalars of the axes that could be read; one that is followed is then :attr:`branch`."""
-        if not self._few_enough(axes, zips):
-            return (), ()
-        self._take_axes(axes)
-        self._take_zips(axes, zips)
-        self._take_modes()
-        for group in self.groups:
-            self._judge_distinct(group)
-        return self._named()
-
-    def _few_enough(self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any] | Drawn]) -> bool:
-        """Judge the number of cases before any axis is expanded."""
-        sizes = [content.count for content in axes.values() if not isinstance(content, Single)]
-        sizes += [
-            zipped.count if isinstance(zipped, Drawn) else max(content.count for content in zipped.values())
-            for zipped in zips.values()
-            if zipped
-        ]
-        cases: int = math.prod(sizes)
+    def take(self, axes: Axes, zips: Mapping[str, Axes | Drawn]) -> None:
+        """Take the values of all axes; a study of too many cases is refused before any are expanded."""
+        cases = math.prod(count_of(content) for content in axes.values())
+        for zipped in zips.values():
+            cases *= zipped.count if isinstance(zipped, Drawn) else max(map(count_of, zipped.values()))
         if cases > MOST_CASES:
             count = f"{cases:.3g}" if cases < 1e300 else "more than 1e300"
-            place: Place = ("axes",) if axes else ("zip",)
-            self.source.report(place, f"come to {count} cases", f"keep them to {MOST_CASES:.0e}")
-        return cases <= MOST_CASES
-
-    def _expand(self, place: Place, path: str, content: Any) -> tuple[Value, ...] | None:
-        value = self.addresses[path].value
-        try:
-            return expanded(content, isinstance(value, Reading) and value.whole)
-        except ValueError as error:
-            self.source.report(place, str(error), "write a list")
-            return None
-
-    def _take_axes(self, axes: Mapping[str, Any]) -> None:
+            place = "axes" if axes else "zip"
+            self.source.report((place,), f"come to {count} cases", f"keep them to {MOST_CASES:.0e}")
+            self.source.refuse()
         for path, content in axes.items():
             if isinstance(content, Spread) and content.law == "branch":
                 if self.followed or path in ("h", TOLERANCE):
-                    self.source.report(
-                        ("axes", path), "cannot be followed", "follow one axis of what event_driven reads"
-                    )
+                    remedy = "follow one axis of what event_driven reads"
+                    self.source.report(("axes", path), "cannot be followed", remedy)
                 self.followed[path] = content
-                continue
-            values = self._expand(("axes", path), path, content)
-            if isinstance(content, Single):
-                self.singles[path] = content.value
-            elif values is not None:
-                self.groups.append(_Group(("axes", path), {path: values}))
-
-    def _take_zips(self, axes: Mapping[str, Any], zips: Mapping[str, Mapping[str, Any] | Drawn]) -> None:
-        varied = set(axes)
-        for name, zipped in zips.items():
-            place: Place = ("zip", name)
-            drawn = zipped if isinstance(zipped, Drawn) else None
-            if isinstance(zipped, Drawn):
-                if any(group.drawn for group in self.groups):
-                    self.source.report(place, "is drawn, and so is another zip", "draw all numbers under one `of`")
-                place, read = (*place, "of"), dict[str, tuple[Value, ...]](zipped.columns())
+            elif isinstance(content, Spread | tuple):
+                self.groups.append(_Group(("axes", path), {path: _expanded(content)}))
             else:
-                columns = {path: self._expand((*place, path), path, content) for path, content in zipped.items()}
-                read = {path: values for path, values in columns.items() if values is not None}
-            for path in varied & set(read):
-                self.source.report((*place, path), "is an axis already", "keep one of the two")
-            varied |= set(read)
-            sizes = {path: len(values) for path, values in read.items()}
-            if len(set(sizes.values())) > 1:
-                listed = ", ".join(f"{path} has {size}" for path, size in sizes.items())
-                self.source.report(place, f"has axes of different length: {listed}", "give each as many values")
-            elif read:
-                self.groups.append(_Group(("zip", name), read, name, drawn))
+                self.singles[path] = content
+        for name, zipped in zips.items():
+            self._take_zip(name, zipped)
 
-    def _take_modes(self) -> None:
-        """Put counts in place of ``full``, which follows the number of nodes where that varies."""
-        varied = next((group for group in self.groups if self.nodes in group.columns), None)
+    def _take_zip(self, name: str, zipped: Axes | Drawn) -> None:
+        place: Place = ("zip", name)
+        if isinstance(zipped, Drawn):
+            if any(group.drawn for group in self.groups):
+                self.source.report(place, "is drawn, and so is another zip", "draw all numbers under one `of`")
+            group = _Group(place, dict[str, tuple[Value, ...]](zipped.columns()), name, zipped)
+            place = (*place, "of")
+        else:
+            group = _Group(place, {path: _expanded(content) for path, content in zipped.items()}, name)
+        varied = {path for other in self.groups for path in other.columns} | set(self.singles) | set(self.followed)
+        for path in varied & set(group.columns):
+            self.source.report((*place, path), "is an axis already", "keep one of the two")
+        sizes = {path: len(values) for path, values in group.columns.items()}
+        if len(set(sizes.values())) > 1:
+            listed = ", ".join(f"{path} has {size}" for path, size in sizes.items())
+            self.source.report(place, f"has axes of different length: {listed}", "give each as many values")
+        else:
+            self.groups.append(group)
+
+    def values(self, path: str) -> tuple[Value, ...]:
+        """Return the values of an axis or a single one, none where a study has none."""
+        found = (group.columns[path] for group in self.groups if path in group.columns)
+        return next(found, (self.singles[path],) if path in self.singles else ())
+
+    def count_modes(self, nodes: str, sizes: Sizes) -> None:
+        """Put counts in place of ``full``, which follows the number of nodes (at path ``nodes``) where that varies."""
+        varied = next((group for group in self.groups if nodes in group.columns), None)
         for path in MODES:
             group = next((group for group in self.groups if path in group.columns), None)
+            counts = sizes.coordinates[path]
             if group is None and varied is not None and self.singles.get(path, FULL) == FULL:
                 self.singles.pop(path, None)
-                counts = [int(n) for n in varied.columns[str(self.nodes)]]
-                self.mode_count(("axes", path), FULL, [max(counts)])
-                varied.columns[path] = tuple(n - 1 for n in counts)
-            elif group is not None and group is varied:
-                pairs = zip(group.columns[path], group.columns[str(self.nodes)], strict=True)
-                resolved = [self.mode_count(group.column(path), modes, [int(n)]) for modes, n in pairs]
-                group.columns[path] = tuple(resolved)
-            elif group is not None:
-                place = group.column(path)
-                values = [self.mode_count(place, modes, self.sizes.of(path)) for modes in group.columns[path]]
-                group.columns[path] = tuple(values)
-            else:
+                mode_count(self.source, ("axes", path), FULL, (max(counts),), sizes)
+                varied.columns[path] = tuple(count - 1 for count in counts)
+            elif group is None:
                 modes = self.singles.get(path, FULL)
-                self.singles[path] = self.mode_count(("axes", path), modes, self.sizes.of(path))
+                self.singles[path] = mode_count(self.source, ("axes", path), modes, counts, sizes)
+            else:
+                each = [(count,) for count in counts] if group is varied else [counts] * len(group.columns[path])
+                group.columns[path] = tuple(
+                    mode_count(self.source, group.place_of(path), modes, its_counts, sizes)
+                    for modes, its_counts in zip(group.columns[path], each, strict=True)
+                )
 
-    def mode_count(self, place: Place, modes: Value, counts: Sequence[int] | None) -> Value:
-        """Return a count of modes for cases with some numbers of nodes, of which ``full`` needs one."""
-        if modes == AUTO:
-            return CHOSEN
-        if not counts:
-            return modes
-        most, limit = min(counts) - 1, self.sizes.most
-        if min(counts) > self.sizes.large and (modes == FULL or int(modes) > limit):
-            complaint = "is `full`" if modes == FULL else f"{quoted(modes)} is too many"
-            problem = f"{complaint}, and a structure of {min(counts)} coordinates is too large for that"
-            self.source.report(place, problem, f"write at most {limit}, or `auto` with a `tolerance`")
-            return modes
-        if modes == FULL:
-            if len(set(counts)) == 1:
-                return most
-            remedy = "write counts, or zip it with the nodes"
-            self.source.report(place, "has `full` where the number of nodes varies", remedy)
-        elif int(modes) > most:
-            problem = f"{quoted(modes)} is more than the {most} interior modes of {min(counts)} nodes"
-            self.source.report(place, problem, f"write at most {most}, or `full`")
-        return modes
-
-    def _judge_distinct(self, group: _Group) -> None:
-        rows = list(zip(*group.columns.values(), strict=True))
-        if len(set(rows)) < len(rows):
-            twice = next(row for row, count in Counter(rows).items() if count > 1)
-            listed = ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in twice)
-            full = "; `full` is the largest count" if MODES[0] in group.columns or MODES[1] in group.columns else ""
-            self.source.report(group.place, f"has `{listed}` twice", f"keep values distinct{full}")
-
-    def _named(self) -> tuple[tuple[Dimension, ...], tuple[Axis, ...]]:
-        """Return dimensions and scalars under the names of their coordinates."""
-        defaults = setting_defaults()
-        held = {path: self.singles.get(path, default) for path, default in defaults.items()}
-        varied = {path for group in self.groups for path in group.columns} | set(self.followed)
-        singles = {path: value for path, value in (held | self.singles).items() if path not in varied}
-        zips = [group.name for group in self.groups if group.name is not None]
+    def refuse_repeated(self) -> None:
+        """Report a group that has the same values twice."""
         for group in self.groups:
-            if group.name is not None and (group.name in self.reserved or group.name in defaults):
+            rows = Counter(zip(*group.columns.values(), strict=True))
+            twice = next((row for row, count in rows.items() if count > 1), None)
+            if twice is not None:
+                listed = ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in twice)
+                full = "; `full` is the largest count" if set(MODES) & set(group.columns) else ""
+                self.source.report(group.place, f"has `{listed}` twice", f"keep values distinct{full}")
+
+    def named(
+        self, addresses: Mapping[str, Entry], settings: dict[str, Value], reserved: frozenset[str]
+    ) -> tuple[tuple[Dimension, ...], tuple[Axis, ...], Branch | None]:
+        """Return dimensions, scalars and branch under the names of their coordinates.
+
+        Parameters
+        ----------
+        addresses
+            What may vary.
+        settings
+            Values of the settings that a study leaves out.
+        reserved
+            Names of the archive's variables, which no axis takes.
+        """
+        varied = {path for group in self.groups for path in group.columns} | set(self.followed)
+        singles = {path: value for path, value in (settings | self.singles).items() if path not in varied}
+        for group in self.groups:
+            if group.name in reserved or group.name in settings:
                 problem = "is the name of a variable of the archive or of an axis"
                 self.source.report(group.place, problem, "name the dimension otherwise")
-        names = coordinate_names([*varied, *singles], {*self.reserved, *zips})
+        zips = {group.name for group in self.groups if group.name}
+        names = coordinate_names([*varied, *singles], reserved | zips)
 
         def axis(path: str, values: tuple[Value, ...]) -> Axis:
-            address = self.addresses[path]
-            return Axis(path, names[path], values, address.unit, address.description)
+            entry = addresses[path]
+            return Axis(path, names[path], values, entry.kind.unit, entry.meaning)
 
-        for path, spread in self.followed.items():
-            self.branch = Branch(axis(path, (spread.first, spread.last)), spread.count)
         dimensions = []
         for group in self.groups:
             axes = tuple(axis(path, values) for path, values in group.columns.items())
             dimensions.append(Dimension(group.name or axes[0].name, axes, group.drawn))
-        return tuple(dimensions), tuple(axis(path, (value,)) for path, value in singles.items())
+        branches = [
+            Branch(axis(path, (spread.low, spread.high)), spread.count) for path, spread in self.followed.items()
+        ]
+        scalars = tuple(axis(path, (value,)) for path, value in singles.items())
+        return tuple(dimensions), scalars, branches[-1] if branches else None
 
 
-def coordinate_names(paths: Sequence[str], reserved: set[str]) -> dict[str, str]:
+def _expanded(content: Content) -> tuple[Value, ...]:
+    if isinstance(content, Spread):
+        return content.expanded()
+    return content if isinstance(content, tuple) else (content,)
+
+
+def mode_count(source: Source, place: Place, modes: Value, counts: Counts, sizes: Sizes) -> Value:
+    """Return a count of modes for cases with some numbers of coordinates, of which ``full`` needs one."""
+    if modes == AUTO:
+        return CHOSEN
+    if not counts:
+        return modes
+    most, limit = min(counts) - 1, sizes.most
+    if min(counts) > sizes.large and (modes == FULL or int(modes) > limit):
+        complaint = "is `full`" if modes == FULL else f"{quoted(modes)} is too many"
+        problem = f"{complaint}, and a structure of {min(counts)} coordinates is too large for that"
+        source.report(place, problem, f"write at most {limit}, or `auto` with a `tolerance`")
+    elif modes == FULL:
+        if len(set(counts)) == 1:
+            return most
+        source.report(place, "has `full` where the number of nodes varies", "write counts, or zip it with the nodes")
+    elif int(modes) > most:
+        problem = f"{quoted(modes)} is more than the {most} interior modes of {min(counts)} nodes"
+        source.report(place, problem, f"write at most {most}, or `full`")
+    return modes
+
+
+def coordinate_names(paths: Sequence[str], reserved: frozenset[str]) -> dict[str, str]:
     """Return a coordinate name for every path: its last word, or as many as make it unlike all others."""
     possible = {path: possible_names(path) for path in paths}
     while True:

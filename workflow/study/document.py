@@ -4,198 +4,173 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from functools import cache
-from types import GenericAlias
-from typing import Any, ClassVar
-
-from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, create_model
+from dataclasses import MISSING
+from functools import partial
+from typing import Any
 
 from workflow import models, schemes
 from workflow.declare import Quantity
-from workflow.study.addresses import TOLERANCE, Address, setting_defaults, settings
-from workflow.study.draws import SAMPLES, Between, Drawn, drawn
-from workflow.study.field_types import MOST_VALUES, AxisValues, Flag, Keyword, Line, Name, Reading
-from workflow.study.forms import ByShape, Form, annotated, entry_of, explicit_entries, form, keys_form, summary
-from workflow.study.settings import Casing, Friction, Initial, Load, Output, Scene, Steady
+from workflow.study.addresses import OF_SCENE, settings
+from workflow.study.draws import SAMPLES, drawn
+from workflow.study.files import Files
+from workflow.study.forms import Entry, Record, either, entries_of, named, no_mapping, record, record_of, summary
+from workflow.study.kinds import FLAG, LINE, Kind, Number, keyword, name, number, usable
+from workflow.study.mistakes import one_of, quoted, wrong
+from workflow.study.ranges import MOST_VALUES, axis_values, between
+from workflow.study.settings import Friction, Initial, Load, Output, Scene, SchemeChoice, Steady
 
-LONGEST_TITLE = 1000
 SCENE_KEYS = ("casing", "load", "initial", "duration", "speed", "friction")
 
-
-class _Study(Form):
-    """A study of a blade that rubs on its casing."""
-
-    moved: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys((*setting_defaults(), TOLERANCE), "write it under `axes`, as a value or a list"),
-        **dict.fromkeys((*SCENE_KEYS, *models.names()), "write it under `scene`"),
-    }
-
-
-class _Axes(Form):
-    """What varies from case to case: each list is a dimension of the archive."""
-
-    model_config = ConfigDict(
-        json_schema_extra={"patternProperties": {r"^(schemes|scene\.(casing|load)\.harmonics)\.": {}}}
-    )
-
-    moved: ClassVar[Mapping[str, str]] = {
-        "scene.duration": "all histories share one time axis: write one study per duration",
-        "duration": "all histories share one time axis: write one study per duration",
-        "scene.initial": "vary `scene.initial.displacement`, `.velocity` or `.temperature`",
-    }
+_STUDY = "A study of a blade that rubs on its casing."
+_AXES = "What varies from case to case: each list is a dimension of the archive."
+_REFERENCE = "Settings of the solution that errors are measured against; the rest stays the case's own."
+_NOT_VARIED = {
+    "scene.duration": "all histories share one time axis: write one study per duration",
+    "duration": "all histories share one time axis: write one study per duration",
+    "scene.initial": "vary `scene.initial.displacement`, `.velocity` or `.temperature`",
+}
+_SOME = r"^(schemes|scene\.(casing|load)\.harmonics)\."
+"""Paths that only some studies have."""
 
 
-def scene_form() -> type[Form]:
+def _static(value: Any, files: Files) -> Any:
+    if value != "static":
+        raise wrong(f"{quoted(value)} is not a mapping or `static`", "write a mapping or `static`")
+    return value
+
+
+_STATIC = Kind(_static, {"const": "static"})
+"""The word ``static`` in the place of an initial state."""
+
+
+def _broken(model: str, value: Any, files: Files) -> None:
+    usable(models.fault(model))
+
+
+def _scene(names: tuple[str, ...]) -> Record:
     """Return the form of a scene: one entry per model, of which a scene has one, and the rest."""
-    return _scene_form(models.names())
-
-
-@cache
-def _scene_form(names: tuple[str, ...]) -> type[Form]:
-    declared = {entry.name: entry for entry in dataclasses.fields(Scene)}
-    initial = annotated(Any, ByShape((("state", form(Initial)),), word="static"))
-    entries: dict[str, Any] = {
-        "casing": (form(Casing), Field(description=summary(Casing))),
-        "load": (form(Load), Field(default_factory=Load, description=summary(Load))),
-        "initial": (initial, Field(default_factory=Initial, description=summary(Initial))),
-        "duration": entry_of(declared["duration"], float),
-        "speed": entry_of(declared["speed"], float),
-        "friction": (form(Friction), Field(None, description=summary(Friction))),
+    entries = {
+        **entries_of(Scene, OF_SCENE),
+        "load": Entry(record_of(Load), summary(Load)),
+        "initial": Entry(either(no_mapping, record_of(Initial), _STATIC), summary(Initial)),
+        "friction": Entry(record_of(Friction), summary(Friction)),
     }
-    for name in names:
-        if models.fault(name) is not None:  # reported by the reader where a study names it
-            entries[name] = Any, Field(None, description="a model that cannot be used")
-            continue
-        model = models.load(name)
-        entries[name] = form(model.Parameters, f"{name}_parameters"), Field(None, description=summary(model))
-    return create_model("scene", __base__=Form, __doc__=summary(Scene), **entries)
+    for model in names:
+        if models.fault(model) is None:
+            entries[model] = Entry(record_of(models.load(model).Parameters), summary(models.load(model)))
+        else:
+            broken = Kind(partial(_broken, model), {})
+            entries[model] = Entry(broken, "a model that cannot be used")
+
+    def build(given: dict[str, Any]) -> Scene:
+        model = next((key for key in given if key in names), "")
+        rest: dict[str, Any] = {"load": Load(), "initial": Initial()}
+        rest |= {key: given[key] for key in SCENE_KEYS if key in given}
+        return Scene(model, given.get(model), **rest)
+
+    return record(summary(Scene), entries, build)
 
 
-def scheme_form() -> Any:
-    """Return the annotation that reads an entry of ``schemes`` as its method and options."""
-    return _scheme_form(schemes.names())
+def _schemes() -> Kind:
+    """Return the form of ``schemes``: methods with their options, by label."""
+    names = schemes.names()
+
+    def options(method: str) -> Record:
+        if schemes.fault(method) is not None:
+            return record("A method that cannot be used.", {"method": Entry(keyword((method,)), "", MISSING)})
+        scheme = schemes.load(method)
+        entries = {"method": Entry(keyword((method,)), scheme.about, MISSING)} | entries_of(scheme.Options)
+
+        def build(given: dict[str, Any]) -> SchemeChoice:
+            return SchemeChoice("", given.pop("method"), scheme.Options(**given))
+
+        return record(summary(scheme.Options), entries, build)
+
+    def choose(value: Any) -> int:
+        if not isinstance(value, dict):
+            raise wrong(f"{quoted(value)} is not a mapping", "write a mapping")
+        if "method" not in value:
+            raise wrong("`method` is missing", one_of("", names))
+        if value["method"] not in names:
+            raise wrong(f"{quoted(value['method'])} is no method", one_of(str(value["method"]), names), "method")
+        usable(schemes.fault(value["method"]), "method")
+        return names.index(value["method"])
+
+    return named(name("the scheme"), either(choose, *map(options, names)))
 
 
-@cache
-def _scheme_form(names: tuple[str, ...]) -> Any:
-    return annotated(Any, ByShape(tuple((name, _method_form(name)) for name in names), key="method"))
-
-
-def _method_form(name: str) -> Any:
-    """Return the annotation that reads ``{method: ..., options}`` as method and options."""
-    if schemes.fault(name) is not None:  # reported by the reader where a study names it
-        return annotated(Any, AfterValidator(lambda _: (name, None)))
-    options = schemes.load(name).Options
-    method = annotated(Any, Keyword((name,))), Field(description=schemes.load(name).about)
-
-    def build(read: Form) -> tuple[str, Any]:
-        entries = dict(read)
-        return entries.pop("method"), options(**entries)
-
-    return annotated(keys_form(options, f"{name}_options", method=method), AfterValidator(build))
-
-
-def axes_form(addresses: Mapping[str, Address], zipped: bool = False) -> type[Form]:
+def _axes(addresses: Mapping[str, Entry], zipped: bool = False) -> Record:
     """Return the form of ``axes``, or of a zip, for the values that may vary."""
-    entries: dict[str, Any] = {
-        path: (
-            annotated(Any, AxisValues(address.value, zipped)),
-            Field(None, description=f"{address.description}{address.unit and f' [{address.unit}]'}"),
-        )
-        for path, address in addresses.items()
-    }
-    return create_model("zip" if zipped else "axes", __base__=_Axes, __doc__=summary(_Axes), **entries)
+    entries = {path: Entry(axis_values(entry.kind, zipped), entry.described) for path, entry in addresses.items()}
+
+    def build(given: dict[str, Any]) -> dict[str, Any]:
+        if zipped and not given:
+            raise wrong("is empty", "write the axes that vary together")
+        return given
+
+    return record(_AXES, entries, build, moved=_NOT_VARIED, more=_SOME)
 
 
-def zip_form(addresses: Mapping[str, Address]) -> Any:
-    """Return the annotation that reads a zip: axes that vary together, or numbers that are drawn."""
-    keys = _drawn_form(addresses)
-
-    def tag(value: Any) -> str:
-        return "<drawn>" if isinstance(value, dict) and set(keys.model_fields) & set(value) else "<listed>"
-
-    def build(read: Any) -> Drawn:
-        return drawn(read.sample, read.points, read.seed, explicit_entries(read.of))
-
-    listed = annotated(axes_form(addresses, zipped=True), Tag("<listed>"))
-    return annotated(listed | annotated(annotated(keys, AfterValidator(build)), Tag("<drawn>")), Discriminator(tag))
-
-
-def _drawn_form(addresses: Mapping[str, Address]) -> type[Form]:
-    """Return the form of a drawn zip: real numbers of the scene, e and alpha."""
-    drawable = {
-        path: address.value
-        for path, address in addresses.items()
+def _zip(addresses: Mapping[str, Entry]) -> Kind:
+    """Return the form of ``zip``: axes that vary together, or real numbers that are drawn, by dimension."""
+    ranges = {
+        path: Entry(between(entry.kind), f"range of the {entry.meaning}")
+        for path, entry in addresses.items()
         if (path.startswith("scene.") or path in ("e", "alpha"))
-        and isinstance(address.value, Reading)
-        and not address.value.whole
+        if isinstance(entry.kind, Number) and not entry.kind.whole
     }
-    ranges: dict[str, Any] = {
-        path: (annotated(Any, Between(value)), Field(None, description=f"range of the {addresses[path].description}"))
-        for path, value in drawable.items()
-    }
-    of = create_model("ranges", __base__=_Axes, __doc__="Ranges that numbers are drawn from.", **ranges)
     remedy = "draw real numbers of the scene, `e` and `alpha`; vary this one under `axes`"
-    of.moved = {**_Axes.moved, **dict.fromkeys(set(addresses) - set(drawable), remedy)}
+    moved = _NOT_VARIED | dict.fromkeys(set(addresses) - set(ranges), remedy)
     points = Quantity("1", "number of points; of sobol_indices a power of two", at_least=2, at_most=MOST_VALUES)
     seed = Quantity("1", "what the generator starts from", at_least=0)
-    entries: dict[str, Any] = {
-        "sample": (annotated(Any, Keyword(SAMPLES)), Field(description="how points are drawn")),
-        "points": (annotated(Any, Reading(points, whole=True)), Field(description=points.description)),
-        "seed": (annotated(Any, Reading(seed, whole=True)), Field(0, description=seed.description)),
-        "of": (of, Field(description="ranges of what is drawn, [low, high] or {log: [low, high]} by path")),
+    of = "ranges of what is drawn, [low, high] or {log: [low, high]} by path"
+    keys = {
+        "sample": Entry(keyword(SAMPLES), "how points are drawn", MISSING),
+        "points": Entry(number(points, whole=True), points.description, MISSING),
+        "seed": Entry(number(seed, whole=True), seed.description, 0),
+        "of": Entry(record("Ranges that numbers are drawn from.", ranges, moved=moved, more=_SOME), of, MISSING),
     }
-    return create_model("drawn", __base__=Form, __doc__="A zip whose numbers are drawn.", **entries)
+    design = record("A zip whose numbers are drawn.", keys, lambda given: drawn(**given))
+
+    def choose(value: Any) -> int:
+        return 0 if isinstance(value, dict) and set(keys) & set(value) else 1
+
+    return named(name("the dimension"), either(choose, design, _axes(addresses, zipped=True)))
 
 
-def reference_form(labels: tuple[str, ...], bases: tuple[str, ...]) -> Any:
-    """Return the annotation that reads ``reference`` as the settings that it names."""
-    entries: dict[str, Any] = {
-        name: (annotated(Any, address.value), Field(None, description=address.description))
-        for name, address in settings(labels, bases).items()
+def _output() -> Record:
+    """Return the form of ``output``, read as it is written; ``steady`` is a flag or its options."""
+    entries = dict(entries_of(Output, ("steady",)))
+    entries["interval"] = dataclasses.replace(entries["interval"], default=None)
+    entries["steady"] = Entry(either(no_mapping, record_of(Steady), FLAG), summary(Steady))
+
+    def build(given: dict[str, Any]) -> dict[str, Any]:
+        if isinstance(given.get("steady"), bool):
+            given["steady"] = Steady() if given["steady"] else None
+        return given
+
+    return record(summary(Output), entries, build)
+
+
+def study_form(
+    addresses: Mapping[str, Entry], names: tuple[str, ...], labels: tuple[str, ...], bases: tuple[str, ...]
+) -> Record:
+    """Return the form of a study whose axes may vary some addresses, for some models, schemes and bases."""
+    of_case = settings(labels, bases)
+    reference = {path: dataclasses.replace(entry, default=None) for path, entry in of_case.items()}
+    entries = {
+        "study": Entry(name("the study (its `title` takes a sentence)"), "name of study and archive", MISSING),
+        "title": Entry(LINE, "one line on what the study shows"),
+        "license": Entry(LINE, "licence of the archive; none if left out"),
+        "scene": Entry(_scene(names), summary(Scene), MISSING),
+        "schemes": Entry(_schemes(), "methods with their options, by label"),
+        "axes": Entry(_axes(addresses), _AXES),
+        "zip": Entry(_zip(addresses), "axes that vary together, by dimension"),
+        "reference": Entry(record(_REFERENCE, reference), "what errors are measured against"),
+        "output": Entry(_output(), summary(Output)),
     }
-    doc = "Settings of the solution that errors are measured against; the rest stays the case's own."
-    return annotated(create_model("reference", __base__=Form, __doc__=doc, **entries), AfterValidator(explicit_entries))
-
-
-@cache
-def output_form() -> type[Form]:
-    """Return the form of ``output``, whose interval may be left out; ``steady`` is a flag or its options."""
-    fields = {entry.name: entry for entry in dataclasses.fields(Output)}
-    annotation, described = entry_of(fields["interval"], float)
-    interval = annotation, Field(None, description=described.description)
-    flag, options = annotated(annotated(Any, Flag()), Tag("<flag>")), annotated(form(Steady), Tag("<options>"))
-    either = annotated(
-        flag | options, Discriminator(lambda given: "<options>" if isinstance(given, dict) else "<flag>")
-    )
-    asked = AfterValidator(lambda read: (Steady() if read else None) if isinstance(read, bool) else read)
-    steady = annotated(either, asked), Field(None, description=summary(Steady))
-    return keys_form(Output, "output", interval=interval, steady=steady)
-
-
-def study_form(addresses: Mapping[str, Address], labels: tuple[str, ...], bases: tuple[str, ...]) -> type[Form]:
-    """Return the form of a study whose axes may vary some addresses, for some schemes and bases."""
-    axes: Any = axes_form(addresses)
-    zips: Any = GenericAlias(dict, (annotated(str, Name("the dimension")), zip_form(addresses)))
-    choices: Any = GenericAlias(dict, (annotated(str, Name("the scheme")), scheme_form()))
-    entries: dict[str, Any] = {
-        "study": (
-            annotated(Any, Name("the study (its `title` takes a sentence)")),
-            Field(description="name of the study and of its archive"),
-        ),
-        "title": (annotated(Any, Line(LONGEST_TITLE)), Field("", description="one line on what the study shows")),
-        "license": (
-            annotated(Any, Line(LONGEST_TITLE)),
-            Field("", description="licence of the archive; none if left out"),
-        ),
-        "scene": (scene_form(), Field(description=summary(Scene))),
-        "schemes": (choices, Field(default_factory=dict, description="methods with their options, by label")),
-        "axes": (axes, Field(default_factory=axes, description=summary(_Axes))),
-        "zip": (
-            zips,
-            Field(default_factory=dict, description="axes that vary together, by dimension"),
-        ),
-        "reference": (reference_form(labels, bases), Field(None, description="what errors are measured against")),
-        "output": (output_form(), Field(default_factory=output_form(), description=summary(Output))),
+    moved = {
+        **dict.fromkeys(of_case, "write it under `axes`, as a value or a list"),
+        **dict.fromkeys((*SCENE_KEYS, *models.names()), "write it under `scene`"),
     }
-    return create_model("study", __base__=_Study, __doc__=summary(_Study), **entries)
+    return record(_STUDY, entries, moved=moved)

@@ -11,7 +11,7 @@ from typing import Any
 
 from workflow.study.mistakes import Mistake, Place, StudyError
 from workflow.study.quantities import NUMBER
-from workflow.study.source import Source, compose
+from workflow.study.source import Source, compose, dotted, written_axes
 
 OPTION = "-s"
 """How replaced values are named in messages, unless another word is given: the option of the command line."""
@@ -24,13 +24,7 @@ _POWER = re.compile(rf"(?=.*[eE]){NUMBER}")
 
 
 def setting(words: str) -> tuple[str, Any]:
-    """Return key and value of ``KEY=VALUE``; the value is YAML.
-
-    Raises
-    ------
-    StudyError
-        There is no key or no equals sign, or the value is not YAML.
-    """
+    """Return key and value of ``KEY=VALUE``; the value is YAML, or it is a ``StudyError``."""
     key, equals, text = words.partition("=")
     if not equals or not key.strip():
         remedy = 'write -s KEY=VALUE, e.g. -s scene.casing.gap="10 um"'
@@ -44,16 +38,9 @@ def setting(words: str) -> tuple[str, Any]:
 
 
 def replaced(source: Source, settings: Mapping[str, Any], option: str = OPTION) -> Source:
-    """Return a study's source with values replaced, as if they had been written in it.
+    """Return a study's source with values replaced by their dotted path, as if they had been written in it.
 
-    Parameters
-    ----------
-    source
-        The study as composed.
-    settings
-        New values by dotted path; what follows ``axes.`` or ``zip.NAME.`` is one key.
-    option
-        What names these values in messages, before their key.
+    What follows ``axes.`` or ``zip.NAME.`` is one key. ``option`` names the values in messages, before their key.
 
     Raises
     ------
@@ -68,13 +55,11 @@ def replaced(source: Source, settings: Mapping[str, Any], option: str = OPTION) 
         if fault:
             raise StudyError([Mistake(name, None, "", *fault)])
         new.named[tuple(int(step) if str(step).isdigit() else step for step in place)] = name
-    hidden = [(key, varied) for key in settings if (varied := _varied_at(tree, key))]
-    if hidden:
-        problem = "has no effect, as {} varies this value"
-        raise StudyError(
-            Mistake(f"{option} {key}", None, "", problem.format(varied), f"set {varied} instead")
-            for key, varied in hidden
-        )
+    for place, path, content in written_axes(tree):
+        if path in settings and content is not None:
+            varied, name = dotted(place), f"{option} {path}"
+            problem = f"has no effect, as {varied} varies this value"
+            raise StudyError([Mistake(name, None, "", problem, f"set {varied} instead")])
     new.text = text_of(tree, source.text, {key: _plain(value, key) for key, value in settings.items()})
     return new
 
@@ -136,17 +121,6 @@ def _place(key: str) -> Place:
         name, path = rest.split(".", 1)
         return (head, name, "of", path[3:]) if path.startswith("of.") else (head, name, path)
     return tuple(key.split("."))
-
-
-def _varied_at(tree: Any, path: str) -> str | None:
-    """Return the key of the axis or the column of a zip that varies a path, ``None`` where none does."""
-    sections = {"axes": tree.get("axes")} if isinstance(tree, dict) else {}
-    if isinstance(tree, dict) and isinstance(tree.get("zip"), dict):
-        sections |= {f"zip.{name}": zipped for name, zipped in tree["zip"].items()}
-        drawn = {f"{name}.of": zipped.get("of") for name, zipped in sections.items() if isinstance(zipped, dict)}
-        sections |= drawn
-    owners = (name for name, section in sections.items() if isinstance(section, dict) and section.get(path) is not None)
-    return next((f"{owner}.{path}" for owner in owners), None)
 
 
 def _put(tree: Any, place: Place, value: Any) -> tuple[str, str] | None:

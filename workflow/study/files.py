@@ -4,31 +4,37 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from workflow.declare import File, Word
 from workflow.study.mistakes import quoted, wrong
 
 
-def read_file(name: str, context: Mapping[str, Any], declared: Word) -> File:
-    """Return a file that a study names, with the digest of its content, and of all that belongs to it."""
-    directory = Path(context.get("directory", "."))
-    place = Path(context.get("attached", {}).get(name, directory / name))
-    if not (place.is_file() or (declared.files is not None and place.is_dir())):  # opening a pipe would wait for ever
-        raise wrong(f"{quoted(name)} is no file", f"name a file, relative to {directory.absolute()}")
-    try:
-        parts = (place,) if declared.files is None else declared.files(place)
-        digests = [_digest(part) for part in parts]
-    except OSError as error:
-        raise wrong(f"{quoted(name)} cannot be read: {error.strerror}", "name a file that can be read") from None
-    except ValueError as error:
-        raise wrong(f"{quoted(name)} cannot be used: {error}", "name a file with all that belongs to it") from None
-    places = tuple(str(part.absolute()) for part in parts)
-    if len(parts) == 1:
-        return File(digests[0], name, str(place.absolute()), places)
-    listed = "".join(f"{digest} {part.name}\n" for digest, part in zip(digests, parts, strict=True))
-    return File(hashlib.sha256(listed.encode()).hexdigest(), name, str(place.absolute()), places)
+@dataclass(frozen=True)
+class Files:
+    """Where the files of a study lie: relative to its directory, or where those came to that travelled with it."""
+
+    directory: Path = Path()
+    attached: Mapping[str, Path] = field(default_factory=dict)
+
+    def read(self, name: str, declared: Word) -> File:
+        """Return a file with the digest of its content, and of all that belongs to it."""
+        place = Path(self.attached.get(name, self.directory / name))
+        if not (place.is_file() or (declared.files is not None and place.is_dir())):  # a pipe would wait for ever
+            raise wrong(f"{quoted(name)} is no file", f"name a file, relative to {self.directory.absolute()}")
+        try:
+            parts = (place,) if declared.files is None else declared.files(place)
+            digests = [_digest(part) for part in parts]
+        except OSError as error:
+            raise wrong(f"{quoted(name)} cannot be read: {error.strerror}", "name a file that can be read") from None
+        except ValueError as error:
+            raise wrong(f"{quoted(name)} cannot be used: {error}", "name a file with all that belongs to it") from None
+        places = tuple(str(part.absolute()) for part in parts)
+        if len(parts) == 1:
+            return File(digests[0], name, str(place.absolute()), places)
+        listed = "".join(f"{digest} {part.name}\n" for digest, part in zip(digests, parts, strict=True))
+        return File(hashlib.sha256(listed.encode()).hexdigest(), name, str(place.absolute()), places)
 
 
 def _digest(place: Path) -> str:

@@ -1,145 +1,132 @@
-"""Pydantic forms built from declarations, with mistakes in the words of a study."""
+"""Mappings of a study, with known keys or with names of its own, and those that declarations make."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from types import GenericAlias
-from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
-
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    create_model,
-    model_validator,
-)
-from pydantic.fields import FieldInfo
-from pydantic_core import CoreSchema, InitErrorDetails, core_schema
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from workflow.declare import quantity_of, word_of
-from workflow.study.field_types import FieldType, Flag, Keyword, Reading, Text, is_whole
-from workflow.study.mistakes import details, nearest, one_of, quoted, wrong
+from workflow.study.files import Files
+from workflow.study.kinds import FLAG, Kind, Schema, keyword, list_of, number, read_each, text
+from workflow.study.mistakes import Fault, WrongValueError, nearest, one_of, quoted, wrong
 
 
-class Form(BaseModel):
-    """A mapping with known keys, which explains its mistakes in the words of a study."""
+@dataclass(frozen=True)
+class Entry:
+    """An entry of a mapping: its kind, its meaning, and its default, ``MISSING`` where it has to be written."""
 
-    model_config = ConfigDict(extra="forbid", protected_namespaces=())
-    moved: ClassVar[Mapping[str, str]] = {}
-    """Keys that are known, but not here, with what to write instead."""
+    kind: Kind
+    meaning: str
+    default: Any = None
 
-    @model_validator(mode="wrap")
-    @classmethod
-    def _explain(cls, value: Any, handler: Any) -> Any:
+    @property
+    def described(self) -> str:
+        """The meaning with what it may hold."""
+        return self.kind.described(self.meaning)
+
+    @property
+    def schema(self) -> Schema:
+        """JSON Schema with meaning and default."""
+        known = isinstance(self.default, bool | int | float | str | tuple)
+        default = list(self.default) if isinstance(self.default, tuple) else self.default
+        return self.kind.schema | {"description": self.described} | ({"default": default} if known else {})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record(Kind):
+    """A mapping with known keys."""
+
+    entries: Mapping[str, Entry]
+
+
+def record(
+    about: str,
+    entries: Mapping[str, Entry],
+    build: Callable[[dict[str, Any]], Any] = dict,
+    moved: Mapping[str, str] | None = None,
+    more: str = "",
+) -> Record:
+    """Return the kind of a mapping with known keys.
+
+    Parameters
+    ----------
+    about
+        What it is, in a line.
+    entries
+        By key.
+    build
+        Makes of the entries that are written, in their order, what is read.
+    moved
+        Keys that are known, but not here, with what to write instead.
+    more
+        Pattern of further keys that some study may have, for the JSON Schema of all.
+    """
+
+    def read(value: Any, files: Files) -> Any:
+        is_mapping(value)
+        unknown = [key for key in value if key not in entries]
+        meant = {nearest(key, entries) for key in unknown}  # misspelt is not missing, too
+        faults: list[Fault] = [
+            ((key,), "is missing", f"write it: {entry.described}")
+            for key, entry in entries.items()
+            if entry.default is MISSING and key not in value and key not in meant
+        ]
+        for key in unknown:
+            elsewhere = (moved or {}).get(key)
+            problem = "does not belong here" if elsewhere else f"{quoted(key)} is not known here"
+            faults.append(((key,), problem, elsewhere or one_of(key, entries)))
+        known = [key for key in value if key in entries]
+        given: list[Any] = []
         try:
-            return handler(value)
-        except ValidationError as error:
-            errors = error.errors(include_url=False)
-            unknown = [str(line["loc"][-1]) for line in errors if line["type"] == "extra_forbidden"]
-            meant = {nearest(key, cls.model_fields) for key in unknown}  # misspelt is not missing, too
-            lines = [
-                cls._explained(line) for line in errors if line["type"] != "missing" or line["loc"][-1] not in meant
-            ]
-            raise ValidationError.from_exception_data(cls.__name__, lines) from None
+            given = read_each(((key, entries[key].kind, value[key]) for key in known), files)
+        except WrongValueError as error:
+            faults += error.faults
+        if faults:
+            raise WrongValueError(faults)
+        return build(dict(zip(known, given, strict=True)))
 
-    @classmethod
-    def _explained(cls, line: Any) -> InitErrorDetails:
-        place, value, last = line["loc"], line["input"], str(line["loc"][-1] if line["loc"] else "")
-        match line["type"]:
-            case "study":
-                mistake = wrong(**line["ctx"])
-            case "missing":
-                meaning = cls.model_fields[last].description
-                mistake = wrong("is missing", f"write it: {meaning}")
-            case "extra_forbidden" if last in cls.moved:
-                mistake = wrong("does not belong here", cls.moved[last])
-            case "extra_forbidden":
-                mistake = wrong(f"{quoted(last)} is not known here", one_of(last, cls.model_fields))
-            case _ if value is None:
-                mistake = wrong("has nothing in it", "write `key: value` entries, or leave it out")
-            case _:
-                mistake = wrong(f"{quoted(value)} is not a mapping", "write `key: value` entries, or leave it out")
-        return details(mistake, place, value)
+    schema = {
+        "type": "object",
+        "description": about,
+        "properties": {key: entry.schema for key, entry in entries.items()},
+        "required": [key for key, entry in entries.items() if entry.default is MISSING],
+        "additionalProperties": False,
+        **({"patternProperties": {more: {}}} if more else {}),
+    }
+    return Record(read, schema, entries=entries)
 
 
-def annotated(annotation: Any, metadata: Any) -> Any:
-    """Return ``Annotated[annotation, metadata]`` for what is known only when the program runs."""
-    return Annotated[annotation, metadata]
+def is_mapping(value: Any) -> None:
+    """Refuse what is no mapping."""
+    if not isinstance(value, dict):
+        problem = "has nothing in it" if value is None else f"{quoted(value)} is not a mapping"
+        raise wrong(problem, "write `key: value` entries, or leave it out")
 
 
-def form(declared: Any, name: str = "") -> Any:
-    """Return the annotation that reads a mapping into an instance of a declared dataclass."""
-    return annotated(keys_form(declared, name), AfterValidator(lambda read: declared(**dict(read))))
+def named(key: Kind, kind: Kind) -> Kind:
+    """Return the kind of a mapping whose entries have one kind, and names that the study gives them."""
+
+    def read(value: Any, files: Files) -> dict[str, Any]:
+        is_mapping(value)
+        read_each(((word, key, word) for word in value), files)
+        return dict(zip(value, read_each(((word, kind, one) for word, one in value.items()), files), strict=True))
+
+    schema = {"type": "object", "propertyNames": key.schema, "additionalProperties": kind.schema}
+    return Kind(read, schema)
 
 
-def keys_form(declared: Any, name: str = "", **other: Any) -> type[Form]:
-    """Return the form with the fields of a declared dataclass, and others that replace or follow them."""
-    hints = get_type_hints(declared)
-    declared_entries = [entry for entry in dataclasses.fields(declared) if entry.name not in other]
-    entries: dict[str, Any] = {entry.name: entry_of(entry, hints[entry.name]) for entry in declared_entries}
-    return create_model(name or declared.__name__, __base__=Form, __doc__=summary(declared), **entries | other)
+def either(choose: Callable[[Any], int], *kinds: Kind) -> Kind:
+    """Return the kind of what is one of several, chosen by its form, so that one mistake gives one message."""
+    return Kind(
+        lambda value, files: kinds[choose(value)].read(value, files), {"anyOf": [kind.schema for kind in kinds]}
+    )
 
 
-def explicit_entries(read: Form) -> dict[str, Any]:
-    """Return the entries that a study gives, in the order of the form."""
-    return {name: getattr(read, name) for name in type(read).model_fields if name in read.model_fields_set}
-
-
-def entry_of(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, FieldInfo]:
-    """Return the pydantic field of a field of a dataclass."""
-    reading, description = _annotation(entry, hint)
-    annotation = annotated(Any, reading) if isinstance(reading, FieldType) else reading
-    if entry.default_factory is not dataclasses.MISSING:
-        return annotation, Field(default_factory=entry.default_factory, description=description)
-    if entry.default is not dataclasses.MISSING:
-        return annotation, Field(default=entry.default, description=description)
-    return annotation, Field(description=description)
-
-
-def _annotation(entry: dataclasses.Field[Any], hint: Any) -> tuple[Any, str]:
-    """Return how a field is read, and what it means."""
-    declared = quantity_of(entry)
-    if declared is not None:
-        reading = Reading(declared, whole=is_whole(hint))
-        return reading, reading.described()
-    text = word_of(entry)
-    if text is not None:
-        return Text(text), text.description
-    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
-        return form(hint), summary(hint)
-    if get_origin(hint) is tuple:
-        item = get_args(hint)[0]
-        if dataclasses.is_dataclass(item):
-            entries = annotated(GenericAlias(list, form(item)), BeforeValidator(_listed))
-            return annotated(entries, AfterValidator(tuple)), summary(item)
-        return Keyword(get_args(item), several=True), spoken(entry.name)
-    if get_origin(hint) is Literal:
-        return Keyword(get_args(hint)), spoken(entry.name)
-    if hint is bool:
-        return Flag(), str(entry.metadata.get("meaning", spoken(entry.name)))
-    raise TypeError(f"{entry.name}: declare a quantity, a word, a file, a dataclass, a bool or a Literal, not {hint}")
-
-
-LONGEST_LIST = 100
-"""Entries of a list of mappings."""
-
-
-def _listed(value: Any) -> Any:
-    """Refuse what is no list of a moderate length."""
-    if not isinstance(value, list):
-        raise wrong(f"{quoted(value)} is not a list", "write a list of `{key: value}` entries")
-    if len(value) > LONGEST_LIST:
-        raise wrong(f"has {len(value)} entries", f"write at most {LONGEST_LIST}")
-    return value
-
-
-def spoken(name: str) -> str:
-    """Return a name as words."""
-    return name.replace("_", " ")
+def no_mapping(value: Any) -> int:
+    """Choose the second of two kinds for what is no mapping."""
+    return int(not isinstance(value, dict))
 
 
 def summary(described: object) -> str:
@@ -147,49 +134,41 @@ def summary(described: object) -> str:
     return " ".join((described.__doc__ or "").split("\n\n")[0].split())
 
 
-@dataclasses.dataclass(frozen=True)
-class ByShape:
-    """Chooses the branch of a union by shape: by the word under ``key``, or a bare ``word``.
+def record_of(declared: Any) -> Record:
+    """Return the kind of a mapping that is read into an instance of a declared dataclass."""
+    return record(summary(declared), entries_of(declared), lambda given: declared(**given))
 
-    Tags stand in angle brackets, which no key of a study has, so that they differ from keys
-    in the place of an error.
+
+def entries_of(declared: Any, without: tuple[str, ...] = ()) -> dict[str, Entry]:
+    """Return how the fields of a declared dataclass are read, by name, without some that are read otherwise."""
+    hints = get_type_hints(declared)
+    fields = (field for field in dataclasses.fields(declared) if field.name not in without)
+    return {field.name: _entry(field, hints[field.name]) for field in fields}
+
+
+def _entry(field: dataclasses.Field[Any], hint: Any) -> Entry:
+    """Return how a field of a declared dataclass is read.
+
+    Raises
+    ------
+    TypeError
+        It is not declared in a way that a study can set.
     """
-
-    branches: tuple[tuple[str, Any], ...]
-    key: str | None = None
-    word: str | None = None
-
-    def _judge(self, value: Any) -> Any:
-        """Refuse what is none of the branches, in one message."""
-        names = [name for name, _ in self.branches]
-        if not isinstance(value, dict):
-            if self.word is not None and value == self.word:
-                return value
-            other = "" if self.word is None else f" or `{self.word}`"
-            raise wrong(f"{quoted(value)} is not a mapping{other}", f"write a mapping{other}")
-        if self.key is not None and self.key not in value:
-            raise wrong(f"`{self.key}` is missing", one_of("", names))
-        if self.key is not None and value[self.key] not in names:
-            chosen = value[self.key]
-            mistake = wrong(f"{quoted(chosen)} is no {self.key}", one_of(str(chosen), names))
-            raise ValidationError.from_exception_data("branch", [details(mistake, (self.key,), chosen)])
-        return value
-
-    def _tag(self, value: Any) -> str:
-        if not isinstance(value, dict):
-            return f"<{self.word}>"
-        return f"<{self.branches[0][0] if self.key is None else value[self.key]}>"
-
-    def __get_pydantic_core_schema__(self, _source: Any, handler: Any) -> CoreSchema:
-        choices = {f"<{name}>": handler.generate_schema(branch) for name, branch in self.branches}
-        if self.word is not None:
-            choices[f"<{self.word}>"] = core_schema.literal_schema([self.word])
-        union = core_schema.tagged_union_schema(choices, discriminator=self._tag)
-        return core_schema.no_info_before_validator_function(self._judge, union)
-
-
-def entries_of(read: Any) -> Any:
-    """Return the entries of a form, and those of the forms in it."""
-    if isinstance(read, Form):
-        return {key: entries_of(value) for key, value in read}
-    return {key: entries_of(value) for key, value in read.items()} if isinstance(read, dict) else read
+    default = field.default if field.default_factory is MISSING else None
+    if (quantity := quantity_of(field)) is not None:
+        return Entry(number(quantity, whole=int in (hint, *get_args(hint))), quantity.description, default)
+    if (word := word_of(field)) is not None:
+        return Entry(text(word), word.description, default)
+    meaning = str(field.metadata.get("meaning", field.name.replace("_", " ")))
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+        return Entry(record_of(hint), summary(hint), default)
+    if get_origin(hint) is tuple:
+        item = get_args(hint)[0]
+        if dataclasses.is_dataclass(item):
+            return Entry(list_of(record_of(item), "write a list of `{key: value}` entries"), summary(item), default)
+        return Entry(list_of(keyword(get_args(item)), "write a list, [] for none", distinct=True), meaning, default)
+    if get_origin(hint) is Literal:
+        return Entry(keyword(get_args(hint)), meaning, default)
+    if hint is bool:
+        return Entry(FLAG, meaning, default)
+    raise TypeError(f"{field.name}: declare a quantity, a word, a file, a dataclass, a bool or a Literal, not {hint}")

@@ -7,8 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic_core import InitErrorDetails, PydanticCustomError
-
 Place = tuple[str | int, ...]
 """Keys and positions that lead from the top of a study to an entry."""
 
@@ -57,14 +55,28 @@ class StudyError(Exception):
         return "\n".join(map(str, self.mistakes))
 
 
-def wrong(problem: str, remedy: str) -> PydanticCustomError:
-    """Return the error a validator raises: pydantic carries problem and remedy to the report."""
-    return PydanticCustomError("study", "{problem}; {remedy}", {"problem": problem, "remedy": remedy})
+Fault = tuple[Place, str, str]
+"""Where something is wrong, what, and what would be right."""
 
 
-def details(error: PydanticCustomError, place: Place, value: Any) -> InitErrorDetails:
-    """Return one line of a ``ValidationError``: an error of :func:`wrong` with its place."""
-    return InitErrorDetails(type=error, loc=place, input=value)
+class WrongValueError(Exception):
+    """What is wrong with a value that is being read, at its place or below it."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(faults)
+        super().__init__(self.faults)
+
+    def __str__(self) -> str:
+        return "\n".join(f"{problem}; {remedy}" for _, problem, remedy in self.faults)
+
+    def below(self, *place: str | int) -> tuple[Fault, ...]:
+        """Return the faults as they are of an entry at a place."""
+        return tuple(((*place, *deeper), problem, remedy) for deeper, problem, remedy in self.faults)
+
+
+def wrong(problem: str, remedy: str, *place: str | int) -> WrongValueError:
+    """Return the error of one fault, in the value itself or at a place below it."""
+    return WrongValueError([(place, problem, remedy)])
 
 
 _SYNONYMS = {"restitution": "e", "step": "h", "time_step": "h", "dt": "h", "clearance": "gap"}

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from workflow import reduction
 from workflow.declare import File, word_of
-from workflow.study.addresses import MODES, TOLERANCE, Address, scene_values, scheme_options, settings
-from workflow.study.draws import Range
-from workflow.study.mistakes import StudyError
+from workflow.study.addresses import MODES, TOLERANCE, scene_values, scheme_options, settings
 from workflow.study.quantities import readable
+from workflow.study.ranges import Range
 from workflow.study.settings import AUTO, CHOSEN, CaseSettings, Output
-from workflow.study.source import compose
 from workflow.study.study import Study
 
 Origin = Literal["study", "axis", "default"]
@@ -45,32 +43,28 @@ class ResolvedValue:
 
 def resolved_values(study: Study, cell: CaseSettings) -> tuple[ResolvedValue, ...]:
     """Return the values of a study: scene, settings, scheme options and output; ``cell`` is one of its cases."""
-    axes = {axis.path: axis for dimension in study.dimensions for axis in dimension.axes}
+    axes = {axis.path: axis for axis in study.axes()}
     ranges = {path: span for each in study.dimensions if each.drawn for path, span in each.drawn.ranges.items()}
     if study.branch is not None:
         axis = study.branch.axis
-        axes[axis.path], ranges[axis.path] = axis, Range("branch", *map(float, axis.values))
-    single = {axis.path: axis for axis in study.scalars}
-    written = _written(study)
+        ranges[axis.path] = Range("branch", *map(float, axis.values))
+    single = {axis.path for axis in study.scalars}
     labels = {label: (choice.method,) for label, choice in study.schemes.items()}
-    addresses: dict[str, Address | None] = {
-        **scene_values((cell.scene.model,), (len(cell.scene.casing.harmonics), len(cell.scene.load.harmonics)))
-    }
-    addresses |= {"scene.duration": None, **settings(tuple(labels), reduction.names()), **scheme_options(labels)}
+    harmonics = len(cell.scene.casing.harmonics), len(cell.scene.load.harmonics)
+    units = {path: entry.kind.unit for path, entry in scene_values((cell.scene.model,), harmonics).items()}
+    others = settings(tuple(labels), reduction.names()) | scheme_options(labels)
+    units |= {"scene.duration": "s"} | {path: entry.kind.unit for path, entry in others.items()}
     resolved = list(_files(cell))
-    for path, address in addresses.items():
-        unit = "s" if address is None else address.unit
-        if path in axes:
-            varied = _in_words(path, axes[path].values)
-            resolved.append(ResolvedValue(path, varied, unit, "axis", ranges.get(path)))
+    for path, unit in units.items():
+        if path == TOLERANCE and path not in axes:
             continue
-        if path == TOLERANCE and path not in single:
-            continue
-        values = single[path].values if path in single else _values_at(study, cell, path)
+        values = axes[path].values if path in axes else _values_at(study, cell, path)
         if values is not None:
-            origin: Origin = "study" if _is_written(written, path) else "default"
-            resolved.append(ResolvedValue(path, _in_words(path, values), unit, origin))
-    return (*resolved, *_output(study.output, written))
+            words = tuple(AUTO if path in MODES and value == CHOSEN else value for value in values)
+            origin: Origin = "study" if study.gives(path) else "default"
+            varied = path in axes and path not in single
+            resolved.append(ResolvedValue(path, words, unit, "axis" if varied else origin, ranges.get(path)))
+    return (*resolved, *_output(study))
 
 
 def _files(cell: CaseSettings) -> Iterator[ResolvedValue]:
@@ -80,11 +74,6 @@ def _files(cell: CaseSettings) -> Iterator[ResolvedValue]:
         if word is not None and word.file and value is not None:
             text = value.name if isinstance(value, File) else f"{len(value)} rows"
             yield ResolvedValue(f"scene.{cell.scene.model}.{entry.name}", (text,), "", "study")
-
-
-def _in_words(path: str, values: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return values as a study writes them: `auto` for a count that its tolerance decides."""
-    return tuple(AUTO if path in MODES and value == CHOSEN else value for value in values)
 
 
 def _values_at(study: Study, cell: CaseSettings, path: str) -> tuple[Any, ...] | None:
@@ -107,45 +96,11 @@ def _values_at(study: Study, cell: CaseSettings, path: str) -> tuple[Any, ...] |
     return owner if isinstance(owner, tuple) else (owner,)
 
 
-def _written(study: Study) -> Any:
-    try:
-        return compose(study.text, study.file).tree
-    except StudyError:  # a study that was made otherwise
-        return {}
-
-
-def _is_written(tree: Any, path: str) -> bool:
-    """Tell whether a study gives a value where it belongs or, of one value, among its axes."""
-    if isinstance(tree, Mapping) and isinstance(tree.get("axes"), Mapping) and path in tree["axes"]:
-        return True
-    for word in path.split("."):
-        if tree == "static":
-            return True
-        step: Any = int(word) if isinstance(tree, list) else word
-        if not isinstance(tree, Mapping | list) or (isinstance(tree, Mapping) and step not in tree):
-            return False
-        tree = tree[step]
-    return True
-
-
-def _output(output: Output, written: Any) -> list[ResolvedValue]:
-    values: dict[str, tuple[Any, ...]] = {
-        "interval": (output.interval,),
-        "histories": output.histories or ("none",),
-        "precision": (output.precision,),
-        "balances": (output.balances,),
-        "sections": (output.sections,),
-    }
-    if output.steady is None:
-        values["steady"] = (False,)
-    else:
-        values |= {f"steady.{name}": (value,) for name, value in dataclasses.asdict(output.steady).items()}
-    return [
-        ResolvedValue(
-            f"output.{name}",
-            value,
-            "s" if name == "interval" else "",
-            "study" if _is_written(written, f"output.{name}") else "default",
-        )
-        for name, value in values.items()
-    ]
+def _output(study: Study) -> Iterator[ResolvedValue]:
+    values = {entry.name: getattr(study.output, entry.name) for entry in dataclasses.fields(Output)}
+    steady = values.pop("steady")
+    values |= {"steady": False} if steady is None else {f"steady.{k}": v for k, v in dataclasses.asdict(steady).items()}
+    for name, value in values.items():
+        listed = (value or ("none",)) if isinstance(value, tuple) else (value,)
+        origin: Origin = "study" if study.gives(f"output.{name}") else "default"
+        yield ResolvedValue(f"output.{name}", listed, "s" if name == "interval" else "", origin)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import inf
 from typing import Any, Literal
 
 from workflow import reduction
 from workflow.declare import Values, quantity, word
-from workflow.models import Array
 
 FULL = "full"
 """Not reduced; stored as the number of interior modes, one fewer than the model has nodes."""
@@ -24,14 +21,16 @@ LARGEST_PHASE = 1000.0
 """rad; the sum of ω t and a phase is then known to 1e-13 rad. Beside a phase of 1e22 rad ω t is lost in rounding."""
 
 
+def _phase(of: str) -> Any:
+    return quantity("rad", f"phase of {of}", default=0.0, at_least=-LARGEST_PHASE, at_most=LARGEST_PHASE)
+
+
 @dataclass(frozen=True)
 class LoadHarmonic:
     """One more sinusoid A sin(2π f t + φ) of the load on the tip."""
 
     amplitude: float = quantity("N", "amplitude of a harmonic of the load")
-    phase: float = quantity(
-        "rad", "phase of a harmonic of the load", default=0.0, at_least=-LARGEST_PHASE, at_most=LARGEST_PHASE
-    )
+    phase: float = _phase("a harmonic of the load")
     frequency: float | None = quantity("Hz", "frequency of a harmonic of the load", default=None, at_least=0)
     order: float | None = quantity("1", "frequency of a harmonic of the load, over speed", default=None, at_least=0)
 
@@ -41,9 +40,7 @@ class CasingHarmonic:
     """One sinusoid a sin(2π f t + φ) of the casing's motion, away from the tip where it is positive."""
 
     amplitude: float = quantity("m", "amplitude of a harmonic of the casing")
-    phase: float = quantity(
-        "rad", "phase of a harmonic of the casing", default=0.0, at_least=-LARGEST_PHASE, at_most=LARGEST_PHASE
-    )
+    phase: float = _phase("a harmonic of the casing")
     frequency: float | None = quantity("Hz", "frequency of a harmonic of the casing", default=None, at_least=0)
     order: float | None = quantity("1", "frequency of a harmonic of the casing, over speed", default=None, at_least=0)
 
@@ -55,9 +52,7 @@ class Load:
     mean: float = quantity("N", "constant part F0 of the load on the tip", default=0.0)
     amplitude: float = quantity("N", "amplitude F1 of the load on the tip", default=0.0)
     frequency: float = quantity("Hz", "frequency of the load on the tip", default=0.0, at_least=0)
-    phase: float = quantity(
-        "rad", "phase of the load on the tip", default=0.0, at_least=-LARGEST_PHASE, at_most=LARGEST_PHASE
-    )
+    phase: float = _phase("the load on the tip")
     steady: Values = quantity("N", "constant load per node", default=0.0, per="node")
     harmonics: tuple[LoadHarmonic, ...] = ()
 
@@ -97,22 +92,9 @@ class Friction:
 class Scene:
     """Model, casing, load, initial state and duration of a case.
 
-    Attributes
-    ----------
-    model
-        Name of the model, a module of ``workflow/models/``.
-    parameters
-        Instance of that module's ``Parameters``; lists are tuples.
-    casing
-        Tip clearance and the casing's motion.
-    load, initial
-        Load and initial state; ``"static"`` is equilibrium under the constant loads.
-    duration
-        s.
-    speed
-        Revolutions per second, of which a harmonic's ``order`` is a multiple; 0 where none is given.
-    friction
-        What makes α, ``None`` where α is given as it is.
+    ``model`` is the name of a module of ``workflow/models/`` and ``parameters`` an instance of its ``Parameters``. An
+    ``initial`` state ``"static"`` is equilibrium under the constant loads. ``speed`` is 0 where none is given, and
+    ``friction`` is ``None`` where α is given as it is.
     """
 
     model: str
@@ -153,11 +135,6 @@ class CaseSettings:
     thermal_modes: int = quantity("1", "thermal vectors kept beside the tip's own", default=FULL, at_least=0)
 
 
-_BALANCES = "whether to keep energy_residual and heat_residual; a step takes about half as long again with them"
-
-_SECTIONS = "whether to keep the tip's state at the start of each load period, its impacts and extreme displacements"
-
-
 @dataclass(frozen=True)
 class Steady:
     """Search for the steady rub that each case of event_driven leads to."""
@@ -168,26 +145,13 @@ class Steady:
     samples: int = quantity("1", "samples of its orbit", default=100, at_least=1, at_most=10_000)
 
 
+_BALANCES = "whether to keep energy_residual and heat_residual; a step takes about half as long again with them"
+_SECTIONS = "whether to keep the tip's state at the start of each load period, its impacts and extreme displacements"
+
+
 @dataclass(frozen=True)
 class Output:
-    """What the archive keeps of every case.
-
-    Attributes
-    ----------
-    interval
-        Common sampling of all histories, s; a thousandth of the duration where a study has none.
-    histories
-        Names of the tip histories that are kept.
-    precision
-        Type of the histories.
-    balances
-        Whether energy and heat balances are kept, metrics ``energy_residual`` and ``heat_residual``.
-        A step takes about half as long again with them.
-    sections
-        Whether the tip's state at the start of each load period is kept, with what else describes a period.
-    steady
-        What is kept of the steady rub that each case leads to, ``None`` where it is not looked for.
-    """
+    """What the archive keeps of every case; ``steady`` is ``None`` where steady rubs are not looked for."""
 
     interval: float = quantity("s", "sampling of all histories; default: duration/1000", above=0)
     histories: tuple[History, ...] = ("displacement", "temperature", "contact_force")
@@ -200,37 +164,3 @@ class Output:
     def of_branches(self) -> Output:
         """What an archive of branches keeps: no histories, balances and sections, always steady rubs."""
         return replace(self, histories=(), balances=False, sections=False, steady=self.steady or Steady())
-
-
-Counts = tuple[int, ...] | None
-"""Of the cases; ``None`` where they are not known."""
-
-
-@dataclass(frozen=True)
-class Sizes:
-    """Sizes of the structures of a study.
-
-    Attributes
-    ----------
-    nodes
-        Numbers of nodes; of a model without them those of the displacements that loads and starts are given for.
-    temperatures
-        Numbers of temperatures that starts are given for.
-    coordinates
-        Numbers of mechanical and of thermal coordinates, by the setting of their modes.
-    large, most
-        Coordinates above which a structure cannot be kept full, and the most modes of each kind that it then has.
-    contact
-        Weights w of the displacements that a start is given for, x_n = wᵀx; ``None`` where the last one is the tip.
-    """
-
-    nodes: Counts = None
-    temperatures: Counts = None
-    coordinates: Mapping[str, Counts] | None = None
-    large: float = inf
-    most: int = 0
-    contact: Array | None = None
-
-    def of(self, path: str) -> Counts:
-        """Return the numbers of coordinates that a setting of modes chooses from."""
-        return self.nodes if self.coordinates is None else self.coordinates[path]

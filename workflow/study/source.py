@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,13 @@ LARGEST = 2**20
 
 MOST_ENTRIES = 50_000
 """Keys and values of a study, which take about 30 us each to read: a second and a half."""
+
+_TOO_DEEP = (f"nests deeper than {DEEPEST} levels", "a study needs five")
+_TOO_LARGE = ("is larger than 1 MiB", "write long axes as {lin: [first, last, count]}")
+_TOO_MANY = (
+    f"has more than {MOST_ENTRIES} keys and values",
+    "write long axes as {lin: [first, last, count]} or {log: [...]}",
+)
 
 _WORDS = {
     **dict.fromkeys(["", "~", "null", "Null", "NULL"], None),
@@ -73,6 +81,43 @@ class Source:
         line = self.lines.get(written, 1) if line is None else line
         self.mistakes.append(Mistake(self.file, line, dotted(place), problem, remedy))
 
+    def refuse(self) -> None:
+        """Refuse the study if it has mistakes."""
+        if self.mistakes:
+            raise StudyError(self.mistakes)
+
+    def refusal(self, problem: str, remedy: str, line: int | None = None) -> StudyError:
+        """Return the error of a text that cannot be read further."""
+        self.report((), problem, remedy, line)
+        return StudyError(self.mistakes)
+
+
+def mapping(value: Any, *keys: str) -> dict[str, Any]:
+    """Return the mapping at some keys of a tree, an empty one where there is none."""
+    for key in keys:
+        value = value.get(key) if isinstance(value, dict) else None
+    return value if isinstance(value, dict) else {}
+
+
+def given_paths(tree: Any, above: str = "") -> Iterator[str]:
+    """Yield the dotted path of every entry of a mapping in a tree."""
+    items = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
+    for step, below in items:
+        path = f"{above}.{step}" if above else str(step)
+        if isinstance(tree, dict):
+            yield path
+        yield from given_paths(below, path)
+
+
+def written_axes(tree: Any) -> Iterator[tuple[Place, str, Any]]:
+    """Yield place, path and content of all axes of a study as written, those of zips too."""
+    sections: list[tuple[str, ...]] = [("axes",)]
+    for name in mapping(tree, "zip"):
+        sections.append(("zip", name, "of") if "of" in mapping(tree, "zip", name) else ("zip", name))
+    for section in sections:
+        for path, content in mapping(tree, *section).items():
+            yield (*section, path), path, content
+
 
 def dotted(place: Place) -> str:
     """Return a place as users write it: ``scene.chain.mass[2]``."""
@@ -81,13 +126,7 @@ def dotted(place: Place) -> str:
 
 
 def read_text(path: str | Path) -> str:
-    """Return the text of a study's file.
-
-    Raises
-    ------
-    StudyError
-        No such file, not a regular file, not readable, too large, or not UTF-8.
-    """
+    """Return the text of a study's file; a ``StudyError`` tells why it cannot be read."""
 
     def refusal(problem: str, remedy: str, line: int | None = None) -> StudyError:
         return StudyError([Mistake(str(path), line, "", problem, remedy)])
@@ -101,7 +140,7 @@ def read_text(path: str | Path) -> str:
         reason = getattr(error, "strerror", None) or str(error)
         raise refusal(f"cannot be read ({reason})", "give the path of a readable study") from None
     if len(content) > LARGEST:
-        raise refusal("is larger than 1 MiB", "write long axes as {lin: [first, last, count]}")
+        raise refusal(*_TOO_LARGE)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -123,7 +162,7 @@ def compose(text: str, file: str) -> Source:
 
     source = Source(file, text)
     if len(text.encode(errors="replace")) > LARGEST:
-        raise StudyError([Mistake(file, None, "", "is larger than 1 MiB", "write long axes as {lin: [...]}")])
+        raise StudyError([Mistake(file, None, "", *_TOO_LARGE)])
 
     class Bounded(Composer):
         """Refuses more entries than a study has."""
@@ -134,7 +173,7 @@ def compose(text: str, file: str) -> Source:
         def compose_node(self, parent: Any, index: Any) -> Any:
             self.nodes += 1
             if self.nodes > MOST_ENTRIES:
-                raise _too_many(source, self.parser.peek_event())
+                raise source.refusal(*_TOO_MANY, self.parser.peek_event().start_mark.line + 1)
             return super().compose_node(parent, index)
 
     yaml = YAML(typ="safe", pure=True)
@@ -144,37 +183,24 @@ def compose(text: str, file: str) -> Source:
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or "a character that YAML does not allow"
-        source.report((), f"is not YAML: {problem}", "mend the text here or above", mark and mark.line + 1)
-        raise StudyError(source.mistakes) from None
+        line = mark and mark.line + 1
+        raise source.refusal(f"is not YAML: {problem}", "mend the text here or above", line) from None
     except (ValueError, OverflowError):  # an escape beyond Unicode
-        source.report((), "is not YAML: an escape that is no character", "mend the text")
-        raise StudyError(source.mistakes) from None
+        raise source.refusal("is not YAML: an escape that is no character", "mend the text") from None
     except RecursionError:
-        raise _too_deep(source) from None
+        raise source.refusal(*_TOO_DEEP) from None
     source.tree = None if root is None else _value(source, root, (), yaml.resolver)
     if source.tree is None:
-        source.report((), "is empty", "begin with `study: NAME` and `scene:`")
-        raise StudyError(source.mistakes)
+        raise source.refusal("is empty", "begin with `study: NAME` and `scene:`")
     return source
-
-
-def _too_many(source: Source, there: Any) -> StudyError:
-    remedy = "write long axes as {lin: [first, last, count]} or {log: [...]}"
-    source.report((), f"has more than {MOST_ENTRIES} keys and values", remedy, there.start_mark.line + 1)
-    return StudyError(source.mistakes)
-
-
-def _too_deep(source: Source) -> StudyError:
-    source.report((), f"nests deeper than {DEEPEST} levels", "a study needs five")
-    return StudyError(source.mistakes)
 
 
 def _value(source: Source, node: Any, place: Place, resolver: Any) -> Any:
     """Return the value of a node of YAML and note the line of each entry in it."""
     if len(place) > DEEPEST:
-        raise _too_deep(source)
+        raise source.refusal(*_TOO_DEEP)
     if len(source.lines) > MOST_ENTRIES:  # of aliases that repeat aliases
-        raise _too_many(source, node)
+        raise source.refusal(*_TOO_MANY, node.start_mark.line + 1)
     is_plain = getattr(node, "style", "") is None
     if str(node.ctag) != str(resolver.resolve(type(node), node.value, (is_plain, not is_plain))):
         problem = f"has the tag {quoted(str(node.ctag))}"

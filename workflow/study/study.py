@@ -1,4 +1,4 @@
-"""A study as resolved: what its cases share, what they vary, and the settings of each."""
+"""A study: read from a path, a text or a mapping, checked and resolved to SI."""
 
 from __future__ import annotations
 
@@ -8,80 +8,42 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from workflow import models
 from workflow.declare import plain
-from workflow.study.addresses import MODES
-from workflow.study.axes import Axis, Branch, Dimension, Value
-from workflow.study.settings import CHOSEN, FULL, CaseSettings, Output, Scene, SchemeChoice
+from workflow.study.case_space import CaseSpace
+from workflow.study.edits import OPTION, plain_tree, replaced, text_of
+from workflow.study.files import Files
+from workflow.study.reader import read_fields, resolve
+from workflow.study.source import compose, read_text
 
 
-@dataclass(frozen=True)
-class Reference:
-    """What errors are measured against: the settings that replace those of a case.
-
-    ``full`` stays a word where the number of nodes varies; :meth:`Study.cell` resolves it.
-    """
-
-    values: Mapping[str, Value]
-
-    @property
-    def is_auto(self) -> bool:
-        """Whether its tolerance decides a count of modes."""
-        return any(self.values.get(path) == CHOSEN for path in MODES)
-
-
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, kw_only=True)
+class Study(CaseSpace):
     """A study that has been read, checked and resolved to SI.
 
     Attributes
     ----------
     name, title, text, file
         Identifier, title (the identifier where a study has none), source as written, and its file.
-    scene
-        The scene as written, before axes replace any of it.
-    schemes
-        Schemes by label: those defined, and the bare methods that are used.
-    dimensions
-        Axes, then zips, in the study's order.
-    scalars
-        Settings and scene values that are no dimension, with one value each.
-    reference
-        What errors are measured against, or ``None``.
-    output
-        What the archive keeps.
     license
         Under which the archive may be used, empty where the study states none.
     attached
         Places of files that came with the study's text, by the names that it gives them.
-    branch
-        The axis that is followed as a curve, ``None`` where none is.
+    given
+        Dotted paths of what the text gives.
     """
 
     name: str
     title: str
     text: str
     file: str
-    scene: Scene
-    schemes: Mapping[str, SchemeChoice]
-    dimensions: tuple[Dimension, ...]
-    scalars: tuple[Axis, ...]
-    reference: Reference | None
-    output: Output
     license: str = ""
     attached: Mapping[str, Path] = field(default_factory=dict)
-    branch: Branch | None = None
+    given: frozenset[str] = frozenset()
 
-    @property
-    def samples(self) -> int:
-        """Number of common samples, the initial state included."""
-        return round(self.scene.duration / self.output.interval) + 1
-
-    @property
-    def is_auto(self) -> bool:
-        """Whether it leaves a count of modes to its tolerance in some case."""
-        axes = (*self.scalars, *(axis for dimension in self.dimensions for axis in dimension.axes))
-        return any(CHOSEN in axis.values for axis in axes if axis.path in MODES)
+    def gives(self, path: str) -> bool:
+        """Tell whether the text gives the value at a path, where it belongs or as an axis of one value."""
+        static = path.startswith("scene.initial.") and isinstance(self.scene.initial, str)
+        return path in self.given or f"axes.{path}" in self.given or static
 
     def with_(self, settings: Mapping[str, Any]) -> Study:
         """Return this study with some values replaced; its text has them too.
@@ -97,99 +59,116 @@ class Study:
         StudyError
             The study has mistakes then.
         """
-        from workflow.study.reader import parse_study
-
         return parse_study(self.text, self.file, settings, "with_", self.attached)
-
-    def cell(self, values: Mapping[str, Value]) -> CaseSettings:
-        """Return the settings of a case; counts of modes that its tolerance decides are :data:`CHOSEN`.
-
-        Parameters
-        ----------
-        values
-            By path, one value for every axis and scalar, in SI.
-
-        Raises
-        ------
-        KeyError
-            A setting has no value, or no scheme has the label.
-        """
-        scene, scheme = self.scene, self.schemes[str(values["scheme"])]
-        for path, value in values.items():
-            head, *rest = path.split(".")
-            if head == "scene":
-                scene = _replaced(scene, _attributes(rest, scene.model), value)
-            elif head == "schemes" and rest[0] == scheme.label:
-                scheme = dataclasses.replace(scheme, options=_replaced(scheme.options, rest[1:], value))
-        mechanical, thermal = values["mechanical_modes"], values["thermal_modes"]
-        return CaseSettings(
-            scene,
-            scheme,
-            e=float(values["e"]),
-            alpha=float(values["alpha"]) if scene.friction is None else scene.friction.alpha,
-            h=float(values["h"]),
-            reduction=str(values["reduction"]),
-            mechanical_modes=_interior(scene, 0) if mechanical == FULL else int(mechanical),
-            thermal_modes=_interior(scene, 1) if thermal == FULL else int(thermal),
-        )
 
     def resolved(self) -> dict[str, Any]:
         """Return everything resolved as plain JSON values: SI, defaults filled in, no file names."""
         scene = self.scene
-        initial = scene.initial if isinstance(scene.initial, str) else dataclasses.asdict(scene.initial)
-        resolved: dict[str, Any] = _plain(
-            {
-                "study": self.name,
-                "title": self.title,
-                **({"license": self.license} if self.license else {}),
-                "scene": {
-                    scene.model: plain(scene.parameters),
-                    "casing": _without_empty(dataclasses.asdict(scene.casing), "harmonics"),
-                    "load": _without_empty(dataclasses.asdict(scene.load), "harmonics"),
-                    "initial": initial,
-                    "duration": scene.duration,
-                    **({"speed": scene.speed} if scene.speed else {}),
-                    **({} if scene.friction is None else {"friction": dataclasses.asdict(scene.friction)}),
-                },
-                "schemes": {
-                    label: {"method": choice.method, **plain(choice.options)} for label, choice in self.schemes.items()
-                },
-                "dimensions": [_without_empty(dataclasses.asdict(each), "drawn") for each in self.dimensions],
-                "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
-                "reference": None if self.reference is None else dict(self.reference.values),
-                **({} if self.branch is None else {"branch": dataclasses.asdict(self.branch)}),
-                "output": _without_empty(_without_empty(dataclasses.asdict(self.output), "sections"), "steady"),
-            }
-        )
+        values = {
+            "study": self.name,
+            "title": self.title,
+            **({"license": self.license} if self.license else {}),
+            "scene": {
+                scene.model: plain(scene.parameters),
+                "casing": _without_empty(scene.casing, "harmonics"),
+                "load": _without_empty(scene.load, "harmonics"),
+                "initial": scene.initial if isinstance(scene.initial, str) else dataclasses.asdict(scene.initial),
+                "duration": scene.duration,
+                **({"speed": scene.speed} if scene.speed else {}),
+                **({} if scene.friction is None else {"friction": dataclasses.asdict(scene.friction)}),
+            },
+            "schemes": {
+                label: {"method": choice.method, **plain(choice.options)} for label, choice in self.schemes.items()
+            },
+            "dimensions": [_without_empty(dimension, "drawn") for dimension in self.dimensions],
+            "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
+            "reference": None if self.reference is None else dict(self.reference.values),
+            **({} if self.branch is None else {"branch": dataclasses.asdict(self.branch)}),
+            "output": _without_empty(self.output, "sections", "steady"),
+        }
+        resolved: dict[str, Any] = _listed(values)
         return resolved
 
 
-def _without_empty(values: dict[str, Any], key: str) -> dict[str, Any]:
-    """Return values without a key whose value is empty: studies that do not have it keep their identity."""
-    return {name: value for name, value in values.items() if name != key or value}
+def _without_empty(owner: Any, *later: str) -> dict[str, Any]:
+    """Return the values of a dataclass without those added later that are empty: a study keeps its identity."""
+    return {name: value for name, value in dataclasses.asdict(owner).items() if name not in later or value}
 
 
-def _interior(scene: Scene, kind: int) -> int:
-    """Return the number of interior coordinates of a scene's structure, mechanical (0) or thermal (1)."""
-    return models.sizes(scene.model, scene.parameters)[kind] - 1
-
-
-def _attributes(words: list[str], model: str) -> list[str]:
-    """Return how the value of a dotted path below ``scene`` is reached in a :class:`Scene`."""
-    return ["parameters", *words[1:]] if words[0] == model else words
-
-
-def _replaced(owner: Any, attributes: list[str], value: Value) -> Any:
-    """Return a frozen dataclass with a value replaced, however deep it lies."""
-    name, *deeper = attributes
-    if isinstance(owner, tuple):
-        place = int(name)
-        return (*owner[:place], _replaced(owner[place], deeper, value), *owner[place + 1 :])
-    return dataclasses.replace(owner, **{name: _replaced(getattr(owner, name), deeper, value) if deeper else value})
-
-
-def _plain(value: Any) -> Any:
+def _listed(value: Any) -> Any:
     """Return nested values with lists in the place of tuples, as JSON has them."""
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+        return {key: _listed(item) for key, item in value.items()}
+    return [_listed(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+StudySource = Study | Mapping[str, Any] | str | Path
+"""What :func:`read_study` takes."""
+
+
+def read_study(source: StudySource, settings: Mapping[str, Any] | None = None) -> Study:
+    """Read a study.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file; or the text itself, which has more than one line; or what the text would hold, as a
+        mapping; or a study that was read.
+    settings
+        Values that replace some of it, by dotted path, see :func:`parse_study`.
+
+    Raises
+    ------
+    StudyError
+        The file cannot be read or the study has mistakes; all of them are in ``mistakes``.
+    """
+    if isinstance(source, Study):
+        return source.with_(settings) if settings else source
+    if isinstance(source, Mapping):
+        return parse_study(text_of(plain_tree(source)), "study", settings)
+    if isinstance(source, str) and "\n" in source.strip():
+        return parse_study(source, "study", settings)
+    return parse_study(read_text(source), str(source), settings)
+
+
+def parse_study(
+    text: str,
+    file: str,
+    settings: Mapping[str, Any] | None = None,
+    option: str = OPTION,
+    attached: Mapping[str, Path] | None = None,
+) -> Study:
+    """Read a study from its text.
+
+    Parameters
+    ----------
+    text, file
+        The text, and its name in messages.
+    settings
+        Values that replace some of it, see :meth:`Study.with_`; the study's own ``text`` has them.
+    option
+        What names these values in messages, before their key.
+    attached
+        Places of files that came with the text, by the names that it gives them.
+
+    Raises
+    ------
+    StudyError
+        The study has mistakes; all of them are in ``mistakes``.
+    """
+    source = compose(text, file)
+    if settings:
+        source = replaced(source, settings, option)
+    files = Files(Path(file).parent, attached or {})
+    fields = read_fields(source, files)
+    sections, cases = fields.sections, resolve(fields)
+    return Study(
+        **vars(cases),
+        name=sections["study"],
+        title=sections.get("title") or sections["study"],
+        text=source.text,
+        file=file,
+        license=sections.get("license", ""),
+        attached=files.attached,
+        given=fields.written.given,
+    )

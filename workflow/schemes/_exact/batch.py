@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -82,20 +82,6 @@ class Prepared(NamedTuple):
     memories: tuple[Memory, Memory]
     tip: Array
     """φ_n, ``(mode,)``."""
-
-
-def march_unheated(operator: Operator, cases: Cases, sampling: Sampling) -> None:
-    """Run a batch without friction heat: of the two large kernels it needs the march alone."""
-    run_batch(operator, replace(cases, alpha=np.zeros(cases.count)), sampling)
-
-
-def solve_held_regime(operator: Operator, cases: Cases, sampling: Sampling) -> None:
-    """Solve the held regime of the first case."""
-    operator.held.at(float(cases.alpha[0]), float(cases.friction[0]), heated=True)
-
-
-KERNEL_CALLS = {"march": march_unheated, "held regime": solve_held_regime}
-"""What needs one of the large kernels alone, see :attr:`workflow.schemes.Scheme.KERNEL_CALLS`."""
 
 
 class Batch:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from workflow.kernels.algebra import Complex
-from workflow.kernels.compiled import kernel, part, rolled
+from workflow.kernels.compiled import kernel, part
 from workflow.models import Array
 from workflow.schemes._exact.layout import Regime, tabulated
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
@@ -77,7 +77,6 @@ def _heated(held: ModalSystem) -> Heated | None:
 
 
 @kernel
-@rolled
 def _regime_at(h: Heated, alpha: float) -> tuple[bool, Regime]:
     """Return whether the spectrum at α can be trusted, and the regime: blocks are complex pairs of eigenvalues.
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from workflow.kernels.compiled import part, rolled, uncounted
+from workflow.kernels.compiled import part, uncounted
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.impacts import Case, impact
@@ -38,7 +38,6 @@ _FIRST_STEP = 0.1
 
 
 @uncounted
-@rolled
 def march(free: Regime, held: Regime, case: Case, record: Record, memories: tuple[Memory, Memory]) -> int:
     """Run one case and return how it ended, see :mod:`workflow.schemes._exact.outcome`; never raises."""
     motions = motions_of(free, held, case.load, case.tip.jump, memories)

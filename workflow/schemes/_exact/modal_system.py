@@ -188,7 +188,7 @@ def held_system(structure: Structure) -> ModalSystem:
     """Return the structure with its tip held at the gap."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     pair = structure.mechanical.dense
-    held, constraint_mode = pair.held_modes(), pair.constraint  # s
+    held, constraint_mode = pair.modes(held=True), pair.constraint  # s
     modes = Modes(np.sqrt(held.values), held.shapes)
     frequency, shapes = modes.values, modes.shapes[:-1]
     row = pair.forces(pair.deformation_of(modes.shapes))[-1]  # K_ni φ

@@ -44,7 +44,7 @@ from typing import NamedTuple
 
 from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, plus, shared, spread, store
+from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, shared, spread, store
 from workflow.models import Array
 from workflow.schemes._fixed.contact import End, Free, TipStep, contact_gain, friction_heat, was_pressed
 from workflow.schemes._fixed.rows import Own, Tips, Totals
@@ -104,6 +104,12 @@ class Account(NamedTuple):
     """Heat loss per unit of friction heat at the end of its step, 1/s."""
     heat_theta: float
     """Weight of the temperatures at a step's end in what it loses."""
+
+
+@inlined
+def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
+    """Return ``numbers + weight * others``, or the numbers alone where the others are ``None``, known when compiled."""
+    return numbers if others is None else numbers + weight * others
 
 
 @inlined

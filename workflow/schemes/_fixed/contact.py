@@ -26,7 +26,6 @@ from workflow.kernels.packs import (
     some_nonzero,
     spread,
     store,
-    weighed,
     where,
 )
 from workflow.models import Cases
@@ -245,6 +244,12 @@ def was_pressed(own: Own, lane: Lane) -> bool:
     return raised(own.pressed, lane)
 
 
+@inlined
+def _weighed(weight: float, after: Pack, rest: float, before: Pack) -> Pack:
+    """Return ``weight * after + rest * before``, for weights whose sum is 1: ``after`` alone where the rest is 0."""
+    return after if rest == 0.0 else weight * after + rest * before
+
+
 @by_type
 def contact_step(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
     """Close a step by load and contact; leave in ``own`` the impulse of either."""
@@ -256,11 +261,11 @@ def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, 
     x, v = tip_before(free.drive, tip, lane)
     gap, p, temperature = casing_place(free.drive, free.gap, lane), spread(0.0, lane), free.temperature
     after = relative(free.drive, free.velocity + step.load_mobility * free.impulse, lane)
-    moved = step.h * weighed(step.theta, after, step.rest, v)
+    moved = step.h * _weighed(step.theta, after, step.rest, v)
     engaged = _is_near(x, step.h * v, moved, gap, own, lane)
     if engaged:
         p, heat, after = _contact(law, step, x, v, after, gap, own, lane)
-        moved = step.h * weighed(step.theta, after, step.rest, v)
+        moved = step.h * _weighed(step.theta, after, step.rest, v)
         temperature += step.warming * heat
     store(own.load, lane, free.impulse)
     x += moved

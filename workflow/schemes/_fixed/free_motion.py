@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import Lane, Pack, pack, plus, shared, spread, store
+from workflow.kernels.packs import Lane, Pack, pack, shared, spread, store
 from workflow.models import Array
 from workflow.schemes._fixed import balance
-from workflow.schemes._fixed.balance import Account, Dense
+from workflow.schemes._fixed.balance import Account, Dense, plus
 from workflow.schemes._fixed.contact import TipStep, friction_heat, was_pressed
 from workflow.schemes._fixed.rows import Own
 

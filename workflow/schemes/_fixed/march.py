@@ -1,8 +1,7 @@
 """The march of all schemes with a fixed step: blocks of cases, steps, samples, balances; contact by its law.
 
 A scheme gives its step (:class:`~workflow.schemes._fixed.blocks.Step`) and its contact law
-(:mod:`workflow.schemes._fixed.contact`), whose type specialises the march when it is compiled. The kernel itself is
-kept with the module that has the law (:func:`contact_law`), whose imports numba's cache follows.
+(:mod:`workflow.schemes._fixed.contact`), whose type specialises the march when it is compiled.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from workflow.kernels.compiled import by_type, defines, inlined, kept_with
+from workflow.kernels.compiled import by_type, defines, inlined, uncounted
 from workflow.kernels.lanes import PACK, lane_rows, named_rows, rows_in
 from workflow.kernels.packs import Lane, align_stack, broad, broadest, narrow, pack, spread, store
 from workflow.models import Array, Cases, Structure, project
@@ -153,7 +152,8 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
             align_stack()
             march(step, law, state, block, account)
 
-        KERNELS[kind] = kept_with(law.__module__, march_cases)
+        march_cases.__module__ = law.__module__  # where it is kept: the machine code is made of that one's sources too
+        KERNELS[kind] = uncounted(march_cases)
         return defines(respond, kind)(law)
 
     return add

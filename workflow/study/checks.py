@@ -1,0 +1,283 @@
+"""Checks across fields of a study: a start inside the casing, far too many steps, values that exclude each other."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from workflow import models, schemes
+from workflow.declare import quantity_of
+from workflow.study.addresses import MODES, TOLERANCE
+from workflow.study.case_space import CaseSpace
+from workflow.study.mistakes import Fault, Place, place_of_path, quoted
+from workflow.study.settings import CHOSEN, CasingHarmonic, Initial, LoadHarmonic
+from workflow.study.sizes import Sizes
+
+MOST_SAMPLES = 2_000_000
+"""Samples of a history, and load periods of a case: 16 MB of memory for each variable of each case."""
+
+MOST_STEPS = 10**12
+"""Steps of a case: at 10 ns a step about three hours of one core."""
+
+MOST_COMBINATIONS = 10**7
+"""Combinations of start and casing that are judged before a study runs."""
+
+_ONE_OF_TWO = "write one of the two"
+_CASING_HARMONICS = "scene.casing.harmonics"
+
+
+@dataclass(frozen=True)
+class Written:
+    """What a study gives: paths of all entries, and places of its axes by path."""
+
+    given: frozenset[str]
+    axes: Mapping[str, Place]
+
+    def has(self, path: str) -> bool:
+        """Tell whether a scene value is written, in the scene or as an axis."""
+        return path in self.axes or path in self.given
+
+    def place_of(self, *paths: str) -> Place:
+        """Return where the first of some scene values is written, as an axis or in the scene."""
+        path = next(filter(self.has, paths), paths[-1])
+        return self.axes.get(path, place_of_path(path))
+
+
+def faults(cases: CaseSpace, sizes: Sizes, written: Written) -> Iterator[Fault]:
+    """Yield what is wrong between the fields of a study."""
+    yield from _auto(cases, written)
+    yield from _model(cases, written)
+    yield from _lists(cases, sizes)
+    yield from _harmonics(cases, written)
+    yield from _friction(cases, written)
+    yield from _support(cases, written)
+    yield from _branch(cases)
+    yield from _start(cases, sizes, written)
+    yield from _extent(cases, written)
+    yield from _interval(cases)
+
+
+def _auto(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+    """Refuse `auto` without a tolerance, which has no default, and one of the reference that decides nothing."""
+    problem = "is `auto` without a `tolerance`"
+    if cases.reference is not None:
+        values = cases.reference.values
+        path = next((path for path in MODES if values.get(path) == CHOSEN), None)
+        if path is not None and TOLERANCE not in values:
+            yield ("reference", path), problem, "write e.g. `tolerance: 1e-8` beside it"
+        if path is None and TOLERANCE in values:
+            remedy = f"write `auto` for {' and '.join(MODES)} of the reference, or leave it out"
+            yield ("reference", TOLERANCE), "decides nothing", remedy
+    if TOLERANCE not in written.axes:
+        for axis in cases.axes():
+            if axis.path in MODES and CHOSEN in axis.values:
+                yield written.axes[axis.path], problem, "write e.g. `tolerance: 1e-3` under `axes`"
+
+
+def _model(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+    """Refuse parameters of which the model takes one, where there are none or two, and a ratio beside other damping."""
+    model, parameters = cases.scene.model, cases.scene.parameters
+    either = getattr(models.load(model), "EITHER", None)
+    if either is not None:
+        yield from _either(("scene", model), parameters, either)
+    damping, path = getattr(parameters, "damping", None), f"scene.{model}.damping"
+    if dataclasses.is_dataclass(damping) and written.has(f"{path}.ratio"):
+        others = (entry.name for entry in dataclasses.fields(damping) if entry.name != "ratio")
+        if any(written.has(f"{path}.{name}") for name in others):
+            remedy = "write the ratio alone, or mass and stiffness"
+            yield place_of_path(f"{path}.ratio"), "stands beside other damping", remedy
+
+
+def _either(place: Place, owner: Any, names: tuple[str, str]) -> Iterator[Fault]:
+    """Refuse a mapping that has none or both of two keys."""
+    given = [name for name in names if getattr(owner, name) is not None]
+    if len(given) == 2:
+        yield place, f"has both `{names[0]}` and `{names[1]}`", _ONE_OF_TWO
+    elif not given:
+        yield place, f"has neither `{names[0]}` nor `{names[1]}`", _ONE_OF_TWO
+
+
+def _lists(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
+    """Refuse lists whose number of values is not that of the nodes, springs or temperatures of every case."""
+    scene = cases.scene
+    for group, owner in ((scene.model, scene.parameters), ("load", scene.load), ("initial", scene.initial)):
+        for entry in dataclasses.fields(owner) if dataclasses.is_dataclass(owner) else ():
+            declared, value = quantity_of(entry), getattr(owner, entry.name)
+            if declared is None or declared.per is None or not isinstance(value, tuple):
+                continue
+            counts = sizes.inputs.get(declared.per, ())
+            count = next((count for count in counts if count != len(value)), None)
+            if count is not None:
+                varies = len(set(counts)) > 1
+                also = ", whatever their number is in a case" if varies else ""
+                problem = f"has {len(value)} values where the model has {count} {declared.per}s{also}"
+                remedy = "write a scalar" if varies else f"write a scalar or {count} values"
+                yield ("scene", group, entry.name), problem, remedy
+
+
+def _harmonics(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+    """Refuse harmonics without one frequency, and orders without a speed."""
+    for group, harmonics in _harmonics_of(cases).items():
+        for k, harmonic in enumerate(harmonics):
+            place: Place = ("scene", group, "harmonics", k)
+            yield from _either(place, harmonic, ("frequency", "order"))
+            if harmonic.order is not None and harmonic.frequency is None and not written.has("scene.speed"):
+                remedy = "write `speed` in the scene, e.g. `speed: 9000 rpm`, or `frequency` in the place of `order`"
+                order = written.place_of(f"scene.{group}.harmonics.{k}.order")
+                yield order, "is a multiple of a speed that is not given", remedy
+
+
+def _harmonics_of(cases: CaseSpace) -> dict[str, tuple[LoadHarmonic | CasingHarmonic, ...]]:
+    return {"casing": cases.scene.casing.harmonics, "load": cases.scene.load.harmonics}
+
+
+def _friction(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+    """Refuse an alpha beside the friction that makes it."""
+    if cases.scene.friction is not None:
+        reference = {} if cases.reference is None else cases.reference.values
+        beside = [written.axes["alpha"]] if "alpha" in written.axes else []
+        for place in (*beside, *([("reference", "alpha")] if "alpha" in reference else [])):
+            remedy = "keep one of the two: alpha = heat_share · coefficient · sliding_speed"
+            yield place, "stands beside `scene.friction`, which makes it", remedy
+
+
+def _labels(cases: CaseSpace) -> tuple[str, ...]:
+    """Return the labels of the schemes of all cases."""
+    return next((tuple(map(str, axis.values)) for axis in cases.axes() if axis.path == "scheme"), ())
+
+
+def _support(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+    """Refuse schemes that do not take the harmonics of a scene."""
+    casing, load = (bool(harmonics) for harmonics in _harmonics_of(cases).values())
+    where = written.axes.get("scheme", ("scene", "casing" if casing else "load", "harmonics"))
+    named: list[tuple[Place, str]] = [(where, label) for label in _labels(cases)]
+    if cases.reference is not None and "scheme" in cases.reference.values:
+        named.append((("reference", "scheme"), str(cases.reference.values["scheme"])))
+    for place, label in named:
+        reason = schemes.load(cases.schemes[label].method).cannot_take(load, casing)
+        if reason is not None:
+            yield place, f"`{label}` {reason}", "name another scheme, or leave `harmonics` out"
+
+
+def _branch(cases: CaseSpace) -> Iterator[Fault]:
+    """Refuse a branch of other schemes than event_driven, or beside a reference."""
+    if cases.branch is None:
+        return
+    if {cases.schemes[label].method for label in _labels(cases)} != {"event_driven"}:
+        remedy = "write `scheme: event_driven` under `axes`, or a list in the place of the branch"
+        yield ("axes", cases.branch.axis.path), "is a branch, which event_driven alone follows", remedy
+    if cases.reference is not None:
+        yield ("reference",), "stands beside a branch, which has no errors", "leave it out"
+
+
+def _start(cases: CaseSpace, sizes: Sizes, written: Written) -> Iterator[Fault]:
+    """Refuse a tip that starts inside the casing, beyond d(0), in some case."""
+    initial, casing = cases.scene.initial, cases.scene.casing
+    if not isinstance(initial, Initial):
+        return
+    start, weights = initial.displacement, np.ones(1) if sizes.contact is None else sizes.contact
+    if isinstance(start, tuple) and len(start) < weights.size:
+        return  # told as a list that is too short
+    tip = np.sum(weights * start[-weights.size :]) if isinstance(start, tuple) else np.sum(weights) * start
+    paths = ("scene.initial.displacement", "scene.casing.gap")
+    values = _combined(cases, lambda path: path in paths or path.startswith(f"{_CASING_HARMONICS}."))
+    if values is None:
+        return
+    tips = np.sum(weights) * values[paths[0]] if paths[0] in values else tip
+    gaps = values.get(paths[1], np.float64(casing.gap))
+    place = gaps + sum(_begins(harmonic, k, values) for k, harmonic in enumerate(casing.harmonics))
+    tips, place, gaps = np.broadcast_arrays(tips, place, gaps)
+    inside = np.argmax(tips - place)
+    x, begins, gap = (float(array.ravel()[inside]) for array in (tips, place, gaps))
+    if x > begins:
+        problem = f"the tip starts inside the casing, at {x:g} m with a gap of {gap:g} m"
+        problem += "" if begins == gap else f" and the casing at {begins:g} m"
+        yield written.place_of(*paths), problem, "start at or below the gap, or write `initial: static`"
+
+
+def _combined(cases: CaseSpace, matters: Callable[[str], bool]) -> dict[str, Any] | None:
+    """Return the values of some axes in all combinations, ``(combination,)``; ``None`` where they are too many."""
+    groups = [dimension.axes for dimension in cases.dimensions] + [(axis,) for axis in cases.scalars]
+    groups += [] if cases.branch is None else [(cases.branch.axis,)]
+    chosen = [group for group in groups if any(matters(axis.path) for axis in group)]
+    shape = tuple(len(group[0].values) for group in chosen)
+    if math.prod(shape) > MOST_COMBINATIONS:
+        return None
+    places = np.indices(shape).reshape(len(shape), math.prod(shape))
+    return {
+        axis.path: np.asarray(axis.values, dtype=np.float64)[index]
+        for group, index in zip(chosen, places, strict=True)
+        for axis in group
+        if matters(axis.path)
+    }
+
+
+def _begins(harmonic: CasingHarmonic, k: int, values: Mapping[str, Any]) -> Any:
+    """Return a sin φ of a harmonic of the casing, in all combinations of its axes."""
+    amplitude = values.get(f"{_CASING_HARMONICS}.{k}.amplitude", harmonic.amplitude)
+    phase = values.get(f"{_CASING_HARMONICS}.{k}.phase", harmonic.phase)
+    return amplitude * np.sin(phase)
+
+
+def _extent(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+    """Refuse more load periods or steps than any case can have, and steps longer than the duration."""
+    duration = cases.scene.duration
+    values = {axis.path: axis.values for axis in cases.axes()}
+    for path, fastest in _frequencies(cases, values):
+        if duration * fastest > MOST_SAMPLES:
+            remedy = f"write a shorter duration, or a frequency up to {MOST_SAMPLES / duration:.3g} Hz"
+            yield written.place_of(path), f"gives {duration * fastest:.3g} load periods", remedy
+    methods = {cases.schemes[label].method for label in _labels(cases)}
+    if not any("h" in schemes.load(method).READS for method in methods):
+        return
+    shortest, longest = (float(choose(values["h"])) for choose in (min, max))
+    place = written.axes.get("h", ("h",))
+    if duration / shortest > MOST_STEPS:
+        problem = f"{shortest:g} s makes {duration / shortest:.3g} steps of a duration of {duration:g} s"
+        yield place, problem, f"write at least {duration / MOST_STEPS:.3g} s"
+    elif longest > duration:
+        problem = f"{longest:g} s is longer than the duration of {duration:g} s"
+        yield place, problem, f"write at most {duration:g} s"
+
+
+def _frequencies(cases: CaseSpace, values: Mapping[str, tuple[Any, ...]]) -> Iterator[tuple[str, float]]:
+    """Yield path and largest value of the frequencies that load periods may be counted by."""
+
+    def largest(path: str, value: float | None) -> float:
+        return max(float(each) for each in values.get(path, (value or 0.0,)))
+
+    scene = cases.scene
+    yield "scene.load.frequency", largest("scene.load.frequency", scene.load.frequency)
+    for group, harmonics in _harmonics_of(cases).items():
+        path = f"scene.{group}.harmonics.0."
+        for first in harmonics[:1]:
+            if first.order is None:
+                yield f"{path}frequency", largest(f"{path}frequency", first.frequency)
+            else:
+                speed = largest("scene.speed", scene.speed)
+                yield f"{path}order", speed * largest(f"{path}order", first.order)
+
+
+def _interval(cases: CaseSpace) -> Iterator[Fault]:
+    """Refuse an interval of sampling that does not divide the duration, or does so too often."""
+    duration, interval = cases.scene.duration, cases.output.interval
+    ratio = Fraction(repr(duration)) / Fraction(repr(interval))
+    place: Place = ("output", "interval")
+    if ratio + 1 > MOST_SAMPLES:
+        problem = f"gives {float(min(ratio, Fraction(10) ** 300)):.3g} samples of every history"
+        yield place, problem, f"write at least {duration / MOST_SAMPLES * 1.001:.3g} s"
+    elif ratio < Fraction(1, 2):
+        problem = f"{quoted(interval)} s is longer than the duration of {duration:g} s"
+        yield place, problem, f"write at most {duration!r} s"
+    elif abs(ratio - max(1, round(ratio))) > Fraction(1, 10**9):
+        tidy = (digit * 10**power for power in range(7) for digit in (1, 2, 5))
+        count = min(tidy, key=lambda intervals: abs(math.log(intervals / ratio)))
+        problem = f"{quoted(interval)} s does not divide the duration of {duration:g} s"
+        yield place, problem, f"write e.g. {float(Decimal(repr(duration)) / count)!r}, for {count} intervals"
