@@ -46,27 +46,6 @@ def test_any_number_of_cases(count: int) -> None:
         assert same_bits(step(structure, alone(batch, case), 1e-4, over), taken(results, slice(case, case + 1)))
 
 
-@pytest.mark.parametrize("nodes", range(1, 12))
-def test_any_number_of_modes(nodes: int) -> None:
-    """Groups of modes that are full and that are padded: the trajectory of plain matrices."""
-    structure = chain(
-        nodes=nodes,
-        mass=1.0,
-        stiffness=4.0,
-        damping=Rayleigh(0.1, 0.01),
-        spacing=1.0,
-        expansion=0.05,
-        conductance=0.7,
-        convection=0.1,
-    )
-    batch = cases(structure, e=0.5, alpha=0.3, gap=0.2, amplitude=2.0, frequency=0.1, heating=0.01)
-    plain = march(structure, batch, 0.05, 0.7, 200)
-    results = step(structure, batch, 0.05, sampling(10.0, 0.05), theta=0.7)
-    assert plain.impulse.sum() > 0
-    assert np.abs(results.histories["displacement"][0] - plain.displacement[:, -1]).max() < 1e-10
-    assert np.abs(results.histories["temperature"][0] - plain.temperature[:, -1]).max() < 1e-10
-
-
 @pytest.mark.parametrize("link", [0.0, 1e-20, 1e-9])
 def test_heat_that_hardly_reaches_the_tip(link: float) -> None:
     """Thermal modes with no or next to no share in the tip's temperature still move the tip."""

@@ -216,21 +216,20 @@ def defines(function: Callable[..., Any], kind: type) -> Callable[[F], F]:
     return add
 
 
-def of_case(values: N, rows: Any, lane: int) -> N:
-    """Return a named tuple of numbers for a lane: integers in ``values`` are rows ``(row, lane)``; in kernels only."""
+def of_case(values: N, lane: int) -> N:
+    """Return a named tuple of numbers for a lane, of numbers and of rows ``(lane,)``; in kernels only."""
     raise NotImplementedError
 
 
-def _of_case_for(values: Any, rows: Any, lane: Any) -> Any:
+def _of_case_for(values: Any, lane: Any) -> Any:
     """Return :func:`of_case` for a type of named tuple."""
     from numba import types
 
     own = (
-        f"rows[values[{k}], lane]" if isinstance(kind, types.Integer) else f"values[{k}]"
-        for k, kind in enumerate(values.types)
+        f"values[{k}][lane]" if isinstance(kind, types.Array) else f"values[{k}]" for k, kind in enumerate(values.types)
     )
     made: dict[str, Any] = {"Kind": values.instance_class}
-    exec(f"def of_case(values, rows, lane):\n    return Kind({', '.join(own)})", made)
+    exec(f"def of_case(values, lane):\n    return Kind({', '.join(own)})", made)
     return made["of_case"]
 
 

@@ -1,13 +1,17 @@
 """Lanes: where the cases of a block lie beside each other in memory.
 
-Numbers of each case lie in a few arrays ``(row, lane)``, not in one array per quantity, and a kernel asserts before its
-first step that a row is ``ROW`` long. Both are for speed: where the distance between two rows is known at compile time,
-the compiler can prove that rows do not overlap and steps eight lanes at once; else it compares their addresses
-before each short loop, or steps lane by lane. Idle lanes fill up the last pack (all zero: a tip at rest, far from its
-casing), so that the vectorised loop serves every lane and a case's numbers do not depend on its place in a batch.
+Numbers of each case lie in a few arrays ``(row, lane)`` or records of rows that have names, not in one array per
+quantity, and a kernel asserts before its first step that a row of an array is ``ROW`` long. Both are for speed: where
+the distance between two rows is known at compile time, the compiler can prove that rows do not overlap and steps eight
+lanes at once; else it compares their addresses before each short loop, or steps lane by lane. Idle lanes fill up the
+last pack (all zero: a tip at rest, far from its casing), so that the vectorised loop serves every lane and a case's
+numbers do not depend on its place in a batch.
 """
 
 from __future__ import annotations
+
+from functools import cache
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -37,6 +41,35 @@ def cached_lanes(rows: int) -> int:
     while lanes > FEWEST_LANES and 8 * rows * lanes > CACHED:
         lanes //= 2
     return lanes
+
+
+class Rows:
+    """Named rows of lanes, or of all cases: a subclass annotates a name for each.
+
+    Its objects are records of NumPy's (:func:`named_rows`), whose fields are the rows: kernels know where each lies.
+    """
+
+
+R = TypeVar("R", bound=Rows)
+
+
+def rows_in(kind: type[Rows]) -> int:
+    """Return the number of rows of a kind."""
+    return len(kind.__annotations__)
+
+
+def named_rows(kind: type[R], rows: Array) -> R:
+    """Return rows ``(…, row, lane)``, which lie in one piece, as a record of a kind, or an array of records."""
+    record: Any = _record(cast(Any, kind), rows.shape[-1])
+    pieces: Any = rows.reshape(*rows.shape[:-2], rows.shape[-2] * rows.shape[-1]).view(record)
+    named: R = pieces[..., 0][()]
+    return named
+
+
+@cache
+def _record(kind: type[Rows], width: int) -> Any:
+    """Return the type of a record, one object for each kind: numba looks at every other anew."""
+    return np.dtype((np.record, np.dtype([(name, float, (width,)) for name in kind.__annotations__], align=True)))
 
 
 def lane_rows(*shape: int) -> Array:

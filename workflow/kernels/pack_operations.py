@@ -170,10 +170,12 @@ for _declared, _width in ((packs.narrow, PACK), (packs.broad, BROAD)):
 def _address(context, builder, kinds, args, content=None):
     """Return the address of a number of an array, ``args`` being the array and a place; of ``content`` that begins."""
     model = context.data_model_manager[kinds[0]]
+    alone = isinstance(kinds[1], _LaneType)
+    at, at_kinds = ([args[1]], [kinds[1]]) if alone else (cgutils.unpack_tuple(builder, args[1]), kinds[1])
     data, shape, strides = (model.get(builder, args[0], name) for name in ("data", "shape", "strides"))
     places = [
         place if isinstance(kind, _LaneType) else context.cast(builder, place, kind, types.intp)
-        for place, kind in zip(cgutils.unpack_tuple(builder, args[1]), kinds[1], strict=True)
+        for place, kind in zip(at, at_kinds, strict=True)
     ]
     shape, strides = cgutils.unpack_tuple(builder, shape), cgutils.unpack_tuple(builder, strides)
     address = cgutils.get_item_pointer2(context, builder, data, shape, strides, kinds[0].layout, places)
@@ -192,7 +194,7 @@ def _lanes_of(context, builder, sig, args):
     return context.make_tuple(builder, sig.return_type, [args[0], behind])
 
 
-@_implements(packs.pack, lambda rows, at: _PackType(at[-1].width))
+@_implements(packs.pack, lambda rows, at: _PackType((at if isinstance(at, _LaneType) else at[-1]).width))
 def _pack(context, builder, sig, args):
     return builder.load(_address(context, builder, sig.args, args, sig.return_type.content), align=8)
 
@@ -232,13 +234,13 @@ def _some_nonzero(context, builder, sig, args):
     return _some(context, builder, sig, [builder.fcmp_unordered("!=", args[0], zero)])
 
 
-@_implements(packs.raised, lambda rows, at: types.boolean)
+@_implements(packs.raised, lambda row, lane: types.boolean)
 def _raised(context, builder, sig, args):
     flags = builder.load(_address(context, builder, sig.args, args, _FLAG))
     return builder.icmp_unsigned("!=", flags, ir.Constant(_FLAG, 0))
 
 
-@_implements(packs.flag, lambda rows, at, up: types.none)
+@_implements(packs.flag, lambda row, lane, up: types.none)
 def _flag(context, builder, sig, args):
     builder.store(builder.zext(args[2], _FLAG), _address(context, builder, sig.args, args, _FLAG))
 

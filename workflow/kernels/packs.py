@@ -6,8 +6,8 @@ every few modes. Packs say it outright, and a pack goes through a whole step in 
 
     for first in range(0, lanes, PACK):
         lane = narrow(first)
-        heat = pack(own, (HEAT, lane))
-        store(own, (HEAT, lane), where(heat > 0.0, 2.0 * heat, heat))
+        heat = pack(own.heat, lane)
+        store(own.heat, lane, where(heat > 0.0, 2.0 * heat, heat))
 
 A broad pack shares what is read and asked for all lanes among more of them, where there are so many, and has
 more sums in progress at a time. Each lane's bits are those of the plain loop.
@@ -55,6 +55,10 @@ class Lane:
     """Where a pack begins in a row, and how wide it is: what :func:`narrow` and :func:`broad` return."""
 
 
+At = Lane | tuple[int | Lane, ...]
+"""Where a pack begins in a row, or in an array of rows."""
+
+
 def align_stack() -> None:
     """Let the kernel that says so keep packs for which it has no register where they fill whole lines of the cache.
 
@@ -86,13 +90,13 @@ def broadest() -> int:
     _only_in_kernels()
 
 
-def pack(rows: Array, at: tuple[int | Lane, ...]) -> Pack:
-    """Return the pack that begins at a place of an array: ``pack(rows, (row, lane))``."""
+def pack(rows: Array, at: At) -> Pack:
+    """Return the pack that begins at a place: ``pack(own.heat, lane)``, ``pack(tau, (k, lane))``."""
     _only_in_kernels()
 
 
-def store(rows: Array, at: tuple[int | Lane, ...], numbers: Pack) -> None:
-    """Put a pack where it begins in an array: ``store(rows, (row, lane), numbers)``."""
+def store(rows: Array, at: At, numbers: Pack) -> None:
+    """Put a pack where it begins: ``store(own.heat, lane, numbers)``."""
     _only_in_kernels()
 
 
@@ -120,13 +124,13 @@ def some(condition: Mask) -> bool:
     _only_in_kernels()
 
 
-def raised(rows: Array, at: tuple[int | Lane, ...]) -> bool:
-    """Tell whether a pack's flag is up, which lies in a row where the pack begins: ``raised(rows, (row, lane))``."""
+def raised(row: Array, lane: Lane) -> bool:
+    """Tell whether a pack's flag is up, which lies in a row where the pack begins."""
     _only_in_kernels()
 
 
-def flag(rows: Array, at: tuple[int | Lane, ...], up: bool) -> None:
-    """Put a pack's flag up or down: ``flag(rows, (row, lane), up)``."""
+def flag(row: Array, lane: Lane, up: bool) -> None:
+    """Put a pack's flag up or down."""
     _only_in_kernels()
 
 

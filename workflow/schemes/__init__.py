@@ -30,7 +30,7 @@ from workflow.schemes._interface import (
 )
 from workflow.variables import Variable, of_scheme
 
-SOLVER_VERSION = 10
+SOLVER_VERSION = 11
 """Raised whenever a change of the physics floor changes results: archives do not mix versions."""
 
 

@@ -9,7 +9,7 @@ jump J = δξ. With midpoint values (·)_m = (end + begin)/2 the energy residual
     ΔE + hc v_m² - I v_m - ω² J η_m.
 
 For the part of load and contact that acts on the tip Σ I v_m is (S_load - p) times the tip's velocity relative to the
-dragged one. That is taken from the contact law (``Ahead.driven``), not from the modes: an impulse that does not have
+dragged one. That is taken from the contact law (``End.driven``), not from the modes: an impulse that does not have
 the effect its law states shows in the residual. What is left of an impulse of contact are its heat and its friction.
 Damping that couples modes is one more impulse, -h C v_m beside the diagonal. Energy that a contact law gives beside its
 impulse, as a contact spring where contact begins and ends, is added (:func:`contact_gain`).
@@ -46,17 +46,11 @@ from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, shared, spread, store
 from workflow.models import Array
-from workflow.schemes._fixed import total_row
-from workflow.schemes._fixed.contact import Ahead, End, Free, TipStep, contact_gain, friction_heat, was_pressed
+from workflow.schemes._fixed.contact import End, Free, TipStep, contact_gain, friction_heat, was_pressed
+from workflow.schemes._fixed.rows import Own, Tips, Totals
 
 DAMPING, KINETIC, ELASTIC = range(3)
 """Coefficients of a mode, over φ_n² where it is scaled by that: hc/4, and energy per v² and per η²."""
-
-RELATIVE, SETTLED_LOSS, SQUARE = range(total_row.ROWS, total_row.ROWS + 3)
-"""Rows of sums beside those of ``total_row``: velocity of the tip relative to the dragged one at the last step's end
-[m/s]; heat loss of the temperatures that constant heat loads lead to [W]; Σ ω² J²/2 of a unit of inputs."""
-
-ROWS = SQUARE + 1
 
 
 class Dense(NamedTuple):
@@ -99,8 +93,7 @@ class Account(NamedTuple):
     """Heat loss per τ, W, ``(thermal mode,)``."""
     former: Array
     """v at the last step's end, ``(mode, lane)``."""
-    sums: Array
-    """``(row, lane)``, rows of ``total_row`` and those beside."""
+    sums: Totals
     lever: float
     """ℓ, s."""
     load_share: float
@@ -111,7 +104,6 @@ class Account(NamedTuple):
     """Heat loss per unit of friction heat at the end of its step, 1/s."""
     heat_theta: float
     """Weight of the temperatures at a step's end in what it loses."""
-    dense: Dense | None = None
 
 
 @inlined
@@ -128,13 +120,12 @@ def lay_out_account(account: Account | None) -> None:
     assert account.modes.shape[1] == ELASTIC + 1
     assert account.acts.shape[1] == ROW
     assert account.former.shape[1] == ROW
-    assert account.sums.shape[1] == ROW
 
 
 @inlined
-def add_to(sums: Array, row: int, numbers: Pack, lane: Lane) -> None:
+def add_to(row: Array, numbers: Pack, lane: Lane) -> None:
     """Add numbers to a row."""
-    store(sums, (row, lane), pack(sums, (row, lane)) + numbers)
+    store(row, lane, pack(row, lane) + numbers)
 
 
 @inlined
@@ -142,30 +133,30 @@ def count_work(
     account: Account | None,
     step: TipStep,
     end: End,
-    ahead: Ahead,
     dragged: Pack,
     free: Free,
-    own: Array,
-    tip: Array,
+    own: Own,
+    tip: Tips,
     lane: Lane,
 ) -> None:
     """Count friction heat, and the work of load and contact at the tip in a step that contact has closed."""
     if account is None:
         return
-    sums, relative = account.sums, ahead.driven - dragged
+    sums, relative = account.sums, end.driven - dragged
     if was_pressed(own, lane):
         heat = friction_heat(own, lane)
         relative -= account.dragged * heat
-        add_to(sums, total_row.FRICTION_HEAT, heat, lane)
-    before, impulse = pack(sums, (RELATIVE, lane)), account.load_share * free.impulse - ahead.impulse
-    store(sums, (RELATIVE, lane), relative)
+        add_to(sums.friction_heat, heat, lane)
+    before, impulse = pack(sums.relative, lane), account.load_share * free.impulse - end.acting
+    store(sums.relative, lane, relative)
     gain = contact_gain(step, end, impulse, relative - before, free, own, tip, lane)
-    add_to(sums, total_row.DISSIPATED, fused(impulse, -0.5 * (relative + before), gain), lane)
+    add_to(sums.dissipated, fused(impulse, -0.5 * (relative + before), gain), lane)
 
 
 @inlined
 def count_mode(
     account: Account | None,
+    dense: Dense | None,
     j: int,
     v: Pack,
     xi: Pack,
@@ -176,7 +167,7 @@ def count_mode(
     lane: Lane,
 ) -> tuple[Pack, Pack]:
     """Add what damping took from mode j in a step that it ends with v and ξ, and what a unit of contact took."""
-    if account is None:
+    if account is None or dense is not None:
         return dissipated, given
     return count_inputs(account, account.acts, j, v, xi, h, contact, dissipated, given, lane)
 
@@ -207,13 +198,21 @@ def count_inputs(
 
 
 @inlined
-def add_dissipation(account: Account | None, dissipated: Pack, given: Pack, times: Pack | None, lane: Lane) -> None:
-    """Add what all modes dissipated in a step to the sums, with inputs that acted so many ``times``."""
-    if account is None:
+def add_modes(
+    account: Account | None, dense: Dense | None, dissipated: Pack, given: Pack, contact: Pack | None, lane: Lane
+) -> None:
+    """Add what :func:`count_mode` counted of all modes to the sums."""
+    if account is None or dense is not None:
         return
+    add_dissipation(account, dissipated, given, contact, lane)
+
+
+@inlined
+def add_dissipation(account: Account, dissipated: Pack, given: Pack, times: Pack | None, lane: Lane) -> None:
+    """Add what all modes dissipated in a step to the sums, with inputs that acted so many ``times``."""
     if times is not None:
-        dissipated += times * (given + times * pack(account.sums, (SQUARE, lane)))
-    add_to(account.sums, total_row.DISSIPATED, dissipated, lane)
+        dissipated += times * (given + times * pack(account.sums.square, lane))
+    add_to(account.sums.dissipated, dissipated, lane)
 
 
 @inlined
@@ -227,6 +226,6 @@ def add_loss(account: Account | None, h: float, loss: Pack, heat: Pack | None, l
     """Add the heat lost in h seconds at the loss of all modes, with that of the ``heat`` of the contact."""
     if account is None:
         return
-    loss = plus(loss + pack(account.sums, (SETTLED_LOSS, lane)), spread(account.heat_loss, lane), heat)
-    add_to(account.sums, total_row.LOST, h * loss, lane)
-    add_to(account.sums, total_row.TURNED_OVER, magnitude(h * loss), lane)
+    loss = plus(loss + pack(account.sums.settled_loss, lane), spread(account.heat_loss, lane), heat)
+    add_to(account.sums.lost, h * loss, lane)
+    add_to(account.sums.turned_over, magnitude(h * loss), lane)

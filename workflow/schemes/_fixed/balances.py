@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.kernels.lanes import lane_rows
+from workflow.kernels.lanes import lane_rows, named_rows, rows_in
 from workflow.models import Array, Cases, Structure, project
-from workflow.schemes._fixed import balance, case_row, total_row
 from workflow.schemes._fixed.balance import Account, Dense
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.decoupled import Decoupled, modes_at_tip
 from workflow.schemes._fixed.free_motion import HEAT_INPUT, FreeStep, State
+from workflow.schemes._fixed.rows import Totals
 from workflow.schemes._fixed.start import Motion, contact_heat
 from workflow.schemes._fixed.totals import Balance, Content
 
@@ -27,7 +27,7 @@ class Balances:
 
     Attributes
     ----------
-    account
+    account, dense
         What the kernel takes; all blocks share its arrays.
     filled
         Rows of lanes, and what all cases begin with in them.
@@ -45,41 +45,43 @@ class Balances:
         kinetic -= 0.5 * step.tip.h * modal.damping if step.lagged else 0.0
         v, xi = blocks.in_modes(begun.states)
         energy = 0.5 * (project(at_tip * kinetic, v.T**2) + project(at_tip * omega2, (xi + step.middle * v).T ** 2))
-        self._ended, self._ended_heat = np.zeros((balance.ROWS, cases.count)), np.zeros_like(begun.heat)
-        self._ended[[total_row.FIRST_ENERGY, total_row.LAST_ENERGY, total_row.LARGEST_ENERGY]] = energy
-        self._ended[balance.RELATIVE] = project(modal.tip, v.T)
-        self._ended[balance.SETTLED_LOSS] = settled
-        self._ended[total_row.LOST] = -step.tip.h * step.heat_theta * (settled + project(loss, begun.heat.T))
+        self._rows, self._ended_heat = np.zeros((rows_in(Totals), cases.count)), np.zeros_like(begun.heat)
+        self._ended = named_rows(Totals, self._rows)
+        self._ended.first_energy = self._ended.last_energy = self._ended.largest_energy = energy
+        self._ended.relative = project(modal.tip, v.T)
+        self._ended.settled_loss = settled
+        self._ended.lost = -step.tip.h * step.heat_theta * (settled + project(loss, begun.heat.T))
         massless = modal.mass == 0
         self._moving = 0.5 * project((step.tip.h * modal.frequency[massless]) ** 2, v[massless].T ** 2)
 
         n, scale = modal.tip.size, modal.heat_scale
         acts = _energy_rows(blocks, contact_heat(blocks, cases))
-        self._ended[balance.SQUARE] = project(at_tip * _half_flexibility(modal), acts[n:].T ** 2)
-        dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
+        self._ended.square = project(at_tip * _half_flexibility(modal), acts[n:].T ** 2)
+        self.dense: Dense | None
+        self.dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
         scaled, unscale = at_tip, at_tip
-        if dense is None:
+        if self.dense is None:
             if step.heat_counts:  # the first step of the march counts the damping of a step that ends at t = 0
-                self._ended[total_row.DISSIPATED] = -project(step.tip.h * at_tip * modal.damping, v.T**2)
+                self._ended.dissipated = -project(step.tip.h * at_tip * modal.damping, v.T**2)
             scaled, unscale = at_tip * modal.tip, at_tip / np.where(at_tip, modal.tip, 1.0)
             acts *= np.tile(unscale, 2)[:, None]
+        self._sums = lane_rows(rows_in(Totals))
         self.account = Account(
             modes=np.stack([0.25 * step.tip.h * modal.damping, 0.5 * kinetic, 0.5 * omega2], axis=1)
             * unscale[:, None] ** 2,
             acts=lane_rows(2 * n),
             losses=loss / scale,
             former=lane_rows(n),
-            sums=lane_rows(balance.ROWS),
+            sums=named_rows(Totals, self._sums),
             lever=step.middle,
             load_share=float(structure.load_direction[-1]),
             dragged=np.sum(blocks.tip * blocks.dragged(step.warm[:, None])[..., 0]),
             heat_loss=np.sum(loss / scale * free.heat_modes[:, HEAT_INPUT]) if step.heat_counts else 0.0,
             heat_theta=step.heat_theta,
-            dense=dense,
         )
         account = self.account
         self.filled = [
-            (account.sums, self._ended.copy()),
+            (self._sums, self._rows.copy()),
             (account.former, scaled[:, None] * v),
             (account.acts, acts),
             *filled,
@@ -88,16 +90,16 @@ class Balances:
     @property
     def rows(self) -> int:
         """Rows of lanes that every step goes through: contact goes through others."""
-        return len(self.account.sums) + len(self.account.former)
+        return rows_in(Totals) + len(self.account.former)
 
     def close(self, part: slice, state: State) -> None:
         """Keep what the lanes of some cases ended with."""
         count = part.stop - part.start
-        self._ended[:, part] = self.account.sums[:, :count]
+        self._rows[:, part] = self._sums[:, :count]
         self._ended_heat[:, part] = state.tau[:, :count]
         if not self._free.heat_counts:
-            last = state.own[case_row.ALPHA] * state.own[case_row.IMPULSE]
-            self._ended[total_row.FRICTION_HEAT, part] -= last[:count]
+            last = state.own.alpha * state.own.impulse
+            self._ended.friction_heat[part] -= last[:count]
 
     def result(self, elapsed: float) -> Balance:
         """Return the balances after ``elapsed`` seconds."""

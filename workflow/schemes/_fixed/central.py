@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure, project
-from workflow.schemes._fixed import tip_row
 from workflow.schemes._fixed.blocks import Blocks, Step, separate
 from workflow.schemes._fixed.contact import CentralStep, Contact
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
@@ -156,8 +155,8 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     before = _half_step_before(blocks.modal, cases, h)
     ended = step_batch(operator.structure, blocks, contact, w, cases, before, sampling, drive)
     # squared: a contact that grows can stop short of infinity where its energy is beyond it
-    tip = ended.watched.tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE]]
-    finite = np.asarray(np.isfinite(tip**2).all(axis=0))
+    tip = ended.watched.tip
+    finite = np.asarray(np.isfinite(np.square([tip.displacement, tip.velocity, tip.temperature])).all(axis=0))
     return collect(ended, *_judge(operator, blocks, cases, contact.factor(h, w) <= 0, finite))
 
 

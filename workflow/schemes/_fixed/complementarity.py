@@ -17,9 +17,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from workflow.kernels.compiled import defines
-from workflow.models import Array
 from workflow.schemes._fixed.contact import Contact, Law, Response, Tip, count_rebound
 from workflow.schemes._fixed.march import contact_law
+from workflow.schemes._fixed.rows import Own
 
 
 class Complementarity(NamedTuple):
@@ -38,7 +38,7 @@ def _respond(law: Complementarity, tip: Tip, h: float, theta: float) -> Response
 
 
 @defines(count_rebound, Complementarity)
-def count_no_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Array, lane: int) -> None:
+def count_no_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Own, lane: int) -> None:
     """Count nothing where the restitution is given, or nothing is thrown back."""
 
 

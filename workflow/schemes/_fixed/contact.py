@@ -14,9 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.kernels import Array
 from workflow.kernels.compiled import by_type, defines, inlined, of_case, part
-from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import (
     Lane,
     Pack,
@@ -31,7 +29,6 @@ from workflow.kernels.packs import (
     where,
 )
 from workflow.models import Cases
-from workflow.schemes._fixed import case_row, tip_row
 from workflow.schemes._fixed.drive import (
     Drive,
     casing_place,
@@ -43,6 +40,7 @@ from workflow.schemes._fixed.drive import (
     tip_after,
     tip_before,
 )
+from workflow.schemes._fixed.rows import Own, Tips
 
 METRICS = {
     "effective_restitution": (
@@ -169,53 +167,45 @@ class End(NamedTuple):
     temperature: Pack
     impulse: Pack
     """Impulse of contact in the step, N s, >= 0."""
-
-
-class Ahead(NamedTuple):
-    """What the next step begins with."""
-
-    impulse: Pack
+    acting: Pack
     """Impulse of contact that acts on the states, N s."""
-    place: Pack
-    velocity: Pack
     driven: Pack
     """The velocity that the contact law gives the tip, with which impulses do work, m/s."""
 
 
 @by_type
-def count_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Array, lane: int) -> None:
+def count_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Own, lane: int) -> None:
     """Add a contact that has ended to the sums of ``effective_restitution``, where the scheme gives it."""
     was, presses = tip.force > 0.0, force > 0.0
-    approach = own[case_row.APPROACH, lane]
-    own[case_row.APPROACH, lane] = approach if was or not presses else tip.velocity
+    approach = own.approach[lane]
+    own.approach[lane] = approach if was or not presses else tip.velocity
     ended = approach if was and not presses else 0.0
-    own[case_row.APPROACHED, lane] += ended * ended
-    own[case_row.SEPARATED, lane] -= ended * velocity
+    own.approached[lane] += ended * ended
+    own.separated[lane] -= ended * velocity
 
 
 @part
-def _ask(law: Law, step: TipStep, own: Array, first: int, stop: int) -> None:
+def _ask(law: Law, step: TipStep, own: Own, first: int, stop: int) -> None:
     """Ask the law in some lanes.
 
     Without branches but those of the law, so that the compiler asks one of plain arithmetic in many lanes at once.
     """
-    assert own.shape[1] == ROW
     for lane in range(first, stop):
         tip = Tip(
-            own[case_row.PLACE, lane],
-            own[case_row.SPEED, lane],
-            own[case_row.FREE, lane],
-            own[case_row.LAST, lane],
-            own[case_row.CASING, lane],
-            own[case_row.MOBILITY, lane],
+            own.place[lane],
+            own.speed[lane],
+            own.free[lane],
+            own.last[lane],
+            own.casing[lane],
+            own.mobility[lane],
         )
-        impulse, velocity, force = respond(of_case(law, own, lane), tip, step.h, step.theta)
+        impulse, velocity, force = respond(of_case(law, lane), tip, step.h, step.theta)
         count_rebound(law, tip, velocity, force, own, lane)
-        own[case_row.IMPULSE, lane], own[case_row.AFTER, lane], own[case_row.LAST, lane] = impulse, velocity, force
+        own.impulse[lane], own.after[lane], own.last[lane] = impulse, velocity, force
 
 
 @inlined
-def _is_near(place: Pack, reach: Pack, moved: Pack, gap: Pack, own: Array, lane: Lane) -> bool:
+def _is_near(place: Pack, reach: Pack, moved: Pack, gap: Pack, own: Own, lane: Lane) -> bool:
     """Tell whether some tip of a pack may be in contact, or was so before."""
     reach = where(reach > 0.0, reach, 0.0)
     reach = where(moved > reach, moved, reach)
@@ -224,34 +214,34 @@ def _is_near(place: Pack, reach: Pack, moved: Pack, gap: Pack, own: Array, lane:
 
 @inlined
 def _contact(
-    law: Law, step: TipStep, place: Pack, speed: Pack, free: Pack, gap: Pack, own: Array, lane: Lane
+    law: Law, step: TipStep, place: Pack, speed: Pack, free: Pack, gap: Pack, own: Own, lane: Lane
 ) -> tuple[Pack, Pack, Pack]:
     """Return impulse and heat of contact in a step, and the tip's velocity at its end, relative to the casing.
 
-    Leaves in ``own`` the impulse (``IMPULSE``) and whether it may be other than 0 or a force be left (``PRESSED``).
+    Leaves in ``own`` the impulse, and in ``pressed`` whether it may be other than 0 or a force be left.
     """
-    store(own, (case_row.PLACE, lane), place)
-    store(own, (case_row.SPEED, lane), speed)
-    store(own, (case_row.FREE, lane), free)
-    store(own, (case_row.CASING, lane), gap)
+    store(own.place, lane, place)
+    store(own.speed, lane, speed)
+    store(own.free, lane, free)
+    store(own.casing, lane, gap)
     first, stop = lanes_of(lane)
-    before = some_nonzero(pack(own, (case_row.LAST, lane)))
+    before = some_nonzero(pack(own.last, lane))
     _ask(law, step, own, first, stop)
-    p, force = pack(own, (case_row.IMPULSE, lane)), pack(own, (case_row.LAST, lane))
-    flag(own, (case_row.PRESSED, lane), before or some_nonzero(p) or some_nonzero(force))  # for a step more
-    return p, friction_heat(own, lane), pack(own, (case_row.AFTER, lane))
+    p, force = pack(own.impulse, lane), pack(own.last, lane)
+    flag(own.pressed, lane, before or some_nonzero(p) or some_nonzero(force))  # for a step more
+    return p, friction_heat(own, lane), pack(own.after, lane)
 
 
 @inlined
-def friction_heat(own: Array, lane: Lane) -> Pack:
+def friction_heat(own: Own, lane: Lane) -> Pack:
     """Return the friction heat α p of the last step, J."""
-    return pack(own, (case_row.ALPHA, lane)) * pack(own, (case_row.IMPULSE, lane))
+    return pack(own.alpha, lane) * pack(own.impulse, lane)
 
 
 @inlined
-def was_pressed(own: Array, lane: Lane) -> bool:
+def was_pressed(own: Own, lane: Lane) -> bool:
     """Tell whether some lane of a pack was in contact in the last step."""
-    return raised(own, (case_row.PRESSED, lane))
+    return raised(own.pressed, lane)
 
 
 @inlined
@@ -261,13 +251,13 @@ def _weighed(weight: float, after: Pack, rest: float, before: Pack) -> Pack:
 
 
 @by_type
-def contact_step(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
-    """Close a step by load and contact; leave in ``own`` the impulse of either (``LOAD``, ``IMPULSE``)."""
+def contact_step(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
+    """Close a step by load and contact; leave in ``own`` the impulse of either."""
     raise NotImplementedError
 
 
 @defines(contact_step, TipStep)
-def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
+def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
     x, v = tip_before(free.drive, tip, lane)
     gap, p, temperature = casing_place(free.drive, free.gap, lane), spread(0.0, lane), free.temperature
     after = relative(free.drive, free.velocity + step.load_mobility * free.impulse, lane)
@@ -277,18 +267,18 @@ def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Array, tip: Arra
         p, heat, after = _contact(law, step, x, v, after, gap, own, lane)
         moved = step.h * _weighed(step.theta, after, step.rest, v)
         temperature += step.warming * heat
-    store(own, (case_row.LOAD, lane), free.impulse)
+    store(own.load, lane, free.impulse)
     x += moved
     if step.holds:
         x = where(p > 0.0, gap, x)
     x, v = tip_after(free.drive, x, after, free.gap, lane)
-    return End(engaged, x, v, temperature, p), Ahead(p, x, v, v)
+    return End(engaged, x, v, temperature, p, p, v)
 
 
 @defines(contact_step, CentralStep)
-def _contact_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Array, lane: Lane) -> tuple[End, Ahead]:
+def _contact_centrally(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
     """Return the tip at t_k and the impulse about it; the step from there on is closed with p_k."""
-    x, before, temperature = pack(own, (case_row.AHEAD, lane)), pack(own, (case_row.HALF, lane)), free.temperature
+    x, before, temperature = pack(own.ahead, lane), pack(own.half, lane), free.temperature
     after, p, about = free.velocity + step.load_mobility * free.impulse, spread(0.0, lane), spread(0.0, lane)
     approach, leaving = relative_before(free.drive, before, lane), relative(free.drive, after, lane)
     ahead = x + step.h * after
@@ -296,8 +286,8 @@ def _contact_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Arr
     engaged = _is_near(x, spread(0.0, lane), step.h * leaving, free.gap, own, lane)
     if engaged:
         p, heat, leaving = _contact(law, step, x, approach, leaving, free.gap, own, lane)
-        about = 0.5 * (pack(own, (case_row.BEFORE, lane)) + p)
-        store(own, (case_row.BEFORE, lane), p)
+        about = 0.5 * (pack(own.before, lane) + p)
+        store(own.before, lane, p)
         after = onto_casing(free.drive, leaving, lane)
         temperature += 0.5 * step.warming * heat
         ahead = x + step.h * after
@@ -305,15 +295,15 @@ def _contact_centrally(step: TipStep, law: Law, free: Free, own: Array, tip: Arr
         if step.holds:
             ahead = where(p > 0.0, gap_ahead(free.drive, free.gap, step.h, lane), ahead)
             driven = where(p > 0.0, (ahead - x) * (1.0 / step.h), after)
-    store(own, (case_row.AHEAD, lane), ahead)
-    store(own, (case_row.HALF, lane), after)
-    store(own, (case_row.LOAD, lane), free.impulse)
-    return End(engaged, x, 0.5 * (before + after), temperature, about), Ahead(p, ahead, after, driven)
+    store(own.ahead, lane, ahead)
+    store(own.half, lane, after)
+    store(own.load, lane, free.impulse)
+    return End(engaged, x, 0.5 * (before + after), temperature, about, p, driven)
 
 
 @by_type
 def contact_gain(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Own, tip: Tips, lane: Lane
 ) -> Pack:
     """Return what the balance of a step takes for created, J, beside the work of its impulse at the mean velocity.
 
@@ -325,7 +315,7 @@ def contact_gain(
 
 @defines(contact_gain, TipStep)
 def _gain_by_theta(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Own, tip: Tips, lane: Lane
 ) -> Pack:
     """Return Δ(κ δ²/2) - h κ δ_θ (v + v')/2 with the depths δ, 0 where the tip is not beyond the casing.
 
@@ -335,19 +325,19 @@ def _gain_by_theta(
     if step.holds:
         return (0.5 - step.theta) * (impulse * change)
     drive = free.drive
-    begins = pack(tip, (tip_row.DISPLACEMENT, lane)) - gap_before(drive, free.gap, lane)
+    begins = pack(tip.displacement, lane) - gap_before(drive, free.gap, lane)
     ended = end.displacement - free.gap
     if step.stiffness == 0.0 or not (some(begins > 0.0) or some(ended > 0.0)):
         return spread(0.0, lane)
     before, after = where(begins > 0.0, begins, 0.0), where(ended > 0.0, ended, 0.0)
-    speeds = relative_before(drive, pack(tip, (tip_row.VELOCITY, lane)), lane) + relative(drive, end.velocity, lane)
+    speeds = relative_before(drive, pack(tip.velocity, lane), lane) + relative(drive, end.velocity, lane)
     worked = (step.theta * after + (1.0 - step.theta) * before) * (0.5 * step.h * speeds)
     return step.stiffness * (0.5 * (after * after - before * before) - worked)
 
 
 @defines(contact_gain, CentralStep)
 def _gain_centrally(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Array, tip: Array, lane: Lane
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Own, tip: Tips, lane: Lane
 ) -> Pack:
     """Return κ δ_k (s_k+1 - s_k-1)/2, with the depth δ and the distance s from the casing.
 
@@ -356,7 +346,7 @@ def _gain_centrally(
     depth = end.displacement - free.gap
     if step.stiffness == 0.0 or not some(depth > 0.0):
         return spread(0.0, lane)
-    ahead = pack(own, (case_row.AHEAD, lane)) - gap_ahead(free.drive, free.gap, step.h, lane)
+    ahead = pack(own.ahead, lane) - gap_ahead(free.drive, free.gap, step.h, lane)
     moved = relative(free.drive, end.velocity, lane) + relative_before(free.drive, end.velocity, lane)
     behind = ahead - step.h * moved
     parted = where(behind < 0.0, behind, 0.0) - where(ahead < 0.0, ahead, 0.0)

@@ -6,10 +6,11 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import Lane, Pack, broad, broadest, fused, narrow, pack, shared, spread, store, where
 from workflow.models import Array
-from workflow.schemes._fixed import balance, case_row, total_row
+from workflow.schemes._fixed import balance
 from workflow.schemes._fixed.balance import ELASTIC, KINETIC, Account, Dense
 from workflow.schemes._fixed.contact import friction_heat
 from workflow.schemes._fixed.free_motion import FreeStep, State, ended
+from workflow.schemes._fixed.rows import Totals
 
 
 @inlined
@@ -21,7 +22,7 @@ def count_step(
     The first lanes are ``in_broad`` packs, as those of the step.
     """
     if account is not None:
-        _count(account.dense, account, step, state, looks, last, in_broad, lanes)
+        _count(state.dense, account, step, state, looks, last, in_broad, lanes)
 
 
 @part
@@ -55,8 +56,8 @@ def _count_pack(
     last: bool,
     lane: Lane,
 ) -> None:
-    contact, inputs = _inputs(dense, account, pack(state.own, (case_row.IMPULSE, lane)), lane)
-    dissipated, given, load = spread(0.0, lane), spread(0.0, lane), pack(state.own, (case_row.LOAD, lane))
+    contact, inputs = _inputs(dense, account, pack(state.own.impulse, lane), lane)
+    dissipated, given, load = spread(0.0, lane), spread(0.0, lane), pack(state.own.load, lane)
     if counts:
         for j in range(account.former.shape[0]):
             v, xi = _at_end(dense, step, state, j, load, lane)
@@ -83,21 +84,21 @@ def _inputs(dense: Dense | None, account: Account, contact: Pack, lane: Lane) ->
 def _at_end(dense: Dense | None, step: FreeStep, state: State, j: int, load: Pack, lane: Lane) -> tuple[Pack, Pack]:
     """Return v and ξ of mode j at the step's end."""
     if dense is None:
-        return ended(None, step, state, j, load, pack(state.own, (case_row.IMPULSE, lane)), lane)
+        return ended(None, step, state, j, load, pack(state.own.impulse, lane), lane)
     return pack(dense.moved, (j, lane)), pack(dense.moved, (dense.damper.shape[0] + j, lane))
 
 
 @inlined
 def _look(dense: Dense | None, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane) -> None:
     """Keep the energy at the end of the last step, and the largest one; a NaN stays."""
-    energy, largest = spread(0.0, lane), pack(account.sums, (total_row.LARGEST_ENERGY, lane))
+    energy, largest = spread(0.0, lane), pack(account.sums.largest_energy, lane)
     for j in range(account.former.shape[0]):
         v, xi = _at_end(dense, step, state, j, load, lane)
         eta = xi + account.lever * v
         energy = fused(shared(account.modes, (j, KINETIC), lane) * v, v, energy)
         energy = fused(shared(account.modes, (j, ELASTIC), lane) * eta, eta, energy)
-    store(account.sums, (total_row.LAST_ENERGY, lane), energy)
-    store(account.sums, (total_row.LARGEST_ENERGY, lane), where(energy <= largest, largest, energy))
+    store(account.sums.last_energy, lane, energy)
+    store(account.sums.largest_energy, lane, where(energy <= largest, largest, energy))
 
 
 @part
@@ -121,7 +122,7 @@ def _move(
     blocks, modes, own = state.motion.shape[0], dense.damper.shape[0], state.own
     for first in range(0, lanes, PACK):
         lane = narrow(first)
-        contact, load = pack(own, (case_row.IMPULSE, lane)), pack(own, (case_row.LOAD, lane))
+        contact, load = pack(own.impulse, lane), pack(own.load, lane)
         for j in range(blocks):
             u, eta = ended(coupled, step, state, j, load, contact, lane)
             store(dense.states, (j, lane), u)
@@ -140,14 +141,14 @@ def _move(
 
 
 @part
-def _damp(dense: Dense, former: Array, sums: Array, lanes: int) -> None:
+def _damp(dense: Dense, former: Array, sums: Totals, lanes: int) -> None:
     """Add damping that couples modes to the inputs, and keep the square of all."""
     modes = dense.damper.shape[0]
     for lane in range(lanes):
-        sums[balance.SQUARE, lane] = 0.0
+        sums.square[lane] = 0.0
     for i in range(modes):
         for lane in range(lanes):
-            sums[balance.SQUARE, lane] += dense.half_flexibility[i] * dense.inputs[modes + i, lane] ** 2
+            sums.square[lane] += dense.half_flexibility[i] * dense.inputs[modes + i, lane] ** 2
         for j in range(modes):
             factor = 0.25 * dense.damper[i, j]
             for lane in range(lanes):

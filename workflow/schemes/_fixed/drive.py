@@ -14,58 +14,86 @@ without it: what a scene does not have costs it nothing.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import elementary, elementwise
 from workflow.kernels.compiled import inlined, part
-from workflow.kernels.lanes import PACK, ROW, fill_lanes, lane_rows
+from workflow.kernels.lanes import PACK, Rows, fill_lanes, lane_rows, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics
-from workflow.schemes._fixed import tip_row
+from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._fixed.tip_load import EXACT_EVERY
-
-WAVE_SINE, WAVE_COSINE, WAVE_TURN_SINE, WAVE_TURN_COSINE = range(4)
-"""Rows of a harmonic ``(harmonic, row, lane)``: its sine and cosine, and those of the angle of a step."""
-
-WAVE_AMPLITUDE, WAVE_FREQUENCY, WAVE_PHASE, WAVE_SPEED_SINE, WAVE_SPEED_COSINE = range(4, 9)
-"""Its amplitude [N or m], frequency [Hz] and phase; of the casing also V per sine and cosine [m/s]."""
-
-WAVE_ROWS = WAVE_SPEED_COSINE + 1
-
-DRIVE_LOAD, DRIVE_LOAD_END = range(2)
-"""Rows of a block's drive ``(row, lane)``: harmonics of the load, N, weighed by 1 - θ and θ and at the step's end."""
-
-DRIVE_MEAN_GAP, DRIVE_GAP_BEFORE, DRIVE_SPEED_BEFORE, DRIVE_SPEED = range(2, 6)
-"""d without harmonics and at the step's beginning, m; V at its beginning and end, m/s."""
-
-DRIVE_APART, DRIVE_PARTING = range(6, 8)
-"""r and u at the last step's end."""
-
-DRIVE_ROWS = DRIVE_PARTING + 1
 
 _ROUNDING = 8 * np.finfo(float).eps
 """Share of the lengths and velocities in r and u up to which they are rounding at t = 0."""
 
 
+class Wave(Rows):
+    """A harmonic of load or casing."""
+
+    sine: Array
+    cosine: Array
+    turn_sine: Array
+    turn_cosine: Array
+    """Its sine and cosine, and those of the angle of a step."""
+    amplitude: Array
+    """N or m."""
+    frequency: Array
+    phase: Array
+    """Hz, and an angle."""
+    speed_sine: Array
+    speed_cosine: Array
+    """Of the casing: V per sine and cosine, m/s."""
+
+
+class Moving(Rows):
+    """What harmonics do in a step."""
+
+    load: Array
+    load_end: Array
+    """Harmonics of the load, N, weighed by 1 - θ and θ and at the step's end."""
+    mean_gap: Array
+    gap_before: Array
+    """d without harmonics and at the step's beginning, m."""
+    speed_before: Array
+    speed: Array
+    """V at its beginning and end, m/s."""
+    apart: Array
+    parting: Array
+    """r and u at the last step's end."""
+
+
 class Drive(NamedTuple):
-    """Harmonics of the load and a casing that moves, of all cases or a block.
+    """Harmonics of the load and a casing that moves, of a block.
 
     Kernels are given ``None`` in its place where a scene has neither.
     """
 
+    load: Sequence[Wave]
+    casing: Sequence[Wave]
+    state: Moving
+
+
+class DriveRows(NamedTuple):
+    """The rows of a drive, of all cases or in lanes, ``(harmonic, row, …)`` and ``(row, …)``."""
+
     load: Array
-    """Harmonics of the load, ``(harmonic, row, lane)``."""
     casing: Array
-    """Harmonics of the casing, ``(harmonic, row, lane)``."""
     state: Array
-    """What they do in a step, ``(row, lane)``."""
+
+    @property
+    def named(self) -> Drive:
+        """The same by names, as kernels take it."""
+        load, casing = (cast(Sequence[Wave], named_rows(Wave, rows)) for rows in (self.load, self.casing))
+        return Drive(load, casing, named_rows(Moving, self.state))
 
 
-def drive_of(cases: Cases, h: float, theta: float) -> tuple[Drive | None, Cases]:
+def drive_of(cases: Cases, h: float, theta: float) -> tuple[DriveRows | None, Cases]:
     """Return what drives cases that are stepped with h and θ, ``(…, case)``, and the cases as they are stepped.
 
     A tip that starts on the casing and moves with it, both up to rounding, has r = u = 0 and the velocity V(0).
@@ -74,18 +102,19 @@ def drive_of(cases: Cases, h: float, theta: float) -> tuple[Drive | None, Cases]
     if load.width + casing.width == 0:
         return None, cases
     gains = _gains(casing, h, theta)
-    state = np.zeros((DRIVE_ROWS, cases.count))
+    rows = DriveRows(_waves(load, h), _waves(casing, h), np.zeros((rows_in(Moving), cases.count)))
+    drive, state = rows.named, rows.named.state
     begins = _discrete_velocity(casing, gains, 0.0)
     apart, parting = cases.displacement[:, -1] - cases.casing_at(0.0), cases.velocity[:, -1] - begins
     held = _moves_along(cases, apart)
-    state[DRIVE_MEAN_GAP] = cases.gap
-    state[DRIVE_SPEED] = _discrete_velocity(casing, gains, -h)
-    state[DRIVE_APART], state[DRIVE_PARTING] = np.where(held, 0.0, apart), np.where(held, 0.0, parting)
+    state.mean_gap = cases.gap
+    state.speed = _discrete_velocity(casing, gains, -h)
+    state.apart, state.parting = np.where(held, 0.0, apart), np.where(held, 0.0, parting)
     velocity = cases.velocity.copy()
     velocity[held, -1] = begins[held]
-    swings = _waves(casing, h)
-    swings[:, WAVE_SPEED_SINE], swings[:, WAVE_SPEED_COSINE] = gains[0].T, gains[1].T
-    return Drive(_waves(load, h), swings, state), replace(cases, velocity=velocity)
+    for k, wave in enumerate(drive.casing):
+        wave.speed_sine, wave.speed_cosine = gains[0][:, k], gains[1][:, k]
+    return rows, replace(cases, velocity=velocity)
 
 
 def _moves_along(cases: Cases, apart: Array) -> NDArray[np.bool_]:
@@ -118,59 +147,56 @@ def _discrete_velocity(casing: Harmonics, gains: tuple[Array, Array], t: float) 
 
 
 def _waves(harmonics: Harmonics, h: float) -> Array:
-    """Return the rows ``WAVE_…`` of harmonics, ``(harmonic, row, case)``."""
-    waves = np.zeros((harmonics.width, WAVE_ROWS, harmonics.amplitude.shape[0]))
-    turn = elementwise.sine_cosine(harmonics.angular * h)
-    rows = (*(values.T for values in turn), *(values.T for values in harmonics.rows))
-    for row, values in zip(range(WAVE_TURN_SINE, WAVE_PHASE + 1), rows, strict=True):
-        waves[:, row] = values
-    return waves
+    """Return the rows of harmonics, ``(harmonic, row, case)``."""
+    rows = np.zeros((harmonics.width, rows_in(Wave), harmonics.amplitude.shape[0]))
+    waves: Any = named_rows(Wave, rows)
+    turn_sine, turn_cosine = elementwise.sine_cosine(harmonics.angular * h)
+    waves["turn_sine"], waves["turn_cosine"] = turn_sine.T, turn_cosine.T
+    waves["amplitude"], waves["frequency"], waves["phase"] = (values.T for values in harmonics.rows)
+    return rows
 
 
-def drive_lanes(drive: Drive | None) -> Drive | None:
+def drive_lanes(drive: DriveRows | None) -> DriveRows | None:
     """Return rows of lanes for a drive, which :func:`fill_drive` fills."""
-    return None if drive is None else Drive(*(lane_rows(*rows.shape[:-1]) for rows in drive))
+    return None if drive is None else DriveRows(*(lane_rows(*rows.shape[:-1]) for rows in drive))
 
 
-def fill_drive(lanes: Drive | None, drive: Drive | None, part: slice) -> None:
-    """Put some cases of a drive in the lanes; idle lanes are apart from a casing at rest."""
+def fill_drive(lanes: DriveRows | None, drive: DriveRows | None, part: slice) -> Drive | None:
+    """Put some cases of a drive in the lanes, and return these; idle lanes are apart from a casing at rest."""
     if lanes is None or drive is None:
-        return
+        return None
     for rows, values in zip(lanes, drive, strict=True):
         fill_lanes(rows, values[..., part])
-    lanes.state[DRIVE_APART, part.stop - part.start :] = -1.0
+    named = lanes.named
+    named.state.apart[part.stop - part.start :] = -1.0
+    return named
 
 
 @part
-def _place_waves(waves: Array, t: float, lanes: int) -> None:
+def _place_waves(waves: Sequence[Wave], t: float, lanes: int) -> None:
     """Set sine and cosine of harmonics to a time."""
-    for k in range(waves.shape[0]):
+    for k in range(len(waves)):
         for lane in range(lanes):
-            angle = 2.0 * np.pi * (waves[k, WAVE_FREQUENCY, lane] * t) + waves[k, WAVE_PHASE, lane]
-            waves[k, WAVE_SINE, lane], waves[k, WAVE_COSINE, lane] = elementary.sine_cosine(angle)
+            angle = 2.0 * np.pi * (waves[k].frequency[lane] * t) + waves[k].phase[lane]
+            waves[k].sine[lane], waves[k].cosine[lane] = elementary.sine_cosine(angle)
 
 
 @inlined
-def _turn_waves(waves: Array, lane: Lane) -> None:
+def _turn_waves(waves: Sequence[Wave], lane: Lane) -> None:
     """Turn harmonics by the angle of a step."""
-    for k in range(waves.shape[0]):
-        s, c = pack(waves, (k, WAVE_SINE, lane)), pack(waves, (k, WAVE_COSINE, lane))
-        turn_s, turn_c = pack(waves, (k, WAVE_TURN_SINE, lane)), pack(waves, (k, WAVE_TURN_COSINE, lane))
-        store(waves, (k, WAVE_SINE, lane), s * turn_c + c * turn_s)
-        store(waves, (k, WAVE_COSINE, lane), c * turn_c - s * turn_s)
+    for k in range(len(waves)):
+        s, c = pack(waves[k].sine, lane), pack(waves[k].cosine, lane)
+        turn_s, turn_c = pack(waves[k].turn_sine, lane), pack(waves[k].turn_cosine, lane)
+        store(waves[k].sine, lane, s * turn_c + c * turn_s)
+        store(waves[k].cosine, lane, c * turn_c - s * turn_s)
 
 
 @inlined
-def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Array, lanes: int) -> None:
+def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Tips, lanes: int) -> None:
     """Move loads and casing to the end of a step, t = step h; ``tip`` is given the casing's place there."""
     if drive is None:
         return
     load, casing, state = drive.load, drive.casing, drive.state
-    assert load.shape[1] == WAVE_ROWS
-    assert load.shape[2] == ROW
-    assert casing.shape[1] == WAVE_ROWS
-    assert casing.shape[2] == ROW
-    assert state.shape[1] == ROW
     placed = step % EXACT_EVERY == 0
     if placed:
         _place_waves(load, step * h, lanes)
@@ -180,34 +206,34 @@ def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Arra
         if not placed:
             _turn_waves(load, lane)
             _turn_waves(casing, lane)
-        force, place, speed = spread(0.0, lane), pack(state, (DRIVE_MEAN_GAP, lane)), spread(0.0, lane)
-        for k in range(load.shape[0]):
-            force += pack(load, (k, WAVE_AMPLITUDE, lane)) * pack(load, (k, WAVE_SINE, lane))
-        for k in range(casing.shape[0]):
-            s, c = pack(casing, (k, WAVE_SINE, lane)), pack(casing, (k, WAVE_COSINE, lane))
-            place += pack(casing, (k, WAVE_AMPLITUDE, lane)) * s
-            speed += pack(casing, (k, WAVE_SPEED_SINE, lane)) * s + pack(casing, (k, WAVE_SPEED_COSINE, lane)) * c
-        before = pack(state, (DRIVE_LOAD_END, lane))
-        store(state, (DRIVE_LOAD, lane), theta * force + (1.0 - theta) * before)
-        store(state, (DRIVE_LOAD_END, lane), force)
-        store(state, (DRIVE_GAP_BEFORE, lane), pack(tip, (tip_row.GAP, lane)))
-        store(state, (DRIVE_SPEED_BEFORE, lane), pack(state, (DRIVE_SPEED, lane)))
-        store(state, (DRIVE_SPEED, lane), speed)
-        store(tip, (tip_row.GAP, lane), place)
+        force, place, speed = spread(0.0, lane), pack(state.mean_gap, lane), spread(0.0, lane)
+        for k in range(len(load)):
+            force += pack(load[k].amplitude, lane) * pack(load[k].sine, lane)
+        for k in range(len(casing)):
+            s, c = pack(casing[k].sine, lane), pack(casing[k].cosine, lane)
+            place += pack(casing[k].amplitude, lane) * s
+            speed += pack(casing[k].speed_sine, lane) * s + pack(casing[k].speed_cosine, lane) * c
+        before = pack(state.load_end, lane)
+        store(state.load, lane, theta * force + (1.0 - theta) * before)
+        store(state.load_end, lane, force)
+        store(state.gap_before, lane, pack(tip.gap, lane))
+        store(state.speed_before, lane, pack(state.speed, lane))
+        store(state.speed, lane, speed)
+        store(tip.gap, lane, place)
 
 
 @inlined
 def with_harmonics(drive: Drive | None, load: Pack, lane: Lane) -> Pack:
     """Return the load at the tip in a step with its harmonics, N."""
-    return load if drive is None else load + pack(drive.state, (DRIVE_LOAD, lane))
+    return load if drive is None else load + pack(drive.state.load, lane)
 
 
 @inlined
-def tip_before(drive: Drive | None, tip: Array, lane: Lane) -> tuple[Pack, Pack]:
+def tip_before(drive: Drive | None, tip: Tips, lane: Lane) -> tuple[Pack, Pack]:
     """Return place and velocity of the tip at the step's beginning: r and u where the casing moves."""
     if drive is None:
-        return pack(tip, (tip_row.DISPLACEMENT, lane)), pack(tip, (tip_row.VELOCITY, lane))
-    return pack(drive.state, (DRIVE_APART, lane)), pack(drive.state, (DRIVE_PARTING, lane))
+        return pack(tip.displacement, lane), pack(tip.velocity, lane)
+    return pack(drive.state.apart, lane), pack(drive.state.parting, lane)
 
 
 @inlined
@@ -219,19 +245,19 @@ def casing_place(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
 @inlined
 def relative(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
     """Return a velocity at the step's end, relative to the casing where that moves."""
-    return velocity if drive is None else velocity - pack(drive.state, (DRIVE_SPEED, lane))
+    return velocity if drive is None else velocity - pack(drive.state.speed, lane)
 
 
 @inlined
 def onto_casing(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
     """Return a velocity at the step's end from that relative to the casing."""
-    return velocity if drive is None else velocity + pack(drive.state, (DRIVE_SPEED, lane))
+    return velocity if drive is None else velocity + pack(drive.state.speed, lane)
 
 
 @inlined
 def relative_before(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
     """Return a velocity at the step's beginning, relative to the casing where that moves."""
-    return velocity if drive is None else velocity - pack(drive.state, (DRIVE_SPEED_BEFORE, lane))
+    return velocity if drive is None else velocity - pack(drive.state.speed_before, lane)
 
 
 @inlined
@@ -239,27 +265,27 @@ def tip_after(drive: Drive | None, place: Pack, velocity: Pack, gap: Pack, lane:
     """Return place and velocity of the tip at the step's end from those relative to the casing, which are kept."""
     if drive is None:
         return place, velocity
-    store(drive.state, (DRIVE_APART, lane), place)
-    store(drive.state, (DRIVE_PARTING, lane), velocity)
-    return gap + place, pack(drive.state, (DRIVE_SPEED, lane)) + velocity
+    store(drive.state.apart, lane, place)
+    store(drive.state.parting, lane, velocity)
+    return gap + place, pack(drive.state.speed, lane) + velocity
 
 
 @inlined
 def gap_before(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
     """Return the casing's place at the step's beginning."""
-    return gap if drive is None else pack(drive.state, (DRIVE_GAP_BEFORE, lane))
+    return gap if drive is None else pack(drive.state.gap_before, lane)
 
 
 @inlined
 def gap_ahead(drive: Drive | None, gap: Pack, h: float, lane: Lane) -> Pack:
     """Return the casing's place a step after ``gap``, for central differences."""
-    return gap if drive is None else gap + h * pack(drive.state, (DRIVE_SPEED, lane))
+    return gap if drive is None else gap + h * pack(drive.state.speed, lane)
 
 
 @inlined
-def cut_gap(drive: Drive | None, share: float, tip: Array, lanes: int) -> None:
+def cut_gap(drive: Drive | None, share: float, tip: Tips, lanes: int) -> None:
     """Take the casing back to a share of the last step."""
     if drive is not None:
         for lane in range(lanes):
-            before = drive.state[DRIVE_GAP_BEFORE, lane]
-            tip[tip_row.GAP, lane] = before + share * (tip[tip_row.GAP, lane] - before)
+            before = drive.state.gap_before[lane]
+            tip.gap[lane] = before + share * (tip.gap[lane] - before)

@@ -23,9 +23,10 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, pack, shared, spread, store
 from workflow.models import Array
-from workflow.schemes._fixed import balance, case_row
+from workflow.schemes._fixed import balance
 from workflow.schemes._fixed.balance import Account, Dense, plus
 from workflow.schemes._fixed.contact import TipStep, friction_heat, was_pressed
+from workflow.schemes._fixed.rows import Own
 
 SPEED, PLACE = range(2)
 """Rows of a block's motion, and of what acts on it: u and η."""
@@ -64,8 +65,7 @@ class FreeStep(NamedTuple):
 class State(NamedTuple):
     """States of a block of cases and what its cases have of their own."""
 
-    own: Array
-    """``(row, lane)``, rows of ``case_row``."""
+    own: Own
     motion: Array
     """``(block, row, lane)``."""
     drives: Array
@@ -78,6 +78,8 @@ class State(NamedTuple):
     """τ at the beginning of the last step."""
     tau_paired: Array
     """Either of the two: the τ that pulls at blocks near resonance."""
+    dense: Dense | None = None
+    """What counts the motion of modes for balances where blocks are none."""
 
 
 class Alone(NamedTuple):
@@ -90,7 +92,7 @@ class Alone(NamedTuple):
 
 
 @inlined
-def lay_out(step: FreeStep, state: State, load: Array, tip: Array) -> None:
+def lay_out(step: FreeStep, state: State) -> None:
     """Assert how far apart rows lie, once before the first step, for all that is inlined after it.
 
     The compiler knows distances then, instead of reading them for each pack of lanes.
@@ -102,9 +104,6 @@ def lay_out(step: FreeStep, state: State, load: Array, tip: Array) -> None:
     assert state.drives.shape[1] == PLACE + 1
     assert state.drives.shape[2] == ROW
     assert state.tau.shape[1] == ROW
-    assert state.own.shape[1] == ROW
-    assert load.shape[1] == ROW
-    assert tip.shape[1] == ROW
 
 
 @inlined
@@ -132,24 +131,27 @@ def _at_tip(coupled: Array | None, j: int, u: Pack, eta: Pack, lane: Lane) -> Pa
 def _step_blocks(
     coupled: Array | None,
     account: Account | None,
+    dense: Dense | None,
     step: FreeStep,
     state: State,
     velocity: Pack,
     contact: Pack | None,
     lane: Lane,
 ) -> Pack:
-    """Step the blocks, and return the tip's velocity with theirs; ``account`` is that of blocks that are modes."""
-    motion, load = state.motion, pack(state.own, (case_row.LOAD, lane))
+    """Step the blocks, and return the tip's velocity with theirs."""
+    motion, load = state.motion, pack(state.own.load, lane)
     dissipated, given = spread(0.0, lane), spread(0.0, lane)
     for j in range(motion.shape[0]):
         before, place = ended(coupled, step, state, j, load, contact, lane)
-        dissipated, given = balance.count_mode(account, j, before, place, step.tip.h, contact, dissipated, given, lane)
+        dissipated, given = balance.count_mode(
+            account, dense, j, before, place, step.tip.h, contact, dissipated, given, lane
+        )
         u = shared(step.blocks, (j, DECAY), lane) * before + shared(step.blocks, (j, SPRING), lane) * place
         eta = place + step.tip.h * before
         store(motion, (j, SPEED, lane), u)
         store(motion, (j, PLACE, lane), eta)
         velocity += _at_tip(coupled, j, u, eta, lane)
-    balance.add_dissipation(account, dissipated, given, contact, lane)
+    balance.add_modes(account, dense, dissipated, given, contact, lane)
     return velocity
 
 
@@ -176,17 +178,6 @@ def _step_heat(
         temperature += after
     balance.add_loss(account, step.tip.h, loss, heat, lane)
     return velocity, temperature
-
-
-@inlined
-def _of_modes(account: Account | None) -> Account | None:
-    """Return the account where blocks are modes, whose motion is counted as they are stepped."""
-    return account if account is None else _without(account.dense, account)
-
-
-@inlined
-def _without(dense: Dense | None, account: Account) -> Account | None:
-    return account if dense is None else None
 
 
 @inlined
@@ -225,7 +216,7 @@ def _step(
 ) -> Alone:
     """Step all thermal modes and blocks, from which the tip's velocity and temperature are the known ones."""
     dragged, temperature = _step_heat(account, step, state.tau, dragged, temperature, heat, lane)
-    velocity = _step_blocks(step.coupled, _of_modes(account), step, state, dragged, contact, lane)
+    velocity = _step_blocks(step.coupled, account, state.dense, step, state, dragged, contact, lane)
     return Alone(velocity, temperature, dragged)
 
 
@@ -239,10 +230,10 @@ def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: A
     own = state.own
     drift, warmth = spread(0.0, lane), spread(0.0, lane)
     if warmed:
-        drift = pack(own, (case_row.DRIFT, lane))
-        warmth = pack(own, (case_row.WARMTH, lane)) + pack(own, (case_row.WARMING, lane)) * t
+        drift = pack(own.drift, lane)
+        warmth = pack(own.warmth, lane) + pack(own.warming, lane) * t
     if was_pressed(own, lane):
-        contact, heat = pack(own, (case_row.IMPULSE, lane)), friction_heat(own, lane)
+        contact, heat = pack(own.impulse, lane), friction_heat(own, lane)
         alone = _step(step, account, state, drift, warmth, contact, heat, lane)
     else:
         alone = _step(step, account, state, drift, warmth, None, None, lane)
@@ -253,13 +244,11 @@ def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: A
 
 
 @part
-def is_warmed(own: Array, lanes: int) -> bool:
+def is_warmed(own: Own, lanes: int) -> bool:
     """Tell whether heating or the temperature of the surroundings moves the tip of some lane."""
     warmed = False
     for lane in range(lanes):
-        warmed |= (
-            own[case_row.DRIFT, lane] != 0.0 or own[case_row.WARMTH, lane] != 0.0 or own[case_row.WARMING, lane] != 0.0
-        )
+        warmed |= own.drift[lane] != 0.0 or own.warmth[lane] != 0.0 or own.warming[lane] != 0.0
     return warmed
 
 
@@ -269,5 +258,5 @@ def store_heat(step: FreeStep, state: State, into: Array, lanes: int) -> None:
     own = state.own
     for k in range(into.shape[0]):
         for lane in range(lanes):
-            heat = step.heat_modes[k, HEAT_INPUT] * (own[case_row.ALPHA, lane] * own[case_row.IMPULSE, lane])
+            heat = step.heat_modes[k, HEAT_INPUT] * (own.alpha[lane] * own.impulse[lane])
             into[k, lane] = state.tau[k, lane] + heat if step.heat_counts else state.tau[k, lane]

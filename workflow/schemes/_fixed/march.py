@@ -12,19 +12,20 @@ from typing import Any, TypeVar
 import numpy as np
 
 from workflow.kernels.compiled import by_type, defines, inlined, uncounted
-from workflow.kernels.lanes import PACK, lane_rows
+from workflow.kernels.lanes import PACK, lane_rows, named_rows, rows_in
 from workflow.kernels.packs import Lane, align_stack, broad, broadest, narrow, pack, spread, store
 from workflow.models import Array, Cases, Structure, project
-from workflow.schemes._fixed import case_row, free_motion, stepping, tip_row
+from workflow.schemes._fixed import free_motion, stepping
 from workflow.schemes._fixed.balance import Account, count_work, lay_out_account
 from workflow.schemes._fixed.balances import Balances
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.contact import CentralStep, Contact, End, Free, Law, TipStep, contact_step, respond
 from workflow.schemes._fixed.count import count_step
-from workflow.schemes._fixed.drive import Drive, turn_drive
+from workflow.schemes._fixed.drive import DriveRows, turn_drive
 from workflow.schemes._fixed.free_motion import Alone, FreeStep, State
 from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.outcome import effective_restitution
+from workflow.schemes._fixed.rows import Own
 from workflow.schemes._fixed.start import drives, first_free, free_step, start
 from workflow.schemes._fixed.stepping import Ended, Now
 from workflow.schemes._fixed.tip_load import start_load, turn_load
@@ -81,9 +82,9 @@ def _open_centrally(
 def _open(step: FreeStep, law: Law, now: Now, state: State, block: Block, account: Account | None, lane: Lane) -> None:
     """Take the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
     own = state.own
-    alone = Alone(pack(own, (case_row.FIRST, lane)), spread(0.0, lane), pack(own, (case_row.DRAGGED, lane)))
+    alone = Alone(pack(own.first, lane), spread(0.0, lane), pack(own.dragged, lane))
     stepping.store_end(close_step(step, law, now, alone, state, block, account, lane), block.tip, lane)
-    store(own, (case_row.BEFORE, lane), 2.0 * pack(own, (case_row.BEFORE, lane)))
+    store(own.before, lane, 2.0 * pack(own.before, lane))
 
 
 @inlined
@@ -92,9 +93,9 @@ def close_step(
 ) -> End:
     """Close a step by load and contact, and count what they do."""
     tip, load = block.tip, stepping.load_impulse(now, step.tip.h, block, lane)
-    free = Free(alone.velocity, alone.temperature, load, pack(tip, (tip_row.GAP, lane)), block.drive)
-    end, ahead = contact_step(step.tip, law, free, state.own, tip, lane)
-    count_work(account, step.tip, end, ahead, alone.dragged, free, state.own, tip, lane)
+    free = Free(alone.velocity, alone.temperature, load, pack(tip.gap, lane), block.drive)
+    end = contact_step(step.tip, law, free, state.own, tip, lane)
+    count_work(account, step.tip, end, alone.dragged, free, state.own, tip, lane)
     return end
 
 
@@ -116,7 +117,7 @@ def march(step: FreeStep, law: Law, state: State, block: Block, account: Account
     ``state.tau_before`` is left with τ at the beginning of the last step, ``state.tau`` with τ at its end.
     """
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, step.tip.theta
-    free_motion.lay_out(step, state, load, tip)
+    free_motion.lay_out(step, state)
     lay_out_account(account)
     in_broad = lanes // broadest() * broadest() if 2 * len(state.motion) + len(state.tau) <= FEW_ROWS else 0
     paired, interval = step.pair_block.size > 0, min(ENERGY_INTERVAL, block.steps // FEWEST_ENERGIES + 1)
@@ -158,12 +159,10 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
     return add
 
 
-def _law_rows(own: Array, law: Law) -> tuple[Array, Law]:
-    """Return the cases' rows with parameters of a law that differ between them, and the law with the rows of these."""
-    each = {name: values for name, values in law._asdict().items() if isinstance(values, np.ndarray)}
-    rows = dict(zip(each, range(len(own), len(own) + len(each)), strict=True))
-    shared = {name: float(value) for name, value in law._asdict().items() if name not in each}
-    return np.vstack([own, *each.values()]), law._replace(**shared, **rows)
+def _law_lanes(law: Law) -> tuple[Law, list[tuple[Array, Array]]]:
+    """Return a law with a row of lanes for each parameter that differs between cases, and these with their values."""
+    lanes = law._make(lane_rows() if isinstance(value, np.ndarray) else float(value) for value in law)
+    return lanes, [(row, values) for row, values in zip(lanes, law, strict=True) if isinstance(values, np.ndarray)]
 
 
 def step_batch(
@@ -174,7 +173,7 @@ def step_batch(
     cases: Cases,
     velocity: Array,
     sampling: Sampling,
-    drive: Drive | None,
+    drive: DriveRows | None,
 ) -> Ended:
     """Step all cases in blocks by a scheme's step, with W, ``(case,)``, and the modes' first ``velocity``.
 
@@ -185,30 +184,34 @@ def step_batch(
         free_step(blocks, contact, begun.drifting),
         stepping.watch(cases, sampling, blocks.step.tip.h, drive),
     )
-    states, own = begun.states, np.zeros((case_row.ROWS, cases.count))
-    own[case_row.ALPHA], own[case_row.MOBILITY] = cases.alpha, contact.mobility(free.tip.h, w)
-    own[case_row.DRIFT], own[case_row.WARMTH], own[case_row.WARMING] = begun.drift, begun.warmth, begun.warming
+    states, rows_of_cases = begun.states, np.zeros((rows_in(Own), cases.count))
+    own = named_rows(Own, rows_of_cases)
+    own.alpha, own.mobility = cases.alpha, contact.mobility(free.tip.h, w)
+    own.drift, own.warmth, own.warming = begun.drift, begun.warmth, begun.warming
     if not free.heat_counts:
-        states, own[case_row.FIRST], own[case_row.DRAGGED] = first_free(blocks, begun)
-        own[case_row.AHEAD], own[case_row.HALF] = cases.displacement[:, -1], project(modal.tip, velocity)
+        states, own.first, own.dragged = first_free(blocks, begun)
+        own.ahead, own.half = cases.displacement[:, -1], project(modal.tip, velocity)
 
-    own, law = _law_rows(own, contact.law(cases))
+    law, law_filled = _law_lanes(contact.law(cases))
     scale = blocks.scale[:, None, None]
-    filled = [own, scale * states.swapaxes(0, 1), scale * drives(blocks, cases).swapaxes(0, 1)]
+    filled = [rows_of_cases, scale * states.swapaxes(0, 1), scale * drives(blocks, cases).swapaxes(0, 1)]
     filled += [blocks.scale[begun.drifting, None] * begun.steady, begun.heat * modal.heat_scale[:, None]]
     lanes, before = [lane_rows(*values.shape[:-1]) for values in filled], lane_rows(len(begun.heat))
-    state = State._make([*lanes, before, before if free.heat_counts else lanes[-1]])
-    rows, fillings = 2 * len(state.motion) + len(state.tau), list(zip(lanes, filled, strict=True))
+    state = State._make(
+        [named_rows(Own, lanes[0]), *lanes[1:], before, before if free.heat_counts else lanes[-1], None]
+    )
+    rows, fillings = 2 * len(state.motion) + len(state.tau), [*zip(lanes, filled, strict=True), *law_filled]
     balances = Balances(structure, blocks, free, cases, begun) if sampling.balances else None
     if balances is not None:
         rows, fillings = rows + balances.rows, fillings + balances.filled
+        state = state._replace(dense=balances.dense)
     closing, growth = begun.closing + begun.closing_rate * sampling.duration, modal.static_growth / modal.heat_scale
     for part, block in stepping.blocks(watched, stepping.block_lanes(rows), *fillings):
         KERNELS[type(law)](free, law, state, block, None if balances is None else balances.account)
         if balances is not None:
             balances.close(part, state)
         count = part.stop - part.start
-        own[:, part] = state.own[:, :count]
+        rows_of_cases[:, part] = lanes[0][:, :count]
         reached = watched.reached(state.tau_before, state.tau)
         closing[part] += project(growth, reached.T)[:count]
     rebounds = effective_restitution(own) if contact.rebounds else {}

@@ -11,8 +11,9 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK
 from workflow.kernels.packs import fetch, narrow, pack, store
 from workflow.models import Array
-from workflow.schemes._fixed import tip_row
 from workflow.schemes._fixed.drive import Drive
+from workflow.schemes._fixed.rows import Tips
+from workflow.schemes._fixed.tip_load import Load
 
 NEVER = np.iinfo(np.int64).max
 
@@ -50,10 +51,8 @@ class Record(NamedTuple):
 class Block(NamedTuple):
     """Up to ``LANES`` consecutive cases that a kernel steps at once."""
 
-    load: Array
-    """``(row, lane)``, rows ``LOAD_…``."""
-    tip: Array
-    """``(row, lane)``, rows of ``tip_row``."""
+    load: Load
+    tip: Tips
     marks: Marks
     record: Record
     drive: Drive | None
@@ -79,23 +78,23 @@ def _close_periods(step: int, block: Block) -> None:
         while next_period[lane] < period_due.shape[1] and period_due[lane, next_period[lane]] == step:
             k = next_period[lane]
             share = period_weight[lane, k]
-            p = tip[tip_row.STEP_IMPULSE, lane]
-            impulse = _between(tip[tip_row.IMPULSE, lane], tip[tip_row.IMPULSE, lane] + p, share)
-            reached = _between(tip[tip_row.TEMPERATURE, lane], tip[tip_row.NEW_TEMPERATURE, lane], share)
-            contact = tip[tip_row.CONTACT_TIME, lane] + (share * h if p > 0.0 else 0.0)
-            periods[lane, 0, k] = impulse - tip[tip_row.PERIOD_IMPULSE, lane]
-            periods[lane, 1, k] = max(tip[tip_row.PERIOD_HOTTEST, lane], reached)
-            periods[lane, 2, k] = contact - tip[tip_row.PERIOD_CONTACT, lane]
-            for j in range(2):
-                periods[lane, 3 + j, k] = _between(tip[j, lane], tip[tip_row.NEW_DISPLACEMENT + j, lane], share)
+            p = tip.step_impulse[lane]
+            impulse = _between(tip.impulse[lane], tip.impulse[lane] + p, share)
+            reached = _between(tip.temperature[lane], tip.new_temperature[lane], share)
+            contact = tip.contact_time[lane] + (share * h if p > 0.0 else 0.0)
+            periods[lane, 0, k] = impulse - tip.period_impulse[lane]
+            periods[lane, 1, k] = max(tip.period_hottest[lane], reached)
+            periods[lane, 2, k] = contact - tip.period_contact[lane]
+            periods[lane, 3, k] = _between(tip.displacement[lane], tip.new_displacement[lane], share)
+            periods[lane, 4, k] = _between(tip.velocity[lane], tip.new_velocity[lane], share)
             periods[lane, 5, k] = reached
-            strikes = 1.0 if p > 0.0 and tip[tip_row.TOUCHING, lane] == 0.0 else 0.0
-            periods[lane, 6, k] = tip[tip_row.IMPACTS, lane] + strikes - tip[tip_row.PERIOD_IMPACTS, lane]
-            tip[tip_row.PERIOD_IMPACTS, lane] = tip[tip_row.IMPACTS, lane] + strikes
-            tip[tip_row.HOTTEST, lane] = max(tip[tip_row.HOTTEST, lane], periods[lane, 1, k])
-            tip[tip_row.PERIOD_IMPULSE, lane] = impulse
-            tip[tip_row.PERIOD_CONTACT, lane] = contact
-            tip[tip_row.PERIOD_HOTTEST, lane] = reached
+            strikes = 1.0 if p > 0.0 and tip.touching[lane] == 0.0 else 0.0
+            periods[lane, 6, k] = tip.impacts[lane] + strikes - tip.period_impacts[lane]
+            tip.period_impacts[lane] = tip.impacts[lane] + strikes
+            tip.hottest[lane] = max(tip.hottest[lane], periods[lane, 1, k])
+            tip.period_impulse[lane] = impulse
+            tip.period_contact[lane] = contact
+            tip.period_hottest[lane] = reached
             next_period[lane] = k + 1
         if next_period[lane] < period_due.shape[1]:
             first = min(first, period_due[lane, next_period[lane]])
@@ -116,12 +115,14 @@ def _sample(k: int, share: float, block: Block) -> None:
             fetch(histories, (case, j, last))
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
-        for j in range(tip_row.IMPULSE):
-            x = _between(pack(tip, (j, lane)), pack(tip, (tip_row.NEW_DISPLACEMENT + j, lane)), share)
-            store(waiting, (j * WAITING + slot, lane), x)
-        impulse = pack(tip, (tip_row.IMPULSE, lane))
-        after = impulse + pack(tip, (tip_row.STEP_IMPULSE, lane))
-        store(waiting, (tip_row.IMPULSE * WAITING + slot, lane), _between(impulse, after, share))
+        impulse = pack(tip.impulse, lane)
+        for j, begun, ended in (
+            (0, pack(tip.displacement, lane), pack(tip.new_displacement, lane)),
+            (1, pack(tip.velocity, lane), pack(tip.new_velocity, lane)),
+            (2, pack(tip.temperature, lane), pack(tip.new_temperature, lane)),
+            (3, impulse, impulse + pack(tip.step_impulse, lane)),
+        ):
+            store(waiting, (j * WAITING + slot, lane), _between(begun, ended, share))
     if slot == WAITING - 1 or k == histories.shape[2] - 1:
         for case in range(histories.shape[0]):
             for j in range(histories.shape[1]):
@@ -151,9 +152,8 @@ def take_marks(step: int, block: Block) -> float:
     share = weight[-1] if step == steps else 1.0
     if share != 1.0:
         for lane in range(lanes):
-            for row in range(tip_row.IMPULSE):
-                tip[tip_row.NEW_DISPLACEMENT + row, lane] = _between(
-                    tip[row, lane], tip[tip_row.NEW_DISPLACEMENT + row, lane], share
-                )
-            tip[tip_row.STEP_IMPULSE, lane] *= share
+            tip.new_displacement[lane] = _between(tip.displacement[lane], tip.new_displacement[lane], share)
+            tip.new_velocity[lane] = _between(tip.velocity[lane], tip.new_velocity[lane], share)
+            tip.new_temperature[lane] = _between(tip.temperature[lane], tip.new_temperature[lane], share)
+            tip.step_impulse[lane] *= share
     return share * h

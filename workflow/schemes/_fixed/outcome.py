@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.models import Cases
-from workflow.schemes._fixed import case_row
+from workflow.schemes._fixed.rows import Own
 from workflow.schemes._interface import Results, Status, merge
 
 Outcome = tuple[NDArray[np.int8], dict[int, str]]
@@ -20,9 +20,9 @@ ROUNDING = 16 * np.finfo(float).eps
 """A free step grows only above 1 by more than the few operations that compute its factor can err."""
 
 
-def effective_restitution(own: Array) -> dict[str, Array]:
+def effective_restitution(own: Own) -> dict[str, Array]:
     """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended or a sum has left the finite numbers."""
-    approached, separated = own[case_row.APPROACHED], own[case_row.SEPARATED]
+    approached, separated = own.approached, own.separated
     met = (approached > 0) & np.isfinite(approached) & np.isfinite(separated)
     return {"effective_restitution": np.where(met, separated / np.where(met, approached, 1.0), np.nan)}
 

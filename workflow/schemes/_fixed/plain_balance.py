@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
+from workflow.kernels.lanes import named_rows, rows_in
 from workflow.models import Cases, Structure, directions, project
-from workflow.schemes._fixed import total_row
+from workflow.schemes._fixed.rows import Totals
 from workflow.schemes._fixed.totals import Balance, content_of, row_totals
 
 States = tuple[Array, Array, Array]
@@ -22,15 +23,15 @@ class PlainBalance:
     def __init__(self, structure: Structure, cases: Cases, h: float) -> None:
         self._structure, self._cases, self._h, self._steps = structure, cases, h, 0
         self._pushes = directions(structure, cases.friction)
-        self._totals = np.zeros((total_row.ROWS, cases.count))
-        self._totals[total_row.FIRST_ENERGY] = self._keep(cases.displacement, cases.velocity)
+        self._totals = named_rows(Totals, np.zeros((rows_in(Totals), cases.count)))
+        self._totals.first_energy = self._keep(cases.displacement, cases.velocity)
 
     def _keep(self, x: Array, v: Array) -> Array:
         """Keep the energy ½ vᵀM v + ½ xᵀK1 x at a step's end, and the largest one."""
         kinetic = row_totals(v * project(self._structure.mass, v))
         energy = 0.5 * (kinetic + row_totals(x * project(self._structure.stiffness_matrix, x)))
-        self._totals[total_row.LAST_ENERGY] = energy
-        self._totals[total_row.LARGEST_ENERGY] = np.maximum(self._totals[total_row.LARGEST_ENERGY], energy)
+        self._totals.last_energy = energy
+        self._totals.largest_energy = np.maximum(self._totals.largest_energy, energy)
         return energy
 
     @np.errstate(over="ignore", invalid="ignore")  # of a case that leaves the finite numbers
@@ -41,10 +42,10 @@ class PlainBalance:
         forces = project(structure.damping_matrix, v) + project(structure.coupling_matrix, temperature)
         work = row_totals(v * (forces - self._cases.steady)) - load * row_totals(structure.load_direction * v)
         loss = self._h * project(structure.loss_row, temperature)
-        totals[total_row.DISSIPATED] += self._h * work + impulse * row_totals(self._pushes * v)
-        totals[total_row.LOST] += loss
-        totals[total_row.TURNED_OVER] += np.abs(loss)
-        totals[total_row.FRICTION_HEAT] += self._cases.alpha * impulse
+        totals.dissipated += self._h * work + impulse * row_totals(self._pushes * v)
+        totals.lost += loss
+        totals.turned_over += np.abs(loss)
+        totals.friction_heat += self._cases.alpha * impulse
         self._keep(after[0], after[1])
         self._steps += 1
 

@@ -11,14 +11,14 @@ import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
-from workflow.kernels.lanes import LANES, lane_rows
+from workflow.kernels.lanes import LANES, lane_rows, rows_in
 from workflow.models import Cases, Structure, project, static_tip_growth
-from workflow.schemes._fixed import tip_row
 from workflow.schemes._fixed.marks import WAITING, Block
 from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.plain_balance import PlainBalance
+from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._fixed.stepping import Ended, block_of, collect, count_stored, parts, watch
-from workflow.schemes._fixed.tip_load import LOAD_ROWS
+from workflow.schemes._fixed.tip_load import Load
 from workflow.schemes._interface import Results, Sampling
 
 
@@ -52,10 +52,11 @@ class Recorder:
         self._cases, self._h = cases, h
         self._watched = watch(cases, sampling, h)
         self.steps = self._watched.schedule.steps
-        self._blocks = [
-            (part, block_of(self._watched, part, lane_rows(LOAD_ROWS), lane_rows(tip_row.ROWS), lane_rows(4 * WAITING)))
-            for part in parts(cases.count, LANES)
-        ]
+        self._blocks = []
+        for part in parts(cases.count, LANES):
+            tips = lane_rows(rows_in(Tips))
+            block = block_of(self._watched, part, lane_rows(rows_in(Load)), tips, lane_rows(4 * WAITING))
+            self._blocks.append((part, tips, block))
         self._growth = static_tip_growth(structure)
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
         self._step = 0
@@ -90,13 +91,13 @@ class Recorder:
         self._step += 1
         self._before, self._states = before, after
         casing = self._casing()
-        for part, block in self._blocks:
+        for part, _, block in self._blocks:
             count = part.stop - part.start
-            block.tip[tip_row.GAP, :count] = casing[part]
-            block.tip[tip_row.NEW_DISPLACEMENT, :count] = displacement[part, -1]
-            block.tip[tip_row.NEW_VELOCITY, :count] = velocity[part, -1]
-            block.tip[tip_row.NEW_TEMPERATURE, :count] = temperature[part, -1]
-            block.tip[tip_row.STEP_IMPULSE, :count] = impulse[part]
+            block.tip.gap[:count] = casing[part]
+            block.tip.new_displacement[:count] = displacement[part, -1]
+            block.tip.new_velocity[:count] = velocity[part, -1]
+            block.tip.new_temperature[:count] = temperature[part, -1]
+            block.tip.step_impulse[:count] = impulse[part]
             _count(self._step, block)
 
     def _casing(self) -> Array:
@@ -116,9 +117,9 @@ class Recorder:
     def results(self) -> Results:
         """Return what the batch gave; a case whose tip left the finite numbers is ``diverged``."""
         watched = self._watched
-        for part, block in self._blocks:
-            watched.tip[:, part] = block.tip[:, : part.stop - part.start]
-        finite = watched.finite(tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE)
+        for part, tips, _ in self._blocks:
+            watched.tips[:, part] = tips[:, : part.stop - part.start]
+        finite = watched.finite("displacement", "velocity", "temperature")
         left = f"the state left the finite numbers at h = {self._h:.6g} s"
         reached = watched.reached(self._before[2], self._states[2])
         closing = project(self._growth, reached)

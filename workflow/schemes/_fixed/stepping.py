@@ -16,13 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined
-from workflow.kernels.lanes import PACK, cached_lanes, fill_lanes, lane_rows
+from workflow.kernels.lanes import PACK, cached_lanes, fill_lanes, lane_rows, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
 from workflow.models import Array, Cases
-from workflow.schemes._fixed import tip_load, tip_row
+from workflow.schemes._fixed import tip_load
 from workflow.schemes._fixed.contact import End
-from workflow.schemes._fixed.drive import Drive, cut_gap, drive_lanes, fill_drive, with_harmonics
+from workflow.schemes._fixed.drive import DriveRows, cut_gap, drive_lanes, fill_drive, with_harmonics
 from workflow.schemes._fixed.marks import NEVER, WAITING, Block, Marks, Record, take_marks
+from workflow.schemes._fixed.rows import Tips
+from workflow.schemes._fixed.tip_load import Load
 from workflow.schemes._fixed.totals import Balance
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
 
@@ -30,7 +32,6 @@ from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, 
 class Now(NamedTuple):
     """A step, as its packs of lanes see it."""
 
-    step: int
     t: float
     """Time at its end, s."""
     last: bool
@@ -49,9 +50,8 @@ class Now(NamedTuple):
 @inlined
 def step_at(step: int, theta: float, leader: int, warmed: bool, block: Block) -> Now:
     """Return a step, with the load at its two ends weighed by 1 - θ and θ."""
-    sine = tip_load.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes)
-    mark, last = block.marks.next_mark[0], step == block.steps
-    return Now(step, step * block.h, last, step == mark, step + 1 == mark, sine, leader, warmed)
+    sine, mark = tip_load.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes), block.marks.next_mark[0]
+    return Now(step * block.h, step == block.steps, step == mark, step + 1 == mark, sine, leader, warmed)
 
 
 @inlined
@@ -61,48 +61,48 @@ def load_impulse(now: Now, h: float, block: Block, lane: Lane) -> Pack:
 
 
 @inlined
-def store_end(end: End, tip: Array, lane: Lane) -> None:
+def store_end(end: End, tip: Tips, lane: Lane) -> None:
     """Store the tip's state at the end of a step and the impulse in it for :func:`observe`."""
-    store(tip, (tip_row.NEW_DISPLACEMENT, lane), end.displacement)
-    store(tip, (tip_row.NEW_VELOCITY, lane), end.velocity)
-    store(tip, (tip_row.NEW_TEMPERATURE, lane), end.temperature)
-    store(tip, (tip_row.STEP_IMPULSE, lane), end.impulse)
+    store(tip.new_displacement, lane, end.displacement)
+    store(tip.new_velocity, lane, end.velocity)
+    store(tip.new_temperature, lane, end.temperature)
+    store(tip.step_impulse, lane, end.impulse)
 
 
 @inlined
-def count_end(end: End, next_marked: bool, span: float, tip: Array, lane: Lane) -> None:
+def count_end(end: End, next_marked: bool, span: float, tip: Tips, lane: Lane) -> None:
     """Count the tip's state at the end of a step of ``span`` s and the impulse in it.
 
     The temperature is stored as the tip's where a sample or a period ends in the next step (``next_marked``).
     """
     x, temperature, p = end.displacement, end.temperature, end.impulse
-    gap, hottest = pack(tip, (tip_row.GAP, lane)), pack(tip, (tip_row.PERIOD_HOTTEST, lane))
-    store(tip, (tip_row.DISPLACEMENT, lane), x)
-    store(tip, (tip_row.VELOCITY, lane), end.velocity)
+    gap, hottest = pack(tip.gap, lane), pack(tip.period_hottest, lane)
+    store(tip.displacement, lane, x)
+    store(tip.velocity, lane, end.velocity)
     if next_marked:
-        store(tip, (tip_row.TEMPERATURE, lane), temperature)
+        store(tip.temperature, lane, temperature)
     if some(temperature > hottest):
-        store(tip, (tip_row.PERIOD_HOTTEST, lane), where(temperature > hottest, temperature, hottest))
+        store(tip.period_hottest, lane, where(temperature > hottest, temperature, hottest))
     if some(x > gap):
-        depth, deepest = x - gap, pack(tip, (tip_row.PENETRATION, lane))
-        store(tip, (tip_row.PENETRATION, lane), where(depth > deepest, depth, deepest))
+        depth, deepest = x - gap, pack(tip.penetration, lane)
+        store(tip.penetration, lane, where(depth > deepest, depth, deepest))
     if end.engaged:
-        touches, touched = where(p > 0.0, 1.0, 0.0), pack(tip, (tip_row.TOUCHING, lane))
+        touches, touched = where(p > 0.0, 1.0, 0.0), pack(tip.touching, lane)
         if some_nonzero(touches - touched):
-            store(tip, (tip_row.IMPACTS, lane), pack(tip, (tip_row.IMPACTS, lane)) + touches * (1.0 - touched))
-            store(tip, (tip_row.TOUCHING, lane), touches)
-        store(tip, (tip_row.CONTACT_TIME, lane), pack(tip, (tip_row.CONTACT_TIME, lane)) + touches * span)
-        store(tip, (tip_row.IMPULSE, lane), pack(tip, (tip_row.IMPULSE, lane)) + p)
+            store(tip.impacts, lane, pack(tip.impacts, lane) + touches * (1.0 - touched))
+            store(tip.touching, lane, touches)
+        store(tip.contact_time, lane, pack(tip.contact_time, lane) + touches * span)
+        store(tip.impulse, lane, pack(tip.impulse, lane) + p)
 
 
 @inlined
-def observe(span: float, tip: Array, lanes: int) -> None:
+def observe(span: float, tip: Tips, lanes: int) -> None:
     """Count what :func:`store_end` stored at the end of a step of ``span`` s."""
     for first in range(0, lanes, PACK):
         lane = narrow(first)
-        x, v = pack(tip, (tip_row.NEW_DISPLACEMENT, lane)), pack(tip, (tip_row.NEW_VELOCITY, lane))
-        end = End(True, x, v, pack(tip, (tip_row.NEW_TEMPERATURE, lane)), pack(tip, (tip_row.STEP_IMPULSE, lane)))
-        count_end(end, True, span, tip, lane)
+        x, v = pack(tip.new_displacement, lane), pack(tip.new_velocity, lane)
+        temperature, p = pack(tip.new_temperature, lane), pack(tip.step_impulse, lane)
+        count_end(End(True, x, v, temperature, p, p, v), True, span, tip, lane)
 
 
 @inlined
@@ -118,21 +118,26 @@ def count_stored(step: int, block: Block) -> None:
 class Watch:
     """Loads, tips, samples and load periods of a batch.
 
-    ``load`` and ``tip`` hold the rows ``LOAD_…`` and those of ``tip_row`` of all cases, ``(row, case)``: the tip at
-    t = 0, and at the end once a case's block is done.
+    ``loads`` and ``tips`` hold the rows of all cases, ``(row, case)``: the tip at t = 0, and at the end once a case's
+    block is done.
     """
 
     cases: Cases
     schedule: Schedule
     interval: float
     h: float
-    load: Array
-    tip: Array
-    drive: Drive | None
+    loads: Array
+    tips: Array
+    drive: DriveRows | None
     """Harmonics of load and casing, ``(…, case)``."""
     record: Record
     period_due: NDArray[np.int64]
     period_weight: Array
+
+    @property
+    def tip(self) -> Tips:
+        """The tips by the names of their rows."""
+        return named_rows(Tips, self.tips)
 
     @property
     def elapsed(self) -> float:
@@ -143,9 +148,9 @@ class Watch:
         """Return states where the duration ends, by those at the last step's beginning and end."""
         return np.asarray(before + self.schedule.weight[-1] * (after - before))
 
-    def finite(self, *rows: int) -> NDArray[np.bool_]:
+    def finite(self, *rows: str) -> NDArray[np.bool_]:
         """Return which cases have finite numbers in some rows of the tip, ``(case,)``."""
-        return np.asarray(np.isfinite(self.tip[list(rows)]).all(axis=0))
+        return np.asarray(np.isfinite([getattr(self.tip, row) for row in rows]).all(axis=0))
 
 
 class Ended(NamedTuple):
@@ -159,7 +164,7 @@ class Ended(NamedTuple):
     balance: Balance | None
 
 
-def watch(cases: Cases, sampling: Sampling, h: float, drive: Drive | None = None) -> Watch:
+def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = None) -> Watch:
     """Return the samples and load periods of a batch that is stepped with ``h``, and its tips at t = 0."""
     casing, plan = cases.casing_at(0.0), schedule(sampling, h)
     periods = complete_periods(cases.period_frequency, sampling)
@@ -174,30 +179,26 @@ def watch(cases: Cases, sampling: Sampling, h: float, drive: Drive | None = None
     due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
     due = np.where(counted, np.minimum(due, plan.steps), NEVER)
 
-    load = np.zeros((tip_load.LOAD_ROWS, cases.count))
-    parameters = (cases.mean, cases.amplitude, cases.frequency, cases.phase)
-    load[[tip_load.LOAD_MEAN, tip_load.LOAD_AMPLITUDE, tip_load.LOAD_FREQUENCY, tip_load.LOAD_PHASE]] = parameters
-
-    tip = np.zeros((tip_row.ROWS, cases.count))
-    tip[tip_row.DISPLACEMENT], tip[tip_row.VELOCITY] = cases.displacement[:, -1], cases.velocity[:, -1]
-    tip[[tip_row.TEMPERATURE, tip_row.HOTTEST, tip_row.PERIOD_HOTTEST]] = cases.temperature[:, -1]
-    tip[tip_row.GAP] = casing
-    tip[tip_row.PENETRATION] = (
-        np.fmax(0.0, tip[tip_row.DISPLACEMENT] - casing) + 0.0
-    )  # of two zeros fmax returns either
+    loads, tips = np.zeros((rows_in(Load), cases.count)), np.zeros((rows_in(Tips), cases.count))
+    load, tip = named_rows(Load, loads), named_rows(Tips, tips)
+    load.mean, load.amplitude, load.frequency, load.phase = cases.mean, cases.amplitude, cases.frequency, cases.phase
+    tip.displacement, tip.velocity = cases.displacement[:, -1], cases.velocity[:, -1]
+    tip.temperature = tip.hottest = tip.period_hottest = cases.temperature[:, -1]
+    tip.gap = casing
+    tip.penetration = np.fmax(0.0, tip.displacement - casing) + 0.0  # of two zeros fmax returns either
 
     record = Record(
         np.empty((cases.count, 4, plan.due.size)),  # the march fills it; zeros would be fresh pages each time
         lane_rows(4 * WAITING),
         np.full((cases.count, 7, longest), np.nan),
     )
-    record.histories[..., 0] = tip[[tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE, tip_row.IMPULSE]].T
-    return Watch(cases, plan, sampling.interval, h, load, tip, drive, record, due, weight)
+    record.histories[..., 0] = np.stack([tip.displacement, tip.velocity, tip.temperature, tip.impulse], axis=-1)
+    return Watch(cases, plan, sampling.interval, h, loads, tips, drive, record, due, weight)
 
 
 def block_lanes(rows: int) -> int:
     """Return the lanes of a block of so many ``rows`` beside those of load and tip."""
-    return cached_lanes(rows + tip_row.ROWS + tip_load.LOAD_ROWS)
+    return cached_lanes(rows + rows_in(Tips) + rows_in(Load))
 
 
 def blocks(watched: Watch, most: int, *filled: tuple[Array, Array]) -> Iterator[tuple[slice, Block]]:
@@ -206,14 +207,14 @@ def blocks(watched: Watch, most: int, *filled: tuple[Array, Array]) -> Iterator[
     All blocks share one set of lane arrays, which stays in the processor's cache. ``filled`` are rows of lanes, each
     with the values ``(…, case)`` that it takes at the beginning of each block.
     """
-    load, tip, samples = lane_rows(tip_load.LOAD_ROWS), lane_rows(tip_row.ROWS), watched.record.samples
+    loads, tips, samples = lane_rows(rows_in(Load)), lane_rows(rows_in(Tips)), watched.record.samples
     drive = drive_lanes(watched.drive)
     for part in parts(watched.cases.count, most):
-        fill_drive(drive, watched.drive, part)
         for lanes, values in filled:
             fill_lanes(lanes, values[..., part])
-        yield part, block_of(watched, part, load, tip, samples)._replace(drive=drive)
-        watched.tip[:, part] = tip[:, : part.stop - part.start]
+        block = block_of(watched, part, loads, tips, samples)
+        yield part, block._replace(drive=fill_drive(drive, watched.drive, part))
+        watched.tips[:, part] = tips[:, : part.stop - part.start]
 
 
 def parts(count: int, most: int) -> Iterator[slice]:
@@ -222,12 +223,13 @@ def parts(count: int, most: int) -> Iterator[slice]:
         yield slice(first, min(first + most, count))
 
 
-def block_of(watched: Watch, part: slice, load: Array, tip: Array, samples: Array) -> Block:
+def block_of(watched: Watch, part: slice, loads: Array, tips: Array, samples: Array) -> Block:
     """Return a range of cases as a block whose rows lie in the given lane arrays."""
     schedule, count = watched.schedule, part.stop - part.start
-    fill_lanes(load, watched.load[:, part])
-    fill_lanes(tip, watched.tip[:, part])
-    tip[tip_row.GAP, count:] = np.inf
+    fill_lanes(loads, watched.loads[:, part])
+    fill_lanes(tips, watched.tips[:, part])
+    load, tip = named_rows(Load, loads), named_rows(Tips, tips)
+    tip.gap[count:] = np.inf
     marks = Marks(
         sample_due=schedule.due,
         sample_weight=schedule.weight,
@@ -254,15 +256,15 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
     """Return the results of all blocks; a case that left the finite numbers has NaN from there on."""
     watched, tip, record = ended.watched, ended.watched.tip, ended.watched.record
     metrics = {
-        "impacts": tip[tip_row.IMPACTS],
-        "contact_time": tip[tip_row.CONTACT_TIME],
-        "max_penetration": tip[tip_row.PENETRATION],
-        "max_temperature": np.maximum(tip[tip_row.HOTTEST], tip[tip_row.PERIOD_HOTTEST]),
+        "impacts": tip.impacts,
+        "contact_time": tip.contact_time,
+        "max_penetration": tip.penetration,
+        "max_temperature": np.maximum(tip.hottest, tip.period_hottest),
         "thermal_closing": ended.closing,
         **ended.own,
         **({} if ended.balance is None else ended.balance.residuals()),
     }
-    lost = ~watched.finite(tip_row.DISPLACEMENT, tip_row.VELOCITY, tip_row.TEMPERATURE, tip_row.IMPULSE)
+    lost = ~watched.finite("displacement", "velocity", "temperature", "impulse")
     for values in metrics.values():
         values[lost] = np.nan
     for case in np.flatnonzero(lost):

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure, poles, project
-from workflow.schemes._fixed import tip_row
 from workflow.schemes._fixed.blocks import Blocks, Step, separate
 from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
@@ -111,7 +110,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     w, (drive, stepped) = operator.delassus(h, cases.alpha, cases.friction), drive_of(cases, h, operator.theta)
     velocity = project(blocks.modal.to_modes, stepped.velocity)
     ended = step_batch(operator.structure, blocks, operator.contact, w, cases, velocity, sampling, drive)
-    finite = ended.watched.finite(tip_row.DISPLACEMENT, tip_row.TEMPERATURE)
+    finite = ended.watched.finite("displacement", "temperature")
     judged_blocks = operator.blocks if operator.contact.judges_heat else blocks
     return collect(ended, *_judge(operator, judged_blocks, cases, sampling.duration, finite))
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from workflow.kernels import Array
 from workflow.models import Cases, Structure
-from workflow.schemes._fixed import total_row
+from workflow.schemes._fixed.rows import Totals
 
 
 class Content(NamedTuple):
@@ -46,8 +46,7 @@ def content_of(structure: Structure, cases: Cases, last: Array, elapsed: float) 
 class Balance(NamedTuple):
     """The balances of cases that have been marched."""
 
-    totals: Array
-    """``(row, case)``, rows of ``total_row``."""
+    totals: Totals
     content: Content
     rest: Array | float = 0.0
     """Energy below which all is rounding, J: max E is at least that."""
@@ -55,11 +54,11 @@ class Balance(NamedTuple):
     def residuals(self) -> dict[str, Array]:
         """Return ``energy_residual`` and ``heat_residual``, ``(case,)``."""
         totals, content = self.totals, self.content
-        change = totals[total_row.LAST_ENERGY] - totals[total_row.FIRST_ENERGY] + totals[total_row.DISSIPATED]
-        friction, heating = totals[total_row.FRICTION_HEAT], content.heating
-        gained = content.gained - friction - heating + totals[total_row.LOST]
-        turned = friction + np.abs(heating) + totals[total_row.TURNED_OVER] + content.initial
-        largest = np.maximum(totals[total_row.LARGEST_ENERGY], self.rest)
+        change = totals.last_energy - totals.first_energy + totals.dissipated
+        friction, heating = totals.friction_heat, content.heating
+        gained = content.gained - friction - heating + totals.lost
+        turned = friction + np.abs(heating) + totals.turned_over + content.initial
+        largest = np.maximum(totals.largest_energy, self.rest)
         return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned)}
 
 
