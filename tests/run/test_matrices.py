@@ -217,7 +217,8 @@ def test_a_contact_by_name_in_a_file_without_names_is_asked_for_by_index(
     monkeypatch.chdir(tmp_path)
     entries = matrices_of(heavy_chain(nodes=4))
     as_npz({name: entries[name] for name in ("mass", "stiffness")}, tmp_path)
-    written("study: s\nscene:\n  matrices: {file: blade.npz, contact: 9.x}\n  duration: 1e-3\n", tmp_path)
+    text = "study: s\nscene:\n  matrices: {file: blade.npz, contact: 9.x}\n  casing: {gap: 1e-5}\n  duration: 1e-3\n"
+    written(text, tmp_path)
     result = CliRunner().invoke(app, ["plan", "study.yaml"])
     assert "is neither a label nor a vector of the file; write an index from 0 to 3" in result.stderr
 

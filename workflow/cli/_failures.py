@@ -161,4 +161,5 @@ def warnings_in_words() -> Iterator[None]:
                 others(message, category, *where, **more)
 
         warnings.showwarning = show
+        warnings.filterwarnings("always", category=UserWarning, module=r"workflow\.")
         yield
