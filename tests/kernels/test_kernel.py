@@ -114,6 +114,7 @@ def test_a_change_in_a_module_from_outside_is_noticed(copied: Path) -> None:
     assert run(copied, OUTSIDE)[:2] == (3.0, 0)
 
 
+@pytest.mark.slow
 def test_damaged_files_of_the_cache_are_compiled_anew(ran: tuple[Path, Ran]) -> None:
     copied, first = ran
     for damaged in (b"", b"\0" * 4096, b"none"):
