@@ -45,6 +45,15 @@ scene:
 """
 """The blade of ``scenes.blade_rub``."""
 
+FALLING_BALL = """
+scene:
+  chain: {nodes: 1, mass: 2, stiffness: 0, heat_capacity: 1}
+  casing: {gap: 1}
+  load: {mean: 19.62}
+  duration: 3
+"""
+"""2 kg that fall 1 m and bounce."""
+
 SMALL = (
     "study: small\ntitle: A chain of four nodes that rubs\n"
     + SCENE

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from studies import parsed
+from studies import FALLING_BALL, parsed
 from workflow import contact_phases
 from workflow.archive import open_archive
 from workflow.run import run_study
@@ -49,17 +49,8 @@ def test_without_forces_there_are_no_phases() -> None:
 
 def test_phases_of_a_ball_hold_its_impacts(tmp_path) -> None:  # type: ignore[no-untyped-def]
     """A ball from 1 m: the first phase holds the first impact, and all of them bear the whole impulse."""
-    study = """
-    study: ball
-    scene:
-      chain: {nodes: 1, mass: 2, stiffness: 0, heat_capacity: 1}
-      casing: {gap: 1}
-      load: {mean: 19.62}
-      duration: 3
-    axes: {scheme: event_driven, e: [0, 0.7]}
-    output: {interval: 1 ms, histories: [contact_force]}
-    """
-    run_study(parsed(study), tmp_path / "ball.nc")
+    rest = "axes: {scheme: event_driven, e: [0, 0.7]}\noutput: {interval: 1 ms, histories: [contact_force]}\n"
+    run_study(parsed(f"study: ball{FALLING_BALL}{rest}"), tmp_path / "ball.nc")
     with open_archive(tmp_path / "ball.nc") as archive:
         phases = contact_phases(archive)
         assert np.all(phases["begin"].sel(phase=1) <= np.sqrt(2 / 9.81))

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from scripts import script
-from studies import parsed
+from studies import FALLING_BALL, parsed
 from workflow.analysis import casing_motion
 from workflow.archive import open_archive
 from workflow.plots import save
@@ -19,15 +19,10 @@ SCRIPT = script("scene_pictures")
 energy_kept, impact_speeds = SCRIPT.energy_kept, SCRIPT.impact_speeds
 growth_against_prediction, impact_speed_map = SCRIPT.growth_against_prediction, SCRIPT.impact_speed_map
 
-BALL = """
-study: ball
-scene:
-  chain: {nodes: 1, mass: 2, stiffness: 0, heat_capacity: 1}
-  casing: {gap: 1}
-  load: {mean: 19.62}
-  duration: 3
-axes: {scheme: event_driven, e: 0.7}
-output: {interval: 1 ms, histories: [displacement, velocity, impulse, contact_force]}
+BALL = f"""
+study: ball{FALLING_BALL}
+axes: {{scheme: event_driven, e: 0.7}}
+output: {{interval: 1 ms, histories: [displacement, velocity, impulse, contact_force]}}
 """
 
 

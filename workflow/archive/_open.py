@@ -122,7 +122,7 @@ def content_hash(path: str | Path) -> str:
     """
     path = usable(path)
     with _read(path):
-        pass  # it is an archive
+        pass  # what is no archive of this workflow is refused
     with reading(path):
         return hash_content(path)
 

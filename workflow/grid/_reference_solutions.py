@@ -80,20 +80,24 @@ Solutions = Mapping[Kind, Mapping[int, ReferenceSolution]]
 """Solutions by kind and first inner index."""
 
 
+def _replaced(grid: Grid) -> Mapping[str, Any]:
+    """Return the settings that the reference of a study does not take from its cases, by path."""
+    return {} if grid.study.reference is None else grid.study.reference.values
+
+
 @lru_cache(maxsize=256)
 def reference_settings(grid: Grid, outer: int) -> CaseSettings:
     """Return the settings of a reference, those that its scheme does not read the same for all."""
-    values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
     chosen = grid.reference_choice(outer)
     counts = {} if chosen is None else chosen.counts
-    return _only_what_is_read(grid.settings(outer, {**values, **counts}))
+    return _only_what_is_read(grid.settings(outer, {**_replaced(grid), **counts}))
 
 
 @lru_cache(maxsize=256)
 def exact_settings(grid: Grid, outer: int) -> CaseSettings:
     """Return the settings of the exact solution of a case's reduced model: the reference's, with the case's basis."""
-    values = dict(grid.study.reference.values) if grid.study.reference is not None else {}
-    settings = grid.settings(outer, {path: value for path, value in values.items() if path not in BASIS})
+    replaced = {path: value for path, value in _replaced(grid).items() if path not in BASIS}
+    settings = grid.settings(outer, replaced)
     if settings.scheme.method != EXACT:
         settings = replace(settings, scheme=SchemeChoice(EXACT, EXACT, schemes.load(EXACT).Options()))
     return _only_what_is_read(settings)
@@ -114,7 +118,7 @@ def needed_kinds(grid: Grid, outer: int) -> list[Kind]:
 
 def is_compared(grid: Grid, settings: CaseSettings) -> Callable[[str], bool]:
     """Return what tells whether solutions of some settings differ along an axis."""
-    replaced = grid.study.reference.values if grid.study.reference is not None else {}
+    replaced = _replaced(grid)
     return lambda path: path not in replaced and reads(settings.scheme.method, settings.scheme.label, path)
 
 
@@ -209,7 +213,7 @@ def _computed_or_lost(grid: Grid, settings: CaseSettings, inner: Indices, *, is_
 
 
 def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool) -> list[ReferenceSolution]:
-    replaced = grid.study.reference.values if grid.study.reference is not None else {}
+    replaced = _replaced(grid)
     varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
     _, cases = cases_of(settings, varying, inner.size)
     compile_for(settings, balances=False)

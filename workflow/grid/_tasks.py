@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
-from workflow.grid._arrangement import Grid, Indices
+from workflow.grid._arrangement import Grid, Indices, decides_structure
 from workflow.grid._conditions import alpha_of
 from workflow.grid._costs import (
     case_seconds,
@@ -108,9 +108,7 @@ def costs(grid: Grid) -> Costs:
 
     model = grid.study.scene.model
     kinds, kind = np.unique(grid.alike(grid.computed, lambda path: decides_cost(path, model)), return_inverse=True)
-    of_structure = grid.alike(
-        grid.computed, lambda path: path not in ("scheme", "h") and not path.startswith("schemes.")
-    )
+    of_structure = grid.alike(grid.computed, decides_structure)
     _, structure, sharing = np.unique(of_structure, return_inverse=True, return_counts=True)
     with threadpool_limits(limits=1, user_api="blas"):
         every = [grid.settings(outer) for outer in kinds.tolist()]

@@ -68,7 +68,7 @@ def named_rows(kind: type[R], rows: Array) -> R:
 
 @cache
 def _record(kind: type[Rows], width: int) -> Any:
-    """Return the type of a record, one object for each kind: numba looks at every other anew."""
+    """Return the type of a record; kept, as numba analyses each new object of it, though equal, at every call."""
     return np.dtype((np.record, np.dtype([(name, float, (width,)) for name in kind.__annotations__], align=True)))
 
 

@@ -3,11 +3,9 @@
 numba by itself optimises each function with all that it calls, and once more for each function that calls it. Here a
 part waits until a kernel links it, where it has no other caller: LLVM inlines what is called from one place and passes
 only what is read. Half of what numba writes puts tuples of arrays together and takes them apart; LLVM gets none of it.
-Bits stay: without fastmath LLVM neither reorders nor contracts. Without this module the first run of
-``studies/blade.yaml``, nothing compiled, takes 3.6 times the processor time and 3.7 times the wall time (84 and 89 s of
-two cores against 23 and 25 s, in turns); with its passes and libraries alone, but none of what it replaces of numba's,
-compiling takes 1.7 times as long. The module reaches into numba's compiler, and is
-optional: :mod:`workflow.kernels.compiled` uses it with the versions that it was tested with.
+Bits stay: without fastmath LLVM neither reorders nor contracts. Without this module (``WORKFLOW_PLAIN_NUMBA=1``) a
+first run, nothing compiled, takes several times as long. The module reaches into numba's compiler, and is optional:
+:mod:`workflow.kernels.compiled` uses it with the versions that it was tested with.
 """
 
 # mypy: allow-untyped-calls, disable-error-code="assignment, attr-defined, method-assign, misc"

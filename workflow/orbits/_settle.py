@@ -26,7 +26,7 @@ _BALANCES, _BETWEEN = 30, 50
 """Times that the temperatures of a transient are put in balance, at most, and periods before they are looked at."""
 
 _EXPONENT_PERIODS = 400
-"""Periods over which the Lyapunov exponent is taken: of chaos it scatters by a twentieth."""
+"""Periods over which the Lyapunov exponent is taken: over fewer that of chaos scatters more."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The load at the tip, F0 + F1 sin(2π f t + φ), in a fixed step; one sine for lanes of the same frequency and phase.
 
-It is not one of the harmonics of :mod:`~workflow.schemes._fixed.drive`: where each lane turns a sine of its own a step
-of the heavy chain with 3 + 12 modes takes 1.15 times as long.
+It is not one of the harmonics of :mod:`~workflow.schemes._fixed.drive`: a step takes longer where each lane turns a
+sine of its own.
 """
 
 from __future__ import annotations
