@@ -56,24 +56,33 @@ def append_cases(
         "kept": bool(names),
         "orbit": dict(zip(("unit", "factor"), scaled("m", part[ORBIT[0]].values), strict=True)) if orbits else None,
     }
-    status, written = np.asarray(part["status"].values).ravel(), 0
-    part = _read(part, [*names, *(ORBIT if orbits else ())])
+    status, written = np.asarray(part["status"].values), 0
+    numbers, coordinates = _numbers(part, [*names, *(ORBIT if orbits else ())]), _of_scene(part)
     for case in order:
         if len(described["entries"]) >= MOST or pack.size + written > room:
             break
-        entry = _entry(part, pack, case, names, buckets, scene, bool(status[case] == 0))
+        place = tuple(map(int, np.unravel_index(case, status.shape))) if status.shape else ()
+        here = coordinates.isel(dict(zip(case_dims(part), place, strict=True)), missing_dims="ignore")
+        entry = _entry({name: array[place] for name, array in numbers.items()}, here, pack, names, buckets, scene)
+        if status[place] != 0 and "message" in part:
+            entry["message"] = str(part.variables["message"][place].values)[:_LONGEST_MESSAGE]
         described["entries"][str(case)] = entry
         written += len(str(entry))
     described["thinned"] = part.sizes["t"] > 2 * buckets if names else False
     return described
 
 
-def _read(part: xr.Dataset, curves: list[str]) -> xr.Dataset:
-    """Return what an entry needs of an archive; numbers are read at once where they are few, else case by case."""
-    numbers = part[["status", *curves, *(name for name in ("period_impulse", "growth_rate") if name in part)]]
-    if sum(array.nbytes for array in numbers.values()) <= MOST_READ:
-        numbers = numbers.load()
-    return numbers.assign(message=part["message"]) if "message" in part else numbers
+def _numbers(part: xr.Dataset, curves: list[str]) -> dict[str, Any]:
+    """Return the variables that an entry needs: as arrays where they are small, else to be read case by case."""
+    names = [*curves, *(name for name in ("period_impulse", "growth_rate") if name in part)]
+    is_small = sum(part[name].nbytes for name in names) <= MOST_READ
+    return {name: part[name].values if is_small else part.variables[name] for name in names}
+
+
+def _of_scene(part: xr.Dataset) -> xr.Dataset:
+    """Return the coordinates on which the motion of load and casing depends."""
+    paths = {name: str(coordinate.attrs.get("study_path", "")) for name, coordinate in part.coords.items()}
+    return part.coords.to_dataset()[[n for n, path in paths.items() if n in ("gap", "t") or path.startswith("scene.")]]
 
 
 def _buckets(part: xr.Dataset, names: int, room: int) -> int:
@@ -104,28 +113,25 @@ def _curve(pack: Pack, values: NDArray[np.float64]) -> dict[str, Any]:
 
 
 def _entry(
-    part: xr.Dataset, pack: Pack, case: int, names: list[str], buckets: int, scene: Mapping[str, Any], ok: bool
+    case: Mapping[str, Any],
+    coordinates: xr.Dataset,
+    pack: Pack,
+    names: list[str],
+    buckets: int,
+    scene: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Take in one case."""
-    shape = part["status"].shape
-    place = dict(zip(case_dims(part), map(int, np.unravel_index(case, shape) if shape else ()), strict=True))
-    coordinates = part.coords.to_dataset().isel(place)
-
-    def values(name: str) -> NDArray[np.float64]:
-        return np.asarray(part.variables[name].isel(place).values, dtype=np.float64)
-
-    entry: dict[str, Any] = {"curves": [_curve(pack, thinned(values(name), buckets)) for name in names]}
-    if "period_impulse" in part:
-        entry["periods"] = pack.add(values("period_impulse"))
-        entry["growth"] = float(values("growth_rate")) if "growth_rate" in part else None
-    if ORBIT[0] in part and np.isfinite(values(ORBIT[0])).all():
-        entry["orbit"] = [_curve(pack, values(name)) for name in ORBIT]
+    """Take in one case, given its variables by name and its coordinates."""
+    values = {name: np.asarray(array, dtype=np.float64) for name, array in case.items()}
+    entry: dict[str, Any] = {"curves": [_curve(pack, thinned(values[name], buckets)) for name in names]}
+    if "period_impulse" in values:
+        entry["periods"] = pack.add(values["period_impulse"])
+        entry["growth"] = float(values["growth_rate"]) if "growth_rate" in values else None
+    if ORBIT[0] in values and np.isfinite(values[ORBIT[0]]).all():
+        entry["orbit"] = [_curve(pack, values[name]) for name in ORBIT]
     entry["frequency"] = period_frequency(coordinates, scene)
     if "gap" in coordinates:
         entry["gap"] = float(coordinates["gap"])
         motion = casing_motion(coordinates) if names else None
         if motion is not None:
             entry["casing"] = _curve(pack, thinned(motion[0], buckets))
-    if not ok and "message" in part:
-        entry["message"] = str(part.variables["message"].isel(place).values)[:_LONGEST_MESSAGE]
     return entry
