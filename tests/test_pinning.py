@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from workflow.pinning import CHOSEN, _can_be_made, is_pinned
+from workflow.pinning import CHOSEN, _has_avx2, is_pinned
 
 
 def printed(code: str, **environment: str) -> str:
@@ -18,7 +18,7 @@ def printed(code: str, **environment: str) -> str:
     return (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()[-1]
 
 
-needs_choice = pytest.mark.skipif(not _can_be_made(), reason="this processor has no AVX2 and FMA")
+needs_choice = pytest.mark.skipif(not _has_avx2(), reason="this processor has no AVX2 and FMA")
 ASK = "import workflow; workflow.pin(); from workflow.pinning import is_pinned; print(is_pinned())"
 
 
@@ -47,4 +47,4 @@ def test_the_command_pins_itself() -> None:
 
 
 def test_tests_are_pinned_unless_the_environment_chooses() -> None:
-    assert is_pinned() == (_can_be_made() and all(os.environ[name] == value for name, value in CHOSEN.items()))
+    assert is_pinned() == (_has_avx2() and all(os.environ[name] == value for name, value in CHOSEN.items()))

@@ -31,15 +31,15 @@ def pin() -> None:
         NumPy is imported already, by the processor's own choice.
     """
     left = {name: value for name, value in CHOSEN.items() if name not in os.environ}
-    if not left or not _can_be_made():
+    if not left or not _has_avx2():
         return
     if "numpy" in sys.modules:
         raise RuntimeError("NumPy is imported already, whose choice stands: call workflow.pin() before it is")
     os.environ.update(left)
 
 
-def _can_be_made() -> bool:
-    """Tell whether the processor has what the choice asks for."""
+def _has_avx2() -> bool:
+    """Tell whether this is Linux on x86-64 with AVX2 and FMA, as the choice asks for."""
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return False
     words = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()

@@ -134,9 +134,9 @@ def _pair(inertia: Array, part: Part) -> DensePair:
 
 
 def refuse_dashpots(matrices: GivenMatrices, loose: NDArray[np.int64], null: Any) -> None:
-    """Refuse motions N without mass, dense or sparse, that C1 keeps from following statically: NᵀC1 = a NᵀK1 does not.
+    """Refuse massless motions N that damping keeps from static condensation: no a >= 0 has NᵀC1 = a NᵀK1.
 
-    One a >= 0 serves all of them; ``loose`` are the displacements that the motions have 1 in.
+    N may be sparse; ``loose`` is the displacement that is 1 in each column of N.
     """
     if matrices.damper is None or not loose.size:
         return

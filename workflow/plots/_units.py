@@ -41,7 +41,7 @@ def in_units(values: xr.DataArray) -> tuple[NDArray[Any], str]:
 
 
 def coordinate_texts(coordinate: xr.DataArray) -> tuple[str, list[str]]:
-    """Return the unit and the values of a coordinate as texts, numbers in the fewest digits from four on."""
+    """Return the unit and the values of a coordinate as texts, numbers of four digits or as many as tell them apart."""
     values = np.atleast_1d(coordinate.values)
     if values.dtype.kind != "f":
         return "", [value_text(coordinate, value) for value in values]

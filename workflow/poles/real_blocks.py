@@ -87,7 +87,7 @@ def real_blocks(A: Array) -> RealBlocks:
 
 
 def missed_share(A: Array, blocks: RealBlocks) -> float:
-    """Return the share of A that its blocks miss: rounding, by as much as eigenvectors depend on each other."""
+    """Return the largest entry of A less its blocks, over that of A: rounding times the condition of eigenvectors."""
     seconds = blocks.damping.size
     p, q, x = np.split(blocks.outward, [seconds, 2 * seconds], axis=1)
     moved = np.concatenate([-blocks.stiffness * q, p - blocks.damping * q, -blocks.rate * x], axis=1)

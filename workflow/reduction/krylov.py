@@ -88,7 +88,7 @@ def _is_small(structure: Structure) -> bool:
 
 
 def _add_moments(pair: Pair, span: Orthonormal, begin: Array) -> None:
-    """Add five moments, the first the answer to the inertia forces of ``begin``, as long as they are new."""
+    """Add up to five Krylov vectors (K⁻¹ M)^k ``begin`` with the tip held; stop where one depends on those before."""
     vector: Array | None = begin
     for _ in range(MOST_MOMENTS - 1):
         if vector is not None:

@@ -91,7 +91,7 @@ def _check_shape(about: variables.Variable, values: Array | None, cases: Cases, 
 
 def _possible(about: variables.Variable, values: Array, counted: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which cases have possible values, ``(case,)``; ``counted`` are their complete load periods."""
-    fine = np.ones(values.shape, bool) if about.gaps else np.isfinite(values)
+    fine = np.ones(values.shape, bool) if about.may_be_undefined else np.isfinite(values)
     if not about.signed:
         fine &= ~(values < 0)
     if about.shape == "period":

@@ -119,7 +119,9 @@ def _errors(name: str) -> Iterator[Variable]:
         ("scheme_", f"part of the scheme in the error of the {name}", _SCHEME_PART),
         ("model_", f"part of the reduced model in the error of the {name}", _MODEL_PART),
     ):
-        yield Variable(f"{name}_{part}error", "1", meaning, condition="reference", gaps=True, comment=comment)
+        yield Variable(
+            f"{name}_{part}error", "1", meaning, condition="reference", may_be_undefined=True, comment=comment
+        )
 
 
 TABLE = (
@@ -171,7 +173,7 @@ TABLE = (
         "critical_alpha",
         "W N-1",
         "heat coupling above which a tip in permanent contact runs away",
-        gaps=True,
+        may_be_undefined=True,
         comment=(
             "static limit: infinite where the root is free or heat at the tip does not push it out; "
             "with a light heat capacity a tip can flutter below it, see growth_rate"
@@ -182,7 +184,7 @@ TABLE = (
         "s-1",
         "largest real part of the eigenvalues of the structure with the tip in permanent contact",
         signed=True,
-        gaps=True,
+        may_be_undefined=True,
         comment=_GROWTH,
     ),
     Variable(
@@ -205,7 +207,7 @@ TABLE = (
         "1",
         "error of the reduced model whose counts of modes the tolerance decided",
         condition="auto",
-        gaps=True,
+        may_be_undefined=True,
         comment=_BASIS_ERROR,
     ),
     Variable("steps", "1", "number of steps", origin="scheme"),
@@ -223,7 +225,7 @@ TABLE = (
         origin="scheme",
         condition="balances",
         signed=True,
-        gaps=True,
+        may_be_undefined=True,
         comment=_ENERGY,
     ),
     Variable(
@@ -233,7 +235,7 @@ TABLE = (
         origin="scheme",
         condition="balances",
         signed=True,
-        gaps=True,
+        may_be_undefined=True,
         comment=_HEAT,
     ),
     *(part for name in COMPARED for part in _errors(name)),
@@ -242,7 +244,7 @@ TABLE = (
         "1",
         "change of the reference when its basis, which a tolerance decided, is refined",
         condition="auto reference",
-        gaps=True,
+        may_be_undefined=True,
         comment=_REFINEMENT,
     ),
     Variable(
@@ -250,7 +252,7 @@ TABLE = (
         "1",
         "relative L2 change of the reference's displacement when its gap changes by 1e-12",
         condition="reference",
-        gaps=True,
+        may_be_undefined=True,
         comment=_PREDICTABILITY,
     ),
     Variable("period_impulse", "N s", "impulse of the casing in a load period", "period", "scheme"),
@@ -310,7 +312,7 @@ BY_NAME = {variable.name: variable for variable in TABLE}
 
 def of_scheme(name: str, unit: str, meaning: str) -> Variable:
     """Return the variable that a scheme declares in its ``METRICS``."""
-    return Variable(name, unit, meaning, origin="scheme", condition="scheme", signed=True, gaps=True)
+    return Variable(name, unit, meaning, origin="scheme", condition="scheme", signed=True, may_be_undefined=True)
 
 
 def select(shape: Shape | None = None, origin: Origin | None = None, *conditions: Condition) -> Iterator[Variable]:
@@ -323,7 +325,7 @@ def select(shape: Shape | None = None, origin: Origin | None = None, *conditions
 
 def along_branch(name: str, unit: str, meaning: str) -> Iterator[Variable]:
     """Yield the variables of an archive of branches, at each point: the axis, bifurcations and steady rubs."""
-    yield Variable(name, unit, meaning, "point", signed=True, gaps=True)
+    yield Variable(name, unit, meaning, "point", signed=True, may_be_undefined=True)
     for variable in select(None, None, "steady", "branch"):
         yield replace(variable, shape="point phase" if variable.shape == "phase" else "point")
 

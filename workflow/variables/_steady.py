@@ -33,12 +33,12 @@ def steady_variables() -> Iterator[Variable]:
         ("steady_min_displacement", "m", f"smallest displacement of the blade tip {meant}"),
         ("steady_closing", "m", f"mean quasi-static tip growth {meant} by its temperatures"),
     ):
-        yield Variable(name, unit, meaning, condition="steady", signed=True, gaps=True)
+        yield Variable(name, unit, meaning, condition="steady", signed=True, may_be_undefined=True)
     for name, unit, meaning in (
         ("orbit_displacement", "m", f"displacement of the blade tip over a period {meant}"),
         ("orbit_velocity", "m s-1", f"velocity of the blade tip over a period {meant}"),
         ("orbit_temperature", "K", f"temperature rise of the blade tip over a period {meant}"),
     ):
-        yield Variable(name, unit, meaning, "phase", condition="steady", signed=True, gaps=True)
+        yield Variable(name, unit, meaning, "phase", condition="steady", signed=True, may_be_undefined=True)
     about = "what becomes of the rub"
     yield Variable("steady_state", "1", about, "flag", condition="steady", comment=_STEADY_STATE)

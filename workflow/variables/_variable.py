@@ -34,7 +34,7 @@ class Variable:
         See :data:`Condition`.
     signed
         Whether a case that ended ok may have a negative value.
-    gaps
+    may_be_undefined
         Whether a case that ended ok may have NaN or an infinite value.
     comment
         Definition, where the meaning leaves something open.
@@ -49,6 +49,6 @@ class Variable:
     origin: Origin = "workflow"
     condition: Condition = "always"
     signed: bool = False
-    gaps: bool = False
+    may_be_undefined: bool = False
     comment: str = ""
     cell_methods: str = ""

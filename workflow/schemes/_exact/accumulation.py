@@ -79,7 +79,7 @@ class _Force(NamedTuple):
 
 @part
 def _expanded(m: Motion) -> _Force:
-    """Return the contact force of the held motion last expanded."""
+    """Return the contact force as a cubic about the last expansion of the held motion, and how long that serves."""
     sums, n = m.expansion.sums, m.blocks
     force, fourth = sums[expansion.D0, n], sums[expansion.FOURTH, n]
     h = np.sqrt(np.sqrt(24.0 * _CUBIC * force / fourth)) if fourth > 0.0 else np.inf

@@ -27,7 +27,7 @@ THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What the cases of a batch share; ``budget`` is what one case may take."""
+    """What the cases of a batch share; ``budget`` is the most events and steps of one case."""
 
     basis: Basis
     held: HeldRegimes

@@ -67,7 +67,7 @@ def advance(m: Motion, y: Array, t: float, dt: float, out: Array) -> None:
 
 @part
 def integral(m: Motion, y: Array, out: Array, t: float, dt: float) -> float:
-    """Return the integral of the signal from ``y`` at t to ``out`` at t + dt, the motion that was advanced last."""
+    """Return the integral of the signal from ``y`` at t to ``out`` at t + dt, after the motion was advanced over dt."""
     b, f, area = m.block, m.first, 0.0
     for i in range(m.explicits):
         k = int(b[block.EXPLICIT_COLUMNS, i])

@@ -91,7 +91,7 @@ def _in_modes(system: ModalSystem, response: Array) -> Regime:
 
 
 def _in_blocks(system: ModalSystem, alpha: float) -> Regime:
-    """Return the regime whose blocks are pairs of poles; where two pairs coincide, of a damping that parts them."""
+    """Return the regime whose blocks are pairs of poles; where two pairs coincide, damping is changed to part them."""
     for share in (0.0, _PARTED):
         A, row, source = state_space(replace(system, damping=(1 + share) * system.damping), alpha)
         with suppress(ValueError):  # not finite, or no convergence

@@ -43,8 +43,8 @@ class Start(NamedTuple):
 def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: float) -> tuple[float, bool]:
     """Return the length of a step from t, at most ``left``, and whether it ends at the first zero of the signal.
 
-    On the step there is no other zero. NaN where no step is found. Zeros up to ``tolerance`` past ``left`` count as
-    beyond. The expansion is used up.
+    The step has no other zero; NaN where none is found. A zero up to ``tolerance`` past ``left`` is taken at ``left``.
+    Overwrites the expansion.
     """
     sums, n, zeros = m.expansion.sums, m.blocks, start.zeros
     # a thousand times a bound of the fourth derivative: what its bound over a step is multiplied by must not overflow
