@@ -3,8 +3,9 @@
     x' = x + h (θ v' + (1-θ) v),   M (v' - v) = h (f_θ - C1 v_θ - K1 x_θ - K12 T_θ) - (e_n - µ t) p,
     C2 (T' - T) = h (q - K2 T_θ) + α p e_n,
 
-with temperatures T and (·)_θ = θ (·)' + (1-θ) (·). With ξ = x - hθv that is the step of :mod:`~workflow.schemes._fixed.blocks`. Of a tip
-without mass the 1 of its static deformation is 0 in M, and its free step has the factor -(1-θ)/θ.
+with temperatures T and (·)_θ = θ (·)' + (1-θ) (·). With ξ = x - hθv that is the step of
+:mod:`~workflow.schemes._fixed.blocks`. Of a tip without mass the 1 of its static deformation is 0 in M, and its free step
+has the factor -(1-θ)/θ.
 """
 
 from __future__ import annotations
