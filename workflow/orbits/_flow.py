@@ -139,7 +139,7 @@ class Flow:
         return float(length + warm + abs(self.growth_by_heat(self.start)))
 
     def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Course:
-        """Return the exact motion from X at ``begin`` [s] over ``span`` [s], with some ``kept`` events."""
+        """Return the exact motion from X at ``begin`` [s] over ``span`` [s], as :func:`advance` does."""
         return advance(self.prepared, X, contact, begin, span, kept, samples)
 
     def derivative(self, course: Course) -> Array:

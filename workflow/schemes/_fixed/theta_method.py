@@ -4,8 +4,8 @@
     C2 (T' - T) = h (q - K2 T_θ) + α p e_n,
 
 with temperatures T and (·)_θ = θ (·)' + (1-θ) (·). With ξ = x - hθv that is the step of
-:mod:`~workflow.schemes._fixed.blocks`. Of a tip without mass the 1 of its static deformation is 0 in M, and its free step
-has the factor -(1-θ)/θ.
+:mod:`~workflow.schemes._fixed.blocks`. Of a tip without mass the 1 of its static deformation is 0 in M, and its free
+step has the factor -(1-θ)/θ.
 """
 
 from __future__ import annotations
