@@ -6,5 +6,3 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-
-__all__ = ["Array"]

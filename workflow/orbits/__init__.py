@@ -9,5 +9,3 @@ from workflow.orbits._curve import Problem
 from workflow.orbits._orbit import STATES
 from workflow.orbits._rubs import steady_rubs
 from workflow.orbits._settle import Options
-
-__all__ = ["BIFURCATIONS", "STATES", "Options", "Problem", "branch", "steady_rubs"]

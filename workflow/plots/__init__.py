@@ -14,23 +14,3 @@ from workflow.plots._precision import convergence, work_precision
 from workflow.plots._response import HISTORIES, Curve, histories, tip_response
 from workflow.plots._sobol import sobol_indices
 from workflow.plots._style import COLOURS, save, write_figure
-
-__all__ = [
-    "COLOURS",
-    "HISTORIES",
-    "Curve",
-    "bifurcation",
-    "branches",
-    "convergence",
-    "histories",
-    "map_dims",
-    "metric_by_axis",
-    "middle",
-    "save",
-    "scene_map",
-    "single_maps",
-    "sobol_indices",
-    "tip_response",
-    "work_precision",
-    "write_figure",
-]

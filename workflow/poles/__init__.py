@@ -3,5 +3,3 @@
 from __future__ import annotations
 
 from workflow.poles.real_blocks import RealBlocks, missed_share, real_blocks
-
-__all__ = ["RealBlocks", "missed_share", "real_blocks"]

@@ -3,5 +3,3 @@
 from __future__ import annotations
 
 from workflow.report._page import ReportFiles, write_report
-
-__all__ = ["ReportFiles", "write_report"]

@@ -46,34 +46,3 @@ def load(name: str) -> Scheme:
 def metrics(name: str) -> tuple[Variable, ...]:
     """Return the metrics that a scheme declares beside the common ones."""
     return tuple(of_scheme(metric, unit, meaning) for metric, (unit, meaning) in load(name).METRICS.items())
-
-
-__all__ = [
-    "HISTORIES",
-    "SECTIONS",
-    "SOLVER_VERSION",
-    "Cases",
-    "Contact",
-    "ContractError",
-    "Recorder",
-    "RefusedStructureError",
-    "Response",
-    "Results",
-    "Sampling",
-    "Schedule",
-    "Scheme",
-    "Status",
-    "Tip",
-    "checked",
-    "complete_periods",
-    "contact_law",
-    "fault",
-    "init_theta",
-    "limit_text",
-    "load",
-    "metrics",
-    "names",
-    "refuse",
-    "schedule",
-    "step_theta",
-]

@@ -13,20 +13,6 @@ from dataclasses import replace
 from workflow.variables._steady import steady_variables
 from workflow.variables._variable import Condition, Origin, Shape, Variable
 
-__all__ = [
-    "BY_NAME",
-    "COMPARED",
-    "STEADY",
-    "STRUCTURAL",
-    "TABLE",
-    "Condition",
-    "Variable",
-    "along_branch",
-    "of_scheme",
-    "reserved_names",
-    "select",
-]
-
 _ENERGY = (
     "(change of E + dissipation by damping - work of tip load, contact and friction heat) / max E: what the scheme "
     "itself gives (+) or takes (-). Steps in modes: E is the energy of the motion relative to what heat and constant "
