@@ -7,8 +7,8 @@
     v_k+1 = v_free - Ŵ⁻¹ (e_n - µ t) p,   x_k+1 = x_k + h (θ v_k+1 + (1-θ) v_k)
 
 with v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1 is the implicit
-Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts: contact is a
-complementarity of place and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read. A structure is
+Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts: contact is the
+complementarity of gap and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read. A structure is
 stepped in its modes (:mod:`workflow.schemes._fixed`).
 """
 
@@ -45,14 +45,14 @@ class Newton(NamedTuple):
     """Newton's law."""
 
     e: Any
-    """A number, or one of each case, ``(case,)``."""
+    """A number, or one for each case, ``(case,)``."""
 
 
 @contact_law(Newton)
 def respond(law: Newton, tip: Tip, h: float, theta: float) -> Response:
-    """Return impulse and velocity, which is -e v_n,k to the bit, not to the rounding of v_free - W p.
+    """Return the impulse and the velocity, -e v_n,k to the bit and without the rounding of v_free - W p.
 
-    A tip at rest on its casing keeps its place and stays active for any number of steps.
+    A tip at rest on its casing stays there, in active contact, for any number of steps.
     """
     if tip.place + 0.5 * h * tip.velocity < tip.gap:
         return 0.0, tip.free, 0.0

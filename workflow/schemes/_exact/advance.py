@@ -1,4 +1,4 @@
-"""The exact motion of one case from any state, with its events: what steady rubs are made of."""
+"""The exact motion of one case from any state, with its events, for the search of periodic orbits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from workflow.schemes._interface import HISTORIES
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """The exact motion from a state X = [y, y', τ], in the modes of the free tip, over a span."""
+    """The exact motion from a state X = [y, y', τ], in the modes of the free tip, over a time span."""
 
     begin: float
     """s"""
@@ -29,7 +29,7 @@ class Course:
     was_held: bool
     """Whether it begins in contact."""
     X: Array
-    """State at the end; NaN where it was not reached."""
+    """State at the end; NaN where the motion ended early."""
     contact: bool
     """Whether it ends in contact."""
     times: Array
@@ -45,7 +45,7 @@ class Course:
     tally: Any
     """One element of an array of :data:`~workflow.schemes._exact.record.TALLY`."""
     failure: str
-    """Why it ended early, or ''."""
+    """Why the motion ended early, or ''."""
 
     @property
     def repeats(self) -> bool:
@@ -62,9 +62,9 @@ class Course:
 def advance(
     prepared: Prepared, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1
 ) -> Course:
-    """Return the exact motion from X at ``begin`` [s] over ``span`` [s], with its events unless ``kept`` is 0.
+    """Return the exact motion from X at ``begin`` [s] over ``span`` [s].
 
-    ``kept`` is a guess of their number.
+    ``kept`` is a guess of the number of events; 0 leaves them out.
     """
     free, held, case, memories, tip = prepared
     waves = case.load.waves.copy()

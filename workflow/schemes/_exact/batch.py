@@ -1,4 +1,4 @@
-"""A batch of the event-driven scheme: each case is marched, and held regimes are shared by cases of one α."""
+"""A batch of the event-driven scheme: cases are marched one by one, and those of one α share a held regime."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What the cases of a batch share; ``budget`` is the most events and steps of one case."""
+    """What the cases of a batch share; ``budget`` limits events and steps of one case."""
 
     basis: Basis
     held: HeldRegimes
@@ -60,7 +60,7 @@ def make_operator(structure: Structure, budget: Budget) -> Operator:
 
 
 def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Run all cases, one after the other; those of one α follow each other and share its regime."""
+    """Run all cases in the order of α, so that those of one α share its held regime."""
     batch = Batch(operator, cases, sampling)
     for i in np.argsort(cases.alpha, kind="stable"):
         batch.run(int(i))
@@ -74,7 +74,7 @@ def heat_acts(cases: Cases, i: int) -> bool:
 
 
 class Prepared(NamedTuple):
-    """What the march takes, but for the record."""
+    """Arguments of the march, without the record."""
 
     free: Regime
     held: Regime
@@ -113,14 +113,14 @@ class Batch:
             self.ended[i] = outcome.INSEPARABLE_POLES
 
     def _held(self, alpha: float, friction: float, heated: bool) -> Regime:
-        """Return the held regime at α and µ, which the cases that follow share."""
+        """Return the held regime at α and µ; the last one is kept for the next case."""
         key = alpha, friction, heated
         if self.held is None or self.held[0] != key:
             self.held = key, self.operator.held.at(alpha, friction, heated=heated)
         return self.held[1]
 
     def _memory(self, regime: Regime, waves: int, *, is_free: bool) -> Memory:
-        """Return the memory that cases of regimes of one size use one after the other."""
+        """Return the memory that cases with regimes of one size use in turn."""
         key = regime.blocks, regime.firsts, waves, regime.is_modal, is_free
         if key not in self.memory:
             self.memory[key] = memory(regime, waves)
@@ -136,7 +136,7 @@ class Batch:
         return int(march(free, held, case, record, memories))
 
     def prepared(self, i: int, *, heated: bool = False) -> Prepared:
-        """Return what the march reads of case ``i``, with thermal states where heat acts, or they are asked for."""
+        """Return the arguments of the march of case ``i``, with thermal states where heat acts or ``heated`` is set."""
         cases, operator, basis = self.cases, self.operator, self.operator.basis
         heated = heated or heat_acts(cases, i)
         free = operator.heated if heated else operator.unheated
@@ -168,17 +168,17 @@ class Batch:
         )
 
     def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:
-        """Return the metrics; those of cases that did not complete are NaN, but for the steps that they took."""
+        """Return the metrics; those of cases that did not complete are NaN, except ``steps``."""
         names = ("impacts", "contact_time", "max_temperature", "thermal_closing", "releases")
         residuals = ("energy_residual", "heat_residual") if self.sampling.balances else ()
         metrics = {name: np.where(completed, self.tally[name], np.nan) for name in names}
         metrics["steps"] = np.where(self.tally["steps"] > 0, self.tally["steps"], np.nan)
-        metrics |= {name: np.full(completed.size, np.nan) for name in residuals}  # those of steps; there are none
+        metrics |= {name: np.full(completed.size, np.nan) for name in residuals}  # residuals of steps; there are none
         metrics["max_penetration"] = penetration(self.cases, displacement, self.times)
         return metrics
 
     def _messages(self) -> dict[int, str]:
-        """Return what cases did that did not complete, or that were extrapolated."""
+        """Return the messages of cases that did not complete or were extrapolated."""
         budget, messages = self.operator.budget, {}
         for i, tally in enumerate(self.tally):
             if self.ended[i] != outcome.COMPLETED:

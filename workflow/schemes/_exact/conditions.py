@@ -1,4 +1,4 @@
-"""Conditions of one case of a batch as the march takes them: sinusoids that act become its waves."""
+"""Loads, casing and initial state of one case of a batch for the march; its nonzero sinusoids are waves."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from workflow.schemes._exact.modal_system import Basis
 from workflow.schemes._exact.tables import wave
 
 _LOAD, _CASING = 0, 1
-"""What a sinusoid belongs to."""
+"""Owner of a sinusoid."""
 
 _ROUNDING = 4.0 * 2.220446049250313e-16
-"""A tip whose velocity is that of the casing up to this share of what both add up moves with it: four roundings."""
+"""Relative difference of velocities up to which a tip moves with its casing: four roundings."""
 
 
 def load_of(cases: Cases, i: int, duration: float) -> Load:
-    """Return loads and casing of case ``i``: a sinusoid of frequency 0 is a constant, one of amplitude 0 nothing."""
+    """Return loads and casing of case ``i``: a sinusoid of frequency 0 is a constant, one of amplitude 0 left out."""
     constants, waves = [float(cases.mean[i]), float(cases.gap[i])], []
     for which, amplitude, frequency, phase in _sinusoids(cases, i):
         if frequency == 0:
@@ -40,7 +40,7 @@ def load_of(cases: Cases, i: int, duration: float) -> Load:
 
 
 def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]]:
-    """Return what a sinusoid belongs to, amplitude, frequency and phase of those that are not 0."""
+    """Return owner, amplitude, frequency and phase of each nonzero sinusoid."""
     if cases.amplitude[i] != 0:
         yield _LOAD, float(cases.amplitude[i]), float(cases.frequency[i]), float(cases.phase[i])
     for which, more in ((_LOAD, cases.load_harmonics), (_CASING, cases.casing_harmonics)):
@@ -50,10 +50,10 @@ def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]
 
 
 def tip_of(cases: Cases, i: int, basis: Basis, free: Regime, load: Load) -> Tip:
-    """Return contact law, impact data and start of case ``i``: an impulse moves the modes by φᵀ(e_n - µ t)."""
+    """Return impact law and initial state of the tip of case ``i``: an impulse moves the modes by φᵀ(e_n - µ t)."""
     alpha, friction, modes = float(cases.alpha[i]), float(cases.friction[i]), basis.tip.size
     struck, size = basis.tip - friction * basis.along, free.inward.shape[0]
-    with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no law of impact
+    with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no impact law
         drag = float(np.divide(np.dot(basis.damped_tip, struck), np.dot(basis.tip, struck)))
     jump = np.concatenate([np.zeros(modes), -struck, alpha * basis.free.heat_tip[: size - 2 * modes]])
     place, velocity, reach, turning = load.gap, 0.0, abs(load.gap), 0.0
@@ -78,7 +78,7 @@ def tip_of(cases: Cases, i: int, basis: Basis, free: Regime, load: Load) -> Tip:
 
 
 def penetration(cases: Cases, displacement: Array, times: Array) -> Array:
-    """Return how far the samples of each case ``(case, t)`` lie beyond the casing at most, m, in the march's order."""
+    """Return the largest penetration of the samples of each case ``(case, t)``, m, summed in the march's order."""
     place = np.repeat(cases.gap[:, None], times.size if cases.casing_harmonics.width else 1, axis=1)
     for i in np.flatnonzero(cases.casing_harmonics.acting):
         load = load_of(cases, int(i), float(times[-1]))

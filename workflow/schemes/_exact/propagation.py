@@ -1,4 +1,4 @@
-"""Motion in closed form: propagation, outputs, and jumps at an impact."""
+"""Propagation of a motion in closed form, its outputs, and its jump at an impact."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def observe(m: Motion, y: Array, t: float) -> Observed:
 
 @inlined
 def _observe_waves(m: Motion, t: float) -> Observed:
-    """Return the casing, and what loads alone give of the outputs."""
+    """Return the outputs of the loads alone, and the casing."""
     waves, signal, temperature, rate, warming = m.waves, m.outputs[SIGNAL], m.outputs[TEMPERATURE], 0.0, 0.0
     for i in range(waves.shape[0]):
         omega = waves[i, wave.OMEGA]

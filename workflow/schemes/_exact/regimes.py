@@ -1,4 +1,4 @@
-"""The two regimes between contact events in real blocks that evolve alone: tip free, and tip held at the gap.
+"""The two regimes between contact events, tip free and tip held at the gap, in uncoupled real blocks.
 
     blocks        η' = u + β(t),   u' = -c u - ω² η + γ(t)
     first order   ξ' = -μ ξ + χ(t)
@@ -8,8 +8,8 @@ first-order states are thermal modes, ξ = τ, and blocks are mechanical modes l
 
     η = z - R τ,   u = z' + R μ τ,   R = -G/(μ² - μ c + ω²).
 
-All else is separated by :mod:`workflow.poles`: a damping matrix, the friction heat of a held tip (α times a term of
-rank one), friction along a tangent, which is another such term with the same row, and a mode near a thermal rate.
+Other couplings are separated by :mod:`workflow.poles`: a damping matrix, the friction heat of a held tip (α times a
+rank-one term), friction along a tangent (another such term with the same row), and a mode near a thermal rate.
 """
 
 from __future__ import annotations
@@ -29,34 +29,34 @@ INSEPARABLE = (
     "leaves three poles that coincide, which event_driven cannot separate; change it by a trifle, or take a scheme "
     "with a fixed step"
 )
-"""Why such a structure is refused."""
+"""Why a structure with three coinciding poles is refused."""
 
 
 class InseparablePolesError(RefusedStructureError):
-    """Poles of a structure whose modes damping or friction couples are too near each other."""
+    """Poles of a structure with coupled modes are too near each other to be separated."""
 
     def __init__(self) -> None:
         super().__init__(f"its damping {INSEPARABLE}")
 
 
 NEAR_RATE = 1e-3
-"""Share of the sum of its terms below which μ² - μ c + ω² leaves R fewer than thirteen digits."""
+"""Size of μ² - μ c + ω², over the sum of its terms, below which R has fewer than thirteen digits."""
 
 _PARTED = 1e-11
-"""Share by which damping is changed where two poles coincide: they part by its root, 3e-6 of themselves, which leaves
-their eigenvectors eleven digits."""
+"""Relative change of damping that separates two coinciding poles: by its root, 3e-6 of their size, which leaves their
+eigenvectors eleven digits."""
 
 _TRUSTED = 1e6
-"""Σ |inward · outward| of a coordinate up to which it keeps ten digits: it grows without bound as poles meet that have
-the same eigenvector."""
+"""Σ |inward · outward| of a coordinate up to which it keeps ten digits: it grows without bound towards a defective
+matrix."""
 
 _LINKED = 1e-13
-"""A mode is kept where its reaction at the tip exceeds this share of the largest: the rounding of
-shapes is some 1e-15, and the modes below it change λ by no more than this share."""
+"""Reaction of a mode at the tip, over the largest, above which it is kept: the rounding of shapes is some 1e-15, and
+the modes below change λ by no more than this, relatively."""
 
 
 def thermal_response(system: ModalSystem, near: float) -> Array | None:
-    """Return R, ``(mode, thermal mode)``; ``None`` where a thermal rate is near the pole of a mode that heat drives."""
+    """Return R, ``(mode, thermal mode)``; ``None`` where a thermal rate is near the pole of a mode that heat loads."""
     mu, c, omega2, driven = system.rate, system.damping[:, None], system.frequency[:, None] ** 2, system.coupling != 0
     polynomial, size = mu**2 - mu * c + omega2, mu**2 + mu * c + omega2
     if np.any(driven & (np.abs(polynomial) <= near * size)):
@@ -91,7 +91,7 @@ def _in_modes(system: ModalSystem, response: Array) -> Regime:
 
 
 def _in_blocks(system: ModalSystem, alpha: float) -> Regime:
-    """Return the regime whose blocks are pairs of poles; where two pairs coincide, damping is changed to part them."""
+    """Return the regime whose blocks are pairs of poles; damping is changed to separate coinciding pairs."""
     for share in (0.0, _PARTED):
         A, row, source = state_space(replace(system, damping=(1 + share) * system.damping), alpha)
         with suppress(ValueError):  # not finite, or no convergence
@@ -116,10 +116,10 @@ def _regime(
 
 
 def linked(held: ModalSystem) -> ModalSystem:
-    """Leave out the modes that do not press on the held tip, nor are damped together with others.
+    """Remove the modes that are unobservable in the contact force of the held tip, unless damping couples them.
 
     Their shapes are free modes as well, with the tip at rest: no output depends on them. Among them are the rigid
-    motions of parts that are not linked to the tip, whose double eigenvalue 0 has but one eigenvector.
+    motions of parts that are not linked to the tip, whose double eigenvalue 0 is defective.
     """
     keep = np.abs(held.reaction) > _LINKED * np.abs(held.reaction).max(initial=0.0)
     if held.is_coupled:

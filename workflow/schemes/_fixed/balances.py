@@ -1,6 +1,6 @@
-"""Balances of a batch: their coefficients and sums before the march, the residuals after it.
+"""Balances of a batch: coefficients and sums before the march, residuals after it.
 
-What is summed, and why, stands in :mod:`workflow.schemes._fixed.balance`.
+The equations are those of :mod:`workflow.schemes._fixed.balance`.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from workflow.schemes._fixed.start import Motion, contact_heat
 from workflow.schemes._fixed.totals import Balance, Content
 
 REST = 1e-12
-"""A tip that is slower than this share of what the tip load could give it within the run is at rest: a few thousand
-roundings of that."""
+"""Fraction of the velocity that the tip load could give within the run, below which the tip is at rest: a few thousand
+roundings."""
 
 
 class Balances:
-    """The balances of a batch: lanes :attr:`filled` for a block, :meth:`close` after it, :meth:`result` at the end.
+    """Balances of a batch: each block starts from :attr:`filled` and ends with :meth:`close`; then :meth:`result`.
 
     Attributes
     ----------
     account, dense
-        What the kernel takes; all blocks share its arrays.
+        Arguments of the kernel; all blocks of cases share their arrays.
     filled
-        Rows of lanes, and what all cases begin with in them.
+        Rows of lanes, with the initial values of all cases in them.
     """
 
     def __init__(self, structure: Structure, blocks: Blocks, free: FreeStep, cases: Cases, begun: Motion) -> None:
@@ -89,11 +89,11 @@ class Balances:
 
     @property
     def rows(self) -> int:
-        """Rows of lanes that every step goes through: contact goes through others."""
+        """Number of rows of lanes that every step reads; contact reads others."""
         return rows_in(Totals) + len(self.account.former)
 
     def close(self, part: slice, state: State) -> None:
-        """Keep what the lanes of some cases ended with."""
+        """Store the final values of a block's lanes, which hold the cases of ``part``."""
         count = part.stop - part.start
         self._rows[:, part] = self._sums[:, :count]
         self._ended_heat[:, part] = state.tau[:, :count]
@@ -113,8 +113,8 @@ class Balances:
     def _rest_energy(self, elapsed: float) -> Array:
         """Return the energy below which the tip is at rest, J, ``(case,)``.
 
-        It is what :data:`REST` times a bound of the load at the tip over ``elapsed`` seconds gives it. Where load and
-        contact force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
+        It is that of :data:`REST` times a bound of the load's impulse over ``elapsed`` seconds. Where load and contact
+        force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
         """
         modal, cases, begun = self._modal, self._cases, self._begun
         mobility, h = np.sum(modal.mass * modal.tip**2), self._free.tip.h
@@ -124,15 +124,12 @@ class Balances:
 
 
 def needs_dense(blocks: Blocks, begun: Motion) -> bool:
-    """Tell whether the motion of modes is counted by matrices."""
+    """Tell whether the balances of modes need matrices."""
     return blocks.modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
 
 
 def _energy_rows(blocks: Blocks, states: Array) -> Array:
-    """Return what takes energy from all modes where ``states`` are added to blocks, ``(2 mode, column)``.
-
-    That is per 2 v_m and then per ξ' - h v/2, see :class:`~workflow.schemes._fixed.balance.Dense`.
-    """
+    """Return the input, see :class:`Dense`, that adds ``states`` to blocks, ``(2 mode, column)``."""
     v, xi = blocks.in_modes(states)
     inertia, pulled = blocks.step.inertia, blocks.modal.frequency[:, None] ** 2 * xi
     impulse = project(inertia, v.T).T if inertia.ndim == 2 else inertia[:, None] * v
@@ -147,7 +144,7 @@ def _half_flexibility(modal: Decoupled) -> Array:
 def _dense(
     structure: Structure, blocks: Blocks, free: FreeStep, begun: Motion
 ) -> tuple[Dense, list[tuple[Array, Array]]]:
-    """Return how matrices count the motion of modes, and its rows of lanes with what they begin with."""
+    """Return the matrices for the balances of modes, and their rows of lanes with initial values."""
     modal, step = blocks.modal, blocks.step
     n, count = modal.tip.size, blocks.damping.size
     unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=modes_at_tip(blocks.scale))

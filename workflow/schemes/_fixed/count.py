@@ -1,4 +1,4 @@
-"""Counts motion and heat at a step's end where no further step does: see :mod:`workflow.schemes._fixed.balance`."""
+"""Balances that the next step does not count: the last step, and modes by matrices (see :mod:`.balance`)."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from workflow.schemes._fixed.rows import Totals
 def count_step(
     account: Account | None, step: FreeStep, state: State, looks: bool, last: bool, in_broad: int, lanes: int
 ) -> None:
-    """Count a step that contact has closed, as far as the next one does not; ``looks`` at the energy at its end.
+    """Add what the next step does not count of this one to the balances; ``looks`` at the energy at its end too.
 
-    The first lanes are ``in_broad`` packs, as those of the step.
+    The first ``in_broad`` lanes are in broad packs, as those of the step.
     """
     if account is not None:
         _count(state.dense, account, step, state, looks, last, in_broad, lanes)
@@ -76,7 +76,7 @@ def _count_pack(
 
 @inlined
 def _inputs(dense: Dense | None, account: Account, contact: Pack, lane: Lane) -> tuple[Pack, Array]:
-    """Return what acts on the modes in a step, and how many times."""
+    """Return the factor of the inputs of a step, and the inputs."""
     return (contact, account.acts) if dense is None else (spread(1.0, lane), dense.inputs)
 
 
@@ -90,7 +90,7 @@ def _at_end(dense: Dense | None, step: FreeStep, state: State, j: int, load: Pac
 
 @inlined
 def _look(dense: Dense | None, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane) -> None:
-    """Keep the energy at the end of the last step, and the largest one; a NaN stays."""
+    """Store the energy at the end of the last step, and update the largest one; a NaN stays."""
     energy, largest = spread(0.0, lane), pack(account.sums.largest_energy, lane)
     for j in range(account.former.shape[0]):
         v, xi = _at_end(dense, step, state, j, load, lane)
@@ -116,7 +116,7 @@ def _add_product(matrix: Array, states: Array, sums: Array, lanes: int) -> None:
 def _move(
     dense: Dense | None, account: Account, coupled: Array | None, step: FreeStep, state: State, lanes: int
 ) -> None:
-    """Take what matrices make of the step's end and of what acted in it."""
+    """Compute the states of the modes at the step's end and the inputs of the step, where balances need matrices."""
     if dense is None:
         return
     blocks, modes, own = state.motion.shape[0], dense.damper.shape[0], state.own
@@ -142,7 +142,7 @@ def _move(
 
 @part
 def _damp(dense: Dense, former: Array, sums: Totals, lanes: int) -> None:
-    """Add damping that couples modes to the inputs, and keep the square of all."""
+    """Add off-diagonal damping to the inputs, and store Σ ω² J²/2 of all."""
     modes = dense.damper.shape[0]
     for lane in range(lanes):
         sums.square[lane] = 0.0

@@ -1,9 +1,9 @@
-"""What every fixed-step scheme shares: counts of the tip's states, samples, load periods.
+"""Counts of the tip's states, samples and load periods, for every fixed-step scheme.
 
-A kernel advances its own states in blocks of up to ``LANES`` cases, one per lane. In each step it finds the tip
-at the step's end and the impulse in it, an ``End``. If a sample or the end of a load period is due, :func:`store_end`
-stores it, ``take_marks`` interpolates between the old state and the new one, and :func:`observe` counts the new one;
-else :func:`count_end` counts it at once.
+A kernel advances its own states in blocks of up to ``LANES`` cases, one per lane. Each step gives the tip at its end
+and the impulse in it, an ``End``. If a sample or the end of a load period is due, :func:`store_end` stores it,
+``take_marks`` interpolates between the old state and the new one, and :func:`observe` counts the new one; else
+:func:`count_end` counts it at once.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, 
 
 
 class Now(NamedTuple):
-    """A step, as its packs of lanes see it."""
+    """Time and load of a step, common to its packs of lanes."""
 
     t: float
     """Time at its end, s."""
     last: bool
     marked: bool
-    """Whether a sample or the end of a load period falls due in it: the tip's state at its end is stored then, and
+    """Whether a sample or the end of a load period is due in it: the tip's state at its end is stored then, and
     ``observe`` counts it later."""
     next_marked: bool
-    """The same of the next step, which then needs the tip's state at the end of this one."""
+    """Whether one is due in the next step, which then needs the tip's state at the end of this one."""
     sine: float
     leader: int
-    """The sine of the load in it, as :func:`tip_load.weigh_load` returned it, and the lane whose it is."""
+    """The weighted sine of the load that :func:`tip_load.weigh_load` returned, and the lane to which it belongs."""
     warmed: bool
     """Whether heating or the temperature of the surroundings moves the tip of some lane."""
 
 
 @inlined
 def step_at(step: int, theta: float, leader: int, warmed: bool, block: Block) -> Now:
-    """Return a step, with the load at its two ends weighed by 1 - θ and θ."""
+    """Return a step, with the load at its two ends weighted by 1 - θ and θ."""
     sine, mark = tip_load.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes), block.marks.next_mark[0]
     return Now(step * block.h, step == block.steps, step == mark, step + 1 == mark, sine, leader, warmed)
 
@@ -97,7 +97,7 @@ def count_end(end: End, next_marked: bool, span: float, tip: Tips, lane: Lane) -
 
 @inlined
 def observe(span: float, tip: Tips, lanes: int) -> None:
-    """Count what :func:`store_end` stored at the end of a step of ``span`` s."""
+    """Count the state that :func:`store_end` stored at the end of a step of ``span`` s."""
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         x, v = pack(tip.new_displacement, lane), pack(tip.new_velocity, lane)
@@ -107,7 +107,7 @@ def observe(span: float, tip: Tips, lanes: int) -> None:
 
 @inlined
 def count_stored(step: int, block: Block) -> None:
-    """Take the samples and load periods of a step whose end :func:`store_end` stored, then count that."""
+    """Write the samples and load periods of a step whose end :func:`store_end` stored, then count that end."""
     span = take_marks(step, block) if step == block.marks.next_mark[0] else block.h
     if step == block.steps:
         cut_gap(block.drive, span / block.h, block.tip, block.lanes)
@@ -145,7 +145,7 @@ class Watch:
         return self.schedule.steps * self.h
 
     def reached(self, before: Array, after: Array) -> Array:
-        """Return states where the duration ends, by those at the last step's beginning and end."""
+        """Interpolate states at the end of the duration between the last step's beginning and end."""
         return np.asarray(before + self.schedule.weight[-1] * (after - before))
 
     def finite(self, *rows: str) -> NDArray[np.bool_]:
@@ -154,7 +154,7 @@ class Watch:
 
 
 class Ended(NamedTuple):
-    """What a march leaves."""
+    """Results of a march."""
 
     watched: Watch
     closing: Array
@@ -174,7 +174,7 @@ def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = 
     position = np.zeros(counted.shape)
     np.divide(ends / h, cases.period_frequency[:, None], out=position, where=counted)
     nearest = np.round(position)
-    on_step = np.abs(position - nearest) <= 1e-9 * np.maximum(nearest, 1.0)  # as for the step count
+    on_step = np.abs(position - nearest) <= 1e-9 * np.maximum(nearest, 1.0)  # the tolerance of the step count
     weight = np.where(on_step, 1.0, position - np.floor(position))
     due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
     due = np.where(counted, np.minimum(due, plan.steps), NEVER)
@@ -188,7 +188,7 @@ def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = 
     tip.penetration = np.fmax(0.0, tip.displacement - casing) + 0.0  # of two zeros fmax returns either
 
     record = Record(
-        np.empty((cases.count, 4, plan.due.size)),  # the march fills it; zeros would be fresh pages each time
+        np.empty((cases.count, 4, plan.due.size)),  # the march fills it
         lane_rows(4 * WAITING),
         np.full((cases.count, 7, longest), np.nan),
     )
@@ -197,7 +197,7 @@ def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = 
 
 
 def block_lanes(rows: int) -> int:
-    """Return the lanes of a block of so many ``rows`` beside those of load and tip."""
+    """Return the number of lanes of a block that has ``rows`` beside those of load and tip."""
     return cached_lanes(rows + rows_in(Tips) + rows_in(Load))
 
 
@@ -243,7 +243,7 @@ def block_of(watched: Watch, part: slice, loads: Array, tips: Array, samples: Ar
 
 
 def _blank_what_was_lost(watched: Watch, case: int) -> None:
-    """Put NaN in all samples and load periods of a case from its first non-finite sample on."""
+    """Set all samples and load periods of a case to NaN from its first non-finite sample on."""
     histories, periods = watched.record.histories[case], watched.record.periods[case]
     bad = ~np.isfinite(histories).all(axis=0)
     first = int(np.argmax(bad)) if bad.any() else histories.shape[1] - 1
@@ -253,7 +253,7 @@ def _blank_what_was_lost(watched: Watch, case: int) -> None:
 
 
 def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) -> Results:
-    """Return the results of all blocks; a case that left the finite numbers has NaN from there on."""
+    """Return the results of all blocks; a case has NaN from its first non-finite sample on."""
     watched, tip, record = ended.watched, ended.watched.tip, ended.watched.record
     metrics = {
         "impacts": tip.impacts,
