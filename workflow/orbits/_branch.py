@@ -101,7 +101,7 @@ def _first(curve: Curve, options: Options) -> Point | None:
             starts = [q + (round(1 - q) - q) / 2**k for k in range(8)] if len(found) == 1 else []
     if not found:
         return None
-    scale = np.max([scale_of(orbit.flow, [orbit.course]) for _, orbit in found], axis=0)
+    scale = np.max([scale_of(orbit.flow, [orbit.motion]) for _, orbit in found], axis=0)
     first = curve.begin(found[0][1], scale, found[0][0])
     return first and curve.rephased(first)
 
@@ -198,9 +198,9 @@ def _order(point: Point) -> tuple[int, int, bool]:
 
     Impacts that end in a contact are without number.
     """
-    course = point.orbit.course
-    touches = int(np.sum(course.kinds == TOUCH))
-    return touches, 0 if touches else course.kinds.size, course.was_held and not course.times.size
+    motion = point.orbit.motion
+    touches = int(np.sum(motion.kinds == TOUCH))
+    return touches, 0 if touches else motion.kinds.size, motion.was_held and not motion.times.size
 
 
 def _order_changes(at: Along, a: Point, b: Point) -> list[Point]:

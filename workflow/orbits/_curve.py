@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import Analysed, Flow
 from workflow.orbits._orbit import Orbit, has_converged, longest
-from workflow.schemes._exact.advance import Course
+from workflow.schemes._exact.advance import Trajectory
 from workflow.schemes._exact.batch import heat_acts
 
 Problem = Callable[[float], tuple[Structure, Cases]]
@@ -73,9 +73,9 @@ class Curve:
     def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
         """Return an orbit as the point from which the curve is followed, with a tangent to larger q."""
         self.scale, self.first = scale, orbit.flow.structure
-        w = self._charts(orbit.flow)[0] @ orbit.course.start
+        w = self._charts(orbit.flow)[0] @ orbit.motion.start
         ahead = np.append(np.zeros(w.size), 1.0)
-        return self._point(np.append(w, q), orbit.course.begin / orbit.flow.period, orbit, ahead)
+        return self._point(np.append(w, q), orbit.motion.begin / orbit.flow.period, orbit, ahead)
 
     def step(self, point: Point, length: float, row: Array | None = None) -> Point | None:
         """Return the point a length along the tangent, in the plane across it; ``None`` where none is found.
@@ -89,7 +89,7 @@ class Curve:
             orbit = self._at(u, point)
             if orbit is None:
                 return None
-            error = self._charts(orbit.flow)[0] @ orbit.course.X - u[:-1]
+            error = self._charts(orbit.flow)[0] @ orbit.motion.X - u[:-1]
             size = max(orbit.residual, abs(float(row @ u - target)))
             if has_converged(size, last):
                 return self._point(u, point.phase, orbit, point.row, point.place + length)
@@ -107,16 +107,16 @@ class Curve:
 
     def _at(self, u: Array, point: Point) -> Orbit | None:
         """Return the motion from u over kT, the largest change of w its residual; ``None`` where it does not repeat."""
-        flow, course, w = self._mapped(u, point.phase, point.orbit)
+        flow, motion, w = self._mapped(u, point.phase, point.orbit)
         residual = float(np.abs(w - u[:-1]).max())
-        return Orbit(flow, point.orbit.order, course, flow.derivative(course), residual) if course.repeats else None
+        return Orbit(flow, point.orbit.order, motion, flow.derivative(motion), residual) if motion.repeats else None
 
-    def _mapped(self, u: Array, phase: float, orbit: Orbit) -> tuple[Flow, Course, Array]:
+    def _mapped(self, u: Array, phase: float, orbit: Orbit) -> tuple[Flow, Trajectory, Array]:
         """Return the case at u, its motion from there over the kT of an orbit near it, and w at its end."""
         flow = self.flow(u[-1])
         out, into = self._charts(flow)
-        course = flow.march(into @ u[:-1], orbit.course.was_held, phase * flow.period, orbit.order * flow.period)
-        return flow, course, out @ course.X
+        motion = flow.march(into @ u[:-1], orbit.motion.was_held, phase * flow.period, orbit.order * flow.period)
+        return flow, motion, out @ motion.X
 
     def _point(self, u: Array, phase: float, orbit: Orbit, along: Array, place: float = 0.0) -> Point | None:
         """Return an orbit as a point, with the tangent of the curve on the side of a row."""
@@ -137,8 +137,8 @@ class Curve:
     def _slope(self, u: Array, phase: float, orbit: Orbit) -> Array | None:
         """Return the derivative of the map by q, of a difference to within the range."""
         side = _DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE
-        _, course, w = self._mapped(np.append(u[:-1], u[-1] + side), phase, orbit)
-        return (w - self._charts(orbit.flow)[0] @ orbit.course.X) / side if course.repeats else None
+        _, motion, w = self._mapped(np.append(u[:-1], u[-1] + side), phase, orbit)
+        return (w - self._charts(orbit.flow)[0] @ orbit.motion.X) / side if motion.repeats else None
 
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
         """Return w per X and X per w.
@@ -159,16 +159,16 @@ class Curve:
 
     def rephased(self, point: Point) -> Point:
         """Return a point at the phase in the middle of its longest flight or contact, if an event came near its own."""
-        orbit, flow, course = point.orbit, point.orbit.flow, point.orbit.course
-        lengths = np.diff(np.append(course.times, course.times[:1] + course.span))
-        if not lengths.size or min(course.times[0], course.span - course.times[-1]) > _NEAR_EVENT * lengths.max():
+        orbit, flow, motion = point.orbit, point.orbit.flow, point.orbit.motion
+        lengths = np.diff(np.append(motion.times, motion.times[:1] + motion.span))
+        if not lengths.size or min(motion.times[0], motion.span - motion.times[-1]) > _NEAR_EVENT * lengths.max():
             return point
         out, into = self._charts(flow)
-        part = flow.march(course.start, course.was_held, course.begin, longest(course))
+        part = flow.march(motion.start, motion.was_held, motion.begin, longest(motion))
         phase, w = (point.phase + part.span / flow.period) % 1.0, out @ part.X
-        course = flow.march(into @ w, part.contact, phase * flow.period, course.span)
-        if not course.repeats:
+        motion = flow.march(into @ w, part.contact, phase * flow.period, motion.span)
+        if not motion.repeats:
             return point
-        moved = replace(orbit, course=course, D=flow.derivative(course))
+        moved = replace(orbit, motion=motion, D=flow.derivative(motion))
         along = np.append(out @ flow.derivative(part) @ into @ point.tangent[:-1], point.tangent[-1])
         return self._point(np.append(w, point.q), phase, moved, along, point.place) or point

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.advance import Course, advance
-from workflow.schemes._exact.batch import Batch, make_operator
+from workflow.schemes._exact.advance import Trajectory, advance
+from workflow.schemes._exact.batch import BatchRun, make_operator
 from workflow.schemes._exact.layout import Regime
 from workflow.schemes._exact.linear import Linear, linear, propagators
 from workflow.schemes._exact.record import RELEASE, TOUCH
@@ -69,17 +69,17 @@ class Flow:
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
         self.period = duration if self.is_constant else self.period
-        self.prepared = Batch(self.operator, cases, Sampling(1.0, 1.0, 2)).prepared(0, heated=heated)
-        self.start, n = self.prepared.case.modal, basis.tip.size
-        self.modes, self.load, size = n, self.prepared.case.load, self.start.size
+        self.march_input = BatchRun(self.operator, cases, Sampling(1.0, 1.0, 2)).march_input(0, heated=heated)
+        self.start, n = self.march_input.case.modal, basis.tip.size
+        self.modes, self.load, size = n, self.march_input.case.load, self.start.size
         self.tip = np.zeros((2, size))
         self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.tip
         heat = self.alpha * basis.free.heat_tip[: size - 2 * n]
-        self.kick = np.concatenate([np.zeros(n), friction * basis.along - basis.tip, heat])
+        self.kick = np.concatenate([np.zeros(n), friction * basis.tangent - basis.tip, heat])
 
     def regime(self, held: bool) -> Regime:
         """Return the regime of the tip free, or held."""
-        return self.prepared.held if held else self.prepared.free
+        return self.march_input.held if held else self.march_input.free
 
     @cached_property
     def free(self) -> Linear:
@@ -138,26 +138,26 @@ class Flow:
         length = abs(load.gap) + places + flexibility * (abs(load.mean) + forces)
         return float(length + warm + abs(self.growth_by_heat(self.start)))
 
-    def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Course:
+    def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Trajectory:
         """Return the exact motion from X at ``begin`` [s] over ``span`` [s], as :func:`advance` does."""
-        return advance(self.prepared, X, contact, begin, span, kept, samples)
+        return advance(self.march_input, X, contact, begin, span, kept, samples)
 
-    def derivative(self, course: Course) -> Array:
-        """Return the derivative of the end of a course by its begin, ``(N, N)``."""
-        ends, held = course.stretches
+    def derivative(self, motion: Trajectory) -> Array:
+        """Return the derivative of the end of a motion by its begin, ``(N, N)``."""
+        ends, held = motion.stretches
         spans = np.diff(ends)
         factors = np.empty((spans.size, self.start.size, self.start.size))
         for is_held in (False, True):
             factors[held == is_held] = propagators(self.regime(is_held), spans[held == is_held])
         D = factors[0]
-        for saltation, factor in zip(self._saltations(course), factors[1:], strict=True):
+        for saltation, factor in zip(self._saltations(motion), factors[1:], strict=True):
             D = factor @ saltation @ D
         return np.asarray(D)
 
-    def _saltations(self, course: Course) -> Array:
+    def _saltations(self, motion: Trajectory) -> Array:
         """Return S of each event, ``(event, N, N)``."""
-        X, t, stays = course.states, course.begin + course.times, course.kinds == TOUCH
-        before = X - course.impulses[:, None] * self.kick
+        X, t, stays = motion.states, motion.begin + motion.times, motion.kinds == TOUCH
+        before = X - motion.impulses[:, None] * self.kick
         speed, acceleration = self._casing(t)
         jump = -(1 + np.where(stays, 0.0, self.e))[:, None] * self.kick / (self.tip[1] @ self.kick)
         law = np.eye(X.shape[1]) + jump[:, :, None] * self.tip[1]  # J = X + jump (v_n - d')
@@ -166,7 +166,7 @@ class Flow:
         approach = speed - before @ self.tip[1]
         late[approach == 0] = 0.0
         S = law - (late / np.where(approach == 0, 1.0, approach)[:, None])[:, :, None] * self.tip[0]
-        S[course.kinds == RELEASE] = np.eye(X.shape[1])
+        S[motion.kinds == RELEASE] = np.eye(X.shape[1])
         return np.asarray(S)
 
     def _rates(self, X: Array, t: Array, held: NDArray[np.bool_]) -> Array:

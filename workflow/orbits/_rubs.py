@@ -10,7 +10,7 @@ from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import Analysed, Flow
 from workflow.orbits._orbit import Orbit
 from workflow.orbits._settle import Options, Settled, settle
-from workflow.schemes._exact.advance import Course
+from workflow.schemes._exact.advance import Trajectory
 from workflow.variables import select
 
 _PER_TURN = 16
@@ -55,22 +55,22 @@ def tabulated(found: Sequence[Settled], samples: int) -> dict[str, Array]:
 
 def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
     """Return numbers and samples of an orbit."""
-    flow, growth, course = orbit.flow, orbit.growth, _from_start_of_period(orbit, samples)
+    flow, growth, motion = orbit.flow, orbit.growth, _from_start_of_period(orbit, samples)
     k, largest = (np.nan, np.nan) if flow.is_constant else (orbit.order, orbit.multipliers[0])
-    spans = course.span if flow.is_constant else k
-    mean = flow.balanced(course.start, course.tally["impulse"] / course.span)
-    low, high = _extremes(flow, course)
-    x, v, temperature, _ = course.histories[:, : -1 : (course.histories.shape[1] - 1) // samples]
+    spans = motion.span if flow.is_constant else k
+    mean = flow.balanced(motion.start, motion.tally["impulse"] / motion.span)
+    low, high = _extremes(flow, motion)
+    x, v, temperature, _ = motion.histories[:, : -1 : (motion.histories.shape[1] - 1) // samples]
     return {
         "steady_periods": k,
         "steady_residual": orbit.residual,
         "floquet_multiplier": abs(largest),
         "floquet_angle": abs(np.angle(largest)),
         "settling_time": -1 / growth if growth < 0 else np.inf,
-        "steady_impulse": course.tally["impulse"] / spans,
-        "steady_impacts": course.tally["impacts"] / spans,
-        "steady_contact": course.tally["contact_time"] / spans,
-        "steady_max_temperature": course.tally["max_temperature"],
+        "steady_impulse": motion.tally["impulse"] / spans,
+        "steady_impacts": motion.tally["impacts"] / spans,
+        "steady_contact": motion.tally["contact_time"] / spans,
+        "steady_max_temperature": motion.tally["max_temperature"],
         "steady_mean_temperature": flow.parts(mean)[2][-1],
         "steady_max_displacement": high,
         "steady_min_displacement": low,
@@ -81,9 +81,9 @@ def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
     }
 
 
-def _from_start_of_period(orbit: Orbit, samples: int) -> Course:
+def _from_start_of_period(orbit: Orbit, samples: int) -> Trajectory:
     """Return the orbit over kT from the start of a period, with a multiple of the samples."""
-    flow, first = orbit.flow, orbit.course
+    flow, first = orbit.flow, orbit.motion
     start, held, rest = first.start, first.was_held, -first.begin % flow.period
     if rest > 0:
         later = flow.march(start, held, first.begin, rest)
@@ -93,14 +93,14 @@ def _from_start_of_period(orbit: Orbit, samples: int) -> Course:
     return flow.march(start, held, 0.0, first.span, samples=per_sample * samples)
 
 
-def _extremes(flow: Flow, course: Course) -> tuple[float, float]:
+def _extremes(flow: Flow, motion: Trajectory) -> tuple[float, float]:
     """Return the smallest and the largest tip displacement: of samples, events and cubics between samples."""
-    x, v = course.histories[:2]
-    h = course.span / (x.size - 1)
+    x, v = motion.histories[:2]
+    h = motion.span / (x.size - 1)
     turning = np.flatnonzero(v[:-1] * v[1:] < 0)
-    turning = turning[~np.isin(turning, (course.times / h).astype(int))]
+    turning = turning[~np.isin(turning, (motion.times / h).astype(int))]
     share = v[turning] / (v[turning] - v[turning + 1])
     top = x[turning] + h * share * (v[turning] * (1 - share) ** 2 - v[turning + 1] * (1 - share) * share)
     bend = (x[turning + 1] - x[turning]) * share**2 * (3 - 2 * share)
-    values = np.concatenate([x, top + bend, course.states @ flow.tip[0]])
+    values = np.concatenate([x, top + bend, motion.states @ flow.tip[0]])
     return float(values.min()), float(values.max())

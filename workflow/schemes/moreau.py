@@ -22,7 +22,7 @@ from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
 from workflow.schemes._fixed import decoupled, theta_method
-from workflow.schemes._fixed.complementarity import BY_PLACE, count_no_rebound
+from workflow.schemes._fixed.complementarity import BY_POSITION, count_no_rebound
 from workflow.schemes._fixed.contact import Contact, Response, Tip, count_rebound
 from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.theta_method import Operator
@@ -69,8 +69,8 @@ CONTACT = Contact(lambda cases: Newton(cases.e))
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
     theta = float(options.theta)
-    meets = BY_PLACE if structure.has_massless_tip else CONTACT
-    return theta_method.init(structure, float(h), theta, meets)
+    contact = BY_POSITION if structure.has_massless_tip else CONTACT
+    return theta_method.init(structure, float(h), theta, contact)
 
 
 compute = theta_method.compute

@@ -84,9 +84,9 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
     h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
     if options.integration == "explicit":
-        return central.init(structure, h, _CENTRAL, spring.in_differences(stiffness, damping))
+        return central.init(structure, h, _CENTRAL, spring.central_contact(stiffness, damping))
     theta = float(options.theta)
-    return theta_method.init(structure, h, theta, spring.by_theta(theta, stiffness, damping))
+    return theta_method.init(structure, h, theta, spring.theta_contact(theta, stiffness, damping))
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:

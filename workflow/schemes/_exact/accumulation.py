@@ -126,7 +126,7 @@ def _later_speed(bounces: Bounces, s: _Force, tau: float, h: float, u: float) ->
 
 
 @part
-def settle(m: Motion, t: float, u: float, bounces: Bounces) -> tuple[float, float, float]:
+def end_of_chattering(m: Motion, t: float, u: float, bounces: Bounces) -> tuple[float, float, float]:
     """Return the time at which the tip comes to rest, the speed of its last bounce, and the number of bounces.
 
     The time is infinite where, before that, the force falls so far that bounces are no longer small, or the case

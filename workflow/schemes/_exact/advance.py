@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from workflow.models import Array
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.batch import Prepared
+from workflow.schemes._exact.batch import MarchInput
 from workflow.schemes._exact.march import march
 from workflow.schemes._exact.record import TALLY, TOUCH, Record
 from workflow.schemes._interface import HISTORIES
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Trajectory:
     """The exact motion from a state X = [y, y', τ], in the modes of the free tip, over a time span."""
 
     begin: float
@@ -60,13 +60,13 @@ class Course:
 
 
 def advance(
-    prepared: Prepared, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1
-) -> Course:
+    march_input: MarchInput, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1
+) -> Trajectory:
     """Return the exact motion from X at ``begin`` [s] over ``span`` [s].
 
     ``kept`` is a guess of the number of events; 0 leaves them out.
     """
-    free, held, case, memories, tip = prepared
+    free, held, case, memories, tip = march_input
     waves = case.load.waves.copy()
     omega, phase, _, amplitude = case.load.waves.T
     waves[:, 1] = turn = phase + begin * omega
@@ -90,4 +90,4 @@ def advance(
     failure = "" if done else outcome.failure(ended, tally, case.budget, case.tip.e)
     times, kinds, impulses = events[:count, :3].T
     at_end, states = bool(tally["held"]), events[:count, 3:]
-    return Course(begin, span, X, contact, end, at_end, times, kinds, impulses, states, histories, tally, failure)
+    return Trajectory(begin, span, X, contact, end, at_end, times, kinds, impulses, states, histories, tally, failure)

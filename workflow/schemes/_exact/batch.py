@@ -16,7 +16,7 @@ from workflow.schemes._exact.held_regime import HeldRegimes
 from workflow.schemes._exact.impacts import Case, Thresholds
 from workflow.schemes._exact.layout import Memory, Regime, memory
 from workflow.schemes._exact.march import march
-from workflow.schemes._exact.modal_system import Basis, analyse
+from workflow.schemes._exact.modal_system import ModalBasis, analyse
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.record import TALLY, Record
 from workflow.schemes._exact.regimes import InseparablePolesError, regime_of
@@ -29,7 +29,7 @@ THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
 class Operator:
     """What the cases of a batch share; ``budget`` limits events and steps of one case."""
 
-    basis: Basis
+    basis: ModalBasis
     held: HeldRegimes
     budget: Budget
     thresholds: Thresholds = THRESHOLDS
@@ -61,7 +61,7 @@ def make_operator(structure: Structure, budget: Budget) -> Operator:
 
 def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Run all cases in the order of α, so that those of one α share its held regime."""
-    batch = Batch(operator, cases, sampling)
+    batch = BatchRun(operator, cases, sampling)
     for i in np.argsort(cases.alpha, kind="stable"):
         batch.run(int(i))
     return batch.results()
@@ -73,7 +73,7 @@ def heat_acts(cases: Cases, i: int) -> bool:
     return any(np.any(source != 0) for source in sources)
 
 
-class Prepared(NamedTuple):
+class MarchInput(NamedTuple):
     """Arguments of the march, without the record."""
 
     free: Regime
@@ -84,7 +84,7 @@ class Prepared(NamedTuple):
     """φ_n, ``(mode,)``."""
 
 
-class Batch:
+class BatchRun:
     """The cases of a batch and the arrays of their results."""
 
     def __init__(self, operator: Operator, cases: Cases, sampling: Sampling):
@@ -128,14 +128,14 @@ class Batch:
 
     def _march(self, i: int) -> int:
         """March case ``i`` and return how it ended."""
-        free, held, case, memories, _ = self.prepared(i)
+        free, held, case, memories, _ = self.march_input(i)
         n, frequency = int(self.periods[i]), float(self.frequency[i])
         ends = np.arange(1, n + 1) / frequency if n else np.zeros(0)
         none = np.zeros((0, 0))
         record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i], none)
         return int(march(free, held, case, record, memories))
 
-    def prepared(self, i: int, *, heated: bool = False) -> Prepared:
+    def march_input(self, i: int, *, heated: bool = False) -> MarchInput:
         """Return the arguments of the march of case ``i``, with thermal states where heat acts or ``heated`` is set."""
         cases, operator, basis = self.cases, self.operator, self.operator.basis
         heated = heated or heat_acts(cases, i)
@@ -147,7 +147,7 @@ class Batch:
         case = Case(load, tip, self.modal[i, :size], closing, operator.budget, operator.thresholds)
         waves = load.waves.shape[0]
         memories = self._memory(free, waves, is_free=True), self._memory(held, waves, is_free=False)
-        return Prepared(free, held, case, memories, basis.tip)
+        return MarchInput(free, held, case, memories, basis.tip)
 
     def results(self) -> Results:
         """Return the results of the batch."""

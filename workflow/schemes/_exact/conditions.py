@@ -8,9 +8,9 @@ import numpy as np
 
 from workflow.kernels import elementwise
 from workflow.models import Array, Cases
-from workflow.schemes._exact.impacts import Tip
-from workflow.schemes._exact.layout import Load, Regime
-from workflow.schemes._exact.modal_system import Basis
+from workflow.schemes._exact.impacts import TipData
+from workflow.schemes._exact.layout import CaseLoads, Regime
+from workflow.schemes._exact.modal_system import ModalBasis
 from workflow.schemes._exact.tables import wave
 
 _LOAD, _CASING = 0, 1
@@ -20,7 +20,7 @@ _ROUNDING = 4.0 * 2.220446049250313e-16
 """Relative difference of velocities up to which a tip moves with its casing: four roundings."""
 
 
-def load_of(cases: Cases, i: int, duration: float) -> Load:
+def load_of(cases: Cases, i: int, duration: float) -> CaseLoads:
     """Return loads and casing of case ``i``: a sinusoid of frequency 0 is a constant, one of amplitude 0 left out."""
     constants, waves = [float(cases.mean[i]), float(cases.gap[i])], []
     for which, amplitude, frequency, phase in _sinusoids(cases, i):
@@ -29,7 +29,7 @@ def load_of(cases: Cases, i: int, duration: float) -> Load:
         else:
             acts = (amplitude, 0.0) if which == _LOAD else (0.0, amplitude)
             waves.append((2 * np.pi * frequency, phase, *acts))
-    return Load(
+    return CaseLoads(
         constants[_LOAD],
         np.array(waves).reshape(-1, wave.GIVEN),
         constants[_CASING],
@@ -49,10 +49,10 @@ def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]
                 yield which, float(more.amplitude[i, k]), float(more.frequency[i, k]), float(more.phase[i, k])
 
 
-def tip_of(cases: Cases, i: int, basis: Basis, free: Regime, load: Load) -> Tip:
+def tip_of(cases: Cases, i: int, basis: ModalBasis, free: Regime, load: CaseLoads) -> TipData:
     """Return impact law and initial state of the tip of case ``i``: an impulse moves the modes by φᵀ(e_n - µ t)."""
     alpha, friction, modes = float(cases.alpha[i]), float(cases.friction[i]), basis.tip.size
-    struck, size = basis.tip - friction * basis.along, free.inward.shape[0]
+    struck, size = basis.tip - friction * basis.tangent, free.inward.shape[0]
     with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no impact law
         drag = float(np.divide(np.dot(basis.damped_tip, struck), np.dot(basis.tip, struck)))
     jump = np.concatenate([np.zeros(modes), -struck, alpha * basis.free.heat_tip[: size - 2 * modes]])
@@ -64,7 +64,7 @@ def tip_of(cases: Cases, i: int, basis: Basis, free: Regime, load: Load) -> Tip:
             velocity += float(omega * (amplitude * cos))
             reach, turning = reach + abs(amplitude), turning + abs(omega * amplitude)
     speed = float(cases.velocity[i, -1]) - velocity
-    return Tip(
+    return TipData(
         float(cases.e[i]),
         alpha,
         basis.mobility - friction * basis.tangential,

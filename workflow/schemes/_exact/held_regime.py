@@ -17,11 +17,11 @@ from workflow.models import Array
 from workflow.schemes._exact.layout import Regime, tabulated
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.rank_one import RankOne, Zeros, fill_vectors, find_zeros, reciprocal, square
-from workflow.schemes._exact.regimes import linked, regime_of, thermal_response
+from workflow.schemes._exact.regimes import observable, regime_of, thermal_response
 
 _CRITICAL = 1e-2
-"""Relative distance of the two poles of a mode, or of a pole and a thermal rate, below which the general solver is used,
-as digits are lost by its square."""
+"""Relative distance of the two poles of a mode, or of a pole and a thermal rate, below which the general solver is
+used, as digits are lost by its square."""
 
 
 class Heated(NamedTuple):
@@ -44,19 +44,19 @@ class HeldRegimes:
     """The held regimes of a structure."""
 
     def __init__(self, held: ModalSystem):
-        self._held, self._linked = held, linked(held)
-        self._heated = None if held.is_coupled else _heated(self._linked)
+        self._held, self._observable = held, observable(held)
+        self._heated = None if held.is_coupled else _heated(self._observable)
 
     def at(self, alpha: float, friction: float, *, heated: bool) -> Regime:
         """Return the regime at α [W/N], and µ along the tangent, without thermal modes where no heat acts."""
         system = self._held.sliding(friction)
         if system is not self._held:
-            return regime_of(linked(system), alpha)
+            return regime_of(observable(system), alpha)
         if alpha > 0 and self._heated is not None:
             is_sound, regime = _regime_at(self._heated, alpha)
             if is_sound:
                 return regime
-        return regime_of(self._linked if alpha > 0 else self._held if heated else self._held.unheated, alpha)
+        return regime_of(self._observable if alpha > 0 else self._held if heated else self._held.unheated, alpha)
 
 
 def _heated(held: ModalSystem) -> Heated | None:

@@ -8,12 +8,12 @@ import numpy as np
 
 from workflow.kernels.compiled import part
 from workflow.models import Array
-from workflow.schemes._exact.accumulation import Bounces, settle
+from workflow.schemes._exact.accumulation import Bounces, end_of_chattering
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.layout import Load
+from workflow.schemes._exact.layout import CaseLoads
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.passage import Motions, enter_contact
-from workflow.schemes._exact.propagation import copy_state, strike
+from workflow.schemes._exact.propagation import apply_impulse, copy_state
 from workflow.schemes._exact.tables import expansion
 
 
@@ -30,7 +30,7 @@ class Thresholds(NamedTuple):
     """Contact force, over the rounding of its terms, below which it is zero when a contact begins."""
 
 
-class Tip(NamedTuple):
+class TipData(NamedTuple):
     """Impact law and initial state of the tip of one case."""
 
     e: float
@@ -55,8 +55,8 @@ class Tip(NamedTuple):
 class Case(NamedTuple):
     """Conditions of one case."""
 
-    load: Load
-    tip: Tip
+    load: CaseLoads
+    tip: TipData
     modal: Array
     """Initial [y, y', τ], without τ where no heat acts."""
     closing: Array
@@ -76,11 +76,11 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     tip, free, speed = case.tip, motions.free, tally.speed
     p = (1.0 + tip.e) * speed / tip.mobility
     tally.max_speed = max(tally.max_speed, speed)
-    strike(free, p)
+    apply_impulse(free, p)
     expand(free, free.now, tally.time)
     stays, since = speed <= 0.0 or tip.e == 0.0, tally.time
     if not stays:
-        end = _end_of_bounces(motions, case, tally)
+        end = _end_of_chattering(motions, case, tally)
         if not np.isnan(end):  # p and all later impulses add up to m v⁻ and the impulse of the contact force
             stays, since, p = True, end, speed / tip.mobility
     if speed > 0.0:
@@ -90,7 +90,7 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
 
 
 @part
-def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
+def _end_of_chattering(motions: Motions, case: Case, tally: Any) -> float:
     """Stop the tip after an impact if its chattering is summed; return the end of the chattering, NaN if it is not.
 
     It is summed as well where it has more impacts than the budget of events has left, with an infinite end if the
@@ -111,11 +111,11 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     if height >= most and not (left < tally.events and height < _LOOSE * most):
         return np.nan
     copy_state(free.now, free.between)
-    strike(free, -tip.e * speed / tip.mobility)
+    apply_impulse(free, -tip.e * speed / tip.mobility)
     end, leaving, count = np.nan, 0.0, 0.0
     if enter_contact(motions, thresholds.force, tally.time) == 0:
         bounces = Bounces(tip.e, tip.mobility, tip.drag, 4.0 * max(height, most), case.load.duration)
-        end, leaving, count = settle(motions.held, tally.time, tip.e * speed, bounces)
+        end, leaving, count = end_of_chattering(motions.held, tally.time, tip.e * speed, bounces)
     else:  # the force is rounding, which would press the tip back for ever
         end = tally.time
     if height < most and np.isfinite(end):

@@ -21,7 +21,7 @@ TAYLOR_SPAN = 0.6
 """Largest |pole| · time at which they are used: the remainder is below 0.6^18/18! = 2e-20."""
 
 
-class Load(NamedTuple):
+class CaseLoads(NamedTuple):
     """Loads and casing of one case: F0 + Σ A sin ψ on the tip, positive towards the casing, at d = d0 + Σ a sin ψ."""
 
     mean: float

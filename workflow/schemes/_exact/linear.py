@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workflow.models import Array
-from workflow.schemes._exact.layout import Load, Regime
+from workflow.schemes._exact.layout import CaseLoads, Regime
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.tables import block, first
 
@@ -55,7 +55,7 @@ class Linear:
     place: Array
     """… and per d and d' of the casing, ``(N, 2)``."""
 
-    def steady(self, load: Load, t: float) -> tuple[Array, float]:
+    def steady(self, load: CaseLoads, t: float) -> tuple[Array, float]:
         """Return X and the signal of the steady response to the loads at t.
 
         Raises

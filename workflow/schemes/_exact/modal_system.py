@@ -113,7 +113,7 @@ class ModalSystem:
 
 
 @dataclass(frozen=True, eq=False)
-class Basis:
+class ModalBasis:
     """Modal data common to all regimes of a structure."""
 
     to_modes: Array
@@ -124,7 +124,7 @@ class Basis:
     """φ_n, ``(mode,)``, 1/√kg."""
     damped_tip: Array
     """φᵀ C1 M⁻¹ e_n, ``(mode,)``, 1/(s √kg)."""
-    along: Array
+    tangent: Array
     """φᵀt of the direction of friction, ``(mode,)``, 1/√kg; 0 where there is none."""
     closing: Array
     """Quasi-static tip growth per τ, m, ``(thermal mode,)``."""
@@ -138,18 +138,18 @@ class Basis:
     held: ModalSystem
 
 
-def analyse(structure: Structure) -> Basis:
+def analyse(structure: Structure) -> ModalBasis:
     """Diagonalise the structure with its tip free and with its tip held."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     free, along = free_system(structure), np.zeros(mechanical.values.size)
     if structure.tangent is not None:
         along = mechanical.shapes.T @ structure.tangent
-    return Basis(
+    return ModalBasis(
         to_modes=mechanical.shapes.T @ structure.mass,
         to_thermal=thermal.shapes.T @ structure.heat_capacity,
         tip=mechanical.tip.copy(),
         damped_tip=free.damping @ mechanical.tip if free.is_coupled else free.damping * mechanical.tip,
-        along=along,
+        tangent=along,
         closing=static_tip_growth(structure) @ thermal.shapes,
         mobility=np.dot(mechanical.tip, mechanical.tip),
         tangential=np.dot(mechanical.tip, along),

@@ -20,7 +20,7 @@ from workflow.kernels import elementary
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import part
 from workflow.models import Array
-from workflow.schemes._exact.layout import Expansion, Load, Memory, Regime
+from workflow.schemes._exact.layout import CaseLoads, Expansion, Memory, Regime
 from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
@@ -78,7 +78,7 @@ class Motion(NamedTuple):
 
 
 @part
-def prepare(regime: Regime, load: Load, memory: Memory) -> Any:
+def prepare(regime: Regime, load: CaseLoads, memory: Memory) -> Any:
     """Return the motion of a case in a regime, before its states are set, and complete the tables of its memory."""
     b, f, outputs, waves = memory.block, memory.first, memory.outputs, memory.waves
     _clear(regime, load, memory)
@@ -86,7 +86,7 @@ def prepare(regime: Regime, load: Load, memory: Memory) -> Any:
     explicits, aperiodics = 0, 0
     for k in range(regime.blocks):
         _fill_force(regime, load, k, memory)
-        if _keeps_force(b, k, load):
+        if _is_explicit(b, k, load):
             b[block.EXPLICIT_COLUMNS, explicits] = k
             explicits += 1
         else:
@@ -94,7 +94,7 @@ def prepare(regime: Regime, load: Load, memory: Memory) -> Any:
                 b[block.APERIODIC_COLUMNS, aperiodics] = k
                 aperiodics += 1
             _subtract_particular(b, k, waves)
-        _show_subtracted(b, k, waves, outputs)
+        _add_particular_outputs(b, k, waves, outputs)
     for j in range(regime.firsts):
         _subtract_harmonics(f, j, waves)
     fastest, cooling = regime.fastest, regime.growth <= 0.0 and not regime.warms
@@ -131,7 +131,7 @@ def prepare(regime: Regime, load: Load, memory: Memory) -> Any:
 
 
 @part
-def _clear(regime: Regime, load: Load, memory: Memory) -> None:
+def _clear(regime: Regime, load: CaseLoads, memory: Memory) -> None:
     """Reset the memory to the tables of the regime and the waves of the case."""
     for row in range(memory.block.shape[0]):
         for k in range(memory.block.shape[1]):
@@ -147,7 +147,7 @@ def _clear(regime: Regime, load: Load, memory: Memory) -> None:
 
 
 @part
-def _source(regime: Regime, load: Load, row: int) -> float:
+def _source(regime: Regime, load: CaseLoads, row: int) -> float:
     """Return the constant source of a coordinate, or of the signal in the last row."""
     steady, heating = load.steady.size, load.heating.size
     at = steady + heating
@@ -160,7 +160,7 @@ def _source(regime: Regime, load: Load, row: int) -> float:
 
 
 @part
-def _wave_source(regime: Regime, load: Load, row: int, i: int) -> tuple[float, float]:
+def _wave_source(regime: Regime, load: CaseLoads, row: int, i: int) -> tuple[float, float]:
     """Return the coefficients of cos ψ and sin ψ of wave ``i`` in a source, by its load, d, d' and d''."""
     at, omega = load.steady.size + load.heating.size, load.waves[i, wave.OMEGA]
     push, place = regime.source[at, row], regime.source[at + 1, row]
@@ -171,7 +171,7 @@ def _wave_source(regime: Regime, load: Load, row: int, i: int) -> tuple[float, f
 
 
 @part
-def _fill_sources(regime: Regime, load: Load, memory: Memory) -> None:
+def _fill_sources(regime: Regime, load: CaseLoads, memory: Memory) -> None:
     """Fill the sources of the signal and of first-order states."""
     f, outputs, waves, signal = memory.first, memory.outputs, memory.waves, 2 * regime.blocks + regime.firsts
     outputs[SIGNAL] = _source(regime, load, signal)
@@ -186,7 +186,7 @@ def _fill_sources(regime: Regime, load: Load, memory: Memory) -> None:
 
 
 @part
-def _fill_force(regime: Regime, load: Load, k: int, memory: Memory) -> None:
+def _fill_force(regime: Regime, load: CaseLoads, k: int, memory: Memory) -> None:
     """Fill the force F on a block, and -β."""
     b, waves = memory.block, memory.waves
     beta, gamma = _source(regime, load, k), _source(regime, load, regime.blocks + k)
@@ -209,7 +209,7 @@ def forced(b: Array, k: int, i: int) -> bool:
 
 
 @part
-def _keeps_force(b: Array, k: int, load: Load) -> bool:
+def _is_explicit(b: Array, k: int, load: CaseLoads) -> bool:
     """Whether the response of a block to the loads cannot be subtracted without losing digits."""
     w2, half = b[block.STIFFNESS, k], abs(b[block.HALF_DAMPING, k])
     square = w2 - half * half
@@ -246,7 +246,7 @@ def _subtract_particular(b: Array, k: int, waves: Array) -> None:
 
 
 @part
-def _show_subtracted(b: Array, k: int, waves: Array, outputs: Array) -> None:
+def _add_particular_outputs(b: Array, k: int, waves: Array, outputs: Array) -> None:
     """Add the particular solution of a block to the outputs of the loads."""
     for o in range(2):
         value, slope = b[block.SIGNAL_VALUE + 2 * o, k], b[block.SIGNAL_SLOPE + 2 * o, k]
@@ -284,7 +284,7 @@ def casing_at(m: Motion, t: float) -> tuple[float, float]:
 
 
 @part
-def _add_subtracted(m: Motion, t: float, sign: float, value: Array, slope: Array) -> None:
+def _add_particular(m: Motion, t: float, sign: float, value: Array, slope: Array) -> None:
     """Add the particular solution at t to η and u of blocks, or subtract it (``sign`` -1)."""
     b = m.block
     for k in range(m.blocks):
@@ -322,7 +322,7 @@ def from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None:
         y[state.FIRST, j], y[state.FIRST_SLOPE, j] = xi, f[first.SOURCE, j] - f[first.RATE, j] * xi
     for k in range(m.blocks):
         y[state.VALUE, k], y[state.SLOPE, k] = coordinates[k], coordinates[m.blocks + k]
-    _add_subtracted(m, t, -1.0, y[state.VALUE], y[state.SLOPE])
+    _add_particular(m, t, -1.0, y[state.VALUE], y[state.SLOPE])
 
 
 @part
@@ -339,4 +339,4 @@ def to_coordinates(m: Motion, y: Array, t: float, coordinates: Array) -> None:
     for k in range(m.blocks):
         coordinates[k], coordinates[m.blocks + k] = y[state.VALUE, k], y[state.SLOPE, k]
     value, slope = coordinates[: m.blocks], coordinates[m.blocks : 2 * m.blocks]
-    _add_subtracted(m, t, 1.0, value, slope)
+    _add_particular(m, t, 1.0, value, slope)

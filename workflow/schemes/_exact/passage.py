@@ -9,7 +9,7 @@ import numpy as np
 from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.layout import Load, Memory, Regime
+from workflow.schemes._exact.layout import CaseLoads, Memory, Regime
 from workflow.schemes._exact.motion import (
     Motion,
     casing_at,
@@ -32,7 +32,7 @@ class Motions(NamedTuple):
 
 
 @part
-def motions_of(free: Regime, held: Regime, load: Load, jump: Array, memories: tuple[Memory, Memory]) -> Any:
+def motions_of(free: Regime, held: Regime, load: CaseLoads, jump: Array, memories: tuple[Memory, Memory]) -> Any:
     """Return both motions of a case, before their states are set; ``jump`` is that of a free tip's coordinates."""
     motions = Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), held.entry, held.exit)
     jump_from_coordinates(motions.free, jump, motions.free.jump)

@@ -131,7 +131,7 @@ def _observe_waves(m: Motion, t: float) -> Observed:
 
 
 @part
-def strike(m: Motion, p: float) -> None:
+def apply_impulse(m: Motion, p: float) -> None:
     """Apply an impulse p [N s] with its friction heat at the free tip: v jumps by -p M⁻¹ e_n, θ by α p C2⁻¹ e_n."""
     for row in range(state.ROWS):
         for k in range(m.now.shape[1]):

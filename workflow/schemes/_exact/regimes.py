@@ -50,7 +50,7 @@ _TRUSTED = 1e6
 """Σ |inward · outward| of a coordinate up to which it keeps ten digits: it grows without bound towards a defective
 matrix."""
 
-_LINKED = 1e-13
+_OBSERVABLE = 1e-13
 """Reaction of a mode at the tip, over the largest, above which it is kept: the rounding of shapes is some 1e-15, and
 the modes below change λ by no more than this, relatively."""
 
@@ -67,7 +67,7 @@ def thermal_response(system: ModalSystem, near: float) -> Array | None:
 def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
     """Return the regime of a structure with its tip free, or held at α [W/N].
 
-    At α > 0 or with friction along t ``system`` is one of :func:`linked` modes.
+    At α > 0 or with friction along t ``system`` is one of :func:`observable` modes.
 
     Raises
     ------
@@ -115,16 +115,16 @@ def _regime(
     return tabulated(*(np.ascontiguousarray(values, dtype=np.float64) for values in arrays))
 
 
-def linked(held: ModalSystem) -> ModalSystem:
+def observable(held: ModalSystem) -> ModalSystem:
     """Remove the modes that are unobservable in the contact force of the held tip, unless damping couples them.
 
     Their shapes are free modes as well, with the tip at rest: no output depends on them. Among them are the rigid
     motions of parts that are not linked to the tip, whose double eigenvalue 0 is defective.
     """
-    keep = np.abs(held.reaction) > _LINKED * np.abs(held.reaction).max(initial=0.0)
+    keep = np.abs(held.reaction) > _OBSERVABLE * np.abs(held.reaction).max(initial=0.0)
     if held.is_coupled:
         beside = np.abs(held.damping - np.diag(np.diag(held.damping)))
-        keep |= np.any(beside > _LINKED * np.abs(held.damping).max(initial=0.0), axis=1)
+        keep |= np.any(beside > _OBSERVABLE * np.abs(held.damping).max(initial=0.0), axis=1)
     return replace(
         held,
         frequency=held.frequency[keep],

@@ -9,7 +9,7 @@ from workflow.schemes._exact.tables import wave
 
 
 @part
-def _turn(waves: Array, i: int, t: float) -> None:
+def _evaluate(waves: Array, i: int, t: float) -> None:
     """Store cosine and sine of the phase Ω t + φ of a wave in its table, and keep those of the last time."""
     cos, sin = waves[i, wave.COS_BEFORE], waves[i, wave.SIN_BEFORE]
     if waves[i, wave.TIME_BEFORE] != t:
@@ -23,5 +23,5 @@ def _turn(waves: Array, i: int, t: float) -> None:
 def wave_phase(waves: Array, i: int, t: float) -> tuple[float, float]:
     """Return cosine and sine of the phase of a wave; those of the last two times are cached."""
     if waves[i, wave.TIME] != t:
-        _turn(waves, i, t)
+        _evaluate(waves, i, t)
     return waves[i, wave.COS], waves[i, wave.SIN]

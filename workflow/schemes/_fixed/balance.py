@@ -62,7 +62,7 @@ class Dense(NamedTuple):
 
     outward: Array
     """States per u and then η of all blocks as kernels scale them, ``(2 mode, 2 block)``."""
-    damper: Array
+    off_diagonal: Array
     """h times the off-diagonal damping, ``(mode, mode)``."""
     lagged: bool
     """Whether v at a step's beginning damps."""
@@ -70,13 +70,13 @@ class Dense(NamedTuple):
     """Input per unit impulse of the load, without the part that acts on the tip, ``(mode,)``."""
     half_flexibility: Array
     """1/(2 ω²), 0 of rigid modes, ``(mode,)``."""
-    pulls: Array
+    pair_inputs: Array
     """Input per τ near resonance, ``(pair, 2 mode)``."""
     constant: Array
     """Input of constant loads on drifting blocks, ``(2 mode, lane)``."""
     states: Array
     """u and η at the last step's end, ``(2 block, lane)``."""
-    moved: Array
+    modal_states: Array
     """v and ξ there, ``(2 mode, lane)``."""
     inputs: Array
     """All inputs of that step, ``(2 mode, lane)``."""
@@ -87,18 +87,18 @@ class Account(NamedTuple):
 
     modes: Array
     """``(mode, coefficient)``."""
-    acts: Array
+    contact_inputs: Array
     """Input by heat and friction of a unit impulse of contact, as in :class:`Dense`, ``(2 mode, lane)``."""
     losses: Array
     """Heat loss per τ, W, ``(thermal mode,)``."""
-    former: Array
+    velocity_before: Array
     """v at the last step's end, ``(mode, lane)``."""
     sums: Totals
-    lever: float
+    energy_lever: float
     """ℓ, s."""
     load_share: float
     """Fraction of the load that acts on the tip."""
-    dragged: float
+    thermal_velocity: float
     """Thermal velocity of the tip per unit of friction heat in its step."""
     heat_loss: float
     """Heat loss per unit of friction heat at the end of its step, 1/s."""
@@ -118,8 +118,8 @@ def lay_out_account(account: Account | None) -> None:
     if account is None:
         return
     assert account.modes.shape[1] == ELASTIC + 1
-    assert account.acts.shape[1] == ROW
-    assert account.former.shape[1] == ROW
+    assert account.contact_inputs.shape[1] == ROW
+    assert account.velocity_before.shape[1] == ROW
 
 
 @inlined
@@ -133,7 +133,7 @@ def count_work(
     account: Account | None,
     step: TipStep,
     end: End,
-    dragged: Pack,
+    thermal_velocity: Pack,
     free: Free,
     own: Own,
     tip: Tips,
@@ -142,10 +142,10 @@ def count_work(
     """Add a step's friction heat, and the work of load and contact at the tip, to the sums."""
     if account is None:
         return
-    sums, relative = account.sums, end.driven - dragged
+    sums, relative = account.sums, end.driven - thermal_velocity
     if was_pressed(own, lane):
         heat = friction_heat(own, lane)
-        relative -= account.dragged * heat
+        relative -= account.thermal_velocity * heat
         add_to(sums.friction_heat, heat, lane)
     before, impulse = pack(sums.relative, lane), account.load_share * free.impulse - end.acting
     store(sums.relative, lane, relative)
@@ -169,7 +169,7 @@ def count_mode(
     """Add the energy that damping and a unit of contact took from mode j in a step that ends with v and ξ."""
     if account is None or dense is not None:
         return dissipated, given
-    return count_inputs(account, account.acts, j, v, xi, h, contact, dissipated, given, lane)
+    return count_inputs(account, account.contact_inputs, j, v, xi, h, contact, dissipated, given, lane)
 
 
 @inlined
@@ -186,15 +186,15 @@ def count_inputs(
     lane: Lane,
 ) -> tuple[Pack, Pack]:
     """Add the energy that damping and, where ``times`` is given, a unit of ``inputs`` took from mode j in a step."""
-    before = pack(account.former, (j, lane))
-    store(account.former, (j, lane), v)
+    before = pack(account.velocity_before, (j, lane))
+    store(account.velocity_before, (j, lane), v)
     twice = v + before
     dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, dissipated)
     if times is None:
         return dissipated, given
     given = fused(pack(inputs, (j, lane)), twice, given)
     between = fused(spread(-0.5 * h, lane), before, xi)
-    return dissipated, fused(pack(inputs, (account.former.shape[0] + j, lane)), between, given)
+    return dissipated, fused(pack(inputs, (account.velocity_before.shape[0] + j, lane)), between, given)
 
 
 @inlined

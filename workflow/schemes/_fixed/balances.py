@@ -14,7 +14,7 @@ from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.decoupled import Decoupled, modes_at_tip
 from workflow.schemes._fixed.free_motion import HEAT_INPUT, FreeStep, State
 from workflow.schemes._fixed.rows import Totals
-from workflow.schemes._fixed.start import Motion, contact_heat
+from workflow.schemes._fixed.start import InitialState, contact_heat
 from workflow.schemes._fixed.totals import Balance, Content
 
 REST = 1e-12
@@ -33,7 +33,7 @@ class Balances:
         Rows of lanes, with the initial values of all cases in them.
     """
 
-    def __init__(self, structure: Structure, blocks: Blocks, free: FreeStep, cases: Cases, begun: Motion) -> None:
+    def __init__(self, structure: Structure, blocks: Blocks, free: FreeStep, cases: Cases, begun: InitialState) -> None:
         modal, step = blocks.modal, blocks.step
         self._modal, self._free, self._cases, self._begun = modal, free, cases, begun
         self._content = structure.content @ modal.heat_shapes
@@ -41,10 +41,11 @@ class Balances:
         settled = project(loss, begun.settled.T)
 
         omega2, at_tip = modal.frequency**2, np.where(modal.is_coupled, 1.0, modes_at_tip(modal.tip))
-        kinetic = modal.mass - omega2 * (step.lever - step.middle) ** 2
+        kinetic = modal.mass - omega2 * (step.lever - step.energy_lever) ** 2
         kinetic -= 0.5 * step.tip.h * modal.damping if step.lagged else 0.0
         v, xi = blocks.in_modes(begun.states)
-        energy = 0.5 * (project(at_tip * kinetic, v.T**2) + project(at_tip * omega2, (xi + step.middle * v).T ** 2))
+        eta = xi + step.energy_lever * v
+        energy = 0.5 * (project(at_tip * kinetic, v.T**2) + project(at_tip * omega2, eta.T**2))
         self._rows, self._ended_heat = np.zeros((rows_in(Totals), cases.count)), np.zeros_like(begun.heat)
         self._ended = named_rows(Totals, self._rows)
         self._ended.first_energy = self._ended.last_energy = self._ended.largest_energy = energy
@@ -55,8 +56,8 @@ class Balances:
         self._moving = 0.5 * project((step.tip.h * modal.frequency[massless]) ** 2, v[massless].T ** 2)
 
         n, scale = modal.tip.size, modal.heat_scale
-        acts = _energy_rows(blocks, contact_heat(blocks, cases))
-        self._ended.square = project(at_tip * _half_flexibility(modal), acts[n:].T ** 2)
+        inputs = _energy_rows(blocks, contact_heat(blocks, cases))
+        self._ended.square = project(at_tip * _half_flexibility(modal), inputs[n:].T ** 2)
         self.dense: Dense | None
         self.dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
         scaled, unscale = at_tip, at_tip
@@ -64,33 +65,33 @@ class Balances:
             if step.heat_counts:  # the first step of the march counts the damping of a step that ends at t = 0
                 self._ended.dissipated = -project(step.tip.h * at_tip * modal.damping, v.T**2)
             scaled, unscale = at_tip * modal.tip, at_tip / np.where(at_tip, modal.tip, 1.0)
-            acts *= np.tile(unscale, 2)[:, None]
+            inputs *= np.tile(unscale, 2)[:, None]
         self._sums = lane_rows(rows_in(Totals))
         self.account = Account(
             modes=np.stack([0.25 * step.tip.h * modal.damping, 0.5 * kinetic, 0.5 * omega2], axis=1)
             * unscale[:, None] ** 2,
-            acts=lane_rows(2 * n),
+            contact_inputs=lane_rows(2 * n),
             losses=loss / scale,
-            former=lane_rows(n),
+            velocity_before=lane_rows(n),
             sums=named_rows(Totals, self._sums),
-            lever=step.middle,
+            energy_lever=step.energy_lever,
             load_share=float(structure.load_direction[-1]),
-            dragged=np.sum(blocks.tip * blocks.dragged(step.warm[:, None])[..., 0]),
+            thermal_velocity=np.sum(blocks.tip * blocks.thermal_response(step.heat_gain[:, None])[..., 0]),
             heat_loss=np.sum(loss / scale * free.heat_modes[:, HEAT_INPUT]) if step.heat_counts else 0.0,
             heat_theta=step.heat_theta,
         )
         account = self.account
         self.filled = [
             (self._sums, self._rows.copy()),
-            (account.former, scaled[:, None] * v),
-            (account.acts, acts),
+            (account.velocity_before, scaled[:, None] * v),
+            (account.contact_inputs, inputs),
             *filled,
         ]
 
     @property
     def rows(self) -> int:
         """Number of rows of lanes that every step reads; contact reads others."""
-        return rows_in(Totals) + len(self.account.former)
+        return rows_in(Totals) + len(self.account.velocity_before)
 
     def close(self, part: slice, state: State) -> None:
         """Store the final values of a block's lanes, which hold the cases of ``part``."""
@@ -123,7 +124,7 @@ class Balances:
         return np.asarray(0.5 * mobility * (REST * impulse) ** 2 + 0.5 * (REST * elapsed * drifts) ** 2)
 
 
-def needs_dense(blocks: Blocks, begun: Motion) -> bool:
+def needs_dense(blocks: Blocks, begun: InitialState) -> bool:
     """Tell whether the balances of modes need matrices."""
     return blocks.modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
 
@@ -133,7 +134,7 @@ def _energy_rows(blocks: Blocks, states: Array) -> Array:
     v, xi = blocks.in_modes(states)
     inertia, pulled = blocks.step.inertia, blocks.modal.frequency[:, None] ** 2 * xi
     impulse = project(inertia, v.T).T if inertia.ndim == 2 else inertia[:, None] * v
-    return np.concatenate([-0.5 * impulse - blocks.step.middle * pulled, -pulled])
+    return np.concatenate([-0.5 * impulse - blocks.step.energy_lever * pulled, -pulled])
 
 
 def _half_flexibility(modal: Decoupled) -> Array:
@@ -142,29 +143,29 @@ def _half_flexibility(modal: Decoupled) -> Array:
 
 
 def _dense(
-    structure: Structure, blocks: Blocks, free: FreeStep, begun: Motion
+    structure: Structure, blocks: Blocks, free: FreeStep, begun: InitialState
 ) -> tuple[Dense, list[tuple[Array, Array]]]:
     """Return the matrices for the balances of modes, and their rows of lanes with initial values."""
-    modal, step = blocks.modal, blocks.step
+    modal, step, C = blocks.modal, blocks.step, blocks.modal.damping_matrix
     n, count = modal.tip.size, blocks.damping.size
     unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=modes_at_tip(blocks.scale))
     outward = np.eye(2 * n) if blocks.outward is None else blocks.outward.reshape(2 * n, 2 * count)
     load = np.zeros(n) if modal.load is None else modal.load - structure.load_direction[-1] * modal.tip
     pulls = np.zeros((2, count, len(blocks.pairs)))
     for pair, (j, k) in enumerate(blocks.pairs):
-        pulls[:, j, pair] = blocks.pull[:, j, k] / modal.heat_scale[k]
+        pulls[:, j, pair] = blocks.thermal_load[:, j, k] / modal.heat_scale[k]
     steady = np.zeros((2, count, begun.steady.shape[1]))
     steady[0, begun.drifting] = begun.steady
     dense = Dense(
         outward=outward * np.tile(unscale, 2),
-        damper=np.zeros((n, n)) if modal.damper is None else step.tip.h * (modal.damper - np.diag(modal.damping)),
+        off_diagonal=np.zeros((n, n)) if C is None else step.tip.h * (C - np.diag(modal.damping)),
         lagged=step.lagged,
         load=-0.5 * load,
         half_flexibility=_half_flexibility(modal),
-        pulls=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
+        pair_inputs=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
         constant=lane_rows(2 * n),
         states=lane_rows(2 * count),
-        moved=lane_rows(2 * n),
+        modal_states=lane_rows(2 * n),
         inputs=lane_rows(2 * n),
     )
     return dense, [(dense.constant, _energy_rows(blocks, steady))]

@@ -52,21 +52,21 @@ class Step(NamedTuple):
     """The factor s of K, s."""
     lever: float
     """Of ξ = z - lever·v, s."""
-    middle: float
+    energy_lever: float
     """ℓ, the lever in the energy that the step conserves, s: see :mod:`~workflow.schemes._fixed.balance`."""
     decay: Array
     """D, ``(thermal mode,)``."""
-    warm: Array
+    heat_gain: Array
     """τ at a step's end per heat at the tip in it, 1/J, ``(thermal mode,)``."""
     slope: Array
     """δ = (D - 1)/h, 1/s, ``(thermal mode,)``."""
-    pulls: Array
-    damps: Array
-    springs: Array
+    load_weight: Array
+    damping_weight: Array
+    stiffness_weight: Array
     """w, a and b, ``(thermal mode,)``: τ at a step's beginning loads a mode with w G τ in it, and its response
     ξ = R τ has the dynamic stiffness m δ² + a c δ + b ω². No digit is lost in that, unlike in D - S where hμ and hω are
     large."""
-    at_once: float
+    coupling_theta: float
     """Weight of a step's contact heat in the thermal load of that step: θ of the θ-method, 0 of central differences."""
     heat_theta: float
     """Weight of the temperatures at a step's end in its heat loss."""
@@ -83,9 +83,9 @@ class Step(NamedTuple):
 
     def delassus(self, modal: Decoupled, alpha: Array | float, friction: Array | float) -> Array:
         """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n), 1/kg, ``(case,)``."""
-        along = np.zeros_like(modal.tip) if modal.along is None else modal.along
-        pulled = self.tip.h * self.at_once * (modal.coupling @ self.warm)
-        moved = self.moved_by(np.stack([modal.tip, pulled, along], axis=1))
+        tangent = np.zeros_like(modal.tip) if modal.tangent is None else modal.tangent
+        pulled = self.tip.h * self.coupling_theta * (modal.coupling @ self.heat_gain)
+        moved = self.moved_by(np.stack([modal.tip, pulled, tangent], axis=1))
         cold, warm, slid = np.sum(modal.tip[:, None] * moved, axis=0)
         return np.asarray(cold + alpha * warm - friction * slid)
 
@@ -108,7 +108,7 @@ class Blocks:
     """R, ``(2, block, thermal mode)``; 0 for pairs near resonance."""
     pairs: NDArray[np.int64]
     """Indices (block, thermal mode) of the pairs near resonance, ``(pair, 2)``."""
-    pull: Array
+    thermal_load: Array
     """g, ``(2, block, thermal mode)``."""
 
     @property
@@ -124,13 +124,13 @@ class Blocks:
         return np.ones_like(self.damping) if self.modal.is_coupled else self.modal.tip
 
     @property
-    def shown(self) -> Array:
+    def heat_velocity(self) -> Array:
         """Thermal velocity of the tip per τ of a kernel, which lags by a step in central differences."""
         shown = np.einsum("rb,rbl->l", self.tip, self.response)
         return np.asarray(shown if self.step.heat_counts else self.step.decay * shown)
 
     @property
-    def growth(self) -> float:
+    def spectral_radius(self) -> float:
         """Spectral radius of the free step; two eigenvalues that nearly coincide are replaced by their mean."""
         h, half = self.step.tip.h, self.damping / 2
         square = half**2 - self.stiffness
@@ -153,10 +153,10 @@ class Blocks:
 
     def of_heat(self, heat: Array) -> Array:
         """Return u and η, without the response R τ, per ``heat`` that enters τ, ``(2, block, column)``."""
-        pulls = -self.step.tip.h * self.step.at_once * project(self.modal.coupling, heat.T).T
-        return np.asarray(self.of_impulses(pulls) - self.dragged(heat))
+        pulls = -self.step.tip.h * self.step.coupling_theta * project(self.modal.coupling, heat.T).T
+        return np.asarray(self.of_impulses(pulls) - self.thermal_response(heat))
 
-    def dragged(self, heat: Array) -> Array:
+    def thermal_response(self, heat: Array) -> Array:
         """Return the response R τ to thermal modes ``(thermal mode, column)``, ``(2, block, column)``."""
         return np.stack([project(rows, heat.T).T for rows in self.response])
 
@@ -172,10 +172,12 @@ class Blocks:
         return replace(
             self,
             modal=self.modal.without_heat(),
-            step=self.step._replace(decay=none, warm=none, slope=none, pulls=none, damps=none, springs=none),
+            step=self.step._replace(
+                decay=none, heat_gain=none, slope=none, load_weight=none, damping_weight=none, stiffness_weight=none
+            ),
             response=self.response[..., :0],
             pairs=self.pairs[:0],
-            pull=self.pull[..., :0],
+            thermal_load=self.thermal_load[..., :0],
         )
 
 
@@ -190,19 +192,19 @@ def _transformed(rows: Array | None, states: Array) -> Array:
 def separate(modal: Decoupled, step: Step) -> Blocks:
     """Separate the step of a structure into blocks: each mode is one where damping couples none."""
     h, stiffness = step.tip.h, modal.frequency**2
-    pull = step.moved_by(-h * modal.coupling * step.pulls)
-    if modal.damper is None:
+    pull = step.moved_by(-h * modal.coupling * step.load_weight)
+    if modal.damping_matrix is None:
         c, k = step.moved_by(modal.damping + step.stiffening * stiffness), step.moved_by(stiffness)
         mass, damping, spring = (values[:, None] for values in (modal.mass, modal.damping, stiffness))
-        terms = mass * step.slope**2, damping * (step.damps * step.slope), spring * step.springs
-        places, pairs = _response(terms, -modal.coupling * step.pulls)
+        terms = mass * step.slope**2, damping * (step.damping_weight * step.slope), spring * step.stiffness_weight
+        places, pairs = _response(terms, -modal.coupling * step.load_weight)
         response, g = np.stack([step.slope * places, places]), np.stack([pull, np.zeros_like(pull)])
         return Blocks(modal, step, c, k, None, None, response, pairs, g)
     n, elastic = modal.frequency.size, np.flatnonzero(modal.frequency > 0)
     F = np.zeros((elastic.size + n, elastic.size + n))
     F[: elastic.size, elastic.size :] = np.eye(n)[elastic]
     F[elastic.size :, : elastic.size] = -step.moved_by(np.diag(stiffness))[:, elastic]
-    F[elastic.size :, elastic.size :] = -step.moved_by(modal.damper + step.stiffening * np.diag(stiffness))
+    F[elastic.size :, elastic.size :] = -step.moved_by(modal.damping_matrix + step.stiffening * np.diag(stiffness))
     parts = _in_blocks(F, elastic.size)
     seconds = parts.damping.size
     c, k = np.append(parts.damping, parts.rate), np.append(parts.stiffness, np.zeros(parts.rate.size))
@@ -215,7 +217,7 @@ def separate(modal: Decoupled, step: Step) -> Blocks:
     outward[0, :, 0], outward[0, :, 1, :seconds] = speeds[:, seconds:], speeds[:, :seconds]
     outward[1, elastic, 0], outward[1, elastic, 1, :seconds] = places[:, seconds:], places[:, :seconds]
     g = np.tensordot(inward[:, :, 0], pull, 1)
-    return Blocks(modal, step, c, k, inward, outward, *_dragged(c, k, g, step), g)
+    return Blocks(modal, step, c, k, inward, outward, *_block_response(c, k, g, step), g)
 
 
 def _in_blocks(F: Array, places: int) -> RealBlocks:
@@ -235,7 +237,7 @@ def _in_blocks(F: Array, places: int) -> RealBlocks:
     raise np.linalg.LinAlgError("poles of the damped structure coincide: change its damping by a millionth")
 
 
-def _dragged(c: Array, k: Array, pull: Array, step: Step) -> tuple[Array, NDArray[np.int64]]:
+def _block_response(c: Array, k: Array, pull: Array, step: Step) -> tuple[Array, NDArray[np.int64]]:
     """Solve (D - S) R = g for the response R of blocks; return it and the pairs near resonance."""
     d, c, k, (g, place) = step.slope, c[:, None], k[:, None], pull / step.tip.h
     first = k == 0

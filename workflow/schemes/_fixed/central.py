@@ -105,20 +105,20 @@ def init(structure: Structure, h: float, differences: Differences, contact: Cont
 def step(modal: Decoupled, h: float, differences: Differences) -> Step:
     """Return the coefficients of the step."""
     decay, (inertia, _) = differences.decay(h, modal.rate), differences.damped(h, modal.damping)
-    warm = modal.heat_tip * (decay if differences.implicit_heat else 1.0)
+    heat_gain = modal.heat_tip * (decay if differences.implicit_heat else 1.0)
     return Step(
-        tip=CentralStep(h, 1.0, 0.0, np.sum(modal.heat_tip * warm)),
-        inertia=modal.weight(inertia, 0.0 if differences.lagged else h / 2),
+        tip=CentralStep(h, 1.0, 0.0, np.sum(modal.heat_tip * heat_gain)),
+        inertia=modal.effective_mass(inertia, 0.0 if differences.lagged else h / 2),
         stiffening=h,
         lever=h,
-        middle=h / 2,
+        energy_lever=h / 2,
         decay=decay,
-        warm=warm,
+        heat_gain=heat_gain,
         slope=-modal.rate * (decay if differences.implicit_heat else 1.0),
-        pulls=np.ones_like(decay),
-        damps=np.ones_like(decay) if differences.lagged else (1 + decay) / 2,
-        springs=decay,
-        at_once=0.0,
+        load_weight=np.ones_like(decay),
+        damping_weight=np.ones_like(decay) if differences.lagged else (1 + decay) / 2,
+        stiffness_weight=decay,
+        coupling_theta=0.0,
         heat_theta=float(differences.implicit_heat),
         heat_counts=False,
         lagged=differences.lagged,
@@ -137,7 +137,7 @@ def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
     force = cases.load_at(0.0)
     load = modal.tip if modal.load is None else modal.load
     acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * load
-    damped = modal.damping * velocity if modal.damper is None else project(modal.damper, velocity)
+    damped = modal.damping * velocity if modal.damping_matrix is None else project(modal.damping_matrix, velocity)
     acceleration -= damped + modal.frequency**2 * project(modal.to_modes, cases.displacement)
     acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
     return np.asarray(velocity - 0.5 * h * acceleration)
@@ -162,7 +162,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
 
 def _judge(operator: Operator, blocks: Blocks, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:
     """Return the status of each case; contact has no unique solution in those that are ``ambiguous``, one or all."""
-    h, modal, differences, free = operator.h, blocks.modal, operator.differences, blocks.growth
+    h, modal, differences, free = operator.h, blocks.modal, operator.differences, blocks.spectral_radius
     if blocks.outward is None:
         free = np.abs(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
     heat = np.abs(blocks.step.decay).max(initial=0.0)

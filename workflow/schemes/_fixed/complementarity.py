@@ -42,5 +42,5 @@ def count_no_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Own
     """Count nothing: the restitution is given, or there are no impacts."""
 
 
-BY_PLACE = Contact(lambda cases: Complementarity(), holds=True)
+BY_POSITION = Contact(lambda cases: Complementarity(), holds=True)
 """The contact of a tip without mass in steps with θ > 0."""

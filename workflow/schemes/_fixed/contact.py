@@ -186,7 +186,7 @@ def count_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Own, l
 
 
 @part
-def _ask(law: Law, step: TipStep, own: Own, first: int, stop: int) -> None:
+def _apply_law(law: Law, step: TipStep, own: Own, first: int, stop: int) -> None:
     """Evaluate the law in some lanes; no branch but the law's own, so that the compiler can vectorise the loop."""
     for lane in range(first, stop):
         tip = Tip(
@@ -224,7 +224,7 @@ def _contact(
     store(own.casing, lane, gap)
     first, stop = lanes_of(lane)
     before = some_nonzero(pack(own.last, lane))
-    _ask(law, step, own, first, stop)
+    _apply_law(law, step, own, first, stop)
     p, force = pack(own.impulse, lane), pack(own.last, lane)
     flag(own.pressed, lane, before or some_nonzero(p) or some_nonzero(force))  # one step longer than the force
     return p, friction_heat(own, lane), pack(own.after, lane)

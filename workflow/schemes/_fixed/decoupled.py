@@ -51,9 +51,9 @@ class Decoupled:
         φ and χ.
     static_growth
         Quasi-static tip displacement -e_nᵀ K1⁻¹ K12 χ_l of each thermal mode, ``(thermal mode,)``.
-    along
+    tangent
         φ_jᵀ t of the direction t of friction, 1/√kg, ``(mode,)``; ``None`` where there is none.
-    damper
+    damping_matrix
         φᵀ C1 φ where damping couples the modes, ``(mode, mode)``; ``damping`` is its diagonal.
     load
         φ_jᵀ b of a load that does not act on the tip, 1/√kg, ``(mode,)``.
@@ -71,14 +71,14 @@ class Decoupled:
     shapes: Array
     heat_shapes: Array
     static_growth: Array
-    along: Array | None = None
-    damper: Array | None = None
+    tangent: Array | None = None
+    damping_matrix: Array | None = None
     load: Array | None = None
 
     @property
     def is_coupled(self) -> bool:
         """Whether damping or a load away from the tip couples the modes, which are then stepped in blocks."""
-        return self.damper is not None or self.load is not None
+        return self.damping_matrix is not None or self.load is not None
 
     @property
     def heat_scale(self) -> Array:
@@ -89,11 +89,11 @@ class Decoupled:
         least = _LEAST_SHARE * np.abs(self.heat_tip).max(initial=0.0)
         return np.where(np.abs(self.heat_tip) > least, self.heat_tip, least)
 
-    def weight(self, diagonal: Array, share: float) -> Array:
+    def effective_mass(self, diagonal: Array, share: float) -> Array:
         """Return Ŵ: its ``diagonal`` ``(mode,)``, with ``share`` [s] times the off-diagonal damping, if any."""
-        if self.damper is None:
+        if self.damping_matrix is None:
             return diagonal
-        return np.diag(diagonal) + share * (self.damper - np.diag(self.damping))
+        return np.diag(diagonal) + share * (self.damping_matrix - np.diag(self.damping))
 
     def without_heat(self) -> Decoupled:
         """Return the same structure without thermal states, for cases where none can act."""
@@ -126,8 +126,8 @@ def decouple(structure: Structure) -> Decoupled:
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
         static_growth=_static_growth(structure, mechanical, thermal, coupling),
-        along=None if structure.tangent is None else mechanical.shapes.T @ structure.tangent,
-        damper=damper if damper.ndim == 2 else None,
+        tangent=None if structure.tangent is None else mechanical.shapes.T @ structure.tangent,
+        damping_matrix=damper if damper.ndim == 2 else None,
         load=None if structure.load is None else mechanical.shapes.T @ structure.load,
     )
 

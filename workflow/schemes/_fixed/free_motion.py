@@ -53,7 +53,7 @@ class FreeStep(NamedTuple):
     """``(thermal mode, coefficient)``."""
     pair_block: NDArray[np.int64]
     pair_heat: NDArray[np.int64]
-    pair_pull: Array
+    pair_load: Array
     """u' and η' of a block, and the tip's velocity, per τ of a thermal mode near resonance with it, ``(pair, 3)``."""
     drifting: NDArray[np.int64]
     """Blocks of first order on which constant loads act."""
@@ -82,12 +82,12 @@ class State(NamedTuple):
     """Matrices for the balances of modes where these are not blocks."""
 
 
-class Alone(NamedTuple):
+class FreeTip(NamedTuple):
     """The tip at a step's end without load and contact."""
 
     velocity: Pack
     temperature: Pack
-    dragged: Pack
+    thermal_velocity: Pack
     """The thermal part of the velocity."""
 
 
@@ -187,9 +187,9 @@ def _add_pairs(step: FreeStep, state: State, velocity: Pack, lane: Lane) -> Pack
     for pair in range(step.pair_block.size):
         j, tau = step.pair_block[pair], pack(state.tau_paired, (step.pair_heat[pair], lane))
         for row in range(2):
-            pulled = shared(step.pair_pull, (pair, row), lane) * tau
+            pulled = shared(step.pair_load, (pair, row), lane) * tau
             store(motion, (j, row, lane), pack(motion, (j, row, lane)) + pulled)
-        velocity += shared(step.pair_pull, (pair, 2), lane) * tau
+        velocity += shared(step.pair_load, (pair, 2), lane) * tau
     return velocity
 
 
@@ -208,20 +208,20 @@ def _step(
     step: FreeStep,
     account: Account | None,
     state: State,
-    dragged: Pack,
+    thermal_velocity: Pack,
     temperature: Pack,
     contact: Pack | None,
     heat: Pack | None,
     lane: Lane,
-) -> Alone:
-    """Step all thermal modes and blocks; ``dragged`` and ``temperature`` are the known parts of the tip's motion."""
-    dragged, temperature = _step_heat(account, step, state.tau, dragged, temperature, heat, lane)
-    velocity = _step_blocks(step.coupled, account, state.dense, step, state, dragged, contact, lane)
-    return Alone(velocity, temperature, dragged)
+) -> FreeTip:
+    """Step all thermal modes and blocks; the velocity and the temperature given are the known parts of the tip's."""
+    thermal_velocity, temperature = _step_heat(account, step, state.tau, thermal_velocity, temperature, heat, lane)
+    velocity = _step_blocks(step.coupled, account, state.dense, step, state, thermal_velocity, contact, lane)
+    return FreeTip(velocity, temperature, thermal_velocity)
 
 
 @inlined
-def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: Account | None, lane: Lane) -> Alone:
+def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: Account | None, lane: Lane) -> FreeTip:
     """Step all blocks to t, with impulse and heat of the step before; return the tip there without load and contact.
 
     In most steps there is no contact in any lane. ``warmed`` is the result of :func:`is_warmed`.
@@ -233,13 +233,13 @@ def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: A
         warmth = pack(own.warmth, lane) + pack(own.warming, lane) * t
     if was_pressed(own, lane):
         contact, heat = pack(own.impulse, lane), friction_heat(own, lane)
-        alone = _step(step, account, state, drift, warmth, contact, heat, lane)
+        free = _step(step, account, state, drift, warmth, contact, heat, lane)
     else:
-        alone = _step(step, account, state, drift, warmth, None, None, lane)
+        free = _step(step, account, state, drift, warmth, None, None, lane)
     if step.pair_block.size + step.drifting.size == 0:
-        return alone
-    velocity = _add_steady(step.coupled, step, state, _add_pairs(step, state, alone.velocity, lane), lane)
-    return Alone(velocity, alone.temperature, alone.dragged)
+        return free
+    velocity = _add_steady(step.coupled, step, state, _add_pairs(step, state, free.velocity, lane), lane)
+    return FreeTip(velocity, free.temperature, free.thermal_velocity)
 
 
 @part

@@ -22,7 +22,7 @@ from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.contact import CentralStep, Contact, End, Free, Law, TipStep, contact_step, respond
 from workflow.schemes._fixed.count import count_step
 from workflow.schemes._fixed.drive import DriveRows, turn_drive
-from workflow.schemes._fixed.free_motion import Alone, FreeStep, State
+from workflow.schemes._fixed.free_motion import FreeStep, FreeTip, State
 from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.outcome import effective_restitution
 from workflow.schemes._fixed.rows import Own
@@ -82,28 +82,28 @@ def _open_centrally(
 def _open(step: FreeStep, law: Law, now: Now, state: State, block: Block, account: Account | None, lane: Lane) -> None:
     """Do the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
     own = state.own
-    alone = Alone(pack(own.first, lane), spread(0.0, lane), pack(own.dragged, lane))
-    stepping.store_end(close_step(step, law, now, alone, state, block, account, lane), block.tip, lane)
+    free = FreeTip(pack(own.first, lane), spread(0.0, lane), pack(own.thermal_velocity, lane))
+    stepping.store_end(close_step(step, law, now, free, state, block, account, lane), block.tip, lane)
     store(own.before, lane, 2.0 * pack(own.before, lane))
 
 
 @inlined
 def close_step(
-    step: FreeStep, law: Law, now: Now, alone: Alone, state: State, block: Block, account: Account | None, lane: Lane
+    step: FreeStep, law: Law, now: Now, free: FreeTip, state: State, block: Block, account: Account | None, lane: Lane
 ) -> End:
     """Complete a step by load and contact, and count their work."""
     tip, load = block.tip, stepping.load_impulse(now, step.tip.h, block, lane)
-    free = Free(alone.velocity, alone.temperature, load, pack(tip.gap, lane), block.drive)
-    end = contact_step(step.tip, law, free, state.own, tip, lane)
-    count_work(account, step.tip, end, alone.dragged, free, state.own, tip, lane)
+    driven = Free(free.velocity, free.temperature, load, pack(tip.gap, lane), block.drive)
+    end = contact_step(step.tip, law, driven, state.own, tip, lane)
+    count_work(account, step.tip, end, free.thermal_velocity, driven, state.own, tip, lane)
     return end
 
 
 @inlined
 def _step(step: FreeStep, law: Law, now: Now, state: State, block: Block, account: Account | None, lane: Lane) -> None:
     """Do a step of a pack of lanes: free motion, load and contact, counts."""
-    alone = free_motion.step_freely(step, now.warmed, now.t, state, account, lane)
-    end = close_step(step, law, now, alone, state, block, account, lane)
+    free = free_motion.step_freely(step, now.warmed, now.t, state, account, lane)
+    end = close_step(step, law, now, free, state, block, account, lane)
     if now.marked:
         stepping.store_end(end, block.tip, lane)
     else:
@@ -189,7 +189,7 @@ def step_batch(
     own.alpha, own.mobility = cases.alpha, contact.mobility(free.tip.h, w)
     own.drift, own.warmth, own.warming = begun.drift, begun.warmth, begun.warming
     if not free.heat_counts:
-        states, own.first, own.dragged = first_free(blocks, begun)
+        states, own.first, own.thermal_velocity = first_free(blocks, begun)
         own.ahead, own.half = cases.displacement[:, -1], project(modal.tip, velocity)
 
     law, law_filled = _law_lanes(contact.law(cases))

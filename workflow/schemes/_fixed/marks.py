@@ -13,7 +13,7 @@ from workflow.kernels.packs import fetch, narrow, pack, store
 from workflow.models import Array
 from workflow.schemes._fixed.drive import Drive
 from workflow.schemes._fixed.rows import Tips
-from workflow.schemes._fixed.tip_load import Load
+from workflow.schemes._fixed.tip_load import TipLoads
 
 NEVER = np.iinfo(np.int64).max
 
@@ -35,7 +35,7 @@ class Marks(NamedTuple):
     """``(case,)``."""
 
 
-class Record(NamedTuple):
+class BlockRecord(NamedTuple):
     """Output arrays of samples and of load periods that have ended."""
 
     histories: Array
@@ -51,10 +51,10 @@ class Record(NamedTuple):
 class Block(NamedTuple):
     """Up to ``LANES`` consecutive cases that a kernel steps at once."""
 
-    load: Load
+    load: TipLoads
     tip: Tips
     marks: Marks
-    record: Record
+    record: BlockRecord
     drive: Drive | None
     lanes: int
     """Lanes in use, whole packs; the cases come first, idle lanes last."""

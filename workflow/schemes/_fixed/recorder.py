@@ -18,7 +18,7 @@ from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.plain_balance import PlainBalance
 from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._fixed.stepping import Ended, block_of, collect, count_stored, parts, watch
-from workflow.schemes._fixed.tip_load import Load
+from workflow.schemes._fixed.tip_load import TipLoads
 from workflow.schemes._interface import Results, Sampling
 
 
@@ -55,7 +55,7 @@ class Recorder:
         self._blocks = []
         for part in parts(cases.count, LANES):
             tips = lane_rows(rows_in(Tips))
-            block = block_of(self._watched, part, lane_rows(rows_in(Load)), tips, lane_rows(4 * WAITING))
+            block = block_of(self._watched, part, lane_rows(rows_in(TipLoads)), tips, lane_rows(4 * WAITING))
             self._blocks.append((part, tips, block))
         self._growth = static_tip_growth(structure)
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None

@@ -42,7 +42,7 @@ class Own(Rows):
     drift: Array
     warmth: Array
     warming: Array
-    """Known part of the tip's motion (:class:`~workflow.schemes._fixed.start.Motion`)."""
+    """Known part of the tip's motion (:class:`~workflow.schemes._fixed.start.InitialState`)."""
     load: Array
     impulse: Array
     """Impulses of the load and of contact in the last step, N s."""
@@ -68,7 +68,7 @@ class Own(Rows):
     before: Array
     """In central differences: impulse of a whole step centred on the last step's beginning."""
     first: Array
-    dragged: Array
+    thermal_velocity: Array
     """In central differences: first half-step velocity without contact, and its thermal part."""
 
 

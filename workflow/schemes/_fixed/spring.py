@@ -87,7 +87,7 @@ def default_stiffness(structure: Structure) -> float:
     return _TIMES_STATIC / flexibility
 
 
-def by_theta(theta: float, stiffness: float, damping: float) -> Contact:
+def theta_contact(theta: float, stiffness: float, damping: float) -> Contact:
     """Return the contact with a spring κ [N/m] and a damper c [N s/m] in steps of the θ-method."""
 
     def factor(h: float, w: Any) -> Any:
@@ -103,7 +103,7 @@ def by_theta(theta: float, stiffness: float, damping: float) -> Contact:
     )
 
 
-def in_differences(stiffness: float, damping: float) -> Contact:
+def central_contact(stiffness: float, damping: float) -> Contact:
     """Return the contact with a spring κ [N/m] and a damper c [N s/m] in central differences."""
     return Contact(
         lambda cases: CentralSpring(stiffness, damping),

@@ -17,7 +17,7 @@ NO_DECAY = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class InitialState:
     """Initial states of a batch, split into the known response to constant loads and the rest.
 
     Blocks of second order and conducting modes have a static response; an adiabatic mode warms at a constant rate, with
@@ -54,7 +54,7 @@ class Motion:
     steady: Array
 
 
-def start(blocks: Blocks, cases: Cases, velocity: Array) -> Motion:
+def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
     """Return the initial states of cases with a modal ``velocity`` ``(case, mode)``, at -h/2 in central differences."""
     modal, h, c, k = blocks.modal, blocks.step.tip.h, blocks.damping[:, None], blocks.stiffness[:, None]
     conducting, elastic = modal.rate > 0, modal.frequency > 0
@@ -71,8 +71,8 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> Motion:
     drifting = np.flatnonzero((blocks.stiffness == 0) & (blocks.scale != 0) & constant[0].any(axis=1))
 
     places = project(modal.to_modes, cases.displacement) - blocks.step.lever * velocity
-    states = blocks.of_modes(np.stack([velocity.T, places.T])) - blocks.dragged(heat.T) - known
-    return Motion(
+    states = blocks.of_modes(np.stack([velocity.T, places.T])) - blocks.thermal_response(heat.T) - known
+    return InitialState(
         states=states,
         heat=heat.T,
         settled=settled.T,
@@ -87,7 +87,7 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> Motion:
     )
 
 
-def first_free(blocks: Blocks, begun: Motion) -> tuple[Array, Array, Array]:
+def first_free(blocks: Blocks, begun: InitialState) -> tuple[Array, Array, Array]:
     """Return u and η after the first step of central differences without load and contact, and the tip's velocity.
 
     The third value is the thermal part of that velocity, ``(case,)``.
@@ -95,15 +95,15 @@ def first_free(blocks: Blocks, begun: Motion) -> tuple[Array, Array, Array]:
     states = blocks.ahead(begun.states)
     states[0, begun.drifting] += begun.steady
     for block, mode in blocks.pairs:
-        states[:, block] += blocks.pull[:, block, mode, None] * begun.heat[mode]
-    dragged = project(blocks.shown, begun.heat.T) + begun.drift
+        states[:, block] += blocks.thermal_load[:, block, mode, None] * begun.heat[mode]
+    thermal_velocity = project(blocks.heat_velocity, begun.heat.T) + begun.drift
     velocity = sum(project(row, values.T) for row, values in zip(blocks.tip, states, strict=True))
-    return states, velocity + dragged, dragged
+    return states, velocity + thermal_velocity, thermal_velocity
 
 
 def contact_heat(blocks: Blocks, cases: Cases) -> Array:
     """Return u and η by heat and friction of a unit impulse of contact, ``(2, block, case)``."""
-    along, warm = blocks.modal.along, blocks.of_heat(blocks.step.warm[:, None]) * cases.alpha
+    along, warm = blocks.modal.tangent, blocks.of_heat(blocks.step.heat_gain[:, None]) * cases.alpha
     return warm if along is None else warm + blocks.of_impulses(along[:, None]) * cases.friction
 
 
@@ -117,17 +117,17 @@ def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64]) -> 
     modal, step, scale = blocks.modal, blocks.step, blocks.modal.heat_scale
     h, (speed, place), (j, k) = step.tip.h, blocks.tip, blocks.pairs.T
     load, load_place = blocks.of_impulses((modal.tip if modal.load is None else modal.load)[:, None])[..., 0]
-    pull, decay = blocks.pull[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)
+    pull, decay = blocks.thermal_load[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)
     tip = contact.with_contact(step.tip)._replace(load_mobility=np.sum(speed * load + place * load_place))
     return FreeStep(
         blocks=np.stack([1 - h * blocks.damping, -h * blocks.stiffness, load * blocks.scale], axis=1),
         coupled=np.stack([load_place, speed, place], axis=1) if modal.is_coupled else None,
         heat_modes=np.stack(
-            [decay, scale * step.warm / (1.0 if step.heat_counts else decay), blocks.shown / scale], axis=1
+            [decay, scale * step.heat_gain / (1.0 if step.heat_counts else decay), blocks.heat_velocity / scale], axis=1
         ),
         pair_block=j,
         pair_heat=k,
-        pair_pull=np.stack([*(pull * blocks.scale[j]), speed[j] * pull[0] + place[j] * pull[1]], axis=1),
+        pair_load=np.stack([*(pull * blocks.scale[j]), speed[j] * pull[0] + place[j] * pull[1]], axis=1),
         drifting=drifting,
         tip=tip,
         heat_counts=step.heat_counts,

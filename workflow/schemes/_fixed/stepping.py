@@ -22,9 +22,9 @@ from workflow.models import Array, Cases
 from workflow.schemes._fixed import tip_load
 from workflow.schemes._fixed.contact import End
 from workflow.schemes._fixed.drive import DriveRows, cut_gap, drive_lanes, fill_drive, with_harmonics
-from workflow.schemes._fixed.marks import NEVER, WAITING, Block, Marks, Record, take_marks
+from workflow.schemes._fixed.marks import NEVER, WAITING, Block, BlockRecord, Marks, take_marks
 from workflow.schemes._fixed.rows import Tips
-from workflow.schemes._fixed.tip_load import Load
+from workflow.schemes._fixed.tip_load import TipLoads
 from workflow.schemes._fixed.totals import Balance
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
 
@@ -130,7 +130,7 @@ class Watch:
     tips: Array
     drive: DriveRows | None
     """Harmonics of load and casing, ``(…, case)``."""
-    record: Record
+    record: BlockRecord
     period_due: NDArray[np.int64]
     period_weight: Array
 
@@ -179,15 +179,15 @@ def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = 
     due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
     due = np.where(counted, np.minimum(due, plan.steps), NEVER)
 
-    loads, tips = np.zeros((rows_in(Load), cases.count)), np.zeros((rows_in(Tips), cases.count))
-    load, tip = named_rows(Load, loads), named_rows(Tips, tips)
+    loads, tips = np.zeros((rows_in(TipLoads), cases.count)), np.zeros((rows_in(Tips), cases.count))
+    load, tip = named_rows(TipLoads, loads), named_rows(Tips, tips)
     load.mean, load.amplitude, load.frequency, load.phase = cases.mean, cases.amplitude, cases.frequency, cases.phase
     tip.displacement, tip.velocity = cases.displacement[:, -1], cases.velocity[:, -1]
     tip.temperature = tip.hottest = tip.period_hottest = cases.temperature[:, -1]
     tip.gap = casing
     tip.penetration = np.fmax(0.0, tip.displacement - casing) + 0.0  # of two zeros fmax returns either
 
-    record = Record(
+    record = BlockRecord(
         np.empty((cases.count, 4, plan.due.size)),  # the march fills it
         lane_rows(4 * WAITING),
         np.full((cases.count, 7, longest), np.nan),
@@ -198,7 +198,7 @@ def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = 
 
 def block_lanes(rows: int) -> int:
     """Return the number of lanes of a block that has ``rows`` beside those of load and tip."""
-    return cached_lanes(rows + rows_in(Tips) + rows_in(Load))
+    return cached_lanes(rows + rows_in(Tips) + rows_in(TipLoads))
 
 
 def blocks(watched: Watch, most: int, *filled: tuple[Array, Array]) -> Iterator[tuple[slice, Block]]:
@@ -207,7 +207,7 @@ def blocks(watched: Watch, most: int, *filled: tuple[Array, Array]) -> Iterator[
     All blocks share one set of lane arrays, which stays in the processor's cache. ``filled`` are rows of lanes, each
     with the values ``(…, case)`` that it takes at the beginning of each block.
     """
-    loads, tips, samples = lane_rows(rows_in(Load)), lane_rows(rows_in(Tips)), watched.record.samples
+    loads, tips, samples = lane_rows(rows_in(TipLoads)), lane_rows(rows_in(Tips)), watched.record.samples
     drive = drive_lanes(watched.drive)
     for part in parts(watched.cases.count, most):
         for lanes, values in filled:
@@ -228,7 +228,7 @@ def block_of(watched: Watch, part: slice, loads: Array, tips: Array, samples: Ar
     schedule, count = watched.schedule, part.stop - part.start
     fill_lanes(loads, watched.loads[:, part])
     fill_lanes(tips, watched.tips[:, part])
-    load, tip = named_rows(Load, loads), named_rows(Tips, tips)
+    load, tip = named_rows(TipLoads, loads), named_rows(Tips, tips)
     tip.gap[count:] = np.inf
     marks = Marks(
         sample_due=schedule.due,
@@ -238,7 +238,7 @@ def block_of(watched: Watch, part: slice, loads: Array, tips: Array, samples: Ar
         next_mark=np.ones(3, dtype=np.int64),  # the first step looks for the first mark
         next_period=np.zeros(count, dtype=np.int64),
     )
-    record = Record(watched.record.histories[part], samples, watched.record.periods[part])
+    record = BlockRecord(watched.record.histories[part], samples, watched.record.periods[part])
     return Block(load, tip, marks, record, None, -(-count // PACK) * PACK, schedule.steps, watched.h)
 
 

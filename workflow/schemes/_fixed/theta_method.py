@@ -83,17 +83,17 @@ def step(modal: Decoupled, h: float, theta: float) -> Step:
     inertia = modal.mass + lever * modal.damping + lever * lever * modal.frequency**2
     return Step(
         tip=TipStep(h, theta, 1.0 - theta, np.sum(modal.heat_tip**2 * weight)),
-        inertia=modal.weight(inertia, lever),
+        inertia=modal.effective_mass(inertia, lever),
         stiffening=2 * lever,
         lever=lever,
-        middle=lever,
+        energy_lever=lever,
         decay=thermal_amplification(modal.rate, h, theta),
-        warm=modal.heat_tip * weight,
+        heat_gain=modal.heat_tip * weight,
         slope=-modal.rate * weight,
-        pulls=weight,
-        damps=weight,
-        springs=weight**2,
-        at_once=theta,
+        load_weight=weight,
+        damping_weight=weight,
+        stiffness_weight=weight**2,
+        coupling_theta=theta,
         heat_theta=theta,
         heat_counts=True,
         lagged=False,
@@ -118,7 +118,7 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
 
 def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, finite: NDArray[np.bool_]) -> Outcome:
     """Return status and message of each case."""
-    h, theta, growth = operator.h, operator.theta, _growth(operator, blocks)
+    h, theta, growth = operator.h, operator.theta, _spectral_radius(operator, blocks)
     grown = None
     if growth > 1 + ROUNDING:
         limit = _largest_stable_step(operator, blocks.modal)
@@ -137,11 +137,11 @@ def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, fi
     return judged(finite, ill_posed, explain, grown, f"the state left the finite numbers at h = {h:.6g} s")
 
 
-def _growth(operator: Operator, blocks: Blocks) -> float:
+def _spectral_radius(operator: Operator, blocks: Blocks) -> float:
     """Return the spectral radius of the free step; it is at most 1 where θ >= 1/2 and modes are not coupled."""
     if operator.theta >= 0.5 and blocks.outward is None:
         return 1.0
-    return max(blocks.growth, float(np.abs(blocks.step.decay).max(initial=0.0)))
+    return max(blocks.spectral_radius, float(np.abs(blocks.step.decay).max(initial=0.0)))
 
 
 def _largest_stable_step(operator: Operator, modal: Decoupled) -> float:

@@ -19,7 +19,7 @@ EXACT_EVERY = 64
 rounding below 64 eps = 1.4e-14 of the amplitude."""
 
 
-class Load(Rows):
+class TipLoads(Rows):
     """The loads of a block, F0 + F1 sin(2π f t + φ)."""
 
     mean: Array
@@ -40,7 +40,7 @@ class Load(Rows):
 
 
 @part
-def start_load(h: float, load: Load, lanes: int) -> int:
+def start_load(h: float, load: TipLoads, lanes: int) -> int:
     """Set the load to t = 0 and its rotation to one step; return the leader.
 
     That is a lane whose sine, to the bit, is that of all lanes, as most batches share frequency and phase; -1 where
@@ -63,7 +63,7 @@ def start_load(h: float, load: Load, lanes: int) -> int:
 
 
 @inlined
-def turn_load(step: int, h: float, leader: int, load: Load, lanes: int) -> None:
+def turn_load(step: int, h: float, leader: int, load: TipLoads, lanes: int) -> None:
     """Advance the load to the end of a step, t = step h."""
     first, last = (leader, leader + 1) if leader >= 0 else (0, lanes)
     for lane in range(first, last):
@@ -78,7 +78,7 @@ def turn_load(step: int, h: float, leader: int, load: Load, lanes: int) -> None:
 
 
 @inlined
-def weigh_load(before: float, after: float, leader: int, load: Load, lanes: int) -> float:
+def weigh_load(before: float, after: float, leader: int, load: TipLoads, lanes: int) -> float:
     """Return the weighted mean of the sine at the step's beginning and end, common to all lanes.
 
     Without a ``leader`` it returns 0 and stores the mean of each lane in ``weighed_sine``.
@@ -91,7 +91,7 @@ def weigh_load(before: float, after: float, leader: int, load: Load, lanes: int)
 
 
 @inlined
-def tip_load(sine: float, leader: int, load: Load, lane: Lane) -> Pack:
+def tip_load(sine: float, leader: int, load: TipLoads, lane: Lane) -> Pack:
     """Return the load at the tip, N, for the ``sine`` that :func:`weigh_load` returned."""
     mean, amplitude = pack(load.mean, lane), pack(load.amplitude, lane)
     return mean + (amplitude * sine if leader >= 0 else amplitude * pack(load.weighed_sine, lane))
