@@ -1,12 +1,12 @@
-"""A stiffness and an inertia of lumps on a line: passes along it, and dense matrices where all modes are asked for.
+"""A stiffness and an inertia of lumps on a line: elimination along it, and dense matrices for all modes.
 
 (K u)_i = g_i u_i + j_i (u_i - u_{i-1}) - j_{i+1} (u_{i+1} - u_i) with the root u_0 = 0. Elimination from the root to
 the tip adds positive numbers only,
 
     b_i = g_i + j_i b_{i-1}/(j_i + b_{i-1}),   pivot_i = b_i + j_{i+1},   pivot_n = b_n,
 
-b_i being what node i and all before it are tied to the root and the surroundings with: no digit is lost, σ = b_n, and a
-part that nothing holds is found by a pivot that is exactly zero. With the tip held its own pivot is left out.
+with b_i the stiffness of node i and all before it towards the root and the surroundings: no digit is lost, σ = b_n, and
+an unconstrained part is found by a pivot that is exactly zero. With the tip held its own pivot is left out.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
 
 MOST_ONE_BY_ONE = 100
-"""Modes of a long chain that are computed one by one: each costs a pass or two along it, and room for its shape."""
+"""Modes of a long chain that are computed one by one: each costs a pass or two along it, and memory for its shape."""
 
 _LIFT = 1e-6
-"""Share of the largest λ by which values are lifted: λ is then known to 1e-19 of the largest, while
-the slowest of 100 000 nodes lies at 1e-10 of it."""
+"""Shift of the eigenvalues over the largest λ: λ is then known to 1e-19 of the largest, while the slowest of 100 000
+nodes lies at 1e-10 of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class ChainPair(Pair):
         return np.concatenate([joints, u]) if self.ground.any() else joints
 
     def forces(self, deformation: Array) -> Array:
-        """Return N_i - N_{i+1} for forces N_i in the joints, and what flows to the grounds."""
+        """Return N_i - N_{i+1} for forces N_i in the joints, plus the flows to the grounds."""
         flows = (self.weights * deformation.T).T
         forces = flows[: self.size].copy()
         forces[:-1] -= flows[1 : self.size]
@@ -90,7 +90,7 @@ class ChainPair(Pair):
         """b, ``(node,)``."""
         tied, before = [], np.inf
         for joint, ground in zip(self.joint.tolist(), self.ground.tolist(), strict=True):
-            if joint > 0:  # in series with what is before it; the root does not give way
+            if joint > 0:  # in series with all before it; the root is rigid
                 joint *= before / (joint + before) if before < np.inf else 1.0
             before = ground + joint
             tied.append(before)
@@ -119,7 +119,7 @@ class ChainPair(Pair):
         return float(self._tied[-1])
 
     def _loose(self, held: bool = False) -> list[slice]:
-        """Return the parts that nothing holds."""
+        """Return the unconstrained parts of the chain."""
         parts = [slice(*ends) for ends in pairwise([*np.flatnonzero(self.joint == 0).tolist(), self.size])]
         return [part for part in parts if not np.any(self.ground[part]) and not (held and part.stop == self.size)]
 
@@ -130,7 +130,7 @@ class ChainPair(Pair):
         return motions
 
     def answer(self, load: Array, held: bool = False) -> Array:
-        """Return K⁻¹ f, ``(node,)``; a loose part's centre of mass stays at rest at 0."""
+        """Return K⁻¹ f, ``(node,)``; the centre of mass of an unconstrained part stays at 0."""
         balanced = load.copy()
         for part in self._loose(held):
             lumps = self.lumps[part]
@@ -154,10 +154,10 @@ class ChainPair(Pair):
         return ChainPair(self.joint, self.lumps, self.ground + shift * self.lumps)
 
     def _singular(self, first: int, last: int, held: bool = False, **options: Any) -> Any:
-        """Return singular values of B ``first`` to ``last``, ascending, and vectors where they are asked for.
+        """Return singular values of B ``first`` to ``last``, ascending, and vectors unless ``options`` exclude them.
 
         B is bidiagonal with BᵀB = M^-½ K M^-½. The values are eigenvalues of [[0, Bᵀ], [B, 0]], which is tridiagonal
-        where rows and columns of B alternate: right to eps times the largest of them.
+        with rows and columns of B interleaved, accurate to eps times the largest of them.
         """
         size = self.size - held
         root = np.sqrt(self._pivots)
@@ -174,8 +174,8 @@ class ChainPair(Pair):
     def lowest(self, count: int, held: bool = False) -> Modes:
         """Return the lowest modes by :meth:`_singular`.
 
-        Where some part is held by nothing, all λ are lifted for the while: the eigenvectors of a double 0 would mix
-        rows and columns of B.
+        All λ are shifted in between where a part is unconstrained: the eigenvectors of a double 0 would mix rows and
+        columns of B.
         """
         if count == 0:
             return Modes(np.zeros(0), np.zeros((self.size, 0)))

@@ -1,4 +1,4 @@
-"""Chain of lumped masses and heat capacities, given as they are: the structure of every model of lumps on a line."""
+"""Chain of lumped masses and heat capacities: the structure of every model of lumps on a line."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Chain(Structure):
 
     @cached_property
     def expansion(self) -> Any:
-        """Free thermal elongation of each spring, at the mean temperature a ℓ_i (θ_{i-1} + θ_i)/2 of its ends, m/K."""
+        """Free thermal elongation a ℓ_i (θ_{i-1} + θ_i)/2 of each spring per temperature, m/K."""
         half = self.free_expansion / 2
         if self.has_matrices:
             return np.diag(half) + np.diag(half[1:], -1)
