@@ -1,4 +1,4 @@
-"""Real blocks that step alone: what separates a motion whose coordinates a matrix couples."""
+"""Real blocks: separation of a linear system into uncoupled blocks of first and second order."""
 
 from __future__ import annotations
 
