@@ -18,21 +18,21 @@ from workflow.orbits._settle import Options, Settled, settle
 from workflow.schemes._exact.record import TOUCH
 
 BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing")
-"""Flags of ``bifurcation``."""
+"""Names of the values of ``bifurcation``."""
 
 _NONE, _FOLD, _PERIOD_DOUBLING, _TORUS, _GRAZING = range(5)
 
 _STARTS = (0.0, 1.0, 0.5, 0.25, 0.75)
-"""Shares of the range at which a periodic rub is looked for."""
+"""Fractions of the range at which a periodic rub is searched for."""
 
 Along = Callable[[float], Point | None]
 """Point of a branch at an arclength."""
 
 _FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-7
-"""Steps along the curve: range and motion are of length 1."""
+"""First, largest and least step along the curve, on which range and motion have length 1."""
 
 _FAR = 4.0
-"""Size of w at which an unstable branch is followed no further: its temperatures may grow without bound."""
+"""Norm of w at which an unstable branch ends: its temperatures may grow without bound."""
 
 _TURN = 0.9
 """Least cosine between tangents of successive points."""
@@ -40,7 +40,7 @@ _TURN = 0.9
 _MOST_STEPS = 500
 
 _ROOT, _ZERO, _GRAZED = 1e-12, 1e-6, 1e-7
-"""Bifurcations are located to these lengths, by a root of a test that is 0 up to ``_ZERO``, or by halving."""
+"""Accuracy in arclength of roots of a test function, which is 0 up to ``_ZERO``, and of grazing by bisection."""
 
 
 def branch(
@@ -50,9 +50,9 @@ def branch(
 
     Variables are those of :func:`~workflow.orbits.steady_rubs`, ``(points,)`` and ``(points, samples)``, in order of
     arclength, and ``value`` of the parameter and ``bifurcation`` (int8, index in :data:`BIFURCATIONS`), ``(points,)``.
-    A point with a flag lies where the bifurcation is. Behind the last point numbers are NaN, ``steady_state`` is
-    ``not_found`` and ``bifurcation`` ``none``. Without any point all is so, and the message, which begins with
-    ``steady:``, says why.
+    A flagged point lies at its bifurcation. After the last point numbers are NaN, ``steady_state`` is ``not_found`` and
+    ``bifurcation`` ``none``. Where no point is found that holds for all, and the message, which begins with
+    ``steady:``, states why.
     """
     curve = Curve(problem, start, stop, duration)
     first = _first(curve, options)
@@ -85,12 +85,12 @@ def _flagged(curve: Curve, first: Point, count: int) -> tuple[list[Point], NDArr
 
 
 def _reversed(point: Point) -> Point:
-    """Return a point from which the curve is followed the other way."""
+    """Return a point with the opposite direction of the curve."""
     return replace(point, tangent=-point.tangent, row=-point.row, place=-point.place)
 
 
 def _first(curve: Curve, options: Options) -> Point | None:
-    """Return the first periodic rub that is found; the scale of the curve is that of it and a distant one."""
+    """Return the first periodic rub found; the curve is scaled by it and a distant one."""
     found: list[tuple[float, Orbit]] = []
     starts = list(_STARTS)
     while starts and len(found) < 2:
@@ -107,9 +107,9 @@ def _first(curve: Curve, options: Options) -> Point | None:
 
 
 def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
-    """Return the points from one to the end of the range, or of the branch, and how it ends there.
+    """Return the points from one to the end of the range or of the branch, and the flag of that end.
 
-    Where the map is smooth a branch has no end: it ends where the order of events changes.
+    A branch has no end where the map is smooth: it ends where the order of events changes.
     """
     points, step = [first], _FIRST
     while len(points) < _MOST_STEPS and (points[-1].orbit.growth < 0 or np.linalg.norm(points[-1].w) < _FAR):
@@ -121,7 +121,7 @@ def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
             and np.linalg.norm(here.u - first.u) < 0.5 * here.place / len(points)
             and here.phase == first.phase
         ):
-            return points, _NONE  # it is closed
+            return points, _NONE  # a closed branch
         found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
         if not 0.0 <= ahead <= 1.0:
             bound = 0.0 if ahead < 0 else 1.0
@@ -139,7 +139,7 @@ def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
 
 
 def _locate(at: Along, found: list[Point], flags: NDArray[np.int8]) -> None:
-    """Put a point where each bifurcation is, in the place of the nearer of its neighbours, and flag it."""
+    """Locate each bifurcation, and replace the nearer of its neighbours by the flagged point."""
     for i, (a, b) in enumerate(pairwise(list(found))):
         for flag, test in _TESTS.items():
             point = _root(at, a, b, test)
@@ -150,19 +150,19 @@ def _locate(at: Along, found: list[Point], flags: NDArray[np.int8]) -> None:
 
 
 def _put(found: list[Point], flags: NDArray[np.int8], point: Point, i: int, flag: int) -> None:
-    """Put a located point in the place of found[i] or found[i + 1], one that is no end and has no flag where it can."""
+    """Replace found[i] or found[i + 1] by a located point, preferably one that is no end and has no flag."""
     nearer = sorted((i, i + 1), key=lambda k: (k in (0, len(found) - 1), flags[k], abs(found[k].place - point.place)))
     found[nearer[0]], flags[nearer[0]] = point, flag
 
 
 def _doubling(point: Point) -> float:
-    """Return a number that changes its sign where a real multiplier passes -1."""
+    """Return a test function that changes its sign where a real multiplier passes -1."""
     real = point.orbit.multipliers
     return float(np.prod(1 + real[real.imag == 0].real))
 
 
 def _ring(point: Point) -> float:
-    """Return by how much the largest modulus of the complex multipliers exceeds 1; NaN without any."""
+    """Return the largest modulus of the complex multipliers less 1; -inf without any."""
     values = point.orbit.multipliers
     return float(np.abs(values[values.imag > 0]).max(initial=-np.inf)) - 1
 
@@ -175,7 +175,7 @@ _TESTS: dict[int, Callable[[Point], float]] = {
 
 
 def _root(at: Along, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
-    """Return the point between two where a test is 0; ``None`` where it does not change its sign, or by a jump."""
+    """Return the point between two where a test is 0; ``None`` where its sign does not change, or changes by a jump."""
     if not (test(a) * test(b) < 0 and np.isfinite(test(a) * test(b))):
         return None
     found = [a, b]
@@ -194,9 +194,9 @@ def _root(at: Along, a: Point, b: Point, test: Callable[[Point], float]) -> Poin
 
 
 def _order(point: Point) -> tuple[int, int, bool]:
-    """Return how many contacts an orbit has, or impacts if there is none, and whether it is one contact.
+    """Return the numbers of an orbit's contacts and, without any, impacts, and whether it is one permanent contact.
 
-    Impacts that end in a contact are without number.
+    Impacts are not counted beside contacts, as chattering has infinitely many.
     """
     motion = point.orbit.motion
     touches = int(np.sum(motion.kinds == TOUCH))
@@ -204,7 +204,7 @@ def _order(point: Point) -> tuple[int, int, bool]:
 
 
 def _order_changes(at: Along, a: Point, b: Point) -> list[Point]:
-    """Return the points where the order of events ceases to be that of a, and where it becomes that of b."""
+    """Return the last point with the order of events of a, and the last one before that of b."""
     low, last, found = a.place, a, list[Point]()
     is_before: list[Callable[[Point], bool]] = [lambda p: _order(p) == _order(a), lambda p: _order(p) != _order(b)]
     for before in is_before:

@@ -1,6 +1,6 @@
-"""The exact motion of one case over whole periods, and its derivative by the state at the start.
+"""The exact motion of one case over whole periods, and its derivative with respect to the initial state.
 
-Between events X = [y, y', τ], in the modes of the free tip, moves by X' = A X + b(t), with A of the free tip or of the
+Between events X = [y, y', τ], in the modes of the free tip, obeys X' = A X + b(t), with A of the free tip or of the
 tip held on the casing. At an event where the gap g = d(t) - x_n falls to zero deviations are multiplied by the
 saltation matrix
 
@@ -28,14 +28,14 @@ from workflow.schemes._exact.record import RELEASE, TOUCH
 from workflow.schemes._interface import Sampling
 
 MOST_LOAD_PERIODS = 64
-"""Load periods in the common period of all sinusoids, at most."""
+"""Largest number of load periods in the common period of all sinusoids."""
 
 _BUDGET = outcome.Budget(events=10**6, steps=10**8)
-"""Of one march."""
+"""Limits of one march."""
 
 
 def common_period(cases: Cases) -> float:
-    """Return the least common period of all sinusoids that act on one case, s; inf without any, NaN where none is."""
+    """Return the least common period of all sinusoids of one case, s; inf without sinusoids, NaN if there is none."""
     acts = [(cases.amplitude[:, None], cases.frequency[:, None])]
     acts += [(each.amplitude, each.frequency) for each in (cases.load_harmonics, cases.casing_harmonics)]
     frequencies = np.unique(np.concatenate([f[0][(a[0] != 0) & (f[0] != 0)] for a, f in acts]))
@@ -50,19 +50,19 @@ def common_period(cases: Cases) -> float:
 
 
 class Analysed:
-    """A structure with its tip free and held: what its cases share."""
+    """A structure and its operator, with the tip free and held, for all its cases."""
 
     def __init__(self, structure: Structure):
         self.structure, self.operator = structure, make_operator(structure, _BUDGET)
 
 
 class Flow:
-    """One case as a first-order system."""
+    """The flow of one case: its motion as a first-order system."""
 
     def __init__(self, structure: Analysed, cases: Cases, duration: float, *, heated: bool = False):
-        """Take a case, with thermal states where heat acts or, ``heated``, in any case.
+        """Prepare a case, with thermal states where heat acts or ``heated`` is set.
 
-        Under constant loads it is looked at in spans of ``duration`` [s].
+        Under constant loads the period is replaced by ``duration`` [s].
         """
         self.structure, self.operator, self.cases = structure.structure, structure.operator, cases
         basis, friction = self.operator.basis, float(cases.friction[0])
@@ -78,7 +78,7 @@ class Flow:
         self.kick = np.concatenate([np.zeros(n), friction * basis.tangent - basis.tip, heat])
 
     def regime(self, held: bool) -> Regime:
-        """Return the regime of the tip free, or held."""
+        """Return the regime of the held or the free tip."""
         return self.march_input.held if held else self.march_input.free
 
     @cached_property
@@ -103,7 +103,7 @@ class Flow:
         )
 
     def size(self, X: Array, scale: Array) -> float:
-        """Return the largest of x, v and θ of a deviation, each over its scale; inf where it is not finite."""
+        """Return the norm of a deviation: its largest x, v or θ, each over its scale; inf where it is not finite."""
         size = max(float(np.abs(x).max(initial=0.0)) / most for x, most in zip(self.parts(X), scale, strict=True))
         return size if np.isfinite(X).all() else np.inf
 
@@ -117,9 +117,9 @@ class Flow:
         return self.start.size > 2 * self.modes
 
     def balanced(self, X: Array, force: float) -> Array:
-        """Return a state with the mean temperatures that a mean contact force λ [N] keeps, µ τ = χᵀq + α χ_n λ.
+        """Return a state with temperatures in balance with a mean contact force λ [N], μ τ = χᵀq + α χ_n λ.
 
-        A thermal mode that loses no heat keeps its own.
+        An adiabatic thermal mode is left unchanged.
         """
         free, size = self.operator.basis.free, X.size - 2 * self.modes
         sources = free.heat_shapes.T @ self.load.heating + self.alpha * free.heat_tip * force
@@ -129,7 +129,7 @@ class Flow:
 
     @property
     def reach(self) -> float:
-        """The length that clearance, loads, heating and the initial temperatures account for, m."""
+        """The length accounted for by clearance, loads, heating and the initial temperatures, m."""
         basis, load = self.operator.basis, self.load
         with np.errstate(divide="ignore", invalid="ignore"):  # of a free root, or heat that cannot leave
             flexibility = np.nansum((basis.tip / basis.free.frequency) ** 2)
@@ -143,7 +143,7 @@ class Flow:
         return advance(self.march_input, X, contact, begin, span, kept, samples)
 
     def derivative(self, motion: Trajectory) -> Array:
-        """Return the derivative of the end of a motion by its begin, ``(N, N)``."""
+        """Return the derivative of a motion's final state with respect to its initial state, ``(N, N)``."""
         ends, held = motion.stretches
         spans = np.diff(ends)
         factors = np.empty((spans.size, self.start.size, self.start.size))

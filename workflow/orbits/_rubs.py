@@ -14,8 +14,8 @@ from workflow.schemes._exact.advance import Trajectory
 from workflow.variables import select
 
 _PER_TURN = 16
-"""Samples per period of the fastest mode between which extremes are taken of cubics: their error is 1e-4 of what that
-mode moves; fewer where that were more than :data:`_MOST_SAMPLES`."""
+"""Samples per period of the fastest mode between which extremes are those of cubics, with an error of 1e-4 of that
+mode's motion; fewer where they would be more than :data:`_MOST_SAMPLES`."""
 
 _MOST_SAMPLES = 4096
 
@@ -41,7 +41,7 @@ def steady_rubs(
 
 
 def tabulated(found: Sequence[Settled], samples: int) -> dict[str, Array]:
-    """Return the variables of what cases, or points, come to; NaN where there is no steady rub."""
+    """Return the variables of the outcomes of cases, or of points of a branch; NaN where there is no steady rub."""
     values: dict[str, Array] = {}
     for about in select(None, None, "steady"):
         values[about.name] = np.full((len(found), samples) if about.shape == "phase" else len(found), np.nan)
@@ -54,7 +54,7 @@ def tabulated(found: Sequence[Settled], samples: int) -> dict[str, Array]:
 
 
 def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
-    """Return numbers and samples of an orbit."""
+    """Return the variables of an orbit."""
     flow, growth, motion = orbit.flow, orbit.growth, _from_start_of_period(orbit, samples)
     k, largest = (np.nan, np.nan) if flow.is_constant else (orbit.order, orbit.multipliers[0])
     spans = motion.span if flow.is_constant else k
@@ -82,7 +82,7 @@ def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
 
 
 def _from_start_of_period(orbit: Orbit, samples: int) -> Trajectory:
-    """Return the orbit over kT from the start of a period, with a multiple of the samples."""
+    """Return the orbit over kT from the start of a period, with a multiple of ``samples``."""
     flow, first = orbit.flow, orbit.motion
     start, held, rest = first.start, first.was_held, -first.begin % flow.period
     if rest > 0:

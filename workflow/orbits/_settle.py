@@ -1,4 +1,4 @@
-"""The steady rub that a transient leads to."""
+"""The steady rub to which a transient leads."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from workflow.schemes._exact.advance import Trajectory
 from workflow.schemes._exact.linear import growth, propagators
 
 MOST_PERIODS = 1000
-"""Common periods by which a transient is followed beyond its duration, at most."""
+"""Largest number of common periods that a transient is continued beyond its duration."""
 
 _NEAR = 1e-8
-"""Deviation from an orbit, over the motion, below which the transient is there."""
+"""Deviation from an orbit, over the motion, up to which the transient has reached it."""
 
 _EXCESS = 1000.0
-"""Quasi-static tip growth over what the scene accounts for, above which a temperature has left every bound."""
+"""Quasi-static tip growth, over the length accounted for by the scene, above which the temperature runs away."""
 
 _BALANCES, _BETWEEN = 30, 50
-"""Times that the temperatures of a transient are put in balance, at most, and periods before they are looked at."""
+"""Largest number of heat balances of a transient, and periods between two of them."""
 
 _EXPONENT_PERIODS = 400
-"""Periods over which the Lyapunov exponent is taken: over fewer that of chaos scatters more."""
+"""Periods of the mean of the Lyapunov exponent: over fewer that of chaotic motion scatters more."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What is looked for."""
+    """Options of the search for steady rubs."""
 
     periods: int = 4
     """Largest order k."""
@@ -40,13 +40,13 @@ class Options:
 
     @property
     def window(self) -> int:
-        """Periods that are looked at one by one."""
+        """Number of last periods that are kept one by one."""
         return 2 * max(self.periods, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """What becomes of one case: its state, an index in ``STATES``, with an orbit where it settles."""
+    """Outcome of one case: its state, an index in ``STATES``, with an orbit where it settles."""
 
     state: int
     message: str = ""
@@ -59,7 +59,7 @@ class _StoppedError(Exception):
 
 
 def settle(flow: Flow, duration: float, options: Options) -> Settled:
-    """Return what becomes of a case after its transient over ``duration`` [s]."""
+    """Return the outcome of a case after its transient over ``duration`` [s]."""
     if np.isnan(flow.period):
         return Settled(NOT_FOUND, f"the loads have no common period within {MOST_LOAD_PERIODS} load periods")
     X, contact, more, done = flow.start, False, max(1, int(np.ceil(duration / flow.period - 1e-9))), options.window
@@ -83,10 +83,10 @@ def settle(flow: Flow, duration: float, options: Options) -> Settled:
 
 
 def _by_balance(flow: Flow, transient: list[Trajectory], options: Options) -> Settled | None:
-    """Return where a transient leads whose heat is slow against the periods that it was followed.
+    """Return the outcome of a transient whose temperatures change slowly over the periods that were run.
 
-    Temperatures that the mean contact force of some periods would keep take the place of its own, and contact follows
-    them, again and again. What is found so counts where the transient itself comes nearer to it.
+    Its temperatures are replaced repeatedly by those in balance with the mean contact force of some periods. The result
+    is accepted where the transient itself approaches it.
     """
     motions = transient
     for _ in range(_BALANCES):
@@ -103,7 +103,7 @@ def _by_balance(flow: Flow, transient: list[Trajectory], options: Options) -> Se
 
 
 def _leads_to(flow: Flow, transient: list[Trajectory], orbit: Orbit | None) -> bool:
-    """Tell whether the temperatures of a transient come nearer to those of an orbit; without one, whether they grow."""
+    """Tell whether the temperatures of a transient approach those of an orbit; without one, whether they grow."""
     first, last = transient[0].start, transient[-1].X
     if orbit is None:
         return bool(flow.parts(last)[2][-1] > flow.parts(first)[2][-1])
@@ -113,7 +113,7 @@ def _leads_to(flow: Flow, transient: list[Trajectory], orbit: Orbit | None) -> b
 
 
 def _periods(flow: Flow, X: Array, contact: bool, passed: int, count: int) -> list[Trajectory]:
-    """Return so many periods of the motion from the start of one, after others that have passed."""
+    """Return ``count`` periods of the motion from X at the start of a period, after ``passed`` others."""
     motions: deque[Trajectory] = deque(maxlen=count)
     for _ in range(passed + count):
         motion = flow.march(X, contact, 0.0, flow.period, samples=16)
@@ -125,7 +125,7 @@ def _periods(flow: Flow, X: Array, contact: bool, passed: int, count: int) -> li
 
 
 def _found(flow: Flow, motions: list[Trajectory], options: Options) -> Settled | None:
-    """Return the orbit that successive periods of a transient approach, or that they run away; ``None`` for neither."""
+    """Return the orbit that the periods of a transient approach, or that it runs away; ``None`` for neither."""
     scale, held, X = scale_of(flow, motions), motions[-1].contact, motions[-1].X
     if any(motion.times.size for motion in motions[-3:]):
         found = None if flow.is_constant else _rub(flow, motions, options, scale)
@@ -163,18 +163,18 @@ def _rub(flow: Flow, motions: list[Trajectory], options: Options, scale: Array) 
 
 
 def _approaches(orbit: Orbit, before: Array, after: Array, scale: Array) -> bool:
-    """Tell whether a transient comes nearer to a stable orbit over 2kT, by about as much as its multipliers say."""
+    """Tell whether a transient approaches a stable orbit over 2kT by about as much as its multipliers predict."""
     flow, start = orbit.flow, orbit.motion.start
     first, last = before - start, after - start
     away, left = flow.size(first, scale), flow.size(last, scale)
     change = orbit.D @ (orbit.D @ first) - first
-    error = orbit.D @ (last - first - change)  # over one more map: what decays at once does not count
+    error = orbit.D @ (last - first - change)  # after one more map, so that fast decaying parts do not count
     by_rule = flow.size(error, scale) <= 0.5 * flow.size(orbit.D @ change, scale)
     return orbit.growth < 0 and (max(away, left) < _NEAR or (left < away and by_rule))
 
 
 def _stays(orbit: Orbit, X: Array, scale: Array) -> bool:
-    """Tell whether a transient that decays towards an orbit without events meets none in periods ever further apart."""
+    """Tell whether a transient decays towards an orbit without events, by sampled periods at growing distances."""
     flow, motion, number = orbit.flow, orbit.motion, 1
     regime, deviation = flow.regime(motion.was_held), X - motion.start
     while flow.size(deviation, scale) > _NEAR:
@@ -186,14 +186,14 @@ def _stays(orbit: Orbit, X: Array, scale: Array) -> bool:
 
 
 def _grows(flow: Flow, motions: list[Trajectory]) -> bool:
-    """Tell whether the tip warms more from each of the last periods to the next."""
+    """Tell whether the warming of the tip per period grows over the last periods."""
     ends = [flow.parts(motion.X)[2][-1] for motion in motions[-4:]]
     warming = np.diff(ends)
     return bool(warming[0] > 0 and np.all(np.diff(warming) > 0))
 
 
 def _exponent(flow: Flow, X: Array, contact: bool) -> float:
-    """Return the largest Lyapunov exponent over the next periods, 1/s, the first fifth of them left out."""
+    """Return the largest Lyapunov exponent over the next periods without their first fifth, 1/s."""
     deviation, grown = np.ones(X.size), 0.0
     for number in range(_EXPONENT_PERIODS):
         motion = flow.march(X, contact, 0.0, flow.period)
