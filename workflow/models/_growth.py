@@ -110,7 +110,7 @@ class InContact:
         return np.asarray(np.abs(moved) / np.maximum(size, size[size > 0].min(initial=np.inf)))
 
     def moved(self, alpha: float) -> tuple[InContact, Complex]:
-        """Return the system of the modes whose poles contact heat shifts, at most the strongest, and the other poles."""
+        """Return the system of modes with poles that contact heat shifts, at most the strongest, and the others."""
         count, each = self.modes.shape[1], self.shares
         most = _STRONGEST if self.poles.size > _ALL_STATES else self.poles.size
         kinds = each[: 2 * count].reshape(count, 2).max(axis=1), each[2 * count :]

@@ -188,7 +188,7 @@ class Pair(ABC):
 
     @abstractmethod
     def spectrum(self) -> Array:
-        """Return λ of all modes, ascending, infinite for a static deformation; of large pairs the lowest and highest."""
+        """Return λ of all modes, ascending, infinite for a static deformation; of large pairs lowest and highest."""
 
     def largest(self) -> float:
         """Return the largest λ; for sparse matrices an estimate."""
