@@ -13,7 +13,7 @@ from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._operators import as_run, full_structure
 from workflow.grid._perturbation import Perturbation, cases_of
 from workflow.judges.trials import EXACT
-from workflow.models import Cases, Structure, growth_at_once
+from workflow.models import Cases, Structure, instantaneous_growth
 from workflow.study import CaseSettings, Study
 from workflow.variables import Variable
 
@@ -83,4 +83,4 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
 def _with_growth_at_once(settings: CaseSettings, values: Values) -> Values:
     """Return steady rubs with the tip growth by heat loads that temperatures without heat capacity follow at once."""
     structure = full_structure(settings)
-    return values | {"steady_closing": values["steady_closing"] + growth_at_once(structure)}
+    return values | {"steady_closing": values["steady_closing"] + instantaneous_growth(structure)}

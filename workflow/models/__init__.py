@@ -39,7 +39,7 @@ from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._sparse_pair import MOST_REDUCED
 from workflow.models._static import (
     critical_alpha,
-    growth_at_once,
+    instantaneous_growth,
     rounding_of_flexibility,
     static_tip_growth,
     tip_flexibility,

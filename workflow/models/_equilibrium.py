@@ -50,10 +50,10 @@ def static_equilibrium(
     pair, thermal = structure.mechanical, structure.thermal
     if thermal.moves(heating):
         raise NoEquilibriumError("the heat load cannot leave the structure, its temperature has no equilibrium")
-    temperature = thermal.answer(heating)
+    temperature = thermal.solve(heating)
     force = load + structure.thermal_forces(temperature)
     if not pair.moves(force):
-        free = pair.answer(force)
+        free = pair.solve(force)
         if free[-1] <= gap:
             return free, temperature
     moved, pressing = pair.constraint * force, pair.tip_stiffness * gap
@@ -63,7 +63,7 @@ def static_equilibrium(
         force = force + friction * max(reaction, 0.0) / yields * structure.tangent if yields > 0 else force
     if reaction < -UNBALANCED * (np.abs(moved).sum() + abs(pressing)) or yields <= 0 or pair.moves(force, held=True):
         raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
-    return gap * pair.constraint + pair.answer(force, held=True), temperature
+    return gap * pair.constraint + pair.solve(force, held=True), temperature
 
 
 def at_rest(structure: Structure, cases: Cases) -> Cases:

@@ -27,7 +27,7 @@ from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
 
-Answer = Callable[[Array], Array]
+Solver = Callable[[Array], Array]
 """Solves for displacements or temperatures, ``(coordinate, …)``, under loads of the same shape."""
 
 MOST_BY_SUPERLU = 10_000
@@ -48,7 +48,7 @@ class NotHeldError(ValueError):
         super().__init__(why)
 
 
-def factorised(matrix: scipy.sparse.csc_array, order: Array | None = None) -> Answer:
+def factorised(matrix: scipy.sparse.csc_array, order: Array | None = None) -> Solver:
     """Factorise a sparse symmetric definite matrix; return its solver for loads ``(coordinate, …)``.
 
     Parameters
@@ -83,7 +83,7 @@ def has_cholmod() -> bool:
     return all(importlib.util.find_spec(package) is not None for package in FACTORISING)
 
 
-def _by_superlu(matrix: scipy.sparse.csc_array) -> Answer:
+def _by_superlu(matrix: scipy.sparse.csc_array) -> Solver:
     """Return the solver by SuperLU with the minimum-degree ordering of A + Aᵀ and pivots on the diagonal."""
     try:
         factors = scipy.sparse.linalg.splu(
@@ -97,7 +97,7 @@ def _by_superlu(matrix: scipy.sparse.csc_array) -> Answer:
     return lambda load: np.asarray(factors.solve(load))
 
 
-def _by_cholmod(matrix: scipy.sparse.csc_array, order: Array) -> Answer:
+def _by_cholmod(matrix: scipy.sparse.csc_array, order: Array) -> Solver:
     """Return the solver by CHOLMOD with an elimination order.
 
     Its own BLAS library is limited to one thread here, as callers cannot limit it before it is loaded.
@@ -116,13 +116,13 @@ def _by_cholmod(matrix: scipy.sparse.csc_array, order: Array) -> Answer:
         except ArithmeticError:
             raise NotHeldError from None
 
-    def answer(load: Array) -> Array:
+    def solve(load: Array) -> Array:
         solution = cvxopt.matrix(np.asarray(load, dtype=np.float64))
         with threadpool_limits(limits=1, user_api="blas"):
             cholmod.solve(factor, solution)
         return np.array(solution).reshape(load.shape)
 
-    return answer
+    return solve
 
 
 def _nested_dissection(matrix: scipy.sparse.csc_array) -> Array:

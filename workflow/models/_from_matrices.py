@@ -63,7 +63,7 @@ class GivenMatrices:
         Direction of the load, ``(displacement,)``; that of the contact where ``None``.
     tangent
         Direction t in which the casing slides, ``(displacement,)``: the contact force acts along w - µt, or ``None``.
-    even_rise
+    uniform_rise
         Temperatures of a uniform rise by 1 K, ``(temperature,)``: 1 each where ``None``. They weight the heat balance.
     damping, damper
         Modal or Rayleigh damping; and a damping matrix [N s/m], ``(displacement, displacement)``.
@@ -84,7 +84,7 @@ class GivenMatrices:
     damper: Array | None = None
     load: Array | None = None
     tangent: Array | None = None
-    even_rise: Array | None = None
+    uniform_rise: Array | None = None
     labels: tuple[str, ...] = ()
 
 
@@ -103,20 +103,20 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
         matrices.heat_capacity, matrices.conductance, matrices.thermal_contact, "heat_capacity", "conductance"
     )
     refuse_dashpots(matrices, *_without_inertia(matrices.mass, "mass")[1:])
-    expansive = -(matrices.coupling @ _heated_at_once(matrices))
+    expansive = -(matrices.coupling @ _instantaneous_rise(matrices))
     loads = matrices.steady, matrices.heating, expansive
     coordinates = Coordinates(basis, projection, heat_basis, heat_projection, *loads)
     springs = factored(matrices.stiffness, "stiffness", basis)
     conductors = factored(matrices.conductance, "conductance", heat_basis)
-    even = np.ones(matrices.heat_capacity.shape[0]) if matrices.even_rise is None else matrices.even_rise
+    even = np.ones(matrices.heat_capacity.shape[0]) if matrices.uniform_rise is None else matrices.uniform_rise
     return Matrices(
         mechanical=_pair(congruent(matrices.mass, basis), springs),
         thermal=_pair(congruent(matrices.heat_capacity, heat_basis), conductors),
         expansion=_expansion(springs, basis.T @ matrices.coupling @ heat_basis),
-        even_rise=heat_projection @ even,
+        uniform_rise=heat_projection @ even,
         damping=matrices.damping,
         damper=None if matrices.damper is None else congruent(matrices.damper, basis),
-        load=_elsewhere(matrices.load, basis),
+        load=_load_direction(matrices.load, basis),
         tangent=None if matrices.tangent is None else basis.T @ matrices.tangent,
         coordinates=coordinates,
     )
@@ -150,15 +150,15 @@ def refuse_dashpots(matrices: GivenMatrices, loose: NDArray[np.int64], null: Any
         )
 
 
-def _heated_at_once(matrices: GivenMatrices) -> Array:
+def _instantaneous_rise(matrices: GivenMatrices) -> Array:
     """Return N (NᵀK2 N)⁻¹ Nᵀq, the rise of temperatures N without heat capacity by the heat loads on them."""
     _, loose, null = _without_inertia(matrices.heat_capacity, "heat_capacity")
     if not loose.size:
         return np.zeros(matrices.heating.size)
-    return (null @ _following(matrices.conductance, null, matrices.heating[:, None], "conductance"))[:, 0]
+    return (null @ _static_response(matrices.conductance, null, matrices.heating[:, None], "conductance"))[:, 0]
 
 
-def _elsewhere(load: Array | None, basis: Array) -> Array | None:
+def _load_direction(load: Array | None, basis: Array) -> Array | None:
     """Return the load's direction in the structure's coordinates, ``None`` where it is that of the contact."""
     if load is None:
         return None
@@ -192,7 +192,7 @@ def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str)
     projection[:-1, loose] = -null[inertial[others]]
     projection[-1] = contact
     if loose.size:
-        into -= null @ _following(stiffness, null, stiffness @ into, names[1])
+        into -= null @ _static_response(stiffness, null, stiffness @ into, names[1])
     return into, projection
 
 
@@ -213,7 +213,7 @@ def _without_inertia(inertia: Array, name: str) -> tuple[NDArray[np.int64], NDAr
     return inertial, loose, null
 
 
-def _following(stiffness: Array, null: Array, forces: Array, name: str) -> Array:
+def _static_response(stiffness: Array, null: Array, forces: Array, name: str) -> Array:
     """Return (NᵀK N)⁻¹ Nᵀf, the static response of motions N without inertia to forces f."""
     try:
         root = np.linalg.cholesky(null.T @ stiffness @ null)

@@ -161,20 +161,20 @@ class Pair(ABC):
         """Return the ``count`` lowest modes, all by default, with the tip free, or ``held`` at 0."""
 
     @abstractmethod
-    def answer(self, load: Array, held: bool = False) -> Array:
+    def solve(self, load: Array, held: bool = False) -> Array:
         """Return K⁻¹ f with the tip free or ``held``, ``(coordinate,)``.
 
         Loads on an unconstrained part are balanced by its inertia first, f - M r with r its rigid motion, and the
         deformation is determined without a rigid motion (inertia relief).
         """
 
-    def static_answers(self, loads: Array) -> Array:
+    def static_solutions(self, loads: Array) -> Array:
         """Return K⁻¹ f for every case, ``(case, coordinate)``, solved once for each distinct load."""
         first, which = distinct_rows(loads)
-        return np.reshape([self.answer(load) for load in loads[first]], (-1, self.size))[which]
+        return np.reshape([self.solve(load) for load in loads[first]], (-1, self.size))[which]
 
     @abstractmethod
-    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
+    def shifted_solver(self) -> Callable[[Array, float], Array]:
         """Return a solver of (K + s M) u = f with the tip held, of f ``(coordinate,)`` and s > 0."""
 
     @abstractmethod
@@ -246,13 +246,13 @@ class DensePair(Pair):
     def modes(self, count: int | None = None, held: bool = False) -> Modes:
         return (self._held if held else self._free).lowest(count)
 
-    def answer(self, load: Array, held: bool = False) -> Array:
+    def solve(self, load: Array, held: bool = False) -> Array:
         return np.asarray(_by_modes(self.modes(held=held), load[None])[0])
 
-    def static_answers(self, loads: Array) -> Array:
+    def static_solutions(self, loads: Array) -> Array:
         return _by_modes(self._free, loads)
 
-    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
+    def shifted_solver(self) -> Callable[[Array, float], Array]:
         modes = self._held
         return lambda load, shift: np.asarray(modes.shapes @ ((modes.shapes.T @ load) / (modes.values + shift)))
 

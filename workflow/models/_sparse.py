@@ -37,7 +37,7 @@ class Sparse(Structure):
     coordinates: Coordinates | None = None
 
     @property
-    def even_rise(self) -> Array:  # type: ignore[override]
+    def uniform_rise(self) -> Array:  # type: ignore[override]
         """1 each."""
         return np.ones(self.thermal_size)
 

@@ -85,7 +85,7 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
         damper = _congruent(matrices.damper, basis)
         rayleigh = _as_rayleigh(damper, mechanical)
         damping, damper = (damping, damper) if rayleigh is None else (rayleigh, None)
-    given = matrices.steady, matrices.heating, -np.asarray(matrices.coupling @ _heated_at_once(matrices))
+    given = matrices.steady, matrices.heating, -np.asarray(matrices.coupling @ _instantaneous_rise(matrices))
     return Sparse(
         mechanical=mechanical,
         thermal=thermal,
@@ -98,7 +98,7 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
     )
 
 
-def _heated_at_once(matrices: GivenMatrices) -> Array:
+def _instantaneous_rise(matrices: GivenMatrices) -> Array:
     """Return the rise of temperatures without heat capacity by the heat loads on them, K, ``(given,)``."""
     loose, rise = np.flatnonzero(matrices.heat_capacity.diagonal() == 0), np.zeros(matrices.heating.size)
     rise[loose] = factorised(scipy.sparse.csc_array(matrices.conductance)[loose][:, loose])(matrices.heating[loose])

@@ -22,7 +22,7 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
-from workflow.models._factors import Answer, NotHeldError, elimination_order, factorised
+from workflow.models._factors import NotHeldError, Solver, elimination_order, factorised
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
 from workflow.models._semidefinite import factored
 
@@ -94,7 +94,7 @@ class SparsePair(Pair):
         return np.asarray(u * (self.stiffness @ u))
 
     @cached_property
-    def _interior(self) -> Answer:
+    def _interior(self) -> Solver:
         return factorised(self.stiffness[:-1, :-1], self._order)
 
     @cached_property
@@ -126,22 +126,22 @@ class SparsePair(Pair):
         forces[-1] = self.tip_stiffness
         return forces
 
-    def answer(self, load: Array, held: bool = False) -> Array:
+    def solve(self, load: Array, held: bool = False) -> Array:
         """Return K⁻¹ f, ``(coordinate,)``; where the tip moves freely, with inertia relief and the tip at 0."""
         if held:
             return np.append(self._interior(load[:-1]), 0.0)
         if self.tip_stiffness > 0:
-            return self.answer(load, held=True) + self.constraint * (self.constraint @ load / self.tip_stiffness)
+            return self.solve(load, held=True) + self.constraint * (self.constraint @ load / self.tip_stiffness)
         inertia = self.inertia_of(self.constraint)
-        return self.answer(load - inertia * (self.constraint @ load) / (self.constraint @ inertia), held=True)
+        return self.solve(load - inertia * (self.constraint @ load) / (self.constraint @ inertia), held=True)
 
     def rigid_motions(self, held: bool) -> Array:
         """Return the rigid motion of a tip that moves freely; the pair has no other one."""
         return self.constraint[:, None][:, : self.tip_stiffness == 0 and not held]
 
-    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
+    def shifted_solver(self) -> Callable[[Array, float], Array]:
         @lru_cache(maxsize=1)
-        def factors(shift: float) -> Answer:
+        def factors(shift: float) -> Solver:
             return factorised((self.stiffness + shift * self.inertia)[:-1, :-1], self._order)
 
         return lambda load, shift: np.append(factors(shift)(load[:-1]), 0.0)
@@ -154,7 +154,7 @@ class SparsePair(Pair):
             inside = self.stiffness[:-1, :-1], self.inertia[:-1, :-1]
             return Modes(*_lowest(*inside, self._interior, count, 0.0)).with_tip_held()
         if self.tip_stiffness > 0 or self.size == 1:
-            return Modes(*_lowest(self.stiffness, self.inertia, self.answer, count, 0.0))
+            return Modes(*_lowest(self.stiffness, self.inertia, self.solve, count, 0.0))
         shift = float(self.modes(1, held=True).values[0])
         moved = factorised(self.stiffness + shift * self.inertia)
         values, shapes = _lowest(self.stiffness, self.inertia, moved, count, -shift)
@@ -199,7 +199,7 @@ def _start(size: int) -> Array:
 
 
 def _lowest(
-    stiffness: scipy.sparse.csc_array, inertia: scipy.sparse.csc_array, answer: Answer, count: int, shift: float
+    stiffness: scipy.sparse.csc_array, inertia: scipy.sparse.csc_array, solve: Solver, count: int, shift: float
 ) -> tuple[Array, Array]:
     """Return the ``count`` eigenvalues next above a shift, ascending, and eigenvectors normalised by the inertia.
 
@@ -214,11 +214,11 @@ def _lowest(
     if 3 * count > size:  # too many for Lanczos iteration
         values, shapes = scipy.linalg.eigh(stiffness.toarray(), inertia.toarray(), subset_by_index=(0, count - 1))
         return np.where(np.abs(values) > _ROUNDING * np.abs(values).max(), values, 0.0), shapes
-    solve: Any = scipy.sparse.linalg.LinearOperator(
-        (size, size), matvec=lambda load: answer(np.ravel(load)), dtype=np.float64
+    opinv: Any = scipy.sparse.linalg.LinearOperator(
+        (size, size), matvec=lambda load: solve(np.ravel(load)), dtype=np.float64
     )
     try:
-        values, shapes = scipy.sparse.linalg.eigsh(stiffness, count, inertia, sigma=shift, OPinv=solve, v0=_start(size))
+        values, shapes = scipy.sparse.linalg.eigsh(stiffness, count, inertia, sigma=shift, OPinv=opinv, v0=_start(size))
     except scipy.sparse.linalg.ArpackError as error:
         raise NotHeldError(f"{count} modes of {size} coordinates were not found: {error}") from None
     order = np.argsort(values, kind="stable")

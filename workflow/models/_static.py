@@ -29,11 +29,11 @@ def static_tip_growth(structure: Structure) -> Array:
         return structure.tip_growth
     pair = structure.mechanical
     if pair.tip_stiffness > 0:
-        answer, deformation = pair.constraint / pair.tip_stiffness, pair.deformed / pair.tip_stiffness
+        response, deformation = pair.constraint / pair.tip_stiffness, pair.deformed / pair.tip_stiffness
     else:
-        answer = pair.answer(pair.unit_tip)
-        deformation = pair.deformation_of(answer)
-    return pair.work(answer, deformation, structure.expansion)
+        response = pair.solve(pair.unit_tip)
+        deformation = pair.deformation_of(response)
+    return pair.work(response, deformation, structure.expansion)
 
 
 def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
@@ -54,12 +54,12 @@ def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
     return structure.thermal.tip_stiffness * flexibility / pushed * yields
 
 
-def growth_at_once(structure: Structure) -> float:
+def instantaneous_growth(structure: Structure) -> float:
     """Return the instantaneous static tip growth by heat loads on temperatures without heat capacity, m."""
     given = structure.coordinates
     if given is None or not given.expansive.any():
         return 0.0
-    return float(structure.mechanical.answer(given.displacement_basis.T @ given.expansive)[-1])
+    return float(structure.mechanical.solve(given.displacement_basis.T @ given.expansive)[-1])
 
 
 def rounding_of_flexibility(structure: Structure) -> float:
@@ -68,8 +68,8 @@ def rounding_of_flexibility(structure: Structure) -> float:
     With u = K1⁻¹ e_n a change of the entries changes S by -uᵀ δK1 u; independent changes by half a unit in the last
     place give ε/2 √(Σ (u_i K_ij u_j)²)/S. It is large where entries cancel to a far smaller stiffness.
     """
-    answer = structure.mechanical.answer(structure.mechanical.unit_tip)
+    response = structure.mechanical.solve(structure.mechanical.unit_tip)
     entries = scipy.sparse.coo_array(structure.mechanical.stiffness)
     row, column = entries.coords
-    energies = answer[row] * entries.data * answer[column]
-    return float(np.finfo(float).eps / 2 * np.linalg.norm(energies) / abs(answer[-1]))
+    energies = response[row] * entries.data * response[column]
+    return float(np.finfo(float).eps / 2 * np.linalg.norm(energies) / abs(response[-1]))

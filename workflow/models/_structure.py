@@ -96,7 +96,7 @@ class Structure:
     expansion
         Free thermal elongation of each spring per temperature, m/K, ``(spring, thermal)``, dense or sparse; -K12 [N/K]
         where there are no springs.
-    even_rise
+    uniform_rise
         Temperatures p of a uniform rise by 1 K, shape (thermal,), the tip's 1: 1 at each node, or the closest to that
         in a reduction basis. The heat balance is pᵀ (1b).
     damping
@@ -117,7 +117,7 @@ class Structure:
     mechanical: Pair
     thermal: Pair
     expansion: Any
-    even_rise: Array
+    uniform_rise: Array
     damping: Rayleigh
     tip_growth: Array | None = None
     load: Array | None = None
@@ -171,7 +171,7 @@ class Structure:
         TooManyCoordinatesError
             They would be too large.
         """
-        names = ("even_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates")
+        names = ("uniform_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates")
         others = {name: getattr(self, name) for name in names}
         return Matrices(self.mechanical.dense, self.thermal.dense, self.expansion, **others)
 
@@ -221,12 +221,12 @@ class Structure:
     @property
     def content(self) -> Array:
         """Heat content C2 p per thermal coordinate, J/K: over nodes Σ c_i θ_i."""
-        return self.thermal.inertia_of(self.even_rise)
+        return self.thermal.inertia_of(self.uniform_rise)
 
     @property
     def loss_row(self) -> Array:
         """Heat flow K2 p out of the structure per thermal coordinate, W/K: for a chain κ_1 θ_1 + Σ b_i θ_i."""
-        return self.thermal.forces(self.thermal.deformation_of(self.even_rise))
+        return self.thermal.forces(self.thermal.deformation_of(self.uniform_rise))
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +236,7 @@ class Matrices(Structure):
     mechanical: DensePair
     thermal: DensePair
     expansion: Array
-    even_rise: Array
+    uniform_rise: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
     tip_growth: Array | None = None
     load: Array | None = None

@@ -60,7 +60,7 @@ class Chain(Structure):
         return scipy.sparse.diags_array([half, half[1:]], offsets=[0, -1], format="csr")
 
     @property
-    def even_rise(self) -> Array:  # type: ignore[override]
+    def uniform_rise(self) -> Array:  # type: ignore[override]
         """1 at each node."""
         return np.ones(self.masses.size)
 

@@ -76,7 +76,7 @@ def assemble(parameters: Parameters) -> Matrices:
             heating=np.zeros(shape[1]),
             damping=Rayleigh(ratio=float(ratio.max())) if even else Rayleigh(),
             damper=None if even else np.diag(2 * ratio * omega),
-            even_rise=heat_tip / float(heat_tip @ heat_tip),
+            uniform_rise=heat_tip / float(heat_tip @ heat_tip),
         )
     )
 

@@ -70,15 +70,16 @@ def _flagged(curve: Curve, first: Point, count: int) -> tuple[list[Point], NDArr
     ahead, end = _followed(curve, first)
     trace = [*map(_reversed, reversed(behind)), *ahead[1:]]
 
-    def at(place: float) -> Point | None:
+    def at(arclength: float) -> Point | None:
         """Return the point at an arclength."""
-        near = min(trace, key=lambda point: abs(point.place - place))
-        return near if near.place == place else curve.step(near, place - near.place)
+        near = min(trace, key=lambda point: abs(point.arclength - arclength))
+        return near if near.arclength == arclength else curve.step(near, arclength - near.arclength)
 
-    found = [point for place in np.linspace(trace[0].place, trace[-1].place, count) if (point := at(place)) is not None]
+    arclengths = np.linspace(trace[0].arclength, trace[-1].arclength, count)
+    found = [point for arclength in arclengths if (point := at(arclength)) is not None]
     flags = np.zeros(len(found), dtype=np.int8)
     _locate(at, found, flags)
-    order = np.argsort([point.place for point in found], kind="stable")
+    order = np.argsort([point.arclength for point in found], kind="stable")
     found, flags = [found[i] for i in order], flags[order]
     flags[0], flags[-1] = flags[0] or back, flags[-1] or end
     return found, flags
@@ -86,7 +87,7 @@ def _flagged(curve: Curve, first: Point, count: int) -> tuple[list[Point], NDArr
 
 def _reversed(point: Point) -> Point:
     """Return a point with the opposite direction of the curve."""
-    return replace(point, tangent=-point.tangent, row=-point.row, place=-point.place)
+    return replace(point, tangent=-point.tangent, row=-point.row, arclength=-point.arclength)
 
 
 def _first(curve: Curve, options: Options) -> Point | None:
@@ -118,7 +119,7 @@ def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
             return points, _NONE
         if (
             len(points) > 10
-            and np.linalg.norm(here.u - first.u) < 0.5 * here.place / len(points)
+            and np.linalg.norm(here.u - first.u) < 0.5 * here.arclength / len(points)
             and here.phase == first.phase
         ):
             return points, _NONE  # a closed branch
@@ -127,7 +128,7 @@ def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
             bound = 0.0 if ahead < 0 else 1.0
             found = curve.step(here, bound, np.append(np.zeros(here.w.size), 1.0))
             if found is not None:
-                found = replace(found, q=bound, place=here.place + abs(float(here.row @ (found.u - here.u))))
+                found = replace(found, q=bound, arclength=here.arclength + abs(float(here.row @ (found.u - here.u))))
         if found is None or abs(here.row @ found.tangent - 1) > 1 - _TURN:
             step /= 2
             if step < _LEAST:
@@ -144,15 +145,15 @@ def _locate(at: Along, found: list[Point], flags: NDArray[np.int8]) -> None:
         for flag, test in _TESTS.items():
             point = _root(at, a, b, test)
             if point is not None:
-                _put(found, flags, point, i, flag)
+                _insert(found, flags, point, i, flag)
         for grazing in _order_changes(at, a, b) if _order(a) != _order(b) else ():
-            _put(found, flags, grazing, i, _GRAZING)
+            _insert(found, flags, grazing, i, _GRAZING)
 
 
-def _put(found: list[Point], flags: NDArray[np.int8], point: Point, i: int, flag: int) -> None:
+def _insert(found: list[Point], flags: NDArray[np.int8], point: Point, i: int, flag: int) -> None:
     """Replace found[i] or found[i + 1] by a located point, preferably one that is no end and has no flag."""
-    nearer = sorted((i, i + 1), key=lambda k: (k in (0, len(found) - 1), flags[k], abs(found[k].place - point.place)))
-    found[nearer[0]], flags[nearer[0]] = point, flag
+    k = min((i, i + 1), key=lambda k: (k in (0, len(found) - 1), flags[k], abs(found[k].arclength - point.arclength)))
+    found[k], flags[k] = point, flag
 
 
 def _doubling(point: Point) -> float:
@@ -161,7 +162,7 @@ def _doubling(point: Point) -> float:
     return float(np.prod(1 + real[real.imag == 0].real))
 
 
-def _ring(point: Point) -> float:
+def _torus_test(point: Point) -> float:
     """Return the largest modulus of the complex multipliers less 1; -inf without any."""
     values = point.orbit.multipliers
     return float(np.abs(values[values.imag > 0]).max(initial=-np.inf)) - 1
@@ -170,7 +171,7 @@ def _ring(point: Point) -> float:
 _TESTS: dict[int, Callable[[Point], float]] = {
     _FOLD: lambda point: float(point.tangent[-1]),
     _PERIOD_DOUBLING: _doubling,
-    _TORUS: _ring,
+    _TORUS: _torus_test,
 }
 
 
@@ -180,13 +181,13 @@ def _root(at: Along, a: Point, b: Point, test: Callable[[Point], float]) -> Poin
         return None
     found = [a, b]
 
-    def value(place: float) -> float:
-        point = at(place)
+    def value(arclength: float) -> float:
+        point = at(arclength)
         found.extend([point] if point is not None else [])
         return np.nan if point is None else test(point)
 
     try:
-        brentq(value, a.place, b.place, xtol=_ROOT, rtol=1e-14)
+        brentq(value, a.arclength, b.arclength, xtol=_ROOT, rtol=1e-14)
     except ValueError:  # a point between was not found
         return None
     nearest = min(found, key=lambda point: abs(test(point)))
@@ -205,10 +206,10 @@ def _order(point: Point) -> tuple[int, int, bool]:
 
 def _order_changes(at: Along, a: Point, b: Point) -> list[Point]:
     """Return the last point with the order of events of a, and the last one before that of b."""
-    low, last, found = a.place, a, list[Point]()
+    low, last, found = a.arclength, a, list[Point]()
     is_before: list[Callable[[Point], bool]] = [lambda p: _order(p) == _order(a), lambda p: _order(p) != _order(b)]
     for before in is_before:
-        high, beyond = b.place, b
+        high, beyond = b.arclength, b
         while high - low > _GRAZED:
             middle = 0.5 * (low + high)
             point = at(middle)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import Analysed, Flow
+from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit, has_converged, longest
 from workflow.schemes._exact.advance import Trajectory
 from workflow.schemes._exact.batch import heat_acts
@@ -40,7 +40,7 @@ class Point:
     """Tangent of the curve of u, of length 1 …"""
     row: Array
     """… in the scalar product with this row, without velocities, which vibrations after an impact change quickly."""
-    place: float = 0.0
+    arclength: float = 0.0
     """Arclength."""
 
     @property
@@ -56,7 +56,7 @@ class Curve:
         self.problem, self.start, self.stop, self.duration = problem, start, stop, duration
         self.scale: Array | None = None
         self.first: Structure | None = None
-        self.shared: Analysed | None = None
+        self.shared: AnalysedStructure | None = None
         self.heated = any(heat_acts(problem(self.value(q))[1], 0) for q in (0.0, 0.5, 1.0))
 
     def value(self, q: float) -> float:
@@ -67,7 +67,7 @@ class Curve:
         """Return the case at q; cases of one structure share its operator."""
         structure, cases = self.problem(self.value(q))
         if self.shared is None or structure is not self.shared.structure:
-            self.shared = Analysed(structure)
+            self.shared = AnalysedStructure(structure)
         return Flow(self.shared, cases, self.duration, heated=self.heated)
 
     def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
@@ -92,7 +92,7 @@ class Curve:
             error = self._charts(orbit.flow)[0] @ orbit.motion.X - u[:-1]
             size = max(orbit.residual, abs(float(row @ u - target)))
             if has_converged(size, last):
-                return self._point(u, point.phase, orbit, point.row, point.place + length)
+                return self._point(u, point.phase, orbit, point.row, point.arclength + length)
             last, slope = size, self._slope(u, point.phase, orbit)
             if slope is None:
                 return None
@@ -118,7 +118,7 @@ class Curve:
         motion = flow.march(into @ u[:-1], orbit.motion.was_held, phase * flow.period, orbit.order * flow.period)
         return flow, motion, out @ motion.X
 
-    def _point(self, u: Array, phase: float, orbit: Orbit, along: Array, place: float = 0.0) -> Point | None:
+    def _point(self, u: Array, phase: float, orbit: Orbit, along: Array, arclength: float = 0.0) -> Point | None:
         """Return an orbit as a point, with the tangent of the curve in the direction of the row ``along``."""
         slope, n = self._slope(u, phase, orbit), orbit.flow.modes
         if slope is None:
@@ -127,7 +127,7 @@ class Curve:
         row = tangent.copy()
         row[n : 2 * n] = 0.0
         length = np.sqrt(row @ tangent)
-        return Point(float(u[-1]), u[:-1], phase, orbit, tangent / length, row / length, place)
+        return Point(float(u[-1]), u[:-1], phase, orbit, tangent / length, row / length, arclength)
 
     def _matrix(self, orbit: Orbit, slope: Array, row: Array) -> Array:
         """Return the Jacobian of the map's residual and the plane with respect to u."""
@@ -171,4 +171,4 @@ class Curve:
             return point
         moved = replace(orbit, motion=motion, D=flow.derivative(motion))
         along = np.append(out @ flow.derivative(part) @ into @ point.tangent[:-1], point.tangent[-1])
-        return self._point(np.append(w, point.q), phase, moved, along, point.place) or point
+        return self._point(np.append(w, point.q), phase, moved, along, point.arclength) or point

@@ -49,7 +49,7 @@ def common_period(cases: Cases) -> float:
     return count / base if count <= MOST_LOAD_PERIODS else np.nan
 
 
-class Analysed:
+class AnalysedStructure:
     """A structure and its operator, with the tip free and held, for all its cases."""
 
     def __init__(self, structure: Structure):
@@ -59,7 +59,7 @@ class Analysed:
 class Flow:
     """The flow of one case: its motion as a first-order system."""
 
-    def __init__(self, structure: Analysed, cases: Cases, duration: float, *, heated: bool = False):
+    def __init__(self, structure: AnalysedStructure, cases: Cases, duration: float, *, heated: bool = False):
         """Prepare a case, with thermal states where heat acts or ``heated`` is set.
 
         Under constant loads the period is replaced by ``duration`` [s].
@@ -75,7 +75,7 @@ class Flow:
         self.tip = np.zeros((2, size))
         self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.tip
         heat = self.alpha * basis.free.heat_tip[: size - 2 * n]
-        self.kick = np.concatenate([np.zeros(n), friction * basis.tangent - basis.tip, heat])
+        self.impulse_jump = np.concatenate([np.zeros(n), friction * basis.tangent - basis.tip, heat])
 
     def regime(self, held: bool) -> Regime:
         """Return the regime of the held or the free tip."""
@@ -157,9 +157,9 @@ class Flow:
     def _saltations(self, motion: Trajectory) -> Array:
         """Return S of each event, ``(event, N, N)``."""
         X, t, stays = motion.states, motion.begin + motion.times, motion.kinds == TOUCH
-        before = X - motion.impulses[:, None] * self.kick
+        before = X - motion.impulses[:, None] * self.impulse_jump
         speed, acceleration = self._casing(t)
-        jump = -(1 + np.where(stays, 0.0, self.e))[:, None] * self.kick / (self.tip[1] @ self.kick)
+        jump = -(1 + np.where(stays, 0.0, self.e))[:, None] * self.impulse_jump / (self.tip[1] @ self.impulse_jump)
         law = np.eye(X.shape[1]) + jump[:, :, None] * self.tip[1]  # J = X + jump (v_n - d')
         before_rates = self._rates(before, t, np.zeros_like(stays))
         late = self._rates(X, t, stays) - np.einsum("eij,ej->ei", law, before_rates) + jump * acceleration[:, None]
@@ -176,7 +176,7 @@ class Flow:
         constant = np.concatenate([self.load.steady, self.load.heating, [self.load.mean]])
         rates = X @ self.free.A.T + self.free.B[:, :-3] @ constant + force[:, None] * push
         excess = np.where(held, rates @ self.tip[1] - self._casing(t)[1], 0.0)
-        return np.asarray(rates - excess[:, None] * self.kick / (self.tip[1] @ self.kick))
+        return np.asarray(rates - excess[:, None] * self.impulse_jump / (self.tip[1] @ self.impulse_jump))
 
     def _casing(self, t: Array) -> tuple[Array, Array]:
         """Return velocity and acceleration of the casing at some times."""

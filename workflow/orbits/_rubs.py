@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import Analysed, Flow
+from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit
 from workflow.orbits._settle import Options, Settled, settle
 from workflow.schemes._exact.advance import Trajectory
@@ -35,7 +35,7 @@ def steady_rubs(
     ``orbit_displacement`` [m], ``orbit_velocity`` [m/s], ``orbit_temperature`` [K]; under constant loads all samples
     are the equilibrium. NaN where there is no steady rub. A message is '' or begins with ``steady:``.
     """
-    shared, each = Analysed(structure), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
+    shared, each = AnalysedStructure(structure), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
     found = [settle(Flow(shared, case, duration), duration, options) for case in each]
     return tabulated(found, options.samples), [f"steady: {one.message}" if one.message else "" for one in found]
 

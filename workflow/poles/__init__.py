@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from workflow.poles.real_blocks import RealBlocks, missed_share, real_blocks
+from workflow.poles.real_blocks import RealBlocks, real_blocks, relative_residual
 
-__all__ = ["RealBlocks", "missed_share", "real_blocks"]
+__all__ = ["RealBlocks", "real_blocks", "relative_residual"]

@@ -58,12 +58,12 @@ def real_blocks(A: Array) -> RealBlocks:
     """
     drifts = np.flatnonzero(~A.any(axis=0) & (np.sum(A != 0, axis=1) == 1) & (A.max(axis=1, initial=0.0) == 1))
     if drifts.size:
-        return _with_drifts(A, drifts)
+        return _with_rigid_motions(A, drifts)
     balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     values, vectors = scipy.linalg.eig(balanced)
     near, real = _near_pairs(values, vectors), values.imag == 0
     for pair in near:
-        vectors[:, pair] = _space(balanced, vectors[:, pair[0]].real, values[pair[1]].real)
+        vectors[:, pair] = _subspace(balanced, vectors[:, pair[0]].real, values[pair[1]].real)
     alone = np.setdiff1d(np.arange(values.size), near)
     moved = np.linalg.solve(vectors, balanced @ vectors)
     change, apart = moved - np.diag(values), values - values[:, None]
@@ -73,7 +73,7 @@ def real_blocks(A: Array) -> RealBlocks:
         apart = moved[np.ix_(pair, pair)] - values[alone, None, None] * np.eye(2)
         step[np.ix_(alone, pair)] = (moved[alone][:, None, pair] @ np.linalg.pinv(apart))[:, 0]
     values, vectors = values + np.diag(change), vectors + vectors @ step
-    blocks = [_of_space(moved[np.ix_(pair, pair)].real, vectors[:, pair].real) for pair in near]
+    blocks = [_block_of(moved[np.ix_(pair, pair)].real, vectors[:, pair].real) for pair in near]
     for k in alone[(values.imag > 0)[alone] & ~real[alone]]:
         s, x = values[k], vectors[:, k]
         q = 2 * x.imag / s.imag
@@ -86,7 +86,7 @@ def real_blocks(A: Array) -> RealBlocks:
     return RealBlocks(damping, stiffness, -values[firsts].real, inverse(outward) / scale, scale[:, None] * outward)
 
 
-def missed_share(A: Array, blocks: RealBlocks) -> float:
+def relative_residual(A: Array, blocks: RealBlocks) -> float:
     """Return max |A - blocks| / max |A|: rounding times the condition number of the eigenvectors."""
     seconds = blocks.damping.size
     p, q, x = np.split(blocks.outward, [seconds, 2 * seconds], axis=1)
@@ -94,7 +94,7 @@ def missed_share(A: Array, blocks: RealBlocks) -> float:
     return float(np.abs(moved @ blocks.inward - A).max(initial=0.0) / np.abs(A).max(initial=1e-300))
 
 
-def _with_drifts(A: Array, drifts: NDArray[np.intp]) -> RealBlocks:
+def _with_rigid_motions(A: Array, drifts: NDArray[np.intp]) -> RealBlocks:
     """Return the blocks of A with displacements y of rigid motions: nothing depends on them, y' = P X are velocities.
 
     Of the other coordinates the first-order states with the largest effect on y, as many as y, become blocks with
@@ -131,13 +131,13 @@ def _near_pairs(values: Complex, vectors: Complex) -> NDArray[np.intp]:
     return np.array(near, dtype=np.intp).reshape(-1, 2)
 
 
-def _space(A: Array, x: Array, s: float) -> Array:
+def _subspace(A: Array, x: Array, s: float) -> Array:
     """Return an orthonormal basis of the invariant subspace of two nearly coinciding poles: x and w, (A - s) w = x."""
     w = scipy.linalg.lstsq(A - s * np.eye(x.size), x, cond=_SINGULAR)[0]
     return np.asarray(np.linalg.qr(np.column_stack([x, w]))[0])
 
 
-def _of_space(pair: Array, space: Array) -> tuple[float, float, Array, Array]:
+def _block_of(pair: Array, space: Array) -> tuple[float, float, Array, Array]:
     """Return c, ω², p and q of two poles, with ``pair`` the matrix of A in their invariant subspace."""
     c = -np.trace(pair)
     q = np.linalg.svd(pair + c / 2 * np.eye(2))[2][0]

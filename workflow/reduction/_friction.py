@@ -28,6 +28,6 @@ def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> 
     pair, interior = structure.mechanical, mechanical.shapes[:, :-1]
     span = Orthonormal(pair.size, min(interior.shape[1] + 1, pair.size - 1), pair.inertia_of)
     span.add_each(interior)
-    if span.add(pair.answer(tangent, held=True)) is None:
+    if span.add(pair.solve(tangent, held=True)) is None:
         return mechanical
     return mechanical_vectors(structure, span.all())

@@ -161,11 +161,11 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
             DensePair(mass, structure.mechanical.weights, mechanical.deformation),
             DensePair(capacity, structure.thermal.weights, thermal.deformation),
             expansion,
-            structure.even_rise,
+            structure.uniform_rise,
         )
     reduced = replace(
         reduced,
-        even_rise=thermal.projection @ structure.even_rise,
+        uniform_rise=thermal.projection @ structure.uniform_rise,
         damping=structure.damping,
         tip_growth=static_tip_growth(structure) @ theta,
         load=None if structure.load is None else x.T @ structure.load,

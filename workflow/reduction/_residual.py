@@ -45,14 +45,14 @@ def _residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array
     displacements = (
         (cases.displacement, small.displacement, carried),
         (
-            structure.mechanical.static_answers(loads),
-            reduction.structure.mechanical.static_answers(project(reduction.displacement_basis.T, loads)),
+            structure.mechanical.static_solutions(loads),
+            reduction.structure.mechanical.static_solutions(project(reduction.displacement_basis.T, loads)),
             0.0,
         ),
     )
     steady = (
-        structure.thermal.static_answers(cases.heating),
-        reduction.structure.thermal.static_answers(small.heating),
+        structure.thermal.static_solutions(cases.heating),
+        reduction.structure.thermal.static_solutions(small.heating),
     )
     velocity, temperature = (cases.velocity, small.velocity), (cases.temperature, small.temperature)
     x, theta = reduction.displacement_basis, reduction.temperature_basis

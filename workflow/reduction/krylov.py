@@ -67,14 +67,14 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
     if duration is None:
         raise ValueError("krylov needs the duration of the cases for its shifts")
     pair = structure.thermal
-    answer, heat = pair.answers_held_shifted(), pair.inertia_of(pair.constraint)
+    solve, heat = pair.shifted_solver(), pair.inertia_of(pair.constraint)
     span = Orthonormal(pair.size, count, pair.inertia_of)
     each_alone = _is_small(structure)
     different = count if each_alone else min(count, MOST_SHIFTS)
     spaced = np.geomspace(1 / duration, max(pair.largest(), 10 / duration), different)
     shifts = [float(f"{shift:.12g}") for shift in spaced]  # digits in which all C libraries agree
     for k in range(count):
-        vector = span.add(answer(heat, shifts[k * different // count]))
+        vector = span.add(solve(heat, shifts[k * different // count]))
         if vector is not None and not each_alone:
             heat = pair.inertia_of(vector)
     if not span.is_full:
@@ -92,4 +92,4 @@ def _add_moments(pair: Pair, span: Orthonormal, begin: Array) -> None:
     vector: Array | None = begin
     for _ in range(MOST_MOMENTS - 1):
         if vector is not None:
-            vector = span.add(pair.answer(pair.inertia_of(vector), held=True))
+            vector = span.add(pair.solve(pair.inertia_of(vector), held=True))

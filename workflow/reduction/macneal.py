@@ -32,14 +32,14 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     """Return the lowest ``count`` free modes relative to ρ, and ρ without inertia."""
     pair, constraint = structure.mechanical, structure.mechanical.constraint
     is_held = pair.tip_stiffness > 0
-    answer = constraint if is_held else pair.answer(pair.unit_tip)  # static response to a tip force, up to a factor
+    response = constraint if is_held else pair.solve(pair.unit_tip)  # static response to a tip force, up to a factor
     span = Orthonormal(pair.size, count + 1, pair.inertia_of)
     if count > 0:
         if not is_held:
             span.add(constraint)
         span.add_each(pair.modes(count).shapes)
-    left = span.add(answer) if is_held or count > 0 else None
-    if left is None or np.dot(left, pair.inertia_of(answer)) * left[-1] <= DEPENDENT * answer[-1]:
+    left = span.add(response) if is_held or count > 0 else None
+    if left is None or np.dot(left, pair.inertia_of(response)) * left[-1] <= DEPENDENT * response[-1]:
         return rubin.mechanical(structure, count, duration)
     modes, tip = span.all()[:, :count], left / left[-1]
     interior = modes - np.outer(tip, modes[-1])

@@ -24,7 +24,7 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     pair = structure.mechanical
     modes = pair.modes(count + 1)  # one may be the constraint mode
     is_held = pair.tip_stiffness > 0
-    shapes = modes.shapes if is_held else np.column_stack([pair.answer(pair.unit_tip), modes.shapes])
+    shapes = modes.shapes if is_held else np.column_stack([pair.solve(pair.unit_tip), modes.shapes])
     return mechanical_vectors(structure, relative(shapes, pair.constraint, pair.inertia_of, count))
 
 

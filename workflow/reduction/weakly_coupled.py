@@ -26,6 +26,6 @@ __all__ = ["carried", "mechanical", "thermal"]
 def carried(structure: Structure, mechanical: Vectors, thermal: Vectors) -> Array:
     """Return Γ, m/K, ``(node, thermal)``."""
     pair = structure.mechanical
-    static = np.column_stack([pair.answer(force, held=True) for force in structure.thermal_forces(thermal.shapes).T])
+    static = np.column_stack([pair.solve(force, held=True) for force in structure.thermal_forces(thermal.shapes).T])
     modes = mechanical.shapes[:, :-1]
     return static - modes @ (pair.inertia_of(modes).T @ static)

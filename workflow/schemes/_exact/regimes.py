@@ -42,7 +42,7 @@ class InseparablePolesError(RefusedStructureError):
 NEAR_RATE = 1e-3
 """Size of μ² - μ c + ω², over the sum of its terms, below which R has fewer than thirteen digits."""
 
-_PARTED = 1e-11
+_SEPARATING = 1e-11
 """Relative change of damping that separates two coinciding poles: by its root, 3e-6 of their size, which leaves their
 eigenvectors eleven digits."""
 
@@ -92,7 +92,7 @@ def _in_modes(system: ModalSystem, response: Array) -> Regime:
 
 def _in_blocks(system: ModalSystem, alpha: float) -> Regime:
     """Return the regime whose blocks are pairs of poles; damping is changed to separate coinciding pairs."""
-    for share in (0.0, _PARTED):
+    for share in (0.0, _SEPARATING):
         A, row, source = state_space(replace(system, damping=(1 + share) * system.damping), alpha)
         with suppress(ValueError):  # not finite, or no convergence
             damping, stiffness, rate, inward, outward = real_blocks(A)

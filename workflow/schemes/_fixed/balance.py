@@ -25,9 +25,9 @@ step, which counts the jump of each impact as an error of the scheme.
 The load counts as the step weights it, F_θ, in every representation of a structure. A quasi-static motion under it
 leaves -2 (θ - 1/2) h ∫ k v² dt, half of which is the difference of F_θ from the mean of the load at the step's ends.
 
-The heat residual is that of pᵀ (1b), with p the temperatures of a uniform rise (``Structure.even_rise``): the change of
-the content H = pᵀC2 T less αJ + ∫pᵀq - ∫L dt, with the loss L = pᵀK2 T by the temperatures T as the step weights them.
-It is rounding, whether the structure is full or reduced.
+The heat residual is that of pᵀ (1b), with p the temperatures of ``Structure.uniform_rise``: the change of the content
+H = pᵀC2 T less αJ + ∫pᵀq - ∫L dt, with the loss L = pᵀK2 T by the temperatures T as the step weights them. It is
+rounding, whether the structure is full or reduced.
 
 A step is counted at the beginning of the next one, which adds load and contact to u and η; the last step, and modes
 with :class:`Dense` balances, are counted in :mod:`~workflow.schemes._fixed.count`. With the weight θ of a step's end

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, project
-from workflow.poles import RealBlocks, missed_share, real_blocks
+from workflow.poles import RealBlocks, real_blocks, relative_residual
 from workflow.schemes._fixed.contact import TipStep
 from workflow.schemes._fixed.decoupled import Decoupled
 from workflow.schemes._fixed.outcome import ROUNDING
@@ -35,10 +35,10 @@ NEAR_RESONANCE = 1e-3
 """Size of D - S, relative to the largest of its terms, up to which a block and a thermal mode stay coupled: above it
 their separation loses at most three of sixteen digits."""
 
-_MISSED = 1e-9
+_RESIDUAL = 1e-9
 """Accepted relative error of F in blocks: it is 1e-9 to 1e-8 at two coinciding pairs of poles, 1e-6 at three."""
 
-_PARTED = 1e-8
+_SEPARATING = 1e-8
 """Relative change of damping that separates coinciding poles: three by its third root, 2e-3 of their size."""
 
 
@@ -221,18 +221,18 @@ def separate(modal: Decoupled, step: Step) -> Blocks:
 
 
 def _in_blocks(F: Array, places: int) -> RealBlocks:
-    """Return the blocks of F; where poles coincide, those with the damping changed by :data:`_PARTED`.
+    """Return the blocks of F; where poles coincide, those with the damping changed by :data:`_SEPARATING`.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         Poles still coincide.
     """
-    for share in (0.0, _PARTED):
+    for share in (0.0, _SEPARATING):
         F[places:, places:] *= 1 + share
         with suppress(np.linalg.LinAlgError):
             parts = real_blocks(F)
-            if missed_share(F, parts) <= _MISSED:
+            if relative_residual(F, parts) <= _RESIDUAL:
                 return parts
     raise np.linalg.LinAlgError("poles of the damped structure coincide: change its damping by a millionth")
 

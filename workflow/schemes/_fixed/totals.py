@@ -1,7 +1,7 @@
 """Residuals of energy and heat, from the sums of a march.
 
 With the energy E, dissipation D less the work of loads and contact, heat content H, losses L, friction heat αJ and
-heating Q = ∫pᵀq of a whole march, all in pᵀ (1b) with the uniform rise p = ``Structure.even_rise``,
+heating Q = ∫pᵀq of a whole march, all in pᵀ (1b) with the uniform rise p = ``Structure.uniform_rise``,
 
     energy residual = (E_end - E_0 + D) / max E
     heat residual = (H_end - H_0 - αJ - Q + L) / (αJ + |Q| + ∫|dL| + Σ|c T_0|)
@@ -38,7 +38,7 @@ def row_totals(terms: Array) -> Array:
 
 def content_of(structure: Structure, cases: Cases, last: Array, elapsed: float) -> Content:
     """Return the heat content of cases with the temperatures ``last`` after ``elapsed`` seconds, K."""
-    content, heating = structure.content, structure.even_rise * cases.heating
+    content, heating = structure.content, structure.uniform_rise * cases.heating
     initial = content * cases.temperature
     return Content(row_totals(content * last - initial), row_totals(np.abs(initial)), elapsed * row_totals(heating))
 
