@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK
-from workflow.kernels.packs import fetch, narrow, pack, store
+from workflow.kernels.packs import narrow, pack, prefetch, store
 from workflow.models import Array
 from workflow.schemes._fixed.drive import Drive
 from workflow.schemes._fixed.rows import Tips
@@ -112,7 +112,7 @@ def _sample(k: int, share: float, block: Block) -> None:
     last = min(k - slot + WAITING, histories.shape[2]) - 1
     for case in range(slot, histories.shape[0], WAITING):
         for j in range(histories.shape[1]):
-            fetch(histories, (case, j, last))
+            prefetch(histories, (case, j, last))
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
         impulse = pack(tip.impulse, lane)
