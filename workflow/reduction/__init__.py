@@ -73,7 +73,7 @@ def reduce_structure(
     structure
         The full structure, or a reduced one.
     mechanical_modes, thermal_modes
-        Vectors retained beside the tip's own, at most ``size - 1`` each; ``None`` leaves displacements or
+        Vectors retained besides the tip's own, at most ``size - 1`` each; ``None`` leaves displacements or
         temperatures unreduced. A structure with a sliding direction gets one more vector.
     basis
         Name of the basis, one of :func:`names`.
@@ -121,7 +121,7 @@ def _counted(vectors: Vectors, count: int, basis: str) -> Vectors:
 def reduced_model(
     structure: Structure, mechanical_modes: int, thermal_modes: int, basis: str, duration: float
 ) -> ReducedModel:
-    """Return a structure with counts of vectors beside the tip's own, as :func:`reduce_structure` does.
+    """Return a structure with counts of vectors besides the tip's own, as :func:`reduce_structure` does.
 
     Counts of ``size - 1`` leave displacements or temperatures unreduced.
     """
