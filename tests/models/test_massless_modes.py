@@ -30,7 +30,7 @@ def test_modes_diagonalise_mass_and_stiffness(structure: Structure) -> None:
     assert omega[-1] == np.inf
 
 
-def test_static_answers(structure: Structure) -> None:
+def test_static_solutions(structure: Structure) -> None:
     load = np.random.default_rng(0).normal(size=5)
     displacements = structure.mechanical.static_solutions(load[None, :])[0]
     if mechanical_modes(structure).values[0] == 0:

@@ -29,7 +29,7 @@ _BUDGET = {"events": 20_000, "steps": 200_000}
 """Limits of an exact trial: seconds for a structure of 20 nodes."""
 
 Counts = tuple[int, int]
-"""Mechanical and thermal vectors beside the tip's own."""
+"""Mechanical and thermal vectors besides the tip's own."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ class Cases:
     temperature
         Initial temperature rises, K, shape ``(case, thermal)``; the tip is last.
     load_harmonics, casing_harmonics
-        Harmonics of the tip load beside F1, N, and of the casing's position beside d, m; none by default.
+        Harmonics of the tip load besides F1, N, and of the casing's position besides d, m; none by default.
     friction
         Friction coefficient µ of a structure with a sliding direction t: the contact force acts along n - µt. 1,
         shape ``(case,)``; 0 by default.

@@ -1,4 +1,4 @@
-"""Harmonics of the load, beside its first sinusoid, and of the casing's motion."""
+"""Harmonics of the load besides its first sinusoid, and of the casing's motion."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoor
 from workflow.models._semidefinite import factored
 
 _RESIDUAL = 1e-8
-"""Largest residual K φ - λ M φ of a mode over λ M φ, beside the rounding of K φ: the relative error of the eigenvalue
+"""Largest residual K φ - λ M φ of a mode over λ M φ, besides the rounding of K φ: the relative error of the eigenvalue
 is its square."""
 
 _ROUNDING = 100 * float(np.finfo(float).eps)

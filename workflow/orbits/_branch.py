@@ -197,7 +197,7 @@ def _root(at: Along, a: Point, b: Point, test: Callable[[Point], float]) -> Poin
 def _order(point: Point) -> tuple[int, int, bool]:
     """Return the numbers of an orbit's contacts and, without any, impacts, and whether it is one permanent contact.
 
-    Impacts are not counted beside contacts, as chattering has infinitely many.
+    Impacts are not counted besides contacts, as chattering has infinitely many.
     """
     motion = point.orbit.motion
     touches = int(np.sum(motion.kinds == TOUCH))

@@ -43,7 +43,7 @@ def load(name: str) -> Scheme:
 
 
 def metrics(name: str) -> tuple[Variable, ...]:
-    """Return the metrics that a scheme declares beside the common ones."""
+    """Return the metrics that a scheme declares besides the common ones."""
     return tuple(of_scheme(metric, unit, meaning) for metric, (unit, meaning) in load(name).METRICS.items())
 
 

@@ -25,7 +25,7 @@ EXTRAPOLATED = "extrapolated: "
 
 
 class Status(IntEnum):
-    """How a case ended."""
+    """Outcome of a case."""
 
     OK = 0
     DIVERGED = 1
@@ -102,7 +102,7 @@ def schedule(sampling: Sampling, h: float) -> Schedule:
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """What a scheme returns for a batch.
+    """Results of a scheme for a batch.
 
     Attributes
     ----------
@@ -211,7 +211,7 @@ def _of_friction(limit: Callable[..., float]) -> Callable[[Structure, Any, float
 
 @dataclass(frozen=True)
 class Scheme:
-    """What a module of ``workflow/schemes/`` offers; fields with a default may be left out.
+    """Interface of a scheme's module; fields with a default are optional.
 
     Attributes
     ----------
@@ -225,7 +225,7 @@ class Scheme:
         is not called for a structure that :attr:`massless_tip` refuses: :class:`RefusedStructureError` is raised.
     compute
         ``compute(operator, cases, sampling)`` runs a whole batch and returns :class:`Results`; it never raises for
-        what a case does, and a case's numbers do not depend on its neighbours, bit for bit.
+        the failure of a case, and a case's bits do not depend on the other cases.
     STEP_SECONDS
         Measured time of a step of one case per state, s; 0 where it was not measured.
     amplification
@@ -235,7 +235,7 @@ class Scheme:
     thermal_amplification
         ``thermal_amplification(rate, h, options)``: factor of the free step of thermal modes τ' = -μ τ, ``(mode,)``.
     METRICS
-        Its metrics beside the common ones: name to unit and meaning.
+        Its metrics besides the common ones: name to unit and meaning.
     TOGETHER
         Number of cases that are stepped at once, at little more than the cost of one.
     contact_limit

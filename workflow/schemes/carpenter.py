@@ -42,7 +42,7 @@ class Options:
     damping
         Velocity in the damping force: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h.
     heat
-        Temperature in conduction: ``implicit`` θ_k+1 or ``explicit`` θ_k, which has a stability limit of its own.
+        Temperature in conduction: ``implicit`` T_k+1 or ``explicit`` T_k, which has a stability limit of its own.
     """
 
     damping: Literal["central", "lagged"] = "central"
@@ -50,7 +50,7 @@ class Options:
 
     @property
     def differences(self) -> Differences:
-        """How damping and heat are differenced."""
+        """Difference formulas of damping and heat."""
         return Differences(lagged=self.damping == "lagged", implicit_heat=self.heat == "implicit")
 
 

@@ -1,15 +1,15 @@
 """Moreau–Jean θ-method with Newton's law at velocity level and implicitly coupled heat.
 
-    Ŵ (v_free - v_k) = h (f_θ - C1 v_k - K1 (x_k + hθ v_k) - K12 (θ_k + θ δθ)),   Ŵ = M + hθC1 + h²θ²K1
-    T̂ δθ = h (q - K2 θ_k) + α p e_n,   T̂ = C2 + hθK2
+    Ŵ (v_free - v_k) = h (f_θ - C1 v_k - K1 (x_k + hθ v_k) - K12 (T_k + θ δT)),   Ŵ = M + hθC1 + h²θ²K1
+    T̂ δT = h (q - K2 T_k) + α p e_n,   T̂ = C2 + hθK2
     p = max(0, (v_free,n + e v_n,k) / W)  where x_n,k + h/2 v_n,k >= d,  else 0
     W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n)
     v_k+1 = v_free - Ŵ⁻¹ (e_n - µ t) p,   x_k+1 = x_k + h (θ v_k+1 + (1-θ) v_k)
 
-with v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1 is the implicit
-Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts: contact is the
-complementarity of gap and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read. A structure is
-stepped in its modes (:mod:`workflow.schemes._fixed`).
+with temperatures T and v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1
+is the implicit Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts:
+contact is the complementarity of gap and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read. A
+structure is stepped in its modes (:mod:`workflow.schemes._fixed`).
 """
 
 from __future__ import annotations

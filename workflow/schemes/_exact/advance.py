@@ -33,11 +33,11 @@ class Trajectory:
     contact: bool
     """Whether it ends in contact."""
     times: Array
-    """Of events after ``begin``, s, ``(event,)``."""
+    """Times of events after ``begin``, s, ``(event,)``."""
     kinds: Array
     """A contact ends, an impact, or a contact begins: see :mod:`workflow.schemes._exact.record`."""
     impulses: Array
-    """Of impacts, N s."""
+    """Impulses of impacts, N s, ``(event,)``."""
     states: Array
     """X after the events, ``(event, N)``."""
     histories: Array

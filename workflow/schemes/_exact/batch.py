@@ -27,7 +27,7 @@ THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What the cases of a batch share; ``budget`` limits events and steps of one case."""
+    """Common data of the cases of a batch; ``budget`` limits events and steps of one case."""
 
     basis: ModalBasis
     held: HeldRegimes

@@ -154,7 +154,7 @@ class Expansion(NamedTuple):
     terms: Array
     """``(9, column)``; scratch."""
     derivatives: Array
-    """Of the signal, ``(ORDER + 1,)``; scratch."""
+    """Derivatives of the signal, ``(ORDER + 1,)``; scratch."""
     explicit: Array
     """Derivatives of an explicit block, ``(ORDER + 2,)``; scratch."""
 

@@ -2,8 +2,8 @@
 
     z'' + c z' + ω² z + G τ = φᵀ (f̄ + F e_n) - b d'' - b' d',   τ' + μ τ = χᵀ q + α χ_n λ
 
-F is the load on the tip beside the constant loads f̄. With the tip free, z are all modes and b = 0; with the tip held,
-x_n = d(t), they are the fixed-interface modes beside the constraint mode ψ of a unit displacement of the tip,
+F is the load on the tip besides the constant loads f̄. With the tip free, z are all modes and b = 0; with the tip held,
+x_n = d(t), they are the fixed-interface modes and the constraint mode ψ of a unit displacement of the tip,
 x_i = ψ d + φ z, b = φᵀ (M_in + M_ii ψ), b' likewise by C1, and the force on the casing is
 
     λ = f_n - M_ni x_i'' - C_ni x_i' - K_ni x_i - M_nn d'' - C_nn d' - K_nn d - K12_n θ.

@@ -21,7 +21,7 @@ class Observed(NamedTuple):
     """Gap d - x_n of the free tip, m; contact force of the held tip, N."""
     signal_rate: float
     temperature: float
-    """Of the tip, K."""
+    """Tip temperature, K."""
     warming: float
     """Its rate, K/s."""
     place: float

@@ -12,7 +12,7 @@ For the part of load and contact that acts on the tip Σ I v_m is (S_load - p) t
 particular solution. That velocity is taken from the contact law (``End.driven``), not from the modes, so that an
 impulse without the effect its law states shows in the residual. The heat and the friction of a contact impulse are
 inputs besides. Damping that couples modes is one more impulse, -h C v_m with the off-diagonal C. Energy that a contact
-law creates beside its impulse, as a contact spring where contact begins and ends, is added (:func:`contact_gain`).
+law creates besides its impulse, as a contact spring where contact begins and ends, is added (:func:`contact_gain`).
 
 The mean velocity is that of the power of an impact, p (v + v')/2, whatever θ is; on a casing that moves p (V + V')/2
 of it is the casing's. Without heat the sum over the steps of a mode is

@@ -51,13 +51,13 @@ class Step(NamedTuple):
     stiffening: float
     """The factor s of K, s."""
     lever: float
-    """Of ξ = z - lever·v, s."""
+    """The lever in ξ = z - lever·v, s."""
     energy_lever: float
     """ℓ, the lever in the energy that the step conserves, s: see :mod:`~workflow.schemes._fixed.balance`."""
     decay: Array
     """D, ``(thermal mode,)``."""
     heat_gain: Array
-    """τ at a step's end per heat at the tip in it, 1/J, ``(thermal mode,)``."""
+    """τ at a step's end per joule of heat at the tip in it, ``(thermal mode,)``."""
     slope: Array
     """δ = (D - 1)/h, 1/s, ``(thermal mode,)``."""
     load_weight: Array

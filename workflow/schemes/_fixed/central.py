@@ -87,7 +87,7 @@ class Differences:
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What a batch shares: structure, step h [s], differences, the structure in blocks, and its contact."""
+    """Common data of a batch: structure, step h [s], differences, the structure in blocks, and its contact."""
 
     structure: Structure
     h: float

@@ -48,7 +48,7 @@ METRICS = {
         "speed of separation over speed of approach, least squares over all contacts that ended",
     )
 }
-"""Metrics of schemes without a restitution coefficient beside the common ones: unit and meaning."""
+"""Metrics of schemes without a restitution coefficient besides the common ones: unit and meaning."""
 
 Law = Any
 """Parameters of a contact law: a named tuple of numbers and arrays."""
@@ -303,7 +303,7 @@ def _contact_centrally(step: TipStep, law: Law, free: Free, own: Own, tip: Tips,
 def contact_gain(
     step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Own, tip: Tips, lane: Lane
 ) -> Pack:
-    """Return the energy that contact creates in a step, J, beside the work of its impulse at the mean velocity.
+    """Return the energy that contact creates in a step, J, besides the work of its impulse at the mean velocity.
 
     Of a contact spring that is the gain of its energy less the work done on it. ``impulse`` is that of load less
     contact at the tip, ``change`` that of its relative velocity; ``tip`` is the tip at the step's beginning.

@@ -17,7 +17,7 @@ from workflow.schemes._fixed.rows import Totals
 def count_step(
     account: Account | None, step: FreeStep, state: State, measures: bool, last: bool, in_broad: int, lanes: int
 ) -> None:
-    """Add what the next step does not count of this one to the balances; with the energy at its end if it ``measures``.
+    """Add the part of a step that the next one does not count to the balances, and the energy if it ``measures`` it.
 
     The first ``in_broad`` lanes are in broad packs, as those of the step.
     """

@@ -1,4 +1,4 @@
-"""Harmonics of the load beside its first sinusoid, and a moving casing, in the lanes of a block of cases.
+"""Harmonics of the load besides its first sinusoid, and a moving casing, in the lanes of a block of cases.
 
 A scheme with a fixed step sees the casing d(t) = d + Σ a_m sin(ω_m t + φ_m) through a discrete velocity
 

@@ -1,4 +1,4 @@
-"""Named rows of lanes that a block of cases has beside the states of its modes."""
+"""Named rows of lanes that a block of cases has besides the states of its modes."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Own(Rows):
     """A flag of each pack, raised where some lane was in contact: elsewhere there is no impulse."""
     after: Array
     last: Array
-    """Velocity and force that the contact law returned last, beside the impulse."""
+    """Velocity and force that the contact law returned last, besides the impulse."""
     approach: Array
     """Approach velocity of the present contact, m/s."""
     approached: Array

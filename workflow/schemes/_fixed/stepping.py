@@ -160,7 +160,7 @@ class Ended(NamedTuple):
     closing: Array
     """Quasi-static tip growth at the end, m, ``(case,)``."""
     own: dict[str, Array]
-    """Metrics of the scheme beside the common ones, ``(case,)``."""
+    """Metrics of the scheme besides the common ones, ``(case,)``."""
     balance: Balance | None
 
 
@@ -197,7 +197,7 @@ def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = 
 
 
 def block_lanes(rows: int) -> int:
-    """Return the number of lanes of a block that has ``rows`` beside those of load and tip."""
+    """Return the number of lanes of a block that has ``rows`` besides those of load and tip."""
     return cached_lanes(rows + rows_in(Tips) + rows_in(TipLoads))
 
 

@@ -38,7 +38,7 @@ and units."""
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What a batch shares: structure, step h [s] and θ, the structure in blocks, and its contact."""
+    """Common data of a batch: structure, step h [s] and θ, the structure in blocks, and its contact."""
 
     structure: Structure
     h: float
