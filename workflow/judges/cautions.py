@@ -62,10 +62,10 @@ def scene_cautions(
         cases = at_rest(structure, cases) if is_static else cases
     except NoEquilibriumError:
         return  # its cases fail with this message
-    yield from _far(structure, cases)
+    yield from _static_reach(structure, cases)
     with np.errstate(all="ignore"):
-        yield from _clear(cases, free_reach(structure, cases, duration))
-    yield from _jams(structure, cases)
+        yield from _without_contact(cases, free_reach(structure, cases, duration))
+    yield from _friction_limits(structure, cases)
 
 
 def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
@@ -87,7 +87,7 @@ def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
             )
 
 
-def _far(structure: Structure, cases: Cases) -> Iterator[str]:
+def _static_reach(structure: Structure, cases: Cases) -> Iterator[str]:
     """Yield that the load, applied statically, would move the tip by more than :data:`_FAR` gaps."""
     moved = tip_flexibility(structure) * (np.abs(cases.mean) + np.abs(cases.amplitude))
     far = np.isfinite(moved) & (moved > _FAR * cases.gap) & (cases.gap > 0)
@@ -99,7 +99,7 @@ def _far(structure: Structure, cases: Cases) -> Iterator[str]:
         )
 
 
-def _clear(cases: Cases, reach: Array) -> Iterator[str]:
+def _without_contact(cases: Cases, reach: Array) -> Iterator[str]:
     """Yield the gaps at which no case's tip reaches the casing; NaN is no bound."""
     reaches = ~(reach < cases.gap - cases.casing_harmonics.reach)
     clear = [gap for gap in np.unique(cases.gap) if not np.any(reaches[cases.gap == gap])]
@@ -111,7 +111,7 @@ def _clear(cases: Cases, reach: Array) -> Iterator[str]:
         )
 
 
-def _jams(structure: Structure, cases: Cases) -> Iterator[str]:
+def _friction_limits(structure: Structure, cases: Cases) -> Iterator[str]:
     """Yield the friction coefficients at which contact has no unique solution or no stable rest."""
     if structure.tangent is None:
         return

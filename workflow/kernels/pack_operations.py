@@ -247,7 +247,7 @@ def _flag(context, builder, sig, args):
 
 @_implements(packs.align_stack, lambda: types.none)
 def _align_stack(context, builder, sig, args):
-    builder.function.attributes.add("nounwind")  # without it the next one is not written
+    builder.function.attributes.add("nounwind")  # without it the next attribute is not written
     builder.function.attributes.alignstack = 8 * PACK
 
 

@@ -35,7 +35,7 @@ _ALL_STATES = 600
 _STRONGEST = 100
 """Modes of each kind of a larger structure whose eigenvalues are computed."""
 
-_IMPROVED = 24
+_REFINED = 24
 """Number of eigenvalues of largest real part that are refined."""
 
 _STEPS = 30
@@ -96,7 +96,7 @@ class InContact:
         return np.append(poles(self.modes[0], self.modes[1]), -self.heat[0])
 
     @cached_property
-    def shares(self) -> Array:
+    def relative_shifts(self) -> Array:
         """Relative shift of each pole by contact heat per α, to first order: residues of G over poles."""
         omega, damping, participation, drag = self.modes[:, :, None]
         decay, tip, static = self.heat
@@ -109,9 +109,9 @@ class InContact:
         moved, size = np.append(moved, tip * (static + (follows * self.coupling).sum(axis=0))), np.abs(self.poles)
         return np.asarray(np.abs(moved) / np.maximum(size, size[size > 0].min(initial=np.inf)))
 
-    def moved(self, alpha: float) -> tuple[InContact, Complex]:
+    def shifted_modes(self, alpha: float) -> tuple[InContact, Complex]:
         """Return the system of modes with poles that contact heat shifts, at most the strongest, and the others."""
-        count, each = self.modes.shape[1], self.shares
+        count, each = self.modes.shape[1], self.relative_shifts
         most = _STRONGEST if self.poles.size > _ALL_STATES else self.poles.size
         kinds = each[: 2 * count].reshape(count, 2).max(axis=1), each[2 * count :]
         order = (np.argsort(-kind, kind="stable")[:most] for kind in kinds)
@@ -189,20 +189,20 @@ def growth(contact: InContact, alpha: float, friction: float = 0.0) -> Growth:
         values = eigenvalues(contact.matrix(alpha, friction))
         rates = values.real
     else:
-        part, others = contact.moved(alpha)
+        part, others = contact.shifted_modes(alpha)
         values = np.append(eigenvalues(part.matrix(alpha)), contact.poles)
-        rates = np.append(_improved(contact, alpha, values[: -contact.poles.size]), others.real)
+        rates = np.append(_refined(contact, alpha, values[: -contact.poles.size]), others.real)
     rate = float(rates.max(initial=0.0 if contact.has_rigid else -np.inf)) + 0.0
     return Growth(rate if np.isfinite(rate) else np.nan, _UNCERTAIN * float(np.abs(values).max(initial=0.0)))
 
 
-def _improved(contact: InContact, alpha: float, spectrum: Complex) -> Array:
+def _refined(contact: InContact, alpha: float, spectrum: Complex) -> Array:
     """Return the real parts of the rightmost eigenvalues, refined by Newton's method on 1/G(s) = α.
 
     Where it does not converge they are kept if the spectrum is that of all modes, else left out; NaN if none is left.
     """
     above = spectrum[spectrum.imag >= 0]
-    starts = above[np.argsort(-above.real, kind="stable")[:_IMPROVED]]
+    starts = above[np.argsort(-above.real, kind="stable")[:_REFINED]]
     roots, left = starts.copy(), np.full(starts.size, np.inf)
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):

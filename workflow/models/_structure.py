@@ -137,7 +137,7 @@ class Structure:
 
     @property
     def has_matrices(self) -> bool:
-        """Whether it is small enough for dense matrices."""
+        """Whether the structure is small enough for dense matrices."""
         return max(self.mechanical_size, self.thermal_size) <= MOST_FULL
 
     @property

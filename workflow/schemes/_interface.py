@@ -299,7 +299,7 @@ class Scheme:
         return replace(scheme, init=init)
 
     def refusal(self, structure: Structure, options: Any) -> str | None:
-        """Return why it cannot step a structure, ``None`` where it can."""
+        """Return why the scheme cannot step a structure, ``None`` where it can."""
         if structure.load is not None and "load" not in self.GENERAL:
             return "its load does not act on the tip, which the scheme does not take"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
@@ -307,7 +307,7 @@ class Scheme:
         return self.massless_tip(options) if structure.has_massless_tip else None
 
     def cannot_take(self, load: bool, casing: bool) -> str | None:
-        """Return why it refuses a scene with harmonics of load or casing, ``None`` where it takes them."""
+        """Return why the scheme refuses a scene with harmonics of load or casing, ``None`` where it takes them."""
         if load and "load" not in self.HARMONICS:
             return "does not take harmonics of the load"
         return "does not take a casing that moves" if casing and "casing" not in self.HARMONICS else None

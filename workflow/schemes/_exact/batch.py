@@ -36,7 +36,7 @@ class Operator:
 
     @cached_property
     def heated(self) -> Regime:
-        """The regime of a free tip."""
+        """The regime of a free tip with thermal modes."""
         return regime_of(self.basis.free)
 
     @cached_property

@@ -22,7 +22,7 @@ def growth(regime: Regime) -> float:
 
 
 def propagators(regime: Regime, spans: Array) -> Array:
-    """Return the derivatives of X, of the free tip, by X a ``span`` [s] earlier, ``(span, N, N)``."""
+    """Return the propagators of X, of the free tip, over each of some spans [s], ``(span, N, N)``."""
     n, t = regime.blocks, spans[:, None]
     half, w2 = 0.5 * regime.block[block.DAMPING, :n], regime.block[block.STIFFNESS, :n]
     root = np.sqrt(half**2 - w2 + 0j)

@@ -132,7 +132,7 @@ def _observe_waves(m: Motion, t: float) -> Observed:
 
 @part
 def apply_impulse(m: Motion, p: float) -> None:
-    """Apply an impulse p [N s] with its friction heat at the free tip: v jumps by -p M⁻¹ e_n, θ by α p C2⁻¹ e_n."""
+    """Apply an impulse p [N s] at the free tip: v jumps by -p M⁻¹ (e_n - µ t), θ by α p C2⁻¹ e_n."""
     for row in range(state.ROWS):
         for k in range(m.now.shape[1]):
             m.now[row, k] += p * m.jump[row, k]

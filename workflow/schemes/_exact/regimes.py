@@ -104,7 +104,7 @@ def _in_blocks(system: ModalSystem, alpha: float) -> Regime:
 def _regime(
     system: ModalSystem, poles: tuple[Array, Array, Array], signal: Array, source: Array, inward: Array, outward: Array
 ) -> Regime:
-    """Return a regime.
+    """Return the regime of a system in given blocks.
 
     ``poles`` are c and ω² of blocks and μ of first-order states, ``signal`` and ``source`` those of the coordinates.
     Columns of ``inward`` and rows of ``outward`` are X.

@@ -46,7 +46,7 @@ from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, shared, spread, store
 from workflow.models import Array
-from workflow.schemes._fixed.contact import End, Free, TipStep, contact_gain, friction_heat, was_pressed
+from workflow.schemes._fixed.contact import End, TipInput, TipStep, contact_gain, friction_heat, was_pressed
 from workflow.schemes._fixed.rows import Own, Tips, Totals
 
 DAMPING, KINETIC, ELASTIC = range(3)
@@ -134,7 +134,7 @@ def count_work(
     step: TipStep,
     end: End,
     thermal_velocity: Pack,
-    free: Free,
+    free: TipInput,
     own: Own,
     tip: Tips,
     lane: Lane,

@@ -143,7 +143,7 @@ class CentralStep(TipStep):
     """A step of central differences: half-step velocities, the impulse p_k centred on the step's beginning."""
 
 
-class Free(NamedTuple):
+class TipInput(NamedTuple):
     """The tip at the step's end without load and contact, and its load and casing."""
 
     velocity: Pack
@@ -249,13 +249,13 @@ def _weighed(weight: float, after: Pack, rest: float, before: Pack) -> Pack:
 
 
 @by_type
-def contact_step(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
+def contact_step(step: TipStep, law: Law, free: TipInput, own: Own, tip: Tips, lane: Lane) -> End:
     """Complete a step by load and contact; store the impulses of both in ``own``."""
     raise NotImplementedError
 
 
 @defines(contact_step, TipStep)
-def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
+def _contact_by_theta(step: TipStep, law: Law, free: TipInput, own: Own, tip: Tips, lane: Lane) -> End:
     x, v = tip_before(free.drive, tip, lane)
     gap, p, temperature = casing_place(free.drive, free.gap, lane), spread(0.0, lane), free.temperature
     after = relative(free.drive, free.velocity + step.load_mobility * free.impulse, lane)
@@ -274,7 +274,7 @@ def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, 
 
 
 @defines(contact_step, CentralStep)
-def _contact_centrally(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
+def _contact_centrally(step: TipStep, law: Law, free: TipInput, own: Own, tip: Tips, lane: Lane) -> End:
     """Return the tip at t_k and the impulse centred on it, and complete the step from t_k with p_k."""
     x, before, temperature = pack(own.ahead, lane), pack(own.half, lane), free.temperature
     after, p, about = free.velocity + step.load_mobility * free.impulse, spread(0.0, lane), spread(0.0, lane)
@@ -301,7 +301,7 @@ def _contact_centrally(step: TipStep, law: Law, free: Free, own: Own, tip: Tips,
 
 @by_type
 def contact_gain(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Own, tip: Tips, lane: Lane
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: TipInput, own: Own, tip: Tips, lane: Lane
 ) -> Pack:
     """Return the energy that contact creates in a step, J, besides the work of its impulse at the mean velocity.
 
@@ -313,7 +313,7 @@ def contact_gain(
 
 @defines(contact_gain, TipStep)
 def _gain_by_theta(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Own, tip: Tips, lane: Lane
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: TipInput, own: Own, tip: Tips, lane: Lane
 ) -> Pack:
     """Return Δ(κ δ²/2) - h κ δ_θ (v + v')/2 with the depths δ, 0 where the tip is not beyond the casing.
 
@@ -335,7 +335,7 @@ def _gain_by_theta(
 
 @defines(contact_gain, CentralStep)
 def _gain_centrally(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Own, tip: Tips, lane: Lane
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: TipInput, own: Own, tip: Tips, lane: Lane
 ) -> Pack:
     """Return κ δ_k (s_k+1 - s_k-1)/2, with the depth δ and the distance s from the casing.
 

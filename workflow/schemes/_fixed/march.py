@@ -19,7 +19,7 @@ from workflow.schemes._fixed import free_motion, stepping
 from workflow.schemes._fixed.balance import Account, count_work, lay_out_account
 from workflow.schemes._fixed.balances import Balances
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.contact import CentralStep, Contact, End, Free, Law, TipStep, contact_step, respond
+from workflow.schemes._fixed.contact import CentralStep, Contact, End, Law, TipInput, TipStep, contact_step, respond
 from workflow.schemes._fixed.count import count_step
 from workflow.schemes._fixed.drive import DriveRows, turn_drive
 from workflow.schemes._fixed.free_motion import FreeStep, FreeTip, State
@@ -93,7 +93,7 @@ def close_step(
 ) -> End:
     """Complete a step by load and contact, and count their work."""
     tip, load = block.tip, stepping.load_impulse(now, step.tip.h, block, lane)
-    driven = Free(free.velocity, free.temperature, load, pack(tip.gap, lane), block.drive)
+    driven = TipInput(free.velocity, free.temperature, load, pack(tip.gap, lane), block.drive)
     end = contact_step(step.tip, law, driven, state.own, tip, lane)
     count_work(account, step.tip, end, free.thermal_velocity, driven, state.own, tip, lane)
     return end

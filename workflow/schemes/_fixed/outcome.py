@@ -21,7 +21,7 @@ ROUNDING = 16 * np.finfo(float).eps
 
 
 def effective_restitution(own: Own) -> dict[str, Array]:
-    """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended or a sum has left the finite numbers."""
+    """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended or a sum is not finite."""
     approached, separated = own.approached, own.separated
     met = (approached > 0) & np.isfinite(approached) & np.isfinite(separated)
     return {"effective_restitution": np.where(met, separated / np.where(met, approached, 1.0), np.nan)}

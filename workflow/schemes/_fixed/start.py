@@ -102,13 +102,13 @@ def first_free(blocks: Blocks, begun: InitialState) -> tuple[Array, Array, Array
 
 
 def contact_heat(blocks: Blocks, cases: Cases) -> Array:
-    """Return u and η by heat and friction of a unit impulse of contact, ``(2, block, case)``."""
+    """Return the changes of u and η by heat and friction of a unit impulse of contact, ``(2, block, case)``."""
     along, warm = blocks.modal.tangent, blocks.of_heat(blocks.step.heat_gain[:, None]) * cases.alpha
     return warm if along is None else warm + blocks.of_impulses(along[:, None]) * cases.friction
 
 
 def drives(blocks: Blocks, cases: Cases) -> Array:
-    """Return u and η by a unit impulse of contact, ``(2, block, case)``."""
+    """Return the changes of u and η by a unit impulse of contact, ``(2, block, case)``."""
     return contact_heat(blocks, cases) - blocks.of_impulses(blocks.modal.tip[:, None])
 
 

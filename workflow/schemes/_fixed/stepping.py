@@ -242,7 +242,7 @@ def block_of(watched: Watch, part: slice, loads: Array, tips: Array, samples: Ar
     return Block(load, tip, marks, record, None, -(-count // PACK) * PACK, schedule.steps, watched.h)
 
 
-def _blank_what_was_lost(watched: Watch, case: int) -> None:
+def _blank_lost_samples(watched: Watch, case: int) -> None:
     """Set all samples and load periods of a case to NaN from its first non-finite sample on."""
     histories, periods = watched.record.histories[case], watched.record.periods[case]
     bad = ~np.isfinite(histories).all(axis=0)
@@ -268,7 +268,7 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
     for values in metrics.values():
         values[lost] = np.nan
     for case in np.flatnonzero(lost):
-        _blank_what_was_lost(watched, int(case))
+        _blank_lost_samples(watched, int(case))
     impulse, temperature, contact = record.periods[:, :3].swapaxes(0, 1)
     periods = (watched.period_due < NEVER).sum(axis=1)
     return Results(
