@@ -71,7 +71,7 @@ def rigid(structure: Structure, h: float) -> Options:
 def contact_limit(structure: Structure, options: Options, friction: float = 0.0) -> float:
     """Return the largest step that is stable in intermittent contact, s: infinite where implicit with θ >= 0.75.
 
-    Measured, see :mod:`~workflow.schemes._fixed.spring_limits`. ``friction`` is µ along the structure's tangent.
+    So it is for a tip without mass. Measured, see :mod:`~workflow.schemes._fixed.spring_limits`; ``friction`` is µ.
     """
     if options.integration == "explicit":
         return spring_limits.switching_limit(structure, contact_stiffness_of(structure, options), friction)
