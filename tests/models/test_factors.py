@@ -26,7 +26,7 @@ from workflow.reduction import reduce_structure
 needs_cholmod = pytest.mark.skipif(not factors.has_cholmod(), reason="the extra `sparse` is not installed")
 
 
-def by_cholmod(matrix: csc_array) -> factors.Answer:
+def by_cholmod(matrix: csc_array) -> factors.Solver:
     return factors._by_cholmod(matrix, factors._nested_dissection(matrix))
 
 
@@ -42,7 +42,7 @@ def lattice(nodes: int, ground: float) -> csc_array:
 
 
 @pytest.mark.parametrize("by", SOLVERS)
-def test_answers_balance_their_loads(by: Callable[[csc_array], factors.Answer]) -> None:
+def test_answers_balance_their_loads(by: Callable[[csc_array], factors.Solver]) -> None:
     stiffness = lattice(9, 0.1)
     loads = np.random.default_rng(0).normal(size=(9**3, 3))
     answer, rounding = by(stiffness), 1e-13 * 12 / 0.1  # times the condition number
@@ -53,7 +53,7 @@ def test_answers_balance_their_loads(by: Callable[[csc_array], factors.Answer]) 
 
 
 @pytest.mark.parametrize("by", SOLVERS)
-def test_what_nothing_holds_is_refused(by: Callable[[csc_array], factors.Answer]) -> None:
+def test_what_nothing_holds_is_refused(by: Callable[[csc_array], factors.Solver]) -> None:
     loose = csc_array(diags_array([1.0, 0.0, 1.0]))
     with pytest.raises(factors.NotHeldError, match="loose"):
         by(loose)

@@ -30,9 +30,9 @@ def test_modes_diagonalise_mass_and_stiffness(structure: Structure) -> None:
     assert omega[-1] == np.inf
 
 
-def test_static_answers(structure: Structure) -> None:
+def test_static_solutions(structure: Structure) -> None:
     load = np.random.default_rng(0).normal(size=5)
-    displacements = structure.mechanical.static_answers(load[None, :])[0]
+    displacements = structure.mechanical.static_solutions(load[None, :])[0]
     if mechanical_modes(structure).values[0] == 0:
         rigid = mechanical_modes(structure).shapes[:, 0]
         load = load - structure.mass @ rigid * (rigid @ load)

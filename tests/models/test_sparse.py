@@ -18,8 +18,8 @@ from workflow.models import (
     UnusableMatricesError,
     critical_alpha,
     frequencies,
-    growth_at_once,
     growth_rate,
+    instantaneous_growth,
     rates,
     static_tip_growth,
     structure_from_matrices,
@@ -60,8 +60,8 @@ def test_statics_are_those_of_the_chain(chain: Structure, sparse: Sparse) -> Non
     assert critical_alpha(sparse) == pytest.approx(critical_alpha(chain), rel=1e-11)
     assert relative(static_tip_growth(sparse), static_tip_growth(chain)) < 1e-11
     loads = np.random.default_rng(1).normal(size=(2, NODES))
-    assert relative(sparse.mechanical.static_answers(loads), chain.mechanical.static_answers(loads)) < 1e-10
-    assert relative(sparse.thermal.static_answers(loads), chain.thermal.static_answers(loads)) < 1e-10
+    assert relative(sparse.mechanical.static_solutions(loads), chain.mechanical.static_solutions(loads)) < 1e-10
+    assert relative(sparse.thermal.static_solutions(loads), chain.thermal.static_solutions(loads)) < 1e-10
     assert frequencies(sparse)[0] == pytest.approx(frequencies(chain)[0], rel=1e-9)
     assert rates(sparse)[0] == pytest.approx(rates(chain)[0], rel=1e-11)
     assert chain.thermal.largest() == pytest.approx(rates(chain)[-1], rel=1e-13)
@@ -233,4 +233,4 @@ def test_heat_without_heat_capacity_grows_the_structure_at_once(is_sparse: bool)
     rest = np.array([0.0, 1.0]), np.array([0.0, 0.0, 1.0]), np.zeros(2), np.array([0.0, 4.0, 0.0])
     sparse, dense = GivenMatrices(*map(csc_array, matrices), *rest), GivenMatrices(*matrices, *rest)
     structure = _sparse_structure(sparse) if is_sparse else structure_from_matrices(dense)
-    assert growth_at_once(structure) == pytest.approx(9.6e-5, rel=1e-12)
+    assert instantaneous_growth(structure) == pytest.approx(9.6e-5, rel=1e-12)

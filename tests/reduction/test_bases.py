@@ -26,7 +26,7 @@ def test_weakly_coupled_holds_a_warm_start_at_rest() -> None:
     small = {name: reduce_structure(structure, 0, 8, name) for name in ("craig_bampton", "weakly_coupled")}
     warm = small["craig_bampton"].temperature_basis @ np.linspace(1.0, 2.0, 9)
     forces = -structure.coupling_matrix @ warm
-    rest = structure.mechanical.static_answers(forces[None, :])[0]
+    rest = structure.mechanical.static_solutions(forces[None, :])[0]
     batch = cases(structure, 1, gap=1.0, temperature=warm, displacement=rest)
     lost = {name: projection_residual(structure, basis, batch)[0] for name, basis in small.items()}
     assert lost["weakly_coupled"] < 1e-10

@@ -48,7 +48,7 @@ def test_moments_and_modes_are_in_the_mechanical_space() -> None:
     vectors = BASIS.mechanical(structure, 18, None)
     moment = structure.mechanical.constraint
     for _ in range(krylov.MOST_MOMENTS - 1):
-        moment = structure.mechanical.answer(mass @ moment, held=True)
+        moment = structure.mechanical.solve(mass @ moment, held=True)
         assert outside(moment, vectors, mass) < 1e-10
     modes = structure.mechanical.modes(14, held=True).shapes
     lost = [outside(mode, vectors, mass) for mode in modes.T]
@@ -60,7 +60,7 @@ def test_answers_at_shifts_are_in_the_thermal_space() -> None:
     """At the first shift, of 1/duration, and the last, 10/duration here: two answers alone are all of 2 vectors."""
     structure = blade()
     capacity = structure.thermal.inertia.toarray()
-    answer = structure.thermal.answers_held_shifted()
+    answer = structure.thermal.shifted_solver()
     heat = capacity @ structure.thermal.constraint
     for count in (2, 12):
         vectors = BASIS.thermal(structure, count, DURATION)

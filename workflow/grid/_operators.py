@@ -19,7 +19,7 @@ from workflow.models import (
     Cases,
     Structure,
     at_rest,
-    growth_at_once,
+    instantaneous_growth,
     needs_matrices,
     static_tip_growth,
     tip_flexibility,
@@ -155,5 +155,5 @@ def run_batch(settings: CaseSettings, cases: Cases, sampling: Sampling) -> Resul
     operator = _operator(reduced(settings), method, settings.scheme.options, settings.h)
     _, projected = as_run(settings, cases)
     results = schemes.load(method).compute(operator, projected, sampling)
-    results.metrics["thermal_closing"] += growth_at_once(structure_of(scene.model, scene.parameters))
+    results.metrics["thermal_closing"] += instantaneous_growth(structure_of(scene.model, scene.parameters))
     return schemes.checked(results, projected, sampling)

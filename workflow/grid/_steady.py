@@ -13,7 +13,7 @@ from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._operators import as_run, full_structure
 from workflow.grid._perturbation import Perturbation, cases_of
 from workflow.judges.trials import EXACT
-from workflow.models import Cases, Structure, growth_at_once
+from workflow.models import Cases, Structure, instantaneous_growth
 from workflow.study import CaseSettings, Study
 from workflow.variables import Variable
 
@@ -56,7 +56,7 @@ def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Val
     structure, projected = as_run(settings, cases)
     options = Options(asked.periods, asked.samples)
     values, messages = steady_rubs(structure, projected, grid.sampling.duration, options)
-    return _with_growth_at_once(settings, values), messages
+    return _with_instantaneous_growth(settings, values), messages
 
 
 def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> tuple[Values, str]:
@@ -75,12 +75,12 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
     start, stop = map(float, followed.axis.values)
     options = Options(asked.periods, asked.samples)
     values, message = branch(problem, start, stop, followed.points, grid.sampling.duration, options)
-    values = _with_growth_at_once(first, values)
+    values = _with_instantaneous_growth(first, values)
     values[followed.axis.name] = values.pop("value")
     return {name: array[None] for name, array in values.items()}, message
 
 
-def _with_growth_at_once(settings: CaseSettings, values: Values) -> Values:
+def _with_instantaneous_growth(settings: CaseSettings, values: Values) -> Values:
     """Return steady rubs with the tip growth by heat loads that temperatures without heat capacity follow at once."""
     structure = full_structure(settings)
-    return values | {"steady_closing": values["steady_closing"] + growth_at_once(structure)}
+    return values | {"steady_closing": values["steady_closing"] + instantaneous_growth(structure)}

@@ -1,1 +1,1 @@
-"""Judges: what is said of results and models by theory and by trials; arrays and structures, no settings of a study."""
+"""Judges: assessment of results and models by theory and by trials, from arrays and structures, not study settings."""

@@ -1,11 +1,11 @@
-"""Cases whose numbers blew up although they stayed finite: marked ``diverged``.
+"""Cases that diverged although their numbers stayed finite: marked ``diverged``.
 
-- Of every scheme that has balances: ``energy_residual`` is above :data:`CREATED`.
-- Of time-stepping where K1 is regular: the largest |x_n| exceeds :data:`EXCESS` times what the scene accounts for, the
-  largest of |gap|, |x_n(0)|, S · largest load, √(2 S E) of the initial energy E, and the quasi-static growth by initial
-  temperatures, heating and friction heat.
+- In every scheme with balances: ``energy_residual`` is above :data:`CREATED`.
+- In time-stepping where K1 is regular: the largest |x_n| exceeds :data:`EXCESS` times the length accounted for by the
+  scene, the largest of |gap|, |x_n(0)|, S · largest load, √(2 S E) of the initial energy E, and the quasi-static growth
+  by initial temperatures, heating and friction heat.
 
-The largest |x_n| is that of the samples and of gap + ``max_penetration``, which schemes take over all steps.
+The largest |x_n| is that of the samples and of gap + ``max_penetration``, which is taken over all steps.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ CREATED = 0.99
 """Energy residual above which a case has diverged: a hundred times the energy that it should have."""
 
 EXCESS = 1000.0
-"""Largest |x_n| over the length that a case accounts for, above which it has diverged: a resonance at a damping
-ratio of 5e-4 amplifies a load by as much."""
+"""Largest |x_n|, over the length accounted for, above which a case has diverged: a resonance with a damping ratio of
+5e-4 amplifies a load by as much."""
 
 _LOST = 1e6
-"""Quasi-static growth over what a case accounts for otherwise, above which its energy balance is rounding: the work
+"""Quasi-static growth, over the length accounted for otherwise, above which an energy balance is rounding: the work
 against thermal forces exceeds the energy by the square, and 1e-16 of it is as large as the energy at 1e8."""
 
 _AT_REST = 1e-12
-"""Largest |x_n| over the length a case accounts for, up to which the tip never left a gap of 0: a few thousand
-roundings of that length. The work of load and contact force, which cancel, is then set beside no energy."""
+"""Largest |x_n|, over the length accounted for, up to which the tip never left a gap of 0: a few thousand roundings.
+The work of load and contact force, which cancel, is then compared with no energy."""
 
 
 def mark_blown_up(
@@ -45,7 +45,7 @@ def mark_blown_up(
     *,
     is_stepped: bool,
 ) -> Results:
-    """Return the results with ``diverged`` and a message for every ok case that blew up.
+    """Return the results with ``diverged`` and a message for every ok case that has diverged.
 
     Parameters
     ----------
@@ -56,9 +56,9 @@ def mark_blown_up(
     growth_rates
         Growth rates of cases with the tip in contact, 1/s, ``(case,)``.
     cases, results, duration
-        What was run, what the scheme gave, and how long, s.
+        The cases, the scheme's results, and the duration, s.
     is_stepped
-        Whether the scheme steps in time: the exact motion has no bound.
+        Whether the scheme steps in time: an exact motion is not bounded.
     """
     ok, reach = results.status == Status.OK, _reach(results, cases)
     start = np.abs(results.histories["displacement"][:, 0])
@@ -105,9 +105,9 @@ def _reach(results: Results, cases: Cases) -> Array:
 
 
 def _accounted(structure: Structure, cases: Cases, flexibility: float, row: Array, duration: float) -> Array:
-    """Return the largest length of what acts on each case without friction heat, m, ``(case,)``.
+    """Return the length accounted for in each case without friction heat, m, ``(case,)``.
 
-    Each temperature's heating stays in it.
+    Heating is bounded without conduction, each temperature by its own.
     """
     load, place = _largest_load(structure, cases), np.abs(cases.gap) + cases.casing_harmonics.reach
     warm = np.abs((row * cases.temperature).sum(axis=1))
@@ -120,11 +120,11 @@ def _accounted(structure: Structure, cases: Cases, flexibility: float, row: Arra
 def _farthest(
     cases: Cases, results: Results, which: NDArray[np.int64], row: Array, length: Array, exponent: Array
 ) -> Array:
-    """Return how far the tips of the cases ``which`` may move, m, ``(case,)``.
+    """Return the largest admissible displacement of the tip in the cases ``which``, m, ``(case,)``.
 
-    The growth by friction heat is quasi-static: that at the end, or that of the tip node at its largest temperature.
-    It counts up to what contact can make of the length, e^(growth rate · duration) as ``exponent``: a scheme that
-    creates energy creates heat too. Friction along a tangent may drive a pressed tip without heat.
+    The growth by friction heat is quasi-static: that at the end, or that of the tip node at its largest temperature. It
+    is limited to the length times e^``exponent``, growth rate · duration: a scheme that creates energy creates heat
+    too. Friction along a tangent may drive a pressed tip without heat.
     """
     closing = np.abs(results.metrics["thermal_closing"][which])
     sampled = np.fmax.reduce(np.abs(results.histories["temperature"][which]), axis=1)
@@ -136,7 +136,7 @@ def _farthest(
 
 
 def _free_flight(structure: Structure, cases: Cases, duration: float) -> Array:
-    """Return how far loads and initial velocities would take the whole structure, m, ``(case,)``."""
+    """Return the displacement of the free structure by loads and initial velocities, m, ``(case,)``."""
     rigid = np.ones(structure.mechanical_size)
     mass = float(rigid @ structure.mechanical.inertia_of(rigid))
     load = _largest_load(structure, cases)
@@ -144,9 +144,9 @@ def _free_flight(structure: Structure, cases: Cases, duration: float) -> Array:
 
 
 def _largest_load(structure: Structure, cases: Cases) -> Array:
-    """Return the largest load of each case, those of all coordinates added up, N, ``(case,)``.
+    """Return the largest load of each case, summed over all coordinates, N, ``(case,)``.
 
-    A load direction counts as at least that of the tip: its entries may be those of modes, 1/√kg.
+    The norm of a load direction counts as at least 1: its entries may be those of modes, 1/√kg.
     """
     moving = np.abs(cases.mean) + np.abs(cases.amplitude) + cases.load_harmonics.reach
     return np.asarray(moving * max(1.0, np.abs(structure.load_direction).sum()) + np.abs(cases.steady).sum(axis=1))

@@ -1,4 +1,4 @@
-"""What to beware of in a structure with its cases, and in a scheme at one step on it, one sentence or phrase each."""
+"""Cautions about a structure with its cases, and about a scheme at one step size on it, one sentence or phrase each."""
 
 from __future__ import annotations
 
@@ -29,31 +29,31 @@ from workflow.reduction import ReducedModel
 from workflow.schemes import Scheme, limit_text
 
 ROUNDED = 1e-6
-"""Share of the tip's stiffness that roundings of a file's entries may change without a word."""
+"""Relative change of the tip's stiffness by rounding of a file's entries, up to which there is no caution."""
 
 _CANCELLED = 1e-9
-"""Share of the largest term below which a sum of terms of both signs is rounding."""
+"""A sum of terms of both signs, over the largest term, up to which it is rounding."""
 
 _GROWS = 1e-12
-"""Growth of a free step above which it is unstable: below, a million steps grow by less than a millionth."""
+"""Excess of the spectral radius over 1 up to which a free step is stable: a million steps grow by a millionth."""
 
 _COARSE = 20
-"""Steps per load period below which a plan says so: implicit Euler then errs by about a sixth."""
+"""Steps per load period below which a plan warns: implicit Euler then has an error of about a sixth."""
 
 FEW = 6
-"""Amounts that are named one by one."""
+"""Number of amounts up to which all are listed."""
 
 _FAR = 100
-"""Gaps that a load may move the tip by in a scene as meant: a rub takes a few."""
+"""Static tip displacement by a load, over the gap, above which units are doubtful: a rub has a few."""
 
 _RINGS = 0.9
-"""What a step leaves of a disturbance of a tip without mass, from which on it rings."""
+"""Amplification of a disturbance of a tip without mass by a step from which on it rings."""
 
 
 def scene_cautions(
     structure: Structure, model: ReducedModel, cases: Cases, duration: float, *, is_static: bool
 ) -> Iterator[str]:
-    """Yield what is to be said of a full structure and cases on it, which run on a reduced model where it is sparse."""
+    """Yield the cautions about a full structure and its cases, which run on a reduced model where it is sparse."""
     if structure.coordinates is not None:
         yield from _from_files(structure, cases)
     if isinstance(structure, Sparse):
@@ -61,15 +61,15 @@ def scene_cautions(
     try:
         cases = at_rest(structure, cases) if is_static else cases
     except NoEquilibriumError:
-        return  # its cases fail and say so
-    yield from _far(structure, cases)
+        return  # its cases fail with this message
+    yield from _static_reach(structure, cases)
     with np.errstate(all="ignore"):
-        yield from _clear(cases, free_reach(structure, cases, duration))
-    yield from _jams(structure, cases)
+        yield from _without_contact(cases, free_reach(structure, cases, duration))
+    yield from _friction_limits(structure, cases)
 
 
 def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
-    """Yield what matrices of a file may hold otherwise than meant: which way heat moves the tip, and its stiffness."""
+    """Yield doubts about matrices from a file: the direction in which heat moves the tip, and its stiffness."""
     shares = static_tip_growth(structure) * structure.thermal.constraint
     closing = float(shares.sum())
     if cases.alpha.max() > 0 and closing < -_CANCELLED * np.abs(shares).max():
@@ -87,8 +87,8 @@ def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
             )
 
 
-def _far(structure: Structure, cases: Cases) -> Iterator[str]:
-    """Yield that the load at the tip, were it constant, would move the tip by :data:`_FAR` gaps."""
+def _static_reach(structure: Structure, cases: Cases) -> Iterator[str]:
+    """Yield that the load, applied statically, would move the tip by more than :data:`_FAR` gaps."""
     moved = tip_flexibility(structure) * (np.abs(cases.mean) + np.abs(cases.amplitude))
     far = np.isfinite(moved) & (moved > _FAR * cases.gap) & (cases.gap > 0)
     if structure.load is None and np.any(far):
@@ -99,8 +99,8 @@ def _far(structure: Structure, cases: Cases) -> Iterator[str]:
         )
 
 
-def _clear(cases: Cases, reach: Array) -> Iterator[str]:
-    """Yield the gaps at which no case's tip reaches the casing; a bound that is not a number is none."""
+def _without_contact(cases: Cases, reach: Array) -> Iterator[str]:
+    """Yield the gaps at which no case's tip reaches the casing; NaN is no bound."""
     reaches = ~(reach < cases.gap - cases.casing_harmonics.reach)
     clear = [gap for gap in np.unique(cases.gap) if not np.any(reaches[cases.gap == gap])]
     if clear:
@@ -111,8 +111,8 @@ def _clear(cases: Cases, reach: Array) -> Iterator[str]:
         )
 
 
-def _jams(structure: Structure, cases: Cases) -> Iterator[str]:
-    """Yield friction coefficients at which the tip does not yield to the contact force."""
+def _friction_limits(structure: Structure, cases: Cases) -> Iterator[str]:
+    """Yield the friction coefficients at which contact has no unique solution or no stable rest."""
     if structure.tangent is None:
         return
     critical, most = critical_friction(structure), float(cases.friction.max(initial=0.0))
@@ -129,7 +129,7 @@ def _jams(structure: Structure, cases: Cases) -> Iterator[str]:
 
 
 def soft_spring(structure: Structure, stiffness: float, label: str) -> Iterator[str]:
-    """Yield that a contact spring [N/m] gives way more than the full structure."""
+    """Yield that a contact spring [N/m] is softer than the full structure at its tip."""
     flexibility = tip_flexibility(structure)
     if 0 < flexibility < np.inf and stiffness * flexibility < 1:
         yield (
@@ -139,9 +139,9 @@ def soft_spring(structure: Structure, stiffness: float, label: str) -> Iterator[
 
 
 class FreeModes(NamedTuple):
-    """ω, c and μ of a structure's modes, of a long chain those of the lowest and the highest.
+    """ω, c and μ of a structure's modes; of a long chain those of the lowest and the highest.
 
-    The last ω is infinite where the tip has no mass, and its c says nothing.
+    The last ω is infinite where the tip has no mass, and its c is meaningless.
     """
 
     omega: Array
@@ -167,7 +167,7 @@ class Step:
     scheme, options, h
         The scheme, its options and its step, s.
     structure, modes, basis
-        The structure it steps, its free modes, and the name of the basis that made it.
+        The structure it steps, its free modes, and the name of its basis.
     friction
         Smallest and largest coefficient of friction of the cases.
     frequency
@@ -185,7 +185,7 @@ class Step:
 
 
 class StepCaution(NamedTuple):
-    """What a scheme does at a step, how much of it in words (empty for any step), and a number that grows with it."""
+    """An effect of a step, its amount in words (empty where it has none), and a number that grows with it."""
 
     what: str
     amount: str
@@ -193,7 +193,7 @@ class StepCaution(NamedTuple):
 
 
 def step_cautions(step: Step) -> Iterator[StepCaution]:
-    """Yield what to beware of at a step: that it diverges, else that it rings, grows in contact, damps or is coarse."""
+    """Yield the cautions about a step: it diverges, or it rings, is unstable in contact, damps or is coarse."""
     scheme, modes, h = step.scheme, step.modes, step.h
     if "h" not in scheme.READS or scheme.amplification is None or scheme.thermal_amplification is None:
         return
@@ -217,7 +217,7 @@ def step_cautions(step: Step) -> Iterator[StepCaution]:
 
 
 def _numerical_damping(scheme: Scheme, step: Step) -> Iterator[StepCaution]:
-    """Yield that a free step damps the first mode, where that swings, more than itself: -ln|z|/|arg z|."""
+    """Yield the numerical damping of an underdamped first mode, -ln|z|/|arg z|, where it exceeds the physical one."""
     assert scheme.amplification is not None
     omega, damping = step.modes.omega[:1], step.modes.damping[:1]
     if not (0 < omega[0] < np.inf and damping[0] < 2 * omega[0]):

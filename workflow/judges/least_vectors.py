@@ -1,9 +1,9 @@
-"""The smallest reduced model whose tip meets a tolerance in all of some cases, confirmed in time.
+"""The smallest reduced model whose tip meets a tolerance in all given cases, confirmed by simulations in time.
 
-What decides is the larger of the relative errors of the tip's displacement and temperature in the worst case, against
-the full structure; one of more than 300 coordinates is reduced to 100 + 100 vectors of the same basis, which confirm at
-most half as many. The fewest vectors of each kind beside the most of the other are sought, and from there the smallest
-sum of both.
+The criterion is the larger of the relative errors of the tip's displacement and temperature in the worst case against
+the full structure; for one of more than 300 coordinates, against 100 + 100 vectors of the same basis, which confirm at
+most half as many. The search finds the fewest vectors of each kind with the most of the other, and from there the
+smallest sum of both.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ ANY = -1
 """A count that the tolerance decides."""
 
 _HOPELESS = 3.0
-"""Error over tolerance from which fewer vectors are not tried: neighbouring counts differ by up to 2 in it."""
+"""Error over tolerance above which fewer vectors are not tried: it differs by up to 2 between neighbouring counts."""
 
 
 class LeastVectors(NamedTuple):
-    """Counts of vectors that a tolerance decides.
+    """Counts of vectors that are determined by a tolerance.
 
     Attributes
     ----------
@@ -37,11 +37,11 @@ class LeastVectors(NamedTuple):
         Larger of the relative L2 errors of the tip's displacement and temperature in the worst case, 1; NaN where no
         case ended ok, or where trials cannot confirm so many vectors.
     worst
-        Place of the case with that error.
+        Index of the case with that error.
     against
-        What the error was measured against, in words.
+        The reference of the error, in words.
     untried
-        Why cases were left out, by their place.
+        Why cases were left out, by their index.
     """
 
     counts: Counts
@@ -52,18 +52,18 @@ class LeastVectors(NamedTuple):
 
 
 class FullTrials:
-    """Trials against the full structure, or the richest that errors can be measured against; each error is found once.
+    """Trials against the full structure, or the largest model that serves as reference; errors are cached.
 
     Attributes
     ----------
     most
-        Counts of vectors of the model that errors are measured against, n - 1 where it is the full one.
+        Counts of vectors of the reference model, n - 1 where it is the full one.
     confirmable
-        Largest counts whose errors that model can tell: half of its own, all of them where it leaves nothing out.
+        Largest counts whose errors it can measure: half of its own, or all of them where it is complete.
     sound
-        Places of the cases that ended ok.
+        Indices of the cases that ended ok.
     untried
-        Why the others did not, by their place.
+        Why the others did not, by their index.
     failure
         Why no case did, empty where some did.
     """
@@ -86,7 +86,7 @@ class FullTrials:
             self.failure = "" if self.sound else self.untried[0]
 
     def errors(self, counts: Counts, which: Sequence[int]) -> list[float]:
-        """Return the error of some cases with so many vectors; infinite where they end otherwise than ok."""
+        """Return the errors of some cases with counts of vectors; infinite where they do not end ok."""
         unknown = [k for k in which if (counts, k) not in self._errors]
         if unknown:
             self._errors |= {(counts, k): e for k, e in zip(unknown, self._found(counts, unknown), strict=True)}
@@ -104,7 +104,7 @@ class FullTrials:
 
 
 def richest(structure: Structure) -> Counts:
-    """Return the counts of vectors of the model that errors are measured against."""
+    """Return the counts of vectors of the reference model."""
     sizes = structure.mechanical_size, structure.thermal_size
     return _each(lambda size: size - 1 if size <= MOST_BY_JACOBI else MOST_ONE_BY_ONE, sizes)
 
@@ -112,14 +112,14 @@ def richest(structure: Structure) -> Counts:
 def least_vectors(trials: FullTrials, requested: Counts, tolerance: float) -> LeastVectors:
     """Return the counts of the smallest reduced model that meets a tolerance.
 
-    Where a count that is given stands in its way, or rounding, the model that adds no more than the tolerance to what
-    is then left. Where no case ends ok, or more vectors are needed than the trials can confirm, all that errors are
-    measured against, without an error.
+    Where a requested count, or rounding, leaves a larger error, it is the model that adds no more than the tolerance to
+    that error. Where no case ends ok, or more vectors are needed than the trials can confirm, it is the reference model
+    without an error.
 
     Parameters
     ----------
     trials
-        Of the cases.
+        Trials of the cases.
     requested
         Counts, :data:`ANY` where the tolerance decides.
     tolerance
@@ -143,7 +143,7 @@ def least_vectors(trials: FullTrials, requested: Counts, tolerance: float) -> Le
 
 
 def ends(requested: Counts, most: Counts) -> tuple[Counts, Counts]:
-    """Return the smallest and the largest counts that may be chosen: of a given one itself."""
+    """Return the smallest and the largest counts that may be chosen: both are the requested one where there is one."""
     least = _each(lambda k: 0 if requested[k] == ANY else requested[k], (0, 1))
     return least, _each(lambda k: most[k] if requested[k] == ANY else requested[k], (0, 1))
 
@@ -151,7 +151,7 @@ def ends(requested: Counts, most: Counts) -> tuple[Counts, Counts]:
 def _smallest_of(trials: FullTrials, least: Counts, most: Counts, every: Counts, tolerance: float) -> Counts:
     """Return the smallest counts up to ``most`` that meet a tolerance in all cases, ``every`` if only these do.
 
-    They are decided by few cases, and by what then misses the tolerance.
+    The search uses one case at first, and adds the worst one as long as it misses the tolerance.
     """
     floor = max(trials.errors(most, trials.sound))
     if floor > tolerance and most != every and max(trials.errors(every, trials.sound)) <= tolerance:
@@ -172,7 +172,7 @@ def _smallest_of(trials: FullTrials, least: Counts, most: Counts, every: Counts,
 
 
 def smallest(error: Callable[[int, int], float], least: Counts, most: Counts, allowed: float) -> Counts:
-    """Return the counts of the smallest sum whose error is allowed."""
+    """Return the counts of the smallest sum with an allowed error."""
     mechanical = fewest(lambda count: error(count, most[1]), least[0], most[0], allowed)
     thermal = fewest(lambda count: error(most[0], count), least[1], most[1], allowed)
     best = most
@@ -186,9 +186,9 @@ def smallest(error: Callable[[int, int], float], least: Counts, most: Counts, al
 
 
 def fewest(error: Callable[[int], float], least: int, most: int, allowed: float) -> int:
-    """Return the smallest count that meets a tolerance, among those above which the error is not hopeless.
+    """Return the smallest count that meets a tolerance, searched down to a hopeless error.
 
-    Errors do not fall evenly with the count.
+    Errors do not fall monotonically with the count.
     """
     passing = _first(lambda count: error(count) <= allowed, least, most)
     best = count = most if passing is None else passing
@@ -199,7 +199,7 @@ def fewest(error: Callable[[int], float], least: int, most: int, allowed: float)
 
 
 def _first(meets: Callable[[int], bool], least: int, most: int) -> int | None:
-    """Return a count from ``least`` on that meets something and whose predecessor does not, ``None`` if none does."""
+    """Return a count from ``least`` on that meets a condition while its predecessor does not; ``None`` if none does."""
     below, count, stride = least - 1, least, 1
     while not meets(count):
         if count == most:
@@ -219,6 +219,6 @@ def _each(of: Callable[[int], int], pair: tuple[int, int]) -> Counts:
 
 
 def _ending(results: Results, case: int) -> str:
-    """Return how a case ended that is not ok."""
+    """Return status and message of a case that did not end ok."""
     status = Status(int(results.status[case])).name.lower()
     return ": ".join(filter(None, [status, results.messages.get(case, "")]))

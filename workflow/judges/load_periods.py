@@ -1,4 +1,4 @@
-"""What the load periods of cases come to, from their sampled histories."""
+"""Quantities of load periods from sampled histories."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ def contact_force(impulse: Array, interval: float) -> Array:
 
 
 def widened(values: Array, periods: int) -> Array:
-    """Return values of load periods with NaN for those that a case does not have, ``(case, period)``."""
+    """Return values padded with NaN to ``periods`` load periods, ``(case, period)``."""
     wide = np.full((values.shape[0], periods), np.nan)
     wide[:, : values.shape[1]] = values
     return wide
 
 
 def largest_per_period(force: Array, frequency: Array, sampling: Sampling, periods: int) -> Array:
-    """Return the largest force of the output intervals whose middle lies in each load period.
+    """Return the largest force of the output intervals with their middle in each load period.
 
-    A period shorter than an interval takes the interval that holds its own middle.
+    A period without one takes the interval that contains its own middle.
     """
     largest = np.full((force.shape[0], periods), np.nan)
     count, interval = force.shape[1], sampling.interval
@@ -44,7 +44,7 @@ def largest_per_period(force: Array, frequency: Array, sampling: Sampling, perio
 
 
 def sections(results: Results, cases: Cases, sampling: Sampling, periods: int) -> dict[str, Array]:
-    """Return the sections of load periods, and the extremes of the displacement; NaN where a scheme gives none."""
+    """Return the Poincaré sections of load periods and the extremes of the displacement; NaN where there are none."""
     blank = np.full((cases.count, periods), np.nan)
     values = {name: blank.copy() for name in SECTIONS}
     values |= {name: widened(section, periods) for name, section in results.sections.items()}

@@ -1,4 +1,4 @@
-"""Cases with their data changed by a little: how much of their results rounding decides."""
+"""Perturbed cases: sensitivity of results to rounding."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from workflow.models import Array, Cases
 from workflow.schemes import Results, Status
 
 GAP_SHARE = 1e-12
-"""Change of the gap, as a share of a length of the motion, by whose effect ``predictability`` is defined."""
+"""Change of the gap over a length of the motion, by whose effect ``predictability`` is defined."""
 
 
 def predictability(run: Callable[[Cases], Results], cases: Cases, displacement: Array, *, is_static: bool) -> Array:
-    """Return the larger relative change of the displacement when the gap is opened or closed by a trifle, ``(case,)``.
+    """Return the larger relative change of the displacement for a slightly wider or narrower gap, ``(case,)``.
 
-    The trifle is 1e-12 of a length of the motion, the larger of |gap| and the largest |x_n|. Where closing would put
-    the start inside the casing only opening counts; a static start moves with the gap. NaN where no perturbed run ended
-    ok.
+    The gap changes by 1e-12 of a length of the motion, the larger of |gap| and the largest |x_n|. Where a narrower gap
+    would put the start inside the casing only the wider one counts; a static start moves with the gap. NaN where no
+    perturbed run ended ok.
     """
     trifle = GAP_SHARE * np.maximum(np.abs(cases.gap), np.abs(displacement).max(axis=1))
     change = np.full(cases.count, np.nan)
@@ -36,11 +36,11 @@ def predictability(run: Callable[[Cases], Results], cases: Cases, displacement: 
 
 
 def perturbed(cases: Cases, share: float, reach: float) -> Cases:
-    """Return cases with gap, tip load, start and heating changed by a share; a tip never starts beyond the casing.
+    """Return cases with gap, tip load and initial state perturbed by a share; a tip never starts beyond the casing.
 
-    ``reach`` is the largest displacement of the tip, m: the gap changes by the share of it, also where it is 0. So does
-    the mean load, by a share of the amplitude: rounding decides whether a load presses where its sinusoid is 0. A wider
-    gap comes with a smaller mean: one direction takes contact away, the other adds to it.
+    With ``reach`` the largest displacement of the tip, m, the gap changes by the share of the larger of |gap| and it,
+    the mean load by that of the larger of |mean| and amplitude: rounding decides whether a load presses where its
+    sinusoid is 0. A wider gap comes with a smaller mean: one sign reduces contact, the other increases it.
     """
     gap = cases.gap + share * np.maximum(np.abs(cases.gap), reach)
     displacement = cases.displacement * (1 + share)

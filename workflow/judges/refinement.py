@@ -1,7 +1,7 @@
-"""The basis of a reference of a large structure: refined until that changes the motion less than a tolerance.
+"""The basis of a reference of a large structure, refined until the motion changes less than a tolerance.
 
-A large structure has no full solution to measure against. What is shown is a change instead: of the exact solution with
-m mechanical and t thermal vectors, when one of both is doubled, in the worst of some cases,
+A large structure has no full solution as a reference. Its error is estimated by the change of the exact solution with
+m mechanical and t thermal vectors when one of both is doubled, in the worst of some cases,
 
     |x(2m, t) - x(m, t)| / |x(2m, t)| + |x(m, 2t) - x(m, t)| / |x(m, 2t)|,
 
@@ -20,7 +20,7 @@ from workflow.models import MOST_REDUCED, Structure
 from workflow.schemes import Results
 
 _FIRST = (12, 6)
-"""Vectors to begin with: fewer leave 1e-4 and more of a finite element blade."""
+"""First counts of vectors: fewer have an error of 1e-4 and more for a finite element blade."""
 
 
 def is_refined(structure: Structure) -> bool:
@@ -29,13 +29,13 @@ def is_refined(structure: Structure) -> bool:
 
 
 def coarsest(structure: Structure, requested: Counts) -> Counts:
-    """Return the counts of vectors that a refinement begins with."""
+    """Return the first counts of vectors of a refinement."""
     least, most = _range(structure, requested)
     return min(max(_FIRST[0], least[0]), most[0]), min(max(_FIRST[1], least[1]), most[1])
 
 
 def _range(structure: Structure, requested: Counts) -> tuple[Counts, Counts]:
-    """Return the smallest and the largest counts of vectors that a large structure may be reduced to."""
+    """Return the smallest and the largest counts of vectors of a large structure."""
     limit = MOST_REDUCED if structure.has_matrices else structure.mechanical.most_modes
     return ends(requested, (min(structure.mechanical_size - 1, limit), min(structure.thermal_size - 1, limit)))
 
@@ -44,7 +44,7 @@ def refined_vectors(problem: Problem, requested: Counts, tolerance: float) -> Le
     """Return the counts of vectors whose refinement changes the motion by less than a tolerance, and that change.
 
     Parameters are those of :func:`~workflow.judges.least_vectors.least_vectors`. Where the largest basis does not meet
-    the tolerance, the error is the change of the last refinement that led to it.
+    the tolerance, the error is the change by the last refinement.
     """
     counts, (_, most) = coarsest(problem.structure, requested), _range(problem.structure, requested)
     trials = Trials(problem, [(counts, problem.every)])
@@ -70,6 +70,6 @@ def refined_vectors(problem: Problem, requested: Counts, tolerance: float) -> Le
 
 
 def _doubled(counts: Counts, kind: int, most: Counts) -> Counts:
-    """Return counts with twice as many vectors of a kind, at most ``most``."""
+    """Return counts with twice the vectors of a kind, at most ``most``."""
     twice = min(2 * counts[kind], most[kind])
     return (twice, counts[1]) if kind == 0 else (counts[0], twice)

@@ -1,4 +1,4 @@
-"""Whether a tip in lasting contact runs away, at heat couplings and coefficients of friction."""
+"""Runaway of a tip in lasting contact, at given heat couplings and friction coefficients."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from threadpoolctl import threadpool_limits
 from workflow.models import Array, Structure, critical_alpha, growth, in_contact
 
 _AT_CRITICAL = 1e-9
-"""Share of the critical coupling within which its own rounding, about 1e-14, decides nothing."""
+"""Relative excess over the critical coupling up to which there is no runaway: far above its rounding, about 1e-14."""
 
 
 class Runaways:
-    """Critical coupling and growth rate of the structure that cases are run on, each pair of α and µ once."""
+    """Critical coupling and growth rate of the structure on which cases are run, cached for each pair of α and µ."""
 
     def __init__(self, structure: Structure) -> None:
         with threadpool_limits(limits=1, user_api="blas"):
@@ -34,8 +34,8 @@ class Runaways:
     def of(self, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Return critical coupling [m/s], growth rate [1/s] and whether it grows, ``(case,)`` each.
 
-        Above the critical coupling a real eigenvalue is positive for certain, however small it is beside the largest
-        (1 - α G(s) is negative at 0 and 1 at infinity).
+        Above the critical coupling a real eigenvalue is certainly positive, however small beside the largest one:
+        1 - α G(s) is negative at 0 and 1 at infinity.
         """
         distinct, where = np.unique(np.stack([alpha, friction]), axis=1, return_inverse=True)
         critical, rate, grows = np.transpose([self._at(*map(float, pair)) for pair in distinct.T])[:, where.ravel()]

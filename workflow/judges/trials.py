@@ -1,7 +1,7 @@
-"""Trials of reduced models: some cases run exactly with few vectors and with more, and how far their motions differ.
+"""Trials of reduced models: the difference between motions with few and with more vectors, in some cases.
 
-They are run by `event_driven`; what it refuses is run by `moreau` with θ = 1 at the shortest step, full and reduced
-alike. A case that does not end ok tells nothing.
+They are run by `event_driven` or, where it refuses a structure or case, by `moreau` with θ = 1 at the shortest step,
+with all counts of vectors alike. A case that does not end ok is not compared.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from workflow.reduction import ReducedModel, reduced_model
 from workflow.schemes import Results, Sampling, Status
 
 EXACT = "event_driven"
-"""The scheme whose solution of a reduced model has no error of a step."""
+"""The scheme without a time-stepping error."""
 
 DECIDING = ("displacement", "temperature")
 """Histories of the tip by which reduced models are judged."""
 
 _BUDGET = {"events": 20_000, "steps": 200_000}
-"""Of an exact trial: seconds of a structure of 20 nodes."""
+"""Limits of an exact trial: seconds for a structure of 20 nodes."""
 
 Counts = tuple[int, int]
-"""Mechanical and thermal vectors beside the tip's own."""
+"""Mechanical and thermal vectors besides the tip's own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Cases that reduced models of a structure are tried with.
+    """Cases for the trials of reduced models of a structure.
 
     Attributes
     ----------
     structure, cases
         The full structure, and the cases on it.
     is_static
-        Whether they start in equilibrium, whatever initial state the cases hold.
+        Whether they start in equilibrium instead of their initial state.
     basis
-        Of the reduced models.
+        Basis of the reduced models.
     sampling
         Common sampling of all histories.
     shortest
@@ -58,12 +58,12 @@ class Problem:
     shortest: float
 
     def model(self, counts: Counts) -> ReducedModel:
-        """Return the structure with so many vectors."""
+        """Return the reduced model with counts of vectors."""
         return reduced_model(self.structure, *counts, self.basis, self.sampling.duration)
 
     @property
     def every(self) -> range:
-        """Places of all cases."""
+        """Indices of all cases."""
         return range(self.cases.count)
 
 
@@ -75,7 +75,7 @@ class Trials:
     problem
         The cases and their structure.
     probes
-        Counts and places of cases that decide whether the exact scheme takes the problem, run one after the other.
+        Counts and indices of cases that decide whether the exact scheme takes the problem, run in this order.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Trials:
                 self.failure = reason_of(error)
 
     def motions(self, counts: Counts, which: Sequence[int]) -> Results:
-        """Return the motions of some cases with so many vectors."""
+        """Return the motions of some cases with counts of vectors."""
         problem = self._problem
         cases = problem.cases.take(np.asarray(which))
         scheme = schemes.load("moreau" if self._h else EXACT)
@@ -117,9 +117,9 @@ class Trials:
 
 
 def largest_change(motions: Results, than: Results, which: Sequence[int]) -> list[float]:
-    """Return by how much motions differ from those ``which`` of others: the larger relative L2 distance of DECIDING.
+    """Return the larger relative L2 distance in DECIDING of motions from those ``which`` of others.
 
-    Infinite where one of both did not end ok.
+    It is infinite where one of both did not end ok.
     """
     places = np.asarray(which)
     changes = [relative_distance(motions.histories[name], than.histories[name][places]) for name in DECIDING]

@@ -1,4 +1,4 @@
-"""Kernels: how they are compiled and cached, arithmetic on lanes, small linear algebra; no physics."""
+"""Kernels: compilation and cache, arithmetic on lanes, small linear algebra; no physics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear algebra by LAPACK, as structures need it: matrices whose entries differ by many decades keep their digits."""
+"""Linear algebra by LAPACK that stays accurate for matrices whose entries differ by many decades."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from workflow.kernels import Array
 Complex = NDArray[np.complex128]
 
 MOST_BY_JACOBI = 300
-"""Columns up to which singular values come from Jacobi's method: of 800 it takes 1.9 s, the usual one 0.3 s."""
+"""Columns up to which singular values come from Jacobi's method: for 800 it takes 1.9 s, the usual one 0.3 s."""
 
 _EPS = float(np.finfo(float).eps)
 
 _SCALED_ROWS = 2
-"""JOBA of dgejsv: values keep their digits where rows and columns are scaled by whatever factors."""
+"""JOBA of dgejsv: values keep their digits where rows and columns are scaled by any factors."""
 
 
 def singular(matrix: ArrayLike) -> tuple[Array, Array]:
     """Return the singular values of a real matrix, descending, ``(column,)``, and right singular vectors in columns.
 
-    Where A = D₁ B D₂ with any diagonal D₁, D₂ and a well-conditioned B each value is accurate to its own size, up to
+    Where A = D₁ B D₂ with any diagonal D₁, D₂ and a well-conditioned B each value has a small relative error, up to
     :data:`MOST_BY_JACOBI` columns: springs of a chain may differ by many decades.
     Source: Drmač and Veselić, New fast and accurate Jacobi SVD algorithm I (SIAM J. Matrix Anal. Appl. 29, 2008).
 
@@ -52,7 +52,7 @@ def least_squares(matrix: ArrayLike, right: ArrayLike) -> Array:
     """Return the x of minimum norm that minimises |A x - b|, for each column of b.
 
     A part of the triangular factor below max(shape) · 2.2e-16 counts as 0. The largest rows come first, so that rows
-    of whatever factors keep their digits.
+    of any scale keep their digits.
     Source: Cox and Higham, Stability of Householder QR factorization for weighted least squares problems (1998).
     """
     a = np.asarray(matrix, dtype=np.float64)
@@ -62,7 +62,7 @@ def least_squares(matrix: ArrayLike, right: ArrayLike) -> Array:
 
 
 def eigenvalues(matrix: ArrayLike) -> Complex:
-    """Return the eigenvalues of a real square matrix; conjugate pairs are so to the bit, positive imaginary part first.
+    """Return the eigenvalues of a real square matrix; pairs are conjugate to the bit, positive imaginary part first.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def inverse(matrix: Array) -> Array:
 
 
 def _finite(matrix: ArrayLike) -> Array:
-    """Return a matrix whose entries are finite, as LAPACK needs them."""
+    """Return a matrix after a check that its entries are finite, as LAPACK requires."""
     a = np.asarray(matrix, dtype=np.float64)
     if not np.isfinite(a).all():
         raise np.linalg.LinAlgError("a matrix with entries that are not finite cannot be decomposed")

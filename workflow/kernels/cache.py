@@ -1,9 +1,9 @@
-"""The directory in which compiled kernels are kept, one for each state of the sources that kernels are made of.
+"""The cache directory of compiled kernels, one for each state of their sources.
 
-Kernels inline functions, constants and named tuples of other modules, so that machine code is right as long as none of
-these sources changes. A directory is named by a digest of all sources of the physics floor, of those of the package
-that a scheme from outside comes from, and of the versions of Python and numba. Those of other states that no process
-has used for a day are removed: whoever goes back and forth between two states compiles nothing anew.
+Kernels inline functions, constants and named tuples of other modules, so that machine code is valid as long as none of
+these sources changes. A directory is named by a digest of all sources of the physics packages, of those of the package
+of an external scheme, and of the versions of Python and numba. Directories that no process has used for a day are
+removed, so that a switch between two states needs no new compilation.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from pathlib import Path
 from workflow.registry import digest, source_digest
 
 PLAIN = "WORKFLOW_PLAIN_NUMBA"
-"""Environment variable that has numba's own compiler used."""
+"""Environment variable that selects numba's own compiler."""
 
 UNUSED_SECONDS = 24 * 3600.0
 
 _WITHOUT_KERNELS = {"judges", "study", "grid", "archive", "run", "analysis", "plots", "report", "cli"}
-"""Directories of the package whose sources no kernel is made of."""
+"""Directories of the package without sources of kernels."""
 
 _DIGEST = digest(Path(__file__).parents[1], "**/*.py", _WITHOUT_KERNELS)
-"""Taken when the process begins: a source that changes later is not the one that was imported."""
+"""Digest at the start of the process: a source that changes later is not the one that was imported."""
 
 
 @cache
 def directory_of(module: str) -> Path | None:
-    """Return where the compiled kernels of an imported module are kept; ``None`` where they cannot be.
+    """Return the cache directory for the kernels of an imported module; ``None`` where there is none.
 
-    That is where its source is no file, or no directory can be written: below ``NUMBA_CACHE_DIR`` where that is set,
-    else beside the sources or in the user's cache.
+    It is below ``NUMBA_CACHE_DIR`` where that is set, else next to the sources or in the user's cache. There is none
+    where the module's source is no file, or no directory can be written.
     """
     package, ours = module.split(".")[0], __name__.split(".")[0]
     source = _DIGEST if package == ours else source_digest(package)
@@ -60,7 +60,7 @@ def directory_of(module: str) -> Path | None:
 
 
 def _remove_unused(root: Path) -> None:
-    """Remove the directories that no process has used for long."""
+    """Remove the directories that no process has used for :data:`UNUSED_SECONDS`."""
     for directory in root.iterdir():
         with suppress(OSError):  # another process removes it
             if time.time() - directory.stat().st_mtime > UNUSED_SECONDS:

@@ -1,7 +1,7 @@
-"""numba as every kernel here uses it: imported when a kernel is first called, each kernel cached by its sources.
+"""Decorators of kernels: numba is imported at the first call of a kernel, and machine code is cached by its sources.
 
 The decorators return a :class:`Deferred`, which numba compiles when it is first called: reading a study or an archive
-needs no kernel, and importing numba takes longer than either. Machine code is kept in
+needs no kernel, and importing numba takes longer than either. Machine code is stored in
 :func:`workflow.kernels.cache.directory_of` the kernel's module.
 """
 
@@ -25,13 +25,13 @@ F = TypeVar("F", bound=Callable[..., Any])
 N = TypeVar("N", bound=tuple[Any, ...])
 
 TESTED = ("0.68",)
-"""Minor versions of numba that :mod:`workflow.kernels.whole_program`, which reaches into it, was tested with."""
+"""Minor versions of numba with which :mod:`workflow.kernels.whole_program`, which uses its internals, was tested."""
 
 _LOADING = RLock()
 
 
 class Deferred:
-    """A function that numba compiles or translates when it is first needed."""
+    """A function that numba compiles or translates at its first use."""
 
     def __init__(self, function: Callable[..., Any], make: Callable[[Callable[..., Any]], Any]):
         self._function, self._make, self._dispatcher = function, make, None
@@ -39,7 +39,7 @@ class Deferred:
 
     @property
     def dispatcher(self) -> Any:
-        """Numba's own object for the function; asking for it imports numba."""
+        """Numba's dispatcher of the function; its first use imports numba."""
         if self._dispatcher is None:
             with _LOADING:
                 _extend_numba()
@@ -49,7 +49,7 @@ class Deferred:
 
     @property
     def _numba_type_(self) -> Any:
-        """The type by which numba knows the function where a kernel calls it."""
+        """Numba's type of the function, for kernels that call it."""
         return self.dispatcher._numba_type_
 
     def __call__(self, *args: Any) -> Any:
@@ -59,7 +59,7 @@ class Deferred:
 
 @cache
 def _whole_program() -> ModuleType | None:
-    """Return the module that compiles kernels with their parts as one program; ``None`` without a tested numba."""
+    """Return the module that compiles kernels and their parts as one program; ``None`` without a tested numba."""
     import numba
 
     if os.environ.get(PLAIN) or ".".join(numba.__version__.split(".")[:2]) not in TESTED:
@@ -70,7 +70,7 @@ def _whole_program() -> ModuleType | None:
 
 
 def _options(**options: Any) -> dict[str, Any]:
-    """Return numba's options beside those that all kernels and parts have."""
+    """Return numba's options: those given and those of all kernels and parts."""
     program = _whole_program()
     if program is not None:
         options["pipeline_class"] = program.KernelCompiler
@@ -78,13 +78,13 @@ def _options(**options: Any) -> dict[str, Any]:
 
 
 _PART = {"no_cpython_wrapper": True, "_nrt": False}
-"""Of what only kernels call: without an entry from Python, and arrays that are not counted."""
+"""Options of functions that only kernels call: no entry from Python, and no reference counts of arrays."""
 
 
-class _Place:
-    """Where numba keeps the machine code of a kernel: one of numba's cache locators.
+class _CacheLocator:
+    """Cache locator for numba: the location of a kernel's machine code.
 
-    The directory is of the sources as they are, so that what lies there is never out of date.
+    The directory is that of the sources' state, so that its content is never out of date.
     """
 
     def __init__(self, directory: Path, module: str, file: str):
@@ -105,16 +105,16 @@ class _Place:
         return self._directory.name
 
     def get_disambiguator(self) -> str:
-        return self._module  # instead of the function's first line: numba itself keeps a module's last name alone
+        return self._module  # instead of the function's first line: numba itself stores only a module's last name
 
 
 @cache
 def _cache_type() -> type[FunctionCache]:
-    """Return numba's cache of a function, kept in our place."""
+    """Return the type of numba's function cache with our location."""
     from numba.core.caching import CompileResultCacheImpl, FunctionCache
 
     class Results(CompileResultCacheImpl):
-        _locator_classes: list[type[object]] = [_Place]  # noqa: RUF012 - as numba declares it
+        _locator_classes: list[type[object]] = [_CacheLocator]  # noqa: RUF012 - as numba declares it
 
     class KeyedCache(FunctionCache):
         _impl_class = Results
@@ -123,7 +123,7 @@ def _cache_type() -> type[FunctionCache]:
         def _guard_against_spurious_io_errors(self) -> Iterator[None]:  # around numba's loading and saving
             try:
                 yield
-            except Exception:  # a full disk, or a file that a power cut left empty: compiled anew, kept if it can be
+            except Exception:  # a full disk, or a file left empty by a power cut: compile again, cache if possible
                 with suppress(OSError):
                     self.flush()  # type: ignore[no-untyped-call]
 
@@ -136,21 +136,21 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
 
     dispatcher = numba.njit(**_options(**options))(function)
     if directory_of(function.__module__) is not None:
-        dispatcher._cache = _cache_type()(function)  # what numba's option `cache` does, with its own place
+        dispatcher._cache = _cache_type()(function)  # as numba's option `cache`, with our location
     return dispatcher
 
 
 def _translated(function: Callable[..., Any], **options: Any) -> Any:
-    """Return a part that is translated where a kernel calls it first."""
+    """Return a part that is translated when a kernel first calls it."""
     import numba
 
     translated = numba.njit(**_options(**_PART, **options))(function)
     program = _whole_program()
-    return translated if program is None else program.typed_alike(translated)
+    return translated if program is None else program.translated_once(translated)
 
 
 def kernel(function: F) -> F:
-    """Compile a kernel: cached, without the global interpreter lock, no fastmath, no prange.
+    """Compile a kernel: cached, without the global interpreter lock, without fastmath and prange.
 
     Divisions by zero give infinities as in NumPy: a kernel never raises, it sets a status.
     """
@@ -158,30 +158,30 @@ def kernel(function: F) -> F:
 
 
 def uncounted(function: F) -> F:
-    """Compile a kernel that allocates nothing: its arrays are not counted, see :func:`part`."""
+    """Compile a kernel that allocates nothing, without reference counts of its arrays, see :func:`part`."""
     return cast(F, Deferred(function, lambda f: _compiled(f, _nrt=False)))
 
 
 def part(function: F) -> F:
     """Translate a part of a kernel that only kernels call, and that allocates nothing.
 
-    Its arrays are not counted: the two locked additions per array and call took longer than the
+    References to its arrays are not counted: the two atomic additions per array and call took longer than the
     arithmetic on rows of 20.
     """
     return cast(F, Deferred(function, _translated))
 
 
 def inlined(function: F) -> F:
-    """Translate a :func:`part` of a kernel that is called in every step and must cost no call."""
+    """Translate a :func:`part` that is called in every step and always inlined."""
     return cast(F, Deferred(function, lambda f: _translated(f, forceinline=True)))
 
 
 _CHOICES: dict[Callable[..., Any], Callable[..., Any]] = {}
-"""Of functions whose code the types of their arguments choose: what returns the code for these, until numba knows."""
+"""Functions dispatched by the types of their arguments, with the function that returns their code, until registered."""
 
 
 def _extend_numba() -> None:
-    """Have numba know operations on packs, and the functions whose code types choose."""
+    """Register operations on packs, and functions dispatched by type, with numba."""
     import workflow.kernels.pack_operations  # noqa: F401
 
     while _CHOICES:
@@ -193,13 +193,13 @@ def _extend_numba() -> None:
 
 
 _DEFINITIONS: dict[Callable[..., Any], dict[type, Callable[..., Any]]] = {}
-"""What :func:`defines` gave each function declared by :func:`by_type`, for each type of first argument."""
+"""Definitions by :func:`defines` of each function declared by :func:`by_type`, for each type of first argument."""
 
 
 def by_type(function: F) -> F:
-    """Declare an :func:`inlined` function that the type of its first argument, a named tuple, chooses when compiled.
+    """Declare an :func:`inlined` function dispatched at compile time by its first argument's type, a named tuple.
 
-    What it does for a type is defined by :func:`defines`; for all others it is the function's own body.
+    :func:`defines` gives its code for a type; for all others it is the function's own body.
     """
     definitions = _DEFINITIONS[function] = {}
     _CHOICES[function] = lambda first, *others: definitions.get(getattr(first, "instance_class", type(None)), function)
@@ -207,7 +207,7 @@ def by_type(function: F) -> F:
 
 
 def defines(function: Callable[..., Any], kind: type) -> Callable[[F], F]:
-    """Return a decorator: what follows defines a function declared by :func:`by_type` for a type of first argument."""
+    """Return a decorator of the definition, for a type of first argument, of a function declared by :func:`by_type`."""
 
     def add(definition: F) -> F:
         _DEFINITIONS[function][kind] = definition
@@ -217,7 +217,7 @@ def defines(function: Callable[..., Any], kind: type) -> Callable[[F], F]:
 
 
 def of_case(values: N, lane: int) -> N:
-    """Return a named tuple of numbers for a lane, of numbers and of rows ``(lane,)``; in kernels only."""
+    """Return the numbers of a lane from a named tuple of numbers and rows ``(lane,)``; in kernels only."""
     raise NotImplementedError
 
 

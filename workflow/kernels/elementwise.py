@@ -1,7 +1,7 @@
-"""Sine and cosine of arrays, element by element, with the same bits whatever stands beside an element.
+"""Sine and cosine of arrays, with bits of an element that do not depend on the others.
 
-NumPy chooses between implementations of its own by length and alignment. See :mod:`workflow.kernels.elementary` for
-what is used instead.
+NumPy, in contrast, chooses between implementations by length and alignment. The functions are those of
+:mod:`workflow.kernels.elementary`.
 """
 
 from __future__ import annotations

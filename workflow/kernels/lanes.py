@@ -1,11 +1,11 @@
-"""Lanes: where the cases of a block lie beside each other in memory.
+"""Lanes: memory layout of a block of cases, one case per lane.
 
-Numbers of each case lie in a few arrays ``(row, lane)`` or records of rows that have names, not in one array per
-quantity, and a kernel asserts before its first step that a row of an array is ``ROW`` long. Both are for speed: where
-the distance between two rows is known at compile time, the compiler can prove that rows do not overlap and steps eight
-lanes at once; else it compares their addresses before each short loop, or steps lane by lane. Idle lanes fill up the
-last pack (all zero: a tip at rest, far from its casing), so that the vectorised loop serves every lane and a case's
-numbers do not depend on its place in a batch.
+Numbers of each case lie in a few arrays ``(row, lane)`` or records of named rows, not in one array per quantity, and a
+kernel asserts before its first step that a row of an array has ``ROW`` numbers. Both are for speed: with a stride known
+at compile time the compiler can prove that rows do not overlap and computes eight lanes at once; else it compares
+addresses before each short loop, or computes lane by lane. Idle lanes pad the last pack (all zero: a tip at rest, far
+from its casing), so that the vectorised loop serves every lane and a case's numbers do not depend on its position in a
+batch.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ import numpy as np
 from workflow.kernels import Array
 
 LANES = 64
-"""Most lanes of a block: they share what a step costs beside its lanes."""
+"""Largest number of lanes of a block: they share the fixed cost of a step."""
 
 CACHED = 32 * 1024
-"""Bytes that the rows of a block may take: two thirds of the first-level cache of the processor they were chosen on,
+"""Largest size of the rows of a block, bytes: two thirds of the first-level cache of the processor of the measurement,
 which leaves room for samples and coefficients."""
 
 ROW = LANES + 8
-"""Numbers from one row to the next: an odd number of cache lines, since rows a power of two apart compete
-for the same lines of the cache. Worth a few percent."""
+"""Stride of rows: an odd number of cache lines, since rows a power of two apart compete for the same lines of the
+cache. It gains a few percent."""
 
 PACK = 8
 """Lanes of a narrow pack: a register of the widest processors."""
 
 FEWEST_LANES = 16
-"""Lanes that a block has at least: they share what a step costs beside its lanes."""
+"""Smallest number of lanes of a block: they share the fixed cost of a step."""
 
 
 def cached_lanes(rows: int) -> int:
-    """Return the lanes of a block that goes through so many rows in a step: whole packs that stay in the cache."""
+    """Return the number of lanes of a block that uses ``rows`` in a step: whole packs that fit in the cache."""
     lanes = LANES
     while lanes > FEWEST_LANES and 8 * rows * lanes > CACHED:
         lanes //= 2
@@ -46,7 +46,7 @@ def cached_lanes(rows: int) -> int:
 class Rows:
     """Named rows of lanes, or of all cases: a subclass annotates a name for each.
 
-    Its objects are records of NumPy's (:func:`named_rows`), whose fields are the rows: kernels know where each lies.
+    Its objects are NumPy records (:func:`named_rows`) with the rows as fields, whose offsets are constants in kernels.
     """
 
 
@@ -59,7 +59,7 @@ def rows_in(kind: type[Rows]) -> int:
 
 
 def named_rows(kind: type[R], rows: Array) -> R:
-    """Return rows ``(…, row, lane)``, which lie in one piece, as a record of a kind, or an array of records."""
+    """Return contiguous rows ``(…, row, lane)`` as a record of a kind, or as an array of records."""
     record: Any = _record(cast(Any, kind), rows.shape[-1])
     pieces: Any = rows.reshape(*rows.shape[:-2], rows.shape[-2] * rows.shape[-1]).view(record)
     named: R = pieces[..., 0][()]
@@ -68,12 +68,12 @@ def named_rows(kind: type[R], rows: Array) -> R:
 
 @cache
 def _record(kind: type[Rows], width: int) -> Any:
-    """Return the type of a record; kept, as numba analyses each new object of it, though equal, at every call."""
+    """Return the type of a record; cached, as numba analyses each new object of an equal type again at every call."""
     return np.dtype((np.record, np.dtype([(name, float, (width,)) for name in kind.__annotations__], align=True)))
 
 
 def lane_rows(*shape: int) -> Array:
-    """Return zeros of shape ``(*shape, ROW)`` that begin at a multiple of 64 bytes.
+    """Return zeros of shape ``(*shape, ROW)``, aligned to 64 bytes.
 
     Rows that straddle cache lines halve the speed of memory; NumPy aligns to 16 bytes only.
     """
@@ -84,7 +84,7 @@ def lane_rows(*shape: int) -> Array:
 
 
 def fill_lanes(rows: Array, values: Array) -> None:
-    """Put values ``(…, case)`` in the first lanes of ``rows`` and zeros in the rest."""
+    """Copy values ``(…, case)`` to the first lanes of ``rows``, and set the others to zero."""
     count = values.shape[-1]
     rows[..., :count] = values
     rows[..., count:] = 0.0

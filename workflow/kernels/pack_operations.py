@@ -1,9 +1,9 @@
-"""What numba does for the operations of :mod:`workflow.kernels.packs`: their types, and the instructions they become.
+"""Implementation in numba of the operations of :mod:`workflow.kernels.packs`: their types and LLVM instructions.
 
-A pack is a vector of LLVM's, whatever the registers of the processor hold. Each lane's arithmetic is that of the plain
-loop, operation by operation: its bits are the same. Imported with numba, when the first kernel is compiled.
+A pack is an LLVM vector, for registers of any size. Each lane's arithmetic is that of the plain loop, operation by
+operation, with the same bits. Imported with numba, when the first kernel is compiled.
 
-What is used of numba's inside: the making of types, and of operations on them.
+It uses numba's internals for types and for operations on them.
 """
 
 # mypy: allow-untyped-calls, allow-untyped-defs, allow-untyped-decorators, disable-error-code="misc"
@@ -32,15 +32,15 @@ _chosen = cast(Any, config).CPU_FEATURES
 _FEATURES = get_host_cpu_features() if _chosen is None else _chosen
 
 BROAD = 4 * PACK if "+avx512f" in _FEATURES.split(",") else 2 * PACK
-"""Lanes of the largest packs: four registers where a register holds eight numbers; more than four overflow them."""
+"""Lanes of the largest packs: four registers where a register holds eight numbers; more registers would spill."""
 
 
 _FLAG = ir.IntType(64)
-"""What a flag lies in: a place of a row."""
+"""Type of a flag: the size of a number of a row."""
 
 
 class _Kind(types.Type):
-    """What lies side by side in so many lanes; ``content`` is what LLVM holds it in."""
+    """Type of a value in ``width`` lanes; ``content`` is its LLVM type."""
 
     def __init__(self, width: int, content: ir.Type) -> None:
         super().__init__(name=f"{type(self).__name__}({width})")
@@ -78,7 +78,7 @@ def _spread(builder, number, width):
 
 
 def _as_packs(builder, kinds, values, width):
-    """Return packs and numbers as packs."""
+    """Return packs, and numbers spread to packs."""
     return [
         x if isinstance(kind, _PackType) else _spread(builder, x, width) for kind, x in zip(kinds, values, strict=True)
     ]
@@ -135,10 +135,10 @@ _define_alike(operator.invert, _MaskType, 1, "not_")
 
 
 def _implements(operation: Callable[..., Any], returned: Callable[..., types.Type]) -> Callable[[F], F]:
-    """Have numba use what a function builds where a kernel calls an operation, as :func:`numba.extending.intrinsic`.
+    """Return a decorator of the code of an operation in kernels, as :func:`numba.extending.intrinsic`.
 
-    ``returned`` is the type of the result for those of the arguments; None that is built stands for no result. An
-    intrinsic would be an object of its own, and importing it would import numba.
+    ``returned`` gives the type of the result from those of the arguments; code that returns None has no result. An
+    intrinsic would be an object of its own, whose import would import numba.
     """
 
     def add(build: F) -> F:
@@ -168,7 +168,7 @@ for _declared, _width in ((packs.narrow, PACK), (packs.broad, BROAD)):
 
 
 def _address(context, builder, kinds, args, content=None):
-    """Return the address of a number of an array, ``args`` being the array and a place; of ``content`` that begins."""
+    """Return the address of a number of an array, from the array and an index in ``args``, as one of ``content``."""
     model = context.data_model_manager[kinds[0]]
     alone = isinstance(kinds[1], _LaneType)
     at, at_kinds = ([args[1]], [kinds[1]]) if alone else (cgutils.unpack_tuple(builder, args[1]), kinds[1])
@@ -183,7 +183,7 @@ def _address(context, builder, kinds, args, content=None):
 
 
 def _call(builder, name, returned, args):
-    """Call a function of LLVM's."""
+    """Call an LLVM function."""
     kind = ir.FunctionType(returned, [each.type for each in args])
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
 
@@ -247,12 +247,12 @@ def _flag(context, builder, sig, args):
 
 @_implements(packs.align_stack, lambda: types.none)
 def _align_stack(context, builder, sig, args):
-    builder.function.attributes.add("nounwind")  # alone, the next one is not written down
+    builder.function.attributes.add("nounwind")  # without it the next attribute is not written
     builder.function.attributes.alignstack = 8 * PACK
 
 
-@_implements(packs.fetch, lambda array, at: types.none)
-def _fetch(context, builder, sig, args):
+@_implements(packs.prefetch, lambda array, at: types.none)
+def _prefetch(context, builder, sig, args):
     how = [ir.Constant(ir.IntType(32), k) for k in (1, 3, 1)]
     _call(builder, "llvm.prefetch.p0", ir.VoidType(), [_address(context, builder, sig.args, args), *how])
 

@@ -1,18 +1,18 @@
-"""Packs: numbers of 8 lanes, or of 16 or 32, side by side, on which a kernel computes at once.
+"""Packs: the numbers of 8, 16 or 32 adjacent lanes, on which a kernel computes at once.
 
-The compiler steps eight lanes of a plain loop at once where it can prove that no two rows overlap, and
-compares addresses before each loop where it can't; sums over modes it takes to memory and back for
-every few modes. Packs say it outright, and a pack goes through a whole step in registers::
+The compiler vectorises a plain loop over eight lanes where it can prove that no two rows overlap, and
+compares addresses before each loop where it cannot; sums over modes it stores and reloads every few
+modes. Packs are explicit vectors, and a pack stays in registers for a whole step::
 
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         heat = pack(own.heat, lane)
         store(own.heat, lane, where(heat > 0.0, 2.0 * heat, heat))
 
-A broad pack shares what is read and asked for all lanes among more of them, where there are so many, and has
-more sums in progress at a time. Each lane's bits are those of the plain loop.
+A broad pack shares the reads and branches common to all lanes among more of them, and has more sums in
+progress at a time. Each lane's bits are those of the plain loop.
 
-Only kernels can call these operations: what they do is in :mod:`workflow.kernels.pack_operations`, which needs numba.
+Only kernels can call these operations; their code is in :mod:`workflow.kernels.pack_operations`, which needs numba.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ def _only_in_kernels() -> NoReturn:
 
 
 class Mask(Protocol):
-    """A condition of each lane."""
+    """A condition for each lane."""
 
     def __and__(self, other: Mask) -> Mask: ...
     def __invert__(self) -> Mask: ...
 
 
 class Pack(Protocol):
-    """A number of each lane."""
+    """A number for each lane."""
 
     def __add__(self, other: Pack | float) -> Pack: ...
     def __radd__(self, other: float) -> Pack: ...
@@ -52,70 +52,70 @@ class Pack(Protocol):
 
 
 class Lane:
-    """Where a pack begins in a row, and how wide it is: what :func:`narrow` and :func:`broad` return."""
+    """First lane of a pack in a row, and its width, as :func:`narrow` and :func:`broad` return them."""
 
 
 At = Lane | tuple[int | Lane, ...]
-"""Where a pack begins in a row, or in an array of rows."""
+"""Index of a pack in a row, or in an array of rows."""
 
 
 def align_stack() -> None:
-    """Let the kernel that says so keep packs for which it has no register where they fill whole lines of the cache.
+    """Align the calling kernel's stack to cache lines, for packs that are spilled from registers.
 
-    Else they lie across two, at a distance that depends on who called it.
+    Otherwise they straddle two lines, at an offset that depends on the caller.
     """
     _only_in_kernels()
 
 
 def narrow(first: int) -> Lane:
-    """Return the lane that begins a pack of :data:`workflow.kernels.lanes.PACK`."""
+    """Return the lane of a pack of :data:`workflow.kernels.lanes.PACK` lanes."""
     _only_in_kernels()
 
 
 def broad(first: int) -> Lane:
-    """Return the lane that begins a pack of :func:`broadest`."""
+    """Return the lane of a pack of :func:`broadest` lanes."""
     _only_in_kernels()
 
 
 def lanes_of(lane: Lane) -> tuple[int, int]:
-    """Return the first lane of a pack and the one behind its last."""
+    """Return the first lane of a pack and the one after its last."""
     _only_in_kernels()
 
 
 def broadest() -> int:
-    """Return the lanes of the largest packs on this processor, a constant of the compiled kernel.
+    """Return the number of lanes of the largest packs on this processor, a constant of the compiled kernel.
 
-    Four registers where a register holds eight numbers: more than four overflow them.
+    That is four registers where a register holds eight numbers: more would spill.
     """
     _only_in_kernels()
 
 
 def pack(rows: Array, at: At) -> Pack:
-    """Return the pack that begins at a place: ``pack(own.heat, lane)``, ``pack(tau, (k, lane))``."""
+    """Load the pack at an index: ``pack(own.heat, lane)``, ``pack(tau, (k, lane))``."""
     _only_in_kernels()
 
 
 def store(rows: Array, at: At, numbers: Pack) -> None:
-    """Put a pack where it begins: ``store(own.heat, lane, numbers)``."""
+    """Store a pack at an index: ``store(own.heat, lane, numbers)``."""
     _only_in_kernels()
 
 
 def shared(array: Array, at: tuple[int, ...], lane: Lane) -> Pack:
     """Return a number of an array for all lanes of a pack.
 
-    Nothing may write to the array while the kernel runs: the number is read once and stays in a register where there
-    is one.
+    Nothing may write to the array while the kernel runs: the number is read once and stays in a register if one is
+    free.
     """
     _only_in_kernels()
 
 
-def fetch(array: Array, at: tuple[int, ...]) -> None:
-    """Let the line of the cache that holds a number of an array be fetched, which is written some steps later."""
+def prefetch(array: Array, at: tuple[int, ...]) -> None:
+    """Prefetch the cache line of a number of an array for a later write."""
     _only_in_kernels()
 
 
 def where(condition: Mask, this: Pack | float, other: Pack | float) -> Pack:
-    """Return each lane's number of the first pack where its condition holds, else of the second."""
+    """Return each lane's number from the first pack where its condition holds, else from the second."""
     _only_in_kernels()
 
 
@@ -125,22 +125,22 @@ def some(condition: Mask) -> bool:
 
 
 def raised(row: Array, lane: Lane) -> bool:
-    """Tell whether a pack's flag is up, which lies in a row where the pack begins."""
+    """Tell whether a pack's flag is raised; it lies in a row at the pack's first lane."""
     _only_in_kernels()
 
 
 def flag(row: Array, lane: Lane, up: bool) -> None:
-    """Put a pack's flag up or down."""
+    """Raise or lower a pack's flag."""
     _only_in_kernels()
 
 
 def some_nonzero(numbers: Pack) -> bool:
-    """Tell whether a number in some lane is not 0, as a NaN is."""
+    """Tell whether a number in some lane is not 0; a NaN is not."""
     _only_in_kernels()
 
 
 def fused(factor: Pack, other: Pack, number: Pack) -> Pack:
-    """Return ``factor * other + number``, rounded once: the same bits everywhere, slow where no instruction does it."""
+    """Return ``factor * other + number``, rounded once: the same bits everywhere, slow without that instruction."""
     _only_in_kernels()
 
 

@@ -1,11 +1,11 @@
-"""Kernels compiled as one program: parts are translated to few instructions, and optimised once, with their kernel.
+"""Whole-program compilation of kernels: parts are translated to few instructions and optimised once, in their kernel.
 
-numba by itself optimises each function with all that it calls, and once more for each function that calls it. Here a
-part waits until a kernel links it, where it has no other caller: LLVM inlines what is called from one place and passes
-only what is read. Half of what numba writes puts tuples of arrays together and takes them apart; LLVM gets none of it.
-Bits stay: without fastmath LLVM neither reorders nor contracts. Without this module (``WORKFLOW_PLAIN_NUMBA=1``) a
-first run, nothing compiled, takes several times as long. The module reaches into numba's compiler, and is optional:
-:mod:`workflow.kernels.compiled` uses it with the versions that it was tested with.
+numba by itself optimises each function with its callees, and again for each of its callers. Here a part is hardly
+optimised before a kernel links it, where it has no other caller: LLVM inlines functions with one call and passes only
+arguments that are read. Half of numba's code packs and unpacks tuples of arrays; it is not generated. The bits are the
+same: without fastmath LLVM neither reorders nor contracts. Without this module (``WORKFLOW_PLAIN_NUMBA=1``) a first run
+without compiled kernels takes several times as long. The module uses internals of numba's compiler, and is optional:
+:mod:`workflow.kernels.compiled` uses it with the tested versions.
 """
 
 # mypy: allow-untyped-calls, disable-error-code="assignment, attr-defined, method-assign, misc"
@@ -29,7 +29,7 @@ _TYPING = ("NopythonTypeInference", "PreLowerStripPhis", "IRLegalization", "Anno
 
 
 class _Library(codegen.JITCodeLibrary):
-    """Code of a function, optimised little before it is part of a whole."""
+    """Code of a function with little optimisation, before it is linked."""
 
     def _optimize_functions(self, module: Any) -> None:
         passes, builder = self._codegen._function_pass_manager(opt=1)
@@ -39,12 +39,12 @@ class _Library(codegen.JITCodeLibrary):
 
 
 class _Waiting(_Library):
-    """Code of a part that becomes one with its callers: not made machine code before a kernel links it."""
+    """Code of a part, which is not compiled to machine code before a kernel links it."""
 
     def finalize(self) -> None:
         for function in self._final_module.functions:
             if not function.is_declaration:
-                function.linkage = "weak_odr"  # or LLVM leaves out what nothing linked before calls
+                function.linkage = "weak_odr"  # else LLVM drops functions without a linked caller
         self._finalized = True
 
 
@@ -62,7 +62,7 @@ class _Whole(_Library):
         super().finalize()
 
     def _optimize_final_module(self) -> None:
-        """Optimise, knowing that what was linked has no callers elsewhere."""
+        """Optimise with the linked functions internal, as they have no other callers."""
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage in (Linkage.weak_odr, Linkage.linkonce_odr):
                 function.linkage = "internal"
@@ -70,7 +70,7 @@ class _Whole(_Library):
 
 
 class _Builder(ir.IRBuilder):
-    """Takes a member of a tuple from where the tuple was put together."""
+    """Builder that takes a tuple's member from the instruction that inserted it."""
 
     def extract_value(self, agg: Any, idx: Any, name: str = "") -> Any:
         path = list(idx) if isinstance(idx, tuple | list) else [idx]
@@ -83,7 +83,7 @@ class _Lower(lowering.Lower):
     """Lowers a function to few instructions."""
 
     def _find_singly_assigned_variable(self) -> None:
-        """Find the variables that need no memory: those too that the first block alone assigns."""
+        """Find the variables that need no memory, including those assigned once in the first block."""
         super()._find_singly_assigned_variable()
         assigned = {at: [each.target.name for each in block.find_insts(Assign)] for at, block in self.blocks.items()}
         counts = Counter(name for names in assigned.values() for name in names)
@@ -92,7 +92,7 @@ class _Lower(lowering.Lower):
 
 @cache
 def _array(kind: Any, make_array: Any = arrayobj.make_array) -> Any:
-    """Return numba's description of an array, which is read from the array's value instead of a copy in memory."""
+    """Return numba's description of an array, read from the array's value instead of a copy in memory."""
 
     class Description(make_array(kind)):
         def __init__(self, context: Any, builder: Any, value: Any = None, ref: Any = None):
@@ -114,12 +114,12 @@ def _array(kind: Any, make_array: Any = arrayobj.make_array) -> Any:
 
 @cache
 def _signature(of: Any, context: Any, args: Any, *, usual: Any = types.BaseFunction.get_call_type, **named: Any) -> Any:
-    """Return the signature of a call of numba's own function, which is remembered."""
+    """Return the cached signature of a call of numba's own function."""
     return usual(of, context, args, named)
 
 
 def _post_process(of: Any, emit_dels: bool = False, usual: Any = postproc.PostProcessor.run, **how: Any) -> None:
-    """Bring blocks into numba's form after a pass; of variables that die between them no pass of ours asks."""
+    """Bring blocks into numba's canonical form after a pass, without lifetimes of variables, which no pass needs."""
     if emit_dels or of.func_ir.is_generator:
         usual(of, emit_dels, **how)
     else:
@@ -133,11 +133,11 @@ _REPLACED: tuple[tuple[Any, str, Any], ...] = (
     (types.BaseFunction, "get_call_type", lambda of, at, args, named: _signature(of, at, tuple(args), **named)),
     (base.BaseContext, "get_abi_sizeof", cache(base.BaseContext.get_abi_sizeof)),
 )
-"""What of numba's gives way to ours while a kernel is compiled: it writes less, to the same effect."""
+"""Functions of numba that are replaced while a kernel is compiled, for shorter code with the same effect."""
 
 
-def typed_alike(dispatcher: Any) -> Any:
-    """Have a part translated once for a type of arguments, not once more for each constant it is called with."""
+def translated_once(dispatcher: Any) -> Any:
+    """Make a part compile once for each type of arguments, not once more for each constant argument."""
     usual, plain = dispatcher.get_call_template, types.unliteral
     dispatcher.get_call_template = lambda args, named: usual(
         [plain(each) for each in args], {name: plain(each) for name, each in named.items()}
@@ -147,7 +147,7 @@ def typed_alike(dispatcher: Any) -> Any:
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _Lowered(typed_passes.NativeLowering):
-    """Lowers a function, and offers a part to its callers under a builtin that raises where Python calls it."""
+    """Lowers a function, and registers a part for its callers with an entry that raises where Python calls it."""
 
     _name = "workflow_lowered"
     lowering_class = _Lower
@@ -166,7 +166,7 @@ class KernelCompiler(compiler.Compiler):
     """Compiles a kernel and its parts into a library that can be cached; only the passes that kernels need."""
 
     def _compile_core(self) -> Any:
-        """Compile with what is replaced, which no other code of the process meets: numba compiles under a lock."""
+        """Compile with the replaced functions, unseen by other code of the process, as numba compiles under a lock."""
         usual = [getattr(owner, name) for owner, name, _ in _REPLACED]
         try:
             for owner, name, ours in _REPLACED:
@@ -177,7 +177,7 @@ class KernelCompiler(compiler.Compiler):
                 setattr(owner, name, before)
 
     def define_pipelines(self) -> list[Any]:
-        """Return the passes, and choose the library."""
+        """Return the passes, and set the library."""
         state = self.state
         state.flags.no_compile = state.flags.no_cpython_wrapper  # a part has no entry from Python
         library = _Waiting if state.flags.no_compile else _Whole

@@ -1,7 +1,6 @@
-"""Models: each public module here is one, with ``Parameters`` and ``assemble(parameters)``.
+"""Models: each public module of this directory is one, with ``Parameters`` and ``assemble(parameters)``.
 
-The directory is the registry. A module of a name without a leading underscore is the model of
-that name in ``scene:`` of a study; adding one is adding the file.
+The module ``NAME`` is the model ``NAME`` in ``scene:`` of a study; to add a model, add a file.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ from workflow.models._sparse_from_matrices import structure_from_sparse
 from workflow.models._sparse_pair import MOST_REDUCED
 from workflow.models._static import (
     critical_alpha,
-    growth_at_once,
+    instantaneous_growth,
     rounding_of_flexibility,
     static_tip_growth,
     tip_flexibility,
@@ -52,7 +51,7 @@ from workflow.registry import Registry
 
 
 class Model(Protocol):
-    """What a module of this directory offers."""
+    """Interface of a model's module."""
 
     Parameters: type[Any]
 
@@ -66,7 +65,7 @@ names, fault = _MODELS.names, _MODELS.fault
 
 
 def load(name: str) -> Model:
-    """Return the model of a name, see :meth:`~workflow.registry.Registry.load`."""
+    """Return the model ``name``, see :meth:`~workflow.registry.Registry.load`."""
     return cast(Model, _MODELS.load(name))
 
 
@@ -78,6 +77,6 @@ def sizes(name: str, parameters: Any) -> tuple[int, int]:
 
 
 def most_modes(name: str, parameters: Any) -> int | None:
-    """Return the most modes of each kind of a structure that is too large to be kept full, ``None`` of any other."""
+    """Return the largest number of modes of each kind of a structure too large to be kept full, else ``None``."""
     structure = load(name).assemble(parameters)
     return None if structure.has_matrices else structure.mechanical.most_modes

@@ -1,4 +1,4 @@
-"""A bound of the motion of a tip that meets no casing, before anything is stepped."""
+"""An a priori bound of the motion of a tip without contact."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from workflow.models._structure import Structure
 def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
     """Return a bound of the tip's displacement without contact, m, ``(case,)``.
 
-    ``inf`` where a rigid mode moves it, or damping hands energy from one mode to another.
+    ``inf`` where a rigid mode moves it, or damping couples modes.
 
-    It sums the answers to constant and harmonic loads, what the start adds, and twice the quasi-static growth by
-    heating and initial temperatures. In modes, x_n = Σ φ_n η, with p̄ the constant load and p the harmonic one,
-    η = p̄/ω² + Im[H e^{i(Ωt + φ)}] + a transient, with H = p/(ω² - Ω² + iΩc). The transient begins with the difference
-    (Δη, Δζ) of the initial state to the first two, and stays below sqrt(Δη² + (Δζ/ω)²), as no mode gains energy by
-    itself.
+    It sums the responses to constant and harmonic loads, the transient of the initial state, and twice the quasi-static
+    growth by heating and initial temperatures. In modes, x_n = Σ φ_n η, with p̄ the constant load and p the harmonic
+    one, η = p̄/ω² + Im[H e^{i(Ωt + φ)}] + a transient, with H = p/(ω² - Ω² + iΩc). The transient begins with the
+    difference (Δη, Δζ) of the initial state from the first two, and stays below sqrt(Δη² + (Δζ/ω)²), as a free mode
+    gains no energy.
     """
     modes = mechanical_modes(structure)
     omega, tip, damping = modes.values, modes.tip, coupled_damping(structure, modes)
@@ -61,7 +61,7 @@ def _sinusoids(cases: Cases) -> tuple[Array, Array, Array]:
 
 
 def _warmest(structure: Structure, cases: Cases, duration: float) -> Array:
-    """Return a bound of the temperatures by initial ones and heating, K, ``(case, thermal)``."""
+    """Return a bound of the temperatures due to initial ones and heating, K, ``(case, thermal)``."""
     started = np.abs(cases.temperature).max(axis=1, initial=0.0)[:, None]
     capacities = structure.thermal.inertia_of(np.ones(structure.thermal_size))
     heated = duration * (np.abs(cases.heating) / capacities).max(axis=1, initial=0.0)[:, None]

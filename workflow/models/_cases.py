@@ -1,4 +1,4 @@
-"""What differs between cases on one structure: contact law, casing, loads, initial state."""
+"""Cases of one structure: contact parameters, casing, loads and initial states."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from workflow.models._harmonics import NO_HARMONICS, Harmonics
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """What differs from case to case of a batch, in the coordinates of its structure.
+    """Parameters and initial states of the cases of a batch, in the coordinates of its structure.
 
     Attributes
     ----------
@@ -31,10 +31,10 @@ class Cases:
     temperature
         Initial temperature rises, K, shape ``(case, thermal)``; the tip is last.
     load_harmonics, casing_harmonics
-        Harmonics beside F1 of the tip load, N, and of the casing's place beside d, m; none where left out.
+        Harmonics of the tip load besides F1, N, and of the casing's position besides d, m; none by default.
     friction
-        Friction coefficient µ of a structure with a direction t of sliding: the contact force acts along n - µt. 1,
-        shape ``(case,)``; 0 where left out.
+        Friction coefficient µ of a structure with a sliding direction t: the contact force acts along n - µt. 1,
+        shape ``(case,)``; 0 by default.
     """
 
     e: Array
@@ -54,7 +54,7 @@ class Cases:
     friction: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        """Give what has no harmonics, or no friction, a row for each case."""
+        """Fill friction and harmonics that are left out with a row for each case."""
         if self.friction.size == 0:
             object.__setattr__(self, "friction", np.zeros(self.count))
         for name in ("load_harmonics", "casing_harmonics"):
@@ -73,13 +73,13 @@ class Cases:
     def load_at(self, t: float | Array) -> Array:
         """Return the tip load f(t) = F0 + F1 sin(2π f t + φ) + Σ A_k sin(2π f_k t + φ_k), N, ``(case,)``.
 
-        Of times ``(time, 1)`` it is ``(time, case)``.
+        For times ``(time, 1)`` it is ``(time, case)``.
         """
         sine, _ = elementwise.sine_cosine(2 * np.pi * self.frequency * t + self.phase)
         return self.load_harmonics.added(self.mean + self.amplitude * sine, t)
 
     def casing_at(self, t: float) -> Array:
-        """Return the casing's place d(t) = d + Σ a_k sin(2π f_k t + φ_k), m, ``(case,)``."""
+        """Return the casing's position d(t) = d + Σ a_k sin(2π f_k t + φ_k), m, ``(case,)``."""
         return self.casing_harmonics.added(self.gap, t)
 
     def casing_velocity_at(self, t: float) -> Array:
@@ -114,9 +114,9 @@ class Cases:
 
 
 def distinct_rows(*tables: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return where each distinct row of tables side by side comes first, and which of these every row equals.
+    """Return the first index of each distinct row of tables side by side, and the distinct row that each row equals.
 
-    Tables are ``(row, …)``. Columns that do not vary, of most studies all, are passed over.
+    Tables are ``(row, …)``. Constant columns, in most studies all, are skipped.
     """
     table = np.column_stack([each[:, (each != each[:1]).any(axis=0)] for each in tables])
     if table.size == 0:
@@ -130,11 +130,10 @@ def distinct_rows(*tables: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
 def project(matrix: Array, states: Array) -> Array:
-    """Return ``matrix @ state`` for every case, ``(case, row)``, or of one row ``row @ state``, ``(case,)``.
+    """Return ``matrix @ state`` for every case, ``(case, row)``, or for one row ``row @ state``, ``(case,)``.
 
-    Its bits are the same whatever cases stand beside it: a matrix product over the case axis changes the order of its
-    sums with the batch size. Coordinates that are 0 in all cases are passed over: they would add zeros, and most
-    batches start at rest and cold.
+    The bits of a case do not depend on the others, unlike those of a matrix product, which sums in an order that
+    changes with the batch size. Coordinates that are 0 in all cases are skipped: most batches start at rest and cold.
     """
     rows = np.atleast_2d(matrix)
     result = np.zeros((states.shape[0], rows.shape[0]))

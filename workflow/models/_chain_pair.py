@@ -1,12 +1,12 @@
-"""A stiffness and an inertia of lumps on a line: passes along it, and dense matrices where all modes are asked for.
+"""A stiffness and an inertia of lumps on a line: elimination along it, and dense matrices for all modes.
 
 (K u)_i = g_i u_i + j_i (u_i - u_{i-1}) - j_{i+1} (u_{i+1} - u_i) with the root u_0 = 0. Elimination from the root to
 the tip adds positive numbers only,
 
     b_i = g_i + j_i b_{i-1}/(j_i + b_{i-1}),   pivot_i = b_i + j_{i+1},   pivot_n = b_n,
 
-b_i being what node i and all before it are tied to the root and the surroundings with: no digit is lost, σ = b_n, and a
-part that nothing holds is found by a pivot that is exactly zero. With the tip held its own pivot is left out.
+with b_i the stiffness of node i and all before it towards the root and the surroundings: no digit is lost, σ = b_n, and
+an unconstrained part is found by a pivot that is exactly zero. With the tip held its own pivot is left out.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
 
 MOST_ONE_BY_ONE = 100
-"""Modes of a long chain that are computed one by one: each costs a pass or two along it, and room for its shape."""
+"""Modes of a long chain that are computed one by one: each costs a pass or two along it, and memory for its shape."""
 
-_LIFT = 1e-6
-"""Share of the largest λ by which values are lifted: λ is then known to 1e-19 of the largest, while
-the slowest of 100 000 nodes lies at 1e-10 of it."""
+_SHIFT = 1e-6
+"""Shift of the eigenvalues over the largest λ: λ is then known to 1e-19 of the largest, while the slowest of 100 000
+nodes lies at 1e-10 of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,27 +79,27 @@ class ChainPair(Pair):
         return np.concatenate([joints, u]) if self.ground.any() else joints
 
     def forces(self, deformation: Array) -> Array:
-        """Return N_i - N_{i+1} for forces N_i in the joints, and what flows to the grounds."""
+        """Return N_i - N_{i+1} for forces N_i in the joints, plus the flows to the grounds."""
         flows = (self.weights * deformation.T).T
         forces = flows[: self.size].copy()
         forces[:-1] -= flows[1 : self.size]
         return forces + flows[self.size :] if self.ground.any() else forces
 
     @cached_property
-    def _tied(self) -> Array:
+    def _grounded(self) -> Array:
         """b, ``(node,)``."""
-        tied, before = [], np.inf
+        grounded, before = [], np.inf
         for joint, ground in zip(self.joint.tolist(), self.ground.tolist(), strict=True):
-            if joint > 0:  # in series with what is before it; the root does not give way
+            if joint > 0:  # in series with all before it; the root is rigid
                 joint *= before / (joint + before) if before < np.inf else 1.0
             before = ground + joint
-            tied.append(before)
-        return np.array(tied)
+            grounded.append(before)
+        return np.array(grounded)
 
     @cached_property
     def _pivots(self) -> Array:
         """Pivots of the elimination from the root to the tip, ``(node,)``."""
-        return np.asarray(self._tied + np.append(self.joint[1:], 0.0))
+        return np.asarray(self._grounded + np.append(self.joint[1:], 0.0))
 
     @cached_property
     def constraint(self) -> Array:  # type: ignore[override]
@@ -110,29 +110,29 @@ class ChainPair(Pair):
     @cached_property
     def deformed(self) -> Array:  # type: ignore[override]
         """Differences ψ_i b_{i-1}/pivot_{i-1} of the joints, which keep their digits; then ψ of the grounds."""
-        strained = np.divide(self._tied[:-1], self._pivots[:-1], out=np.ones(self.size - 1), where=self.joint[1:] > 0)
-        joints = self.constraint * np.append(1.0, strained)
+        part = np.divide(self._grounded[:-1], self._pivots[:-1], out=np.ones(self.size - 1), where=self.joint[1:] > 0)
+        joints = self.constraint * np.append(1.0, part)
         return np.concatenate([joints, self.constraint]) if self.ground.any() else joints
 
     @property
     def tip_stiffness(self) -> float:
-        return float(self._tied[-1])
+        return float(self._grounded[-1])
 
-    def _loose(self, held: bool = False) -> list[slice]:
-        """Return the parts that nothing holds."""
+    def _unconstrained(self, held: bool = False) -> list[slice]:
+        """Return the unconstrained parts of the chain."""
         parts = [slice(*ends) for ends in pairwise([*np.flatnonzero(self.joint == 0).tolist(), self.size])]
         return [part for part in parts if not np.any(self.ground[part]) and not (held and part.stop == self.size)]
 
     def rigid_motions(self, held: bool) -> Array:
-        motions = np.zeros((self.size, len(self._loose(held))))
-        for k, part in enumerate(self._loose(held)):
+        motions = np.zeros((self.size, len(self._unconstrained(held))))
+        for k, part in enumerate(self._unconstrained(held)):
             motions[part, k] = 1.0
         return motions
 
-    def answer(self, load: Array, held: bool = False) -> Array:
-        """Return K⁻¹ f, ``(node,)``; a loose part's centre of mass stays at rest at 0."""
+    def solve(self, load: Array, held: bool = False) -> Array:
+        """Return K⁻¹ f, ``(node,)``; the centre of mass of an unconstrained part stays at 0."""
         balanced = load.copy()
-        for part in self._loose(held):
+        for part in self._unconstrained(held):
             lumps = self.lumps[part]
             balanced[part] -= np.cumsum(load[part])[-1] / np.cumsum(lumps)[-1] * lumps
         joint, pivot, carried = [*self.joint.tolist(), 0.0], self._pivots.tolist(), balanced.tolist()
@@ -143,21 +143,21 @@ class ChainPair(Pair):
         for i in range(self.size - 1 - held, -1, -1):
             beyond = (carried[i] + joint[i + 1] * beyond) / pivot[i] if pivot[i] > 0 else 0.0
             u[i] = beyond
-        for part in self._loose(held):
+        for part in self._unconstrained(held):
             u[part] -= np.dot(self.lumps[part], u[part]) / np.sum(self.lumps[part])
         return u
 
-    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
-        return lambda load, shift: self._lifted(shift).answer(load, held=True)
+    def shifted_solver(self) -> Callable[[Array, float], Array]:
+        return lambda load, shift: self._shifted(shift).solve(load, held=True)
 
-    def _lifted(self, shift: float) -> ChainPair:
+    def _shifted(self, shift: float) -> ChainPair:
         return ChainPair(self.joint, self.lumps, self.ground + shift * self.lumps)
 
     def _singular(self, first: int, last: int, held: bool = False, **options: Any) -> Any:
-        """Return singular values of B ``first`` to ``last``, ascending, and vectors where they are asked for.
+        """Return singular values of B ``first`` to ``last``, ascending, and vectors unless ``options`` exclude them.
 
         B is bidiagonal with BᵀB = M^-½ K M^-½. The values are eigenvalues of [[0, Bᵀ], [B, 0]], which is tridiagonal
-        where rows and columns of B alternate: right to eps times the largest of them.
+        with rows and columns of B interleaved, accurate to eps times the largest of them.
         """
         size = self.size - held
         root = np.sqrt(self._pivots)
@@ -174,17 +174,17 @@ class ChainPair(Pair):
     def lowest(self, count: int, held: bool = False) -> Modes:
         """Return the lowest modes by :meth:`_singular`.
 
-        Where some part is held by nothing, all λ are lifted for the while: the eigenvectors of a double 0 would mix
-        rows and columns of B.
+        All λ are shifted in between where a part is unconstrained: the eigenvectors of a double 0 would mix rows and
+        columns of B.
         """
         if count == 0:
             return Modes(np.zeros(0), np.zeros((self.size, 0)))
-        loose = bool(self._loose(held))
-        lift = _LIFT * float(((self.ground + self.joint) / self.lumps).max() or 1.0) if loose else 0.0
-        values, vectors = self._lifted(lift)._singular(0, count - 1, held)
+        loose = bool(self._unconstrained(held))
+        shift = _SHIFT * float(((self.ground + self.joint) / self.lumps).max() or 1.0) if loose else 0.0
+        values, vectors = self._shifted(shift)._singular(0, count - 1, held)
         shapes = np.zeros((self.size, count))
         shapes[: self.size - held] = np.sqrt(2) * vectors[::2] / np.sqrt(self.lumps[: self.size - held, None])
-        return Modes(np.maximum(values**2 - lift, 0.0), shapes)
+        return Modes(np.maximum(values**2 - shift, 0.0), shapes)
 
     def modes(self, count: int | None = None, held: bool = False) -> Modes:
         if count is not None and count <= MOST_ONE_BY_ONE + 1 and self.size > MOST_BY_JACOBI:
@@ -198,7 +198,7 @@ class ChainPair(Pair):
     def spectrum(self) -> Array:
         if self.size <= MOST_FULL:
             return self.dense.spectrum()
-        return np.array([0.0 if self._loose() else self._value(0), self.largest()])
+        return np.array([0.0 if self._unconstrained() else self._value(0), self.largest()])
 
     def largest(self) -> float:
         return self.dense.largest() if self.size <= MOST_BY_JACOBI else self._value(self.size - 1)

@@ -1,4 +1,4 @@
-"""Equilibrium of a structure at standstill under its constant loads: ``initial: static``."""
+"""Static equilibrium of a structure under its constant loads: ``initial: static``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from workflow.models._structure import Structure
 
 
 class NoEquilibriumError(ValueError):
-    """The constant loads move the structure for ever."""
+    """A structure has no equilibrium under its constant loads."""
 
 
 def static_equilibrium(
@@ -22,7 +22,7 @@ def static_equilibrium(
 ) -> tuple[Array, Array]:
     """Return displacement and temperature at rest under constant loads, casing included.
 
-    K2 θ = q and K1 x + K12 θ = f - λ (e_n - µ t) with 0 <= gap - x_n ⊥ λ >= 0. Contact makes no heat: α does not act.
+    K2 θ = q and K1 x + K12 θ = f - λ (e_n - µ t) with 0 <= gap - x_n ⊥ λ >= 0. At rest contact makes no heat.
     A pressed tip has x = gap ψ + K1⁻¹ (f + µ λ t - K12 θ), inverted with the tip held, and λ (1 - µ ψᵀt) = ψᵀ (f -
     K12 θ) - σ gap.
 
@@ -45,15 +45,15 @@ def static_equilibrium(
     Raises
     ------
     NoEquilibriumError
-        The loads move a free body, or heat that cannot leave keeps warming the structure.
+        The loads accelerate a free body, or heat that cannot leave warms the structure for ever.
     """
     pair, thermal = structure.mechanical, structure.thermal
     if thermal.moves(heating):
         raise NoEquilibriumError("the heat load cannot leave the structure, its temperature has no equilibrium")
-    temperature = thermal.answer(heating)
+    temperature = thermal.solve(heating)
     force = load + structure.thermal_forces(temperature)
     if not pair.moves(force):
-        free = pair.answer(force)
+        free = pair.solve(force)
         if free[-1] <= gap:
             return free, temperature
     moved, pressing = pair.constraint * force, pair.tip_stiffness * gap
@@ -63,18 +63,18 @@ def static_equilibrium(
         force = force + friction * max(reaction, 0.0) / yields * structure.tangent if yields > 0 else force
     if reaction < -UNBALANCED * (np.abs(moved).sum() + abs(pressing)) or yields <= 0 or pair.moves(force, held=True):
         raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
-    return gap * pair.constraint + pair.answer(force, held=True), temperature
+    return gap * pair.constraint + pair.solve(force, held=True), temperature
 
 
 def at_rest(structure: Structure, cases: Cases) -> Cases:
     """Return cases that start in equilibrium under their constant loads; a pressed tip has the velocity ḋ(0).
 
-    ``structure`` is the one they are run on, so that none of its modes swings.
+    ``structure`` is the one that is run, full or reduced, so that none of its modes is excited.
 
     Raises
     ------
     NoEquilibriumError
-        The constant loads of a case move the structure for ever.
+        A case has no equilibrium under its constant loads.
     """
     load = cases.steady.copy()
     load += cases.mean[:, None] * structure.load_direction

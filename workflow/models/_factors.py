@@ -1,14 +1,13 @@
 """Factors of large sparse symmetric positive definite matrices: SuperLU's, or CHOLMOD's where the extra is installed.
 
-SuperLU takes the order of least degree, which fills slender solids little: 98 280 coordinates of a blade leave 3.2e7
-entries in both factors. Bulky solids it fills more and more. CHOLMOD's supernodal factor in METIS's order of nested
-dissections (extra ``sparse``) is taken for them from :data:`MOST_BY_SUPERLU` coordinates on.
+SuperLU uses the minimum-degree ordering, whose fill-in is small in slender solids: 98 280 coordinates of a blade leave
+3.2e7 entries in both factors. In bulky solids it grows fast: CHOLMOD's supernodal factor in METIS's nested-dissection
+ordering (extra ``sparse``) is used from :data:`MOST_BY_SUPERLU` coordinates on.
 
-What factors take is estimated, before they are made, from how far the body is from end to end. A search in breadth that
-begins at the tip meets the coordinates level by level, w of them in each; W = Σ w²/Σ w is the level that a coordinate
-is in on average. Least degree leaves about 0.4 W entries in a row of a factor, nested dissection 10 √W: numbers and
-times per entry are those of cubes, blocks and blades of 8 000 to 105 000 coordinates on one core of a server processor
-of 2024, within a factor of two.
+Memory and time of the factors are estimated beforehand. A breadth-first search from the tip meets the coordinates level
+by level, w of them in each; W = Σ w²/Σ w is the mean size of the level of a coordinate. Minimum degree leaves about
+0.4 W entries in a row of a factor, nested dissection 10 √W: numbers and times per entry are those of cubes, blocks and
+blades of 8 000 to 105 000 coordinates on one core of a server processor of 2024, within a factor of two.
 
 Source: Demmel et al., SIAM J. Matrix Anal. Appl. 20 (1999) 720-755; Chen, Davis, Hager and Rajamanickam, ACM Trans.
 Math. Softw. 35 (2008) 22; Karypis and Kumar, SIAM J. Sci. Comput. 20 (1998) 359-392.
@@ -28,36 +27,36 @@ from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
 
-Answer = Callable[[Array], Array]
-"""From loads ``(coordinate, …)`` to displacements or temperatures, alike."""
+Solver = Callable[[Array], Array]
+"""Solves for displacements or temperatures, ``(coordinate, …)``, under loads of the same shape."""
 
 MOST_BY_SUPERLU = 10_000
-"""Coordinates up to which SuperLU takes less than a second whatever the shape of the solid."""
+"""Coordinates up to which SuperLU takes less than a second for any shape of the solid."""
 
 
 _MANY_BYTES = 1e9
-"""Of both factors, from which on a caller is warned."""
+"""Size of both factors from which on a warning is given, bytes."""
 
 FACTORISING = "cvxopt", "pymetis"
 """Packages of the extra ``sparse``: CHOLMOD is a part of cvxopt, and METIS comes with pymetis."""
 
 
 class NotHeldError(ValueError):
-    """A sparse stiffness that leaves the structure loose, or is not positive definite."""
+    """A sparse stiffness leaves the structure unconstrained, or is not positive definite."""
 
     def __init__(self, why: str = "with the tip held some part of the structure is still loose"):
         super().__init__(why)
 
 
-def factorised(matrix: scipy.sparse.csc_array, order: Array | None = None) -> Answer:
-    """Return what solves a sparse symmetric definite matrix for loads ``(coordinate, …)``.
+def factorised(matrix: scipy.sparse.csc_array, order: Array | None = None) -> Solver:
+    """Factorise a sparse symmetric definite matrix; return its solver for loads ``(coordinate, …)``.
 
     Parameters
     ----------
     matrix
         Shape ``(coordinate, coordinate)``.
     order
-        Of :func:`elimination_order`, where it is known.
+        Result of :func:`elimination_order`, where it is known.
 
     Raises
     ------
@@ -71,9 +70,9 @@ def factorised(matrix: scipy.sparse.csc_array, order: Array | None = None) -> An
 
 
 def elimination_order(matrix: scipy.sparse.csc_array) -> Array | None:
-    """Return the order in which CHOLMOD is to eliminate matrices with these entries or some of them, ``(coordinate,)``.
+    """Return the elimination order for CHOLMOD of matrices with these nonzeros or fewer, ``(coordinate,)``.
 
-    ``None`` for those that SuperLU factorises, in an order of its own.
+    It is ``None`` for those that SuperLU factorises, in an order of its own.
     """
     return _nested_dissection(matrix) if matrix.shape[0] > MOST_BY_SUPERLU and has_cholmod() else None
 
@@ -84,8 +83,8 @@ def has_cholmod() -> bool:
     return all(importlib.util.find_spec(package) is not None for package in FACTORISING)
 
 
-def _by_superlu(matrix: scipy.sparse.csc_array) -> Answer:
-    """Return the solver by SuperLU on the order of least degree of A + Aᵀ, with pivots on the diagonal."""
+def _by_superlu(matrix: scipy.sparse.csc_array) -> Solver:
+    """Return the solver by SuperLU with the minimum-degree ordering of A + Aᵀ and pivots on the diagonal."""
     try:
         factors = scipy.sparse.linalg.splu(
             scipy.sparse.csc_array(matrix),
@@ -98,10 +97,10 @@ def _by_superlu(matrix: scipy.sparse.csc_array) -> Answer:
     return lambda load: np.asarray(factors.solve(load))
 
 
-def _by_cholmod(matrix: scipy.sparse.csc_array, order: Array) -> Answer:
-    """Return the solver by CHOLMOD on an order of elimination.
+def _by_cholmod(matrix: scipy.sparse.csc_array, order: Array) -> Solver:
+    """Return the solver by CHOLMOD with an elimination order.
 
-    Its BLAS, a library of its own, has one thread each time: callers cannot limit what is not loaded yet.
+    Its own BLAS library is limited to one thread here, as callers cannot limit it before it is loaded.
     """
     import cvxopt
     from cvxopt import cholmod
@@ -117,17 +116,17 @@ def _by_cholmod(matrix: scipy.sparse.csc_array, order: Array) -> Answer:
         except ArithmeticError:
             raise NotHeldError from None
 
-    def answer(load: Array) -> Array:
+    def solve(load: Array) -> Array:
         solution = cvxopt.matrix(np.asarray(load, dtype=np.float64))
         with threadpool_limits(limits=1, user_api="blas"):
             cholmod.solve(factor, solution)
         return np.array(solution).reshape(load.shape)
 
-    return answer
+    return solve
 
 
 def _nested_dissection(matrix: scipy.sparse.csc_array) -> Array:
-    """Return METIS's order of elimination of a symmetric matrix, ``(coordinate,)``."""
+    """Return METIS's elimination order of a symmetric matrix, ``(coordinate,)``."""
     import pymetis
 
     links = scipy.sparse.coo_array(matrix)
@@ -143,19 +142,19 @@ class LargeFactorsWarning(UserWarning):
 
 
 class Fill(NamedTuple):
-    """What it takes to factorise a matrix once, memory in bytes."""
+    """Memory [bytes] and time of one factorisation."""
 
     size: float
     seconds: float
 
     def __str__(self) -> str:
-        """Return it in words."""
+        """Return both in words."""
         size, seconds = (float(f"{value:.1g}") for value in (self.size / 1e9, self.seconds))
         return f"{size:g} GB and {seconds:g} s of one core"
 
 
 def expected_fill(matrix: scipy.sparse.csc_array, by_cholmod: bool) -> Fill:
-    """Return what factors of a symmetric matrix take, by SuperLU or by CHOLMOD."""
+    """Return the estimated memory and time of a factorisation by SuperLU or by CHOLMOD."""
     level = _mean_level(matrix)
     rows = float(matrix.shape[0])
     if by_cholmod:
@@ -164,7 +163,7 @@ def expected_fill(matrix: scipy.sparse.csc_array, by_cholmod: bool) -> Fill:
 
 
 def warn_of_fill(matrix: scipy.sparse.csc_array, kind: str) -> None:
-    """Warn of factors of many displacements or temperatures that take more than a gigabyte."""
+    """Warn of factors of displacements or temperatures (``kind``) that take more than a gigabyte."""
     if matrix.shape[0] <= MOST_BY_SUPERLU:
         return
     here = expected_fill(matrix, has_cholmod())

@@ -1,14 +1,14 @@
-"""A structure from its matrices M, K1, K12, C2, K2 and a contact x_n = wᵀx, in whatever coordinates they come.
+"""A structure from its matrices M, K1, K12, C2, K2 and a contact x_n = wᵀx, in any coordinates.
 
-What the equations are not in yet, they are brought to in two steps. Motions N without mass, M N = 0, follow the others
-statically, z = -(NᵀK1 N)⁻¹ Nᵀ (K1 x + K12 θ), and are eliminated, those without heat capacity alike; dampers on them
-must keep to NᵀC1 = a NᵀK1. What heat loads on temperatures without heat capacity make of them pushes the structure
-with the constant force -K12 N (NᵀK2 N)⁻¹ Nᵀq. Then the last coordinate is made the tip: with the largest |w_j|,
+Two steps transform them to the equations. First, motions N without mass, M N = 0, are eliminated by static
+condensation, z = -(NᵀK1 N)⁻¹ Nᵀ (K1 x + K12 θ), and temperatures without heat capacity likewise; damping of them must
+satisfy NᵀC1 = a NᵀK1. Heat loads on temperatures without heat capacity exert the constant force
+-K12 N (NᵀK2 N)⁻¹ Nᵀq on the structure. Then the last coordinate is made the tip: with the largest |w_j|,
 y = (x without x_j, wᵀx) and
 
     x = E y,   M ← Eᵀ M E,   K1 ← Eᵀ K1 E,   K12 ← Eᵀ K12 E_θ,   C2 ← E_θᵀ C2 E_θ,   K2 ← E_θᵀ K2 E_θ,
 
-so that the contact force is -λ e_n and its heat α λ e_n, as equations (1a) and (1b) have them.
+so that the contact force is -λ e_n and its heat α λ e_n, as in equations (1a) and (1b).
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from workflow.models._semidefinite import (
 from workflow.models._structure import Coordinates, Matrices, Rayleigh
 
 _UNBALANCED = 1e-8
-"""Share of a thermal force that may act on a rigid body: half of the digits of a file that has them all."""
+"""Relative thermal force that may act on a rigid body: half the digits of a file in full precision."""
 
 
 COLD = 1e30
-"""Heat capacity [J/K] of a structure that nobody describes temperatures of: it stays cold, whatever heat it takes."""
+"""Heat capacity [J/K] of a structure whose temperatures are not given: it stays cold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,19 +56,19 @@ class GivenMatrices:
     contact
         w with x_n = wᵀx, ``(displacement,)``; the casing is at x_n = d.
     thermal_contact
-        Shares of the contact heat that the temperatures take, ``(temperature,)``, 1 in sum; θ_n is the mean so weighed.
+        Weights s of the contact heat on the temperatures, ``(temperature,)``, with the sum 1; θ_n = sᵀθ.
     steady, heating
         Constant loads [N] and heat loads [W], ``(displacement,)`` and ``(temperature,)``.
     load
-        Direction along which the load acts, ``(displacement,)``; the contact's where ``None``.
+        Direction of the load, ``(displacement,)``; that of the contact where ``None``.
     tangent
         Direction t in which the casing slides, ``(displacement,)``: the contact force acts along w - µt, or ``None``.
-    even_rise
-        Temperatures at an even rise of 1 K, ``(temperature,)``: 1 each where ``None``. Balances of heat weigh with it.
+    uniform_rise
+        Temperatures of a uniform rise by 1 K, ``(temperature,)``: 1 each where ``None``. They weight the heat balance.
     damping, damper
-        Of the modes, or by Rayleigh's coefficients; and C1 as a matrix [N s/m], ``(displacement, displacement)``.
+        Modal or Rayleigh damping; and a damping matrix [N s/m], ``(displacement, displacement)``.
     labels
-        Of the displacements; their indices where there are none.
+        Labels of the displacements; their indices where there are none.
     """
 
     mass: Array
@@ -84,17 +84,17 @@ class GivenMatrices:
     damper: Array | None = None
     load: Array | None = None
     tangent: Array | None = None
-    even_rise: Array | None = None
+    uniform_rise: Array | None = None
     labels: tuple[str, ...] = ()
 
 
 def structure_from_matrices(given: GivenMatrices) -> Matrices:
-    """Return the structure by dense matrices; its ``coordinates`` lead from those of the given ones and back.
+    """Return the structure of dense matrices; its ``coordinates`` hold the transforms from the given ones and back.
 
     Raises
     ------
     UnusableMatricesError
-        They are no structure.
+        The matrices do not describe a structure.
     """
     sparse = {name: value for name, value in vars(given).items() if hasattr(value, "toarray")}
     matrices = replace(given, **{name: value.toarray() for name, value in sparse.items()})
@@ -103,27 +103,27 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
         matrices.heat_capacity, matrices.conductance, matrices.thermal_contact, "heat_capacity", "conductance"
     )
     refuse_dashpots(matrices, *_without_inertia(matrices.mass, "mass")[1:])
-    expansive = -(matrices.coupling @ _heated_at_once(matrices))
+    expansive = -(matrices.coupling @ _instantaneous_rise(matrices))
     loads = matrices.steady, matrices.heating, expansive
     coordinates = Coordinates(basis, projection, heat_basis, heat_projection, *loads)
     springs = factored(matrices.stiffness, "stiffness", basis)
     conductors = factored(matrices.conductance, "conductance", heat_basis)
-    even = np.ones(matrices.heat_capacity.shape[0]) if matrices.even_rise is None else matrices.even_rise
+    even = np.ones(matrices.heat_capacity.shape[0]) if matrices.uniform_rise is None else matrices.uniform_rise
     return Matrices(
         mechanical=_pair(congruent(matrices.mass, basis), springs),
         thermal=_pair(congruent(matrices.heat_capacity, heat_basis), conductors),
         expansion=_expansion(springs, basis.T @ matrices.coupling @ heat_basis),
-        even_rise=heat_projection @ even,
+        uniform_rise=heat_projection @ even,
         damping=matrices.damping,
         damper=None if matrices.damper is None else congruent(matrices.damper, basis),
-        load=_elsewhere(matrices.load, basis),
+        load=_load_direction(matrices.load, basis),
         tangent=None if matrices.tangent is None else basis.T @ matrices.tangent,
         coordinates=coordinates,
     )
 
 
 def structure_of_forms(mass: Array, stiffness: Array, coupling: Array, capacity: Array, conductance: Array) -> Matrices:
-    """Return the structure of M, K1, K12, C2 and K2, the tip last, such as the forms Xᵀ M X of a fuller one."""
+    """Return the structure of M, K1, K12, C2 and K2, the tip last, such as a projection Xᵀ M X."""
     springs, conductors = factored(stiffness, "stiffness"), factored(conductance, "conductance")
     pairs = _pair(symmetric(mass), springs), _pair(symmetric(capacity), conductors)
     return Matrices(*pairs, _expansion(springs, coupling), np.ones(len(capacity)))
@@ -134,7 +134,7 @@ def _pair(inertia: Array, part: Part) -> DensePair:
 
 
 def refuse_dashpots(matrices: GivenMatrices, loose: NDArray[np.int64], null: Any) -> None:
-    """Refuse massless motions N that damping keeps from static condensation: no a >= 0 has NᵀC1 = a NᵀK1.
+    """Raise where damping excludes the static condensation of massless motions N: no a >= 0 has NᵀC1 = a NᵀK1.
 
     N may be sparse; ``loose`` is the displacement that is 1 in each column of N.
     """
@@ -150,16 +150,16 @@ def refuse_dashpots(matrices: GivenMatrices, loose: NDArray[np.int64], null: Any
         )
 
 
-def _heated_at_once(matrices: GivenMatrices) -> Array:
-    """Return N (NᵀK2 N)⁻¹ Nᵀq, by which temperatures N without heat capacity follow the heat loads on them."""
+def _instantaneous_rise(matrices: GivenMatrices) -> Array:
+    """Return N (NᵀK2 N)⁻¹ Nᵀq, the rise of temperatures N without heat capacity by the heat loads on them."""
     _, loose, null = _without_inertia(matrices.heat_capacity, "heat_capacity")
     if not loose.size:
         return np.zeros(matrices.heating.size)
-    return (null @ _following(matrices.conductance, null, matrices.heating[:, None], "conductance"))[:, 0]
+    return (null @ _static_response(matrices.conductance, null, matrices.heating[:, None], "conductance"))[:, 0]
 
 
-def _elsewhere(load: Array | None, basis: Array) -> Array | None:
-    """Return the direction of a load in the structure's coordinates, ``None`` where it is that of the contact."""
+def _load_direction(load: Array | None, basis: Array) -> Array | None:
+    """Return the load's direction in the structure's coordinates, ``None`` where it is that of the contact."""
     if load is None:
         return None
     direction = basis.T @ load
@@ -169,7 +169,7 @@ def _elsewhere(load: Array | None, basis: Array) -> Array | None:
 
 
 def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str) -> tuple[Array, Array]:
-    """Return the basis E and the projection onto its coordinates: those with inertia, the contact last.
+    """Return the basis E and the projection to its coordinates: those with inertia, the contact last.
 
     Shapes ``(given, own)`` and ``(own, given)``; given = E own.
     """
@@ -192,15 +192,15 @@ def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str)
     projection[:-1, loose] = -null[inertial[others]]
     projection[-1] = contact
     if loose.size:
-        into -= null @ _following(stiffness, null, stiffness @ into, names[1])
+        into -= null @ _static_response(stiffness, null, stiffness @ into, names[1])
     return into, projection
 
 
 def _without_inertia(inertia: Array, name: str) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
     """Return the coordinates with inertia, the others, and the motions without inertia, ``(given, other)``.
 
-    A motion without inertia has 1 in one of the others, 0 in the rest of them. Mostly it is nothing else, with a row of
-    zeros in M; the incompatible modes of an element may share a mass, however, and then it is a difference of theirs.
+    A motion without inertia has 1 in one of the others and 0 in the rest of them. Mostly it is that coordinate alone,
+    with a row of zeros in M; but where incompatible modes of an element share a mass it is a difference of theirs.
     """
     scale = scale_of(inertia)
     factor = pivots(inertia, name, scale)
@@ -213,8 +213,8 @@ def _without_inertia(inertia: Array, name: str) -> tuple[NDArray[np.int64], NDAr
     return inertial, loose, null
 
 
-def _following(stiffness: Array, null: Array, forces: Array, name: str) -> Array:
-    """Return (NᵀK N)⁻¹ Nᵀf, by which motions N without inertia follow forces f on them."""
+def _static_response(stiffness: Array, null: Array, forces: Array, name: str) -> Array:
+    """Return (NᵀK N)⁻¹ Nᵀf, the static response of motions N without inertia to forces f."""
     try:
         root = np.linalg.cholesky(null.T @ stiffness @ null)
     except np.linalg.LinAlgError:
@@ -232,7 +232,7 @@ def _expansion(springs: Part, coupling: Array) -> Array:
     Raises
     ------
     UnusableMatricesError
-        A rise of temperature would push a rigid body: no thermal expansion does.
+        A temperature rise would exert a resultant force on a rigid body, which no thermal expansion does.
     """
     rank = springs.deformation.shape[0]
     in_order = springs.deformation[:, springs.order]

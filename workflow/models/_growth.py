@@ -1,18 +1,18 @@
-"""Growth rate of a tip in permanent contact: the rightmost eigenvalue of the structure held at the gap, and heated.
+"""Growth rate of a tip in permanent contact: the rightmost eigenvalue of the structure held at the gap, with its heat.
 
-With x = φ η + ψ x_n (modes with the tip held and constraint mode), θ = χ τ (thermal modes of the whole structure), x_n
-constant and loads left out, equation (1) becomes
+With x = φ η + ψ x_n (fixed-interface modes and constraint mode), θ = χ τ (thermal modes of the whole structure), x_n
+constant and no loads, equation (1) becomes
 
     η'' + c η' + ω² η + κ τ = 0               κ = φᵀ K12 χ,   c = φᵀ C1 φ
     τ' + μ τ = t α λ                          t = χ_n
     λ = g τ - L η'' - b η'                    g = -ψᵀ K12 χ,  L = φᵀ M ψ,  b = φᵀ C1 ψ
 
-the last one being (1a) multiplied by ψᵀ. With a free root ψ strains no spring, so g is exactly zero. Friction µ along t
+the last line being ψᵀ (1a). With a free root ψ strains no spring, so g is exactly zero. Friction µ along t
 adds µ φᵀt λ to the first line and divides λ by 1 - µ (ψᵀt - L φᵀt).
 
-Of up to 600 states all eigenvalues are computed, of more those of the 100 + 100 modes that contact heat moves most; the
-others are taken to stay where they are without it. Where c couples no modes the rightmost are improved on the whole
-system, 1 = α G(s), with G(s) the contact force that a unit heat load at the tip causes, both as exp(s t).
+Of up to 600 states all eigenvalues are computed, of more those of the 100 + 100 modes that contact heat shifts most;
+the other poles are taken to be those without heat. Where c couples no modes the rightmost are refined on the whole
+system, 1 = α G(s), with G(s) the transfer function from a heat load at the tip to the contact force.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ _ALL_STATES = 600
 _STRONGEST = 100
 """Modes of each kind of a larger structure whose eigenvalues are computed."""
 
-_IMPROVED = 24
-"""Eigenvalues of largest real part that are improved."""
+_REFINED = 24
+"""Number of eigenvalues of largest real part that are refined."""
 
 _STEPS = 30
-"""Of Newton's iteration; from eigenvalues of a part it takes three to ten."""
+"""Largest number of Newton steps; from eigenvalues of a part it takes three to ten."""
 
 _UNCERTAIN = 1e-12
-"""Uncertainty of an eigenvalue as a share of the largest."""
+"""Uncertainty of an eigenvalue over the largest one."""
 
 _CONVERGED = 1e-7
-"""Share of an eigenvalue by which the last step of its improvement may change it."""
+"""Largest relative change of an eigenvalue in the last Newton step."""
 
 _ROUNDING = 1e-13
-"""Share of a pole that is rounding: contact heat that moves it no further leaves it where it is."""
+"""Relative shift of a pole up to which it is rounding."""
 
 
 class Growth(NamedTuple):
@@ -76,11 +76,11 @@ class InContact:
     coupling
         κ, ``(mechanical mode, thermal mode)``.
     has_rigid
-        Whether rigid modes, which nothing drives, are left out: they have the eigenvalues 0 and -a_M.
+        Whether rigid modes, which no heat excites, are left out: they have the eigenvalues 0 and -a_M.
     damping
         φᵀ C1 φ [1/s], ``(mechanical mode, mechanical mode)``, where damping is not Rayleigh's and may couple modes.
     slid
-        φᵀt, then ψᵀt: what a force along the direction of sliding drives; ``None`` where there is none.
+        φᵀt, then ψᵀt, of the sliding direction t; ``None`` where there is none.
     """
 
     modes: Array
@@ -96,8 +96,8 @@ class InContact:
         return np.append(poles(self.modes[0], self.modes[1]), -self.heat[0])
 
     @cached_property
-    def shares(self) -> Array:
-        """By which share of itself contact heat moves each pole, over α, at first order: residues of G over poles."""
+    def relative_shifts(self) -> Array:
+        """Relative shift of each pole by contact heat per α, to first order: residues of G over poles."""
         omega, damping, participation, drag = self.modes[:, :, None]
         decay, tip, static = self.heat
         s = self.poles[: 2 * omega.size].reshape(-1, 2)
@@ -109,9 +109,9 @@ class InContact:
         moved, size = np.append(moved, tip * (static + (follows * self.coupling).sum(axis=0))), np.abs(self.poles)
         return np.asarray(np.abs(moved) / np.maximum(size, size[size > 0].min(initial=np.inf)))
 
-    def moved(self, alpha: float) -> tuple[InContact, Complex]:
-        """Return the system of the modes that contact heat moves, of a large one the strongest, and all other poles."""
-        count, each = self.modes.shape[1], self.shares
+    def shifted_modes(self, alpha: float) -> tuple[InContact, Complex]:
+        """Return the system of modes with poles that contact heat shifts, at most the strongest, and the others."""
+        count, each = self.modes.shape[1], self.relative_shifts
         most = _STRONGEST if self.poles.size > _ALL_STATES else self.poles.size
         kinds = each[: 2 * count].reshape(count, 2).max(axis=1), each[2 * count :]
         order = (np.argsort(-kind, kind="stable")[:most] for kind in kinds)
@@ -121,7 +121,7 @@ class InContact:
         return part, np.delete(self.poles, np.concatenate([2 * modes, 2 * modes + 1, 2 * count + heats]))
 
     def contact_force(self, s: Complex) -> tuple[Complex, Complex]:
-        """Return G(s), the contact force by a unit heat load at the tip as exp(s t), and dG/ds; ``(s,)`` each.
+        """Return the transfer function G(s) from a heat load at the tip to the contact force, and dG/ds; ``(s,)`` each.
 
         G = Σ_k [g_k + Σ_j h_j(s) κ_jk] t_k/(s + μ_k), h_j = (L_j s² + b_j s)/(s² + c_j s + ω_j²).
         """
@@ -155,9 +155,9 @@ class InContact:
 
 
 def in_contact(structure: Structure) -> InContact:
-    """Prepare the growth rates of a structure; of one without matrices those of its lowest modes of both kinds.
+    """Return the system of a structure in contact; of one without matrices that of its lowest modes of both kinds.
 
-    Friction drives rigid modes of the interior too: they are kept where there is a direction of it.
+    Friction excites rigid modes of the interior too: they are kept where there is a sliding direction.
     """
     pair, few = structure.mechanical, None if structure.has_matrices else _STRONGEST
     held, thermal = pair.modes(few, held=True), structure.thermal.modes(few)
@@ -180,30 +180,29 @@ def in_contact(structure: Structure) -> InContact:
 
 
 def growth(contact: InContact, alpha: float, friction: float = 0.0) -> Growth:
-    """Return the largest real part of the eigenvalues of a structure in permanent contact, 1/s; negative: all decays.
+    """Return the largest real part of the eigenvalues of a structure in permanent contact, 1/s; stable where negative.
 
-    Where damping or friction couples the modes none is improved. NaN where none of a larger structure could be
-    improved; flutter of modes that contact heat moves little may be missed there.
+    Where damping or friction couples the modes no eigenvalue is refined. NaN where none of a larger structure could be
+    refined; flutter of modes that contact heat shifts little may be missed there.
     """
     if contact.damping is not None or (contact.slid is not None and friction != 0):
         values = eigenvalues(contact.matrix(alpha, friction))
         rates = values.real
     else:
-        part, others = contact.moved(alpha)
+        part, others = contact.shifted_modes(alpha)
         values = np.append(eigenvalues(part.matrix(alpha)), contact.poles)
-        rates = np.append(_improved(contact, alpha, values[: -contact.poles.size]), others.real)
+        rates = np.append(_refined(contact, alpha, values[: -contact.poles.size]), others.real)
     rate = float(rates.max(initial=0.0 if contact.has_rigid else -np.inf)) + 0.0
     return Growth(rate if np.isfinite(rate) else np.nan, _UNCERTAIN * float(np.abs(values).max(initial=0.0)))
 
 
-def _improved(contact: InContact, alpha: float, spectrum: Complex) -> Array:
-    """Return the real parts of the rightmost of a spectrum, improved by Newton's method on 1/G(s) = α.
+def _refined(contact: InContact, alpha: float, spectrum: Complex) -> Array:
+    """Return the real parts of the rightmost eigenvalues, refined by Newton's method on 1/G(s) = α.
 
-    Those that it does not find stay as they are where the spectrum is that of all modes, else they are left out; NaN
-    where none is left.
+    Where it does not converge they are kept if the spectrum is that of all modes, else left out; NaN if none is left.
     """
     above = spectrum[spectrum.imag >= 0]
-    starts = above[np.argsort(-above.real, kind="stable")[:_IMPROVED]]
+    starts = above[np.argsort(-above.real, kind="stable")[:_REFINED]]
     roots, left = starts.copy(), np.full(starts.size, np.inf)
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):

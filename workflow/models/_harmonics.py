@@ -1,4 +1,4 @@
-"""Sums of sinusoids that cases have beside the sinusoid of their load: of the load, and of the casing's motion."""
+"""Harmonics of the load besides its first sinusoid, and of the casing's motion."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from workflow.kernels import Array, elementwise
 
 @dataclass(frozen=True, eq=False)
 class Harmonics:
-    """A sum Σ a_k sin(2π f_k t + φ_k) of each case.
+    """A sum Σ a_k sin(2π f_k t + φ_k) for each case.
 
     Attributes
     ----------
     amplitude, frequency, phase
-        a_k [N or m], f_k [Hz] and φ_k [rad]; shape ``(case, harmonic)``, all cases with as many.
+        a_k [N or m], f_k [Hz] and φ_k [rad]; shape ``(case, harmonic)``, the same number for all cases.
     """
 
     amplitude: Array
@@ -37,7 +37,7 @@ class Harmonics:
 
     @property
     def acting(self) -> NDArray[np.bool_]:
-        """Cases with an amplitude that is not 0, ``(case,)``."""
+        """Whether a case has a nonzero amplitude, ``(case,)``."""
         return np.asarray(np.any(self.amplitude != 0, axis=1))
 
     @property
@@ -51,21 +51,21 @@ class Harmonics:
         return np.asarray(np.abs(self.amplitude).sum(axis=1))
 
     def __getitem__(self, which: Any) -> Harmonics:
-        """Return those of some cases."""
+        """Return the harmonics of some cases."""
         return Harmonics(*(row[which] for row in self.rows))
 
     def spread(self, count: int) -> Harmonics:
-        """Return those of one case, or none, for ``count`` cases."""
+        """Return the harmonics of one case, or none, repeated for ``count`` cases."""
         return Harmonics(*(np.array(np.broadcast_to(row, (count, self.width))) for row in self.rows))
 
     def scaled(self, factor: float) -> Harmonics:
-        """Return those with all amplitudes times a factor."""
+        """Return the harmonics with all amplitudes multiplied by a factor."""
         return replace(self, amplitude=self.amplitude * factor)
 
     def added(self, constant: Array, t: float | Array) -> Array:
-        """Return a constant and the sum at a time, added in the order of the harmonics, ``(case,)``.
+        """Return a constant plus the sum at time t, added in the order of the harmonics, ``(case,)``.
 
-        The constant has the shape of what is returned, ``(time, case)`` for times ``(time, 1)``.
+        For times ``(time, 1)`` the constant and the result are ``(time, case)``.
         """
         total = np.array(constant)
         for k in range(self.width):
@@ -73,7 +73,7 @@ class Harmonics:
         return total
 
     def rate_at(self, t: float) -> Array:
-        """Return the derivative Σ a_k 2π f_k cos(2π f_k t + φ_k) of the sum by time, ``(case,)``."""
+        """Return the time derivative Σ a_k 2π f_k cos(2π f_k t + φ_k) of the sum, ``(case,)``."""
         total = np.zeros(self.amplitude.shape[0])
         for k in range(self.width):
             total += self.amplitude[:, k] * self.angular[:, k] * self.sine_cosine(k, t)[1]

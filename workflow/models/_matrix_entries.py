@@ -1,4 +1,4 @@
-"""Entries of a file of matrices, checked and brought to SI: shapes, symmetry, numbers, labels, the contact."""
+"""Check of the entries of a file of matrices and their conversion to SI: shapes, symmetry, numbers, labels, contact."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._structure import Rayleigh
 
 ASYMMETRY = 1e-10
-"""Share of the largest entry of a row and column by which a matrix may miss symmetry: that of assembly in another
-order, or of files with eleven digits. The mean of both halves is used."""
+"""Accepted asymmetry, over the largest entry of the row and the column: rounding of assembly in another order, or of
+files with eleven digits. The mean of both halves is used."""
 
 _WHOLE = 1e-9
-"""By which shares may miss 1 in sum: rounding of many of them."""
+"""Accepted deviation of a sum of weights from 1: rounding of many of them."""
 
 _TO_SI = {
     "mass": 1e3,
@@ -30,7 +30,7 @@ _TO_SI = {
     "conductance": 1e-3,
     "heating": 1e-3,
 }
-"""From t, N/mm, N s/mm, N/K, mJ/K, mW/K and mW."""
+"""Factors from t, N/mm, N s/mm, N/K, mJ/K, mW/K and mW."""
 
 
 def in_si(entries: Entries, units: str) -> dict[str, Any]:
@@ -41,7 +41,7 @@ def in_si(entries: Entries, units: str) -> dict[str, Any]:
 
 
 class Chosen(NamedTuple):
-    """What a study chooses from a file: labels, indices or names of vectors; ``None`` for the file's own entry."""
+    """A study's choice from a file: labels, indices or names of vectors; ``None`` for the file's own entry."""
 
     contact: str | int | None = None
     thermal_contact: str | int | None = None
@@ -82,7 +82,7 @@ def checked_matrices(entries: Entries, chosen: Chosen, damping: Rayleigh) -> Giv
 
 
 def _heat(entries: Entries, labels: Sequence[str], chosen: str | int | None, contact: Array) -> dict[str, Any]:
-    """Return what is about temperatures; of a file without them a single one that stays 0 and moves nothing."""
+    """Return the thermal entries; for a file without temperatures a single one that stays 0 without any effect."""
     size, own = contact.size, ("heat_capacity", "conductance", "coupling")
     if not any(name in entries for name in own):
         one, none = scipy.sparse.csc_array(np.ones((1, 1))), scipy.sparse.csc_array((size, 1))
@@ -110,7 +110,7 @@ def _heat(entries: Entries, labels: Sequence[str], chosen: str | int | None, con
 def _thermal_contact(
     entries: Entries, labels: Sequence[str], chosen: str | int | None, contact: Array, count: int
 ) -> Array:
-    """Return the shares of the contact heat; where nobody says, those of a contact at one of as many temperatures."""
+    """Return the weights of the contact heat; by default those of a contact at one node, with as many temperatures."""
     own = _texts("thermal_labels", entries, count) or (labels if len(labels) == count else ())
     if chosen is None and "thermal_contact" not in entries and count == contact.size and np.count_nonzero(contact) == 1:
         return np.asarray(contact != 0, dtype=np.float64)
@@ -123,7 +123,7 @@ def _thermal_contact(
 
 
 def _tangent(entries: Entries, labels: Sequence[str], chosen: str | int | None, normal: Array) -> Array | None:
-    """Return the direction of friction, which must not be that of the contact; ``None`` where nobody gives one."""
+    """Return the sliding direction, which must not be that of the contact; ``None`` where none is given."""
     if chosen is None and "tangent" not in entries:
         return None
     tangent = _direction(chosen, "tangent", entries, labels, normal.size)
@@ -135,9 +135,9 @@ def _tangent(entries: Entries, labels: Sequence[str], chosen: str | int | None, 
 
 
 def _direction(chosen: str | int | None, name: str, entries: Entries, labels: Sequence[str], size: int) -> Array:
-    """Return the vector, ``(size,)``, that a label, an index (from 0) or the name of a vector stands for.
+    """Return the vector, ``(size,)``, of a label, an index (from 0) or the name of a vector.
 
-    ``chosen`` is as the study has it; ``None`` stands for the entry ``name`` of the file, which may be any of these.
+    ``chosen`` is the study's; for ``None`` it is the entry ``name`` of the file, which may be any of these.
     """
     if chosen is None:
         if name not in entries:
@@ -164,7 +164,7 @@ def _direction(chosen: str | int | None, name: str, entries: Entries, labels: Se
 
 
 def _numbers(name: str, value: Any) -> Array:
-    """Return finite real numbers."""
+    """Return a value as finite real numbers."""
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":
         raise UnusableMatricesError(f"`{name}` holds no real numbers", "write real numbers")
@@ -174,7 +174,7 @@ def _numbers(name: str, value: Any) -> Array:
 
 
 def _sparse(name: str, value: Any) -> scipy.sparse.csc_array:
-    """Return a matrix of finite numbers by its columns."""
+    """Return a matrix of finite numbers in compressed columns."""
     matrix = scipy.sparse.csc_array(value if scipy.sparse.issparse(value) else _numbers(name, value))
     matrix.sum_duplicates()
     matrix.data = _numbers(name, matrix.data)
@@ -182,7 +182,7 @@ def _sparse(name: str, value: Any) -> scipy.sparse.csc_array:
 
 
 def _symmetric(entries: Entries, name: str, size: int | None = None) -> scipy.sparse.csc_array:
-    """Return a matrix of so many rows, its two halves averaged."""
+    """Return a symmetric matrix with ``size`` rows, the mean of its two halves."""
     shape = np.shape(entries[name])
     if len(shape) != 2 or shape[0] != shape[1] or not shape[0] or shape[0] != (size or shape[0]):
         remedy = f"it must have {size} rows and columns" if size else "it must be square"

@@ -1,6 +1,6 @@
-"""Files of matrices, read by NumPy, SciPy and pyyeti: entries by name, nothing in a file is executed.
+"""Files of matrices, read by NumPy, SciPy and pyyeti: entries by name; nothing in a file is executed.
 
-Entries are dense arrays of NumPy, sparse ones of SciPy by their rows, and texts.
+Entries are dense NumPy arrays, SciPy's sparse arrays in compressed rows, and texts.
 
 - NPZ without pickles; a sparse matrix in it is ``mass.data``, ``mass.indices``, ``mass.indptr`` and ``mass.shape``.
 - MATLAB up to version 7.
@@ -25,10 +25,10 @@ import numpy as np
 from workflow.models._semidefinite import UnusableMatricesError
 
 MOST_BYTES = 2**30
-"""Of a file: 1e5 degrees of freedom with 300 entries in each row of M and K1."""
+"""Largest size of a file: 1e5 degrees of freedom with 300 entries in each row of M and K1."""
 
 MOST_COORDINATES = 200_000
-"""Rows of a matrix."""
+"""Largest number of rows of a matrix."""
 
 MATRICES = ("mass", "stiffness", "damping", "coupling", "heat_capacity", "conductance")
 VECTORS = ("contact", "thermal_contact", "load", "steady", "heating", "tangent")
@@ -43,7 +43,7 @@ _PART = re.compile(rf"({'|'.join(MATRICES)})[._](data|indices|indptr|shape|row|c
 
 
 def files_of(place: Path) -> tuple[Path, ...]:
-    """Return all files that belong to a place that a study names.
+    """Return all files of a path that a study names.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def read_entries(place: Path) -> dict[str, Any]:
     Raises
     ------
     UnusableMatricesError
-        It is damaged, too large, or of no kind that is known.
+        It is damaged, too large, or of an unknown kind.
     """
     if not place.is_dir():
         return _read(place, _WHOLE)
@@ -84,7 +84,7 @@ def read_entries(place: Path) -> dict[str, Any]:
 
 
 def _read(place: Path, readers: Mapping[str, Callable[[Path], dict[str, Any]]]) -> dict[str, Any]:
-    """Return what a reader makes of a file, whatever it stumbles over in a damaged one."""
+    """Return the entries of a file by the reader of its kind; any error of the reader is that of a damaged file."""
     kind = place.suffix.lower()
     if kind not in readers:
         remedy = f"name a file {', '.join(readers)} or a directory of .mtx files"
@@ -105,7 +105,7 @@ def _read(place: Path, readers: Mapping[str, Callable[[Path], dict[str, Any]]]) 
 
 
 def _of_rows(name: str, value: Any) -> Any:
-    """Return an entry of a size that is read, a sparse one by compressed rows whose indices lie within it."""
+    """Return an entry after a check of its size, a sparse one in compressed rows with checked indices."""
     if len(value.shape) == 2 and max(value.shape) > MOST_COORDINATES:
         shape = " x ".join(map(str, value.shape))
         raise UnusableMatricesError(f"`{name}` is {shape}", f"at most {MOST_COORDINATES} rows are read")
@@ -147,7 +147,7 @@ def _mat(place: Path) -> dict[str, Any]:
 
 
 def _plain(name: str, value: Any) -> Any:
-    """Return a variable of MATLAB as other files have it: texts one by one, a single whole number as one."""
+    """Return a MATLAB variable in the form of other files: texts one by one, a single whole number as an integer."""
     if name in MATRICES:
         return value
     value = value.toarray() if hasattr(value, "toarray") else value

@@ -1,4 +1,4 @@
-"""Tables of modes: rows from a CSV file, or as a study has them."""
+"""Tables of modes: rows of a CSV file or of a study."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SPELLINGS = {
     "1/s": ("1/s",),
     "(K/J)**0.5": ("1/√(J/K)", "1/sqrt(J/K)", "(K/J)**0.5"),
 }
-"""How the unit of a column may stand in brackets behind its name, the first as it is asked for."""
+"""Accepted spellings of a column's unit, in brackets after its name; messages use the first one."""
 
 _HEADING = re.compile(r"(\w+)\s*(?:\[\s*(.*?)\s*\])?")
 
@@ -31,9 +31,9 @@ _MOST_BYTES = 2**25
 
 
 def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
-    """Return a table with a row for each mode and the columns in this order, ``(mode, column)``.
+    """Return a table with a row for each mode and the columns in the given order, ``(mode, column)``.
 
-    The head of a CSV file names them in any order, with or without their units: ``frequency [Hz]``.
+    The header of a CSV file names them in any order, with or without their units: ``frequency [Hz]``.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array
 
 
 def read_matrix(source: File | Rows, shape: tuple[int, int]) -> Array:
-    """Return a matrix of numbers from a CSV file without a head, or from rows.
+    """Return a matrix of numbers from a CSV file without a header, or from rows.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def read_matrix(source: File | Rows, shape: tuple[int, int]) -> Array:
 
 
 def _shaken(file: File, table: Array) -> Array:
-    """Return numbers of a file changed by its share, neighbours in a row in opposite directions."""
+    """Return a file's numbers perturbed by ``file.shaken``, relatively, with alternating signs along a row."""
     return np.asarray(table * (1 + file.shaken * (-1.0) ** np.arange(table.shape[1])))
 
 
@@ -99,7 +99,7 @@ def _numbers(file: File, lines: list[str]) -> Array:
 
 
 def _table(name: str, rows: Rows | Array, width: int, height: int | None = None) -> Array:
-    """Return rows of one width as an array of finite numbers, of some height or of not too many rows."""
+    """Return rows as an array of finite numbers ``(height, width)``, of any height up to the limit where ``None``."""
     if not 0 < len(rows) <= MOST_MODES:
         raise UnusableMatricesError(f"{name} has {len(rows)} rows", f"write 1 to {MOST_MODES}")
     widths = sorted({len(row) for row in rows})

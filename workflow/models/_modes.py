@@ -1,9 +1,9 @@
-"""Normal modes of a structure, with rigid and adiabatic ones decided by rank, and damping in them.
+"""Normal modes of a structure, with rigid and adiabatic ones decided by rank, and modal damping.
 
     C1 = a_M M + a_K K1 + M Φ diag(2 ζ ω) Φᵀ M + D
 
-with Φ the modes of the structure with its tip free, φᵀ M φ = 1; rigid ones have ω = 0. With the tip free all but D are
-diagonal in modes, with the tip held only Rayleigh's two are. A reduced structure has the ratio in its own modes.
+with Φ the modes of the structure with its tip free, φᵀ M φ = 1; rigid ones have ω = 0. In modes with the tip free all
+terms but D are diagonal, with the tip held only Rayleigh's two. A reduced structure has the ratio in its own modes.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from workflow.models._pair import Modes
 from workflow.models._structure import Structure
 
 _COUPLED = 1e-12
-"""Share of the largest modal damping below which that between two modes is rounding of a matrix that is diagonal."""
+"""Damping between two modes, over the largest modal damping, up to which it is the rounding of a diagonal matrix."""
 
 
 def poles(frequency: Array, damping: Array) -> NDArray[np.complex128]:
     """Return both roots λ of λ² + c λ + ω² = 0, complex, 1/s, shape ``(mode, 2)``.
 
-    The smaller one of two real roots is ω² by the larger one: their sum would lose its digits.
+    The smaller one of two real roots is ω² over the larger one, which loses no digits.
     """
     half = damping / 2
     square = half**2 - frequency**2
@@ -41,8 +41,8 @@ def poles(frequency: Array, damping: Array) -> NDArray[np.complex128]:
 def mechanical_modes(structure: Structure) -> Modes:
     """Return the undamped mechanical modes, values ω [rad/s]: K1 φ = ω² M φ, φᵀ M φ = 1.
 
-    Rayleigh damping is diagonal in them, c = a_M + a_K ω². Of a tip without mass the static deformation comes last, its
-    value the root of its stiffness, √(N/m).
+    Rayleigh damping is diagonal in them, c = a_M + a_K ω². The last mode of a tip without mass is its static
+    deformation, with the root of its stiffness as value, √(N/m).
     """
     modes = structure.mechanical.modes()
     return replace(modes, values=np.sqrt(modes.values))
@@ -54,15 +54,15 @@ def thermal_modes(structure: Structure) -> Modes:
 
 
 def frequencies(structure: Structure) -> Array:
-    """Return ω of the modes, rad/s, ascending; of a chain without matrices the lowest and the highest.
+    """Return ω of the modes, rad/s, ascending; for a chain without matrices the lowest and the highest only.
 
-    Of sparse matrices the lowest and about the highest. The last one is infinite where the tip has no mass.
+    For sparse matrices they are the lowest and about the highest. The last one is infinite for a tip without mass.
     """
     return np.sqrt(structure.mechanical.spectrum())
 
 
 def rates(structure: Structure) -> Array:
-    """Return μ of the thermal modes, 1/s, ascending; of long chains and sparse matrices as :func:`frequencies`."""
+    """Return μ of the thermal modes, 1/s, ascending; for long chains and sparse matrices as in :func:`frequencies`."""
     return structure.thermal.spectrum()
 
 
@@ -78,7 +78,7 @@ def modal_coupling(structure: Structure, mechanical: Modes, thermal: Modes) -> A
 
 
 def modal_damping(structure: Structure, modes: Modes) -> Array:
-    """Return φᵀ C1 φ of each mode with the tip free, 1/s, ``(mode,)``; what couples them is left out."""
+    """Return the diagonal of φᵀ C1 φ of the modes with the tip free, 1/s, ``(mode,)``."""
     damping = coupled_damping(structure, modes)
     return damping if damping.ndim == 1 else np.diag(damping)
 
@@ -105,7 +105,7 @@ def held_damping(structure: Structure, modes: Modes) -> Array:
 
 
 def is_rayleigh(structure: Structure) -> bool:
-    """Tell whether damping is diagonal in the modes of any support: a_M M + a_K K1 alone."""
+    """Tell whether damping is a_M M + a_K K1 alone, which is diagonal in the modes of any boundary condition."""
     return structure.damper is None and structure.damping.ratio == 0
 
 
@@ -115,5 +115,5 @@ def couples_free_modes(structure: Structure) -> bool:
 
 
 def needs_matrices(structure: Structure) -> bool:
-    """Tell whether a structure cannot be stepped in modes scaled by the tip."""
+    """Tell whether a structure cannot be stepped in uncoupled modes scaled by the tip."""
     return structure.load is not None or couples_free_modes(structure)

@@ -1,7 +1,7 @@
-"""A stiffness K and an inertia M of one kind, the tip last: static answers and modes, with the tip held and free.
+"""A pair of stiffness K and inertia M, the tip last: static solutions and modes, with the tip held and free.
 
-Mechanical K is K1 and M its mass, thermal K is K2 and M = C2. Modes are K φ = λ M φ, φᵀ M φ = 1, with λ = ω² or λ = μ.
-Rigid motions and even warming of adiabatic parts have λ = 0 exactly: ranks decide it.
+The mechanical pair is K1 and M, the thermal one K2 and C2. Modes are K φ = λ M φ, φᵀ M φ = 1, with λ = ω² or λ = μ.
+Rigid motions and uniform warming of adiabatic parts have λ = 0 exactly, as decided by rank.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from workflow.kernels.algebra import least_squares, singular
 from workflow.models._cases import distinct_rows, project
 
 MOST_FULL = 2000
-"""Coordinates up to which a structure can be kept full: a matrix of more holds 32 MB and more, modes take a minute."""
+"""Coordinates up to which a structure can be kept full: a larger matrix has over 32 MB, and modes take a minute."""
 
 UNBALANCED = 1e-9
-"""Share of the loads above which what is left of them on a part that nothing holds moves it for ever: far above the
-rounding of their sum, far below a load that somebody meant."""
+"""Resultant of the loads on an unconstrained part, over their sum of magnitudes, up to which it is zero: far above the
+rounding of the sum, far below any intended load."""
 
 
 class TooManyCoordinatesError(ValueError):
-    """A structure has too many coordinates for what would be built of n x n matrices."""
+    """A structure has too many coordinates for dense matrices."""
 
     def __init__(self, size: int, most: int):
         super().__init__(
@@ -49,7 +49,7 @@ class Modes:
         Columns with shapesᵀ · inertia · shapes = 1, shape ``(coordinate, mode)``.
     has_static
         Whether the last column is the static deformation by a force on a tip without mass: its inertia is 0 and its
-        λ its stiffness, N/m, so that shapesᵀ · stiffness · shapes = λ holds for it too.
+        λ is its stiffness, N/m, so that shapesᵀ · stiffness · shapes = λ holds for it too.
     """
 
     values: Array
@@ -63,25 +63,25 @@ class Modes:
 
     @property
     def inertia(self) -> Array:
-        """shapesᵀ · inertia · shapes: 1, and 0 of a static deformation, shape ``(mode,)``."""
+        """shapesᵀ · inertia · shapes: 1, or 0 for a static deformation, shape ``(mode,)``."""
         inertia = np.ones(self.values.size)
         inertia[self.values.size - self.has_static :] = 0.0
         return inertia
 
     def lowest(self, count: int | None) -> Modes:
-        """Return the lowest of them, themselves where ``None``."""
+        """Return the ``count`` lowest modes, all where ``None``."""
         return self if count is None else Modes(self.values[:count], self.shapes[:, :count])
 
     def with_tip_held(self) -> Modes:
-        """Return modes of what is beside the tip as those of the whole, 0 at the tip."""
+        """Return modes of all coordinates but the tip, extended by 0 at the tip."""
         return Modes(self.values, np.ascontiguousarray(np.vstack([self.shapes, np.zeros(self.values.size)])))
 
 
 class Pair(ABC):
-    """What is asked of a stiffness and an inertia, whatever they are kept as.
+    """Interface of a pair of stiffness and inertia, for any storage.
 
     Displacements u deform springs or conductors by d = D u, and K u = forces(d): K = Dᵀ diag(weights) D. Where there
-    are none, d are the forces K u themselves.
+    are no springs, d are the forces K u themselves.
 
     Attributes
     ----------
@@ -90,9 +90,9 @@ class Pair(ABC):
     weights
         Springs [N/m] or conductors [W/K], ``(spring,)``.
     most_modes
-        Most modes or vectors that are found where the structure cannot be kept full.
+        Largest number of modes or vectors of a structure that cannot be kept full.
     constraint
-        ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``; parts not linked to the tip stay at 0.
+        Constraint mode ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``; 0 in parts not linked to the tip.
     deformed
         D ψ, ``(spring,)``, exactly 0 where ψ deforms nothing.
     """
@@ -113,7 +113,7 @@ class Pair(ABC):
     @property
     @abstractmethod
     def dense(self) -> DensePair:
-        """The same by dense matrices.
+        """The same pair with dense matrices.
 
         Raises
         ------
@@ -158,46 +158,46 @@ class Pair(ABC):
 
     @abstractmethod
     def modes(self, count: int | None = None, held: bool = False) -> Modes:
-        """Return the lowest modes, all if not said, with the tip free or ``held``, 0 then."""
+        """Return the ``count`` lowest modes, all by default, with the tip free, or ``held`` at 0."""
 
     @abstractmethod
-    def answer(self, load: Array, held: bool = False) -> Array:
+    def solve(self, load: Array, held: bool = False) -> Array:
         """Return K⁻¹ f with the tip free or ``held``, ``(coordinate,)``.
 
-        On a part that nothing holds loads are balanced by its inertia first, f - M r with r its rigid motion, so that a
-        deformation is left that the loads alone do not determine up to a rigid motion (inertia relief).
+        Loads on an unconstrained part are balanced by its inertia first, f - M r with r its rigid motion, and the
+        deformation is determined without a rigid motion (inertia relief).
         """
 
-    def static_answers(self, loads: Array) -> Array:
-        """Return K⁻¹ f for every case, ``(case, coordinate)``, each distinct load answered once."""
+    def static_solutions(self, loads: Array) -> Array:
+        """Return K⁻¹ f for every case, ``(case, coordinate)``, solved once for each distinct load."""
         first, which = distinct_rows(loads)
-        return np.reshape([self.answer(load) for load in loads[first]], (-1, self.size))[which]
+        return np.reshape([self.solve(load) for load in loads[first]], (-1, self.size))[which]
 
     @abstractmethod
-    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
-        """Return what gives (K + s M)⁻¹ f, ``(coordinate,)``, with the tip held by f and s > 0."""
+    def shifted_solver(self) -> Callable[[Array, float], Array]:
+        """Return a solver of (K + s M) u = f with the tip held, of f ``(coordinate,)`` and s > 0."""
 
     @abstractmethod
     def rigid_motions(self, held: bool) -> Array:
-        """Return motions that deform nothing, ``(coordinate, motion)``, with the tip free or ``held``."""
+        """Return the rigid motions, ``(coordinate, motion)``, with the tip free or ``held``."""
 
     def moves(self, load: Array, held: bool = False) -> bool:
-        """Tell whether a load ``(coordinate,)`` moves for ever what nothing holds, with the tip free or ``held``."""
+        """Tell whether a load ``(coordinate,)`` has a resultant on a rigid motion, with the tip free or ``held``."""
         rigid = self.rigid_motions(held)
         return bool(np.any(np.abs(rigid.T @ load) > UNBALANCED * np.abs(rigid).max(axis=0) * np.abs(load).sum()))
 
     @abstractmethod
     def spectrum(self) -> Array:
-        """Return λ of all modes, ascending, infinite of a static deformation; of large pairs the lowest and highest."""
+        """Return λ of all modes, ascending, infinite for a static deformation; of large pairs lowest and highest."""
 
     def largest(self) -> float:
-        """Return the largest λ; of sparse matrices about that."""
+        """Return the largest λ; for sparse matrices an estimate."""
         return float(self.spectrum()[-1])
 
 
 @dataclass(frozen=True, eq=False)
 class DensePair(Pair):
-    """Dense matrices: answers and modes by singular values of what is deformed; attributes are those of a Pair."""
+    """A pair with dense matrices: static solutions and modes by singular values of √weights · D."""
 
     inertia: Array
     weights: Array
@@ -221,13 +221,13 @@ class DensePair(Pair):
 
     @cached_property
     def constraint(self) -> Array:  # type: ignore[override]
-        """ψ: the vector of least deformation energy, of minimum norm, with the tip at 1."""
+        """ψ: the vector of least deformation energy with the tip at 1, of minimum norm."""
         weighted = self.weighted
         return np.append(least_squares(weighted[:, :-1], -weighted[:, -1]), 1.0)
 
     @cached_property
     def deformed(self) -> Array:  # type: ignore[override]
-        """D ψ, 0 below the rounding that decides the rank."""
+        """D ψ, 0 where it is below the rounding that decides ranks."""
         deformed, weighted = self.deformation @ self.constraint, self.weighted
         rounding = 10 * max(weighted.shape) * np.finfo(float).eps  # ten times matrix_rank's: ψ is rounded too
         least = rounding * np.linalg.norm(weighted) * np.linalg.norm(self.constraint)
@@ -246,13 +246,13 @@ class DensePair(Pair):
     def modes(self, count: int | None = None, held: bool = False) -> Modes:
         return (self._held if held else self._free).lowest(count)
 
-    def answer(self, load: Array, held: bool = False) -> Array:
+    def solve(self, load: Array, held: bool = False) -> Array:
         return np.asarray(_by_modes(self.modes(held=held), load[None])[0])
 
-    def static_answers(self, loads: Array) -> Array:
+    def static_solutions(self, loads: Array) -> Array:
         return _by_modes(self._free, loads)
 
-    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
+    def shifted_solver(self) -> Callable[[Array, float], Array]:
         modes = self._held
         return lambda load, shift: np.asarray(modes.shapes @ ((modes.shapes.T @ load) / (modes.values + shift)))
 
@@ -265,7 +265,7 @@ class DensePair(Pair):
 
 
 def _by_modes(modes: Modes, loads: Array) -> Array:
-    """Return the sum of the modal answers to loads ``(case, coordinate)``; modes with λ = 0 take no part."""
+    """Return the static response to loads ``(case, coordinate)`` summed over modes, without those of λ = 0."""
     elastic = modes.values > 0
     shapes = np.ascontiguousarray(modes.shapes[:, elastic])
     return project(shapes, project(shapes.T, loads) / modes.values[elastic])
@@ -274,9 +274,9 @@ def _by_modes(modes: Modes, loads: Array) -> Array:
 def _singular_modes(inertia: Array, deformation: Array, whole: Array | None = None) -> Modes:
     """Solve deformationᵀ deformation φ = s² inertia φ through singular values s; λ = s².
 
-    Singular values keep low frequencies of graded chains accurate to eps·ω_max/ω where the
-    eigenvalues of the squared matrix would only be so to eps·(ω_max/ω)². ``whole`` is the deformation of which this one
-    is what condensing has left: ranks are decided by the rounding of the larger one.
+    Singular values keep low frequencies of graded chains accurate to eps·ω_max/ω, eigenvalues of the squared matrix
+    only to eps·(ω_max/ω)². ``whole`` is the deformation before a condensation: ranks are decided by the rounding of the
+    larger one.
     """
     size = inertia.shape[0]
     if size == 0:
@@ -285,7 +285,7 @@ def _singular_modes(inertia: Array, deformation: Array, whole: Array | None = No
     scaled = solve_triangular(root, deformation.T, lower=True).T
     values, vectors = singular(scaled)
     rounding = max(scaled.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule
-    before = 0.0  # or ten times the size of what was condensed: its entries are rounded sums
+    before = 0.0  # or ten times the norm before the condensation: its entries are rounded sums
     if whole is not None:
         before = 10 * float(np.linalg.norm(solve_triangular(root, whole.T, lower=True)))
     values[values <= rounding * values.max(initial=before)] = 0.0
@@ -296,13 +296,13 @@ def _singular_modes(inertia: Array, deformation: Array, whole: Array | None = No
 def _condensed_modes(mass: Array, strain: Array) -> Modes:
     """Return the modes of a structure whose tip has no mass, then the static deformation by a force on the tip.
 
-    In the modes the tip follows the others at rest, x_n = -K_nn⁻¹ K_ni x_i; that deformation is a unit displacement of
-    the tip alone, of stiffness K_nn. All are orthogonal in M, K1 and C1.
+    In the modes the tip is condensed statically, x_n = -K_nn⁻¹ K_ni x_i; the static deformation is a unit displacement
+    of the tip alone, of stiffness K_nn. All are orthogonal in M, K1 and C1.
     """
     others, tip = strain[:, :-1], strain[:, -1]
     stiffness, follows = np.dot(tip, tip), np.zeros(others.shape[1])
     condensed = others
-    for _ in range(2):  # once more, so that rounding of the first pass goes too
+    for _ in range(2):  # the second pass removes the rounding of the first
         share = (condensed.T @ tip) / stiffness
         condensed, follows = condensed - tip[:, None] * share, follows - share
     modes = _singular_modes(mass[:-1, :-1], condensed, others)

@@ -11,11 +11,11 @@ from scipy.linalg.lapack import dpstrf
 from workflow.kernels import Array
 
 _INDEFINITE = 1e3
-"""A negative part of a matrix larger than so many times its rounding makes the matrix indefinite."""
+"""Negative part of a matrix, over its rounding, above which the matrix is indefinite."""
 
 
 class UnusableMatricesError(ValueError):
-    """Matrices that are no structure, or none that a basis can take: ``problem`` and ``remedy`` in a study's words."""
+    """Matrices do not describe a structure, or one that a basis can reduce: ``problem`` and ``remedy`` for the user."""
 
     def __init__(self, problem: str, remedy: str):
         super().__init__(f"{problem}: {remedy}")
@@ -23,12 +23,12 @@ class UnusableMatricesError(ValueError):
 
 
 class Factor(NamedTuple):
-    """R with A[order][:, order] = Rᵀ R + a rest that has no pivot above the threshold."""
+    """R with A[order][:, order] = Rᵀ R + a remainder without a pivot above the threshold."""
 
     upper: Array
     """R, upper triangular with a positive diagonal, ``(rank, size)``."""
     order: NDArray[np.int64]
-    """Rows of A in the order in which they became pivots, ``(size,)``."""
+    """Rows of A in the order of pivoting, ``(size,)``."""
 
 
 class Part(NamedTuple):
@@ -44,12 +44,12 @@ def congruent(matrix: Array, basis: Array) -> Array:
 
 
 def symmetric(matrix: Array) -> Array:
-    """Return the mean of both halves."""
+    """Return the symmetric part of a matrix."""
     return np.asarray((matrix + matrix.T) / 2)
 
 
 def factored(matrix: Array, name: str, basis: Array | None = None) -> Part:
-    """Return the deformation of EᵀK E, E a basis: its rank is decided by the rounding of |E|ᵀ|K||E|.
+    """Return the deformation of EᵀK E with a basis E; its rank is decided by the rounding of |E|ᵀ|K||E|.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def scale_of(matrix: Array) -> Array:
 
 
 def pivots(matrix: Array, name: str, scale: Array) -> Factor:
-    """Return the factor of a matrix over scales of its coordinates, ``(coordinate,)``, largest pivots first.
+    """Return the factor of a matrix divided by scales of its coordinates ``(coordinate,)``, with complete pivoting.
 
     Source: Higham, Accuracy and stability of numerical algorithms (SIAM 2002), section 10.3: the rank found is that of
     a matrix within rounding of A.

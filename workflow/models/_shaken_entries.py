@@ -1,11 +1,11 @@
-"""Matrices changed by what rounding may change, to see how much of a result another processor can repeat.
+"""Perturbed matrices, to estimate which digits of a result another processor can reproduce.
 
-A matrix is changed by a share as a whole and each of its entries by a rounding,
+A matrix is perturbed as a whole by a relative ``share``, and in each entry by a rounding,
 
     a_ij ← a_ij (1 ± share ± ε s_i s_j),   s_i = 1 or -1 at random, the same on every run,
 
-so that it stays symmetric. The first moves all frequencies alike. The second does to low frequencies and static answers
-what a factorisation does that is exact for a matrix beside the given one: to a share ε times its condition number.
+so that it stays symmetric. The first shifts all frequencies alike. The second changes low frequencies and static
+solutions as the backward error of a factorisation does, relatively by ε times the condition number.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ import scipy
 from workflow.models._matrix_files import MATRICES, VECTORS, Entries
 
 ROUNDED = float(np.finfo(float).eps)
-"""Change of an entry against its neighbours."""
+"""Relative perturbation of a single entry."""
 
 
 def shaken(entries: Entries, share: float) -> dict[str, Any]:
-    """Return entries of a file with matrices and vectors changed by a share, of either sign; labels as they are."""
+    """Return the entries of a file with matrices and vectors perturbed by a share of either sign, and its labels."""
     changed = dict(entries)
     for k, name in enumerate(MATRICES):
         if name in changed:

@@ -1,13 +1,13 @@
-"""Friction of a casing that slides without reversing: the contact force acts along n - µt, the gap is seen along n.
+"""Friction of a casing that slides without reversing: the contact force acts along n - µt, the gap is measured along n.
 
     M x'' + C1 x' + K1 x + K12 θ = f - λ (e_n - µ t),   x_n <= d
 
-What the tip yields to such a force differs from what it yields to one along e_n by the factors
+The compliance of the tip to such a force is that to a force along e_n times
 
     at an impact   nᵀM⁻¹(n - µt) / nᵀM⁻¹n = 1 - µ a,      at standstill   nᵀK1⁻¹(n - µt) / nᵀK1⁻¹n = 1 - µ s,   s = ψᵀt,
 
 with the constraint mode ψ ∝ K1⁻¹ n. Where the first is not positive an impulse pushes the tip into the casing: there is
-no impact law (Painlevé). Where the second is not, a tip at rest on its casing has no stable place there.
+no impact law (Painlevé paradox). Where the second is not, a tip at rest on its casing is unstable.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from workflow.models._structure import Structure
 
 
 class CriticalFriction(NamedTuple):
-    """Friction coefficients from which on the tip does not yield to a contact force, ``inf`` for none."""
+    """Friction coefficients from which on the tip's compliance to a contact force is not positive; ``inf`` for none."""
 
     impact: float
     """1/a: no impact law."""
     standstill: float
-    """1/s: no stable place on the casing."""
+    """1/s: no stable rest on the casing."""
 
 
 def directions(structure: Structure, friction: Array) -> Array:
@@ -46,7 +46,7 @@ def static_share(structure: Structure) -> float:
 
 
 def critical_friction(structure: Structure) -> CriticalFriction:
-    """Return the friction coefficients from which on the tip of a structure does not yield to a contact force."""
+    """Return the critical friction coefficients of a structure."""
     if structure.tangent is None:
         return CriticalFriction(np.inf, np.inf)
     modes = mechanical_modes(structure)

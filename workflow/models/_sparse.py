@@ -1,8 +1,7 @@
 """Structures of many degrees of freedom: sparse matrices that are factorised once and never become dense.
 
-Nothing here steps such a structure: a basis of :mod:`workflow.reduction` reduces it first, and the quadratic forms
-Xᵀ M X, Xᵀ K1 X, Xᵀ K12 Θ, Θᵀ C2 Θ, Θᵀ K2 Θ of its vectors are the matrices of the reduced structure. A small one has
-dense matrices when something asks for them (``full``).
+No scheme steps such a structure itself: a basis of :mod:`workflow.reduction` reduces it first, to the projections
+Xᵀ M X, Xᵀ K1 X, Xᵀ K12 Θ, Θᵀ C2 Θ, Θᵀ K2 Θ on its vectors. A small one has dense matrices on request (``full``).
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ class Sparse(Structure):
     coordinates: Coordinates | None = None
 
     @property
-    def even_rise(self) -> Array:  # type: ignore[override]
+    def uniform_rise(self) -> Array:  # type: ignore[override]
         """1 each."""
         return np.ones(self.thermal_size)
 
@@ -59,5 +58,5 @@ class Sparse(Structure):
         )
 
     def matrices(self) -> Matrices:
-        """Return the same structure by its dense matrices."""
+        """Return the same structure with dense matrices."""
         return self._dense

@@ -1,6 +1,6 @@
-"""A sparse structure from matrices in whatever coordinates, its contact brought to the last one.
+"""A sparse structure from matrices in any coordinates, with its contact as the last one.
 
-As :mod:`workflow.models._from_matrices`, x = E y with y = (x without x_j, wᵀx), but E is the identity but for one row,
+As in :mod:`workflow.models._from_matrices`, x = E y with y = (x without x_j, wᵀx); E is the identity except one row,
 and all products are sparse.
 """
 
@@ -23,19 +23,19 @@ from workflow.models._sparse_pair import SparsePair
 from workflow.models._structure import Coordinates, Matrices, Rayleigh
 
 _SINGULAR = 1e-10
-"""Least pivot of an inertia scaled to a diagonal of ones above which it is definite: consistent masses have 1e-2."""
+"""Smallest pivot of an inertia with unit diagonal above which it is definite: consistent masses have 1e-2."""
 
 MOST_SHARES = 300
-"""Degrees of freedom that a contact acts on: as many rows of the matrices are mixed with each other."""
+"""Largest number of degrees of freedom of a contact: it fills as many rows of the matrices."""
 
 
 def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
-    """Return the structure of sparse matrices, by dense ones where it is small and not held, or has massless parts.
+    """Return the structure of sparse matrices; a small one without support or with massless parts has dense ones.
 
     Raises
     ------
     UnusableMatricesError
-        They are no structure, or a large one that is not held.
+        The matrices do not describe a structure, or a large one without support.
     """
     size = max(matrices.mass.shape[0], matrices.heat_capacity.shape[0])
     is_small = size <= MOST_FULL
@@ -43,7 +43,7 @@ def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
     if is_small and not (plain and _is_definite(matrices.mass) and _is_definite(matrices.heat_capacity)):
         return structure_from_matrices(matrices)
     try:
-        with threadpool_limits(limits=1, user_api="blas"):  # the same bits whoever factorises
+        with threadpool_limits(limits=1, user_api="blas"):  # the same bits for any number of threads
             return _sparse_structure(matrices)
     except NotHeldError as error:
         if not is_small:
@@ -55,7 +55,7 @@ def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
 
 
 def _is_definite(inertia: Any) -> bool:
-    """Tell whether a small inertia is definite by more than rounding; motions without inertia are condensed else."""
+    """Tell whether a small inertia is definite by more than rounding, so that nothing needs condensation."""
     diagonal = inertia.diagonal()
     if not np.all(diagonal > 0):
         return False
@@ -85,7 +85,7 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
         damper = _congruent(matrices.damper, basis)
         rayleigh = _as_rayleigh(damper, mechanical)
         damping, damper = (damping, damper) if rayleigh is None else (rayleigh, None)
-    given = matrices.steady, matrices.heating, -np.asarray(matrices.coupling @ _heated_at_once(matrices))
+    given = matrices.steady, matrices.heating, -np.asarray(matrices.coupling @ _instantaneous_rise(matrices))
     return Sparse(
         mechanical=mechanical,
         thermal=thermal,
@@ -98,15 +98,15 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
     )
 
 
-def _heated_at_once(matrices: GivenMatrices) -> Array:
-    """Return by how much temperatures without heat capacity follow the heat loads on them, K, ``(given,)``."""
+def _instantaneous_rise(matrices: GivenMatrices) -> Array:
+    """Return the rise of temperatures without heat capacity by the heat loads on them, K, ``(given,)``."""
     loose, rise = np.flatnonzero(matrices.heat_capacity.diagonal() == 0), np.zeros(matrices.heating.size)
     rise[loose] = factorised(scipy.sparse.csc_array(matrices.conductance)[loose][:, loose])(matrices.heating[loose])
     return rise
 
 
 def _as_rayleigh(damper: scipy.sparse.csc_array, pair: SparsePair) -> Rayleigh | None:
-    """Return a_M and a_K of C1 = a_M M + a_K K1, which damps modes each by itself; ``None`` where C1 is not that."""
+    """Return a_M and a_K where C1 = a_M M + a_K K1, which couples no modes; else ``None``."""
     scale = float(abs(damper).max()) or 1.0
     parts = [abs(matrix).max() for matrix in (pair.inertia, pair.stiffness)]
     entries = [matrix / size for matrix, size in zip((pair.inertia, pair.stiffness), parts, strict=True)]
@@ -120,7 +120,7 @@ def _as_rayleigh(damper: scipy.sparse.csc_array, pair: SparsePair) -> Rayleigh |
 
 
 def _tip_last(contact: Array, name: str) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
-    """Return E and its inverse: from coordinates with the tip last to those given, and back."""
+    """Return E, from coordinates with the tip last to the given ones, and its inverse."""
     size, shares = contact.size, np.flatnonzero(contact)
     if shares.size > MOST_SHARES:
         raise UnusableMatricesError(

@@ -1,12 +1,12 @@
-"""A stiffness and an inertia as sparse matrices, the tip last: static answers and the lowest modes, held and free.
+"""A pair of sparse stiffness and inertia, the tip last: static solutions and the lowest modes, tip held and free.
 
-One factorisation, of the stiffness K with the tip held, K_ii, gives all of them. With the constraint mode
+One factorisation, of the stiffness K_ii with the tip held, serves all of them. With the constraint mode
 ψ = [-K_ii⁻¹ K_in, 1] and the stiffness of the tip σ = K_nn + K_ni ψ_i,
 
     K⁻¹ f = [K_ii⁻¹ f_i, 0] + ψ (ψᵀ f)/σ,
 
-so that answers with the tip free need no factorisation of their own. Modes are those of the pair nearest to 0, by
-Lanczos iteration on K⁻¹ M (shift-invert), each with a residual that is looked at. No array has n × n entries.
+so that solutions with the tip free need no other factorisation. The modes nearest to 0 are found by Lanczos iteration
+on K⁻¹ M (shift-invert), and their residuals are checked. No array has n × n entries.
 
 Source: Ericsson and Ruhe, Math. Comp. 35 (1980) 1251-1268; Lehoucq, Sorensen and Yang, ARPACK users' guide (SIAM 1998).
 """
@@ -22,34 +22,34 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
-from workflow.models._factors import Answer, NotHeldError, elimination_order, factorised
+from workflow.models._factors import NotHeldError, Solver, elimination_order, factorised
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
 from workflow.models._semidefinite import factored
 
 _RESIDUAL = 1e-8
-"""Largest residual K φ - λ M φ of a mode as a share of λ M φ, beside the rounding of K φ itself: an eigenvalue is then
-known to the square of it."""
+"""Largest residual K φ - λ M φ of a mode over λ M φ, besides the rounding of K φ: the relative error of the eigenvalue
+is its square."""
 
 _ROUNDING = 100 * float(np.finfo(float).eps)
-"""Share of |K| |φ| that rounding may leave in K φ, sums of about a hundred terms."""
+"""Rounding of K φ over |K| |φ|, for sums of about a hundred terms."""
 
 _RIGID = 1e-13
-"""Stiffness of the tip over its own entry K_nn below which the tip moves freely: what rounding leaves of zero. A chain
-of 1e5 equal springs has 1e-5."""
+"""Stiffness of the tip over K_nn up to which the tip moves freely: the rounding of zero. A chain of 1e5 equal springs
+has 1e-5."""
 
 _LANCZOS = 30
-"""Steps in which the ends of a spectrum are looked for, which show first."""
+"""Lanczos steps for the ends of a spectrum, which converge first."""
 
 _NEGATIVE = 1e-10
-"""Eigenvalue of the matrix scaled to a diagonal of ones below whose negative it is indefinite: rounding of assembled
-entries leaves 1e-13."""
+"""Magnitude of a negative eigenvalue of the matrix with unit diagonal above which it is indefinite: rounding of
+assembled entries leaves 1e-13."""
 
 
 MOST_REDUCED = 300
-"""Modes or vectors of each kind that a sparse structure is reduced to: each is an array as long as the structure."""
+"""Largest number of modes or vectors of each kind of a sparse structure: each is an array of the structure's size."""
 
 _CORRECTIONS = 2
-"""Of the constraint mode: each leaves an error its share condition · rounding of the one before."""
+"""Corrections of the constraint mode: each multiplies its error by condition number times rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,8 @@ class SparsePair(Pair):
     Attributes
     ----------
     stiffness, inertia
-        K1 and M [N/m, kg], or K2 and C2 [W/K, J/K]. Coordinates other than the tip may have no inertia: they follow
-        the others statically in every vector that is found here.
+        K1 and M [N/m, kg], or K2 and C2 [W/K, J/K]. Coordinates other than the tip may have no inertia: they are
+        condensed statically in every vector that is found here.
     """
 
     stiffness: scipy.sparse.csc_array
@@ -76,7 +76,7 @@ class SparsePair(Pair):
 
     @property
     def deformation(self) -> scipy.sparse.csc_array:
-        """K: there are no springs to be deformed."""
+        """K itself, as there are no springs."""
         return self.stiffness
 
     @property
@@ -94,7 +94,7 @@ class SparsePair(Pair):
         return np.asarray(u * (self.stiffness @ u))
 
     @cached_property
-    def _interior(self) -> Answer:
+    def _interior(self) -> Solver:
         return factorised(self.stiffness[:-1, :-1], self._order)
 
     @cached_property
@@ -103,10 +103,9 @@ class SparsePair(Pair):
 
     @cached_property
     def constraint(self) -> Array:  # type: ignore[override]
-        """ψ, corrected by the loads that it leaves, summed with more digits.
+        """ψ after iterative refinement with residuals in extended precision.
 
-        On a finite element blade processors
-        agree on S to 2e-12 and on α_c to 2e-11, without that to 7e-10.
+        On a finite element blade processors agree on S to 2e-12 and on α_c to 2e-11, without refinement to 7e-10.
         """
         below = self.stiffness[:-1, [-1]].toarray()[:, 0]
         shape = np.append(-self._interior(below), 1.0)
@@ -127,22 +126,22 @@ class SparsePair(Pair):
         forces[-1] = self.tip_stiffness
         return forces
 
-    def answer(self, load: Array, held: bool = False) -> Array:
-        """Return K⁻¹ f, ``(coordinate,)``; where the tip moves freely of a load that inertia balances, the tip at 0."""
+    def solve(self, load: Array, held: bool = False) -> Array:
+        """Return K⁻¹ f, ``(coordinate,)``; where the tip moves freely, with inertia relief and the tip at 0."""
         if held:
             return np.append(self._interior(load[:-1]), 0.0)
         if self.tip_stiffness > 0:
-            return self.answer(load, held=True) + self.constraint * (self.constraint @ load / self.tip_stiffness)
+            return self.solve(load, held=True) + self.constraint * (self.constraint @ load / self.tip_stiffness)
         inertia = self.inertia_of(self.constraint)
-        return self.answer(load - inertia * (self.constraint @ load) / (self.constraint @ inertia), held=True)
+        return self.solve(load - inertia * (self.constraint @ load) / (self.constraint @ inertia), held=True)
 
     def rigid_motions(self, held: bool) -> Array:
-        """Return what moves a tip freely; nothing else may be loose."""
+        """Return the rigid motion of a tip that moves freely; the pair has no other one."""
         return self.constraint[:, None][:, : self.tip_stiffness == 0 and not held]
 
-    def answers_held_shifted(self) -> Callable[[Array, float], Array]:
+    def shifted_solver(self) -> Callable[[Array, float], Array]:
         @lru_cache(maxsize=1)
-        def factors(shift: float) -> Answer:
+        def factors(shift: float) -> Solver:
             return factorised((self.stiffness + shift * self.inertia)[:-1, :-1], self._order)
 
         return lambda load, shift: np.append(factors(shift)(load[:-1]), 0.0)
@@ -155,7 +154,7 @@ class SparsePair(Pair):
             inside = self.stiffness[:-1, :-1], self.inertia[:-1, :-1]
             return Modes(*_lowest(*inside, self._interior, count, 0.0)).with_tip_held()
         if self.tip_stiffness > 0 or self.size == 1:
-            return Modes(*_lowest(self.stiffness, self.inertia, self.answer, count, 0.0))
+            return Modes(*_lowest(self.stiffness, self.inertia, self.solve, count, 0.0))
         shift = float(self.modes(1, held=True).values[0])
         moved = factorised(self.stiffness + shift * self.inertia)
         values, shapes = _lowest(self.stiffness, self.inertia, moved, count, -shift)
@@ -167,7 +166,7 @@ class SparsePair(Pair):
         return np.array([lowest, max(self._largest(), lowest)])
 
     def _largest(self) -> float:
-        """Return about the largest eigenvalue of the pair: of the inertia lumped on its diagonal, some percent low."""
+        """Estimate the largest eigenvalue of the pair with the inertia lumped on its diagonal, some percent too low."""
         lumped = np.asarray(abs(self.inertia).sum(axis=0))
         root = scipy.sparse.diags_array(np.where(lumped > 0, 1 / np.sqrt(np.where(lumped > 0, lumped, 1.0)), 0.0))
         return _spectrum_ends(scipy.sparse.csc_array(root @ self.stiffness @ root))[1]
@@ -185,24 +184,24 @@ class SparsePair(Pair):
 
 
 def _product_with_more_digits(matrix: scipy.sparse.csc_array, vector: Array) -> Array:
-    """Return the product of a symmetric matrix and a vector, summed in the longest floats there are."""
+    """Return the product of a symmetric matrix and a vector, summed in the longest floats of the processor."""
     longer = np.longdouble
     terms = matrix.data.astype(longer) * vector.astype(longer)[matrix.indices]
-    filled = np.flatnonzero(np.diff(matrix.indptr))  # reduceat takes an empty column for its neighbour
+    filled = np.flatnonzero(np.diff(matrix.indptr))  # reduceat gives an empty column its neighbour's entry
     sums = np.zeros(matrix.shape[1], dtype=longer)
     sums[filled] = np.add.reduceat(terms, matrix.indptr[:-1][filled])
     return sums.astype(np.float64)
 
 
 def _start(size: int) -> Array:
-    """Return the vector that every iteration begins with: the same on every run, without symmetry."""
+    """Return the start vector of all iterations: the same on every run, without symmetry."""
     return np.random.default_rng(0).standard_normal(size)
 
 
 def _lowest(
-    stiffness: scipy.sparse.csc_array, inertia: scipy.sparse.csc_array, answer: Answer, count: int, shift: float
+    stiffness: scipy.sparse.csc_array, inertia: scipy.sparse.csc_array, solve: Solver, count: int, shift: float
 ) -> tuple[Array, Array]:
-    """Return the ``count`` eigenvalues nearest above a shift, ascending, and vectors of length 1 in the inertia.
+    """Return the ``count`` eigenvalues next above a shift, ascending, and eigenvectors normalised by the inertia.
 
     Raises
     ------
@@ -212,14 +211,14 @@ def _lowest(
     size = inertia.shape[0]
     if count == 0:
         return np.zeros(0), np.zeros((size, 0))
-    if 3 * count > size:  # Lanczos's iteration has no room
+    if 3 * count > size:  # too many for Lanczos iteration
         values, shapes = scipy.linalg.eigh(stiffness.toarray(), inertia.toarray(), subset_by_index=(0, count - 1))
         return np.where(np.abs(values) > _ROUNDING * np.abs(values).max(), values, 0.0), shapes
-    solve: Any = scipy.sparse.linalg.LinearOperator(
-        (size, size), matvec=lambda load: answer(np.ravel(load)), dtype=np.float64
+    opinv: Any = scipy.sparse.linalg.LinearOperator(
+        (size, size), matvec=lambda load: solve(np.ravel(load)), dtype=np.float64
     )
     try:
-        values, shapes = scipy.sparse.linalg.eigsh(stiffness, count, inertia, sigma=shift, OPinv=solve, v0=_start(size))
+        values, shapes = scipy.sparse.linalg.eigsh(stiffness, count, inertia, sigma=shift, OPinv=opinv, v0=_start(size))
     except scipy.sparse.linalg.ArpackError as error:
         raise NotHeldError(f"{count} modes of {size} coordinates were not found: {error}") from None
     order = np.argsort(values, kind="stable")
@@ -231,7 +230,7 @@ def _lowest(
 def _check(
     stiffness: scipy.sparse.csc_array, inertia: scipy.sparse.csc_array, values: Array, shapes: Array, shift: float
 ) -> None:
-    """Look at signs and residuals of modes."""
+    """Raise where signs or residuals of modes are wrong."""
     if not np.all(values > 10 * min(shift, 0.0) * _RESIDUAL):
         raise NotHeldError(f"its eigenvalue {values.min():.3g} is negative: stiffness is indefinite")
     carried = inertia @ shapes * values
@@ -244,7 +243,7 @@ def _check(
 
 
 def _spectrum_ends(matrix: scipy.sparse.csc_array) -> tuple[float, float]:
-    """Return the ends of the spectrum that some steps of Lanczos's iteration see: within the spectrum, and close."""
+    """Estimate the ends of the spectrum from inside by some steps of Lanczos iteration."""
     vector = _start(matrix.shape[0])
     vector /= np.linalg.norm(vector)
     before, beside = np.zeros_like(vector), 0.0

@@ -15,7 +15,7 @@ from workflow.models._pair import MOST_FULL, DensePair, Pair
 
 @dataclass(frozen=True)
 class Rayleigh:
-    """Rayleigh damping C1 = a_M M + a_K K1, or a damping ratio of every mode with the tip free."""
+    """Rayleigh damping C1 = a_M M + a_K K1, or the same damping ratio for every mode with the tip free."""
 
     mass: float = quantity("1/s", "mass-proportional damping a_M", default=0.0, at_least=0)
     stiffness: float = quantity("s", "stiffness-proportional damping a_K", default=0.0, at_least=0)
@@ -24,26 +24,26 @@ class Rayleigh:
     )
 
     def of_modes(self, frequency: Array, inertia: Array | float = 1.0) -> Array:
-        """Return c = a_M m + a_K ω² + 2 ζ ω m of modes with the tip free, ω in rad/s; m is 1, 0 of a static one."""
+        """Return c = a_M m + a_K ω² + 2 ζ ω m of modes with the tip free, ω in rad/s; m is 1, or 0 for a static one."""
         damping = self.mass * inertia + self.stiffness * frequency**2
         return np.asarray(damping if self.ratio == 0 else damping + 2 * self.ratio * frequency * inertia)
 
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Coordinates of a structure's source (a file of matrices, say), where they differ from its own.
+    """Coordinates of a structure's source, such as a file of matrices, where they differ from its own.
 
     Attributes
     ----------
     displacement_basis, displacement_projection
-        From own displacements to those given and back, ``(given, mechanical)`` and ``(mechanical, given)``; sparse
-        arrays of SciPy where the structure has many coordinates.
+        Transforms from own displacements to the given ones and back, ``(given, mechanical)`` and ``(mechanical,
+        given)``; SciPy's sparse arrays where the structure has many coordinates.
     temperature_basis, temperature_projection
         The same for temperatures.
     steady, heating
-        Constant loads [N] and heat loads [W] that come with the structure, ``(given,)``.
+        Constant loads [N] and heat loads [W] of the source, ``(given,)``.
     expansive
-        Constant force of temperatures without heat capacity, which heat loads raise at once, N, ``(given,)``.
+        Constant force by heat loads on temperatures without heat capacity, N, ``(given,)``.
     """
 
     displacement_basis: Array
@@ -55,7 +55,7 @@ class Coordinates:
     expansive: Array
 
     def transformed(self, cases: Cases) -> Cases:
-        """Return cases given in these coordinates in those of the structure, its constant loads added."""
+        """Transform cases from these coordinates to the structure's, and add the constant loads of the source."""
         return replace(
             cases,
             steady=_brought(self.displacement_basis.T, cases.steady + (self.steady + self.expansive)),
@@ -67,13 +67,13 @@ class Coordinates:
 
     @property
     def condensed(self) -> tuple[int, int]:
-        """How many displacements and temperatures were eliminated: those without mass or heat capacity."""
+        """Numbers of displacements and temperatures condensed statically, without mass or heat capacity."""
         mechanical, thermal = self.displacement_basis.shape, self.temperature_basis.shape
         return mechanical[0] - mechanical[1], thermal[0] - thermal[1]
 
 
 def _brought(matrix: Any, states: Array) -> Array:
-    """Return matrix · state for every case, the same bits whatever cases stand beside it; the matrix may be sparse."""
+    """Return matrix · state for every case, with bits that do not depend on other cases; the matrix may be sparse."""
     if isinstance(matrix, np.ndarray):
         return project(matrix, states)
     return np.ascontiguousarray((matrix @ states.T).T)
@@ -94,30 +94,30 @@ class Structure:
     thermal
         K2 [W/K] and C2 [J/K].
     expansion
-        What temperatures add to the deformation that strains nothing: free thermal elongation of each spring, m/K,
-        ``(spring, thermal)``, dense or sparse; -K12 [N/K] where there are no springs.
-    even_rise
-        Temperatures p at an even rise of 1 K, shape (thermal,), the tip's 1: 1 at each node, and in a basis that does
-        not hold them what is closest to that. The heat balance is pᵀ (1b).
+        Free thermal elongation of each spring per temperature, m/K, ``(spring, thermal)``, dense or sparse; -K12 [N/K]
+        where there are no springs.
+    uniform_rise
+        Temperatures p of a uniform rise by 1 K, shape (thermal,), the tip's 1: 1 at each node, or the closest to that
+        in a reduction basis. The heat balance is pᵀ (1b).
     damping
         Rayleigh coefficients of C1 = a_M M + a_K K1, or a damping ratio of the modes with the tip free.
     tip_growth
-        Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from a fuller structure.
+        Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from the full structure.
     load
-        Direction b along which the load F0 + F1 sin(2π f t + φ) acts, shape (mechanical,); ``None`` for the tip, e_n.
+        Direction b of the load F0 + F1 sin(2π f t + φ), shape (mechanical,); ``None`` for the tip, e_n.
     damper
-        What C1 has beside that, shape (mechanical, mechanical), N s/m; ``None`` for nothing.
+        Damping matrix D that C1 has besides, shape (mechanical, mechanical), N s/m; ``None`` for 0.
     tangent
         Direction t in which the casing slides, shape (mechanical,): a contact force λ acts on the structure as
         -λ (e_n - µ t); ``None`` for none.
     coordinates
-        Coordinates that loads and initial states are given in, ``None`` where they are its own.
+        Coordinates of given loads and initial states, ``None`` where they are its own.
     """
 
     mechanical: Pair
     thermal: Pair
     expansion: Any
-    even_rise: Array
+    uniform_rise: Array
     damping: Rayleigh
     tip_growth: Array | None = None
     load: Array | None = None
@@ -137,12 +137,12 @@ class Structure:
 
     @property
     def has_matrices(self) -> bool:
-        """Whether it is small enough for dense matrices."""
+        """Whether the structure is small enough for dense matrices."""
         return max(self.mechanical_size, self.thermal_size) <= MOST_FULL
 
     @property
     def has_massless_tip(self) -> bool:
-        """Whether the tip has no mass, as some reductions leave it: M is singular, and contact has no impulses."""
+        """Whether a reduction has left the tip without mass: M is singular, and contact has no impacts."""
         return not np.any(self.mechanical.inertia_of(self.mechanical.unit_tip))
 
     @property
@@ -152,26 +152,26 @@ class Structure:
 
     @property
     def input_sizes(self) -> tuple[int, int]:
-        """Numbers of displacements and temperatures of the coordinates that cases are given in."""
+        """Numbers of displacements and temperatures in which cases are given."""
         if self.coordinates is None:
             return self.mechanical_size, self.thermal_size
         return self.coordinates.displacement_basis.shape[0], self.coordinates.temperature_basis.shape[0]
 
     @property
     def input_contact(self) -> Array:
-        """w, ``(given,)``: the tip is x_n = wᵀx of the displacements that cases are given in."""
+        """w, ``(given,)``: the tip is x_n = wᵀx in the displacements in which cases are given."""
         tip = self.mechanical.unit_tip
         return tip if self.coordinates is None else np.asarray(self.coordinates.displacement_projection.T @ tip)
 
     def matrices(self) -> Matrices:
-        """Return the same structure by its dense matrices.
+        """Return the same structure with dense matrices.
 
         Raises
         ------
         TooManyCoordinatesError
             They would be too large.
         """
-        names = ("even_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates")
+        names = ("uniform_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates")
         others = {name: getattr(self, name) for name in names}
         return Matrices(self.mechanical.dense, self.thermal.dense, self.expansion, **others)
 
@@ -195,7 +195,7 @@ class Structure:
 
     @property
     def coupling_matrix(self) -> Array:
-        """K12, N/K: the spring forces of a temperature rise, equation (1a)."""
+        """K12, N/K: the forces per temperature rise in equation (1a)."""
         return -self.thermal_forces(np.eye(self.thermal_size))
 
     @property
@@ -221,22 +221,22 @@ class Structure:
     @property
     def content(self) -> Array:
         """Heat content C2 p per thermal coordinate, J/K: over nodes Σ c_i θ_i."""
-        return self.thermal.inertia_of(self.even_rise)
+        return self.thermal.inertia_of(self.uniform_rise)
 
     @property
     def loss_row(self) -> Array:
-        """Heat flow K2 p out of the structure per thermal coordinate, W/K: of a chain κ_1 θ_1 + Σ b_i θ_i."""
-        return self.thermal.forces(self.thermal.deformation_of(self.even_rise))
+        """Heat flow K2 p out of the structure per thermal coordinate, W/K: for a chain κ_1 θ_1 + Σ b_i θ_i."""
+        return self.thermal.forces(self.thermal.deformation_of(self.uniform_rise))
 
 
 @dataclass(frozen=True, eq=False)
 class Matrices(Structure):
-    """A structure that is given by its matrices, such as a reduced one."""
+    """A structure of dense matrices, such as a reduced one."""
 
     mechanical: DensePair
     thermal: DensePair
     expansion: Array
-    even_rise: Array
+    uniform_rise: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
     tip_growth: Array | None = None
     load: Array | None = None
@@ -245,5 +245,5 @@ class Matrices(Structure):
     coordinates: Coordinates | None = None
 
     def matrices(self) -> Matrices:
-        """Return it as it is."""
+        """Return itself."""
         return self

@@ -1,4 +1,4 @@
-"""Writes files of matrices that the model ``matrices`` reads, and refuses what it would refuse."""
+"""Writer of files for the model ``matrices``, with the same checks."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from workflow.models._structure import Rayleigh
 
 
 def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: Any) -> Path:
-    """Check the matrices of a structure and write them as NPZ, in the units in which the study will say they are.
+    """Check the matrices of a structure and write them as NPZ, in the units that the study will state.
 
-    M x'' + C1 x' + K1 x + K12 θ = f and C2 θ' + K2 θ = q: heat that lengthens a blade has entries of K12 below 0.
+    M x'' + C1 x' + K1 x + K12 θ = f and C2 θ' + K2 θ = q: where heat lengthens a blade, entries of K12 are negative.
 
     Parameters
     ----------
     path
-        Of the file; it ends in ``.npz``.
+        Path of the file; it ends in ``.npz``.
     mass, stiffness
-        M and K1, dense arrays or sparse ones of SciPy, (displacement, displacement).
+        M and K1, dense arrays or SciPy's sparse ones, (displacement, displacement).
     entries
         ``damping`` C1, ``heat_capacity`` C2, ``conductance`` K2, ``coupling`` K12 (displacement, temperature), the
         vectors ``contact``, ``thermal_contact``, ``load``, ``steady``, ``heating``, ``tangent``, and texts ``labels``
@@ -53,7 +53,7 @@ def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: An
 
 
 def _check(given: dict[str, Any]) -> None:
-    """Refuse what the model refuses; the study may name contacts that the entries leave out."""
+    """Check the entries as the model does, except contacts, which the study may name."""
     contact, checked = None, given
     if "contact" not in given:
         contact, checked = 0, {name: value for name, value in given.items() if name != "tangent"}

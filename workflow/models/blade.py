@@ -57,7 +57,7 @@ EITHER = ("tip_stiffness", "youngs_modulus")
 
 
 def assemble(parameters: Parameters) -> Chain:
-    """Lump the blade in n cells of length ℓ = length/n, so that the answer converges as n grows.
+    """Lump the blade in n cells of length ℓ = length/n, so that results converge as n grows.
 
     The tip node has half a cell of mass, heat capacity and convection; k_i = n · tip stiffness, and
     κ_i = conductivity · section / ℓ.

@@ -1,4 +1,4 @@
-"""Chain of lumped masses and heat capacities, given as they are: the structure of every model of lumps on a line."""
+"""Chain of lumped masses and heat capacities: the structure of every model of lumps on a line."""
 
 from __future__ import annotations
 
@@ -53,14 +53,14 @@ class Chain(Structure):
 
     @cached_property
     def expansion(self) -> Any:
-        """Free thermal elongation of each spring, at the mean temperature a ℓ_i (θ_{i-1} + θ_i)/2 of its ends, m/K."""
+        """Free thermal elongation a ℓ_i (θ_{i-1} + θ_i)/2 of each spring per temperature, m/K."""
         half = self.free_expansion / 2
         if self.has_matrices:
             return np.diag(half) + np.diag(half[1:], -1)
         return scipy.sparse.diags_array([half, half[1:]], offsets=[0, -1], format="csr")
 
     @property
-    def even_rise(self) -> Array:  # type: ignore[override]
+    def uniform_rise(self) -> Array:  # type: ignore[override]
         """1 at each node."""
         return np.ones(self.masses.size)
 

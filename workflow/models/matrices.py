@@ -1,4 +1,4 @@
-"""Structure of any kind by its matrices: a finite element model from files, with one contact."""
+"""Structure of any kind from its matrices: a finite element model from files, with one contact."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from workflow.models._structure import Matrices, Rayleigh
 
 @dataclass(frozen=True)
 class Parameters:
-    """Matrices from a file, and where the casing is touched."""
+    """Matrices from a file, and the degree of freedom in contact."""
 
     file: File = file(
         "file with entries mass, stiffness, and optionally damping, coupling, heat_capacity, conductance, contact, "
@@ -53,14 +53,14 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     Raises
     ------
     UnusableMatricesError
-        The file, or what the study chooses from it, is no structure.
+        The file, or the study's choice from it, does not describe a structure.
     """
     return _assembled(parameters, parameters.file.place)
 
 
 @lru_cache(maxsize=1)
 def _assembled(parameters: Parameters, place: str) -> Matrices | Sparse:
-    """Keep the last structure: a large one takes seconds, and is asked for by who reads a study and who runs it."""
+    """Return the structure of a file; the last one is cached, as a large one takes seconds and is assembled often."""
     entries = in_si(read_entries(Path(place)), parameters.units)
     if parameters.file.shaken != 0:
         entries = shaken(entries, parameters.file.shaken)

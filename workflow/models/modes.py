@@ -1,11 +1,11 @@
-"""Structure by a table of modes, as every finite element code prints it: no matrices are needed.
+"""Structure from a table of modes, as finite element codes print it, without matrices.
 
 With mass-normalised modes x_n = Σ φ_j η_j, θ_n = Σ χ_l τ_l, and equation (1) is
 
     η_j'' + 2 ζ_j ω_j η_j' + ω_j² η_j + Σ G_jl τ_l = φ_j (f - λ),   τ_l' + μ_l τ_l = χ_l α λ.
 
-Its tip is x_n, θ_n (:mod:`workflow.models._from_matrices`). Modes that the table leaves out are rigid: x_n lacks their
-static answer, which a mode of high frequency may stand for.
+Its tip is x_n, θ_n (:mod:`workflow.models._from_matrices`). Modes beyond the table are truncated: x_n lacks their
+static response, which a mode of high frequency may replace.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def assemble(parameters: Parameters) -> Matrices:
     Raises
     ------
     UnusableMatricesError
-        A table is no table of modes.
+        A table is not one of modes.
     """
     frequency, ratio, tip = read_table(parameters.table, COLUMNS).T
     _check(np.all(frequency >= 0), "frequency", "at least 0")
@@ -76,7 +76,7 @@ def assemble(parameters: Parameters) -> Matrices:
             heating=np.zeros(shape[1]),
             damping=Rayleigh(ratio=float(ratio.max())) if even else Rayleigh(),
             damper=None if even else np.diag(2 * ratio * omega),
-            even_rise=heat_tip / float(heat_tip @ heat_tip),
+            uniform_rise=heat_tip / float(heat_tip @ heat_tip),
         )
     )
 

@@ -1,7 +1,7 @@
-"""Steady rubs of the exact scheme: where a rub settles, how stable it is, and where it runs away.
+"""Steady rubs of the exact model: periodic orbits, their stability, their branches, and runaways.
 
-P is the map of one common period T of all loads on the states of the exact model. A rub of order k is a fixed point of
-Pᵏ that is none of a smaller power; its Floquet multipliers are the eigenvalues of DPᵏ.
+P is the Poincaré map of the states of the exact model over one common period T of all loads. A rub of order k is a
+fixed point of Pᵏ but of no smaller power; its Floquet multipliers are the eigenvalues of DPᵏ.
 """
 
 from workflow.orbits._branch import BIFURCATIONS, branch

@@ -1,4 +1,4 @@
-"""A curve of periodic rubs u = (w, q), w the scaled state at a phase of the period and q the share of a range."""
+"""A curve of periodic rubs u = (w, q), w the scaled state at a phase of the period and q the fraction of a range."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import Analysed, Flow
+from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit, has_converged, longest
-from workflow.schemes._exact.advance import Course
+from workflow.schemes._exact.advance import Trajectory
 from workflow.schemes._exact.batch import heat_acts
 
 Problem = Callable[[float], tuple[Structure, Cases]]
 """Structure and one case at a value of the parameter."""
 
 _DIFFERENCE = 1e-10
-"""Step of differences by q."""
+"""Step of finite differences with respect to q."""
 
 _MOST = 12
-"""Steps of Newton's method to a point."""
+"""Largest number of Newton steps to a point."""
 
 _NEAR_EVENT = 0.1
-"""Share of the longest flight or contact, within which of the phase of w no event may come: else another is taken."""
+"""Distance of an event from the phase of w, over the longest flight or contact, below which another phase is chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,18 +34,18 @@ class Point:
     q: float
     w: Array
     phase: float
-    """Of w, as a share of T."""
+    """Phase of the Poincaré section of w, over T."""
     orbit: Orbit
     tangent: Array
-    """Of u, of length 1 …"""
+    """Tangent of the curve of u, of length 1 …"""
     row: Array
-    """… by the scalar product with this row, without velocities: vibrations after an impact turn them quickly."""
-    place: float = 0.0
+    """… in the scalar product with this row, without velocities, which vibrations after an impact change quickly."""
+    arclength: float = 0.0
     """Arclength."""
 
     @property
     def u(self) -> Array:
-        """State and share of the range."""
+        """State and fraction of the range."""
         return np.append(self.w, self.q)
 
 
@@ -56,31 +56,31 @@ class Curve:
         self.problem, self.start, self.stop, self.duration = problem, start, stop, duration
         self.scale: Array | None = None
         self.first: Structure | None = None
-        self.shared: Analysed | None = None
+        self.shared: AnalysedStructure | None = None
         self.heated = any(heat_acts(problem(self.value(q))[1], 0) for q in (0.0, 0.5, 1.0))
 
     def value(self, q: float) -> float:
-        """Return the parameter at q."""
+        """Return the value of the parameter at q."""
         return self.start + q * (self.stop - self.start)
 
     def flow(self, q: float) -> Flow:
         """Return the case at q; cases of one structure share its operator."""
         structure, cases = self.problem(self.value(q))
         if self.shared is None or structure is not self.shared.structure:
-            self.shared = Analysed(structure)
+            self.shared = AnalysedStructure(structure)
         return Flow(self.shared, cases, self.duration, heated=self.heated)
 
     def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
-        """Return an orbit as the point from which the curve is followed, with a tangent to larger q."""
+        """Return an orbit as the first point of the curve, with a tangent towards larger q."""
         self.scale, self.first = scale, orbit.flow.structure
-        w = self._charts(orbit.flow)[0] @ orbit.course.start
+        w = self._charts(orbit.flow)[0] @ orbit.motion.start
         ahead = np.append(np.zeros(w.size), 1.0)
-        return self._point(np.append(w, q), orbit.course.begin / orbit.flow.period, orbit, ahead)
+        return self._point(np.append(w, q), orbit.motion.begin / orbit.flow.period, orbit, ahead)
 
     def step(self, point: Point, length: float, row: Array | None = None) -> Point | None:
-        """Return the point a length along the tangent, in the plane across it; ``None`` where none is found.
+        """Return the point at a length along the tangent, in the plane across it; ``None`` where none is found.
 
-        With another ``row`` the point has row · u = length.
+        With another ``row`` it is the point with row · u = length.
         """
         guess = point.u + (length * point.tangent if row is None else 0.0)
         row, target = (point.row, point.row @ guess) if row is None else (row, length)
@@ -89,10 +89,10 @@ class Curve:
             orbit = self._at(u, point)
             if orbit is None:
                 return None
-            error = self._charts(orbit.flow)[0] @ orbit.course.X - u[:-1]
+            error = self._charts(orbit.flow)[0] @ orbit.motion.X - u[:-1]
             size = max(orbit.residual, abs(float(row @ u - target)))
             if has_converged(size, last):
-                return self._point(u, point.phase, orbit, point.row, point.place + length)
+                return self._point(u, point.phase, orbit, point.row, point.arclength + length)
             last, slope = size, self._slope(u, point.phase, orbit)
             if slope is None:
                 return None
@@ -106,20 +106,20 @@ class Curve:
         return None
 
     def _at(self, u: Array, point: Point) -> Orbit | None:
-        """Return the motion from u over kT, the largest change of w its residual; ``None`` where it does not repeat."""
-        flow, course, w = self._mapped(u, point.phase, point.orbit)
+        """Return the motion from u over kT with its residual, the largest change of w; ``None`` where it has none."""
+        flow, motion, w = self._mapped(u, point.phase, point.orbit)
         residual = float(np.abs(w - u[:-1]).max())
-        return Orbit(flow, point.orbit.order, course, flow.derivative(course), residual) if course.repeats else None
+        return Orbit(flow, point.orbit.order, motion, flow.derivative(motion), residual) if motion.repeats else None
 
-    def _mapped(self, u: Array, phase: float, orbit: Orbit) -> tuple[Flow, Course, Array]:
+    def _mapped(self, u: Array, phase: float, orbit: Orbit) -> tuple[Flow, Trajectory, Array]:
         """Return the case at u, its motion from there over the kT of an orbit near it, and w at its end."""
         flow = self.flow(u[-1])
         out, into = self._charts(flow)
-        course = flow.march(into @ u[:-1], orbit.course.was_held, phase * flow.period, orbit.order * flow.period)
-        return flow, course, out @ course.X
+        motion = flow.march(into @ u[:-1], orbit.motion.was_held, phase * flow.period, orbit.order * flow.period)
+        return flow, motion, out @ motion.X
 
-    def _point(self, u: Array, phase: float, orbit: Orbit, along: Array, place: float = 0.0) -> Point | None:
-        """Return an orbit as a point, with the tangent of the curve on the side of a row."""
+    def _point(self, u: Array, phase: float, orbit: Orbit, along: Array, arclength: float = 0.0) -> Point | None:
+        """Return an orbit as a point, with the tangent of the curve in the direction of the row ``along``."""
         slope, n = self._slope(u, phase, orbit), orbit.flow.modes
         if slope is None:
             return None
@@ -127,23 +127,23 @@ class Curve:
         row = tangent.copy()
         row[n : 2 * n] = 0.0
         length = np.sqrt(row @ tangent)
-        return Point(float(u[-1]), u[:-1], phase, orbit, tangent / length, row / length, place)
+        return Point(float(u[-1]), u[:-1], phase, orbit, tangent / length, row / length, arclength)
 
     def _matrix(self, orbit: Orbit, slope: Array, row: Array) -> Array:
-        """Return the derivative of map and plane by u."""
+        """Return the Jacobian of the map's residual and the plane with respect to u."""
         out, into = self._charts(orbit.flow)
         return np.vstack([np.column_stack([out @ orbit.D @ into - np.eye(slope.size), slope]), row])
 
     def _slope(self, u: Array, phase: float, orbit: Orbit) -> Array | None:
-        """Return the derivative of the map by q, of a difference to within the range."""
+        """Return the derivative of the map with respect to q by a finite difference inside the range."""
         side = _DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE
-        _, course, w = self._mapped(np.append(u[:-1], u[-1] + side), phase, orbit)
-        return (w - self._charts(orbit.flow)[0] @ orbit.course.X) / side if course.repeats else None
+        _, motion, w = self._mapped(np.append(u[:-1], u[-1] + side), phase, orbit)
+        return (w - self._charts(orbit.flow)[0] @ orbit.motion.X) / side if motion.repeats else None
 
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
         """Return w per X and X per w.
 
-        Coordinates of a reduced structure have the signs in which they are coupled to the tip at the first point.
+        Coordinates of a reduced structure have the signs of their coupling to the tip at the first point.
         """
         assert self.scale is not None
         assert self.first is not None
@@ -158,17 +158,17 @@ class Curve:
         return factor[:, None] * out, into / factor
 
     def rephased(self, point: Point) -> Point:
-        """Return a point at the phase in the middle of its longest flight or contact, if an event came near its own."""
-        orbit, flow, course = point.orbit, point.orbit.flow, point.orbit.course
-        lengths = np.diff(np.append(course.times, course.times[:1] + course.span))
-        if not lengths.size or min(course.times[0], course.span - course.times[-1]) > _NEAR_EVENT * lengths.max():
+        """Return a point with its section moved to the middle of the longest flight or contact, if an event is near."""
+        orbit, flow, motion = point.orbit, point.orbit.flow, point.orbit.motion
+        lengths = np.diff(np.append(motion.times, motion.times[:1] + motion.span))
+        if not lengths.size or min(motion.times[0], motion.span - motion.times[-1]) > _NEAR_EVENT * lengths.max():
             return point
         out, into = self._charts(flow)
-        part = flow.march(course.start, course.was_held, course.begin, longest(course))
+        part = flow.march(motion.start, motion.was_held, motion.begin, longest(motion))
         phase, w = (point.phase + part.span / flow.period) % 1.0, out @ part.X
-        course = flow.march(into @ w, part.contact, phase * flow.period, course.span)
-        if not course.repeats:
+        motion = flow.march(into @ w, part.contact, phase * flow.period, motion.span)
+        if not motion.repeats:
             return point
-        moved = replace(orbit, course=course, D=flow.derivative(course))
+        moved = replace(orbit, motion=motion, D=flow.derivative(motion))
         along = np.append(out @ flow.derivative(part) @ into @ point.tangent[:-1], point.tangent[-1])
-        return self._point(np.append(w, point.q), phase, moved, along, point.place) or point
+        return self._point(np.append(w, point.q), phase, moved, along, point.arclength) or point

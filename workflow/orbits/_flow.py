@@ -1,6 +1,6 @@
-"""The exact motion of one case over whole periods, and its derivative by the state at the start.
+"""The exact motion of one case over whole periods, and its derivative with respect to the initial state.
 
-Between events X = [y, y', τ], in the modes of the free tip, moves by X' = A X + b(t), with A of the free tip or of the
+Between events X = [y, y', τ], in the modes of the free tip, obeys X' = A X + b(t), with A of the free tip or of the
 tip held on the casing. At an event where the gap g = d(t) - x_n falls to zero deviations are multiplied by the
 saltation matrix
 
@@ -20,22 +20,22 @@ from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.advance import Course, advance
-from workflow.schemes._exact.batch import Batch, make_operator
+from workflow.schemes._exact.advance import Trajectory, advance
+from workflow.schemes._exact.batch import BatchRun, make_operator
 from workflow.schemes._exact.layout import Regime
 from workflow.schemes._exact.linear import Linear, linear, propagators
 from workflow.schemes._exact.record import RELEASE, TOUCH
 from workflow.schemes._interface import Sampling
 
 MOST_LOAD_PERIODS = 64
-"""Load periods in the common period of all sinusoids, at most."""
+"""Largest number of load periods in the common period of all sinusoids."""
 
 _BUDGET = outcome.Budget(events=10**6, steps=10**8)
-"""Of one march."""
+"""Limits of one march."""
 
 
 def common_period(cases: Cases) -> float:
-    """Return the least common period of all sinusoids that act on one case, s; inf without any, NaN where none is."""
+    """Return the least common period of all sinusoids of one case, s; inf without sinusoids, NaN if there is none."""
     acts = [(cases.amplitude[:, None], cases.frequency[:, None])]
     acts += [(each.amplitude, each.frequency) for each in (cases.load_harmonics, cases.casing_harmonics)]
     frequencies = np.unique(np.concatenate([f[0][(a[0] != 0) & (f[0] != 0)] for a, f in acts]))
@@ -49,37 +49,37 @@ def common_period(cases: Cases) -> float:
     return count / base if count <= MOST_LOAD_PERIODS else np.nan
 
 
-class Analysed:
-    """A structure with its tip free and held: what its cases share."""
+class AnalysedStructure:
+    """A structure and its operator, with the tip free and held, for all its cases."""
 
     def __init__(self, structure: Structure):
         self.structure, self.operator = structure, make_operator(structure, _BUDGET)
 
 
 class Flow:
-    """One case as a first-order system."""
+    """The flow of one case: its motion as a first-order system."""
 
-    def __init__(self, structure: Analysed, cases: Cases, duration: float, *, heated: bool = False):
-        """Take a case, with thermal states where heat acts or, ``heated``, in any case.
+    def __init__(self, structure: AnalysedStructure, cases: Cases, duration: float, *, heated: bool = False):
+        """Prepare a case, with thermal states where heat acts or ``heated`` is set.
 
-        Under constant loads it is looked at in spans of ``duration`` [s].
+        Under constant loads the period is replaced by ``duration`` [s].
         """
         self.structure, self.operator, self.cases = structure.structure, structure.operator, cases
         basis, friction = self.operator.basis, float(cases.friction[0])
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
         self.period = duration if self.is_constant else self.period
-        self.prepared = Batch(self.operator, cases, Sampling(1.0, 1.0, 2)).prepared(0, heated=heated)
-        self.start, n = self.prepared.case.modal, basis.tip.size
-        self.modes, self.load, size = n, self.prepared.case.load, self.start.size
+        self.march_input = BatchRun(self.operator, cases, Sampling(1.0, 1.0, 2)).march_input(0, heated=heated)
+        self.start, n = self.march_input.case.modal, basis.tip.size
+        self.modes, self.load, size = n, self.march_input.case.load, self.start.size
         self.tip = np.zeros((2, size))
         self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.tip
         heat = self.alpha * basis.free.heat_tip[: size - 2 * n]
-        self.kick = np.concatenate([np.zeros(n), friction * basis.along - basis.tip, heat])
+        self.impulse_jump = np.concatenate([np.zeros(n), friction * basis.tangent - basis.tip, heat])
 
     def regime(self, held: bool) -> Regime:
-        """Return the regime of the tip free, or held."""
-        return self.prepared.held if held else self.prepared.free
+        """Return the regime of the held or the free tip."""
+        return self.march_input.held if held else self.march_input.free
 
     @cached_property
     def free(self) -> Linear:
@@ -103,7 +103,7 @@ class Flow:
         )
 
     def size(self, X: Array, scale: Array) -> float:
-        """Return the largest of x, v and θ of a deviation, each over its scale; inf where it is not finite."""
+        """Return the norm of a deviation: its largest x, v or θ, each over its scale; inf where it is not finite."""
         size = max(float(np.abs(x).max(initial=0.0)) / most for x, most in zip(self.parts(X), scale, strict=True))
         return size if np.isfinite(X).all() else np.inf
 
@@ -117,9 +117,9 @@ class Flow:
         return self.start.size > 2 * self.modes
 
     def balanced(self, X: Array, force: float) -> Array:
-        """Return a state with the mean temperatures that a mean contact force λ [N] keeps, µ τ = χᵀq + α χ_n λ.
+        """Return a state with temperatures in balance with a mean contact force λ [N], μ τ = χᵀq + α χ_n λ.
 
-        A thermal mode that loses no heat keeps its own.
+        An adiabatic thermal mode is left unchanged.
         """
         free, size = self.operator.basis.free, X.size - 2 * self.modes
         sources = free.heat_shapes.T @ self.load.heating + self.alpha * free.heat_tip * force
@@ -129,7 +129,7 @@ class Flow:
 
     @property
     def reach(self) -> float:
-        """The length that clearance, loads, heating and the initial temperatures account for, m."""
+        """The length accounted for by clearance, loads, heating and the initial temperatures, m."""
         basis, load = self.operator.basis, self.load
         with np.errstate(divide="ignore", invalid="ignore"):  # of a free root, or heat that cannot leave
             flexibility = np.nansum((basis.tip / basis.free.frequency) ** 2)
@@ -138,35 +138,35 @@ class Flow:
         length = abs(load.gap) + places + flexibility * (abs(load.mean) + forces)
         return float(length + warm + abs(self.growth_by_heat(self.start)))
 
-    def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Course:
+    def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Trajectory:
         """Return the exact motion from X at ``begin`` [s] over ``span`` [s], as :func:`advance` does."""
-        return advance(self.prepared, X, contact, begin, span, kept, samples)
+        return advance(self.march_input, X, contact, begin, span, kept, samples)
 
-    def derivative(self, course: Course) -> Array:
-        """Return the derivative of the end of a course by its begin, ``(N, N)``."""
-        ends, held = course.stretches
+    def derivative(self, motion: Trajectory) -> Array:
+        """Return the derivative of a motion's final state with respect to its initial state, ``(N, N)``."""
+        ends, held = motion.stretches
         spans = np.diff(ends)
         factors = np.empty((spans.size, self.start.size, self.start.size))
         for is_held in (False, True):
             factors[held == is_held] = propagators(self.regime(is_held), spans[held == is_held])
         D = factors[0]
-        for saltation, factor in zip(self._saltations(course), factors[1:], strict=True):
+        for saltation, factor in zip(self._saltations(motion), factors[1:], strict=True):
             D = factor @ saltation @ D
         return np.asarray(D)
 
-    def _saltations(self, course: Course) -> Array:
+    def _saltations(self, motion: Trajectory) -> Array:
         """Return S of each event, ``(event, N, N)``."""
-        X, t, stays = course.states, course.begin + course.times, course.kinds == TOUCH
-        before = X - course.impulses[:, None] * self.kick
+        X, t, stays = motion.states, motion.begin + motion.times, motion.kinds == TOUCH
+        before = X - motion.impulses[:, None] * self.impulse_jump
         speed, acceleration = self._casing(t)
-        jump = -(1 + np.where(stays, 0.0, self.e))[:, None] * self.kick / (self.tip[1] @ self.kick)
+        jump = -(1 + np.where(stays, 0.0, self.e))[:, None] * self.impulse_jump / (self.tip[1] @ self.impulse_jump)
         law = np.eye(X.shape[1]) + jump[:, :, None] * self.tip[1]  # J = X + jump (v_n - d')
         before_rates = self._rates(before, t, np.zeros_like(stays))
         late = self._rates(X, t, stays) - np.einsum("eij,ej->ei", law, before_rates) + jump * acceleration[:, None]
         approach = speed - before @ self.tip[1]
         late[approach == 0] = 0.0
         S = law - (late / np.where(approach == 0, 1.0, approach)[:, None])[:, :, None] * self.tip[0]
-        S[course.kinds == RELEASE] = np.eye(X.shape[1])
+        S[motion.kinds == RELEASE] = np.eye(X.shape[1])
         return np.asarray(S)
 
     def _rates(self, X: Array, t: Array, held: NDArray[np.bool_]) -> Array:
@@ -176,7 +176,7 @@ class Flow:
         constant = np.concatenate([self.load.steady, self.load.heating, [self.load.mean]])
         rates = X @ self.free.A.T + self.free.B[:, :-3] @ constant + force[:, None] * push
         excess = np.where(held, rates @ self.tip[1] - self._casing(t)[1], 0.0)
-        return np.asarray(rates - excess[:, None] * self.kick / (self.tip[1] @ self.kick))
+        return np.asarray(rates - excess[:, None] * self.impulse_jump / (self.tip[1] @ self.impulse_jump))
 
     def _casing(self, t: Array) -> tuple[Array, Array]:
         """Return velocity and acceleration of the casing at some times."""

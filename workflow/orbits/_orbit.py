@@ -1,4 +1,4 @@
-"""Periodic rubs: fixed points of the map of k periods, by Newton's method or, without events, in closed form."""
+"""Periodic orbits: fixed points of the map of k periods, by Newton's method or, without events, in closed form."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from workflow.kernels.algebra import Complex, eigenvalues
 from workflow.models import Array
 from workflow.orbits._flow import Flow
-from workflow.schemes._exact.advance import Course
+from workflow.schemes._exact.advance import Trajectory
 from workflow.schemes._exact.linear import growth
 
 STATES = ("settles", "no_contact", "permanent_contact", "unstable", "runs_away", "not_found", "not_asked")
-"""What becomes of a rub: the flags of ``steady_state``. ``unstable`` occurs on branches only."""
+"""Outcomes of a rub: the names of the values of ``steady_state``. ``unstable`` occurs on branches only."""
 
 SETTLES, NO_CONTACT, PERMANENT_CONTACT, UNSTABLE, RUNS_AWAY, NOT_FOUND, NOT_ASKED = range(7)
 
@@ -21,20 +21,20 @@ RESIDUAL = 1e-10
 """Largest change of x, v and θ over kT, each over its own maximum."""
 
 _MOST = 25
-"""Maps of Newton's method."""
+"""Largest number of Newton steps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Orbit:
-    """A motion that repeats after kT."""
+    """A periodic orbit of period kT."""
 
     flow: Flow
     order: int
     """k"""
-    course: Course
-    """Over kT."""
+    motion: Trajectory
+    """Motion over kT."""
     D: Array
-    """Derivative of its end by its begin."""
+    """Derivative of its final state with respect to its initial state."""
     residual: float
 
     @property
@@ -46,52 +46,52 @@ class Orbit:
     @property
     def growth(self) -> float:
         """Rate of the slowest deviation, ln|µ|/kT or, without events, the largest real part of the poles, 1/s."""
-        if self.course.times.size == 0:
-            return growth(self.flow.regime(self.course.was_held))
+        if self.motion.times.size == 0:
+            return growth(self.flow.regime(self.motion.was_held))
         largest = float(np.abs(self.multipliers[0]))
-        return float(np.log(largest) / self.course.span) if largest > 0 else -np.inf
+        return float(np.log(largest) / self.motion.span) if largest > 0 else -np.inf
 
     @property
     def state(self) -> int:
-        """An index in :data:`STATES`."""
+        """Index in :data:`STATES`."""
         if not self.growth < 0:
             return UNSTABLE
-        if self.course.times.size:
+        if self.motion.times.size:
             return SETTLES
-        return PERMANENT_CONTACT if self.course.was_held else NO_CONTACT
+        return PERMANENT_CONTACT if self.motion.was_held else NO_CONTACT
 
 
-def scale_of(flow: Flow, courses: list[Course]) -> Array:
-    """Return the largest |x|, |v|, at least x/T, and |θ| of a motion, by samples, events and ends of its courses."""
-    parts = flow.parts(np.vstack([np.vstack([course.states, course.X]) for course in courses]))
-    samples = np.abs(np.hstack([course.histories[:3] for course in courses]))
+def scale_of(flow: Flow, motions: list[Trajectory]) -> Array:
+    """Return the largest |x|, |v| (at least |x|/T) and |θ| of motions, at their samples, events and ends."""
+    parts = flow.parts(np.vstack([np.vstack([motion.states, motion.X]) for motion in motions]))
+    samples = np.abs(np.hstack([motion.histories[:3] for motion in motions]))
     largest = np.maximum([np.abs(part).max(initial=0.0) for part in parts], np.nanmax(samples, axis=1))
     largest[1] = max(largest[1], largest[0] / flow.period)
     return np.where(largest > 0, largest, 1.0)
 
 
-def longest(course: Course, *, flights: bool = False) -> float:
-    """Return the time after its begin in the middle of the longest flight, or contact, of a course, s."""
-    ends, held = course.stretches
+def longest(motion: Trajectory, *, flights: bool = False) -> float:
+    """Return the time from a motion's begin to the middle of its longest flight or contact, or of ``flights``, s."""
+    ends, held = motion.stretches
     lengths = np.where(held & flights, -1.0, np.diff(ends))
     place = int(np.argmax(lengths))
     return float(0.5 * (ends[place] + ends[place + 1]))
 
 
 def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale: Array) -> Orbit | None:
-    """Return the orbit of order k near X at ``begin`` by Newton's method; ``None`` where it fails.
+    """Return the orbit of order k near X at ``begin`` by Newton's method; ``None`` where it does not converge.
 
-    Once the residual is small enough steps go on for as long as they halve it.
+    Below the accepted residual steps go on as long as they halve it.
     """
     last = np.inf
     for _ in range(_MOST):
-        course = flow.march(X, contact, begin, order * flow.period)
-        if not course.repeats:
+        motion = flow.march(X, contact, begin, order * flow.period)
+        if not motion.repeats:
             return None
-        change, D = course.X - X, flow.derivative(course)
+        change, D = motion.X - X, flow.derivative(motion)
         error = flow.size(change, scale)
         if has_converged(error, last):
-            return Orbit(flow, order, course, D, error)
+            return Orbit(flow, order, motion, D, error)
         try:
             X, last = X + np.linalg.solve(np.eye(X.size) - D, change), error
         except np.linalg.LinAlgError:
@@ -100,14 +100,14 @@ def newton(flow: Flow, X: Array, contact: bool, begin: float, order: int, scale:
 
 
 def has_converged(residual: float, last: float) -> bool:
-    """Tell whether the residual of Newton's method is small enough, and no longer halved from the last one."""
+    """Tell whether the residual of Newton's method is small enough and is no longer halved by a step."""
     return residual < 0.01 * RESIDUAL or (residual < RESIDUAL and not residual < 0.5 * last)
 
 
 def without_events(flow: Flow, contact: bool, scale: Array) -> Orbit | None:
     """Return the orbit of a tip that stays free, or held; ``None`` where there is none.
 
-    Under constant loads it is an equilibrium, and T the span by which it is looked at.
+    Under constant loads it is an equilibrium, and T the duration.
     """
     try:
         X, signal = (flow.held if contact else flow.free).steady(flow.load, 0.0)
@@ -115,8 +115,8 @@ def without_events(flow: Flow, contact: bool, scale: Array) -> Orbit | None:
         return None
     if not (np.isfinite(X).all() and signal > 0):
         return None
-    course = flow.march(X, contact, 0.0, flow.period)
-    if course.times.size or not course.repeats:
+    motion = flow.march(X, contact, 0.0, flow.period)
+    if motion.times.size or not motion.repeats:
         return None
-    D, residual = flow.derivative(course), flow.size(course.X - X, scale)
-    return Orbit(flow, 1, course, D, residual) if residual < RESIDUAL else None
+    D, residual = flow.derivative(motion), flow.size(motion.X - X, scale)
+    return Orbit(flow, 1, motion, D, residual) if residual < RESIDUAL else None

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from workflow.models import Array, Cases, Structure
-from workflow.orbits._flow import Analysed, Flow
+from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit
 from workflow.orbits._settle import Options, Settled, settle
-from workflow.schemes._exact.advance import Course
+from workflow.schemes._exact.advance import Trajectory
 from workflow.variables import select
 
 _PER_TURN = 16
-"""Samples per period of the fastest mode between which extremes are taken of cubics: their error is 1e-4 of what that
-mode moves; fewer where that were more than :data:`_MOST_SAMPLES`."""
+"""Samples per period of the fastest mode between which extremes are those of cubics, with an error of 1e-4 of that
+mode's motion; fewer where they would be more than :data:`_MOST_SAMPLES`."""
 
 _MOST_SAMPLES = 4096
 
@@ -35,13 +35,13 @@ def steady_rubs(
     ``orbit_displacement`` [m], ``orbit_velocity`` [m/s], ``orbit_temperature`` [K]; under constant loads all samples
     are the equilibrium. NaN where there is no steady rub. A message is '' or begins with ``steady:``.
     """
-    shared, each = Analysed(structure), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
+    shared, each = AnalysedStructure(structure), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
     found = [settle(Flow(shared, case, duration), duration, options) for case in each]
     return tabulated(found, options.samples), [f"steady: {one.message}" if one.message else "" for one in found]
 
 
 def tabulated(found: Sequence[Settled], samples: int) -> dict[str, Array]:
-    """Return the variables of what cases, or points, come to; NaN where there is no steady rub."""
+    """Return the variables of the outcomes of cases, or of points of a branch; NaN where there is no steady rub."""
     values: dict[str, Array] = {}
     for about in select(None, None, "steady"):
         values[about.name] = np.full((len(found), samples) if about.shape == "phase" else len(found), np.nan)
@@ -54,23 +54,23 @@ def tabulated(found: Sequence[Settled], samples: int) -> dict[str, Array]:
 
 
 def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
-    """Return numbers and samples of an orbit."""
-    flow, growth, course = orbit.flow, orbit.growth, _from_start_of_period(orbit, samples)
+    """Return the variables of an orbit."""
+    flow, growth, motion = orbit.flow, orbit.growth, _from_start_of_period(orbit, samples)
     k, largest = (np.nan, np.nan) if flow.is_constant else (orbit.order, orbit.multipliers[0])
-    spans = course.span if flow.is_constant else k
-    mean = flow.balanced(course.start, course.tally["impulse"] / course.span)
-    low, high = _extremes(flow, course)
-    x, v, temperature, _ = course.histories[:, : -1 : (course.histories.shape[1] - 1) // samples]
+    spans = motion.span if flow.is_constant else k
+    mean = flow.balanced(motion.start, motion.tally["impulse"] / motion.span)
+    low, high = _extremes(flow, motion)
+    x, v, temperature, _ = motion.histories[:, : -1 : (motion.histories.shape[1] - 1) // samples]
     return {
         "steady_periods": k,
         "steady_residual": orbit.residual,
         "floquet_multiplier": abs(largest),
         "floquet_angle": abs(np.angle(largest)),
         "settling_time": -1 / growth if growth < 0 else np.inf,
-        "steady_impulse": course.tally["impulse"] / spans,
-        "steady_impacts": course.tally["impacts"] / spans,
-        "steady_contact": course.tally["contact_time"] / spans,
-        "steady_max_temperature": course.tally["max_temperature"],
+        "steady_impulse": motion.tally["impulse"] / spans,
+        "steady_impacts": motion.tally["impacts"] / spans,
+        "steady_contact": motion.tally["contact_time"] / spans,
+        "steady_max_temperature": motion.tally["max_temperature"],
         "steady_mean_temperature": flow.parts(mean)[2][-1],
         "steady_max_displacement": high,
         "steady_min_displacement": low,
@@ -81,9 +81,9 @@ def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
     }
 
 
-def _from_start_of_period(orbit: Orbit, samples: int) -> Course:
-    """Return the orbit over kT from the start of a period, with a multiple of the samples."""
-    flow, first = orbit.flow, orbit.course
+def _from_start_of_period(orbit: Orbit, samples: int) -> Trajectory:
+    """Return the orbit over kT from the start of a period, with a multiple of ``samples``."""
+    flow, first = orbit.flow, orbit.motion
     start, held, rest = first.start, first.was_held, -first.begin % flow.period
     if rest > 0:
         later = flow.march(start, held, first.begin, rest)
@@ -93,14 +93,14 @@ def _from_start_of_period(orbit: Orbit, samples: int) -> Course:
     return flow.march(start, held, 0.0, first.span, samples=per_sample * samples)
 
 
-def _extremes(flow: Flow, course: Course) -> tuple[float, float]:
+def _extremes(flow: Flow, motion: Trajectory) -> tuple[float, float]:
     """Return the smallest and the largest tip displacement: of samples, events and cubics between samples."""
-    x, v = course.histories[:2]
-    h = course.span / (x.size - 1)
+    x, v = motion.histories[:2]
+    h = motion.span / (x.size - 1)
     turning = np.flatnonzero(v[:-1] * v[1:] < 0)
-    turning = turning[~np.isin(turning, (course.times / h).astype(int))]
+    turning = turning[~np.isin(turning, (motion.times / h).astype(int))]
     share = v[turning] / (v[turning] - v[turning + 1])
     top = x[turning] + h * share * (v[turning] * (1 - share) ** 2 - v[turning + 1] * (1 - share) * share)
     bend = (x[turning + 1] - x[turning]) * share**2 * (3 - 2 * share)
-    values = np.concatenate([x, top + bend, course.states @ flow.tip[0]])
+    values = np.concatenate([x, top + bend, motion.states @ flow.tip[0]])
     return float(values.min()), float(values.max())

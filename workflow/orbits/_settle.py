@@ -1,4 +1,4 @@
-"""The steady rub that a transient leads to."""
+"""The steady rub to which a transient leads."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ import numpy as np
 from workflow.models import Array
 from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow
 from workflow.orbits._orbit import NOT_FOUND, RUNS_AWAY, Orbit, longest, newton, scale_of, without_events
-from workflow.schemes._exact.advance import Course
+from workflow.schemes._exact.advance import Trajectory
 from workflow.schemes._exact.linear import growth, propagators
 
 MOST_PERIODS = 1000
-"""Common periods by which a transient is followed beyond its duration, at most."""
+"""Largest number of common periods that a transient is continued beyond its duration."""
 
 _NEAR = 1e-8
-"""Deviation from an orbit, over the motion, below which the transient is there."""
+"""Deviation from an orbit, over the motion, up to which the transient has reached it."""
 
 _EXCESS = 1000.0
-"""Quasi-static tip growth over what the scene accounts for, above which a temperature has left every bound."""
+"""Quasi-static tip growth, over the length accounted for by the scene, above which the temperature runs away."""
 
 _BALANCES, _BETWEEN = 30, 50
-"""Times that the temperatures of a transient are put in balance, at most, and periods before they are looked at."""
+"""Largest number of heat balances of a transient, and periods between two of them."""
 
 _EXPONENT_PERIODS = 400
-"""Periods over which the Lyapunov exponent is taken: over fewer that of chaos scatters more."""
+"""Periods of the mean of the Lyapunov exponent: over fewer that of chaotic motion scatters more."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What is looked for."""
+    """Options of the search for steady rubs."""
 
     periods: int = 4
     """Largest order k."""
@@ -40,13 +40,13 @@ class Options:
 
     @property
     def window(self) -> int:
-        """Periods that are looked at one by one."""
+        """Number of last periods that are kept one by one."""
         return 2 * max(self.periods, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """What becomes of one case: its state, an index in ``STATES``, with an orbit where it settles."""
+    """Outcome of one case: its state, an index in ``STATES``, with an orbit where it settles."""
 
     state: int
     message: str = ""
@@ -59,14 +59,14 @@ class _StoppedError(Exception):
 
 
 def settle(flow: Flow, duration: float, options: Options) -> Settled:
-    """Return what becomes of a case after its transient over ``duration`` [s]."""
+    """Return the outcome of a case after its transient over ``duration`` [s]."""
     if np.isnan(flow.period):
         return Settled(NOT_FOUND, f"the loads have no common period within {MOST_LOAD_PERIODS} load periods")
     X, contact, more, done = flow.start, False, max(1, int(np.ceil(duration / flow.period - 1e-9))), options.window
     try:
         while True:
-            courses = _periods(flow, X, contact, more, options.window)
-            X, contact, found = courses[-1].X, courses[-1].contact, _found(flow, courses, options)
+            motions = _periods(flow, X, contact, more, options.window)
+            X, contact, found = motions[-1].X, motions[-1].contact, _found(flow, motions, options)
             if found is not None:
                 return found
             if done >= MOST_PERIODS:
@@ -75,132 +75,132 @@ def settle(flow: Flow, duration: float, options: Options) -> Settled:
             done += more + options.window
     except _StoppedError as stopped:
         return Settled(NOT_FOUND, f"the transient {stopped}")
-    found = _by_balance(flow, courses, options) if flow.is_heated else None
+    found = _by_balance(flow, motions, options) if flow.is_heated else None
     if found is not None:
         return found
     message = f"nothing that repeats within {options.periods} periods was found in {MOST_PERIODS} after the transient"
     return Settled(NOT_FOUND, message, None, _exponent(flow, X, contact))
 
 
-def _by_balance(flow: Flow, transient: list[Course], options: Options) -> Settled | None:
-    """Return where a transient leads whose heat is slow against the periods that it was followed.
+def _by_balance(flow: Flow, transient: list[Trajectory], options: Options) -> Settled | None:
+    """Return the outcome of a transient whose temperatures change slowly over the periods that were run.
 
-    Temperatures that the mean contact force of some periods would keep take the place of its own, and contact follows
-    them, again and again. What is found so counts where the transient itself comes nearer to it.
+    Its temperatures are replaced repeatedly by those in balance with the mean contact force of some periods. The result
+    is accepted where the transient itself approaches it.
     """
-    courses = transient
+    motions = transient
     for _ in range(_BALANCES):
-        force = sum(float(course.tally["impulse"]) for course in courses) / (len(courses) * flow.period)
+        force = sum(float(motion.tally["impulse"]) for motion in motions) / (len(motions) * flow.period)
         try:
-            X = flow.balanced(courses[-1].X, force)
-            courses = _periods(flow, X, courses[-1].contact, _BETWEEN, options.window)
+            X = flow.balanced(motions[-1].X, force)
+            motions = _periods(flow, X, motions[-1].contact, _BETWEEN, options.window)
         except _StoppedError:
             return None
-        found = _found(flow, courses, options)
+        found = _found(flow, motions, options)
         if found is not None:
             return found if _leads_to(flow, transient, found.orbit) else None
     return None
 
 
-def _leads_to(flow: Flow, transient: list[Course], orbit: Orbit | None) -> bool:
-    """Tell whether the temperatures of a transient come nearer to those of an orbit; without one, whether they grow."""
+def _leads_to(flow: Flow, transient: list[Trajectory], orbit: Orbit | None) -> bool:
+    """Tell whether the temperatures of a transient approach those of an orbit; without one, whether they grow."""
     first, last = transient[0].start, transient[-1].X
     if orbit is None:
         return bool(flow.parts(last)[2][-1] > flow.parts(first)[2][-1])
-    kept = flow.balanced(last, float(orbit.course.tally["impulse"]) / orbit.course.span)
+    kept = flow.balanced(last, float(orbit.motion.tally["impulse"]) / orbit.motion.span)
     away, left = (float(np.abs(flow.parts(X - kept)[2]).max()) for X in (first, last))
     return left < away
 
 
-def _periods(flow: Flow, X: Array, contact: bool, passed: int, count: int) -> list[Course]:
-    """Return so many periods of the motion from the start of one, after others that have passed."""
-    courses: deque[Course] = deque(maxlen=count)
+def _periods(flow: Flow, X: Array, contact: bool, passed: int, count: int) -> list[Trajectory]:
+    """Return ``count`` periods of the motion from X at the start of a period, after ``passed`` others."""
+    motions: deque[Trajectory] = deque(maxlen=count)
     for _ in range(passed + count):
-        course = flow.march(X, contact, 0.0, flow.period, samples=16)
-        if course.failure:
-            raise _StoppedError(course.failure)
-        courses.append(course)
-        X, contact = course.X, course.contact
-    return list(courses)
+        motion = flow.march(X, contact, 0.0, flow.period, samples=16)
+        if motion.failure:
+            raise _StoppedError(motion.failure)
+        motions.append(motion)
+        X, contact = motion.X, motion.contact
+    return list(motions)
 
 
-def _found(flow: Flow, courses: list[Course], options: Options) -> Settled | None:
-    """Return the orbit that successive periods of a transient approach, or that they run away; ``None`` for neither."""
-    scale, held, X = scale_of(flow, courses), courses[-1].contact, courses[-1].X
-    if any(course.times.size for course in courses[-3:]):
-        found = None if flow.is_constant else _rub(flow, courses, options, scale)
+def _found(flow: Flow, motions: list[Trajectory], options: Options) -> Settled | None:
+    """Return the orbit that the periods of a transient approach, or that it runs away; ``None`` for neither."""
+    scale, held, X = scale_of(flow, motions), motions[-1].contact, motions[-1].X
+    if any(motion.times.size for motion in motions[-3:]):
+        found = None if flow.is_constant else _rub(flow, motions, options, scale)
         if found is not None:
             return found
-    elif held and growth(flow.regime(held)) > 0 and _grows(flow, courses):
+    elif held and growth(flow.regime(held)) > 0 and _grows(flow, motions):
         return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {growth(flow.regime(held)):.4g} 1/s")
     else:
         orbit = without_events(flow, held, scale)
-        if orbit is not None and _approaches(orbit, courses[-2].start, X, scale) and _stays(orbit, X, scale):
+        if orbit is not None and _approaches(orbit, motions[-2].start, X, scale) and _stays(orbit, X, scale):
             return Settled(orbit.state, "", orbit)
     if abs(flow.growth_by_heat(X)) > _EXCESS * flow.reach:
         return Settled(RUNS_AWAY, "the temperature of the tip leaves every bound")
     return None
 
 
-def _rub(flow: Flow, courses: list[Course], options: Options, scale: Array) -> Settled | None:
+def _rub(flow: Flow, motions: list[Trajectory], options: Options, scale: Array) -> Settled | None:
     """Return the rub with contact events that a transient approaches; ``None`` where none is found."""
-    apart = [flow.size(courses[-k].start - courses[-1].X, scale) for k in range(1, options.periods + 1)]
+    apart = [flow.size(motions[-k].start - motions[-1].X, scale) for k in range(1, options.periods + 1)]
     k = int(np.argmin(apart)) + 1
-    last = flow.march(courses[-k].start, courses[-k].was_held, 0.0, k * flow.period)
+    last = flow.march(motions[-k].start, motions[-k].was_held, 0.0, k * flow.period)
     begin = longest(last, flights=True)
     start = flow.march(last.start, last.was_held, 0.0, begin)
     orbit = newton(flow, start.X, start.contact, begin, k, scale)
     if orbit is None:
         return None
-    later = flow.march(start.X, start.contact, begin, 2 * orbit.course.span, kept=0)
+    later = flow.march(start.X, start.contact, begin, 2 * orbit.motion.span, kept=0)
     if not _approaches(orbit, start.X, later.X, scale):
         return None
     for order in range(1, k):
-        least = newton(flow, orbit.course.start, orbit.course.was_held, begin, order, scale) if k % order == 0 else None
-        if least is not None and flow.size(least.course.start - orbit.course.start, scale) < _NEAR:
+        least = newton(flow, orbit.motion.start, orbit.motion.was_held, begin, order, scale) if k % order == 0 else None
+        if least is not None and flow.size(least.motion.start - orbit.motion.start, scale) < _NEAR:
             return Settled(least.state, "", least)
     return Settled(orbit.state, "", orbit)
 
 
 def _approaches(orbit: Orbit, before: Array, after: Array, scale: Array) -> bool:
-    """Tell whether a transient comes nearer to a stable orbit over 2kT, by about as much as its multipliers say."""
-    flow, start = orbit.flow, orbit.course.start
+    """Tell whether a transient approaches a stable orbit over 2kT by about as much as its multipliers predict."""
+    flow, start = orbit.flow, orbit.motion.start
     first, last = before - start, after - start
     away, left = flow.size(first, scale), flow.size(last, scale)
     change = orbit.D @ (orbit.D @ first) - first
-    error = orbit.D @ (last - first - change)  # over one more map: what decays at once does not count
+    error = orbit.D @ (last - first - change)  # after one more map, so that fast decaying parts do not count
     by_rule = flow.size(error, scale) <= 0.5 * flow.size(orbit.D @ change, scale)
     return orbit.growth < 0 and (max(away, left) < _NEAR or (left < away and by_rule))
 
 
 def _stays(orbit: Orbit, X: Array, scale: Array) -> bool:
-    """Tell whether a transient that decays towards an orbit without events meets none in periods ever further apart."""
-    flow, course, number = orbit.flow, orbit.course, 1
-    regime, deviation = flow.regime(course.was_held), X - course.start
+    """Tell whether a transient decays towards an orbit without events, by sampled periods at growing distances."""
+    flow, motion, number = orbit.flow, orbit.motion, 1
+    regime, deviation = flow.regime(motion.was_held), X - motion.start
     while flow.size(deviation, scale) > _NEAR:
-        if flow.march(course.start + deviation, course.was_held, 0.0, flow.period).times.size:
+        if flow.march(motion.start + deviation, motion.was_held, 0.0, flow.period).times.size:
             return False
-        deviation = propagators(regime, np.array([number * flow.period]))[0] @ (X - course.start)
+        deviation = propagators(regime, np.array([number * flow.period]))[0] @ (X - motion.start)
         number += 1 + number // 8
     return True
 
 
-def _grows(flow: Flow, courses: list[Course]) -> bool:
-    """Tell whether the tip warms more from each of the last periods to the next."""
-    ends = [flow.parts(course.X)[2][-1] for course in courses[-4:]]
+def _grows(flow: Flow, motions: list[Trajectory]) -> bool:
+    """Tell whether the warming of the tip per period grows over the last periods."""
+    ends = [flow.parts(motion.X)[2][-1] for motion in motions[-4:]]
     warming = np.diff(ends)
     return bool(warming[0] > 0 and np.all(np.diff(warming) > 0))
 
 
 def _exponent(flow: Flow, X: Array, contact: bool) -> float:
-    """Return the largest Lyapunov exponent over the next periods, 1/s, the first fifth of them left out."""
+    """Return the largest Lyapunov exponent over the next periods without their first fifth, 1/s."""
     deviation, grown = np.ones(X.size), 0.0
     for number in range(_EXPONENT_PERIODS):
-        course = flow.march(X, contact, 0.0, flow.period)
-        deviation = flow.derivative(course) @ deviation
+        motion = flow.march(X, contact, 0.0, flow.period)
+        deviation = flow.derivative(motion) @ deviation
         size = float(np.linalg.norm(deviation))
-        if not size > 0 or course.failure:
-            return np.nan if course.failure else -np.inf
-        X, contact, deviation = course.X, course.contact, deviation / size
+        if not size > 0 or motion.failure:
+            return np.nan if motion.failure else -np.inf
+        X, contact, deviation = motion.X, motion.contact, deviation / size
         grown += np.log(size) if number >= _EXPONENT_PERIODS // 5 else 0.0
     return float(grown / (0.8 * _EXPONENT_PERIODS * flow.period))

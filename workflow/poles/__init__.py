@@ -1,5 +1,5 @@
-"""Real blocks that step alone: what separates a motion whose coordinates a matrix couples."""
+"""Real blocks: separation of a linear system into uncoupled blocks of first and second order."""
 
 from __future__ import annotations
 
-from workflow.poles.real_blocks import RealBlocks, missed_share, real_blocks
+from workflow.poles.real_blocks import RealBlocks, real_blocks, relative_residual

@@ -1,16 +1,16 @@
-"""Real blocks of a matrix by the general solver; two poles that nearly coincide on the real axis are one block.
+"""Real blocks of a matrix by the general eigenvalue solver; two nearly coinciding real poles are one block.
 
-X' = A X moves in blocks η' = u, u' = -c u - ω² η and first-order states ξ' = -μ ξ with
+X' = A X is separated into blocks η' = u, u' = -c u - ω² η and first-order states ξ' = -μ ξ with
 
     X = p η + q u + x ξ,   A q = p - c q,   A p = -ω² q,
 
-q any vector of the space of both poles of a block that is no eigenvector. Of a pair s = σ ± iν with the eigenvector x
-it is 2 Im x/ν, and p = 2 Re x - σ q. Eigenvectors x of two poles near each other nearly agree; with s one of the
-poles x and w, (A - s) w = x, span their space instead.
+q any vector of the invariant subspace of a block's two poles that is no eigenvector. For a pair s = σ ± iν with the
+eigenvector x it is 2 Im x/ν, and p = 2 Re x - σ q. Eigenvectors x of two close poles nearly agree; x and a generalised
+eigenvector w, (A - s) w = x with s one of the poles, span their subspace instead.
 
 The general solver leaves an error of rounding times the fastest pole in all of them. A step of Newton's method on
-A V = V diag(s), V the eigenvectors, E = V⁻¹ A V - diag(s), leaves each pole the accuracy of its own size where those of
-the matrix are graded, as equations of motion and of heat are:
+A V = V diag(s), V the eigenvectors, E = V⁻¹ A V - diag(s), gives each pole an accuracy relative to its own size in
+graded matrices, such as those of motion and heat:
 
     s_j + E_jj,   v_j + Σ_i v_i E_ij/(s_j - s_i).
 """
@@ -27,10 +27,10 @@ from workflow.kernels.algebra import Complex, inverse
 from workflow.models import Array
 
 _NEAR = 1e-3
-"""Distance up to which two eigenvectors of unit length take more than three digits from each other."""
+"""Distance of two unit eigenvectors up to which they cost more than three digits."""
 
 _SINGULAR = 1e-13
-"""Share of the largest singular value of A - s below which others are 0: s is a pole."""
+"""Singular values of A - s, over the largest, up to which they are 0: s is a pole."""
 
 
 class RealBlocks(NamedTuple):
@@ -49,7 +49,7 @@ class RealBlocks(NamedTuple):
 
 
 def real_blocks(A: Array) -> RealBlocks:
-    """Return the blocks of complex pairs and of real poles that nearly coincide; other real poles are by themselves.
+    """Return blocks for complex pairs and nearly coinciding real poles, and first-order states for other real poles.
 
     Raises
     ------
@@ -58,12 +58,12 @@ def real_blocks(A: Array) -> RealBlocks:
     """
     drifts = np.flatnonzero(~A.any(axis=0) & (np.sum(A != 0, axis=1) == 1) & (A.max(axis=1, initial=0.0) == 1))
     if drifts.size:
-        return _with_drifts(A, drifts)
+        return _with_rigid_motions(A, drifts)
     balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     values, vectors = scipy.linalg.eig(balanced)
     near, real = _near_pairs(values, vectors), values.imag == 0
     for pair in near:
-        vectors[:, pair] = _space(balanced, vectors[:, pair[0]].real, values[pair[1]].real)
+        vectors[:, pair] = _subspace(balanced, vectors[:, pair[0]].real, values[pair[1]].real)
     alone = np.setdiff1d(np.arange(values.size), near)
     moved = np.linalg.solve(vectors, balanced @ vectors)
     change, apart = moved - np.diag(values), values - values[:, None]
@@ -73,7 +73,7 @@ def real_blocks(A: Array) -> RealBlocks:
         apart = moved[np.ix_(pair, pair)] - values[alone, None, None] * np.eye(2)
         step[np.ix_(alone, pair)] = (moved[alone][:, None, pair] @ np.linalg.pinv(apart))[:, 0]
     values, vectors = values + np.diag(change), vectors + vectors @ step
-    blocks = [_of_space(moved[np.ix_(pair, pair)].real, vectors[:, pair].real) for pair in near]
+    blocks = [_block_of(moved[np.ix_(pair, pair)].real, vectors[:, pair].real) for pair in near]
     for k in alone[(values.imag > 0)[alone] & ~real[alone]]:
         s, x = values[k], vectors[:, k]
         q = 2 * x.imag / s.imag
@@ -86,19 +86,19 @@ def real_blocks(A: Array) -> RealBlocks:
     return RealBlocks(damping, stiffness, -values[firsts].real, inverse(outward) / scale, scale[:, None] * outward)
 
 
-def missed_share(A: Array, blocks: RealBlocks) -> float:
-    """Return the largest entry of A less its blocks, over that of A: rounding times the condition of eigenvectors."""
+def relative_residual(A: Array, blocks: RealBlocks) -> float:
+    """Return max |A - blocks| / max |A|: rounding times the condition number of the eigenvectors."""
     seconds = blocks.damping.size
     p, q, x = np.split(blocks.outward, [seconds, 2 * seconds], axis=1)
     moved = np.concatenate([-blocks.stiffness * q, p - blocks.damping * q, -blocks.rate * x], axis=1)
     return float(np.abs(moved @ blocks.inward - A).max(initial=0.0) / np.abs(A).max(initial=1e-300))
 
 
-def _with_drifts(A: Array, drifts: NDArray[np.intp]) -> RealBlocks:
-    """Return the blocks of A with places y of rigid motions: nothing depends on them, y' = P X are velocities.
+def _with_rigid_motions(A: Array, drifts: NDArray[np.intp]) -> RealBlocks:
+    """Return the blocks of A with displacements y of rigid motions: nothing depends on them, y' = P X are velocities.
 
-    Of the other coordinates as many first-order states as move them most become blocks with ω² = 0, u = ξ and y = V η.
-    Of the rest y follows without a constant, y' = r η + r' u by (r' - c r/ω²) η - r/ω² u.
+    Of the other coordinates the first-order states with the largest effect on y, as many as y, become blocks with
+    ω² = 0, u = ξ and y = V η. The rest contributes y' = r η + r' u, integrated to (r' - c r/ω²) η - r/ω² u.
     """
     others = np.setdiff1d(np.arange(len(A)), drifts)
     c, w2, mu, inward, outward = real_blocks(A[np.ix_(others, others)])
@@ -118,7 +118,7 @@ def _with_drifts(A: Array, drifts: NDArray[np.intp]) -> RealBlocks:
 
 
 def _near_pairs(values: Complex, vectors: Complex) -> NDArray[np.intp]:
-    """Return pairs of poles, conjugate or real and of one sign, whose eigenvectors nearly agree, ``(pair, 2)``."""
+    """Return pairs of poles, conjugate or real of the same sign, whose eigenvectors nearly agree, ``(pair, 2)``."""
     near = [[k, k + 1] for k in np.flatnonzero(values.imag > 0).tolist() if np.linalg.norm(vectors[:, k].imag) < _NEAR]
     left = np.flatnonzero(values.imag == 0).tolist()
     while len(left) > 1:
@@ -131,14 +131,14 @@ def _near_pairs(values: Complex, vectors: Complex) -> NDArray[np.intp]:
     return np.array(near, dtype=np.intp).reshape(-1, 2)
 
 
-def _space(A: Array, x: Array, s: float) -> Array:
-    """Return vectors that span the space of two poles that nearly coincide: an eigenvector x and w, (A - s) w = x."""
+def _subspace(A: Array, x: Array, s: float) -> Array:
+    """Return an orthonormal basis of the invariant subspace of two nearly coinciding poles: x and w, (A - s) w = x."""
     w = scipy.linalg.lstsq(A - s * np.eye(x.size), x, cond=_SINGULAR)[0]
     return np.asarray(np.linalg.qr(np.column_stack([x, w]))[0])
 
 
-def _of_space(pair: Array, space: Array) -> tuple[float, float, Array, Array]:
-    """Return c, ω², p and q of two poles whose space A moves by ``pair``."""
+def _block_of(pair: Array, space: Array) -> tuple[float, float, Array, Array]:
+    """Return c, ω², p and q of two poles, with ``pair`` the matrix of A in their invariant subspace."""
     c = -np.trace(pair)
     q = np.linalg.svd(pair + c / 2 * np.eye(2))[2][0]
     return c, max(0.0, np.linalg.det(pair)), space @ (pair @ q + c * q), space @ q

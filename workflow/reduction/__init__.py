@@ -1,8 +1,7 @@
-"""Bases: each public module here is one, with ``mechanical`` and ``thermal``; the directory is the registry.
+"""Bases: each public module of this directory is one, with ``mechanical`` and ``thermal``.
 
-A module of a name without a leading underscore is the basis ``reduction: NAME`` of a study: full structure in,
-structure of the same type out. Adding one is adding the file; entry points of the group ``workflow.reduction`` add
-bases from outside.
+The module ``NAME`` is the basis ``reduction: NAME`` of a study, which reduces a structure to one of the same type. To
+add a basis, add a file; entry points of the group ``workflow.reduction`` add those of other distributions.
 """
 
 from __future__ import annotations
@@ -31,18 +30,18 @@ DEFAULT = "craig_bampton"
 
 @dataclass(frozen=True)
 class Basis:
-    """What a module of this directory offers.
+    """Interface of a basis.
 
     Attributes
     ----------
     mechanical
-        From a structure, a count and the duration of every case [s], ``None`` where there are no cases: so many
-        interior displacements, 0 at the tip and orthonormal in M, and the tip's own vector.
+        ``mechanical(structure, count, duration)``: ``count`` interior displacements, 0 at the tip and orthonormal in M,
+        and the tip's own vector, for cases of a duration [s], ``None`` where there are no cases.
     thermal
         The same for temperatures, orthonormal in C2.
     carried
-        From a structure and both bases: displacements that temperatures carry with them, see
-        :class:`~workflow.reduction._reduction.Reduction`. May be left out.
+        ``carried(structure, mechanical, thermal)``: static displacements per temperature, see
+        :class:`~workflow.reduction._reduction.Reduction`. Optional.
     """
 
     mechanical: Callable[[Structure, int, float | None], Vectors]
@@ -55,7 +54,7 @@ names, fault = _BASES.names, _BASES.fault
 
 
 def load(name: str) -> Basis:
-    """Return the basis of a name, see :meth:`~workflow.registry.Registry.load`."""
+    """Return the basis ``name``, see :meth:`~workflow.registry.Registry.load`."""
     module = _BASES.load(name)
     return Basis(module.mechanical, module.thermal, getattr(module, "carried", None))
 
@@ -67,25 +66,25 @@ def reduce_structure(
     basis: str = DEFAULT,
     duration: float | None = None,
 ) -> Reduction:
-    """Replace interior nodes by vectors of a basis, keep the tip (x_n, v_n, θ_n) as it is.
+    """Reduce the interior nodes to vectors of a basis, and retain the tip (x_n, v_n, θ_n).
 
     Parameters
     ----------
     structure
         The full structure, or a reduced one.
     mechanical_modes, thermal_modes
-        Vectors kept beside the tip's own, at most ``size - 1`` each; ``None`` leaves displacements or
-        temperatures as they are. Of a structure with a direction of friction a vector of its own is added.
+        Vectors retained besides the tip's own, at most ``size - 1`` each; ``None`` leaves displacements or
+        temperatures unreduced. A structure with a sliding direction gets one more vector.
     basis
         Name of the basis, one of :func:`names`.
     duration
-        Of every case, s; ``None`` where there are no cases.
+        Duration of the cases, s; ``None`` where there are no cases.
 
     Raises
     ------
     ValueError
         A count is negative or exceeds the number of interior vectors, or that of modes of a chain without matrices;
-        or the basis takes a duration and there is none.
+        or the basis needs a duration and there is none.
     """
     for count, pair in ((mechanical_modes, structure.mechanical), (thermal_modes, structure.thermal)):
         if count is not None and not 0 <= count <= pair.size - 1:
@@ -111,7 +110,7 @@ def reduce_structure(
 
 
 def _counted(vectors: Vectors, count: int, basis: str) -> Vectors:
-    """Return what a basis gives, if that is so many vectors and the tip's own."""
+    """Return the vectors of a basis after a check that they are ``count`` and the tip's own."""
     if not isinstance(vectors, Vectors):
         raise BrokenModuleError(f"the basis {basis} returns {type(vectors).__name__}, not Vectors")
     if vectors.shapes.shape[1] != count + 1:
@@ -122,9 +121,9 @@ def _counted(vectors: Vectors, count: int, basis: str) -> Vectors:
 def reduced_model(
     structure: Structure, mechanical_modes: int, thermal_modes: int, basis: str, duration: float
 ) -> ReducedModel:
-    """Return a structure with so many vectors beside the tip's own; parameters are those of :func:`reduce_structure`.
+    """Return a structure with counts of vectors besides the tip's own, as :func:`reduce_structure` does.
 
-    Counts of ``size - 1`` leave displacements or temperatures as they are.
+    Counts of ``size - 1`` leave displacements or temperatures unreduced.
     """
     counts = (mechanical_modes, structure.mechanical_size), (thermal_modes, structure.thermal_size)
     kept = [None if count == size - 1 else count for count, size in counts]

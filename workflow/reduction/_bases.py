@@ -1,4 +1,4 @@
-"""Interior vectors that several bases share: orthonormal in the inertia, 0 at the tip."""
+"""Interior vectors of several bases: orthonormal in the inertia, 0 at the tip."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from workflow.models import Array, Structure
 
 Inertia = Callable[[Array], Array]
-"""From vectors to inertia · vectors."""
+"""Product of an inertia and vectors."""
 
 DEPENDENT = 1e-8
-"""A vector whose part that is new, and vanishes at the tip, is below this share of it adds no direction: half of
-the digits, so that what is kept is known to the other half before it is made orthogonal again."""
+"""Norm of the new part of a vector, over the vector's, up to which it is linearly dependent: half of the digits, so
+that the new part has the other half before it is orthogonalised again."""
 
 
 def fixed_interface_modes(structure: Structure, count: int) -> Array:
@@ -24,9 +24,9 @@ def fixed_interface_modes(structure: Structure, count: int) -> Array:
 def relative_thermal_modes(structure: Structure, count: int) -> Array:
     """Return the slowest thermal modes of the whole structure relative to its constraint mode, ``(node, mode)``.
 
-    Their span with the constraint mode holds the modes themselves, tip included. For heat this
-    is more accurate than fixed-interface modes: every second one of those feels the tip's
-    heat but does not move the tip. A mode that is the constraint mode is passed over.
+    Their span with the constraint mode contains the modes themselves, tip included. For heat this is more accurate than
+    fixed-interface modes, every second of which heat at the tip excites without effect on the tip. A mode that is the
+    constraint mode is skipped.
 
     Raises
     ------
@@ -43,11 +43,11 @@ def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> 
     Parameters
     ----------
     shapes
-        Vectors to take in this order, ``(node, vector)``; what the tip and earlier ones hold is passed over.
+        Vectors in their order, ``(node, vector)``; those that depend on the tip's and earlier ones are skipped.
     constraint
-        1 at the tip, ``(node,)``.
+        Constraint mode, 1 at the tip, ``(node,)``.
     inertia
-        From vectors to inertia · vectors.
+        Product of the inertia and vectors.
 
     Raises
     ------
@@ -63,16 +63,16 @@ def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> 
 
 
 class Orthonormal:
-    """Vectors made orthonormal in an inertia one after another, up to a number of them.
+    """Gram–Schmidt orthonormalisation in an inertia, up to a number of vectors.
 
     Parameters
     ----------
     size
         Entries of a vector.
     count
-        Vectors wanted.
+        Number of vectors.
     inertia
-        From vectors to inertia · vectors.
+        Product of the inertia and vectors.
     """
 
     def __init__(self, size: int, count: int, inertia: Inertia) -> None:
@@ -82,13 +82,13 @@ class Orthonormal:
 
     @property
     def is_full(self) -> bool:
-        """Whether there are as many vectors as wanted."""
+        """Whether the number of vectors is reached."""
         return self._count == self._vectors.shape[1]
 
     def add(self, vector: Array, length: float | None = None) -> Array | None:
-        """Add what is new in a vector and return it with length 1, ``None`` where nothing is.
+        """Add the new part of a vector and return it normalised, ``None`` where the vector is dependent.
 
-        ``length`` is what the new part is compared with: that of the vector if not said.
+        The new part is compared with ``length``, by default that of the vector.
         """
         if self.is_full:
             return None
@@ -107,12 +107,12 @@ class Orthonormal:
     def apart(self, vector: Array) -> Array:
         """Return the part of a vector that is orthogonal to those added so far."""
         vectors = self._vectors[:, : self._count]
-        for _ in range(2):  # once more, so that rounding of the first pass goes too
+        for _ in range(2):  # the second pass removes the rounding of the first
             vector = vector - vectors @ (vectors.T @ self._inertia(vector))
         return vector
 
     def add_each(self, vectors: Array) -> None:
-        """Add vectors ``(entry, vector)`` in their order until there are as many as wanted."""
+        """Add vectors ``(entry, vector)`` in their order until the number is reached."""
         for vector in vectors.T:
             self.add(vector)
 
@@ -122,7 +122,7 @@ class Orthonormal:
         Raises
         ------
         ValueError
-            There are fewer than wanted.
+            There are too few.
         """
         if not self.is_full:
             raise ValueError(f"only {self._count} of {self._vectors.shape[1]} vectors are independent of the tip")

@@ -1,8 +1,8 @@
-"""The vector of a basis that friction needs: what a force along the direction of sliding deforms.
+"""The additional vector of a basis for friction: the static response to a force along the sliding direction.
 
-A contact force acts along n - µt, the gap is seen along n. Every basis holds the static answer of the tip to a force
-along n by its constraint mode; the answer to t with the tip held, K_ii⁻¹ t_i, is added as one more interior vector,
-orthonormal to the others in M. With both S = nᵀK1⁻¹(n - µt) is that of the structure, for every µ.
+A contact force acts along n - µt, the gap is measured along n. By its constraint mode every basis contains the static
+response to a force along n at the tip; the response to t with the tip held, K_ii⁻¹ t_i, is added as one more interior
+vector, orthonormal to the others in M. With both S = nᵀK1⁻¹(n - µt) is exact for every µ.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from workflow.reduction._reduction import Vectors, mechanical_vectors
 
 
 def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> Vectors:
-    """Return a basis with the static answer to a force along the tangent; as it is where it holds that already.
+    """Return a basis with the static response to a force along the tangent added, if it is not contained.
 
     Raises
     ------
@@ -28,6 +28,6 @@ def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> 
     pair, interior = structure.mechanical, mechanical.shapes[:, :-1]
     span = Orthonormal(pair.size, min(interior.shape[1] + 1, pair.size - 1), pair.inertia_of)
     span.add_each(interior)
-    if span.add(pair.answer(tangent, held=True)) is None:
+    if span.add(pair.solve(tangent, held=True)) is None:
         return mechanical
     return mechanical_vectors(structure, span.all())

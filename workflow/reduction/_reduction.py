@@ -1,4 +1,4 @@
-"""A reduced structure with the bases that lead back to the nodes, and how a basis makes one."""
+"""A reduced structure, its bases for the expansion to the nodes, and the Galerkin projection that yields them."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from workflow.models import Array, Cases, DensePair, Matrices, Pair, Sparse, Str
 from workflow.models._from_matrices import structure_of_forms
 
 _ORTHONORMAL = 1e-6
-"""How far interiorᵀ · inertia · interior may be from 1: what the projection of initial states may miss by it."""
+"""Accepted deviation of interiorᵀ · inertia · interior from 1, which is the error of projected initial states."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A reduced structure and the bases that lead back to the nodes.
+    """A reduced structure and its bases for the expansion to the nodes.
 
     Attributes
     ----------
@@ -26,12 +26,11 @@ class Reduction:
         x = displacement_basis · x_r (and v likewise), θ = temperature_basis · θ_r, shapes
         ``(node, mechanical)`` and ``(node, thermal)``; the tip's row is (0, …, 0, 1).
     displacement_projection, temperature_projection
-        Initial states to reduced ones: the tip as it is, the interior inertia-orthogonally onto
-        its vectors, shapes ``(mechanical, node)`` and ``(thermal, node)``.
+        Projection of initial states: the tip itself, the interior inertia-orthogonally to its vectors, shapes
+        ``(mechanical, node)`` and ``(thermal, node)``.
     carried
-        Displacement that temperatures carry with them, m/K, ``(node, thermal)``: x = displacement_basis · x_r +
-        carried · θ_r, v = displacement_basis · v_r. It is 0 at the tip and M-orthogonal to the interior vectors.
-        ``None`` for none.
+        Static displacement per temperature, m/K, ``(node, thermal)``: x = displacement_basis · x_r + carried · θ_r,
+        v = displacement_basis · v_r. It is 0 at the tip and M-orthogonal to the interior vectors. ``None`` for none.
     """
 
     structure: Structure
@@ -54,7 +53,7 @@ class Reduction:
 
 
 class ReducedModel(NamedTuple):
-    """The structure that cases are run on, and the reduction that made it; ``None`` where all vectors are kept."""
+    """The structure on which cases are run, and its reduction; ``None`` where it is unreduced."""
 
     structure: Structure
     reduction: Reduction | None
@@ -76,9 +75,9 @@ class Vectors:
         Elongation of each spring, or temperature difference across each conductor, per coordinate,
         shape ``(spring, coordinate)``.
     projection
-        From states to coordinates, shape ``(coordinate, node)``.
+        Transform of states to coordinates, shape ``(coordinate, node)``.
     has_massless_tip
-        Whether the tip's own vector has no inertia and the interior ones, in which all of it is, have the unit matrix.
+        Whether the tip's own vector has no inertia, and the interior ones the unit matrix.
     """
 
     shapes: Array
@@ -88,12 +87,12 @@ class Vectors:
 
 
 def mechanical_vectors(structure: Structure, interior: Array) -> Vectors:
-    """Return the constraint mode behind interior displacements, which are orthonormal in M and 0 at the tip."""
+    """Return interior displacements, orthonormal in M and 0 at the tip, followed by the constraint mode."""
     return _with_constraint(structure.mechanical, interior)
 
 
 def thermal_vectors(structure: Structure, interior: Array) -> Vectors:
-    """Return the constraint mode behind interior temperatures, which are orthonormal in C2 and 0 at the tip."""
+    """Return interior temperatures, orthonormal in C2 and 0 at the tip, followed by the constraint mode."""
     return _with_constraint(structure.thermal, interior)
 
 
@@ -105,7 +104,7 @@ def _with_constraint(pair: Pair, interior: Array) -> Vectors:
 
 
 def massless_vectors(pair: Pair, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
-    """Return interior displacements and the tip's vector, which is given no inertia.
+    """Return interior displacements and the tip's vector without inertia.
 
     Parameters
     ----------
@@ -116,13 +115,13 @@ def massless_vectors(pair: Pair, interior: Array, tip: Array, strain: Array, mod
     tip
         1 at the tip and orthogonal to ``modes`` in M, ``(node,)``; ``strain`` is its elongation of the springs.
     modes
-        Orthonormal in M, ``(node, vector)``: the interior vectors up to multiples of the tip's. They hold all inertia.
+        Orthonormal in M, ``(node, vector)``: the interior vectors up to multiples of the tip's.
     """
     return replace(_with_tip(pair, interior, tip, strain, modes), has_massless_tip=True)
 
 
 def _with_tip(pair: Pair, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
-    """Return interior vectors and the tip's; states go onto the tip as it is, and the rest onto ``modes``."""
+    """Return interior vectors and the tip's; states are projected to the tip itself, the rest of them to ``modes``."""
     projection = np.vstack([pair.inertia_of(modes).T, pair.unit_tip])
     projection[:-1, -1] = -projection[:-1, :-1] @ tip[:-1]
     deformation = np.column_stack([pair.deformation_of(interior), strain])
@@ -145,9 +144,9 @@ def unreduced(pair: Pair) -> Vectors:
 
 
 def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carried: Array | None = None) -> Reduction:
-    """Return the structure projected on its bases: Xᵀ M X, D X, expansion Θ, Θᵀ C2 Θ, D Θ; Xᵀ K1 X where it is sparse.
+    """Project a structure on its bases: Xᵀ M X, D X, expansion Θ, Θᵀ C2 Θ, D Θ; Xᵀ K1 X where it is sparse.
 
-    Displacements Γ that temperatures carry, ``(node, thermal)``, relieve the springs: expansion Θ - D Γ.
+    Static displacements Γ per temperature, ``(node, thermal)``, relieve the springs: expansion Θ - D Γ.
     """
     x, theta = mechanical.shapes, thermal.shapes
     mass, capacity = _mass(structure, mechanical), theta.T @ structure.thermal.inertia_of(theta)
@@ -162,11 +161,11 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
             DensePair(mass, structure.mechanical.weights, mechanical.deformation),
             DensePair(capacity, structure.thermal.weights, thermal.deformation),
             expansion,
-            structure.even_rise,
+            structure.uniform_rise,
         )
     reduced = replace(
         reduced,
-        even_rise=thermal.projection @ structure.even_rise,
+        uniform_rise=thermal.projection @ structure.uniform_rise,
         damping=structure.damping,
         tip_growth=static_tip_growth(structure) @ theta,
         load=None if structure.load is None else x.T @ structure.load,

@@ -1,4 +1,4 @@
-"""What the bases of a reduction cannot hold of initial states and constant loads."""
+"""Residual of initial states and constant loads in the bases of a reduction."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from workflow.reduction._reduction import Reduction
 
 
 def projection_residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array:
-    """Return what the bases of a reduction cannot hold of the cases, 1, shape ``(case,)``.
+    """Return the projection residual of cases in the bases of a reduction, 1, shape ``(case,)``.
 
-    The largest of these relative norms, 0 where there is nothing to hold:
+    It is the largest of these relative norms, 0 where the state is 0:
 
         initial displacement   |x - Φ x_r - Γ θ_r| / |x|    in strain energy, |x|² = xᵀ K1 x
         initial velocity       |v - Φ v_r| / |v|    in kinetic energy, |v|² = vᵀ M v
@@ -27,7 +27,7 @@ def projection_residual(structure: Structure, reduction: Reduction, cases: Cases
     structure
         The full structure.
     reduction
-        Its reduction, with bases Φ (displacement) and Θ (temperature), and Γ, what temperatures carry.
+        Its reduction, with bases Φ (displacement) and Θ (temperature), and Γ (``carried``).
     cases
         The cases in the coordinates of the full structure.
     """
@@ -38,21 +38,21 @@ def projection_residual(structure: Structure, reduction: Reduction, cases: Cases
 
 
 def _residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array:
-    """Return the projection residual of cases that are distinct."""
+    """Return the projection residual of distinct cases."""
     small = reduction.project(cases)
     loads = cases.steady + cases.mean[:, None] * structure.load_direction
     carried = 0.0 if reduction.carried is None else project(reduction.carried, small.temperature)
     displacements = (
         (cases.displacement, small.displacement, carried),
         (
-            structure.mechanical.static_answers(loads),
-            reduction.structure.mechanical.static_answers(project(reduction.displacement_basis.T, loads)),
+            structure.mechanical.static_solutions(loads),
+            reduction.structure.mechanical.static_solutions(project(reduction.displacement_basis.T, loads)),
             0.0,
         ),
     )
     steady = (
-        structure.thermal.static_answers(cases.heating),
-        reduction.structure.thermal.static_answers(small.heating),
+        structure.thermal.static_solutions(cases.heating),
+        reduction.structure.thermal.static_solutions(small.heating),
     )
     velocity, temperature = (cases.velocity, small.velocity), (cases.temperature, small.temperature)
     x, theta = reduction.displacement_basis, reduction.temperature_basis
@@ -66,11 +66,11 @@ def _residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array
 
 
 _Squares = Callable[[Array], Array]
-"""From a state to numbers whose sum is its squared norm."""
+"""Terms of the squared norm of a state."""
 
 
 def _lost(full: Array, reduced: Array, basis: Array, squares: _Squares, beside: Array | float = 0.0) -> Array:
-    """Return the norm of ``full - basis · reduced - beside`` by that of ``full`` for each case."""
+    """Return the norm of ``full - basis · reduced - beside`` over that of ``full`` for each case."""
     shares = np.zeros(full.shape[0])
     missing = full - project(basis, reduced) - beside
     for case in np.flatnonzero(full.any(axis=1)):

@@ -1,6 +1,6 @@
 """Craig–Bampton: fixed-interface modes and the constraint mode; for heat, modes relative to the constraint mode.
 
-Mechanical: x = Σ φ_j η_j + ψ x_n with the lowest modes of the structure whose tip is held, K1 φ = ω² M φ, φ_n = 0,
+Mechanical: x = Σ φ_j η_j + ψ x_n with the lowest modes of the structure with its tip held, K1 φ = ω² M φ, φ_n = 0,
 and the constraint mode ψ, (K1 ψ)_i = 0 at all nodes but the tip, ψ_n = 1. Thermal: θ = Σ (χ_j - χ_j,n ψ) τ_j + ψ θ_n
 with the slowest modes of the whole structure, K2 χ = μ C2 χ, and the thermal constraint mode ψ. α_c is exact: S and
 K2⁻¹ e_n need the constraint modes only.
@@ -21,5 +21,5 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
 
 
 def thermal(structure: Structure, count: int, duration: float | None) -> Vectors:
-    """Return the slowest ``count`` modes relative to the constraint mode, and that."""
+    """Return the slowest ``count`` modes relative to the constraint mode, and the constraint mode."""
     return thermal_vectors(structure, relative_thermal_modes(structure, count))

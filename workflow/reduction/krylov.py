@@ -1,25 +1,25 @@
-"""Krylov: vectors that match the tip's answer to forces and heat; fewest for a given error.
+"""Krylov: moment matching of the tip's response to forces and heat; fewest vectors for a given error.
 
-Mechanical: moments of the answer to a tip force at s = 0, K1⁻¹ e_n, K1⁻¹ M K1⁻¹ e_n, … With the tip held they span the
-same as the constraint mode ψ ∝ K1⁻¹ e_n and, in the interior (i, i),
+Mechanical: moments of the response to a tip force at s = 0, K1⁻¹ e_n, K1⁻¹ M K1⁻¹ e_n, … With the tip held they span
+the same space as the constraint mode ψ ∝ K1⁻¹ e_n and, in the interior (i, i),
 
     w_1 = K1⁻¹ M ψ,   w_{k+1} = K1⁻¹ M w_k,
 
-which exist for a free root too. At most six with ψ: further ones all turn to the lowest mode. Then follow
+which exist for a free root too. At most six with ψ, as later ones converge to the lowest mode. Then follow
 fixed-interface modes. Thermal: rational Krylov vectors (K2 + s C2)⁻¹ e_n, which with ψ ∝ K2⁻¹ e_n span the same as
 
     w_s = (K2 + s C2)⁻¹ C2 ψ   in the interior,
 
-at shifts s from 1/duration to the larger of 10/duration and the largest eigenvalue with the tip held, log-spaced, as
-many as vectors are asked for. What depends on others is dropped; the slowest modes with the tip held come instead.
-All vectors are made orthonormal in M or C2 one after another, each twice. α_c is exact: S and K2⁻¹ e_n need ψ only.
+at as many log-spaced shifts s as vectors, from 1/duration to the larger of 10/duration and the largest eigenvalue with
+the tip held. Dependent vectors are replaced by the slowest modes with the tip held. All vectors are orthonormalised in
+M or C2 one after another, each twice. α_c is exact: S and K2⁻¹ e_n need ψ only.
 
-What a moment or a shift adds to those before it falls to 1e-8 of it and below, and rounding of LAPACK and SuperLU then
-turns the last vectors by tenths. Above 300 coordinates, where they find answers and modes, each vector is therefore
-made from the one before, once that is orthogonal to all before it: what a step adds is a tenth of what it finds, and
-spaces agree to 1e-11 from processor to processor. Modes come first; no moment leads out of them, so that moments of
-what they leave of ψ span the same with them. There are six shifts, each for a sixth of the vectors: six
-factorisations, and about as accurate as a shift for each vector.
+The new part of a moment or a shift falls to 1e-8 of it and below, and rounding of LAPACK and SuperLU then turns the
+last vectors by tenths. Above 300 coordinates, where these find solutions and modes, each vector is therefore computed
+from the orthogonalised one before: its new part is a tenth of it, and spaces agree to 1e-11 from processor to
+processor. Modes come first; as moments of modes stay in their span, moments of the part of ψ orthogonal to them span
+the same space with them. There are six shifts, each for a sixth of the vectors: six factorisations, with about the
+accuracy of a shift for each vector.
 
 Source: Grimme, Krylov projection methods for model reduction (thesis, Urbana 1997); Antoulas, Approximation of
 large-scale dynamical systems (SIAM 2005), chapter 11; Ruhe, Linear Algebra Appl. 58 (1984) 391-405, for the recurrence.
@@ -35,11 +35,11 @@ from workflow.reduction._bases import Orthonormal
 from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
 
 MOST_MOMENTS = 6
-"""Moments at s = 0, the constraint mode counted."""
+"""Moments at s = 0, the constraint mode included."""
 
 MOST_SHIFTS = 6
-"""Different shifts where each vector is made from the one before: on the chains of ``studies/scaling.yaml`` fewer err
-markedly more, and twice as many hardly less."""
+"""Different shifts where each vector is computed from the one before: on the chains of ``studies/scaling.yaml`` fewer
+have a markedly larger error, twice as many a hardly smaller one."""
 
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
@@ -67,14 +67,14 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
     if duration is None:
         raise ValueError("krylov needs the duration of the cases for its shifts")
     pair = structure.thermal
-    answer, heat = pair.answers_held_shifted(), pair.inertia_of(pair.constraint)
+    solve, heat = pair.shifted_solver(), pair.inertia_of(pair.constraint)
     span = Orthonormal(pair.size, count, pair.inertia_of)
     each_alone = _is_small(structure)
     different = count if each_alone else min(count, MOST_SHIFTS)
     spaced = np.geomspace(1 / duration, max(pair.largest(), 10 / duration), different)
     shifts = [float(f"{shift:.12g}") for shift in spaced]  # digits in which all C libraries agree
     for k in range(count):
-        vector = span.add(answer(heat, shifts[k * different // count]))
+        vector = span.add(solve(heat, shifts[k * different // count]))
         if vector is not None and not each_alone:
             heat = pair.inertia_of(vector)
     if not span.is_full:
@@ -83,13 +83,13 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
 
 
 def _is_small(structure: Structure) -> bool:
-    """Tell whether answers and modes of a structure have the same bits on every processor."""
+    """Tell whether solutions and modes of a structure have the same bits on every processor."""
     return max(structure.mechanical_size, structure.thermal_size) <= MOST_BY_JACOBI
 
 
 def _add_moments(pair: Pair, span: Orthonormal, begin: Array) -> None:
-    """Add up to five Krylov vectors (K⁻¹ M)^k ``begin`` with the tip held; stop where one depends on those before."""
+    """Add up to five Krylov vectors (K⁻¹ M)^k ``begin`` with the tip held; stop at a dependent one."""
     vector: Array | None = begin
     for _ in range(MOST_MOMENTS - 1):
         if vector is not None:
-            vector = span.add(pair.answer(pair.inertia_of(vector), held=True))
+            vector = span.add(pair.solve(pair.inertia_of(vector), held=True))

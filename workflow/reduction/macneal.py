@@ -1,15 +1,15 @@
-"""MacNeal: modes with the tip free and the residual flexibility of the tip, whose inertia is left out.
+"""MacNeal: modes with the tip free and the residual flexibility of the tip, whose inertia is neglected.
 
-Mechanical: x = Σ φ_j η_j + G_r e_n f with the lowest modes of the whole structure, K1 φ = ω² M φ, and what a force on
-the tip deforms beside them, G_r = K1⁻¹ - Σ φ_j φ_jᵀ/ω_j² over the modes kept. With g = e_nᵀ G_r e_n and ρ = G_r e_n/g,
-which is orthogonal to the modes in M and K1, f = (x_n - Σ φ_j,n η_j)/g keeps the tip as a coordinate:
+Mechanical: x = Σ φ_j η_j + G_r e_n f with the lowest modes of the whole structure, K1 φ = ω² M φ, and the residual
+flexibility G_r = K1⁻¹ - Σ φ_j φ_jᵀ/ω_j² over the modes kept. With g = e_nᵀ G_r e_n and ρ = G_r e_n/g, which is
+orthogonal to the modes in M and K1, f = (x_n - Σ φ_j,n η_j)/g retains the tip as a coordinate:
 
     x = Σ (φ_j - φ_j,n ρ) η_j + ρ x_n,   M = diag(1, …, 1, 0).
 
 It is :mod:`~workflow.reduction.rubin` without the inertia of ρ, so that the tip has no mass and contact no impacts, see
-:mod:`workflow.schemes.moreau`. Of a structure that moves as a rigid body that motion is the first mode. Where the modes
-kept hold all of the tip's flexibility (of a tip that is a free mass, say) there is no residual whose inertia could be
-left out, and rubin is what remains. Thermal: as craig_bampton. α_c is exact.
+:mod:`workflow.schemes.moreau`. A rigid-body motion of the structure is the first mode. Where the modes kept contain all
+of the tip's flexibility (a free mass as tip, for instance) there is no residual, and the basis is that of rubin.
+Thermal: as craig_bampton. α_c is exact.
 
 Source: MacNeal, Computers & Structures 1 (1971) 581-601; Craig and Kurdila, Fundamentals of structural dynamics
 (2006), 17.6.
@@ -32,14 +32,14 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     """Return the lowest ``count`` free modes relative to ρ, and ρ without inertia."""
     pair, constraint = structure.mechanical, structure.mechanical.constraint
     is_held = pair.tip_stiffness > 0
-    answer = constraint if is_held else pair.answer(pair.unit_tip)  # of the tip to a force on it, up to a factor
+    response = constraint if is_held else pair.solve(pair.unit_tip)  # static response to a tip force, up to a factor
     span = Orthonormal(pair.size, count + 1, pair.inertia_of)
     if count > 0:
         if not is_held:
             span.add(constraint)
         span.add_each(pair.modes(count).shapes)
-    left = span.add(answer) if is_held or count > 0 else None
-    if left is None or np.dot(left, pair.inertia_of(answer)) * left[-1] <= DEPENDENT * answer[-1]:
+    left = span.add(response) if is_held or count > 0 else None
+    if left is None or np.dot(left, pair.inertia_of(response)) * left[-1] <= DEPENDENT * response[-1]:
         return rubin.mechanical(structure, count, duration)
     modes, tip = span.all()[:, :count], left / left[-1]
     interior = modes - np.outer(tip, modes[-1])

@@ -1,13 +1,13 @@
-"""Massless: Craig–Bampton with the inertia of the tip put on the modes, so that the tip has none of its own.
+"""Massless: Craig–Bampton with the inertia of the tip redistributed to the modes, so that the tip has none.
 
 Mechanical: x = Σ φ_j η_j + ψ̃ x_n with the fixed-interface modes φ and, instead of the constraint mode ψ,
 
     ψ̃ = ψ - Φ Φᵀ M ψ,   that is Ψ̃ = Ψ - Φ Φᵀ (M_ib + M_ii Ψ) in the interior (i) and 1 at the tip (b).
 
-With Φ it spans the same, and it is orthogonal to Φ in M. The inertia of ψ̃, which falls as modes are added, is left out:
-M = diag(1, …, 1, 0). Contact has no impacts then, see :mod:`workflow.schemes.moreau`. A free tip whose inertia no mode
-holds would be left with nothing to move it by: it keeps its mass, as with craig_bampton. Thermal: as craig_bampton.
-α_c is exact: S and K2⁻¹ e_n need the constraint modes only.
+With Φ it spans the same space, and it is orthogonal to Φ in M. The inertia of ψ̃, which falls as modes are added, is
+neglected: M = diag(1, …, 1, 0). Contact has no impacts then, see :mod:`workflow.schemes.moreau`. A free tip whose
+inertia no mode contains keeps its mass, as with craig_bampton. Thermal: as craig_bampton. α_c is exact: S and K2⁻¹ e_n
+need the constraint modes only.
 
 Source: Monjaraz Tec, Gross, Krack, arXiv 2111.07693.
 """

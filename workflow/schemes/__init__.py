@@ -1,8 +1,7 @@
-"""Schemes: each public module here is one; the directory is the registry.
+"""Schemes: each public module of this directory is one, and the directory is their registry.
 
-A module of a name without a leading underscore is the scheme ``method: NAME`` of a study; adding one is adding the
-file. Entry points of the group ``workflow.schemes`` add schemes from outside. What a module offers, and what it may
-leave out, are the fields of :class:`Scheme`.
+The module ``NAME`` is the scheme ``method: NAME`` of a study; to add a scheme, add a file. Entry points of the group
+``workflow.schemes`` add those of other distributions. The fields of :class:`Scheme` say what a module must define.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from workflow.schemes._interface import (
 from workflow.variables import Variable, of_scheme
 
 SOLVER_VERSION = 11
-"""Raised whenever a change of the physics floor changes results: archives do not mix versions."""
+"""Version of the physics, one more with each change of results: archives do not mix versions."""
 
 
 _SCHEMES = Registry(__name__, Scheme.required())
@@ -39,10 +38,10 @@ names, fault = _SCHEMES.names, _SCHEMES.fault
 
 
 def load(name: str) -> Scheme:
-    """Return the scheme of a name, see :meth:`~workflow.registry.Registry.load`."""
+    """Return the scheme ``name``, see :meth:`~workflow.registry.Registry.load`."""
     return Scheme.of(_SCHEMES.load(name))
 
 
 def metrics(name: str) -> tuple[Variable, ...]:
-    """Return the metrics that a scheme declares beside the common ones."""
+    """Return the metrics that a scheme declares besides the common ones."""
     return tuple(of_scheme(metric, unit, meaning) for metric, (unit, meaning) in load(name).METRICS.items())

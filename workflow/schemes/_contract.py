@@ -1,4 +1,4 @@
-"""Results of a scheme checked against the table of variables: what leaves it is complete and possible."""
+"""Check of a scheme's results against the table of variables: complete, of the right shapes, of possible values."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ PERIODS = tuple(about.name for about in variables.select("period", "scheme", "al
 
 
 class ContractError(ValueError):
-    """A scheme's results lack a variable, or one has another shape than its cases ask for."""
+    """A scheme's results lack a variable or have a wrong shape, or the scheme does not take its cases."""
 
 
 def refuse(scheme: Scheme, cases: Cases) -> None:
-    """Raise where a scheme does not take the harmonics or the friction of some cases, before it gives wrong results.
+    """Raise where a scheme would ignore the harmonics or the friction of some cases.
 
     Raises
     ------
     ContractError
-        Their load or their casing has harmonics that the scheme would not see, or their casing slides.
+        The scheme does not take harmonics of their load, their moving casing or their friction.
     """
     if cases.friction.any() and "friction" not in scheme.GENERAL:
         raise ContractError("the scheme does not take friction along the direction in which the casing slides")
@@ -41,11 +41,10 @@ def arrays_by_name(results: Results) -> dict[str, Array]:
 
 
 def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
-    """Return results whose cases are what the table of variables promises.
+    """Return the results checked against the table of variables, with impossible cases ``failed``.
 
-    A case that ended ok with a value it cannot have (not finite, or negative where the table does not allow a
-    sign) or one that ended otherwise without a message becomes ``failed``, with NaN everywhere and a message
-    that names the variable.
+    A case that ended ok with an impossible value (not finite, or negative where the table allows no sign) becomes
+    ``failed``, with NaN everywhere and a message that names the variable; so does one that is not ok without a message.
 
     Raises
     ------
@@ -75,7 +74,7 @@ def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
 
 
 def _check_shape(about: variables.Variable, values: Array | None, cases: Cases, sampling: Sampling) -> None:
-    """Raise where a variable is missing or has another shape than the table says."""
+    """Raise where a variable is missing or does not have the shape that the table states."""
     if values is None:
         raise ContractError(f"the scheme gives no `{about.name}`: {about.meaning}")
     sizes = {"history": (cases.count, sampling.count), "metric": (cases.count,)}

@@ -1,4 +1,4 @@
-"""What goes into a scheme and what comes out of it: arrays and frozen dataclasses only."""
+"""Interface of a scheme: its inputs and results are arrays and frozen dataclasses only."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ HISTORIES = ("displacement", "velocity", "temperature", "impulse")
 
 
 EXTRAPOLATED = "extrapolated: "
-"""How the message of a case begins that ended ok, but not everywhere by the scheme's own rules."""
+"""Prefix of the message of a case that ended ok, but in part by extrapolation."""
 
 
 class Status(IntEnum):
-    """How a case ended."""
+    """Outcome of a case."""
 
     OK = 0
     DIVERGED = 1
@@ -69,10 +69,10 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """When samples fall due while stepping with a fixed h.
+    """Position of the samples between the steps of a fixed h.
 
-    Sample k lies in the step that ends at index ``due[k]``, at the share ``weight[k]`` of it;
-    weight 1 is the step's end itself. Sample 0 is the initial state and has ``due`` 0.
+    Sample k lies in step ``due[k]``, at the fraction ``weight[k]`` of it; weight 1 is the step's end itself.
+    Sample 0 is the initial state and has ``due`` 0.
     """
 
     steps: int
@@ -102,7 +102,7 @@ def schedule(sampling: Sampling, h: float) -> Schedule:
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """What a scheme returns for a batch.
+    """Results of a scheme for a batch.
 
     Attributes
     ----------
@@ -117,12 +117,12 @@ class Results:
         impulse [N s], largest tip temperature [K], share of the period in contact [1].
     sections
         ``section_displacement`` [m], ``section_velocity`` [m/s] and ``section_temperature`` [K] at the start of each of
-        these periods, and their ``period_impacts`` [1]; empty of a scheme that does not give them.
+        these periods, and their ``period_impacts`` [1]; empty where a scheme does not give them.
     status
         :class:`Status` of every case, int8, shape ``(case,)``. A case that is not ok has NaN
         from the moment it failed, never another case's or an earlier value.
     messages
-        What a case that is not ok did, by position; deterministic, no addresses, no paths. That of a
+        Why a case is not ok, by its position in the batch; deterministic, without addresses or paths. That of a
         case that is ok begins with :data:`EXTRAPOLATED`.
     """
 
@@ -137,7 +137,7 @@ class Results:
 
 
 def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
-    """Put together the results of groups of cases; each comes with the positions of its cases."""
+    """Merge the results of groups of cases, each given with the positions of its cases."""
     if len(parts) == 1:
         return parts[0][1]
     positions = np.concatenate([where for where, _ in parts])
@@ -184,7 +184,7 @@ def sections_of(starts: Array, periods: NDArray[np.int64], start: Array) -> dict
 
 
 def _widened(array: Array, width: int) -> Array:
-    """Return rows that are filled up with NaN."""
+    """Return rows padded with NaN."""
     return np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=np.nan)
 
 
@@ -198,12 +198,12 @@ class RefusedStructureError(ValueError):
 
 
 def _needs_mass(options: Any) -> str | None:
-    """Return why a scheme that says nothing cannot step a tip without mass."""
+    """Return why a scheme that does not define ``massless_tip`` cannot step a tip without mass."""
     return "the scheme does not say that it can step a structure whose reduction leaves the tip without mass"
 
 
 def _of_friction(limit: Callable[..., float]) -> Callable[[Structure, Any, float], float]:
-    """Return a ``contact_limit`` that is given a coefficient of friction, of one that may not take it."""
+    """Return a ``contact_limit`` that takes a friction coefficient, from one that may take two arguments only."""
     if len(signature(limit).parameters) > 2:
         return limit
     return lambda structure, options, friction: limit(structure, options)
@@ -211,7 +211,7 @@ def _of_friction(limit: Callable[..., float]) -> Callable[[Structure, Any, float
 
 @dataclass(frozen=True)
 class Scheme:
-    """What a module of ``workflow/schemes/`` offers; fields with a default may be left out.
+    """Interface of a scheme's module; fields with a default are optional.
 
     Attributes
     ----------
@@ -225,9 +225,9 @@ class Scheme:
         is not called for a structure that :attr:`massless_tip` refuses: :class:`RefusedStructureError` is raised.
     compute
         ``compute(operator, cases, sampling)`` runs a whole batch and returns :class:`Results`; it never raises for
-        what a case does, and a case's numbers do not depend on its neighbours, bit for bit.
+        the failure of a case, and a case's bits do not depend on the other cases.
     STEP_SECONDS
-        Measured seconds of a step of one case over its states; 0 where nobody has measured it.
+        Measured time of a step of one case per state, s; 0 where it was not measured.
     amplification
         ``amplification(frequency, damping, h, options)``: eigenvalues of the free step of modes
         x'' + c x' + ω² x = 0, complex, ``(mode, 2)``, for ω [rad/s] and c [1/s] of shape ``(mode,)``. A scheme
@@ -235,30 +235,28 @@ class Scheme:
     thermal_amplification
         ``thermal_amplification(rate, h, options)``: factor of the free step of thermal modes τ' = -μ τ, ``(mode,)``.
     METRICS
-        Metrics that it gives beside the common ones: name to unit and meaning.
+        Its metrics besides the common ones: name to unit and meaning.
     TOGETHER
-        Cases of a batch that are stepped at once, and cost little more than one of them.
+        Number of cases that are stepped at once, at little more than the cost of one.
     contact_limit
-        ``contact_limit(structure, options, friction)``: the step, s, up to which it holds while contact comes and goes,
-        at a friction coefficient along the structure's tangent; one of two arguments is the same for all of these.
+        ``contact_limit(structure, options, friction)``: the largest step, s, that is stable in intermittent contact, at
+        a friction coefficient along the structure's tangent; without a third argument it holds for all coefficients.
     operator_name
-        ``operator_name(structure)``: what it steps a structure by, as ``plan`` says it; empty where there is nothing to
-        say.
+        ``operator_name(structure)``: the form in which it solves a structure, as ``plan`` prints it; empty for none.
     contact_stiffness_of
         ``contact_stiffness_of(structure, options)``: stiffness of its contact spring, N/m, where it has one.
     rigid
-        ``rigid(structure, h)``: options with which it approaches a rigid casing as h → 0, where not all do.
+        ``rigid(structure, h)``: options with which it converges to a rigid casing as h → 0, where not all do.
     HARMONICS
-        What of ``load`` and ``casing`` may have harmonics in its cases: the load (``Recorder.load`` and
-        ``Cases.load_at`` have them) where it does not say; a casing that moves (``Cases.casing_at``) where it says so.
+        Which of ``load`` and ``casing`` may have harmonics. By default the load (``Recorder.load`` and
+        ``Cases.load_at`` include them); ``casing`` declares that it takes a moving casing (``Cases.casing_at``).
     massless_tip
-        ``massless_tip(options)``: why it cannot step a structure whose tip has no mass, ``None`` where it can. A scheme
-        that does not say cannot.
+        ``massless_tip(options)``: why it cannot step a tip without mass, ``None`` where it can. By default it cannot.
     GENERAL
-        What it takes beside the common: ``damping`` by a matrix that couples modes, a ``load`` elsewhere than on the
-        tip, ``friction`` along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``).
+        What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction``
+        along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``).
     about
-        One line on the scheme; the first paragraph of the module's docstring where it does not say.
+        One line on the scheme; by default the first paragraph of the module's docstring.
     """
 
     Options: type[Any]
@@ -281,12 +279,12 @@ class Scheme:
 
     @classmethod
     def required(cls) -> tuple[str, ...]:
-        """Return the names that a module must have."""
+        """Return the names that a module must define."""
         return tuple(f.name for f in fields(cls) if f.default is MISSING and f.default_factory is MISSING)
 
     @classmethod
     def of(cls, module: ModuleType) -> Scheme:
-        """Return what a module offers."""
+        """Return the scheme that a module defines."""
         offered = {f.name: vars(module)[f.name] for f in fields(cls) if f.name in vars(module)}
         if "contact_limit" in offered:
             offered["contact_limit"] = _of_friction(offered["contact_limit"])
@@ -301,7 +299,7 @@ class Scheme:
         return replace(scheme, init=init)
 
     def refusal(self, structure: Structure, options: Any) -> str | None:
-        """Return why it cannot step a structure, ``None`` where it can."""
+        """Return why the scheme cannot step a structure, ``None`` where it can."""
         if structure.load is not None and "load" not in self.GENERAL:
             return "its load does not act on the tip, which the scheme does not take"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
@@ -309,7 +307,7 @@ class Scheme:
         return self.massless_tip(options) if structure.has_massless_tip else None
 
     def cannot_take(self, load: bool, casing: bool) -> str | None:
-        """Return why it refuses a scene with harmonics of load or casing, ``None`` where it takes them."""
+        """Return why the scheme refuses a scene with harmonics of load or casing, ``None`` where it takes them."""
         if load and "load" not in self.HARMONICS:
             return "does not take harmonics of the load"
         return "does not take a casing that moves" if casing and "casing" not in self.HARMONICS else None

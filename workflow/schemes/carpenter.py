@@ -1,7 +1,7 @@
 """Central differences with forward-increment Lagrange multipliers: no penetration at the next step's end.
 
-Carpenter, Taylor, Katona, IJNME 32 (1991) 103–128. The multiplier λ_k of the step at t_k is the least
-that keeps x_n,k+1 <= d, on a casing that moves d_k+1, its impulse p_k = hλ_k:
+Carpenter, Taylor, Katona, IJNME 32 (1991) 103–128. The multiplier λ_k of the step at t_k is the smallest
+that keeps x_n,k+1 <= d (d_k+1 where the casing moves); its impulse is p_k = hλ_k:
 
     p_k = max(0, (x_n,k - d_k+1)/h + w_free) / W,   W = e_nᵀ (M + h/2 C1)⁻¹ (e_n - µ t),
 
@@ -40,9 +40,9 @@ class Options:
     Attributes
     ----------
     damping
-        Which velocity damps: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h.
+        Velocity in the damping force: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h.
     heat
-        Which temperatures conduct: ``implicit`` θ_k+1 or ``explicit`` θ_k, with a limit of its own.
+        Temperature in conduction: ``implicit`` T_k+1 or ``explicit`` T_k, which has a stability limit of its own.
     """
 
     damping: Literal["central", "lagged"] = "central"
@@ -50,12 +50,12 @@ class Options:
 
     @property
     def differences(self) -> Differences:
-        """How damping and heat are differenced."""
+        """Difference formulas of damping and heat."""
         return Differences(lagged=self.damping == "lagged", implicit_heat=self.heat == "implicit")
 
 
 class Multiplier(NamedTuple):
-    """It has no parameter but one that numba cannot do without."""
+    """Parameters: none, but numba needs one."""
 
     unused: float = 0.0
 

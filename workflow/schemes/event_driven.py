@@ -1,7 +1,7 @@
 """Event-driven scheme: the exact solution of the model, from contact event to contact event.
 
-Between events the structure is linear, its load and the place d(t) of its casing are finite sums of sinusoids, so its
-motion is known in closed form:
+Between events the structure is linear, and its load and the position d(t) of its casing are finite sums of sinusoids,
+so that its motion is known in closed form:
 
     M x'' + C1 x' + K1 x + K12 θ = f(t) - λ e_n,   C2 θ' + K2 θ = q + α λ e_n
 
@@ -10,9 +10,9 @@ through zero, a contact where λ does. At an impact with u⁻ > 0, u = v_n - d',
 
     u⁺ = -e u⁻,   p = (1 + e) u⁻ / (e_nᵀ M⁻¹ e_n),   θ⁺ = θ⁻ + α p C2⁻¹ e_n;
 
-a tip that is pressed on the casing with u = 0 begins a contact, and impacts that accumulate are summed up
+a tip that is pressed on the casing with u = 0 begins a contact, and chattering is summed in closed form
 (:mod:`workflow.schemes._exact.accumulation`). No event is missed: each step is certified by bounds of the Taylor
-remainder (:mod:`workflow.schemes._exact.search`). What remains is rounding. There is no step size: ``h`` is not read.
+remainder (:mod:`workflow.schemes._exact.search`). The only error is rounding. There is no step size: ``h`` is not read.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Options:
 
 
 _SEPARATING = 4e-9
-"""Seconds per cubed number of states that separating poles takes."""
+"""Time to separate the poles over the cube of the number of states, s."""
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
@@ -66,7 +66,7 @@ def massless_tip(options: Options) -> str | None:
 
 
 def operator_name(structure: Structure) -> str:
-    """Return what a structure whose modes damping couples is solved by, as ``plan`` says it; empty for others."""
+    """Return how a structure whose damping couples modes is solved, as ``plan`` prints it; empty for others."""
     if not couples_free_modes(structure):
         return ""
     states = 2 * structure.mechanical_size + structure.thermal_size

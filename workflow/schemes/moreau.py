@@ -1,15 +1,15 @@
 """Moreau–Jean θ-method with Newton's law at velocity level and implicitly coupled heat.
 
-    Ŵ (v_free - v_k) = h (f_θ - C1 v_k - K1 (x_k + hθ v_k) - K12 (θ_k + θ δθ)),   Ŵ = M + hθC1 + h²θ²K1
-    T̂ δθ = h (q - K2 θ_k) + α p e_n,   T̂ = C2 + hθK2
+    Ŵ (v_free - v_k) = h (f_θ - C1 v_k - K1 (x_k + hθ v_k) - K12 (T_k + θ δT)),   Ŵ = M + hθC1 + h²θ²K1
+    T̂ δT = h (q - K2 T_k) + α p e_n,   T̂ = C2 + hθK2
     p = max(0, (v_free,n + e v_n,k) / W)  where x_n,k + h/2 v_n,k >= d,  else 0
     W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n)
     v_k+1 = v_free - Ŵ⁻¹ (e_n - µ t) p,   x_k+1 = x_k + h (θ v_k+1 + (1-θ) v_k)
 
-with v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1 is the implicit
-Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts: contact is a
-complementarity of place and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read. A structure is
-stepped in its modes (:mod:`workflow.schemes._fixed`).
+with temperatures T and v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1
+is the implicit Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts:
+contact is the complementarity of gap and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read. A
+structure is stepped in its modes (:mod:`workflow.schemes._fixed`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
 from workflow.schemes._fixed import decoupled, theta_method
-from workflow.schemes._fixed.complementarity import BY_PLACE, count_no_rebound
+from workflow.schemes._fixed.complementarity import BY_POSITION, count_no_rebound
 from workflow.schemes._fixed.contact import Contact, Response, Tip, count_rebound
 from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.theta_method import Operator
@@ -45,14 +45,14 @@ class Newton(NamedTuple):
     """Newton's law."""
 
     e: Any
-    """A number, or one of each case, ``(case,)``."""
+    """A number, or one for each case, ``(case,)``."""
 
 
 @contact_law(Newton)
 def respond(law: Newton, tip: Tip, h: float, theta: float) -> Response:
-    """Return impulse and velocity, which is -e v_n,k to the bit, not to the rounding of v_free - W p.
+    """Return the impulse and the velocity, -e v_n,k to the bit and without the rounding of v_free - W p.
 
-    A tip at rest on its casing keeps its place and stays active for any number of steps.
+    A tip at rest on its casing stays there, in active contact, for any number of steps.
     """
     if tip.place + 0.5 * h * tip.velocity < tip.gap:
         return 0.0, tip.free, 0.0
@@ -69,8 +69,8 @@ CONTACT = Contact(lambda cases: Newton(cases.e))
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
     theta = float(options.theta)
-    meets = BY_PLACE if structure.has_massless_tip else CONTACT
-    return theta_method.init(structure, float(h), theta, meets)
+    contact = BY_POSITION if structure.has_massless_tip else CONTACT
+    return theta_method.init(structure, float(h), theta, contact)
 
 
 compute = theta_method.compute

@@ -1,12 +1,12 @@
-"""Regularised contact: a spring and a damper that act where the tip has passed the casing.
+"""Regularised contact: a spring and a damper that act where the tip has penetrated the casing.
 
     λ = max(0, κ (x_n - d) + c (v_n - ḋ))  where x_n > d,  else 0.
 
 ``explicit`` steps by central differences with v_n,k = (x_n,k+1 - x_n,k-1)/2h, stable below h = 2/ω_max
 (:mod:`workflow.schemes._fixed.central`); with the tip in contact ω_max is that of the structure with κ at its
-tip, which grows with κ; ``implicit`` is the θ-method with λ at the step's end. Both laws stand in
+tip, which grows with κ; ``implicit`` is the θ-method with λ at the step's end. Both laws are in
 :mod:`workflow.schemes._fixed.spring`. There is no restitution coefficient: without c a single mass leaves as fast as it
-came. As h → 0 the scheme converges to the motion with this spring; to that of a rigid casing only as κ → ∞, see
+came. As h → 0 the scheme converges to the motion with this spring, and to that with a rigid casing only as κ → ∞, see
 :func:`rigid`.
 """
 
@@ -54,7 +54,7 @@ class Options:
 
 
 def contact_stiffness_of(structure: Structure, options: Options) -> float:
-    """Return κ [N/m]: what is given, or ten times the static stiffness of the tip against its rigid motion."""
+    """Return κ [N/m]: the given one, or ten times the static stiffness of the tip relative to its rigid motion."""
     return options.stiffness if options.stiffness > 0 else spring.default_stiffness(structure)
 
 
@@ -69,9 +69,9 @@ def rigid(structure: Structure, h: float) -> Options:
 
 
 def contact_limit(structure: Structure, options: Options, friction: float = 0.0) -> float:
-    """Return the step up to which the scheme holds while contact comes and goes, s: none where implicit with θ >= 0.75.
+    """Return the largest step that is stable in intermittent contact, s: infinite where implicit with θ >= 0.75.
 
-    Measured, see :mod:`~workflow.schemes._fixed.spring_limits`. ``friction`` is µ along the structure's tangent.
+    So it is for a tip without mass. Measured, see :mod:`~workflow.schemes._fixed.spring_limits`; ``friction`` is µ.
     """
     if options.integration == "explicit":
         return spring_limits.switching_limit(structure, contact_stiffness_of(structure, options), friction)
@@ -84,9 +84,9 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
     h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
     if options.integration == "explicit":
-        return central.init(structure, h, _CENTRAL, spring.in_differences(stiffness, damping))
+        return central.init(structure, h, _CENTRAL, spring.central_contact(stiffness, damping))
     theta = float(options.theta)
-    return theta_method.init(structure, h, theta, spring.by_theta(theta, stiffness, damping))
+    return theta_method.init(structure, h, theta, spring.theta_contact(theta, stiffness, damping))
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:

@@ -1,1 +1,1 @@
-"""The exact solver: closed-form motion between certified events."""
+"""The event-driven solver: closed-form motion between certified events."""

@@ -1,4 +1,4 @@
-"""The end of an accumulation of impacts: when a tip that bounces ever lower on its casing comes to rest on it.
+"""The end of chattering (a Zeno sequence: infinitely many impacts in a finite time), when the tip comes to rest.
 
 A tip that is pressed on its casing bounces with flights so short that the rest of the structure moves
 as if the tip were held. One flight then begins at gap 0 with speed u and obeys, for the gap g,
@@ -9,14 +9,14 @@ with the contact force λ of the held tip. To second order in its duration T the
 
     T = 2u/a · (1 - r u),   u⁺ = e u (1 - q u),   r = (γ + 2a'/a)/(3a),   q = 2(γ - a'/a)/(3a).
 
-This map is iterated. Near e = 1, where a flight changes u by a small share only, u follows the
+This map is iterated. Near e = 1, where a flight changes u only little, u is integrated by the
 differential equation whose solution passes through all u of the map, to the same order:
 
     u' = -a/2 · (ε + q u)(1 - ε/2 + r u),   ε = -ln e.
 
-Where what is left is short compared with all changes of a, the geometric series with its first corrections
-gives the rest. Neither damping nor the change of the force may be left out: they act for as long as the
-accumulation lasts, which is u/(1 - e), not u.
+Where the remaining chattering is short compared with all changes of a, its duration is a geometric series with
+first corrections. Neither damping nor the change of the force may be neglected: they act for as long as the
+chattering lasts, which is of order u/(1 - e), not u.
 """
 
 from __future__ import annotations
@@ -32,29 +32,29 @@ from workflow.schemes._exact.propagation import advance
 from workflow.schemes._exact.tables import expansion
 
 _CUBIC = 1e-6
-"""Largest error of the cubic that stands for the contact force, as a share of the force at its beginning: it enters
-the duration of what is left, which is itself a small share of the contact."""
+"""Largest error of the cubic for the contact force, relative to the force at its beginning: it enters the duration of
+the remaining chattering, which is itself a small part of the contact."""
 
 _SMALL_CHANGE = 1e-3
-"""The series gives the end where force and speed change by no more than this until then: its error is the square."""
+"""Relative change of force and speed until the end up to which the series is used: its error is the square."""
 
 _CONTINUOUS = 5e-4
 """Below this 1 - e the differential equation is used, whose error is of the order of the square."""
 
 _STRIDE = 0.03
-"""Steps of the differential equation, as a share of the time in which u would vanish: the error of the classical
+"""Steps of the differential equation over the time in which u would vanish: the error of the classical
 Runge-Kutta method is 0.03⁵/120 = 2e-10 per step."""
 
 _SLOW_CHANGE = 0.1
-"""The map holds while its first corrections q u and r u are below this: its error is their square. Where the force has
-just risen from zero they are not small."""
+"""Largest first corrections q u and r u at which the map is used: its error is their square. Where the force has just
+risen from zero they are not small."""
 
 _MOST = 1_000_000
-"""Steps and bounces after which the iteration ends without a result: a million take a hundredth of a second."""
+"""Largest number of steps and bounces, without a result beyond: a million take a hundredth of a second."""
 
 
 class Bounces(NamedTuple):
-    """How a tip bounces."""
+    """Parameters of a bouncing tip."""
 
     e: float
     mobility: float
@@ -68,7 +68,7 @@ class Bounces(NamedTuple):
 
 
 class _Force(NamedTuple):
-    """Contact force and its derivatives at the beginning of a window, and how long their cubic stands for it."""
+    """Contact force and its derivatives at the beginning of a window, and the time over which their cubic is valid."""
 
     value: float
     rate: float
@@ -79,7 +79,7 @@ class _Force(NamedTuple):
 
 @part
 def _expanded(m: Motion) -> _Force:
-    """Return the contact force as a cubic about the last expansion of the held motion, and how long that serves."""
+    """Return the contact force as a cubic about the last expansion of the held motion, with its window."""
     sums, n = m.expansion.sums, m.blocks
     force, fourth = sums[expansion.D0, n], sums[expansion.FOURTH, n]
     h = np.sqrt(np.sqrt(24.0 * _CUBIC * force / fourth)) if fourth > 0.0 else np.inf
@@ -126,11 +126,11 @@ def _later_speed(bounces: Bounces, s: _Force, tau: float, h: float, u: float) ->
 
 
 @part
-def settle(m: Motion, t: float, u: float, bounces: Bounces) -> tuple[float, float, float]:
-    """Return when the tip comes to rest, the speed of its last bounce, and the number of bounces until then.
+def end_of_chattering(m: Motion, t: float, u: float, bounces: Bounces) -> tuple[float, float, float]:
+    """Return the time at which the tip comes to rest, the speed of its last bounce, and the number of bounces.
 
-    The time is infinite where the force falls first so far that bounces are no longer small, or the
-    case ends. ``m`` is the held motion at t, where a bounce begins with speed u; its expansion is used up.
+    The time is infinite where, before that, the force falls so far that bounces are no longer small, or the case
+    ends. ``m`` is the held motion at t, where a bounce begins with speed u; its expansion is overwritten.
     """
     e, count, tau, begun = bounces.e, 0.0, 0.0, t
     s = _Force(0.0, 0.0, 0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""The exact motion of one case from any state, with its events: what steady rubs are made of."""
+"""The exact motion of one case from any state, with its events, for the search of periodic orbits."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from workflow.models import Array
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.batch import Prepared
+from workflow.schemes._exact.batch import MarchInput
 from workflow.schemes._exact.march import march
 from workflow.schemes._exact.record import TALLY, TOUCH, Record
 from workflow.schemes._interface import HISTORIES
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """The exact motion from a state X = [y, y', τ], in the modes of the free tip, over a span."""
+class Trajectory:
+    """The exact motion from a state X = [y, y', τ], in the modes of the free tip, over a time span."""
 
     begin: float
     """s"""
@@ -29,15 +29,15 @@ class Course:
     was_held: bool
     """Whether it begins in contact."""
     X: Array
-    """State at the end; NaN where it was not reached."""
+    """State at the end; NaN where the motion ended early."""
     contact: bool
     """Whether it ends in contact."""
     times: Array
-    """Of events after ``begin``, s, ``(event,)``."""
+    """Times of events after ``begin``, s, ``(event,)``."""
     kinds: Array
     """A contact ends, an impact, or a contact begins: see :mod:`workflow.schemes._exact.record`."""
     impulses: Array
-    """Of impacts, N s."""
+    """Impulses of impacts, N s, ``(event,)``."""
     states: Array
     """X after the events, ``(event, N)``."""
     histories: Array
@@ -45,7 +45,7 @@ class Course:
     tally: Any
     """One element of an array of :data:`~workflow.schemes._exact.record.TALLY`."""
     failure: str
-    """Why it ended early, or ''."""
+    """Why the motion ended early, or ''."""
 
     @property
     def repeats(self) -> bool:
@@ -60,13 +60,13 @@ class Course:
 
 
 def advance(
-    prepared: Prepared, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1
-) -> Course:
-    """Return the exact motion from X at ``begin`` [s] over ``span`` [s], with its events unless ``kept`` is 0.
+    march_input: MarchInput, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1
+) -> Trajectory:
+    """Return the exact motion from X at ``begin`` [s] over ``span`` [s].
 
-    ``kept`` is a guess of their number.
+    ``kept`` is a guess of the number of events; 0 leaves them out.
     """
-    free, held, case, memories, tip = prepared
+    free, held, case, memories, tip = march_input
     waves = case.load.waves.copy()
     omega, phase, _, amplitude = case.load.waves.T
     waves[:, 1] = turn = phase + begin * omega
@@ -90,4 +90,4 @@ def advance(
     failure = "" if done else outcome.failure(ended, tally, case.budget, case.tip.e)
     times, kinds, impulses = events[:count, :3].T
     at_end, states = bool(tally["held"]), events[:count, 3:]
-    return Course(begin, span, X, contact, end, at_end, times, kinds, impulses, states, histories, tally, failure)
+    return Trajectory(begin, span, X, contact, end, at_end, times, kinds, impulses, states, histories, tally, failure)

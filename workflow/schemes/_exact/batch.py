@@ -1,4 +1,4 @@
-"""A batch of the event-driven scheme: each case is marched, and held regimes are shared by cases of one α."""
+"""A batch of the event-driven scheme: cases are marched one by one, and those of one α share a held regime."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from workflow.schemes._exact.held_regime import HeldRegimes
 from workflow.schemes._exact.impacts import Case, Thresholds
 from workflow.schemes._exact.layout import Memory, Regime, memory
 from workflow.schemes._exact.march import march
-from workflow.schemes._exact.modal_system import Basis, analyse
+from workflow.schemes._exact.modal_system import ModalBasis, analyse
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.record import TALLY, Record
 from workflow.schemes._exact.regimes import InseparablePolesError, regime_of
@@ -27,16 +27,16 @@ THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What the cases of a batch share; ``budget`` is the most events and steps of one case."""
+    """Common data of the cases of a batch; ``budget`` limits events and steps of one case."""
 
-    basis: Basis
+    basis: ModalBasis
     held: HeldRegimes
     budget: Budget
     thresholds: Thresholds = THRESHOLDS
 
     @cached_property
     def heated(self) -> Regime:
-        """The regime of a free tip."""
+        """The regime of a free tip with thermal modes."""
         return regime_of(self.basis.free)
 
     @cached_property
@@ -60,8 +60,8 @@ def make_operator(structure: Structure, budget: Budget) -> Operator:
 
 
 def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Run all cases, one after the other; those of one α follow each other and share its regime."""
-    batch = Batch(operator, cases, sampling)
+    """Run all cases in the order of α, so that those of one α share its held regime."""
+    batch = BatchRun(operator, cases, sampling)
     for i in np.argsort(cases.alpha, kind="stable"):
         batch.run(int(i))
     return batch.results()
@@ -73,8 +73,8 @@ def heat_acts(cases: Cases, i: int) -> bool:
     return any(np.any(source != 0) for source in sources)
 
 
-class Prepared(NamedTuple):
-    """What the march takes, but for the record."""
+class MarchInput(NamedTuple):
+    """Arguments of the march, without the record."""
 
     free: Regime
     held: Regime
@@ -84,7 +84,7 @@ class Prepared(NamedTuple):
     """φ_n, ``(mode,)``."""
 
 
-class Batch:
+class BatchRun:
     """The cases of a batch and the arrays of their results."""
 
     def __init__(self, operator: Operator, cases: Cases, sampling: Sampling):
@@ -113,14 +113,14 @@ class Batch:
             self.ended[i] = outcome.INSEPARABLE_POLES
 
     def _held(self, alpha: float, friction: float, heated: bool) -> Regime:
-        """Return the held regime at α and µ, which the cases that follow share."""
+        """Return the held regime at α and µ; the last one is kept for the next case."""
         key = alpha, friction, heated
         if self.held is None or self.held[0] != key:
             self.held = key, self.operator.held.at(alpha, friction, heated=heated)
         return self.held[1]
 
     def _memory(self, regime: Regime, waves: int, *, is_free: bool) -> Memory:
-        """Return the memory that cases of regimes of one size use one after the other."""
+        """Return the memory that cases with regimes of one size use in turn."""
         key = regime.blocks, regime.firsts, waves, regime.is_modal, is_free
         if key not in self.memory:
             self.memory[key] = memory(regime, waves)
@@ -128,15 +128,15 @@ class Batch:
 
     def _march(self, i: int) -> int:
         """March case ``i`` and return how it ended."""
-        free, held, case, memories, _ = self.prepared(i)
+        free, held, case, memories, _ = self.march_input(i)
         n, frequency = int(self.periods[i]), float(self.frequency[i])
         ends = np.arange(1, n + 1) / frequency if n else np.zeros(0)
         none = np.zeros((0, 0))
         record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i], none)
         return int(march(free, held, case, record, memories))
 
-    def prepared(self, i: int, *, heated: bool = False) -> Prepared:
-        """Return what the march reads of case ``i``, with thermal states where heat acts, or they are asked for."""
+    def march_input(self, i: int, *, heated: bool = False) -> MarchInput:
+        """Return the arguments of the march of case ``i``, with thermal states where heat acts or ``heated`` is set."""
         cases, operator, basis = self.cases, self.operator, self.operator.basis
         heated = heated or heat_acts(cases, i)
         free = operator.heated if heated else operator.unheated
@@ -147,7 +147,7 @@ class Batch:
         case = Case(load, tip, self.modal[i, :size], closing, operator.budget, operator.thresholds)
         waves = load.waves.shape[0]
         memories = self._memory(free, waves, is_free=True), self._memory(held, waves, is_free=False)
-        return Prepared(free, held, case, memories, basis.tip)
+        return MarchInput(free, held, case, memories, basis.tip)
 
     def results(self) -> Results:
         """Return the results of the batch."""
@@ -168,17 +168,17 @@ class Batch:
         )
 
     def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:
-        """Return the metrics; those of cases that did not complete are NaN, but for the steps that they took."""
+        """Return the metrics; those of cases that did not complete are NaN, except ``steps``."""
         names = ("impacts", "contact_time", "max_temperature", "thermal_closing", "releases")
         residuals = ("energy_residual", "heat_residual") if self.sampling.balances else ()
         metrics = {name: np.where(completed, self.tally[name], np.nan) for name in names}
         metrics["steps"] = np.where(self.tally["steps"] > 0, self.tally["steps"], np.nan)
-        metrics |= {name: np.full(completed.size, np.nan) for name in residuals}  # those of steps; there are none
+        metrics |= {name: np.full(completed.size, np.nan) for name in residuals}  # residuals of steps; there are none
         metrics["max_penetration"] = penetration(self.cases, displacement, self.times)
         return metrics
 
     def _messages(self) -> dict[int, str]:
-        """Return what cases did that did not complete, or that were extrapolated."""
+        """Return the messages of cases that did not complete or were extrapolated."""
         budget, messages = self.operator.budget, {}
         for i, tally in enumerate(self.tally):
             if self.ended[i] != outcome.COMPLETED:

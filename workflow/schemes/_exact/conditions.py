@@ -1,4 +1,4 @@
-"""Conditions of one case of a batch as the march takes them: sinusoids that act become its waves."""
+"""Loads, casing and initial state of one case of a batch for the march; its nonzero sinusoids are waves."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import numpy as np
 
 from workflow.kernels import elementwise
 from workflow.models import Array, Cases
-from workflow.schemes._exact.impacts import Tip
-from workflow.schemes._exact.layout import Load, Regime
-from workflow.schemes._exact.modal_system import Basis
+from workflow.schemes._exact.impacts import TipData
+from workflow.schemes._exact.layout import CaseLoads, Regime
+from workflow.schemes._exact.modal_system import ModalBasis
 from workflow.schemes._exact.tables import wave
 
 _LOAD, _CASING = 0, 1
-"""What a sinusoid belongs to."""
+"""Owner of a sinusoid."""
 
 _ROUNDING = 4.0 * 2.220446049250313e-16
-"""A tip whose velocity is that of the casing up to this share of what both add up moves with it: four roundings."""
+"""Relative difference of velocities up to which a tip moves with its casing: four roundings."""
 
 
-def load_of(cases: Cases, i: int, duration: float) -> Load:
-    """Return loads and casing of case ``i``: a sinusoid of frequency 0 is a constant, one of amplitude 0 nothing."""
+def load_of(cases: Cases, i: int, duration: float) -> CaseLoads:
+    """Return loads and casing of case ``i``: a sinusoid of frequency 0 is a constant, one of amplitude 0 left out."""
     constants, waves = [float(cases.mean[i]), float(cases.gap[i])], []
     for which, amplitude, frequency, phase in _sinusoids(cases, i):
         if frequency == 0:
@@ -29,7 +29,7 @@ def load_of(cases: Cases, i: int, duration: float) -> Load:
         else:
             acts = (amplitude, 0.0) if which == _LOAD else (0.0, amplitude)
             waves.append((2 * np.pi * frequency, phase, *acts))
-    return Load(
+    return CaseLoads(
         constants[_LOAD],
         np.array(waves).reshape(-1, wave.GIVEN),
         constants[_CASING],
@@ -40,7 +40,7 @@ def load_of(cases: Cases, i: int, duration: float) -> Load:
 
 
 def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]]:
-    """Return what a sinusoid belongs to, amplitude, frequency and phase of those that are not 0."""
+    """Return owner, amplitude, frequency and phase of each nonzero sinusoid."""
     if cases.amplitude[i] != 0:
         yield _LOAD, float(cases.amplitude[i]), float(cases.frequency[i]), float(cases.phase[i])
     for which, more in ((_LOAD, cases.load_harmonics), (_CASING, cases.casing_harmonics)):
@@ -49,11 +49,11 @@ def _sinusoids(cases: Cases, i: int) -> Iterator[tuple[int, float, float, float]
                 yield which, float(more.amplitude[i, k]), float(more.frequency[i, k]), float(more.phase[i, k])
 
 
-def tip_of(cases: Cases, i: int, basis: Basis, free: Regime, load: Load) -> Tip:
-    """Return contact law, impact data and start of case ``i``: an impulse moves the modes by φᵀ(e_n - µ t)."""
+def tip_of(cases: Cases, i: int, basis: ModalBasis, free: Regime, load: CaseLoads) -> TipData:
+    """Return impact law and initial state of the tip of case ``i``: an impulse moves the modes by φᵀ(e_n - µ t)."""
     alpha, friction, modes = float(cases.alpha[i]), float(cases.friction[i]), basis.tip.size
-    struck, size = basis.tip - friction * basis.along, free.inward.shape[0]
-    with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no law of impact
+    struck, size = basis.tip - friction * basis.tangent, free.inward.shape[0]
+    with np.errstate(divide="ignore", invalid="ignore"):  # a tip that no impulse moves has no impact law
         drag = float(np.divide(np.dot(basis.damped_tip, struck), np.dot(basis.tip, struck)))
     jump = np.concatenate([np.zeros(modes), -struck, alpha * basis.free.heat_tip[: size - 2 * modes]])
     place, velocity, reach, turning = load.gap, 0.0, abs(load.gap), 0.0
@@ -64,7 +64,7 @@ def tip_of(cases: Cases, i: int, basis: Basis, free: Regime, load: Load) -> Tip:
             velocity += float(omega * (amplitude * cos))
             reach, turning = reach + abs(amplitude), turning + abs(omega * amplitude)
     speed = float(cases.velocity[i, -1]) - velocity
-    return Tip(
+    return TipData(
         float(cases.e[i]),
         alpha,
         basis.mobility - friction * basis.tangential,
@@ -78,7 +78,7 @@ def tip_of(cases: Cases, i: int, basis: Basis, free: Regime, load: Load) -> Tip:
 
 
 def penetration(cases: Cases, displacement: Array, times: Array) -> Array:
-    """Return how far the samples of each case ``(case, t)`` lie beyond the casing at most, m, in the march's order."""
+    """Return the largest penetration of the samples of each case ``(case, t)``, m, summed in the march's order."""
     place = np.repeat(cases.gap[:, None], times.size if cases.casing_harmonics.width else 1, axis=1)
     for i in np.flatnonzero(cases.casing_harmonics.acting):
         load = load_of(cases, int(i), float(times[-1]))

@@ -1,9 +1,9 @@
 """Taylor expansion of an output of a motion, with bounds that hold for all later times.
 
-From a time on an output s is its Taylor polynomial of degree 3 with a remainder of at most |s''''| τ⁴/24. The fourth
-derivative is bounded by the amplitudes of the modes: the energy √(ω² s² + s'²) of a mode that moves freely never grows
-(by more than a known factor where modes grow). Fast modes of small amplitude are bounded as a group by their amplitude
-instead, so that steps may be much longer than their periods.
+A time τ later an output s is its Taylor polynomial of degree 3 with a remainder of at most |s''''| τ⁴/24. The fourth
+derivative is bounded by the amplitudes of the modes: the amplitude √(ω² s² + s'²) of a free mode does not grow, by more
+than a known factor where modes are unstable. Fast modes are bounded as a group by their amplitudes, so that steps may
+be much longer than their periods.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from workflow.schemes._exact.tables import block, expansion, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
 SUM_ROUNDING = 4.0 * 2.220446049250313e-16
-"""Values of an output below this share of the sum of the magnitudes of its terms are rounding: four units in the last
-place."""
+"""Size of an output, relative to the sum of the magnitudes of its terms, up to which it is rounding: four units in the
+last place."""
 
 _FAST = 2.5
-"""A mode with ω h above this is bounded by its amplitude: (ω h)⁴/24 exceeds 1 from 2.2 on."""
+"""Value of ω h above which a mode is bounded by its amplitude: (ω h)⁴/24 exceeds 1 from 2.2 on."""
 
 
 @inlined
 def row_sum(rows: Array, i: int, first: int, last: int) -> float:
-    """Return the sum of ``rows[i, first:last]``, by eight running sums."""
+    """Return the sum of ``rows[i, first:last]``, by eight partial sums."""
     a = b = c = d = e = f = g = h = 0.0
     eights = first + (last - first) // 8 * 8
     for start in range(first, eights, 8):
-        k = np.uintp(start)  # unsigned: an index that cannot be negative needs no test for it
+        k = np.uintp(start)  # unsigned: no wrap-around test of a negative index
         a += rows[i, k]
         b += rows[i, k + np.uintp(1)]
         c += rows[i, k + np.uintp(2)]
@@ -72,11 +72,11 @@ def expand_output(m: Motion, output: int, y: Array, t: float) -> None:
 
 @part
 def _expand_slow_terms(m: Motion, output: int, y: Array, t: float, sums: Array) -> None:
-    """Fill column 0 of the sums with what loads, casing and first-order states show."""
+    """Fill column 0 of the sums with the output of loads, casing and first-order states."""
     f = m.first
     s0, s1, s2, s3 = m.outputs[output], 0.0, 0.0, 0.0
     fourth, size = 0.0, abs(m.outputs[output])
-    column = np.uintp(wave.SIGNAL_COS + 2 * output)  # unsigned: it needs no test for a negative index
+    column = np.uintp(wave.SIGNAL_COS + 2 * output)  # unsigned: no wrap-around test of a negative index
     for i in range(m.waves.shape[0]):
         w = m.waves[i, wave.OMEGA]
         cos, sin = wave_phase(m.waves, i, t)
@@ -105,7 +105,7 @@ def _expand_slow_terms(m: Motion, output: int, y: Array, t: float, sums: Array) 
 def _expand_explicit(m: Motion, output: int, k: int, y: Array, t: float, sums: Array) -> None:
     """Add an explicit block to column 0 of the sums.
 
-    Its s'''' is bounded by the energy of its third derivative, which grows only by the third derivative of its force.
+    Its s'''' is bounded by the amplitude of its third derivative, which only the third derivative of its force excites.
     """
     b, d, f3_bound, f4_bound = m.block, m.expansion.explicit, 0.0, 0.0
     explicit_derivatives(m, k, y, t, 5, d)
@@ -127,9 +127,9 @@ def _expand_explicit(m: Motion, output: int, k: int, y: Array, t: float, sums: A
 
 @part
 def _expand_blocks(b: Array, y: Array, row: int, d: Array) -> None:
-    """Fill the terms of all blocks that move freely; ``row`` holds the output per η, the next one that per η'.
+    """Fill the terms of all free blocks; ``row`` holds the output per η, the next one that per η'.
 
-    The energy √(ω² s² + s'²) is at most ω |s| + |s'|: within √2 of it, without a root.
+    The amplitude √(ω² s² + s'²) is bounded by ω |s| + |s'|: at most √2 times it, without a root.
     """
     for k in range(0, d.shape[1], 8):
         lane = narrow(k)
@@ -176,7 +176,7 @@ def expanded_blocks(m: Motion, h: float) -> int:
 
 @part
 def growth_bound(x: float) -> float:
-    """Return a bound of e^x, at most what modes grow over a step."""
+    """Return an upper bound of e^x, 1 where x <= 0: the growth of modes over a step."""
     if x <= 0.0:
         return 1.0
     return 1.0 / (1.0 - x) if x < 0.25 else elementary.exp(x)
@@ -187,15 +187,15 @@ class Bounds(NamedTuple):
 
     d0: float
     d1: float
-    """s' h, s'' h²/2 and s''' h³/6."""
     d2: float
     d3: float
+    """s, s' h, s'' h²/2 and s''' h³/6."""
     fourth: float
     """Bound of the remainder, max |s''''| h⁴/24."""
     tail: float
     """Bound of |s| of the blocks that are not expanded."""
     tail_slope: float
-    """Bound of |s'| of these, times h."""
+    """Bound of |s'| h of these blocks."""
 
 
 @part

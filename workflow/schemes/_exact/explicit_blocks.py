@@ -1,10 +1,10 @@
-"""Blocks that keep their force: their response to exp(a t) is a divided difference of exp, without a division.
+"""Forced response of blocks near resonance: divided differences of exp, computed without a division.
 
 The response of η'' + c η' + ω² η = e^(a t), from rest, is t² exp[p t, q t, a t], the divided difference of exp at the
 block's poles p, q and a = iΩ of a wave, 0 of a constant; one more node 0 integrates. Divided
-differences stand in the exponential of the bidiagonal matrix of their nodes (G. Opitz, Z. Angew. Math. Mech. 44 (1964)
-T52–T54): it is scaled, summed as a Taylor series and squared, its diagonal exact each time (A. McCurdy, K. C. Ng,
-B. N. Parlett, Math. Comp. 43 (1984) 501–528), whether nodes are far apart, near each other or the same.
+differences are the entries of the exponential of the bidiagonal matrix of their nodes (G. Opitz, Z. Angew. Math. Mech.
+44 (1964) T52–T54): it is scaled, summed as a Taylor series and squared, its diagonal exact each time (A. McCurdy,
+K. C. Ng, B. N. Parlett, Math. Comp. 43 (1984) 501–528), whether nodes are far apart, close or equal.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _SPAN = 3.0
 """Largest |node| · time of the series: its terms exceed their sum by less than a digit or two."""
 
 _NEGLIGIBLE = 1e-21
-"""Terms of the series of e^|z| below this are left out: a rounding of the corner, 1/24 at z = 0, and of its neighbours,
-is above it a hundredfold."""
+"""Size of terms of the series of e^|z| below which they are left out: a hundredth of the rounding of the corner entry,
+1/24 at z = 0, and of its neighbours."""
 
 
 @part
@@ -112,8 +112,8 @@ def _differences(m: Motion, k: int, a: complex, dt: float, size: int) -> None:
 def advance_explicit(m: Motion, k: int, y: Array, t: float, dt: float, size: int) -> tuple[float, float, float]:
     """Return η, η' and ∫η dt of an explicit block a time ``dt`` after the state ``y`` of time t.
 
-    What the block has at the beginning acts as constant forces do, so that no small change is lost beside 1. ``size``
-    is 3, or 4 where the integral is asked for: else it has no meaning.
+    The initial state is applied as constant forces, so that no small change is lost beside 1. ``size`` is 3, or 4 for
+    the integral, which is meaningless otherwise.
     """
     e, b, before, pace = m.differences, m.block, y[state.VALUE, k], y[state.SLOPE, k]
     c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]

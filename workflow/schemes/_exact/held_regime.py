@@ -1,7 +1,8 @@
-"""The held regimes of a batch; with friction heat, where damping couples no modes, all that depends on α is one kernel.
+"""The held regimes of a batch at all α; with friction heat and uncoupled modes they are computed by one kernel.
 
 With the response R of the modes to thermal modes subtracted, z - R τ, and each mode split by its two poles, the matrix
-of the held tip without heat is diagonal: heat adds a term of rank one (:mod:`workflow.schemes._exact.rank_one`).
+of the held tip without friction heat is diagonal, and the heat a rank-one term
+(:mod:`workflow.schemes._exact.rank_one`).
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from workflow.models import Array
 from workflow.schemes._exact.layout import Regime, tabulated
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.rank_one import RankOne, Zeros, fill_vectors, find_zeros, reciprocal, square
-from workflow.schemes._exact.regimes import linked, regime_of, thermal_response
+from workflow.schemes._exact.regimes import observable, regime_of, thermal_response
 
 _CRITICAL = 1e-2
-"""Two poles of a mode nearer than this, relatively, and a pole so near a thermal rate, lose digits by its square: the
-general solver does better."""
+"""Relative distance of the two poles of a mode, or of a pole and a thermal rate, below which the general solver is
+used, as digits are lost by its square."""
 
 
 class Heated(NamedTuple):
@@ -31,7 +32,7 @@ class Heated(NamedTuple):
     """R, ``(mode, thermal mode)``."""
     heat_tip: Array
     source: Array
-    """z'' and τ' per input w, see :class:`~workflow.schemes._exact.layout.Regime`, but for friction heat,
+    """z'' and τ' per input w, see :class:`~workflow.schemes._exact.layout.Regime`, without friction heat,
     ``(mode + thermal mode, input)``."""
     inputs: Array
     """Contact force per input, ``(input,)``."""
@@ -43,23 +44,23 @@ class HeldRegimes:
     """The held regimes of a structure."""
 
     def __init__(self, held: ModalSystem):
-        self._held, self._linked = held, linked(held)
-        self._heated = None if held.is_coupled else _heated(self._linked)
+        self._held, self._observable = held, observable(held)
+        self._heated = None if held.is_coupled else _heated(self._observable)
 
     def at(self, alpha: float, friction: float, *, heated: bool) -> Regime:
         """Return the regime at α [W/N], and µ along the tangent, without thermal modes where no heat acts."""
         system = self._held.sliding(friction)
         if system is not self._held:
-            return regime_of(linked(system), alpha)
+            return regime_of(observable(system), alpha)
         if alpha > 0 and self._heated is not None:
             is_sound, regime = _regime_at(self._heated, alpha)
             if is_sound:
                 return regime
-        return regime_of(self._linked if alpha > 0 else self._held if heated else self._held.unheated, alpha)
+        return regime_of(self._observable if alpha > 0 else self._held if heated else self._held.unheated, alpha)
 
 
 def _heated(held: ModalSystem) -> Heated | None:
-    """Return what the kernel takes; ``None`` where poles or rates are near each other, or a pole is 0."""
+    """Return the arguments of the kernel; ``None`` where poles or rates are near each other, or a pole is 0."""
     c, mu, omega2, r, lag = held.damping, held.rate, held.frequency**2, held.reaction, held.reaction_slope
     split = 2 * np.sqrt((c / 2) ** 2 - omega2 + 0j)
     response, near = thermal_response(held, _CRITICAL), np.abs(split) <= _CRITICAL * (held.frequency + c)
@@ -78,7 +79,7 @@ def _heated(held: ModalSystem) -> Heated | None:
 
 @kernel
 def _regime_at(h: Heated, alpha: float) -> tuple[bool, Regime]:
-    """Return whether the spectrum at α can be trusted, and the regime: blocks are complex pairs of eigenvalues.
+    """Return whether the spectrum at α is accurate, and the regime, whose blocks are complex pairs of eigenvalues.
 
     A pair s = σ ± iν with right and left eigenvectors x and ξ = l X has the real coordinates η = Re ξ
     and u = Re(s ξ), so that η' = u, u' = 2σ u - |s|² η and X = 2 Re(x ξ).
@@ -131,7 +132,7 @@ def _regime_at(h: Heated, alpha: float) -> tuple[bool, Regime]:
 
 @part
 def _next(d: Complex, zeros: Zeros, count: int) -> int:
-    """Return the eigenvalue that is due, complex ones first, each kind by its size; those done have no pole."""
+    """Return the next eigenvalue, complex ones first, each kind in the order of its size; those done have pole -1."""
     best, kind, least = -1, False, np.inf
     for i in range(count):
         if zeros.pole[i] >= 0:
@@ -144,7 +145,7 @@ def _next(d: Complex, zeros: Zeros, count: int) -> int:
 
 @part
 def _to_modes(h: Heated, s: complex, right: Complex, left: Complex) -> None:
-    """Turn eigenvectors at s in poles of modes, with R τ subtracted, into those in X = [z, z', τ]."""
+    """Transform eigenvectors at s from the poles of modes, with R τ subtracted, to X = [z, z', τ]."""
     (modes, heats), d = h.response.shape, h.matrix.d
     for m in range(modes):
         n, upper, lower = modes + m, d[m], d[modes + m]

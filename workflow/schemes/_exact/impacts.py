@@ -1,4 +1,4 @@
-"""An impact of the tip by Newton's law for the gap, g'⁺ = -e g'⁻, and whether it then flies or stays in contact."""
+"""Impact of the tip by Newton's law for the gap, g'⁺ = -e g'⁻, and the choice of flight or contact after it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from workflow.kernels.compiled import part
 from workflow.models import Array
-from workflow.schemes._exact.accumulation import Bounces, settle
+from workflow.schemes._exact.accumulation import Bounces, end_of_chattering
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.layout import Load
+from workflow.schemes._exact.layout import CaseLoads
 from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._exact.passage import Motions, enter_contact
-from workflow.schemes._exact.propagation import copy_state, strike
+from workflow.schemes._exact.propagation import apply_impulse, copy_state
 from workflow.schemes._exact.tables import expansion
 
 
@@ -21,17 +21,17 @@ class Thresholds(NamedTuple):
     """Internal tolerances, varied by tests only."""
 
     height: float
-    """Impacts are summed up where the height of the flights they still miss, v²/(2|a|), is below this share of the
-    displacement scale: the error it makes is of this size."""
+    """Height of flights v²/(2|a|), over the displacement scale, below which chattering is summed: its error is of this
+    size."""
     speed: float
-    """… and the speed below this share of the largest impact speed: at 5e-3 the error of the heavy
-    chain was 4e-10 and falls about quadratically."""
+    """Impact speed, over the largest one, below which chattering is summed: at 5e-3 the error of the heavy
+    chain was 4e-10, and it falls about quadratically."""
     force: float
-    """A contact force below this multiple of the rounding of its terms is zero when a contact begins."""
+    """Contact force, over the rounding of its terms, below which it is zero when a contact begins."""
 
 
-class Tip(NamedTuple):
-    """Contact law, impact data and start of one case."""
+class TipData(NamedTuple):
+    """Impact law and initial state of the tip of one case."""
 
     e: float
     alpha: float
@@ -49,14 +49,14 @@ class Tip(NamedTuple):
     speed: float
     """v_n(0) - d'(0), m/s."""
     reach: float
-    """|d0| and the amplitudes of the casing, m."""
+    """|d0| plus the amplitudes of the casing, m."""
 
 
 class Case(NamedTuple):
     """Conditions of one case."""
 
-    load: Load
-    tip: Tip
+    load: CaseLoads
+    tip: TipData
     modal: Array
     """Initial [y, y', τ], without τ where no heat acts."""
     closing: Array
@@ -66,22 +66,22 @@ class Case(NamedTuple):
 
 
 _LOOSE = 1e3
-"""Where half the budget of events is spent, impacts may be summed up whose height is so many times larger
-than the threshold, 1e-7 of the displacement scale: the message of the case says so."""
+"""Factor of the threshold of height once half the budget of events is spent: chattering up to 1e-7 of the displacement
+scale is summed then, and the message of the case says so."""
 
 
 @part
 def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
-    """Strike the free tip, which approaches with ``tally.speed``; return whether it stays in contact, since when."""
+    """Apply an impact at the speed ``tally.speed``; return whether the tip then stays in contact, and since when."""
     tip, free, speed = case.tip, motions.free, tally.speed
     p = (1.0 + tip.e) * speed / tip.mobility
     tally.max_speed = max(tally.max_speed, speed)
-    strike(free, p)
+    apply_impulse(free, p)
     expand(free, free.now, tally.time)
     stays, since = speed <= 0.0 or tip.e == 0.0, tally.time
     if not stays:
-        end = _end_of_bounces(motions, case, tally)
-        if not np.isnan(end):  # p and what all later impacts would add is m v⁻ and the contact force
+        end = _end_of_chattering(motions, case, tally)
+        if not np.isnan(end):  # p and all later impulses add up to m v⁻ and the impulse of the contact force
             stays, since, p = True, end, speed / tip.mobility
     if speed > 0.0:
         tally.impacts += 1
@@ -90,12 +90,12 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
 
 
 @part
-def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
-    """Stop a tip that has been struck if its bounces end soon; return when they do, NaN if they are not summed up.
+def _end_of_chattering(motions: Motions, case: Case, tally: Any) -> float:
+    """Stop the tip after an impact if its chattering is summed; return the end of the chattering, NaN if it is not.
 
-    Where they are more than the events left they are summed up as well, with an infinite time if the contact force
-    falls before they end. Flights no higher than the rounding of the tip's displacement are small whatever the largest
-    impact was: those of a tip that only the rounding of a force near zero has lifted.
+    It is summed as well where it has more impacts than the budget of events has left, with an infinite end if the
+    contact force falls before. Flights no higher than the rounding of the tip's displacement are small whatever the
+    largest impact was: only the rounding of a force near zero has lifted the tip.
     """
     tip, free, speed, thresholds = case.tip, motions.free, tally.speed, case.thresholds
     pressing = -free.expansion.sums[expansion.D2, free.blocks]
@@ -111,12 +111,12 @@ def _end_of_bounces(motions: Motions, case: Case, tally: Any) -> float:
     if height >= most and not (left < tally.events and height < _LOOSE * most):
         return np.nan
     copy_state(free.now, free.between)
-    strike(free, -tip.e * speed / tip.mobility)
+    apply_impulse(free, -tip.e * speed / tip.mobility)
     end, leaving, count = np.nan, 0.0, 0.0
     if enter_contact(motions, thresholds.force, tally.time) == 0:
         bounces = Bounces(tip.e, tip.mobility, tip.drag, 4.0 * max(height, most), case.load.duration)
-        end, leaving, count = settle(motions.held, tally.time, tip.e * speed, bounces)
-    else:  # the force is 0 but for rounding, which would press the tip back for ever
+        end, leaving, count = end_of_chattering(motions.held, tally.time, tip.e * speed, bounces)
+    else:  # the force is rounding, which would press the tip back for ever
         end = tally.time
     if height < most and np.isfinite(end):
         return end

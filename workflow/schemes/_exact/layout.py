@@ -1,6 +1,6 @@
-"""What the compiled kernel takes: the loads of a case, its regimes as tables, and the memory that it works in.
+"""Arguments of the compiled kernel: the loads of a case, its regimes as tables, and its working memory.
 
-Regimes are packed into few arrays, because each array costs compilation in every function that it passes through.
+Regimes are packed into few arrays, because each array costs compile time in every function that it passes through.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ ORDER = 18
 """Largest order of Taylor polynomials of motions."""
 
 TAYLOR_SPAN = 0.6
-"""Largest |pole| · time over which they are used: the remainder is below 0.6^18/18! = 2e-20."""
+"""Largest |pole| · time at which they are used: the remainder is below 0.6^18/18! = 2e-20."""
 
 
-class Load(NamedTuple):
+class CaseLoads(NamedTuple):
     """Loads and casing of one case: F0 + Σ A sin ψ on the tip, positive towards the casing, at d = d0 + Σ a sin ψ."""
 
     mean: float
@@ -39,35 +39,35 @@ class Load(NamedTuple):
 
 
 class Regime(NamedTuple):
-    """A linear system in real blocks, shared by cases, and how its coordinates follow from those of the free tip.
+    """A linear system in real blocks, shared by cases, and the transform of its coordinates from those of the free tip.
 
     Coordinates are [η (block), u (block), ξ (first order)], N in all; modal coordinates are those of the free modes,
-    [y, y', τ]. Inputs are w = [constant loads, heating, tip load, d, d', d''], d the place of the casing.
+    [y, y', τ]. Inputs are w = [constant loads, heating, tip load, d, d', d''], d the position of the casing.
     """
 
     blocks: int
     firsts: int
     block: Array
-    """See :mod:`workflow.schemes._exact.tables.block`; rows that loads decide are 0 here, as in ``first``."""
+    """See :mod:`workflow.schemes._exact.tables.block`; rows that depend on loads are 0 here, as in ``first``."""
     first: Array
     """See :mod:`workflow.schemes._exact.tables.first`."""
     source: Array
     """Sources [β, γ, χ] and, in the column after theirs, the signal, ``(mechanical + thermal + 4, N + 1)``: rows are
     inputs."""
     inward: Array
-    """Coordinates from X = [z, z', τ] of its own modes, ``(N, N)``: rows are X. Columns beyond N fill up packs, as in
-    ``source``."""
+    """Transform from X = [z, z', τ] of its own modes to coordinates, ``(N, N)``: rows are X. More columns pad packs, as
+    in ``source``."""
     outward: Array
-    """… and back, ``(N, N)``: rows are coordinates."""
+    """Its inverse, ``(N, N)``: rows are coordinates."""
     entry: Array
     exit: Array
-    """z from free modes and back, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`."""
+    """Transforms from free modes to z and back, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`."""
     growth: float
     """Largest rate at which a block or first-order state may grow, 1/s, not negative."""
     fastest: float
     """Bound of all poles, 1/s."""
     warms: bool
-    """Whether blocks show in the tip temperature."""
+    """Whether the tip temperature depends on blocks."""
     heated: bool
     """Whether it has thermal modes."""
     is_modal: bool
@@ -87,7 +87,7 @@ def tabulated(
     entry: Array,
     exit_: Array,
 ) -> Regime:
-    """Return a regime by c and ω² of blocks, ascending, μ of first-order states, and outputs per coordinate, ``(N,)``.
+    """Return a regime from c and ascending ω² of blocks, μ of first-order states, and outputs per coordinate, ``(N,)``.
 
     Outputs are the signal, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`, and the temperature of the
     tip, K.
@@ -134,7 +134,7 @@ def tabulated(
 
 @part
 def _is_identity(matrix: Array) -> bool:
-    """Whether a matrix changes no coordinates."""
+    """Whether a matrix is the identity."""
     for i in range(matrix.shape[0]):
         for j in range(matrix.shape[1]):
             if matrix[i, j] != (1.0 if i == j else 0.0):
@@ -154,17 +154,17 @@ class Expansion(NamedTuple):
     terms: Array
     """``(9, column)``; scratch."""
     derivatives: Array
-    """Of the signal, ``(ORDER + 1,)``; scratch."""
+    """Derivatives of the signal, ``(ORDER + 1,)``; scratch."""
     explicit: Array
     """Derivatives of an explicit block, ``(ORDER + 2,)``; scratch."""
 
 
 class Memory(NamedTuple):
-    """Arrays in which a case follows a regime; one case after the other may use them."""
+    """Arrays for the motion of a case in a regime; cases may use them in turn."""
 
     block: Array
     first: Array
-    """Tables of the layout, completed by what the loads of the case decide."""
+    """Tables of the regime, with the rows that depend on the loads of the case."""
     coordinates: Array
     """[η, u, ξ], ``(N,)``."""
     modal: Array
@@ -172,7 +172,7 @@ class Memory(NamedTuple):
     states: Array
     """Three states of motion, and the change of the state by a unit impulse, ``(4, 4, column)``."""
     outputs: Array
-    """Of signal and tip temperature what constant loads alone give, ``(2,)``."""
+    """Signal and tip temperature by constant loads alone, ``(2,)``."""
     waves: Array
     """See :mod:`workflow.schemes._exact.tables.wave`."""
     differences: Complex
@@ -181,7 +181,7 @@ class Memory(NamedTuple):
 
 
 def memory(regime: Regime, waves: int) -> Memory:
-    """Return memory for a regime under so many waves."""
+    """Return memory for a regime under a number of waves."""
     columns, wide = block.padded(regime.blocks), block.padded(regime.firsts)
     coordinates = np.zeros(regime.inward.shape[0])
     return Memory(

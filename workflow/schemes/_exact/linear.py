@@ -1,4 +1,4 @@
-"""The motion of a tip that stays free, or stays held: X' = A X + B w in closed form."""
+"""The linear motion of a tip that stays free or held, X' = A X + B w: propagators and steady response."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workflow.models import Array
-from workflow.schemes._exact.layout import Load, Regime
+from workflow.schemes._exact.layout import CaseLoads, Regime
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.tables import block, first
 
@@ -22,7 +22,7 @@ def growth(regime: Regime) -> float:
 
 
 def propagators(regime: Regime, spans: Array) -> Array:
-    """Return the derivatives of X, of the free tip, by X before each of some spans [s], ``(span, N, N)``."""
+    """Return the propagators of X, of the free tip, over each of some spans [s], ``(span, N, N)``."""
     n, t = regime.blocks, spans[:, None]
     half, w2 = 0.5 * regime.block[block.DAMPING, :n], regime.block[block.STIFFNESS, :n]
     root = np.sqrt(half**2 - w2 + 0j)
@@ -42,11 +42,11 @@ def propagators(regime: Regime, spans: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """A regime, free or held, in its own modes Z = [z, z', τ], and what makes it of X = [y, y', τ] of the free tip."""
+    """A regime, free or held, in its modes Z = [z, z', τ], and the transform to X = [y, y', τ] of the free tip."""
 
     A: Array
     B: Array
-    """Per w = [f̄, q, F, d, d', d'']."""
+    """Z' per w = [f̄, q, F, d, d', d'']."""
     signal: Array
     signal_inputs: Array
     """Signal, the gap or the contact force, per Z and w: see :class:`ModalSystem`."""
@@ -55,8 +55,8 @@ class Linear:
     place: Array
     """… and per d and d' of the casing, ``(N, 2)``."""
 
-    def steady(self, load: Load, t: float) -> tuple[Array, float]:
-        """Return X and the signal of the motion that repeats with the loads, at t.
+    def steady(self, load: CaseLoads, t: float) -> tuple[Array, float]:
+        """Return X and the signal of the steady response to the loads at t.
 
         Raises
         ------
@@ -87,5 +87,5 @@ def linear(system: ModalSystem, alpha: float) -> Linear:
 
 
 def _twice(rows: Array, heats: int) -> Array:
-    """Return what takes places, velocities and temperatures to other modes, by rows of modes and one of the gap."""
+    """Return the transform of displacements, velocities and temperatures, by rows of modes and one of the gap."""
     return np.asarray(block_diag(rows[:-1], rows[:-1], np.eye(heats)))

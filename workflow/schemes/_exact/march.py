@@ -1,4 +1,4 @@
-"""From contact event to contact event: one case of the event-driven scheme, start to end."""
+"""The event loop of the event-driven scheme: one case from its start to its end."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from workflow.schemes._exact.step import Start, certified_step
 from workflow.schemes._exact.tables import expansion
 
 _SAME_TIME = 16.0 * 2.220446049250313e-16
-"""Times nearer than this share of the duration are the same: a dozen roundings of sums of steps."""
+"""Difference of times, over the duration, up to which they are equal: a dozen roundings of sums of steps."""
 
 _LATE = 1e-9
-"""Samples are due at the end up to this share of the duration: it is a multiple of their interval up to that."""
+"""Delay of a sample, over the duration, up to which it is due at the end: the tolerance of the sampling interval."""
 
 _FIRST_STEP = 0.1
-"""First step tried after an event, in times of the fastest pole; longer ones follow if it is certified."""
+"""First step tried after an event, over the time constant of the fastest pole; it is lengthened while certified."""
 
 
 @uncounted
@@ -64,12 +64,12 @@ def march(free: Regime, held: Regime, case: Case, record: Record, memories: tupl
         if not np.isfinite(h):
             return outcome.NOT_FINITE
         if not tally.held:
-            # height of a flight from impact to impact that is a parabola
+            # height of a parabolic flight from impact to impact
             height = 0.25 * h * min(start.speed, -observed.signal_rate)
             tally.length = max(tally.length, max(abs(observed.place - observed.signal), height))
             if event:
                 tally.speed = max(0.0, -observed.signal_rate)
-                event = tally.speed > 0.0 or h == 0.0  # a tip that lies on the casing at this instant
+                event = tally.speed > 0.0 or h == 0.0  # a tip on the casing at this instant
         tally.time = T if h >= T - tally.time else tally.time + h
         start = Start(0, -1.0, False, 2.0 * h)
     return ended
@@ -77,7 +77,7 @@ def march(free: Regime, held: Regime, case: Case, record: Record, memories: tupl
 
 @part
 def _note_event(motions: Motions, record: Record, was_held: bool, before: float) -> None:
-    """Keep an event and the state after it; the impulse ``before`` it, and whether the tip was held."""
+    """Record an event and the state after it, from the impulse ``before`` it and whether the tip was held."""
     tally, row = record.tally, record.events[record.tally.events - 1]
     fill_modal(motions, tally.held != 0, tally.time)
     row[0], row[1], row[2] = tally.time, RELEASE if was_held else IMPACT + tally.held, tally.impulse - before
@@ -87,7 +87,7 @@ def _note_event(motions: Motions, record: Record, was_held: bool, before: float)
 
 @part
 def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Start, Observed]:
-    """Take the initial state; return how the case ended, if it did, whether it begins with an event, and how."""
+    """Set the initial state; return the outcome so far, whether an event is due at t = 0, the start and the outputs."""
     free, tip, tally = motions.free, case.tip, record.tally
     for i in range(case.modal.size):
         motions.free.modal[i] = case.modal[i]
@@ -120,7 +120,7 @@ def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Sta
 
 @part
 def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) -> tuple[Start, Observed]:
-    """End a contact, or strike the tip and begin a contact if it stays; return how the next step begins."""
+    """End a contact, or apply an impact and begin a contact if the tip stays; return the start of the next step."""
     free, tip, t = motions.free, case.tip, tally.time
     guess = _FIRST_STEP / free.fastest if free.fastest > 0.0 else case.load.duration
     if tally.held:
@@ -143,9 +143,9 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
 
 @part
 def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed) -> tuple[float, bool, Observed]:
-    """Take a certified step; return its length, whether an event ends it, and its last outputs.
+    """Do a certified step; return its length, whether an event ends it, and the outputs at its end.
 
-    The length is NaN where the state leaves the finite numbers.
+    The length is NaN where the state is not finite.
     """
     tally, t, tolerance = record.tally, record.tally.time, _SAME_TIME * T
     if not start.expanded:
@@ -166,7 +166,7 @@ def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed)
 
 @part
 def _finish(motions: Motions, case: Case, record: Record, observed: Observed) -> None:
-    """Write what is due at the end, after any event there."""
+    """Write the samples and periods that are due at the end, after any event there."""
     tally, modal, T = record.tally, motions.free.modal, case.load.duration
     fill_modal(motions, tally.held != 0, tally.time)
     while next_due(record) <= T * (1.0 + _LATE):

@@ -1,10 +1,10 @@
-"""The structure in modes, with its tip free and with its tip held: what both regimes of the exact solver are made of.
+"""The structure in modes, with its tip free and with its tip held, for both regimes of the event-driven solver.
 
     z'' + c z' + ω² z + G τ = φᵀ (f̄ + F e_n) - b d'' - b' d',   τ' + μ τ = χᵀ q + α χ_n λ
 
-F is the load on the tip beside the constant loads f̄. With the tip free, z are all modes and b = 0; with the tip held,
-x_n = d(t), they are the modes of the other coordinates relative to the static shape ψ under a unit displacement of the
-tip, x_i = ψ d + φ z, b = φᵀ (M_in + M_ii ψ), b' likewise by C1, and the force on the casing is
+F is the load on the tip besides the constant loads f̄. With the tip free, z are all modes and b = 0; with the tip held,
+x_n = d(t), they are the fixed-interface modes and the constraint mode ψ of a unit displacement of the tip,
+x_i = ψ d + φ z, b = φᵀ (M_in + M_ii ψ), b' likewise by C1, and the force on the casing is
 
     λ = f_n - M_ni x_i'' - C_ni x_i' - K_ni x_i - M_nn d'' - C_nn d' - K_nn d - K12_n θ.
 """
@@ -36,7 +36,7 @@ class ModalSystem:
     """A structure with its tip free or held, in its modes z and the thermal modes τ.
 
     Its signal, the event function whose fall through zero ends the regime, is the gap d - x_n [m] of a free tip and the
-    contact force λ [N] of a held one, of which d' and d'' are the casing's velocity and acceleration:
+    contact force λ [N] of a held one; d' and d'' are the casing's velocity and acceleration:
 
         signal = signal_steady · f̄ + signal_tip F + signal_gap · [d, d', d''] - r · z - r' · z' - k · τ.
     """
@@ -44,7 +44,7 @@ class ModalSystem:
     frequency: Array
     """ω, 1/s, ``(mode,)``."""
     damping: Array
-    """c, 1/s, ``(mode,)``; ``(mode, mode)`` where damping couples them: with the tip held if it is not Rayleigh's."""
+    """c, 1/s, ``(mode,)``; ``(mode, mode)`` where damping couples modes, of a held tip where it is not Rayleigh's."""
     coupling: Array
     """G, ``(mode, thermal mode)``."""
     rate: Array
@@ -71,10 +71,10 @@ class ModalSystem:
     heat_shapes: Array
     """χ, ``(thermal, thermal mode)``."""
     entry: Array
-    """z per free mode y and, in the last row, per gap, ``(free mode + 1, mode)``: rows are what is given. Velocities
-    follow alike from velocities and the rate of the gap."""
+    """z per free mode y and, in the last row, per gap, ``(free mode + 1, mode)``: rows are the arguments. Velocities
+    follow likewise from velocities and the rate of the gap."""
     exit: Array
-    """… and back, ``(mode + 1, free mode)``."""
+    """The inverse, ``(mode + 1, free mode)``."""
     tangent: Array | None = None
     """Direction t of friction on a held tip, ``(mechanical,)``; ``None`` for none."""
     friction_force: Array | None = None
@@ -95,7 +95,7 @@ class ModalSystem:
     def sliding(self, friction: float) -> ModalSystem:
         """Return the system of a held tip with friction µ along t.
 
-        Friction is a load µ λ t beside the others: λ is what it is without it, divided by 1 - µ signal_steady · t.
+        Friction is one more load, µ λ t: it divides λ by 1 - µ signal_steady · t.
         """
         if friction == 0 or self.tangent is None:
             return self
@@ -113,8 +113,8 @@ class ModalSystem:
 
 
 @dataclass(frozen=True, eq=False)
-class Basis:
-    """What all regimes of a structure share."""
+class ModalBasis:
+    """Modal data common to all regimes of a structure."""
 
     to_modes: Array
     """φᵀ M of the free modes."""
@@ -124,32 +124,32 @@ class Basis:
     """φ_n, ``(mode,)``, 1/√kg."""
     damped_tip: Array
     """φᵀ C1 M⁻¹ e_n, ``(mode,)``, 1/(s √kg)."""
-    along: Array
+    tangent: Array
     """φᵀt of the direction of friction, ``(mode,)``, 1/√kg; 0 where there is none."""
     closing: Array
     """Quasi-static tip growth per τ, m, ``(thermal mode,)``."""
     mobility: float
     """Delassus operator of an impact, e_nᵀ M⁻¹ e_n, 1/kg."""
     tangential: float
-    """e_nᵀ M⁻¹ t, 1/kg, by which the mobility falls per friction coefficient."""
+    """e_nᵀ M⁻¹ t, 1/kg, the decrease of the mobility per friction coefficient."""
     heat_jump: float
     """Rise of the tip temperature per heat at the tip, e_nᵀ C2⁻¹ e_n, K/J."""
     free: ModalSystem
     held: ModalSystem
 
 
-def analyse(structure: Structure) -> Basis:
+def analyse(structure: Structure) -> ModalBasis:
     """Diagonalise the structure with its tip free and with its tip held."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     free, along = free_system(structure), np.zeros(mechanical.values.size)
     if structure.tangent is not None:
         along = mechanical.shapes.T @ structure.tangent
-    return Basis(
+    return ModalBasis(
         to_modes=mechanical.shapes.T @ structure.mass,
         to_thermal=thermal.shapes.T @ structure.heat_capacity,
         tip=mechanical.tip.copy(),
         damped_tip=free.damping @ mechanical.tip if free.is_coupled else free.damping * mechanical.tip,
-        along=along,
+        tangent=along,
         closing=static_tip_growth(structure) @ thermal.shapes,
         mobility=np.dot(mechanical.tip, mechanical.tip),
         tangential=np.dot(mechanical.tip, along),
@@ -231,7 +231,7 @@ def _held_damping(structure: Structure, modes: Modes, reaction: Array, inertia: 
 
 
 def _by_casing(structure: Structure, constraint_mode: Array, shapes: Array, stiffness: float) -> dict[str, Any]:
-    """Return what place, velocity and acceleration of the casing do to a held tip; ``stiffness`` is sᵀ K1 s."""
+    """Return signal and forces on z'' by d, d' and d'' of the casing with the tip held; ``stiffness`` is sᵀ K1 s."""
     momentum, inertia = structure.mass @ constraint_mode, structure.mass[-1, :-1] @ shapes
     if is_rayleigh(structure):  # K1 s is 0 but at the tip
         damped = structure.damping.mass * momentum
@@ -267,7 +267,7 @@ def state_space(system: ModalSystem, alpha: float) -> tuple[Array, Array, Array]
     A += np.outer(per_force, row)
     B = np.outer(per_force, signal_inputs(system))
     B[u, : system.shapes.shape[0]] += system.shapes.T
-    B[u, -4] += system.shapes.T @ system.load[: system.shapes.shape[0]]  # as constant loads in its direction do
+    B[u, -4] += system.shapes.T @ system.load[: system.shapes.shape[0]]
     B[u, -3:] += system.gap_source
     B[tau, mechanical : mechanical + thermal] = system.heat_shapes.T
     return A, row, B

@@ -1,11 +1,11 @@
-"""The motion of one case in one regime: what is left of it when the response to its loads is subtracted.
+"""The motion of one case in one regime: the free motion that is left when the particular solution is subtracted.
 
 Loads and casing are constants and waves of phase ψ = Ω t + φ, pairs of coefficients of cos ψ and sin ψ. Of a block
 
     η' = u + β,   u' = -c u - ω² η + γ,   β = β0 + Σ (βc cos ψ + βs sin ψ), γ likewise, that is
     η'' + c η' + ω² η = F = γ + c β + β'
 
-the particular solution η of F and u = η' - β are subtracted: what is left moves freely and costs one exponential. Where
+the particular solution η of F and u = η' - β are subtracted: the rest is free motion and costs one exponential. Where
 that would lose digits (slow blocks, resonance with a wave) the block is *explicit*: it keeps its force, see
 :mod:`workflow.schemes._exact.explicit_blocks`, and only -β is subtracted from u, which leaves η'.
 """
@@ -20,15 +20,15 @@ from workflow.kernels import elementary
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import part
 from workflow.models import Array
-from workflow.schemes._exact.layout import Expansion, Load, Memory, Regime
+from workflow.schemes._exact.layout import CaseLoads, Expansion, Memory, Regime
 from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
 _SLOW_POLE = 0.3
-"""A block whose slowest pole times the duration, x, is below this is explicit: F/ω² would lose digits like x⁻²."""
+"""Slowest pole times the duration, x, below which a block is explicit: F/ω² would lose digits like x⁻²."""
 
 _RESONANT_POLE = 0.1
-"""Likewise a block with a pole whose distance to that of a wave, times the duration, is below this."""
+"""Distance of a pole to that of a wave, times the duration, below which a block is explicit."""
 
 SIGNAL, TEMPERATURE = 0, 1
 """Outputs of a regime: the signal that ends it at zero (gap, m, or contact force, N), and the tip temperature, K."""
@@ -45,7 +45,7 @@ class Motion(NamedTuple):
     firsts: int
     explicits: int
     aperiodics: int
-    """Numbers of blocks, first-order states, explicit blocks, and of others that do not oscillate."""
+    """Numbers of blocks, of first-order states, of explicit blocks, and of other blocks that do not oscillate."""
     block: Array
     first: Array
     outputs: Array
@@ -74,19 +74,19 @@ class Motion(NamedTuple):
     heated: bool
     """Whether there are thermal modes."""
     cooling: bool
-    """Whether the tip temperature is a constant plus decaying exponentials: no block, wave or growing state shows."""
+    """Whether the tip temperature is a constant plus decaying exponentials: no blocks, waves or growing states."""
 
 
 @part
-def prepare(regime: Regime, load: Load, memory: Memory) -> Any:
-    """Return the motion of a case in a regime, its states not yet set, and complete the tables of its memory."""
+def prepare(regime: Regime, load: CaseLoads, memory: Memory) -> Any:
+    """Return the motion of a case in a regime, before its states are set, and complete the tables of its memory."""
     b, f, outputs, waves = memory.block, memory.first, memory.outputs, memory.waves
     _clear(regime, load, memory)
     _fill_sources(regime, load, memory)
     explicits, aperiodics = 0, 0
     for k in range(regime.blocks):
         _fill_force(regime, load, k, memory)
-        if _keeps_force(b, k, load):
+        if _is_explicit(b, k, load):
             b[block.EXPLICIT_COLUMNS, explicits] = k
             explicits += 1
         else:
@@ -94,7 +94,7 @@ def prepare(regime: Regime, load: Load, memory: Memory) -> Any:
                 b[block.APERIODIC_COLUMNS, aperiodics] = k
                 aperiodics += 1
             _subtract_particular(b, k, waves)
-        _show_subtracted(b, k, waves, outputs)
+        _add_particular_outputs(b, k, waves, outputs)
     for j in range(regime.firsts):
         _subtract_harmonics(f, j, waves)
     fastest, cooling = regime.fastest, regime.growth <= 0.0 and not regime.warms
@@ -131,8 +131,8 @@ def prepare(regime: Regime, load: Load, memory: Memory) -> Any:
 
 
 @part
-def _clear(regime: Regime, load: Load, memory: Memory) -> None:
-    """Begin with the tables of the regime, and with the waves as they are given."""
+def _clear(regime: Regime, load: CaseLoads, memory: Memory) -> None:
+    """Reset the memory to the tables of the regime and the waves of the case."""
     for row in range(memory.block.shape[0]):
         for k in range(memory.block.shape[1]):
             memory.block[row, k] = regime.block[row, k] if row < block.ROWS else 0.0
@@ -147,8 +147,8 @@ def _clear(regime: Regime, load: Load, memory: Memory) -> None:
 
 
 @part
-def _source(regime: Regime, load: Load, row: int) -> float:
-    """Return the constant source of a coordinate; in the last row that of the signal."""
+def _source(regime: Regime, load: CaseLoads, row: int) -> float:
+    """Return the constant source of a coordinate, or of the signal in the last row."""
     steady, heating = load.steady.size, load.heating.size
     at = steady + heating
     source = regime.source[at, row] * load.mean + regime.source[at + 1, row] * load.gap
@@ -160,7 +160,7 @@ def _source(regime: Regime, load: Load, row: int) -> float:
 
 
 @part
-def _wave_source(regime: Regime, load: Load, row: int, i: int) -> tuple[float, float]:
+def _wave_source(regime: Regime, load: CaseLoads, row: int, i: int) -> tuple[float, float]:
     """Return the coefficients of cos ψ and sin ψ of wave ``i`` in a source, by its load, d, d' and d''."""
     at, omega = load.steady.size + load.heating.size, load.waves[i, wave.OMEGA]
     push, place = regime.source[at, row], regime.source[at + 1, row]
@@ -171,7 +171,7 @@ def _wave_source(regime: Regime, load: Load, row: int, i: int) -> tuple[float, f
 
 
 @part
-def _fill_sources(regime: Regime, load: Load, memory: Memory) -> None:
+def _fill_sources(regime: Regime, load: CaseLoads, memory: Memory) -> None:
     """Fill the sources of the signal and of first-order states."""
     f, outputs, waves, signal = memory.first, memory.outputs, memory.waves, 2 * regime.blocks + regime.firsts
     outputs[SIGNAL] = _source(regime, load, signal)
@@ -186,7 +186,7 @@ def _fill_sources(regime: Regime, load: Load, memory: Memory) -> None:
 
 
 @part
-def _fill_force(regime: Regime, load: Load, k: int, memory: Memory) -> None:
+def _fill_force(regime: Regime, load: CaseLoads, k: int, memory: Memory) -> None:
     """Fill the force F on a block, and -β."""
     b, waves = memory.block, memory.waves
     beta, gamma = _source(regime, load, k), _source(regime, load, regime.blocks + k)
@@ -209,7 +209,7 @@ def forced(b: Array, k: int, i: int) -> bool:
 
 
 @part
-def _keeps_force(b: Array, k: int, load: Load) -> bool:
+def _is_explicit(b: Array, k: int, load: CaseLoads) -> bool:
     """Whether the response of a block to the loads cannot be subtracted without losing digits."""
     w2, half = b[block.STIFFNESS, k], abs(b[block.HALF_DAMPING, k])
     square = w2 - half * half
@@ -228,7 +228,7 @@ def _keeps_force(b: Array, k: int, load: Load) -> bool:
 
 @part
 def _subtract_particular(b: Array, k: int, waves: Array) -> None:
-    """Put the particular solution η of a block, and its η' beside -β, where what is subtracted lies."""
+    """Fill the rows of the particular solution of a block: η, and η' beside -β."""
     c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
     b[block.SIGNAL_INTEGRAL, k] = b[block.SIGNAL_VALUE, k] / w2
     b[block.PARTICULAR, k] = b[block.FORCE, k] / w2
@@ -246,8 +246,8 @@ def _subtract_particular(b: Array, k: int, waves: Array) -> None:
 
 
 @part
-def _show_subtracted(b: Array, k: int, waves: Array, outputs: Array) -> None:
-    """Add what is subtracted from a block to the outputs of loads alone."""
+def _add_particular_outputs(b: Array, k: int, waves: Array, outputs: Array) -> None:
+    """Add the particular solution of a block to the outputs of the loads."""
     for o in range(2):
         value, slope = b[block.SIGNAL_VALUE + 2 * o, k], b[block.SIGNAL_SLOPE + 2 * o, k]
         outputs[o] += value * b[block.PARTICULAR, k] + slope * b[block.PARTICULAR_SLOPE, k]
@@ -260,7 +260,7 @@ def _show_subtracted(b: Array, k: int, waves: Array, outputs: Array) -> None:
 
 @part
 def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
-    """Subtract the response of a first-order state to its waves, which lie in the rows of the harmonics."""
+    """Replace the sources of a first-order state in the rows of the harmonics by the response to them."""
     for i in range(waves.shape[0]):
         row = i * first.WAVE
         cos, sin = f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j]
@@ -274,7 +274,7 @@ def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
 
 @part
 def casing_at(m: Motion, t: float) -> tuple[float, float]:
-    """Return the place of the casing d = d0 + Σ a sin ψ, m, and its velocity, m/s."""
+    """Return the position of the casing d = d0 + Σ a sin ψ, m, and its velocity, m/s."""
     place, speed = m.gap, 0.0
     for i in range(m.waves.shape[0]):
         cos, sin = wave_phase(m.waves, i, t)
@@ -284,8 +284,8 @@ def casing_at(m: Motion, t: float) -> tuple[float, float]:
 
 
 @part
-def _add_subtracted(m: Motion, t: float, sign: float, value: Array, slope: Array) -> None:
-    """Add what is subtracted of them at t to η and u of blocks, or subtract it (``sign`` -1)."""
+def _add_particular(m: Motion, t: float, sign: float, value: Array, slope: Array) -> None:
+    """Add the particular solution at t to η and u of blocks, or subtract it (``sign`` -1)."""
     b = m.block
     for k in range(m.blocks):
         value[k] += sign * b[block.PARTICULAR, k]
@@ -301,7 +301,7 @@ def _add_subtracted(m: Motion, t: float, sign: float, value: Array, slope: Array
 
 @part
 def jump_from_coordinates(m: Motion, coordinates: Array, y: Array) -> None:
-    """Fill ``y`` with the change of a state by that of its coordinates [η, u, ξ]."""
+    """Fill ``y`` with the change of a state for a change of its coordinates [η, u, ξ]."""
     for j in range(m.firsts):
         xi = coordinates[2 * m.blocks + j]
         y[state.FIRST, j], y[state.FIRST_SLOPE, j] = xi, -m.first[first.RATE, j] * xi
@@ -311,7 +311,7 @@ def jump_from_coordinates(m: Motion, coordinates: Array, y: Array) -> None:
 
 @part
 def from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None:
-    """Fill the state ``y`` of time t from the coordinates [η, u, ξ]: the response to the loads is subtracted."""
+    """Fill the state ``y`` of time t from the coordinates [η, u, ξ], less the particular solution."""
     f = m.first
     for j in range(m.firsts):
         xi = coordinates[2 * m.blocks + j]
@@ -322,7 +322,7 @@ def from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None:
         y[state.FIRST, j], y[state.FIRST_SLOPE, j] = xi, f[first.SOURCE, j] - f[first.RATE, j] * xi
     for k in range(m.blocks):
         y[state.VALUE, k], y[state.SLOPE, k] = coordinates[k], coordinates[m.blocks + k]
-    _add_subtracted(m, t, -1.0, y[state.VALUE], y[state.SLOPE])
+    _add_particular(m, t, -1.0, y[state.VALUE], y[state.SLOPE])
 
 
 @part
@@ -339,4 +339,4 @@ def to_coordinates(m: Motion, y: Array, t: float, coordinates: Array) -> None:
     for k in range(m.blocks):
         coordinates[k], coordinates[m.blocks + k] = y[state.VALUE, k], y[state.SLOPE, k]
     value, slope = coordinates[: m.blocks], coordinates[m.blocks : 2 * m.blocks]
-    _add_subtracted(m, t, 1.0, value, slope)
+    _add_particular(m, t, 1.0, value, slope)

@@ -1,4 +1,4 @@
-"""How a case ended, and the message about it."""
+"""Outcome of a case, and its message."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NO_IMPACT_LAW = 7  # the tip meets its casing, and friction pushes it further in
 INSEPARABLE_POLES = 8  # poles of the held tip cannot be separated, see :mod:`workflow.schemes._exact.regimes`
 
 _NEARLY_ELASTIC = 0.99
-"""Restitution above which the message about the budget of events says how many impacts it takes to come to rest."""
+"""Restitution above which the message on the budget of events states how many impacts it takes to come to rest."""
 
 
 def failure(ended: int, tally: Any, budget: Budget, e: float) -> str:
@@ -50,7 +50,7 @@ def failure(ended: int, tally: Any, budget: Budget, e: float) -> str:
 
 
 def extrapolation(tally: Any, budget: Budget) -> str:
-    """Return the message of a case in which impacts were summed up because the budget does not reach their end."""
+    """Return the message of a case whose chattering was summed because it exceeds the budget of events."""
     leaves = (
         f"; while it does not rest it is in no contact, and it leaves with at most {tally['leaving_speed']:.3g} m/s"
     )
@@ -62,7 +62,7 @@ def extrapolation(tally: Any, budget: Budget) -> str:
 
 
 def _more_events(e: float) -> str:
-    """Return what would get a case past its budget of contact events."""
+    """Return the advice for a case that has exhausted its budget of contact events."""
     if e == 1:
         return (
             "with e = 1 impacts of a pressed, damped tip follow each other ever faster without ever ending in contact: "

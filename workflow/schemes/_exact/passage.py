@@ -1,4 +1,4 @@
-"""The two motions of a case, tip free and tip held, and the passage of the state from one to the other."""
+"""The two motions of a case, with the tip free and held, and the transition of the state between them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.layout import Load, Memory, Regime
+from workflow.schemes._exact.layout import CaseLoads, Memory, Regime
 from workflow.schemes._exact.motion import (
     Motion,
     casing_at,
@@ -22,18 +22,18 @@ from workflow.schemes._exact.tables import expansion
 
 
 class Motions(NamedTuple):
-    """Both motions of a case, and what turns the state of one into that of the other."""
+    """Both motions of a case, and the transforms between their modes."""
 
     free: Motion
     held: Motion
     entry: Array
     exit: Array
-    """Both see :class:`~workflow.schemes._exact.layout.Regime`, of the held regime."""
+    """Those of the held :class:`~workflow.schemes._exact.layout.Regime`."""
 
 
 @part
-def motions_of(free: Regime, held: Regime, load: Load, jump: Array, memories: tuple[Memory, Memory]) -> Any:
-    """Return both motions of a case, their states not yet set; ``jump`` are those of the coordinates of a free tip."""
+def motions_of(free: Regime, held: Regime, load: CaseLoads, jump: Array, memories: tuple[Memory, Memory]) -> Any:
+    """Return both motions of a case, before their states are set; ``jump`` is that of a free tip's coordinates."""
     motions = Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), held.entry, held.exit)
     jump_from_coordinates(motions.free, jump, motions.free.jump)
     return motions
@@ -41,7 +41,7 @@ def motions_of(free: Regime, held: Regime, load: Load, jump: Array, memories: tu
 
 @part
 def multiply(matrix: Array, source: Array, target: Array) -> None:
-    """Fill target = source · matrix; rows and columns of states that do not act are not read."""
+    """Fill target = source · matrix; rows and columns beyond the sizes of both are not read."""
     for i in range(target.size):
         target[i] = 0.0
     for j in range(source.size):
@@ -51,7 +51,7 @@ def multiply(matrix: Array, source: Array, target: Array) -> None:
 
 @part
 def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, target: Array) -> None:
-    """Fill places and velocities of modes from those of the other tip and of the casing; thermal modes are the same."""
+    """Fill displacements and velocities of modes from those of the other regime and the casing; copy thermal modes."""
     (place, speed), (source_modes, target_modes) = casing, (matrix.shape[0] - 1, matrix.shape[1])
     for i in range(target_modes):
         target[i], target[target_modes + i] = matrix[source_modes, i] * place, matrix[source_modes, i] * speed
@@ -65,7 +65,7 @@ def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, tar
 
 @part
 def fill_modal(motions: Motions, held: bool, t: float) -> None:
-    """Fill [y, y', τ] of the free tip with the present state of the motion with the tip held, or free."""
+    """Fill [y, y', τ] of the free tip from the current state of the held or the free motion."""
     if held:
         _fill(motions.held, t)
         _change_modes(motions.exit, casing_at(motions.held, t), motions.held.modal, motions.free.modal)
@@ -75,7 +75,7 @@ def fill_modal(motions: Motions, held: bool, t: float) -> None:
 
 @part
 def _fill(m: Motion, t: float) -> None:
-    """Fill [z, z', τ] of a motion with its present state."""
+    """Fill [z, z', τ] of a motion from its current state."""
     to_coordinates(m, m.now, t, m.coordinates)
     if not m.is_modal:
         multiply(m.outward, m.coordinates, m.modal)
@@ -105,10 +105,10 @@ def _set(m: Motion, t: float) -> None:
 
 @part
 def enter_contact(motions: Motions, threshold: float, t: float) -> int:
-    """Set the held motion from the free one; return the order of the zero of its force at t.
+    """Set the held motion from the free one; return the order of the zero of its contact force at t.
 
-    Where nothing presses it is minus the order of the zero of the gap: -2, or -3 where the force falls from zero. It is
-    zero below ``threshold`` times the rounding of its terms.
+    Without a pressing force it is minus the order of the zero of the gap: -2, or -3 where the force falls from zero. A
+    force below ``threshold`` times the rounding of its terms is zero.
     """
     held = motions.held
     fill_modal(motions, False, t)

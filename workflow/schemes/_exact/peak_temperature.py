@@ -1,15 +1,14 @@
 """Certified search for the largest tip temperature within a step.
 
-The temperature is expanded as the signal is (see :mod:`workflow.schemes._exact.expansion`): a Taylor
-polynomial of degree 3 with a bound of its remainder, fast modes of small amplitude bounded as a
-group. An interval needs no further search where the bounds prove one of these:
+The temperature is expanded like the signal (see :mod:`workflow.schemes._exact.expansion`): a Taylor
+polynomial of degree 3 with a bound of its remainder, fast modes bounded as a group. An interval needs no
+further search where the bounds prove one of these:
 
 - the temperature stays below the largest one so far;
-- it only rises, only falls, or is convex: its largest value is at an end of the interval, and the
-  ends are evaluated;
+- it is monotone or convex: its largest value is at an end of the interval, and the ends are evaluated;
 - it is concave: the largest value is at an end or where the rate is zero, which is then solved for.
 
-Otherwise the interval is halved.
+Otherwise the interval is bisected.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ from workflow.schemes._exact.propagation import advance, observe
 from workflow.schemes._exact.tables import expansion, first, state
 
 _SURE = 1e-12
-"""Share of the largest temperature that a later maximum may exceed it by without being searched for:
-a hundredth of the accuracy that is promised, 1e-10."""
+"""Excess over the largest temperature, relative to it, up to which a later maximum is not searched for: a hundredth of
+the promised accuracy, 1e-10."""
 
 _SHORTEST = 1e-15
-"""Intervals below this share of the time are not halved any more: a few roundings of the time itself."""
+"""Length of an interval, over the time, below which it is not bisected: a few roundings of the time itself."""
 
 
 @part
@@ -50,7 +49,7 @@ def peak_temperature(m: Motion, t: float, left: float, right: float, largest: fl
 
 @part
 def _is_monotone(m: Motion, span: float) -> bool:
-    """Whether the temperature certainly only rises or only falls over a step in which it is a sum of decaying terms.
+    """Whether the temperature, a sum of decaying terms, is certainly monotone over a step.
 
     Its rate is a sum of terms r exp(-μ τ), each between r and r max(0, 1 - μ τ).
     """
@@ -65,7 +64,7 @@ def _is_monotone(m: Motion, span: float) -> bool:
 
 @part
 def _searched(m: Motion, t: float, left: float, right: float, largest: float) -> float:
-    """Search interval by interval, from the left to the right."""
+    """Return the larger of ``largest`` and the largest temperature, interval by interval from left to right."""
     at = left
     while at < right:
         advance(m, m.now, t, at - t, m.between)
@@ -90,7 +89,7 @@ def _searched(m: Motion, t: float, left: float, right: float, largest: float) ->
 
 @part
 def _peaks_at_an_end(m: Motion, h: float, largest: float) -> bool:
-    """Whether certainly no temperature on (0, h) exceeds both ends and ``largest``: it rises, falls or stays below."""
+    """Whether certainly no temperature on (0, h) exceeds both ends and ``largest``: it is monotone or stays below."""
     s = bounds(m, m.blocks if m.cooling else expanded_blocks(m, h), h)
     d1, d2, d3 = s.d1, s.d2, s.d3
     c0, c1 = d1, d1 + 2.0 * d2 / 3.0
@@ -123,8 +122,8 @@ def _bend(m: Motion, h: float) -> int:
 def _concave_peak(m: Motion, t: float, at: float, h: float, largest: float) -> float:
     """Return the largest temperature on (at, at + h), where it is concave.
 
-    Newton's steps on the rate, kept between points where it is positive and negative: what is left of
-    the way to the last such point times the rate bounds what can still be gained.
+    Newton's method on the rate, bracketed by points where it is positive and negative: the rate times the distance to
+    the bracket's other end bounds the remaining gain.
     """
     sums, n = m.expansion.sums, m.blocks
     rate, bend, third = sums[expansion.D1, n], sums[expansion.D2, n], sums[expansion.D3, n]

@@ -1,4 +1,4 @@
-"""Motion in closed form: propagation, outputs, and jumps at an impact."""
+"""Propagation of a motion in closed form, its outputs, and its jump at an impact."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Observed(NamedTuple):
     """Gap d - x_n of the free tip, m; contact force of the held tip, N."""
     signal_rate: float
     temperature: float
-    """Of the tip, K."""
+    """Tip temperature, K."""
     warming: float
     """Its rate, K/s."""
     place: float
@@ -117,7 +117,7 @@ def observe(m: Motion, y: Array, t: float) -> Observed:
 
 @inlined
 def _observe_waves(m: Motion, t: float) -> Observed:
-    """Return the casing, and what loads alone give of the outputs."""
+    """Return the outputs of the loads alone, and the casing."""
     waves, signal, temperature, rate, warming = m.waves, m.outputs[SIGNAL], m.outputs[TEMPERATURE], 0.0, 0.0
     for i in range(waves.shape[0]):
         omega = waves[i, wave.OMEGA]
@@ -131,8 +131,8 @@ def _observe_waves(m: Motion, t: float) -> Observed:
 
 
 @part
-def strike(m: Motion, p: float) -> None:
-    """Apply an impulse p [N s] with its friction heat at the free tip: v jumps by -p M⁻¹ e_n, θ by α p C2⁻¹ e_n."""
+def apply_impulse(m: Motion, p: float) -> None:
+    """Apply an impulse p [N s] at the free tip: v jumps by -p M⁻¹ (e_n - µ t), θ by α p C2⁻¹ e_n."""
     for row in range(state.ROWS):
         for k in range(m.now.shape[1]):
             m.now[row, k] += p * m.jump[row, k]

@@ -1,11 +1,11 @@
-"""Propagators of all blocks and first-order states of a regime at once, written so that the compiler vectorises them.
+"""Propagators of all blocks and first-order states of a regime at once, in loops that the compiler vectorises.
 
-A block η'' + c η' + ω² η = 0 moves by
+A block η'' + c η' + ω² η = 0 has
 
     η(dt) = C η + S η',   η'(dt) = -ω² S η + (C - c S) η',
     C = e^(-c dt/2) (cos ν dt + c/2 · sin(ν dt)/ν),   S = e^(-c dt/2) sin(ν dt)/ν,   ν² = ω² - c²/4,
 
-entire functions of ν²: rigid, critical and overdamped blocks take the same form by cosh and sinh.
+entire functions of ν²: rigid, critical and overdamped blocks have the same form with cosh and sinh.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from workflow.models import Array
 from workflow.schemes._exact.tables import block, first
 
 _EXPONENT = 4503599627370496.0 + 1023.0
-"""2^52 + 1023: adding it to an integer q leaves q + 1023 in the lowest bits of the double."""
+"""2^52 + 1023: added to an integer q it leaves q + 1023 in the lowest bits of the double."""
 _HALF_PI_REST = 2.0222662487959506e-21
 """π/2 less ``HALF_PI_1`` and ``HALF_PI_2``, rounded."""
 _LARGEST_ANGLE = 1e6
-"""Angles beyond this are reduced by :mod:`workflow.kernels.elementary`; below it the products above are exact."""
+"""Angles beyond this are reduced by :mod:`workflow.kernels.elementary`; below it the products with these are exact."""
 _SERIES = 0.3
-"""Largest |μ dt| for which φ2 is summed by its series in all columns."""
+"""Largest |μ dt| at which φ2 is summed by its series in all columns."""
 
 
 @inlined

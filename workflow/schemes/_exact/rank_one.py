@@ -1,13 +1,13 @@
 """Eigenvalues and eigenvectors of a diagonal matrix with a rank-one term, each to its own relative accuracy.
 
-In coordinates that are uncoupled without friction heat the held tip has the matrix D + α u wᵀ, D = diag(d): d are the
-poles of the held structure and its thermal rates, u the response to heat at the tip, wᵀ the row of the contact force.
-Its eigenvalues are the zeros of
+In coordinates that only friction heat couples the held tip has the matrix D + α u wᵀ, D = diag(d): d are the poles of
+the held structure and its thermal rates, u the response to heat at the tip, wᵀ the row of the contact force. Its
+eigenvalues are the zeros of
 
     f(s) = 1 - α Σ u_k w_k/(s - d_k).
 
 Newton's method finds the shift δ of each from a pole, so that every difference s - d_k keeps its digits (Golub, SIAM
-Review 15 (1973) 318–334). Of complex pairs the one above the real axis is found.
+Review 15 (1973) 318–334). Of a complex pair the one above the real axis is found.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import inlined, part
 
 _NEWTON_STEPS, _CONVERGED = 20, 1e-10
-"""Newton ends where a shift changes by less than this, relatively: its next change would be about the square of it."""
+"""Relative change of a shift at which Newton's method ends: the next change would be about its square."""
 
 _DISTINCT = 1e-6
-"""Two zeros nearer than this share of their shifts keep fewer than ten digits: the general solver does no worse."""
+"""Distance of two zeros, over their shifts, below which they keep fewer than ten digits: the general solver is used."""
 
 _INDEPENDENT = 3e-2
-"""Eigenvectors whose product is below this share of its terms lose digits by its square and more: another pole comes
-near that has the same one, see :mod:`workflow.poles`."""
+"""Product left · right, over the sum of its terms, below which eigenvectors lose digits by its square and more: the
+matrix is nearly defective, see :mod:`workflow.poles`."""
 
 
 class RankOne(NamedTuple):
     """The matrix D + α u wᵀ, ``(N,)`` each; thermal rates come last."""
 
     thermal: int
-    """How many of the poles are thermal rates."""
+    """Number of poles that are thermal rates."""
     d: Complex
     u: Complex
     w: Complex
@@ -60,13 +60,13 @@ def square(x: complex) -> float:
 
 @inlined
 def reciprocal(x: complex) -> complex:
-    """Return 1/x; sizes here are far from the limits of the numbers."""
+    """Return 1/x, without a guard against overflow."""
     return x.conjugate() * (1.0 / square(x))
 
 
 @part
 def find_zeros(matrix: RankOne, alpha: float, zeros: Zeros) -> int:
-    """Fill the zeros, found from the poles' first order; return how many, 0 where they do not come out distinct."""
+    """Find the zeros from their first order in α; return their number, 0 where they are not distinct."""
     for k in range(matrix.d.size):
         zeros.residue[k] = alpha * matrix.u[k] * matrix.w[k]
     count, above = _first_order(matrix, zeros), 0
@@ -89,7 +89,7 @@ def find_zeros(matrix: RankOne, alpha: float, zeros: Zeros) -> int:
 
 @part
 def _first_order(matrix: RankOne, zeros: Zeros) -> int:
-    """Put the zeros near poles to first order in α; thermal rates see a structure that yields quasi-statically."""
+    """Fill the zeros near poles to first order in α; at thermal rates the structure responds quasi-statically."""
     d, thermal, yielding, count = matrix.d, matrix.thermal, 1.0, 0
     fast = d.size - thermal
     for k in range(fast):
@@ -99,7 +99,7 @@ def _first_order(matrix: RankOne, zeros: Zeros) -> int:
             count += 1
     for k in range(fast, d.size):
         shift = zeros.residue[k].real / yielding
-        for other in range(fast, d.size):  # no farther than a third of the way to another rate
+        for other in range(fast, d.size):  # at most a third of the distance to another rate
             if other != k:
                 most = abs(d[k].real - d[other].real) / 3.0
                 shift = min(max(shift, -most), most)
@@ -132,9 +132,9 @@ def _newton(d: Complex, residue: Complex, own: int, shift: complex, real: bool) 
 def fill_vectors(
     matrix: RankOne, alpha: float, own: int, shift: complex, right: Complex, left: Complex
 ) -> tuple[complex, bool]:
-    """Fill eigenvectors, left · right = 1; return wᵀ right, and whether they keep their digits.
+    """Fill eigenvectors with left · right = 1; return wᵀ right, and whether they keep their digits.
 
-    Beside a pole its own factor 1/(s - d) is the largest: there the right vector is 1.
+    Near a pole its factor 1/(s - d) is the largest: its component of the right vector is set to 1.
     """
     _, d, u, w = matrix
     f, length, terms = 1.0 + 0.0j, 1.0 + 0.0j, 1.0

@@ -1,4 +1,4 @@
-"""What a case writes while it is marched: samples, load periods, and the quantities of which it keeps one value."""
+"""Output of a case during its march: samples, load periods, and scalars."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ TALLY = np.dtype(
         ("releases", "i8"),  # contacts that have ended
         ("max_speed", "f8"),  # largest impact speed, m/s
         ("length", "f8"),  # largest |x_n|, plus those of the casing at the start: scale of displacements, m
-        ("unsettled_speed", "f8"),  # half the impact speed at which bounces were last found not to end, m/s
-        ("summed_speed", "f8"),  # of impacts summed up because the budget does not reach their end: largest speed, m/s
+        ("unsettled_speed", "f8"),  # half the impact speed at which chattering was last found not to end, m/s
+        ("summed_speed", "f8"),  # of chattering that is summed because it exceeds the budget: largest speed, m/s
         ("summed_height", "f8"),  # … largest height above the casing, m
         ("leaving_speed", "f8"),  # … largest speed with which the tip then leaves, if it does not come to rest, m/s
         ("thermal_closing", "f8"),  # quasi-static growth of the tip at the end, m
@@ -50,12 +50,12 @@ _PERIOD_IMPULSE, _PERIOD_TEMPERATURE, _PERIOD_CONTACT, _END, _PERIOD_IMPACTS = 0
 
 
 RELEASE, IMPACT, TOUCH = 0.0, 1.0, 2.0
-"""Kinds of events: a contact ends, the tip flies on after an impact, a contact begins (by an impact, if with an
+"""Kinds of events: a contact ends, an impact with a flight after it, a contact begins (by an impact where there is an
 impulse)."""
 
 
 class Record(NamedTuple):
-    """Where one case writes."""
+    """Output arrays of one case."""
 
     times: Array
     """Sample times, s."""
@@ -69,8 +69,8 @@ class Record(NamedTuple):
     tally: Any
     """One element of an array of :data:`TALLY`."""
     events: Array
-    """Of each event time [s], kind, impulse [N s] and the state [y, y', τ] after it, ``(event, 3 + N)``; those beyond
-    its rows are not kept."""
+    """Time [s], kind, impulse [N s] and the state [y, y', τ] after each event, ``(event, 3 + N)``; events beyond its
+    rows are left out."""
 
 
 @part
@@ -81,7 +81,7 @@ def contact_time(tally: Any, t: float) -> float:
 
 @part
 def note_temperature(tally: Any, temperature: float) -> None:
-    """Keep the largest tip temperatures."""
+    """Update the largest tip temperatures."""
     tally.max_temperature = max(tally.max_temperature, temperature)
     tally.period_temperature = max(tally.period_temperature, temperature)
 
@@ -98,7 +98,7 @@ def next_due(record: Record) -> float:
 
 @part
 def write(record: Record, t: float, outputs: Observed, impulse: float) -> None:
-    """Write the sample or close the load period that is due at t, or both."""
+    """Write the sample, the load period or both that are due at t."""
     tally, histories, periods = record.tally, record.histories, record.periods
     sample, period = tally.next_sample, tally.next_period
     due = record.times[sample] if sample < record.times.size else np.inf
@@ -125,9 +125,9 @@ def write(record: Record, t: float, outputs: Observed, impulse: float) -> None:
 
 @part
 def record_step(record: Record, m: Motion, t: float, dt: float, final: Observed, tolerance: float) -> None:
-    """Write what is due within a step from ``m.now`` at t to ``m.after``, whose outputs are ``final``.
+    """Write samples and load periods within a step from ``m.now`` at t to ``m.after``, whose outputs are ``final``.
 
-    The largest temperature is followed from load period to load period, whatever the samples between.
+    The largest temperature is searched over load periods, independently of the samples between.
     """
     tally, heated, left = record.tally, m.heated, t
     while next_due(record) < t + dt - tolerance:

@@ -1,4 +1,4 @@
-"""The two regimes between contact events in real blocks that evolve alone: tip free, and tip held at the gap.
+"""The two regimes between contact events, tip free and tip held at the gap, in uncoupled real blocks.
 
     blocks        η' = u + β(t),   u' = -c u - ω² η + γ(t)
     first order   ξ' = -μ ξ + χ(t)
@@ -8,8 +8,8 @@ first-order states are thermal modes, ξ = τ, and blocks are mechanical modes l
 
     η = z - R τ,   u = z' + R μ τ,   R = -G/(μ² - μ c + ω²).
 
-All else is separated by :mod:`workflow.poles`: a damping matrix, the friction heat of a held tip (α times a term of
-rank one), friction along a tangent, which is another such term with the same row, and a mode near a thermal rate.
+Other couplings are separated by :mod:`workflow.poles`: a damping matrix, the friction heat of a held tip (α times a
+rank-one term), friction along a tangent (another such term with the same row), and a mode near a thermal rate.
 """
 
 from __future__ import annotations
@@ -29,34 +29,34 @@ INSEPARABLE = (
     "leaves three poles that coincide, which event_driven cannot separate; change it by a trifle, or take a scheme "
     "with a fixed step"
 )
-"""Why such a structure is refused."""
+"""Why a structure with three coinciding poles is refused."""
 
 
 class InseparablePolesError(RefusedStructureError):
-    """Poles of a structure whose modes damping or friction couples are too near each other."""
+    """Poles of a structure with coupled modes are too near each other to be separated."""
 
     def __init__(self) -> None:
         super().__init__(f"its damping {INSEPARABLE}")
 
 
 NEAR_RATE = 1e-3
-"""Share of the sum of its terms below which μ² - μ c + ω² leaves R fewer than thirteen digits."""
+"""Size of μ² - μ c + ω², over the sum of its terms, below which R has fewer than thirteen digits."""
 
-_PARTED = 1e-11
-"""Share by which damping is changed where two poles coincide: they part by its root, 3e-6 of themselves, which leaves
-their eigenvectors eleven digits."""
+_SEPARATING = 1e-11
+"""Relative change of damping that separates two coinciding poles: by its root, 3e-6 of their size, which leaves their
+eigenvectors eleven digits."""
 
 _TRUSTED = 1e6
-"""Σ |inward · outward| of a coordinate up to which it keeps ten digits: it grows without bound as poles meet that have
-the same eigenvector."""
+"""Σ |inward · outward| of a coordinate up to which it keeps ten digits: it grows without bound towards a defective
+matrix."""
 
-_LINKED = 1e-13
-"""A mode is kept where its reaction at the tip exceeds this share of the largest: the rounding of
-shapes is some 1e-15, and the modes below it change λ by no more than this share."""
+_OBSERVABLE = 1e-13
+"""Reaction of a mode at the tip, over the largest, above which it is kept: the rounding of shapes is some 1e-15, and
+the modes below change λ by no more than this, relatively."""
 
 
 def thermal_response(system: ModalSystem, near: float) -> Array | None:
-    """Return R, ``(mode, thermal mode)``; ``None`` where a thermal rate is near the pole of a mode that heat drives."""
+    """Return R, ``(mode, thermal mode)``; ``None`` where a thermal rate is near the pole of a mode that heat loads."""
     mu, c, omega2, driven = system.rate, system.damping[:, None], system.frequency[:, None] ** 2, system.coupling != 0
     polynomial, size = mu**2 - mu * c + omega2, mu**2 + mu * c + omega2
     if np.any(driven & (np.abs(polynomial) <= near * size)):
@@ -67,7 +67,7 @@ def thermal_response(system: ModalSystem, near: float) -> Array | None:
 def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
     """Return the regime of a structure with its tip free, or held at α [W/N].
 
-    At α > 0 or with friction along t ``system`` is one of :func:`linked` modes.
+    At α > 0 or with friction along t ``system`` is one of :func:`observable` modes.
 
     Raises
     ------
@@ -91,8 +91,8 @@ def _in_modes(system: ModalSystem, response: Array) -> Regime:
 
 
 def _in_blocks(system: ModalSystem, alpha: float) -> Regime:
-    """Return the regime whose blocks are pairs of poles; where two pairs coincide, damping is changed to part them."""
-    for share in (0.0, _PARTED):
+    """Return the regime whose blocks are pairs of poles; damping is changed to separate coinciding pairs."""
+    for share in (0.0, _SEPARATING):
         A, row, source = state_space(replace(system, damping=(1 + share) * system.damping), alpha)
         with suppress(ValueError):  # not finite, or no convergence
             damping, stiffness, rate, inward, outward = real_blocks(A)
@@ -104,7 +104,7 @@ def _in_blocks(system: ModalSystem, alpha: float) -> Regime:
 def _regime(
     system: ModalSystem, poles: tuple[Array, Array, Array], signal: Array, source: Array, inward: Array, outward: Array
 ) -> Regime:
-    """Return a regime.
+    """Return the regime of a system in given blocks.
 
     ``poles`` are c and ω² of blocks and μ of first-order states, ``signal`` and ``source`` those of the coordinates.
     Columns of ``inward`` and rows of ``outward`` are X.
@@ -115,16 +115,16 @@ def _regime(
     return tabulated(*(np.ascontiguousarray(values, dtype=np.float64) for values in arrays))
 
 
-def linked(held: ModalSystem) -> ModalSystem:
-    """Leave out the modes that do not press on the held tip, nor are damped together with others.
+def observable(held: ModalSystem) -> ModalSystem:
+    """Remove the modes that are unobservable in the contact force of the held tip, unless damping couples them.
 
     Their shapes are free modes as well, with the tip at rest: no output depends on them. Among them are the rigid
-    motions of parts that are not linked to the tip, whose double eigenvalue 0 has but one eigenvector.
+    motions of parts that are not linked to the tip, whose double eigenvalue 0 is defective.
     """
-    keep = np.abs(held.reaction) > _LINKED * np.abs(held.reaction).max(initial=0.0)
+    keep = np.abs(held.reaction) > _OBSERVABLE * np.abs(held.reaction).max(initial=0.0)
     if held.is_coupled:
         beside = np.abs(held.damping - np.diag(np.diag(held.damping)))
-        keep |= np.any(beside > _LINKED * np.abs(held.damping).max(initial=0.0), axis=1)
+        keep |= np.any(beside > _OBSERVABLE * np.abs(held.damping).max(initial=0.0), axis=1)
     return replace(
         held,
         frequency=held.frequency[keep],

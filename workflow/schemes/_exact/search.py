@@ -5,7 +5,7 @@ coefficients of the lower bound are not negative, it has no zero; where those of
 all negative and its end is below zero, it has exactly one.
 
 A step may begin at a zero of known order m ("zeros"): 1 after an impact or where the contact force rises from zero, 2
-where a tip lies on the casing without a force, 3 after a release. The signal divided by τ^m then takes its place.
+where a tip lies on the casing without a force, 3 after a release. The search then uses the signal divided by τ^m.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from workflow.schemes._exact.tables import expansion
 
 _LONGER, _SHORTER = 1.5, 0.6
 """Factors by which a step is lengthened while it is certified, or shortened until it is: they set how many
-certificates are tried, never the result."""
+lengths are tried, never the result."""
 
 _STRETCHES = (1.02, 1.25)
-"""Ends of the interval tried around a zero, as shares of its guess: past the error of the guess, which
-is that of a cubic, and before the next zero."""
+"""Ends of the interval tried around a zero, over its guess: beyond the error of the guess, which is that of a cubic,
+and before the next zero."""
 
 _CLOSE = 1e-9
-"""Newton's steps on the cubic end at this relative change: its zero is a guess, which is refined afterwards."""
+"""Relative change at which Newton's method on the cubic ends: its zero is a guess, which is refined afterwards."""
 
 
 @part
 def _has_no_zero(m: Motion, zeros: int, h: float) -> bool:
-    """Whether the signal certainly has no zero on (0, h], zeros of order ``zeros`` at 0 divided out."""
+    """Whether the signal certainly has no zero on (0, h], with a zero of order ``zeros`` at 0 divided out."""
     s = bounds(m, expanded_blocks(m, h) if zeros == 0 else m.blocks, h)
     a1, a2, a3, a4 = s.d1, s.d2, s.d3, -s.fourth
     if zeros == 1:
@@ -62,7 +62,7 @@ def longest_without_zero(m: Motion, zeros: int, guess: float, most: float) -> fl
                 break
             h = longer
         return h
-    for _ in range(400):  # 0.6⁴⁰⁰ = 1e-89: nothing is left of any step
+    for _ in range(400):  # 0.6⁴⁰⁰ = 1e-89
         h *= _SHORTER
         if _has_no_zero(m, zeros, h):
             return h
@@ -71,10 +71,10 @@ def longest_without_zero(m: Motion, zeros: int, guess: float, most: float) -> fl
 
 @part
 def cubic_zero(sums: Array, k: int, most: int, least: float) -> tuple[float, bool]:
-    """Return the zero of the cubic of column ``k`` by Newton's method from τ = 0, and whether it was reached.
+    """Return the zero of the cubic of column ``k`` by Newton's method from τ = 0, and whether it converged.
 
-    It is reached when a step changes it by no more than ``least``, relatively, and not where the cubic does not fall or
-    ``most`` steps do not suffice.
+    It converges where a step changes τ by no more than ``least``, relatively, within ``most`` steps on which the cubic
+    falls.
     """
     a0, a1 = sums[expansion.D0, k], sums[expansion.D1, k]
     a2, a3 = sums[expansion.D2, k] / 2.0, sums[expansion.D3, k] / 6.0
@@ -92,9 +92,9 @@ def cubic_zero(sums: Array, k: int, most: int, least: float) -> tuple[float, boo
 
 @part
 def zero_crossing(m: Motion, zeros: int, most: float) -> tuple[float, float]:
-    """Return a guess and the end of an interval in which the signal certainly falls through zero once.
+    """Return a guess and the end of an interval (0, end] in which the signal certainly falls through zero once.
 
-    Both are 0 where none is certain before about ``most``.
+    Both are 0 where none is certified up to about ``most``.
     """
     sums, n = m.expansion.sums, m.blocks
     if zeros == 0:
@@ -117,7 +117,7 @@ def zero_crossing(m: Motion, zeros: int, most: float) -> tuple[float, float]:
 
 @part
 def _falls_through(m: Motion, zeros: int, h: float) -> bool:
-    """Whether the signal certainly falls through zero exactly once on (0, h], a simple zero at 0 divided out."""
+    """Whether the signal certainly falls through zero exactly once on (0, h], with a zero at 0 divided out."""
     sums, factor = m.expansion.sums, growth_bound(m.growth * h)
     k = expanded_blocks(m, h) if zeros == 0 else m.blocks
     fourth = (sums[expansion.FOURTH, k] + sums[expansion.FOURTH_GROWTH, 0] * h) * factor
@@ -135,7 +135,7 @@ def _falls_through(m: Motion, zeros: int, h: float) -> bool:
 
 @part
 def _flight_guess(a1: float, a2: float, a3: float) -> float:
-    """Return the positive zero of a1 + a2 τ + a3 τ² of a flight that starts at zero; -1 if none."""
+    """Return the positive zero of a1 + a2 τ + a3 τ² of a flight that starts at zero gap; -1 if there is none."""
     if a1 <= 0.0 or a2 >= 0.0:
         return -1.0
     square = a2 * a2 - 4.0 * a1 * a3

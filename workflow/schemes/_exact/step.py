@@ -17,24 +17,24 @@ from workflow.schemes._exact.tables import block, expansion, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
 _HALF_THE_DIGITS = 1e-9
-"""A step of Newton's below this share of the zero is the last: its error is of the order of the square."""
+"""Step of Newton's method, over the zero, at which it ends: its error is of the order of the square."""
 
 _LAST_PLACE = 1e-16
-"""Below half a unit in the last place of 1: a relative change this small changes nothing."""
+"""Relative change below half a unit in the last place of 1, which has no effect."""
 
 _NEGLIGIBLE = 1e-18
-"""Terms of a Taylor polynomial below this share of its first are left out, a hundredth of rounding."""
+"""Terms of a Taylor polynomial, over its first one, below which they are left out: a hundredth of rounding."""
 
 
 class Start(NamedTuple):
-    """How a step begins."""
+    """Start of a step."""
 
     zeros: int
     """Order of the zero that the signal has there, see :mod:`workflow.schemes._exact.search`."""
     speed: float
-    """Rate of the signal where an impact law gives it, m/s; negative: not."""
+    """Rate of the signal where the impact law gives it, m/s; negative where it does not."""
     expanded: bool
-    """Whether the expansion at the state is at hand."""
+    """Whether the signal is already expanded at the state."""
     guess: float
     """First length tried, s."""
 
@@ -43,11 +43,11 @@ class Start(NamedTuple):
 def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: float) -> tuple[float, bool]:
     """Return the length of a step from t, at most ``left``, and whether it ends at the first zero of the signal.
 
-    The step has no other zero; NaN where none is found. A zero up to ``tolerance`` past ``left`` is taken at ``left``.
-    Overwrites the expansion.
+    The step has no other zero; its length is NaN where none is certified. Up to ``tolerance`` past ``left`` a zero is
+    taken at ``left``. The expansion is overwritten.
     """
     sums, n, zeros = m.expansion.sums, m.blocks, start.zeros
-    # a thousand times a bound of the fourth derivative: what its bound over a step is multiplied by must not overflow
+    # with a factor of a thousand, so that products with the bound of the fourth derivative do not overflow
     if not np.isfinite(1e3 * sums[expansion.SIZE, 0] * max(1.0, m.fastest) ** 4):
         return np.nan, False
     if start.speed >= 0.0:
@@ -71,7 +71,7 @@ def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: fl
 
 @part
 def _refined_zero(m: Motion, t: float, guess: float, end: float) -> float:
-    """Return the zero of the signal in (0, end], by expansions about ever better points."""
+    """Return the zero of the signal in (0, end], by bracketed Newton steps on expansions about the last iterate."""
     sums, n = m.expansion.sums, m.blocks
     tau, low, high = guess, 0.0, end
     for _ in range(30):
@@ -99,7 +99,7 @@ def _refined_zero(m: Motion, t: float, guess: float, end: float) -> float:
 def _short_flight(m: Motion, t: float, speed: float, guess: float) -> float:
     """Return the duration of a flight that starts at zero gap with ``speed``, by its Taylor polynomial.
 
-    Solves gap(τ)/τ = 0, which keeps its digits however low the flight is.
+    Solves gap(τ)/τ = 0, which keeps its digits for flights of any height.
     """
     derivatives = m.expansion.derivatives
     order = _series_order(1.1 * m.fastest * guess)
@@ -134,7 +134,7 @@ def _series_order(span: float) -> int:
 
 @part
 def _series(m: Motion, t: float, order: int) -> None:
-    """Fill the derivatives of the signal at the state of t up to ``order``; the terms of the expansion are used up."""
+    """Fill the derivatives of the signal at the state of t up to ``order``; overwrite the terms of the expansion."""
     derivatives, b, d = m.expansion.derivatives, m.block, m.expansion.terms
     for n in range(order + 1):
         derivatives[n] = 0.0

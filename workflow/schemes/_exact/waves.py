@@ -1,4 +1,4 @@
-"""Where the waves of load and casing are at a time."""
+"""Phases of the waves of load and casing."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from workflow.schemes._exact.tables import wave
 
 
 @part
-def _turn(waves: Array, i: int, t: float) -> None:
-    """Put cosine and sine of the phase Ω t + φ of a wave into its table; those of the last time become those before."""
+def _evaluate(waves: Array, i: int, t: float) -> None:
+    """Store cosine and sine of the phase Ω t + φ of a wave in its table, and keep those of the last time."""
     cos, sin = waves[i, wave.COS_BEFORE], waves[i, wave.SIN_BEFORE]
     if waves[i, wave.TIME_BEFORE] != t:
         sin, cos = elementary.sine_cosine(waves[i, wave.OMEGA] * t + waves[i, wave.PHASE])
@@ -21,7 +21,7 @@ def _turn(waves: Array, i: int, t: float) -> None:
 
 @inlined
 def wave_phase(waves: Array, i: int, t: float) -> tuple[float, float]:
-    """Return cosine and sine of the phase of a wave; those of the last two times asked for are kept."""
+    """Return cosine and sine of the phase of a wave; those of the last two times are cached."""
     if waves[i, wave.TIME] != t:
-        _turn(waves, i, t)
+        _evaluate(waves, i, t)
     return waves[i, wave.COS], waves[i, wave.SIN]

@@ -1,1 +1,1 @@
-"""What schemes with a fixed step share: modal coordinates, contact, marches, samples and balances."""
+"""Common parts of the schemes with a fixed step: modal coordinates, contact, marches, samples and balances."""

@@ -1,37 +1,37 @@
-"""What a fixed step does to energy and heat, counted at its end.
+"""Balances of energy and heat of a fixed step, counted at its end.
 
-The energy is that of the motion relative to what heat and constant loads drag along, of all modes with a share in the
-tip. In the v and ξ of the modes (:mod:`workflow.schemes._fixed.blocks`), with η = ξ + ℓ v, it is E = (m v² + ω² η²)/2;
-ℓ = hθ and m = 1 of the θ-method, ℓ = h/2 and m = 1 - (hω/2)² of central differences, so that theirs is
-(w² + ω² η_k η_k+1)/2 with w = w_k+½. Whatever adds δv and δξ to a step acts by the impulse I = Ŵ δv + ℓ ω² δξ and the
-jump J = δξ. With midpoint values (·)_m = (end + begin)/2 the energy residual is the sum over modes and steps of
+The energy is that of all modes that move the tip, relative to the particular solution for heat and constant loads. In
+the v and ξ of the modes (:mod:`workflow.schemes._fixed.blocks`), with η = ξ + ℓ v, it is E = (m v² + ω² η²)/2; ℓ = hθ
+and m = 1 of the θ-method, ℓ = h/2 and m = 1 - (hω/2)² of central differences, whose energy is (w² + ω² η_k η_k+1)/2
+with w = w_k+½. An input that adds δv and δξ in a step is the impulse I = Ŵ δv + ℓ ω² δξ and the jump J = δξ. With
+midpoint values (·)_m = (end + begin)/2 the energy residual is the sum over modes and steps of
 
     ΔE + hc v_m² - I v_m - ω² J η_m.
 
 For the part of load and contact that acts on the tip Σ I v_m is (S_load - p) times the tip's velocity relative to the
-dragged one. That is taken from the contact law (``End.driven``), not from the modes: an impulse that does not have
-the effect its law states shows in the residual. What is left of an impulse of contact are its heat and its friction.
-Damping that couples modes is one more impulse, -h C v_m beside the diagonal. Energy that a contact law gives beside its
-impulse, as a contact spring where contact begins and ends, is added (:func:`contact_gain`).
+particular solution. That velocity is taken from the contact law (``End.driven``), not from the modes, so that an
+impulse without the effect its law states shows in the residual. The heat and the friction of a contact impulse are
+inputs besides. Damping that couples modes is one more impulse, -h C v_m with the off-diagonal C. Energy that a contact
+law creates besides its impulse, as a contact spring where contact begins and ends, is added (:func:`contact_gain`).
 
 The mean velocity is that of the power of an impact, p (v + v')/2, whatever θ is; on a casing that moves p (V + V')/2
 of it is the casing's. Without heat the sum over the steps of a mode is
 
     -(2θ - 1) h² ω² Σ v_m² + (θ - 1/2) h [ω² ηv - (ω² (θ - 1/2) h + c/2) v²],
 
-brackets the change from the first state to the last: nothing that load, contact or casing does adds up, and a rigid
-mode without damping leaves rounding. With θ-weighted velocities it is -(θ - 1/2) (Δv² + ω² Δη²) in each step, but that
-counts the jump of each impact as an error of the scheme.
-The load counts as the step weighs it, F_θ, in every representation of a structure: a slow motion under it leaves
--2 (θ - 1/2) h ∫ k v² dt, one half of which is F_θ against the mean of the load at the step's ends.
+with brackets for changes from the first state to the last: no work of load, contact or casing accumulates in it, and a
+rigid mode without damping leaves rounding. With θ-weighted velocities it would be -(θ - 1/2) (Δv² + ω² Δη²) in each
+step, which counts the jump of each impact as an error of the scheme.
+The load counts as the step weights it, F_θ, in every representation of a structure. A quasi-static motion under it
+leaves -2 (θ - 1/2) h ∫ k v² dt, half of which is the difference of F_θ from the mean of the load at the step's ends.
 
-The heat residual is that of pᵀ (1b), with p the temperatures at an even rise (``Structure.even_rise``): the change of
-the content H = pᵀC2 θ less αJ + ∫pᵀq - ∫L dt, the loss L = pᵀK2 θ by the temperatures θ of a step as the step weighs
-them. Full or reduced, it leaves rounding.
+The heat residual is that of pᵀ (1b), with p the temperatures of ``Structure.uniform_rise``: the change of the content
+H = pᵀC2 T less αJ + ∫pᵀq - ∫L dt, with the loss L = pᵀK2 T by the temperatures T as the step weights them. It is
+rounding, whether the structure is full or reduced.
 
-What a step took is counted where the next one begins, which adds load and contact to u and η; that of the last step,
-and of modes by matrices (:class:`Dense`), by :mod:`~workflow.schemes._fixed.count`. The loss of the temperatures θ of a
-step, weighed by ϑ at its end, is summed as h Σ L over all ends but the last, and hϑ (L_end - L_0).
+A step is counted at the beginning of the next one, which adds load and contact to u and η; the last step, and modes
+with :class:`Dense` balances, are counted in :mod:`~workflow.schemes._fixed.count`. With the weight θ of a step's end
+the loss is summed as h Σ L over all step ends but the last, plus hθ (L_end - L_0).
 
 The balances run over whole steps: from t = 0 to the end of the last step, which lies at the duration
 or, where the duration is no multiple of h, up to one step beyond it; those of central differences are h/2 longer at
@@ -46,80 +46,80 @@ from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, shared, spread, store
 from workflow.models import Array
-from workflow.schemes._fixed.contact import End, Free, TipStep, contact_gain, friction_heat, was_pressed
+from workflow.schemes._fixed.contact import End, TipInput, TipStep, contact_gain, friction_heat, was_pressed
 from workflow.schemes._fixed.rows import Own, Tips, Totals
 
 DAMPING, KINETIC, ELASTIC = range(3)
-"""Coefficients of a mode, over φ_n² where it is scaled by that: hc/4, and energy per v² and per η²."""
+"""Coefficients of a mode, divided by φ_n² where φ_n scales its states: hc/4, energy per v² and energy per η²."""
 
 
 class Dense(NamedTuple):
-    """Motion of modes by matrices: where these are coupled, near resonance with heat, or drift under constant loads.
+    """Balance of modes by matrices: where modes are coupled, near resonance with heat, or drift under constant loads.
 
-    Rows of all modes lie one after the other: v and then ξ, or of what acts in a step what it takes per 2 v_m,
-    -(I + ℓ ω² J)/2, and then per ξ' - h v/2, -ω² J: together -I v_m - ω² J (η_m + J/2).
+    States are v of all modes and then ξ of all. An input has the energy that it takes per 2 v_m, -(I + ℓ ω² J)/2, of
+    all modes and then that per ξ' - h v/2, -ω² J: together -I v_m - ω² J (η_m + J/2).
     """
 
     outward: Array
-    """Of u and then η of all blocks as kernels scale them, ``(2 mode, 2 block)``."""
-    damper: Array
-    """h times the damping beside the diagonal, ``(mode, mode)``."""
+    """States per u and then η of all blocks as kernels scale them, ``(2 mode, 2 block)``."""
+    off_diagonal: Array
+    """h times the off-diagonal damping, ``(mode, mode)``."""
     lagged: bool
     """Whether v at a step's beginning damps."""
     load: Array
-    """Of a unit impulse of the load, beside what of it acts on the tip, ``(mode,)``."""
+    """Input per unit impulse of the load, without the part that acts on the tip, ``(mode,)``."""
     half_flexibility: Array
     """1/(2 ω²), 0 of rigid modes, ``(mode,)``."""
-    pulls: Array
-    """Of τ near resonance, ``(pair, 2 mode)``."""
+    pair_inputs: Array
+    """Input per τ near resonance, ``(pair, 2 mode)``."""
     constant: Array
-    """Of constant loads on drifting blocks, ``(2 mode, lane)``."""
+    """Input of constant loads on drifting blocks, ``(2 mode, lane)``."""
     states: Array
     """u and η at the last step's end, ``(2 block, lane)``."""
-    moved: Array
+    modal_states: Array
     """v and ξ there, ``(2 mode, lane)``."""
     inputs: Array
-    """What acted in that step, ``(2 mode, lane)``."""
+    """All inputs of that step, ``(2 mode, lane)``."""
 
 
 class Account(NamedTuple):
-    """Coefficients and sums of a block; kernels are given ``None`` in its place where no balances are asked for."""
+    """Coefficients and sums of the balances of a block; ``None`` in kernels where no balances are asked for."""
 
     modes: Array
     """``(mode, coefficient)``."""
-    acts: Array
-    """What heat and friction of a unit impulse of contact take, as in :class:`Dense`, ``(2 mode, lane)``."""
+    contact_inputs: Array
+    """Input by heat and friction of a unit impulse of contact, as in :class:`Dense`, ``(2 mode, lane)``."""
     losses: Array
     """Heat loss per τ, W, ``(thermal mode,)``."""
-    former: Array
+    velocity_before: Array
     """v at the last step's end, ``(mode, lane)``."""
     sums: Totals
-    lever: float
+    energy_lever: float
     """ℓ, s."""
     load_share: float
-    """Share of the load that acts on the tip."""
-    dragged: float
-    """Velocity of the tip that a unit of friction heat drags along in its step."""
+    """Fraction of the load that acts on the tip."""
+    thermal_velocity: float
+    """Thermal velocity of the tip per unit of friction heat in its step."""
     heat_loss: float
     """Heat loss per unit of friction heat at the end of its step, 1/s."""
     heat_theta: float
-    """Weight of the temperatures at a step's end in what it loses."""
+    """Weight of the temperatures at a step's end in its heat loss."""
 
 
 @inlined
 def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
-    """Return ``numbers + weight * others``, or the numbers alone where the others are ``None``, known when compiled."""
+    """Return ``numbers + weight * others``, or ``numbers`` where ``others`` is ``None``, decided at compile time."""
     return numbers if others is None else numbers + weight * others
 
 
 @inlined
 def lay_out_account(account: Account | None) -> None:
-    """Assert how far apart rows lie, as :func:`~workflow.schemes._fixed.free_motion.lay_out` does for a march."""
+    """Assert the strides of the rows, as :func:`~workflow.schemes._fixed.free_motion.lay_out` does for a march."""
     if account is None:
         return
     assert account.modes.shape[1] == ELASTIC + 1
-    assert account.acts.shape[1] == ROW
-    assert account.former.shape[1] == ROW
+    assert account.contact_inputs.shape[1] == ROW
+    assert account.velocity_before.shape[1] == ROW
 
 
 @inlined
@@ -133,19 +133,19 @@ def count_work(
     account: Account | None,
     step: TipStep,
     end: End,
-    dragged: Pack,
-    free: Free,
+    thermal_velocity: Pack,
+    free: TipInput,
     own: Own,
     tip: Tips,
     lane: Lane,
 ) -> None:
-    """Count friction heat, and the work of load and contact at the tip in a step that contact has closed."""
+    """Add a step's friction heat, and the work of load and contact at the tip, to the sums."""
     if account is None:
         return
-    sums, relative = account.sums, end.driven - dragged
+    sums, relative = account.sums, end.driven - thermal_velocity
     if was_pressed(own, lane):
         heat = friction_heat(own, lane)
-        relative -= account.dragged * heat
+        relative -= account.thermal_velocity * heat
         add_to(sums.friction_heat, heat, lane)
     before, impulse = pack(sums.relative, lane), account.load_share * free.impulse - end.acting
     store(sums.relative, lane, relative)
@@ -166,10 +166,10 @@ def count_mode(
     given: Pack,
     lane: Lane,
 ) -> tuple[Pack, Pack]:
-    """Add what damping took from mode j in a step that it ends with v and ξ, and what a unit of contact took."""
+    """Add the energy that damping and a unit of contact took from mode j in a step that ends with v and ξ."""
     if account is None or dense is not None:
         return dissipated, given
-    return count_inputs(account, account.acts, j, v, xi, h, contact, dissipated, given, lane)
+    return count_inputs(account, account.contact_inputs, j, v, xi, h, contact, dissipated, given, lane)
 
 
 @inlined
@@ -185,23 +185,23 @@ def count_inputs(
     given: Pack,
     lane: Lane,
 ) -> tuple[Pack, Pack]:
-    """Add what damping took from mode j, and what a unit of inputs took where they acted some ``times``."""
-    before = pack(account.former, (j, lane))
-    store(account.former, (j, lane), v)
+    """Add the energy that damping and, where ``times`` is given, a unit of ``inputs`` took from mode j in a step."""
+    before = pack(account.velocity_before, (j, lane))
+    store(account.velocity_before, (j, lane), v)
     twice = v + before
     dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, dissipated)
     if times is None:
         return dissipated, given
     given = fused(pack(inputs, (j, lane)), twice, given)
     between = fused(spread(-0.5 * h, lane), before, xi)
-    return dissipated, fused(pack(inputs, (account.former.shape[0] + j, lane)), between, given)
+    return dissipated, fused(pack(inputs, (account.velocity_before.shape[0] + j, lane)), between, given)
 
 
 @inlined
 def add_modes(
     account: Account | None, dense: Dense | None, dissipated: Pack, given: Pack, contact: Pack | None, lane: Lane
 ) -> None:
-    """Add what :func:`count_mode` counted of all modes to the sums."""
+    """Add the energies of :func:`count_mode`, of all modes, to the sums."""
     if account is None or dense is not None:
         return
     add_dissipation(account, dissipated, given, contact, lane)
@@ -209,7 +209,7 @@ def add_modes(
 
 @inlined
 def add_dissipation(account: Account, dissipated: Pack, given: Pack, times: Pack | None, lane: Lane) -> None:
-    """Add what all modes dissipated in a step to the sums, with inputs that acted so many ``times``."""
+    """Add the energy that all modes dissipated in a step to the sums, with ``times`` the unit inputs."""
     if times is not None:
         dissipated += times * (given + times * pack(account.sums.square, lane))
     add_to(account.sums.dissipated, dissipated, lane)
@@ -217,13 +217,13 @@ def add_dissipation(account: Account, dissipated: Pack, given: Pack, times: Pack
 
 @inlined
 def with_loss(account: Account | None, k: int, tau: Pack, loss: Pack, lane: Lane) -> Pack:
-    """Add the heat loss of thermal mode k at a step's end, W."""
+    """Return ``loss`` with the heat loss of thermal mode k at a step's end, W."""
     return loss if account is None else fused(shared(account.losses, (k,), lane), tau, loss)
 
 
 @inlined
 def add_loss(account: Account | None, h: float, loss: Pack, heat: Pack | None, lane: Lane) -> None:
-    """Add the heat lost in h seconds at the loss of all modes, with that of the ``heat`` of the contact."""
+    """Add the heat that all modes lose in h seconds, with that of the contact's ``heat``, to the sums."""
     if account is None:
         return
     loss = plus(loss + pack(account.sums.settled_loss, lane), spread(account.heat_loss, lane), heat)

@@ -1,6 +1,6 @@
-"""Balances of a batch: their coefficients and sums before the march, the residuals after it.
+"""Balances of a batch: coefficients and sums before the march, residuals after it.
 
-What is summed, and why, stands in :mod:`workflow.schemes._fixed.balance`.
+The equations are those of :mod:`workflow.schemes._fixed.balance`.
 """
 
 from __future__ import annotations
@@ -14,26 +14,26 @@ from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.decoupled import Decoupled, modes_at_tip
 from workflow.schemes._fixed.free_motion import HEAT_INPUT, FreeStep, State
 from workflow.schemes._fixed.rows import Totals
-from workflow.schemes._fixed.start import Motion, contact_heat
+from workflow.schemes._fixed.start import InitialState, contact_heat
 from workflow.schemes._fixed.totals import Balance, Content
 
 REST = 1e-12
-"""A tip that is slower than this share of what the tip load could give it within the run is at rest: a few thousand
-roundings of that."""
+"""Fraction of the velocity that the tip load could give within the run, below which the tip is at rest: a few thousand
+roundings."""
 
 
 class Balances:
-    """The balances of a batch: lanes :attr:`filled` for a block, :meth:`close` after it, :meth:`result` at the end.
+    """Balances of a batch: each block starts from :attr:`filled` and ends with :meth:`close`; then :meth:`result`.
 
     Attributes
     ----------
     account, dense
-        What the kernel takes; all blocks share its arrays.
+        Arguments of the kernel; all blocks of cases share their arrays.
     filled
-        Rows of lanes, and what all cases begin with in them.
+        Rows of lanes, with the initial values of all cases in them.
     """
 
-    def __init__(self, structure: Structure, blocks: Blocks, free: FreeStep, cases: Cases, begun: Motion) -> None:
+    def __init__(self, structure: Structure, blocks: Blocks, free: FreeStep, cases: Cases, begun: InitialState) -> None:
         modal, step = blocks.modal, blocks.step
         self._modal, self._free, self._cases, self._begun = modal, free, cases, begun
         self._content = structure.content @ modal.heat_shapes
@@ -41,10 +41,11 @@ class Balances:
         settled = project(loss, begun.settled.T)
 
         omega2, at_tip = modal.frequency**2, np.where(modal.is_coupled, 1.0, modes_at_tip(modal.tip))
-        kinetic = modal.mass - omega2 * (step.lever - step.middle) ** 2
+        kinetic = modal.mass - omega2 * (step.lever - step.energy_lever) ** 2
         kinetic -= 0.5 * step.tip.h * modal.damping if step.lagged else 0.0
         v, xi = blocks.in_modes(begun.states)
-        energy = 0.5 * (project(at_tip * kinetic, v.T**2) + project(at_tip * omega2, (xi + step.middle * v).T ** 2))
+        eta = xi + step.energy_lever * v
+        energy = 0.5 * (project(at_tip * kinetic, v.T**2) + project(at_tip * omega2, eta.T**2))
         self._rows, self._ended_heat = np.zeros((rows_in(Totals), cases.count)), np.zeros_like(begun.heat)
         self._ended = named_rows(Totals, self._rows)
         self._ended.first_energy = self._ended.last_energy = self._ended.largest_energy = energy
@@ -55,8 +56,8 @@ class Balances:
         self._moving = 0.5 * project((step.tip.h * modal.frequency[massless]) ** 2, v[massless].T ** 2)
 
         n, scale = modal.tip.size, modal.heat_scale
-        acts = _energy_rows(blocks, contact_heat(blocks, cases))
-        self._ended.square = project(at_tip * _half_flexibility(modal), acts[n:].T ** 2)
+        inputs = _energy_rows(blocks, contact_heat(blocks, cases))
+        self._ended.square = project(at_tip * _half_flexibility(modal), inputs[n:].T ** 2)
         self.dense: Dense | None
         self.dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
         scaled, unscale = at_tip, at_tip
@@ -64,36 +65,36 @@ class Balances:
             if step.heat_counts:  # the first step of the march counts the damping of a step that ends at t = 0
                 self._ended.dissipated = -project(step.tip.h * at_tip * modal.damping, v.T**2)
             scaled, unscale = at_tip * modal.tip, at_tip / np.where(at_tip, modal.tip, 1.0)
-            acts *= np.tile(unscale, 2)[:, None]
+            inputs *= np.tile(unscale, 2)[:, None]
         self._sums = lane_rows(rows_in(Totals))
         self.account = Account(
             modes=np.stack([0.25 * step.tip.h * modal.damping, 0.5 * kinetic, 0.5 * omega2], axis=1)
             * unscale[:, None] ** 2,
-            acts=lane_rows(2 * n),
+            contact_inputs=lane_rows(2 * n),
             losses=loss / scale,
-            former=lane_rows(n),
+            velocity_before=lane_rows(n),
             sums=named_rows(Totals, self._sums),
-            lever=step.middle,
+            energy_lever=step.energy_lever,
             load_share=float(structure.load_direction[-1]),
-            dragged=np.sum(blocks.tip * blocks.dragged(step.warm[:, None])[..., 0]),
+            thermal_velocity=np.sum(blocks.tip * blocks.thermal_response(step.heat_gain[:, None])[..., 0]),
             heat_loss=np.sum(loss / scale * free.heat_modes[:, HEAT_INPUT]) if step.heat_counts else 0.0,
             heat_theta=step.heat_theta,
         )
         account = self.account
         self.filled = [
             (self._sums, self._rows.copy()),
-            (account.former, scaled[:, None] * v),
-            (account.acts, acts),
+            (account.velocity_before, scaled[:, None] * v),
+            (account.contact_inputs, inputs),
             *filled,
         ]
 
     @property
     def rows(self) -> int:
-        """Rows of lanes that every step goes through: contact goes through others."""
-        return rows_in(Totals) + len(self.account.former)
+        """Number of rows of lanes that every step reads; contact reads others."""
+        return rows_in(Totals) + len(self.account.velocity_before)
 
     def close(self, part: slice, state: State) -> None:
-        """Keep what the lanes of some cases ended with."""
+        """Store the final values of a block's lanes, which hold the cases of ``part``."""
         count = part.stop - part.start
         self._rows[:, part] = self._sums[:, :count]
         self._ended_heat[:, part] = state.tau[:, :count]
@@ -113,8 +114,8 @@ class Balances:
     def _rest_energy(self, elapsed: float) -> Array:
         """Return the energy below which the tip is at rest, J, ``(case,)``.
 
-        It is what :data:`REST` times a bound of the load at the tip over ``elapsed`` seconds gives it. Where load and
-        contact force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
+        It is that of :data:`REST` times a bound of the load's impulse over ``elapsed`` seconds. Where load and contact
+        force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
         """
         modal, cases, begun = self._modal, self._cases, self._begun
         mobility, h = np.sum(modal.mass * modal.tip**2), self._free.tip.h
@@ -123,20 +124,17 @@ class Balances:
         return np.asarray(0.5 * mobility * (REST * impulse) ** 2 + 0.5 * (REST * elapsed * drifts) ** 2)
 
 
-def needs_dense(blocks: Blocks, begun: Motion) -> bool:
-    """Tell whether the motion of modes is counted by matrices."""
+def needs_dense(blocks: Blocks, begun: InitialState) -> bool:
+    """Tell whether the balances of modes need matrices."""
     return blocks.modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
 
 
 def _energy_rows(blocks: Blocks, states: Array) -> Array:
-    """Return what takes energy from all modes where ``states`` are added to blocks, ``(2 mode, column)``.
-
-    That is per 2 v_m and then per ξ' - h v/2, see :class:`~workflow.schemes._fixed.balance.Dense`.
-    """
+    """Return the input, see :class:`Dense`, that adds ``states`` to blocks, ``(2 mode, column)``."""
     v, xi = blocks.in_modes(states)
     inertia, pulled = blocks.step.inertia, blocks.modal.frequency[:, None] ** 2 * xi
     impulse = project(inertia, v.T).T if inertia.ndim == 2 else inertia[:, None] * v
-    return np.concatenate([-0.5 * impulse - blocks.step.middle * pulled, -pulled])
+    return np.concatenate([-0.5 * impulse - blocks.step.energy_lever * pulled, -pulled])
 
 
 def _half_flexibility(modal: Decoupled) -> Array:
@@ -145,29 +143,29 @@ def _half_flexibility(modal: Decoupled) -> Array:
 
 
 def _dense(
-    structure: Structure, blocks: Blocks, free: FreeStep, begun: Motion
+    structure: Structure, blocks: Blocks, free: FreeStep, begun: InitialState
 ) -> tuple[Dense, list[tuple[Array, Array]]]:
-    """Return how matrices count the motion of modes, and its rows of lanes with what they begin with."""
-    modal, step = blocks.modal, blocks.step
+    """Return the matrices for the balances of modes, and their rows of lanes with initial values."""
+    modal, step, C = blocks.modal, blocks.step, blocks.modal.damping_matrix
     n, count = modal.tip.size, blocks.damping.size
     unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=modes_at_tip(blocks.scale))
     outward = np.eye(2 * n) if blocks.outward is None else blocks.outward.reshape(2 * n, 2 * count)
     load = np.zeros(n) if modal.load is None else modal.load - structure.load_direction[-1] * modal.tip
     pulls = np.zeros((2, count, len(blocks.pairs)))
     for pair, (j, k) in enumerate(blocks.pairs):
-        pulls[:, j, pair] = blocks.pull[:, j, k] / modal.heat_scale[k]
+        pulls[:, j, pair] = blocks.thermal_load[:, j, k] / modal.heat_scale[k]
     steady = np.zeros((2, count, begun.steady.shape[1]))
     steady[0, begun.drifting] = begun.steady
     dense = Dense(
         outward=outward * np.tile(unscale, 2),
-        damper=np.zeros((n, n)) if modal.damper is None else step.tip.h * (modal.damper - np.diag(modal.damping)),
+        off_diagonal=np.zeros((n, n)) if C is None else step.tip.h * (C - np.diag(modal.damping)),
         lagged=step.lagged,
         load=-0.5 * load,
         half_flexibility=_half_flexibility(modal),
-        pulls=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
+        pair_inputs=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
         constant=lane_rows(2 * n),
         states=lane_rows(2 * count),
-        moved=lane_rows(2 * n),
+        modal_states=lane_rows(2 * n),
         inputs=lane_rows(2 * n),
     )
     return dense, [(dense.constant, _energy_rows(blocks, steady))]

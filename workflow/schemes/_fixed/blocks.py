@@ -1,6 +1,6 @@
-"""A structure in real blocks, which a scheme with a fixed step takes one by one.
+"""A structure separated into real blocks, each of which a fixed step advances by itself.
 
-In the modes of the free tip every scheme takes ξ = z - lever·v and v by
+In the modes of the free tip, of displacement z and velocity v, every scheme steps v and ξ = z - lever·v by
 
     ξ' = ξ + h v,   Ŵ (v' - v) = -h (K ξ + (C + s K) v) + h (f - G τ_θ) + impulses:
 
@@ -10,10 +10,10 @@ differences. Where damping couples no modes each mode is a block, η = ξ and u 
     u' = u - h (c u + k η),   η' = η + h u.
 
 Else real blocks (:mod:`workflow.poles.real_blocks`) separate X' = X + hF X of X = [ξ, v]; one of first order has no η.
-ξ of a rigid mode moves nothing and is left out of X, so that its double pole is a single one.
+ξ of a rigid mode acts on nothing and is left out of X, so that its double pole is a simple one.
 
-The coupling of equations (1a) and (1b) is one-way, so that each thermal mode τ' = D τ drags a response R τ along,
-D R = S R + g with the step S of a block and the pull g of τ. What is left of u and η steps alone.
+The coupling of equations (1a) and (1b) is one-way, so that each thermal mode τ' = D τ has a response R τ in the blocks,
+D R = S R + g with the step S of a block and the thermal load g per τ. The rest of u and η steps without heat.
 """
 
 from __future__ import annotations
@@ -26,73 +26,73 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, project
-from workflow.poles import RealBlocks, missed_share, real_blocks
+from workflow.poles import RealBlocks, real_blocks, relative_residual
 from workflow.schemes._fixed.contact import TipStep
 from workflow.schemes._fixed.decoupled import Decoupled
 from workflow.schemes._fixed.outcome import ROUNDING
 
 NEAR_RESONANCE = 1e-3
-"""A block and a thermal mode stay coupled where D - S is singular up to this share of the largest of its terms: without
-the coupling at most three of sixteen digits are lost."""
+"""Size of D - S, relative to the largest of its terms, up to which a block and a thermal mode stay coupled: above it
+their separation loses at most three of sixteen digits."""
 
-_MISSED = 1e-9
-"""Share of F that blocks may miss: where two pairs of poles coincide it is 1e-9 to 1e-8, where three poles do 1e-6."""
+_RESIDUAL = 1e-9
+"""Accepted relative error of F in blocks: it is 1e-9 to 1e-8 at two coinciding pairs of poles, 1e-6 at three."""
 
-_PARTED = 1e-8
-"""Share by which damping is changed where poles coincide: three part by its third root, 2e-3 of themselves."""
+_SEPARATING = 1e-8
+"""Relative change of damping that separates coinciding poles: three by its third root, 2e-3 of their size."""
 
 
 class Step(NamedTuple):
-    """How a scheme steps the modes of a structure."""
+    """Coefficients of a scheme's step in the modes of a structure."""
 
     tip: TipStep
     inertia: Array
     """Ŵ, ``(mode,)``, or ``(mode, mode)`` where damping couples modes."""
     stiffening: float
-    """s, s."""
+    """The factor s of K, s."""
     lever: float
-    """Of places, s."""
-    middle: float
-    """ℓ, of the places in the energy that the step conserves, s: see :mod:`~workflow.schemes._fixed.balance`."""
+    """The lever in ξ = z - lever·v, s."""
+    energy_lever: float
+    """ℓ, the lever in the energy that the step conserves, s: see :mod:`~workflow.schemes._fixed.balance`."""
     decay: Array
     """D, ``(thermal mode,)``."""
-    warm: Array
-    """What a step makes of heat at the tip, τ per J, ``(thermal mode,)``."""
+    heat_gain: Array
+    """τ at a step's end per joule of heat at the tip in it, ``(thermal mode,)``."""
     slope: Array
     """δ = (D - 1)/h, 1/s, ``(thermal mode,)``."""
-    pulls: Array
-    damps: Array
-    springs: Array
-    """w, a and b, ``(thermal mode,)``: τ at a step's beginning pulls with w G τ in it, and ξ = R τ of a mode that
-    follows it is accelerated, damped and pulled back by (m δ² + a c δ + b ω²) R τ. No digit is lost in that, as in
-    D - S where hμ and hω are large."""
-    at_once: float
-    """Share with which that pulls in its own step: θ of the θ-method, 0 of central differences."""
+    load_weight: Array
+    damping_weight: Array
+    stiffness_weight: Array
+    """w, a and b, ``(thermal mode,)``: τ at a step's beginning loads a mode with w G τ in it, and its response
+    ξ = R τ has the dynamic stiffness m δ² + a c δ + b ω². No digit is lost in that, unlike in D - S where hμ and hω are
+    large."""
+    coupling_theta: float
+    """Weight of a step's contact heat in the thermal load of that step: θ of the θ-method, 0 of central differences."""
     heat_theta: float
-    """Weight of the temperatures at a step's end in what it loses."""
+    """Weight of the temperatures at a step's end in its heat loss."""
     heat_counts: bool
-    """Whether τ at a step's end holds the heat of the contact in it: not that of central differences, a step behind."""
+    """Whether τ at a step's end includes the contact heat of that step: τ of central differences lags by a step."""
     lagged: bool
     """Whether the velocity at the step's beginning damps."""
 
     def moved_by(self, impulses: Array) -> Array:
-        """Return Ŵ⁻¹ · impulses on the modes, ``(mode, …)``."""
+        """Return the velocities Ŵ⁻¹ · impulses of the modes, ``(mode, …)``."""
         if self.inertia.ndim == 2:
             return np.asarray(np.linalg.solve(self.inertia, impulses))
         return np.asarray((impulses.T / self.inertia).T)
 
     def delassus(self, modal: Decoupled, alpha: Array | float, friction: Array | float) -> Array:
         """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n), 1/kg, ``(case,)``."""
-        along = np.zeros_like(modal.tip) if modal.along is None else modal.along
-        pulled = self.tip.h * self.at_once * (modal.coupling @ self.warm)
-        moved = self.moved_by(np.stack([modal.tip, pulled, along], axis=1))
+        tangent = np.zeros_like(modal.tip) if modal.tangent is None else modal.tangent
+        pulled = self.tip.h * self.coupling_theta * (modal.coupling @ self.heat_gain)
+        moved = self.moved_by(np.stack([modal.tip, pulled, tangent], axis=1))
         cold, warm, slid = np.sum(modal.tip[:, None] * moved, axis=0)
         return np.asarray(cold + alpha * warm - friction * slid)
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """A structure in the blocks of a scheme's step; rows are u and η of blocks, v and ξ of modes."""
+    """A structure in the blocks of a scheme's step; states are u and η of blocks, v and ξ of modes."""
 
     modal: Decoupled
     step: Step
@@ -107,8 +107,8 @@ class Blocks:
     response: Array
     """R, ``(2, block, thermal mode)``; 0 for pairs near resonance."""
     pairs: NDArray[np.int64]
-    """Indices (block, thermal mode) of these, ``(pair, 2)``."""
-    pull: Array
+    """Indices (block, thermal mode) of the pairs near resonance, ``(pair, 2)``."""
+    thermal_load: Array
     """g, ``(2, block, thermal mode)``."""
 
     @property
@@ -120,18 +120,18 @@ class Blocks:
 
     @property
     def scale(self) -> Array:
-        """Factor by which kernels scale the states of a block: a mode's share in the tip, ``(block,)``."""
+        """Factor by which kernels scale the states of a block: a mode's component φ_n at the tip, ``(block,)``."""
         return np.ones_like(self.damping) if self.modal.is_coupled else self.modal.tip
 
     @property
-    def shown(self) -> Array:
-        """Velocity of the tip that a kernel's τ drags along: central differences have τ a step behind."""
+    def heat_velocity(self) -> Array:
+        """Thermal velocity of the tip per τ of a kernel, which lags by a step in central differences."""
         shown = np.einsum("rb,rbl->l", self.tip, self.response)
         return np.asarray(shown if self.step.heat_counts else self.step.decay * shown)
 
     @property
-    def growth(self) -> float:
-        """Largest factor of a free step; two that nearly coincide are their mean, which rounding leaves alone."""
+    def spectral_radius(self) -> float:
+        """Spectral radius of the free step; two eigenvalues that nearly coincide are replaced by their mean."""
         h, half = self.step.tip.h, self.damping / 2
         square = half**2 - self.stiffness
         root = h * np.sqrt(np.where(np.abs(square) <= 64 * ROUNDING * half**2, 0.0, square) + 0j)
@@ -139,11 +139,11 @@ class Blocks:
         return float(np.append(pairs, np.abs(1 - h * self.damping[self.stiffness == 0])).max(initial=0.0))
 
     def of_modes(self, states: Array) -> Array:
-        """Return u and η of states of the modes, ``(2, mode, column)``; a column as it is alone."""
+        """Return u and η of states of the modes, ``(2, mode, column)``, each column with the same bits as alone."""
         return _transformed(self.inward, states)
 
     def in_modes(self, states: Array) -> Array:
-        """Return v and ξ of the modes of states ``(2, block, column)``; a column as it is alone."""
+        """Return v and ξ of the modes of states ``(2, block, column)``, each column with the same bits as alone."""
         return _transformed(self.outward, states)
 
     def of_impulses(self, impulses: Array) -> Array:
@@ -152,35 +152,37 @@ class Blocks:
         return self.of_modes(np.stack([moved, np.zeros_like(moved)]))
 
     def of_heat(self, heat: Array) -> Array:
-        """Return u and η, less what is dragged along, per heat that has entered τ, ``(2, block, column)``."""
-        pulls = -self.step.tip.h * self.step.at_once * project(self.modal.coupling, heat.T).T
-        return np.asarray(self.of_impulses(pulls) - self.dragged(heat))
+        """Return u and η, without the response R τ, per ``heat`` that enters τ, ``(2, block, column)``."""
+        pulls = -self.step.tip.h * self.step.coupling_theta * project(self.modal.coupling, heat.T).T
+        return np.asarray(self.of_impulses(pulls) - self.thermal_response(heat))
 
-    def dragged(self, heat: Array) -> Array:
-        """Return R τ of thermal modes ``(thermal mode, column)``, ``(2, block, column)``."""
+    def thermal_response(self, heat: Array) -> Array:
+        """Return the response R τ to thermal modes ``(thermal mode, column)``, ``(2, block, column)``."""
         return np.stack([project(rows, heat.T).T for rows in self.response])
 
     def ahead(self, states: Array) -> Array:
-        """Return states ``(2, block, column)`` a free step later, without what acts on them."""
+        """Return states ``(2, block, column)`` after a step without inputs."""
         h, c, k = self.step.tip.h, self.damping[:, None], self.stiffness[:, None]
         u, eta = states
         return np.stack([u - h * (c * u + k * eta), eta + h * u])
 
     def without_heat(self) -> Blocks:
-        """Return the same without thermal states, for cases where none can act."""
+        """Return the same structure without thermal states, for cases where none can act."""
         none = np.zeros(0)
         return replace(
             self,
             modal=self.modal.without_heat(),
-            step=self.step._replace(decay=none, warm=none, slope=none, pulls=none, damps=none, springs=none),
+            step=self.step._replace(
+                decay=none, heat_gain=none, slope=none, load_weight=none, damping_weight=none, stiffness_weight=none
+            ),
             response=self.response[..., :0],
             pairs=self.pairs[:0],
-            pull=self.pull[..., :0],
+            thermal_load=self.thermal_load[..., :0],
         )
 
 
 def _transformed(rows: Array | None, states: Array) -> Array:
-    """Return rows ``(2, n, 2, m)`` of states ``(2, m, column)``; a column as it is alone."""
+    """Return rows ``(2, n, 2, m)`` times states ``(2, m, column)``, each column with the same bits as alone."""
     if rows is None:
         return states
     (_, n, _, m), count = rows.shape, states.shape[-1]
@@ -188,21 +190,21 @@ def _transformed(rows: Array | None, states: Array) -> Array:
 
 
 def separate(modal: Decoupled, step: Step) -> Blocks:
-    """Separate the step of a structure: each mode by itself where damping couples none."""
+    """Separate the step of a structure into blocks: each mode is one where damping couples none."""
     h, stiffness = step.tip.h, modal.frequency**2
-    pull = step.moved_by(-h * modal.coupling * step.pulls)
-    if modal.damper is None:
+    pull = step.moved_by(-h * modal.coupling * step.load_weight)
+    if modal.damping_matrix is None:
         c, k = step.moved_by(modal.damping + step.stiffening * stiffness), step.moved_by(stiffness)
         mass, damping, spring = (values[:, None] for values in (modal.mass, modal.damping, stiffness))
-        terms = mass * step.slope**2, damping * (step.damps * step.slope), spring * step.springs
-        places, pairs = _response(terms, -modal.coupling * step.pulls)
+        terms = mass * step.slope**2, damping * (step.damping_weight * step.slope), spring * step.stiffness_weight
+        places, pairs = _response(terms, -modal.coupling * step.load_weight)
         response, g = np.stack([step.slope * places, places]), np.stack([pull, np.zeros_like(pull)])
         return Blocks(modal, step, c, k, None, None, response, pairs, g)
     n, elastic = modal.frequency.size, np.flatnonzero(modal.frequency > 0)
     F = np.zeros((elastic.size + n, elastic.size + n))
     F[: elastic.size, elastic.size :] = np.eye(n)[elastic]
     F[elastic.size :, : elastic.size] = -step.moved_by(np.diag(stiffness))[:, elastic]
-    F[elastic.size :, elastic.size :] = -step.moved_by(modal.damper + step.stiffening * np.diag(stiffness))
+    F[elastic.size :, elastic.size :] = -step.moved_by(modal.damping_matrix + step.stiffening * np.diag(stiffness))
     parts = _in_blocks(F, elastic.size)
     seconds = parts.damping.size
     c, k = np.append(parts.damping, parts.rate), np.append(parts.stiffness, np.zeros(parts.rate.size))
@@ -215,28 +217,28 @@ def separate(modal: Decoupled, step: Step) -> Blocks:
     outward[0, :, 0], outward[0, :, 1, :seconds] = speeds[:, seconds:], speeds[:, :seconds]
     outward[1, elastic, 0], outward[1, elastic, 1, :seconds] = places[:, seconds:], places[:, :seconds]
     g = np.tensordot(inward[:, :, 0], pull, 1)
-    return Blocks(modal, step, c, k, inward, outward, *_dragged(c, k, g, step), g)
+    return Blocks(modal, step, c, k, inward, outward, *_block_response(c, k, g, step), g)
 
 
 def _in_blocks(F: Array, places: int) -> RealBlocks:
-    """Return the blocks of F, where poles coincide of one whose damping is changed by as little as parts them.
+    """Return the blocks of F; where poles coincide, those with the damping changed by :data:`_SEPARATING`.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        They still do.
+        Poles still coincide.
     """
-    for share in (0.0, _PARTED):
+    for share in (0.0, _SEPARATING):
         F[places:, places:] *= 1 + share
         with suppress(np.linalg.LinAlgError):
             parts = real_blocks(F)
-            if missed_share(F, parts) <= _MISSED:
+            if relative_residual(F, parts) <= _RESIDUAL:
                 return parts
     raise np.linalg.LinAlgError("poles of the damped structure coincide: change its damping by a millionth")
 
 
-def _dragged(c: Array, k: Array, pull: Array, step: Step) -> tuple[Array, NDArray[np.int64]]:
-    """Return R and the pairs near resonance of blocks: (D - S) R = g."""
+def _block_response(c: Array, k: Array, pull: Array, step: Step) -> tuple[Array, NDArray[np.int64]]:
+    """Solve (D - S) R = g for the response R of blocks; return it and the pairs near resonance."""
     d, c, k, (g, place) = step.slope, c[:, None], k[:, None], pull / step.tip.h
     first = k == 0
     terms = np.where(first, d, d * d), np.where(first, c, c * d), k
@@ -246,7 +248,7 @@ def _dragged(c: Array, k: Array, pull: Array, step: Step) -> tuple[Array, NDArra
 
 
 def _response(terms: tuple[Array, ...], pulled: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return what is pulled over the sum of some terms, and the pairs near resonance, which have 0 there."""
+    """Return the load divided by the sum of some terms, and the pairs near resonance, where the quotient is 0."""
     parts = np.stack(np.broadcast_arrays(*terms))
     whole = parts.sum(axis=0)
     near = np.abs(whole) <= NEAR_RESONANCE * np.abs(parts).max(axis=0)

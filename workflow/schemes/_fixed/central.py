@@ -6,13 +6,13 @@ With half-step velocities w_k+½ = (x_k+1 - x_k)/h a mode steps by
 
 or, with damping at the velocity of the step before ("lagged"), by w_k+½ = (1 - hc) w_k-½ - …. The tip's
 velocity is the central one, v_k = (w_k-½ + w_k+½)/2, which is known one step later. So is the
-impulse: p_k = hλ_k spans half a step on either side of t_k, a step from t_k to t_k+1 holds
-(p_k + p_k+1)/2, and the samples satisfy the theorem of momentum. The first step starts from
+impulse: p_k = hλ_k spans half a step on either side of t_k, the step from t_k to t_k+1 has the impulse
+(p_k + p_k+1)/2, and the samples satisfy the momentum balance. The first step starts from
 w_-½ = v_0 - (h/2) a_0 with the acceleration a_0 without contact: p_0 spans half a step and counts whole.
 
 Temperatures step by (τ_k+1 - τ_k)/h = -μ τ_k + χ_n α λ_k, or with μ τ_k+1 where heat is implicit: τ' = D τ.
-A sample's temperature holds half the heat of p_k, as its impulse holds half of p_k: what friction has
-brought in is αJ up to rounding.
+The temperature of a sample includes half the heat of p_k, as its impulse includes half of p_k, so that the
+friction heat is αJ up to rounding.
 
 A contact law is given x_n,k, w_k-½ and w_free, the tip's velocity w_k+½ without contact.
 """
@@ -45,7 +45,7 @@ NEEDS_MASS = (
 
 @dataclass(frozen=True)
 class Differences:
-    """How damping and heat are differenced."""
+    """Difference formulas of damping and heat."""
 
     lagged: bool = False
     implicit_heat: bool = False
@@ -64,8 +64,8 @@ class Differences:
     def amplification(self, frequency: Array, damping: Array, h: float) -> Any:
         """Return the roots z of z² - (1 + k - (hω)²/i) z + k = 0, i inertia, k factor of w_k-½.
 
-        With q = (hω)²/(2i) the root is taken of ((1 - k)/2)² - q (1 + k - q): the square of half the sum less k
-        loses all digits of 1 - k, and the damped rigid mode of a free root seems to grow.
+        With q = (hω)²/(2i) the discriminant is taken as ((1 - k)/2)² - q (1 + k - q): the square of half the sum less
+        k would lose all digits of 1 - k, and the damped rigid mode of a free root would seem to grow.
         """
         inertia, factor = self.damped(h, damping)
         q = h * frequency * (h * frequency) / (2 * inertia)
@@ -87,7 +87,7 @@ class Differences:
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What a batch shares: structure, step h [s], differences, the structure in blocks, and how it meets the casing."""
+    """Common data of a batch: structure, step h [s], differences, the structure in blocks, and its contact."""
 
     structure: Structure
     h: float
@@ -97,28 +97,28 @@ class Operator:
 
 
 def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
-    """Separate a structure once for a batch."""
+    """Separate a structure into blocks, once for a batch."""
     modal = decouple(structure)
     return Operator(structure, h, differences, separate(modal, step(modal, h, differences)), contact)
 
 
 def step(modal: Decoupled, h: float, differences: Differences) -> Step:
-    """Return the step as blocks take it."""
+    """Return the coefficients of the step."""
     decay, (inertia, _) = differences.decay(h, modal.rate), differences.damped(h, modal.damping)
-    warm = modal.heat_tip * (decay if differences.implicit_heat else 1.0)
+    heat_gain = modal.heat_tip * (decay if differences.implicit_heat else 1.0)
     return Step(
-        tip=CentralStep(h, 1.0, 0.0, np.sum(modal.heat_tip * warm)),
-        inertia=modal.weight(inertia, 0.0 if differences.lagged else h / 2),
+        tip=CentralStep(h, 1.0, 0.0, np.sum(modal.heat_tip * heat_gain)),
+        inertia=modal.effective_mass(inertia, 0.0 if differences.lagged else h / 2),
         stiffening=h,
         lever=h,
-        middle=h / 2,
+        energy_lever=h / 2,
         decay=decay,
-        warm=warm,
+        heat_gain=heat_gain,
         slope=-modal.rate * (decay if differences.implicit_heat else 1.0),
-        pulls=np.ones_like(decay),
-        damps=np.ones_like(decay) if differences.lagged else (1 + decay) / 2,
-        springs=decay,
-        at_once=0.0,
+        load_weight=np.ones_like(decay),
+        damping_weight=np.ones_like(decay) if differences.lagged else (1 + decay) / 2,
+        stiffness_weight=decay,
+        coupling_theta=0.0,
         heat_theta=float(differences.implicit_heat),
         heat_counts=False,
         lagged=differences.lagged,
@@ -137,7 +137,7 @@ def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
     force = cases.load_at(0.0)
     load = modal.tip if modal.load is None else modal.load
     acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * load
-    damped = modal.damping * velocity if modal.damper is None else project(modal.damper, velocity)
+    damped = modal.damping * velocity if modal.damping_matrix is None else project(modal.damping_matrix, velocity)
     acceleration -= damped + modal.frequency**2 * project(modal.to_modes, cases.displacement)
     acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
     return np.asarray(velocity - 0.5 * h * acceleration)
@@ -154,15 +154,15 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     w, (drive, _) = blocks.step.delassus(blocks.modal, cases.alpha, cases.friction), drive_of(cases, h, theta=0.0)
     before = _half_step_before(blocks.modal, cases, h)
     ended = step_batch(operator.structure, blocks, contact, w, cases, before, sampling, drive)
-    # squared: a contact that grows can stop short of infinity where its energy is beyond it
+    # squared: the state of a growing contact may be finite where its energy is not
     tip = ended.watched.tip
     finite = np.asarray(np.isfinite(np.square([tip.displacement, tip.velocity, tip.temperature])).all(axis=0))
     return collect(ended, *_judge(operator, blocks, cases, contact.factor(h, w) <= 0, finite))
 
 
 def _judge(operator: Operator, blocks: Blocks, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:
-    """Decide what became of each case; ``ambiguous`` are those whose contact has no unique solution, or one for all."""
-    h, modal, differences, free = operator.h, blocks.modal, operator.differences, blocks.growth
+    """Return the status of each case; contact has no unique solution in those that are ``ambiguous``, one or all."""
+    h, modal, differences, free = operator.h, blocks.modal, operator.differences, blocks.spectral_radius
     if blocks.outward is None:
         free = np.abs(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
     heat = np.abs(blocks.step.decay).max(initial=0.0)

@@ -1,13 +1,13 @@
-"""Contact of a tip without mass in a step of the θ-method: complementarity of place and impulse at the step's end.
+"""Contact of a tip without mass in a step of the θ-method: complementarity of gap and impulse at the step's end.
 
-Nothing is thrown back that has no mass: there is no impact, and the restitution coefficient is not read. The impulse is
-the least that keeps the tip from passing the casing,
+A tip without mass has no impact, and the restitution coefficient is not read. The impulse is the smallest that keeps
+the tip from penetrating the casing,
 
     0 <= d - x_n,k+1  ⊥  p >= 0:   p = max(0, (x_free - d)/(hθW)),   x_free = x_n,k + h (θ v_free + (1-θ) v_n,k),
 
-and a tip in contact is on the casing to the bit. Its contact takes energy, never gives any: the work -(p/h) (x_n,k+1 -
-x_n,k) is not positive from a start outside the casing, so that the energy of unloaded cold motion does not grow for
-θ >= 1/2. Newton's law at velocity level does not have this property without a mass at the tip.
+and a tip in contact is on the casing to the bit. Contact dissipates: its work -p (x_n,k+1 - x_n,k)/h is not positive
+from a start outside the casing, so that the energy of unloaded cold motion does not grow for θ >= 1/2. Newton's law at
+velocity level does not have this property without a mass at the tip.
 
 Source: Monjaraz Tec, Gross, Krack, Computers & Structures 2022 (arXiv 2111.07693), whose step is explicit.
 """
@@ -23,7 +23,7 @@ from workflow.schemes._fixed.rows import Own
 
 
 class Complementarity(NamedTuple):
-    """It has no parameter but one that numba cannot do without."""
+    """Parameters: none, but numba needs one."""
 
     unused: float = 0.0
 
@@ -39,8 +39,8 @@ def _respond(law: Complementarity, tip: Tip, h: float, theta: float) -> Response
 
 @defines(count_rebound, Complementarity)
 def count_no_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Own, lane: int) -> None:
-    """Count nothing where the restitution is given, or nothing is thrown back."""
+    """Count nothing: the restitution is given, or there are no impacts."""
 
 
-BY_PLACE = Contact(lambda cases: Complementarity(), holds=True)
+BY_POSITION = Contact(lambda cases: Complementarity(), holds=True)
 """The contact of a tip without mass in steps with θ > 0."""

@@ -1,9 +1,9 @@
-"""The tip at the end of a step: a contact law, one scalar function, and the two steps that ask it.
+"""Contact at the end of a step: a contact law, which is one scalar function, and the two steps that call it.
 
 A contact law is a named tuple of parameters, each a number or an array ``(case,)``, and a function of it and of the tip
 in one case (:func:`respond`), which :func:`~workflow.schemes._fixed.march.contact_law` compiles into the march. It is
-asked where the tip passes the casing within the step, moving at its velocity at the beginning or as it would move
-without contact, and where the law had a force in the step before. Free motion stays in packs.
+called where the tip would pass the casing within the step, at its initial velocity or in its motion without contact,
+and where the law returned a force in the step before. Free motion stays in packs.
 """
 
 from __future__ import annotations
@@ -48,13 +48,13 @@ METRICS = {
         "speed of separation over speed of approach, least squares over all contacts that ended",
     )
 }
-"""What schemes without a restitution coefficient give beside the common metrics: unit and meaning."""
+"""Metrics of schemes without a restitution coefficient besides the common ones: unit and meaning."""
 
 Law = Any
 """Parameters of a contact law: a named tuple of numbers and arrays."""
 
 Response = tuple[float, float, float]
-"""Impulse of contact in a step [N s], velocity of the tip at its end [m/s], and the force there or the impulse."""
+"""Impulse of contact in a step [N s], velocity of the tip at its end [m/s], and the force there or that impulse."""
 
 
 class Tip(NamedTuple):
@@ -67,9 +67,9 @@ class Tip(NamedTuple):
     free: float
     """Its velocity at the end without contact, m/s."""
     force: float
-    """What the law returned last in the step before: positive while in contact."""
+    """The force that the law returned in the step before: positive while in contact."""
     gap: float
-    """Place of the casing, m: in contact from there on."""
+    """Position of the casing, m: in contact from there on."""
     mobility: float
     """W: the velocity at the end that a unit impulse of contact takes away, 1/kg; NaN where contact has no unique
     solution, so that its impulse is NaN and ends the case."""
@@ -77,7 +77,7 @@ class Tip(NamedTuple):
 
 @by_type
 def respond(law: Law, tip: Tip, h: float, theta: float) -> Response:
-    """Return what contact does in a step h of one case.
+    """Return the response of contact in a step h of one case.
 
     ``theta`` is the weight of the step's end in the tip's velocity, 1 of central differences.
     """
@@ -86,22 +86,23 @@ def respond(law: Law, tip: Tip, h: float, theta: float) -> Response:
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """How a scheme meets the casing, whatever a structure is stepped by.
+    """Contact of a scheme, for any structure.
 
     Attributes
     ----------
     law
         ``law(cases)``: the parameters of a contact law.
     factor, name
-        ``factor(h, w)``: what contact divides by, which has one solution where that is positive; how messages write it.
+        ``factor(h, w)``: the divisor of the contact law, which has one solution where it is positive; its name in
+        messages.
     stiffness
         κ of a contact spring, N/m, whose energy is not lost; 0 where there is none.
     holds
-        Whether an impulse puts the tip on the casing exactly, where rounding would leave it beside.
+        Whether an impulse puts the tip on the casing exactly, without rounding.
     rebounds
-        Whether it gives the metric ``effective_restitution``.
+        Whether the scheme gives the metric ``effective_restitution``.
     judges_heat
-        Whether a free heat step that grows ends cases that carry no heat too (θ-method in modes, θ < 1/2).
+        Whether an unstable heat step also makes cases without heat ``diverged`` (θ-method in modes, θ < 1/2).
     """
 
     law: Callable[[Cases], Law]
@@ -113,16 +114,16 @@ class Contact:
     judges_heat: bool = True
 
     def mobility(self, h: float, w: Any) -> Any:
-        """Return W as the law is given it: NaN where contact has no unique solution."""
+        """Return W for the law: NaN where contact has no unique solution."""
         return np.where(self.factor(h, w) <= 0, np.nan, w)
 
     def with_contact(self, step: TipStep) -> TipStep:
-        """Return a step with what its contact is."""
+        """Return a step with the fields ``stiffness`` and ``holds`` of its contact."""
         return step._replace(stiffness=self.stiffness, holds=self.holds)
 
 
 class TipStep(NamedTuple):
-    """A step of the θ-method as the tip feels it."""
+    """Coefficients of the tip in a step of the θ-method."""
 
     h: float
     theta: float
@@ -135,15 +136,15 @@ class TipStep(NamedTuple):
     """Tip velocity per unit impulse of the load, e_nᵀ Ŵ⁻¹ b, 1/kg."""
     stiffness: float = 0.0
     holds: bool = False
-    """Of :class:`Contact`."""
+    """Those of :class:`Contact`."""
 
 
 class CentralStep(TipStep):
-    """A step of central differences: velocities of half steps, the impulse p_k about the step's beginning."""
+    """A step of central differences: half-step velocities, the impulse p_k centred on the step's beginning."""
 
 
-class Free(NamedTuple):
-    """The tip at the step's end without load and contact, and what acts there."""
+class TipInput(NamedTuple):
+    """The tip at the step's end without load and contact, and its load and casing."""
 
     velocity: Pack
     """m/s."""
@@ -152,16 +153,16 @@ class Free(NamedTuple):
     impulse: Pack
     """Impulse of the load in the step, N s."""
     gap: Pack
-    """Place of the casing at the step's end, m; at its beginning for central differences."""
+    """Position of the casing at the step's end, m; at its beginning for central differences."""
     drive: Drive | None
-    """The casing's motion, where it has one."""
+    """The motion of the casing, where it moves."""
 
 
 class End(NamedTuple):
-    """The tip at the step's end, as it is counted."""
+    """The tip at the step's end, for samples and counts."""
 
     engaged: bool
-    """Whether some lane may be in contact or was so before: else no count of contact changes."""
+    """Whether some lane may be in contact or was in the step before: else no count of contact changes."""
     displacement: Pack
     velocity: Pack
     temperature: Pack
@@ -170,7 +171,7 @@ class End(NamedTuple):
     acting: Pack
     """Impulse of contact that acts on the states, N s."""
     driven: Pack
-    """The velocity that the contact law gives the tip, with which impulses do work, m/s."""
+    """The velocity that the contact law gives the tip, at which impulses do work, m/s."""
 
 
 @by_type
@@ -185,11 +186,8 @@ def count_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Own, l
 
 
 @part
-def _ask(law: Law, step: TipStep, own: Own, first: int, stop: int) -> None:
-    """Ask the law in some lanes.
-
-    Without branches but those of the law, so that the compiler asks one of plain arithmetic in many lanes at once.
-    """
+def _apply_law(law: Law, step: TipStep, own: Own, first: int, stop: int) -> None:
+    """Evaluate the law in some lanes; no branch but the law's own, so that the compiler can vectorise the loop."""
     for lane in range(first, stop):
         tip = Tip(
             own.place[lane],
@@ -206,7 +204,7 @@ def _ask(law: Law, step: TipStep, own: Own, first: int, stop: int) -> None:
 
 @inlined
 def _is_near(place: Pack, reach: Pack, moved: Pack, gap: Pack, own: Own, lane: Lane) -> bool:
-    """Tell whether some tip of a pack may be in contact, or was so before."""
+    """Tell whether some tip of a pack may be in contact, or was in the step before."""
     reach = where(reach > 0.0, reach, 0.0)
     reach = where(moved > reach, moved, reach)
     return some(~(place + reach < gap)) or was_pressed(own, lane)  # a NaN is near
@@ -218,7 +216,7 @@ def _contact(
 ) -> tuple[Pack, Pack, Pack]:
     """Return impulse and heat of contact in a step, and the tip's velocity at its end, relative to the casing.
 
-    Leaves in ``own`` the impulse, and in ``pressed`` whether it may be other than 0 or a force be left.
+    Stores the impulse in ``own``, and in ``own.pressed`` whether an impulse or a force may be nonzero.
     """
     store(own.place, lane, place)
     store(own.speed, lane, speed)
@@ -226,9 +224,9 @@ def _contact(
     store(own.casing, lane, gap)
     first, stop = lanes_of(lane)
     before = some_nonzero(pack(own.last, lane))
-    _ask(law, step, own, first, stop)
+    _apply_law(law, step, own, first, stop)
     p, force = pack(own.impulse, lane), pack(own.last, lane)
-    flag(own.pressed, lane, before or some_nonzero(p) or some_nonzero(force))  # for a step more
+    flag(own.pressed, lane, before or some_nonzero(p) or some_nonzero(force))  # one step longer than the force
     return p, friction_heat(own, lane), pack(own.after, lane)
 
 
@@ -251,13 +249,13 @@ def _weighed(weight: float, after: Pack, rest: float, before: Pack) -> Pack:
 
 
 @by_type
-def contact_step(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
-    """Close a step by load and contact; leave in ``own`` the impulse of either."""
+def contact_step(step: TipStep, law: Law, free: TipInput, own: Own, tip: Tips, lane: Lane) -> End:
+    """Complete a step by load and contact; store the impulses of both in ``own``."""
     raise NotImplementedError
 
 
 @defines(contact_step, TipStep)
-def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
+def _contact_by_theta(step: TipStep, law: Law, free: TipInput, own: Own, tip: Tips, lane: Lane) -> End:
     x, v = tip_before(free.drive, tip, lane)
     gap, p, temperature = casing_place(free.drive, free.gap, lane), spread(0.0, lane), free.temperature
     after = relative(free.drive, free.velocity + step.load_mobility * free.impulse, lane)
@@ -276,8 +274,8 @@ def _contact_by_theta(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, 
 
 
 @defines(contact_step, CentralStep)
-def _contact_centrally(step: TipStep, law: Law, free: Free, own: Own, tip: Tips, lane: Lane) -> End:
-    """Return the tip at t_k and the impulse about it; the step from there on is closed with p_k."""
+def _contact_centrally(step: TipStep, law: Law, free: TipInput, own: Own, tip: Tips, lane: Lane) -> End:
+    """Return the tip at t_k and the impulse centred on it, and complete the step from t_k with p_k."""
     x, before, temperature = pack(own.ahead, lane), pack(own.half, lane), free.temperature
     after, p, about = free.velocity + step.load_mobility * free.impulse, spread(0.0, lane), spread(0.0, lane)
     approach, leaving = relative_before(free.drive, before, lane), relative(free.drive, after, lane)
@@ -303,24 +301,24 @@ def _contact_centrally(step: TipStep, law: Law, free: Free, own: Own, tip: Tips,
 
 @by_type
 def contact_gain(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Own, tip: Tips, lane: Lane
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: TipInput, own: Own, tip: Tips, lane: Lane
 ) -> Pack:
-    """Return what the balance of a step takes for created, J, beside the work of its impulse at the mean velocity.
+    """Return the energy that contact creates in a step, J, besides the work of its impulse at the mean velocity.
 
-    Of a contact spring that is what it holds more than its force has taken. ``impulse`` is that of load less contact at
-    the tip, ``change`` that of its relative velocity; ``tip`` still holds the tip at the step's beginning.
+    Of a contact spring that is the gain of its energy less the work done on it. ``impulse`` is that of load less
+    contact at the tip, ``change`` that of its relative velocity; ``tip`` is the tip at the step's beginning.
     """
     raise NotImplementedError
 
 
 @defines(contact_gain, TipStep)
 def _gain_by_theta(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Own, tip: Tips, lane: Lane
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: TipInput, own: Own, tip: Tips, lane: Lane
 ) -> Pack:
     """Return Δ(κ δ²/2) - h κ δ_θ (v + v')/2 with the depths δ, 0 where the tip is not beyond the casing.
 
-    Velocities are relative to the casing where that moves. A tip without mass is held by place: no impact changes its
-    velocity, impulses S work at v_θ as they act, which leaves -(θ - 1/2) S Δv.
+    Velocities are relative to the casing where that moves. A tip without mass has no impacts: its impulses S work at
+    v_θ, which differs from the work at the mean velocity by -(θ - 1/2) S Δv.
     """
     if step.holds:
         return (0.5 - step.theta) * (impulse * change)
@@ -337,7 +335,7 @@ def _gain_by_theta(
 
 @defines(contact_gain, CentralStep)
 def _gain_centrally(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: Free, own: Own, tip: Tips, lane: Lane
+    step: TipStep, end: End, impulse: Pack, change: Pack, free: TipInput, own: Own, tip: Tips, lane: Lane
 ) -> Pack:
     """Return κ δ_k (s_k+1 - s_k-1)/2, with the depth δ and the distance s from the casing.
 

@@ -1,4 +1,4 @@
-"""Counts motion and heat at a step's end where no further step does: see :mod:`workflow.schemes._fixed.balance`."""
+"""Balances that the next step does not count: the last step, and modes by matrices (see :mod:`.balance`)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from workflow.schemes._fixed.rows import Totals
 
 @inlined
 def count_step(
-    account: Account | None, step: FreeStep, state: State, looks: bool, last: bool, in_broad: int, lanes: int
+    account: Account | None, step: FreeStep, state: State, measures: bool, last: bool, in_broad: int, lanes: int
 ) -> None:
-    """Count a step that contact has closed, as far as the next one does not; ``looks`` at the energy at its end.
+    """Add the part of a step that the next one does not count to the balances, and the energy if it ``measures`` it.
 
-    The first lanes are ``in_broad`` packs, as those of the step.
+    The first ``in_broad`` lanes are in broad packs, as those of the step.
     """
     if account is not None:
-        _count(state.dense, account, step, state, looks, last, in_broad, lanes)
+        _count(state.dense, account, step, state, measures, last, in_broad, lanes)
 
 
 @part
@@ -31,18 +31,18 @@ def _count(
     account: Account,
     step: FreeStep,
     state: State,
-    looks: bool,
+    measures: bool,
     last: bool,
     in_broad: int,
     lanes: int,
 ) -> None:
-    _move(dense, account, step.coupled, step, state, lanes)
+    _fill_dense(dense, account, step.coupled, step, state, lanes)
     counts = last if dense is None else True
-    if counts or looks:
+    if counts or measures:
         for first in range(0, in_broad, broadest()):
-            _count_pack(dense, account, step, state, counts, looks, last, broad(first))
+            _count_pack(dense, account, step, state, counts, measures, last, broad(first))
         for first in range(in_broad, lanes, PACK):
-            _count_pack(dense, account, step, state, counts, looks, last, narrow(first))
+            _count_pack(dense, account, step, state, counts, measures, last, narrow(first))
 
 
 @inlined
@@ -52,21 +52,21 @@ def _count_pack(
     step: FreeStep,
     state: State,
     counts: bool,
-    looks: bool,
+    measures: bool,
     last: bool,
     lane: Lane,
 ) -> None:
     contact, inputs = _inputs(dense, account, pack(state.own.impulse, lane), lane)
     dissipated, given, load = spread(0.0, lane), spread(0.0, lane), pack(state.own.load, lane)
     if counts:
-        for j in range(account.former.shape[0]):
+        for j in range(account.velocity_before.shape[0]):
             v, xi = _at_end(dense, step, state, j, load, lane)
             dissipated, given = balance.count_inputs(
                 account, inputs, j, v, xi, step.tip.h, contact, dissipated, given, lane
             )
         balance.add_dissipation(account, dissipated, given, contact, lane)
-    if looks:
-        _look(dense, account, step, state, load, lane)
+    if measures:
+        _energy(dense, account, step, state, load, lane)
     if last:
         loss = spread(0.0, lane)
         for k in range(state.tau.shape[0]):
@@ -76,8 +76,8 @@ def _count_pack(
 
 @inlined
 def _inputs(dense: Dense | None, account: Account, contact: Pack, lane: Lane) -> tuple[Pack, Array]:
-    """Return what acts on the modes in a step, and how many times."""
-    return (contact, account.acts) if dense is None else (spread(1.0, lane), dense.inputs)
+    """Return the factor of the inputs of a step, and the inputs."""
+    return (contact, account.contact_inputs) if dense is None else (spread(1.0, lane), dense.inputs)
 
 
 @inlined
@@ -85,16 +85,16 @@ def _at_end(dense: Dense | None, step: FreeStep, state: State, j: int, load: Pac
     """Return v and ξ of mode j at the step's end."""
     if dense is None:
         return ended(None, step, state, j, load, pack(state.own.impulse, lane), lane)
-    return pack(dense.moved, (j, lane)), pack(dense.moved, (dense.damper.shape[0] + j, lane))
+    return pack(dense.modal_states, (j, lane)), pack(dense.modal_states, (dense.off_diagonal.shape[0] + j, lane))
 
 
 @inlined
-def _look(dense: Dense | None, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane) -> None:
-    """Keep the energy at the end of the last step, and the largest one; a NaN stays."""
+def _energy(dense: Dense | None, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane) -> None:
+    """Store the energy at the end of the last step, and update the largest one; a NaN stays."""
     energy, largest = spread(0.0, lane), pack(account.sums.largest_energy, lane)
-    for j in range(account.former.shape[0]):
+    for j in range(account.velocity_before.shape[0]):
         v, xi = _at_end(dense, step, state, j, load, lane)
-        eta = xi + account.lever * v
+        eta = xi + account.energy_lever * v
         energy = fused(shared(account.modes, (j, KINETIC), lane) * v, v, energy)
         energy = fused(shared(account.modes, (j, ELASTIC), lane) * eta, eta, energy)
     store(account.sums.last_energy, lane, energy)
@@ -113,13 +113,13 @@ def _add_product(matrix: Array, states: Array, sums: Array, lanes: int) -> None:
 
 
 @inlined
-def _move(
+def _fill_dense(
     dense: Dense | None, account: Account, coupled: Array | None, step: FreeStep, state: State, lanes: int
 ) -> None:
-    """Take what matrices make of the step's end and of what acted in it."""
+    """Compute the states of the modes at the step's end and the inputs of the step, where balances need matrices."""
     if dense is None:
         return
-    blocks, modes, own = state.motion.shape[0], dense.damper.shape[0], state.own
+    blocks, modes, own = state.motion.shape[0], dense.off_diagonal.shape[0], state.own
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         contact, load = pack(own.impulse, lane), pack(own.load, lane)
@@ -128,30 +128,30 @@ def _move(
             store(dense.states, (j, lane), u)
             store(dense.states, (blocks + j, lane), eta)
         for i in range(2 * modes):
-            acts = pack(dense.constant, (i, lane)) + pack(account.acts, (i, lane)) * contact
+            inputs = pack(dense.constant, (i, lane)) + pack(account.contact_inputs, (i, lane)) * contact
             if i < modes:
-                acts += shared(dense.load, (i,), lane) * load
+                inputs += shared(dense.load, (i,), lane) * load
             for pair in range(step.pair_heat.size):
                 tau = pack(state.tau_paired, (step.pair_heat[pair], lane))
-                acts += shared(dense.pulls, (pair, i), lane) * tau
-            store(dense.inputs, (i, lane), acts)
-            store(dense.moved, (i, lane), spread(0.0, lane))
-    _add_product(dense.outward, dense.states, dense.moved, lanes)
-    _damp(dense, account.former, account.sums, lanes)
+                inputs += shared(dense.pair_inputs, (pair, i), lane) * tau
+            store(dense.inputs, (i, lane), inputs)
+            store(dense.modal_states, (i, lane), spread(0.0, lane))
+    _add_product(dense.outward, dense.states, dense.modal_states, lanes)
+    _damp(dense, account.velocity_before, account.sums, lanes)
 
 
 @part
-def _damp(dense: Dense, former: Array, sums: Totals, lanes: int) -> None:
-    """Add damping that couples modes to the inputs, and keep the square of all."""
-    modes = dense.damper.shape[0]
+def _damp(dense: Dense, velocity_before: Array, sums: Totals, lanes: int) -> None:
+    """Add off-diagonal damping to the inputs, and store Σ ω² J²/2 of all."""
+    modes = dense.off_diagonal.shape[0]
     for lane in range(lanes):
         sums.square[lane] = 0.0
     for i in range(modes):
         for lane in range(lanes):
             sums.square[lane] += dense.half_flexibility[i] * dense.inputs[modes + i, lane] ** 2
         for j in range(modes):
-            factor = 0.25 * dense.damper[i, j]
+            factor = 0.25 * dense.off_diagonal[i, j]
             for lane in range(lanes):
-                begun = former[j, lane]
-                damps = 2.0 * begun if dense.lagged else begun + dense.moved[j, lane]
+                begun = velocity_before[j, lane]
+                damps = 2.0 * begun if dense.lagged else begun + dense.modal_states[j, lane]
                 dense.inputs[i, lane] += factor * damps

@@ -1,6 +1,6 @@
-"""The modes in which a structure is stepped: those of the free tip, and of its heat.
+"""The modes in which a structure is stepped: mechanical modes of the free tip, and thermal modes.
 
-What is left of the coupling of the two, and of damping that couples modes, is separated in the steps of a scheme
+Their coupling, and damping that couples modes, are removed in the steps of a scheme
 (:mod:`workflow.schemes._fixed.blocks`).
 """
 
@@ -23,11 +23,11 @@ from workflow.models import (
 )
 
 _LEAST_SHARE = 1e-30
-"""Share in the tip's temperature, of the largest, below which a thermal mode is given that share."""
+"""Least component of a thermal mode at the tip, relative to the largest: smaller ones are replaced by it."""
 
 
 LEAST_SHARE = 1e-14
-"""Share of a mode in the tip, of the largest, below which it has none but by the rounding of its shape."""
+"""Component of a mode at the tip, relative to the largest, up to which it is the rounding of the shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Decoupled:
     Attributes
     ----------
     mass, frequency, damping
-        1, ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``. Of a tip without mass the last mode is its static
+        1, ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``. The last mode of a tip without mass is its static
         deformation: 0, the root of its stiffness [√(N/m)] and a_K times the stiffness.
     tip
         φ_jn, 1/√kg, ``(mode,)``.
@@ -46,14 +46,14 @@ class Decoupled:
     coupling
         G = φᵀ K12 χ, ``(mode, thermal mode)``.
     to_modes, to_thermal
-        φ⁻¹ = φᵀ M and χ⁻¹ = χᵀ C2, which take states to modal coordinates.
+        φ⁻¹ = φᵀ M and χ⁻¹ = χᵀ C2, which transform states to modal coordinates.
     shapes, heat_shapes
         φ and χ.
     static_growth
         Quasi-static tip displacement -e_nᵀ K1⁻¹ K12 χ_l of each thermal mode, ``(thermal mode,)``.
-    along
-        φ_jᵀ t of the direction of friction, 1/√kg, ``(mode,)``; ``None`` where there is none.
-    damper
+    tangent
+        φ_jᵀ t of the direction t of friction, 1/√kg, ``(mode,)``; ``None`` where there is none.
+    damping_matrix
         φᵀ C1 φ where damping couples the modes, ``(mode, mode)``; ``damping`` is its diagonal.
     load
         φ_jᵀ b of a load that does not act on the tip, 1/√kg, ``(mode,)``.
@@ -71,29 +71,29 @@ class Decoupled:
     shapes: Array
     heat_shapes: Array
     static_growth: Array
-    along: Array | None = None
-    damper: Array | None = None
+    tangent: Array | None = None
+    damping_matrix: Array | None = None
     load: Array | None = None
 
     @property
     def is_coupled(self) -> bool:
-        """Whether the modes scaled by the tip do not say it all: they are stepped in blocks."""
-        return self.damper is not None or self.load is not None
+        """Whether damping or a load away from the tip couples the modes, which are then stepped in blocks."""
+        return self.damping_matrix is not None or self.load is not None
 
     @property
     def heat_scale(self) -> Array:
         """χ_ln by which kernels scale thermal modes, so that the tip's temperature is their sum, ``(thermal mode,)``.
 
-        A mode without a share there is scaled by :data:`_LEAST_SHARE` of the largest: nothing beside rounding.
+        Components below :data:`_LEAST_SHARE` of the largest are replaced by that: far less than rounding.
         """
         least = _LEAST_SHARE * np.abs(self.heat_tip).max(initial=0.0)
         return np.where(np.abs(self.heat_tip) > least, self.heat_tip, least)
 
-    def weight(self, diagonal: Array, share: float) -> Array:
-        """Return Ŵ: its diagonal ``(mode,)``, with the share, s, of the damping beside that where there is some."""
-        if self.damper is None:
+    def effective_mass(self, diagonal: Array, share: float) -> Array:
+        """Return Ŵ: its ``diagonal`` ``(mode,)``, with ``share`` [s] times the off-diagonal damping, if any."""
+        if self.damping_matrix is None:
             return diagonal
-        return np.diag(diagonal) + share * (self.damper - np.diag(self.damping))
+        return np.diag(diagonal) + share * (self.damping_matrix - np.diag(self.damping))
 
     def without_heat(self) -> Decoupled:
         """Return the same structure without thermal states, for cases where none can act."""
@@ -109,7 +109,7 @@ class Decoupled:
 
 
 def decouple(structure: Structure) -> Decoupled:
-    """Return the structure in its modes."""
+    """Transform a structure to its modes."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     coupling = modal_coupling(structure, mechanical, thermal)
     damper = coupled_damping(structure, mechanical)
@@ -126,14 +126,14 @@ def decouple(structure: Structure) -> Decoupled:
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
         static_growth=_static_growth(structure, mechanical, thermal, coupling),
-        along=None if structure.tangent is None else mechanical.shapes.T @ structure.tangent,
-        damper=damper if damper.ndim == 2 else None,
+        tangent=None if structure.tangent is None else mechanical.shapes.T @ structure.tangent,
+        damping_matrix=damper if damper.ndim == 2 else None,
         load=None if structure.load is None else mechanical.shapes.T @ structure.load,
     )
 
 
 def _to_modes(structure: Structure, modes: Modes) -> Array:
-    """Return what takes displacements to modal ones; the static deformation of a tip is what the modes leave of it."""
+    """Return the transform to modal displacements; the static deformation of a tip is what the modes leave of it."""
     projection = modes.shapes.T @ structure.mass
     if modes.has_static:
         projection[-1] = -modes.tip[:-1] @ projection[:-1]
@@ -142,9 +142,9 @@ def _to_modes(structure: Structure, modes: Modes) -> Array:
 
 
 def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coupling: Array) -> Array:
-    """Return -e_nᵀ K1⁻¹ K12 χ_l; of a reduced structure with a free root that of the structure it was made from.
+    """Return -e_nᵀ K1⁻¹ K12 χ_l; of a reduced structure with a free root that of the full structure.
 
-    There what the growth moves depends on the masses of the modes that were left out.
+    With a free root the growth at the tip depends on the masses of the omitted modes.
     """
     elastic = mechanical.values > 0
     if structure.tip_growth is not None and not elastic.all():
@@ -154,11 +154,11 @@ def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coup
 
 
 def modes_at_tip(tip: Array) -> NDArray[np.bool_]:
-    """Return which modes have a share in the tip, ``(mode,)``."""
+    """Return which modes move the tip, ``(mode,)``."""
     return np.asarray(np.abs(tip) > LEAST_SHARE * np.abs(tip).max(initial=0.0))
 
 
 def operator_name(structure: Structure) -> str:
-    """Return what a structure is stepped by, as ``plan`` says it."""
+    """Return the coordinates in which a structure is stepped, as ``plan`` prints them."""
     coupled = ", coupled by damping or by where the load acts" if needs_matrices(structure) else ""
     return f"{structure.mechanical_size} + {structure.thermal_size} modes with the tip's own{coupled}"

@@ -1,4 +1,4 @@
-"""What drives a block beside the sinusoid of its load: harmonics of the load, and a casing that moves.
+"""Harmonics of the load besides its first sinusoid, and a moving casing, in the lanes of a block of cases.
 
 A scheme with a fixed step sees the casing d(t) = d + Σ a_m sin(ω_m t + φ_m) through a discrete velocity
 
@@ -8,8 +8,7 @@ for which h (θ V_{k+1} + (1-θ) V_k) = d_{k+1} - d_k exactly. The tip is steppe
 u = v_n - V, with r_{k+1} = r_k + h (θ u_{k+1} + (1-θ) u_k): a pressed tip, u = 0, follows the casing without drift.
 Central differences take θ = 0: V_k = (d_{k+1} - d_k)/h, the casing's velocity from t_k to t_{k+1}.
 
-Kernels are given ``None`` in the place of a :class:`Drive` where a scene has no harmonics, and are then compiled
-without it: what a scene does not have costs it nothing.
+Where a scene has no harmonics a kernel's :class:`Drive` is ``None``, and the kernel is compiled without it at no cost.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._fixed.tip_load import EXACT_EVERY
 
 _ROUNDING = 8 * np.finfo(float).eps
-"""Share of the lengths and velocities in r and u up to which they are rounding at t = 0."""
+"""Size of r and u at t = 0, relative to the lengths and velocities in them, up to which they are rounding."""
 
 
 class Wave(Rows):
@@ -40,39 +39,36 @@ class Wave(Rows):
     cosine: Array
     turn_sine: Array
     turn_cosine: Array
-    """Its sine and cosine, and those of the angle of a step."""
+    """Sine and cosine of its angle, and of the angle of a step."""
     amplitude: Array
     """N or m."""
     frequency: Array
     phase: Array
-    """Hz, and an angle."""
+    """Hz and rad."""
     speed_sine: Array
     speed_cosine: Array
-    """Of the casing: V per sine and cosine, m/s."""
+    """V of the casing per sine and per cosine, m/s."""
 
 
 class Moving(Rows):
-    """What harmonics do in a step."""
+    """Loads and casing by harmonics in a step."""
 
     load: Array
     load_end: Array
-    """Harmonics of the load, N, weighed by 1 - θ and θ and at the step's end."""
+    """Harmonics of the load, N, weighted by 1 - θ and θ and at the step's end."""
     mean_gap: Array
     gap_before: Array
-    """d without harmonics and at the step's beginning, m."""
+    """d without harmonics, and at the step's beginning, m."""
     speed_before: Array
     speed: Array
-    """V at its beginning and end, m/s."""
+    """V at the step's beginning and end, m/s."""
     apart: Array
     parting: Array
     """r and u at the last step's end."""
 
 
 class Drive(NamedTuple):
-    """Harmonics of the load and a casing that moves, of a block.
-
-    Kernels are given ``None`` in its place where a scene has neither.
-    """
+    """Harmonics of the load and a moving casing, of a block of cases."""
 
     load: Sequence[Wave]
     casing: Sequence[Wave]
@@ -88,13 +84,13 @@ class DriveRows(NamedTuple):
 
     @property
     def named(self) -> Drive:
-        """The same by names, as kernels take it."""
+        """The rows by names, as kernels take them."""
         load, casing = (cast(Sequence[Wave], named_rows(Wave, rows)) for rows in (self.load, self.casing))
         return Drive(load, casing, named_rows(Moving, self.state))
 
 
 def drive_of(cases: Cases, h: float, theta: float) -> tuple[DriveRows | None, Cases]:
-    """Return what drives cases that are stepped with h and θ, ``(…, case)``, and the cases as they are stepped.
+    """Return the drive of cases that are stepped with h and θ, ``(…, case)``, and the cases with their first velocity.
 
     A tip that starts on the casing and moves with it, both up to rounding, has r = u = 0 and the velocity V(0).
     """
@@ -118,7 +114,7 @@ def drive_of(cases: Cases, h: float, theta: float) -> tuple[DriveRows | None, Ca
 
 
 def _moves_along(cases: Cases, apart: Array) -> NDArray[np.bool_]:
-    """Tell which tips begin on the casing with its velocity ḋ(0), up to rounding, ``(case,)``."""
+    """Tell which tips start on the casing with its velocity ḋ(0), up to rounding, ``(case,)``."""
     casing, x, v = cases.casing_harmonics, cases.displacement[:, -1], cases.velocity[:, -1]
     lengths = np.abs(x) + np.abs(cases.gap) + casing.reach
     speeds = np.abs(v) + np.abs(casing.amplitude * casing.angular).sum(axis=1)
@@ -157,12 +153,12 @@ def _waves(harmonics: Harmonics, h: float) -> Array:
 
 
 def drive_lanes(drive: DriveRows | None) -> DriveRows | None:
-    """Return rows of lanes for a drive, which :func:`fill_drive` fills."""
+    """Return rows of lanes for a drive, to be filled by :func:`fill_drive`."""
     return None if drive is None else DriveRows(*(lane_rows(*rows.shape[:-1]) for rows in drive))
 
 
 def fill_drive(lanes: DriveRows | None, drive: DriveRows | None, part: slice) -> Drive | None:
-    """Put some cases of a drive in the lanes, and return these; idle lanes are apart from a casing at rest."""
+    """Copy some cases of a drive to the lanes, and return these; tips of idle lanes are off a casing at rest."""
     if lanes is None or drive is None:
         return None
     for rows, values in zip(lanes, drive, strict=True):
@@ -174,7 +170,7 @@ def fill_drive(lanes: DriveRows | None, drive: DriveRows | None, part: slice) ->
 
 @part
 def _place_waves(waves: Sequence[Wave], t: float, lanes: int) -> None:
-    """Set sine and cosine of harmonics to a time."""
+    """Set sine and cosine of harmonics to their values at time t."""
     for k in range(len(waves)):
         for lane in range(lanes):
             angle = 2.0 * np.pi * (waves[k].frequency[lane] * t) + waves[k].phase[lane]
@@ -183,7 +179,7 @@ def _place_waves(waves: Sequence[Wave], t: float, lanes: int) -> None:
 
 @inlined
 def _turn_waves(waves: Sequence[Wave], lane: Lane) -> None:
-    """Turn harmonics by the angle of a step."""
+    """Rotate harmonics by the angle of a step."""
     for k in range(len(waves)):
         s, c = pack(waves[k].sine, lane), pack(waves[k].cosine, lane)
         turn_s, turn_c = pack(waves[k].turn_sine, lane), pack(waves[k].turn_cosine, lane)
@@ -193,7 +189,7 @@ def _turn_waves(waves: Sequence[Wave], lane: Lane) -> None:
 
 @inlined
 def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Tips, lanes: int) -> None:
-    """Move loads and casing to the end of a step, t = step h; ``tip`` is given the casing's place there."""
+    """Advance loads and casing to the end of a step, t = step h, and store the casing's position there in ``tip``."""
     if drive is None:
         return
     load, casing, state = drive.load, drive.casing, drive.state
@@ -224,13 +220,13 @@ def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Tips
 
 @inlined
 def with_harmonics(drive: Drive | None, load: Pack, lane: Lane) -> Pack:
-    """Return the load at the tip in a step with its harmonics, N."""
+    """Return the load at the tip in a step, with its harmonics, N."""
     return load if drive is None else load + pack(drive.state.load, lane)
 
 
 @inlined
 def tip_before(drive: Drive | None, tip: Tips, lane: Lane) -> tuple[Pack, Pack]:
-    """Return place and velocity of the tip at the step's beginning: r and u where the casing moves."""
+    """Return position and velocity of the tip at the step's beginning: r and u where the casing moves."""
     if drive is None:
         return pack(tip.displacement, lane), pack(tip.velocity, lane)
     return pack(drive.state.apart, lane), pack(drive.state.parting, lane)
@@ -238,7 +234,7 @@ def tip_before(drive: Drive | None, tip: Tips, lane: Lane) -> tuple[Pack, Pack]:
 
 @inlined
 def casing_place(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
-    """Return where the casing is for what :func:`tip_before` returns."""
+    """Return the position of the casing in the frame of :func:`tip_before`."""
     return gap if drive is None else spread(0.0, lane)
 
 
@@ -250,7 +246,7 @@ def relative(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
 
 @inlined
 def onto_casing(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
-    """Return a velocity at the step's end from that relative to the casing."""
+    """Return the absolute velocity at the step's end of one that is relative to the casing."""
     return velocity if drive is None else velocity + pack(drive.state.speed, lane)
 
 
@@ -262,7 +258,7 @@ def relative_before(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
 
 @inlined
 def tip_after(drive: Drive | None, place: Pack, velocity: Pack, gap: Pack, lane: Lane) -> tuple[Pack, Pack]:
-    """Return place and velocity of the tip at the step's end from those relative to the casing, which are kept."""
+    """Store position and velocity of the tip at the step's end relative to the casing; return the absolute ones."""
     if drive is None:
         return place, velocity
     store(drive.state.apart, lane, place)
@@ -272,19 +268,19 @@ def tip_after(drive: Drive | None, place: Pack, velocity: Pack, gap: Pack, lane:
 
 @inlined
 def gap_before(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
-    """Return the casing's place at the step's beginning."""
+    """Return the casing's position at the step's beginning."""
     return gap if drive is None else pack(drive.state.gap_before, lane)
 
 
 @inlined
 def gap_ahead(drive: Drive | None, gap: Pack, h: float, lane: Lane) -> Pack:
-    """Return the casing's place a step after ``gap``, for central differences."""
+    """Return the casing's position a step after ``gap``, for central differences."""
     return gap if drive is None else gap + h * pack(drive.state.speed, lane)
 
 
 @inlined
 def cut_gap(drive: Drive | None, share: float, tip: Tips, lanes: int) -> None:
-    """Take the casing back to a share of the last step."""
+    """Set the casing back to a fraction of the last step, by linear interpolation."""
     if drive is not None:
         for lane in range(lanes):
             before = drive.state.gap_before[lane]

@@ -1,15 +1,15 @@
-"""Free motion of all blocks in one step, a pack of lanes at a time: what a fixed step does between contacts.
+"""Free motion of all blocks in one step, a pack of lanes at a time.
 
-A kernel runs over time, in a step over packs of lanes, and in a pack over its blocks, whose sum stays
+A kernel loops over time, in a step over packs of lanes, and in a pack over its blocks, whose sum stays
 in a register from block to block, in the same order for every lane. So nothing of a step is stored
-but the states. For calls within a step to cost nothing,
+but the states. So that calls within a step cost nothing,
 
 - the number of lanes in a row of memory is asserted, see :mod:`workflow.kernels.lanes`, and so
   are the numbers of a block: the distance between rows is then a constant;
 - functions called in every step are inlined and count no references to arrays.
 
-What load and contact do to u and η of a block in a step is not in its state before the next one begins: :func:`ended`
-returns both with it. Blocks that are modes are scaled by their share in the tip, whose velocity is the sum of all u.
+Load and contact of a step are added to u and η of a block when the next step begins: :func:`ended` returns both at the
+step's end. Blocks that are modes are scaled by their component at the tip, whose velocity is then the sum of all u.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from workflow.schemes._fixed.contact import TipStep, friction_heat, was_pressed
 from workflow.schemes._fixed.rows import Own
 
 SPEED, PLACE = range(2)
-"""Rows of a block's motion, and of what acts on it: u and η."""
+"""Rows of a block's motion, and of inputs to it: u and η."""
 
 DECAY, SPRING, LOAD = range(3)
 """Coefficients of a block: u' per u and per η, u per unit impulse of the load."""
 
 LOAD_PLACE, TIP_SPEED, TIP_PLACE = range(3)
-"""Of a block that is no mode scaled by the tip: η per unit impulse of the load, the tip's velocity per u and per η."""
+"""Coefficients of a block that is no mode: η per unit impulse of the load, the tip's velocity per u and per η."""
 
 HEAT_DECAY, HEAT_INPUT, HEAT_SPEED = range(3)
-"""Coefficients of a thermal mode, scaled to add its τ to the tip's temperature: τ' per τ, τ per unit heat at the tip,
-and what the mode adds to the tip's velocity."""
+"""Coefficients of a thermal mode, scaled so that the tip's temperature is the sum of all τ: τ' per τ, τ per unit heat
+at the tip, and the thermal velocity of the tip per τ."""
 
 
 class FreeStep(NamedTuple):
-    """One free step and one unit impulse of the load; the kernel's view of an operator."""
+    """Coefficients of a free step and of a unit impulse of the load, for kernels."""
 
     blocks: Array
     """``(block, coefficient)``."""
@@ -53,49 +53,49 @@ class FreeStep(NamedTuple):
     """``(thermal mode, coefficient)``."""
     pair_block: NDArray[np.int64]
     pair_heat: NDArray[np.int64]
-    pair_pull: Array
+    pair_load: Array
     """u' and η' of a block, and the tip's velocity, per τ of a thermal mode near resonance with it, ``(pair, 3)``."""
     drifting: NDArray[np.int64]
     """Blocks of first order on which constant loads act."""
     tip: TipStep
     heat_counts: bool
-    """Whether τ at a step's end holds the heat of the contact in it; central differences add it with the next step."""
+    """Whether τ at a step's end includes the contact heat of that step; central differences add it in the next step."""
 
 
 class State(NamedTuple):
-    """States of a block of cases and what its cases have of their own."""
+    """States of a block of cases, and rows of its cases."""
 
     own: Own
     motion: Array
     """``(block, row, lane)``."""
     drives: Array
-    """What a unit impulse of contact does, with its friction and its heat, ``(block, row, lane)``."""
+    """u and η per unit impulse of contact, with its friction and its heat, ``(block, row, lane)``."""
     steady: Array
-    """What constant loads add to u of drifting blocks in a step, ``(drifting block, lane)``."""
+    """Increment of u of drifting blocks in a step by constant loads, ``(drifting block, lane)``."""
     tau: Array
-    """``(thermal mode, lane)``, without the heat of the last contact, which the next step adds."""
+    """``(thermal mode, lane)``, without the contact heat of the last step, which the next step adds."""
     tau_before: Array
     """τ at the beginning of the last step."""
     tau_paired: Array
-    """Either of the two: the τ that pulls at blocks near resonance."""
+    """Either of the two: the τ that loads blocks near resonance."""
     dense: Dense | None = None
-    """What counts the motion of modes for balances where blocks are none."""
+    """Matrices for the balances of modes where these are not blocks."""
 
 
-class Alone(NamedTuple):
+class FreeTip(NamedTuple):
     """The tip at a step's end without load and contact."""
 
     velocity: Pack
     temperature: Pack
-    dragged: Pack
-    """The part of the velocity that heat drags along."""
+    thermal_velocity: Pack
+    """The thermal part of the velocity."""
 
 
 @inlined
 def lay_out(step: FreeStep, state: State) -> None:
-    """Assert how far apart rows lie, once before the first step, for all that is inlined after it.
+    """Assert the strides of all rows once, before the first step, for the functions that are inlined after it.
 
-    The compiler knows distances then, instead of reading them for each pack of lanes.
+    The compiler then takes them as constants, instead of reading them for each pack of lanes.
     """
     assert step.blocks.shape[1] == LOAD + 1
     assert step.heat_modes.shape[1] == HEAT_SPEED + 1
@@ -110,7 +110,7 @@ def lay_out(step: FreeStep, state: State) -> None:
 def ended(
     coupled: Array | None, step: FreeStep, state: State, j: int, load: Pack, contact: Pack | None, lane: Lane
 ) -> tuple[Pack, Pack]:
-    """Return u and η of block j at the end of the last step; ``contact`` is its impulse in it where there was one."""
+    """Return u and η of block j at the end of the last step; ``contact`` is the impulse in it, if any."""
     u = plus(pack(state.motion, (j, SPEED, lane)), pack(state.drives, (j, SPEED, lane)), contact)
     eta = plus(pack(state.motion, (j, PLACE, lane)), pack(state.drives, (j, PLACE, lane)), contact)
     u += shared(step.blocks, (j, LOAD), lane) * load
@@ -119,7 +119,7 @@ def ended(
 
 @inlined
 def _at_tip(coupled: Array | None, j: int, u: Pack, eta: Pack, lane: Lane) -> Pack:
-    """Return the velocity of the tip with block j."""
+    """Return the part of block j in the velocity of the tip."""
     return (
         u
         if coupled is None
@@ -138,7 +138,7 @@ def _step_blocks(
     contact: Pack | None,
     lane: Lane,
 ) -> Pack:
-    """Step the blocks, and return the tip's velocity with theirs."""
+    """Step the blocks, and add their part to the tip's velocity."""
     motion, load = state.motion, pack(state.own.load, lane)
     dissipated, given = spread(0.0, lane), spread(0.0, lane)
     for j in range(motion.shape[0]):
@@ -165,7 +165,7 @@ def _step_heat(
     heat: Pack | None,
     lane: Lane,
 ) -> tuple[Pack, Pack]:
-    """Step the thermal modes, and return velocity and temperature of the tip with theirs."""
+    """Step the thermal modes, and add their parts to velocity and temperature of the tip."""
     loss = spread(0.0, lane)
     for k in range(tau.shape[0]):
         before = pack(tau, (k, lane))
@@ -182,20 +182,20 @@ def _step_heat(
 
 @inlined
 def _add_pairs(step: FreeStep, state: State, velocity: Pack, lane: Lane) -> Pack:
-    """Add what thermal modes do to blocks near resonance with them, and return the tip's velocity with it."""
+    """Add the load of thermal modes on blocks near resonance with them to the blocks and to the tip's velocity."""
     motion = state.motion
     for pair in range(step.pair_block.size):
         j, tau = step.pair_block[pair], pack(state.tau_paired, (step.pair_heat[pair], lane))
         for row in range(2):
-            pulled = shared(step.pair_pull, (pair, row), lane) * tau
+            pulled = shared(step.pair_load, (pair, row), lane) * tau
             store(motion, (j, row, lane), pack(motion, (j, row, lane)) + pulled)
-        velocity += shared(step.pair_pull, (pair, 2), lane) * tau
+        velocity += shared(step.pair_load, (pair, 2), lane) * tau
     return velocity
 
 
 @inlined
 def _add_steady(coupled: Array | None, step: FreeStep, state: State, velocity: Pack, lane: Lane) -> Pack:
-    """Add what constant loads do to drifting blocks, and return the tip's velocity with it."""
+    """Add constant loads on drifting blocks to the blocks and to the tip's velocity."""
     for k in range(step.drifting.size):
         j, gained = step.drifting[k], pack(state.steady, (k, lane))
         store(state.motion, (j, SPEED, lane), pack(state.motion, (j, SPEED, lane)) + gained)
@@ -208,24 +208,23 @@ def _step(
     step: FreeStep,
     account: Account | None,
     state: State,
-    dragged: Pack,
+    thermal_velocity: Pack,
     temperature: Pack,
     contact: Pack | None,
     heat: Pack | None,
     lane: Lane,
-) -> Alone:
-    """Step all thermal modes and blocks, from which the tip's velocity and temperature are the known ones."""
-    dragged, temperature = _step_heat(account, step, state.tau, dragged, temperature, heat, lane)
-    velocity = _step_blocks(step.coupled, account, state.dense, step, state, dragged, contact, lane)
-    return Alone(velocity, temperature, dragged)
+) -> FreeTip:
+    """Step all thermal modes and blocks; the velocity and the temperature given are the known parts of the tip's."""
+    thermal_velocity, temperature = _step_heat(account, step, state.tau, thermal_velocity, temperature, heat, lane)
+    velocity = _step_blocks(step.coupled, account, state.dense, step, state, thermal_velocity, contact, lane)
+    return FreeTip(velocity, temperature, thermal_velocity)
 
 
 @inlined
-def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: Account | None, lane: Lane) -> Alone:
-    """Step all blocks to t; return the tip there without load and contact.
+def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: Account | None, lane: Lane) -> FreeTip:
+    """Step all blocks to t, with impulse and heat of the step before; return the tip there without load and contact.
 
-    They begin with impulse and heat of the step before; in most steps there is no contact in any lane.
-    ``warmed`` is what :func:`is_warmed` returned.
+    In most steps there is no contact in any lane. ``warmed`` is the result of :func:`is_warmed`.
     """
     own = state.own
     drift, warmth = spread(0.0, lane), spread(0.0, lane)
@@ -234,13 +233,13 @@ def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: A
         warmth = pack(own.warmth, lane) + pack(own.warming, lane) * t
     if was_pressed(own, lane):
         contact, heat = pack(own.impulse, lane), friction_heat(own, lane)
-        alone = _step(step, account, state, drift, warmth, contact, heat, lane)
+        free = _step(step, account, state, drift, warmth, contact, heat, lane)
     else:
-        alone = _step(step, account, state, drift, warmth, None, None, lane)
+        free = _step(step, account, state, drift, warmth, None, None, lane)
     if step.pair_block.size + step.drifting.size == 0:
-        return alone
-    velocity = _add_steady(step.coupled, step, state, _add_pairs(step, state, alone.velocity, lane), lane)
-    return Alone(velocity, alone.temperature, alone.dragged)
+        return free
+    velocity = _add_steady(step.coupled, step, state, _add_pairs(step, state, free.velocity, lane), lane)
+    return FreeTip(velocity, free.temperature, free.thermal_velocity)
 
 
 @part
@@ -254,7 +253,7 @@ def is_warmed(own: Own, lanes: int) -> bool:
 
 @part
 def store_heat(step: FreeStep, state: State, into: Array, lanes: int) -> None:
-    """Store τ as it is at the end of the last step, with the heat of the contact in it where that counts there."""
+    """Store τ at the end of the last step, with its contact heat where ``heat_counts``."""
     own = state.own
     for k in range(into.shape[0]):
         for lane in range(lanes):

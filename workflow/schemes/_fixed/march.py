@@ -1,4 +1,4 @@
-"""The march of all schemes with a fixed step: blocks of cases, steps, samples, balances; contact by its law.
+"""The time-stepping kernel of all schemes with a fixed step: blocks of cases, steps, samples, balances, contact.
 
 A scheme gives its step (:class:`~workflow.schemes._fixed.blocks.Step`) and its contact law
 (:mod:`workflow.schemes._fixed.contact`), whose type specialises the march when it is compiled.
@@ -19,10 +19,10 @@ from workflow.schemes._fixed import free_motion, stepping
 from workflow.schemes._fixed.balance import Account, count_work, lay_out_account
 from workflow.schemes._fixed.balances import Balances
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.contact import CentralStep, Contact, End, Free, Law, TipStep, contact_step, respond
+from workflow.schemes._fixed.contact import CentralStep, Contact, End, Law, TipInput, TipStep, contact_step, respond
 from workflow.schemes._fixed.count import count_step
 from workflow.schemes._fixed.drive import DriveRows, turn_drive
-from workflow.schemes._fixed.free_motion import Alone, FreeStep, State
+from workflow.schemes._fixed.free_motion import FreeStep, FreeTip, State
 from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.outcome import effective_restitution
 from workflow.schemes._fixed.rows import Own
@@ -37,13 +37,13 @@ KERNELS: dict[type, Callable[..., None]] = {}
 """The march of each contact law, by the type of its parameters."""
 
 FEW_ROWS = 60
-"""Rows of lanes up to which a step takes packs of several registers, which share what a step costs beside its blocks.
+"""Rows of lanes up to which a step takes packs of several registers, which share the fixed cost of a step.
 
-Through more rows narrow packs were faster on the processor it was chosen on, with the same bits.
+With more rows narrow packs were faster on the processor where it was measured; the bits are the same.
 """
 
 ENERGY_INTERVAL, FEWEST_ENERGIES = 32, 128
-"""The largest energy is looked for in every so many steps, in short runs at least so many times or in every step."""
+"""Steps from one evaluation of the largest energy to the next, and their least number in short runs."""
 
 
 @by_type
@@ -57,7 +57,7 @@ def open_march(
     account: Account | None,
     in_broad: int,
 ) -> None:
-    """Do what a scheme does at t = 0: nothing for the θ-method."""
+    """Do a scheme's work at t = 0: none for the θ-method."""
 
 
 @defines(open_march, CentralStep)
@@ -80,30 +80,30 @@ def _open_centrally(
 
 @inlined
 def _open(step: FreeStep, law: Law, now: Now, state: State, block: Block, account: Account | None, lane: Lane) -> None:
-    """Take the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
+    """Do the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
     own = state.own
-    alone = Alone(pack(own.first, lane), spread(0.0, lane), pack(own.dragged, lane))
-    stepping.store_end(close_step(step, law, now, alone, state, block, account, lane), block.tip, lane)
+    free = FreeTip(pack(own.first, lane), spread(0.0, lane), pack(own.thermal_velocity, lane))
+    stepping.store_end(close_step(step, law, now, free, state, block, account, lane), block.tip, lane)
     store(own.before, lane, 2.0 * pack(own.before, lane))
 
 
 @inlined
 def close_step(
-    step: FreeStep, law: Law, now: Now, alone: Alone, state: State, block: Block, account: Account | None, lane: Lane
+    step: FreeStep, law: Law, now: Now, free: FreeTip, state: State, block: Block, account: Account | None, lane: Lane
 ) -> End:
-    """Close a step by load and contact, and count what they do."""
+    """Complete a step by load and contact, and count their work."""
     tip, load = block.tip, stepping.load_impulse(now, step.tip.h, block, lane)
-    free = Free(alone.velocity, alone.temperature, load, pack(tip.gap, lane), block.drive)
-    end = contact_step(step.tip, law, free, state.own, tip, lane)
-    count_work(account, step.tip, end, alone.dragged, free, state.own, tip, lane)
+    driven = TipInput(free.velocity, free.temperature, load, pack(tip.gap, lane), block.drive)
+    end = contact_step(step.tip, law, driven, state.own, tip, lane)
+    count_work(account, step.tip, end, free.thermal_velocity, driven, state.own, tip, lane)
     return end
 
 
 @inlined
 def _step(step: FreeStep, law: Law, now: Now, state: State, block: Block, account: Account | None, lane: Lane) -> None:
-    """Take a pack of lanes through a step: free motion, load and contact, counts."""
-    alone = free_motion.step_freely(step, now.warmed, now.t, state, account, lane)
-    end = close_step(step, law, now, alone, state, block, account, lane)
+    """Do a step of a pack of lanes: free motion, load and contact, counts."""
+    free = free_motion.step_freely(step, now.warmed, now.t, state, account, lane)
+    end = close_step(step, law, now, free, state, block, account, lane)
     if now.marked:
         stepping.store_end(end, block.tip, lane)
     else:
@@ -112,9 +112,9 @@ def _step(step: FreeStep, law: Law, now: Now, state: State, block: Block, accoun
 
 @inlined
 def march(step: FreeStep, law: Law, state: State, block: Block, account: Account | None) -> None:
-    """Step a block of cases; lanes never meet.
+    """Step a block of cases, whose lanes are independent.
 
-    ``state.tau_before`` is left with τ at the beginning of the last step, ``state.tau`` with τ at its end.
+    On return ``state.tau_before`` is τ at the beginning of the last step, ``state.tau`` is τ at its end.
     """
     load, tip, lanes, h, theta = block.load, block.tip, block.lanes, block.h, step.tip.theta
     free_motion.lay_out(step, state)
@@ -141,10 +141,10 @@ def march(step: FreeStep, law: Law, state: State, block: Block, account: Account
 
 
 def contact_law(kind: type[Any]) -> Callable[[R], R]:
-    """Return a decorator: what follows is the contact law of a type of parameters, a named tuple.
+    """Return a decorator of the contact law for a type of parameters, a named tuple.
 
-    It is called as :func:`~workflow.schemes._fixed.contact.respond`, and may use what numba compiles. Its march is
-    compiled when it is first called.
+    The law is called as :func:`~workflow.schemes._fixed.contact.respond`, and may use what numba compiles. Its march is
+    compiled at the first call.
     """
 
     def add(law: R) -> R:
@@ -152,7 +152,7 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
             align_stack()
             march(step, law, state, block, account)
 
-        march_cases.__module__ = law.__module__  # where it is kept: the machine code is made of that one's sources too
+        march_cases.__module__ = law.__module__  # the key of the cache: the machine code depends on that source too
         KERNELS[kind] = uncounted(march_cases)
         return defines(respond, kind)(law)
 
@@ -160,7 +160,7 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
 
 
 def _law_lanes(law: Law) -> tuple[Law, list[tuple[Array, Array]]]:
-    """Return a law with a row of lanes for each parameter that differs between cases, and these with their values."""
+    """Return a law with a row of lanes for each parameter that differs between cases, and these rows with values."""
     lanes = law._make(lane_rows() if isinstance(value, np.ndarray) else float(value) for value in law)
     return lanes, [(row, values) for row, values in zip(lanes, law, strict=True) if isinstance(values, np.ndarray)]
 
@@ -175,9 +175,9 @@ def step_batch(
     sampling: Sampling,
     drive: DriveRows | None,
 ) -> Ended:
-    """Step all cases in blocks by a scheme's step, with W, ``(case,)``, and the modes' first ``velocity``.
+    """Step all cases by a scheme's step, with W ``(case,)`` and the initial modal ``velocity`` ``(case, mode)``.
 
-    That is ``(case, mode)``, of central differences half a step before t = 0.
+    For central differences that is the velocity half a step before t = 0.
     """
     modal, begun = blocks.modal, start(blocks, cases, velocity)
     free, watched = (
@@ -189,7 +189,7 @@ def step_batch(
     own.alpha, own.mobility = cases.alpha, contact.mobility(free.tip.h, w)
     own.drift, own.warmth, own.warming = begun.drift, begun.warmth, begun.warming
     if not free.heat_counts:
-        states, own.first, own.dragged = first_free(blocks, begun)
+        states, own.first, own.thermal_velocity = first_free(blocks, begun)
         own.ahead, own.half = cases.displacement[:, -1], project(modal.tip, velocity)
 
     law, law_filled = _law_lanes(contact.law(cases))

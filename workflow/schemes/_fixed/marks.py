@@ -1,4 +1,4 @@
-"""Samples and load periods: the steps in which they fall due, and the block of cases they belong to."""
+"""Samples and load periods of a block of cases, and the steps in which they are due."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK
-from workflow.kernels.packs import fetch, narrow, pack, store
+from workflow.kernels.packs import narrow, pack, prefetch, store
 from workflow.models import Array
 from workflow.schemes._fixed.drive import Drive
 from workflow.schemes._fixed.rows import Tips
-from workflow.schemes._fixed.tip_load import Load
+from workflow.schemes._fixed.tip_load import TipLoads
 
 NEVER = np.iinfo(np.int64).max
 
 WAITING = 8
-"""Samples that are kept until they fill a line of the cache, which is then written whole."""
+"""Samples that are buffered until they fill a cache line, which is then written whole."""
 
 
 class Marks(NamedTuple):
-    """Steps in which a sample or the end of a load period falls due, and at which share of the step."""
+    """Steps in which a sample or the end of a load period is due, and the fraction of the step at which it lies."""
 
     sample_due: NDArray[np.int64]
     sample_weight: Array
@@ -30,19 +30,19 @@ class Marks(NamedTuple):
     period_weight: Array
     """``(case, period)``."""
     next_mark: NDArray[np.int64]
-    """The next step in which something falls due, the next sample, the next step that ends a load period, ``(3,)``."""
+    """The next step in which anything is due, the next sample, the next step that ends a load period, ``(3,)``."""
     next_period: NDArray[np.int64]
     """``(case,)``."""
 
 
-class Record(NamedTuple):
-    """Where samples and closed load periods are written."""
+class BlockRecord(NamedTuple):
+    """Output arrays of samples and of load periods that have ended."""
 
     histories: Array
-    """Displacement, velocity, temperature and impulse, ``(case, 4, t)``: any range of cases lies in one piece,
+    """Displacement, velocity, temperature and impulse, ``(case, 4, t)``: any range of cases is contiguous,
     so that kernels are compiled for one kind of array."""
     samples: Array
-    """Samples not written yet, a row for each quantity and sample, ``(4 * WAITING, lane)``."""
+    """Buffered samples, a row for each quantity and sample, ``(4 * WAITING, lane)``."""
     periods: Array
     """Impulse, largest temperature, contact time, displacement, velocity and temperature at the end, and impacts,
     ``(case, 7, period)``."""
@@ -51,10 +51,10 @@ class Record(NamedTuple):
 class Block(NamedTuple):
     """Up to ``LANES`` consecutive cases that a kernel steps at once."""
 
-    load: Load
+    load: TipLoads
     tip: Tips
     marks: Marks
-    record: Record
+    record: BlockRecord
     drive: Drive | None
     lanes: int
     """Lanes in use, whole packs; the cases come first, idle lanes last."""
@@ -64,13 +64,13 @@ class Block(NamedTuple):
 
 @inlined
 def _between(before: Any, after: Any, share: float) -> Any:
-    """Return a number, or a pack, at a share of a step by linear interpolation; the step's end itself exactly."""
+    """Interpolate a number or a pack linearly at a fraction of a step; the step's end itself is exact."""
     return after if share == 1.0 else before + share * (after - before)
 
 
 @part
 def _close_periods(step: int, block: Block) -> None:
-    """Close the load periods that end within this step, and find the step in which the next one does."""
+    """Write the load periods that end within this step, and find the step in which the next one ends."""
     tip, h, periods = block.tip, block.h, block.record.periods
     period_due, period_weight, next_period = block.marks.period_due, block.marks.period_weight, block.marks.next_period
     first = NEVER
@@ -103,16 +103,16 @@ def _close_periods(step: int, block: Block) -> None:
 
 @part
 def _sample(k: int, share: float, block: Block) -> None:
-    """Take sample k, which lies at a ``share`` of the step; write ``WAITING`` samples at a time.
+    """Interpolate sample k at a fraction ``share`` of the step; write ``WAITING`` samples at a time.
 
-    Each sample fetches some of the cache lines that will be written: fetched all at once they would stall the kernel.
+    Each sample prefetches some of the cache lines that will be written: all at once they would stall the kernel.
     """
     tip, waiting, histories = block.tip, block.record.samples, block.record.histories
     slot = (k - 1) % WAITING
     last = min(k - slot + WAITING, histories.shape[2]) - 1
     for case in range(slot, histories.shape[0], WAITING):
         for j in range(histories.shape[1]):
-            fetch(histories, (case, j, last))
+            prefetch(histories, (case, j, last))
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
         impulse = pack(tip.impulse, lane)
@@ -132,10 +132,10 @@ def _sample(k: int, share: float, block: Block) -> None:
 
 @part
 def take_marks(step: int, block: Block) -> float:
-    """Write the samples and close the load periods that end within this step.
+    """Write the samples and load periods that are due within this step; return the part of the step that counts, s.
 
-    Returns the part of the step that counts, s: all but the last one count whole, the last up to
-    the duration, where the last sample lies; there the tip's new values are cut back to it.
+    All steps but the last count whole, the last up to the duration, where the last sample lies; the tip's new values
+    are interpolated there.
     """
     tip, lanes, h, steps = block.tip, block.lanes, block.h, block.steps
     next_mark = block.marks.next_mark

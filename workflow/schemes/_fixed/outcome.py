@@ -1,4 +1,4 @@
-"""How the cases of a batch ended: what schemes with a fixed step share."""
+"""Status and messages of the cases of a batch, for schemes with a fixed step."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Outcome = tuple[NDArray[np.int8], dict[int, str]]
 """Status of each case, and the message of each that is not ok."""
 
 ROUNDING = 16 * np.finfo(float).eps
-"""A free step grows only above 1 by more than the few operations that compute its factor can err."""
+"""Excess of a spectral radius over 1 up to which it is the rounding of the few operations that compute it."""
 
 
 def effective_restitution(own: Own) -> dict[str, Array]:
-    """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended or a sum has left the finite numbers."""
+    """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended or a sum is not finite."""
     approached, separated = own.approached, own.separated
     met = (approached > 0) & np.isfinite(approached) & np.isfinite(separated)
     return {"effective_restitution": np.where(met, separated / np.where(met, approached, 1.0), np.nan)}
@@ -31,14 +31,14 @@ def by_heat(cases: Cases, run: Callable[[Cases, bool], Results]) -> Results:
     """Run the cases whose thermal states can act, and those without: ``run(cases, heated)``."""
     heated = cases.heated
     groups = [(np.flatnonzero(heated), True), (np.flatnonzero(~heated), False)]
-    with np.errstate(over="ignore", invalid="ignore"):  # the status of a case that left the finite numbers says so
+    with np.errstate(over="ignore", invalid="ignore"):  # the status reports a case that is not finite
         return merge([(which, run(cases.take(which), hot)) for which, hot in groups if which.size])
 
 
 def judged(
     finite: NDArray[np.bool_], ill_posed: Any, explain: Callable[[int], str], grown: str | None, left: str
 ) -> Outcome:
-    """Decide what became of each case: by theory where it can be, else by whether its last state is ``finite``.
+    """Return status and message of each case: by theory where there is one, else by whether its last state is finite.
 
     Parameters
     ----------
@@ -46,11 +46,11 @@ def judged(
         Whether a case ended with finite numbers; whether its contact has no unique solution, ``(case,)`` or one
         for all.
     explain
-        What is said of an ill-posed case that did not.
+        ``explain(case)``: message of an ill-posed case that is not finite.
     grown
-        What is said of all others where the free step grows, ``None`` where it does not.
+        Message of all others where the free step is unstable, ``None`` where it is stable.
     left
-        What is said of cases that are not finite for no such reason.
+        Message of cases that are not finite for neither reason.
     """
     lost = ill_posed & ~finite
     status = np.where(lost, Status.ILL_POSED, np.where(finite & (grown is None), Status.OK, Status.DIVERGED))
@@ -59,7 +59,7 @@ def judged(
 
 
 def friction_message(h: float, friction: float, name: str) -> str:
-    """Return what is said of a case whose friction leaves contact without a unique solution."""
+    """Return the message of a case whose friction leaves contact without a unique solution."""
     return (
         f"contact has no unique solution at h = {h:.6g} s ({name} <= 0 at friction coefficient {friction:.6g}): "
         "friction pushes the tip into the casing more than the contact force pushes it out; lower the coefficient"

@@ -1,4 +1,4 @@
-"""Energy and heat of a scheme that steps plain states, summed over whole steps.
+"""Balances of energy and heat of a scheme that steps nodal states, summed over whole steps.
 
 They are those of the whole motion, with its midpoint values: see :mod:`workflow.schemes._fixed.balance`.
 """
@@ -18,7 +18,7 @@ States = tuple[Array, Array, Array]
 
 
 class PlainBalance:
-    """Sums of a batch."""
+    """Sums of the balances of a batch."""
 
     def __init__(self, structure: Structure, cases: Cases, h: float) -> None:
         self._structure, self._cases, self._h, self._steps = structure, cases, h, 0
@@ -27,14 +27,14 @@ class PlainBalance:
         self._totals.first_energy = self._keep(cases.displacement, cases.velocity)
 
     def _keep(self, x: Array, v: Array) -> Array:
-        """Keep the energy ½ vᵀM v + ½ xᵀK1 x at a step's end, and the largest one."""
+        """Store the energy ½ vᵀM v + ½ xᵀK1 x at a step's end, and update the largest one."""
         kinetic = row_totals(v * project(self._structure.mass, v))
         energy = 0.5 * (kinetic + row_totals(x * project(self._structure.stiffness_matrix, x)))
         self._totals.last_energy = energy
         self._totals.largest_energy = np.maximum(self._totals.largest_energy, energy)
         return energy
 
-    @np.errstate(over="ignore", invalid="ignore")  # of a case that leaves the finite numbers
+    @np.errstate(over="ignore", invalid="ignore")  # of a case that is no longer finite
     def add(self, before: States, after: States, impulse: Array, load: Array) -> None:
         """Add a step from its states at both ends, the impulse p and the load F_θ in it, N s and N, ``(case,)``."""
         structure, totals = self._structure, self._totals

@@ -1,8 +1,8 @@
-"""Recorder of a scheme that steps plain states: histories, counts, load periods and balances of a whole batch.
+"""Recorder of a scheme that steps nodal states: histories, counts, load periods and balances of a whole batch.
 
-A scheme that loops over its steps in NumPy hands the states at each step's end to :meth:`Recorder.record` and
+A scheme that loops over its steps in NumPy passes the states at each step's end to :meth:`Recorder.record` and
 returns :meth:`Recorder.results`. Samples, impacts, contact time, load periods and maxima are counted by the
-kernels of the other fixed-step schemes (:mod:`~workflow.schemes._fixed.stepping`), so that all mean the same.
+kernels of the other fixed-step schemes (:mod:`~workflow.schemes._fixed.stepping`), with the same definitions.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.plain_balance import PlainBalance
 from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._fixed.stepping import Ended, block_of, collect, count_stored, parts, watch
-from workflow.schemes._fixed.tip_load import Load
+from workflow.schemes._fixed.tip_load import TipLoads
 from workflow.schemes._interface import Results, Sampling
 
 
 @uncounted
 def _count(step: int, block: Block) -> None:
-    """Take the samples and close the load periods of a step, then count impact, contact and maxima at its end."""
+    """Write the samples and load periods of a step, then count impact, contact and maxima at its end."""
     count_stored(step, block)
 
 
@@ -55,7 +55,7 @@ class Recorder:
         self._blocks = []
         for part in parts(cases.count, LANES):
             tips = lane_rows(rows_in(Tips))
-            block = block_of(self._watched, part, lane_rows(rows_in(Load)), tips, lane_rows(4 * WAITING))
+            block = block_of(self._watched, part, lane_rows(rows_in(TipLoads)), tips, lane_rows(4 * WAITING))
             self._blocks.append((part, tips, block))
         self._growth = static_tip_growth(structure)
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
@@ -64,7 +64,7 @@ class Recorder:
         self._before = self._states
 
     def load(self, share: float = 1.0) -> Array:
-        """Return the tip load f(t) with its harmonics at a share of the step that is due, N, ``(case,)``."""
+        """Return the tip load f(t) with its harmonics at a fraction of the step that is due, N, ``(case,)``."""
         return self._cases.load_at((self._step + share) * self._h)
 
     def record(
@@ -81,8 +81,8 @@ class Recorder:
         impulse
             Impulse p >= 0 of the casing on the tip in the step, N s, ``(case,)``.
         load
-            The tip load as the step has taken it, by which balances count its work, N, ``(case,)``; without it the mean
-            of :meth:`load` at both ends.
+            The tip load that the step has used, whose work the balances count, N, ``(case,)``; by default the mean of
+            :meth:`load` at both ends.
         """
         before, after = self._states, (displacement, velocity, temperature)
         if self._balances is not None:
@@ -101,10 +101,9 @@ class Recorder:
             _count(self._step, block)
 
     def _casing(self) -> Array:
-        """Return where the casing is at the step's end, m, ``(case,)``.
+        """Return the casing's position at the step's end, m, ``(case,)``.
 
-        Where the duration ends within the last step: where a line from its place at the step's beginning has it then,
-        as the tip's displacement is cut back along a line.
+        Where the duration ends within the last step it is interpolated linearly there, as the tip's displacement is.
         """
         after = self._cases.casing_at(self._step * self._h)
         share = self._watched.schedule.weight[-1]
@@ -115,7 +114,7 @@ class Recorder:
 
     @np.errstate(over="ignore", invalid="ignore")
     def results(self) -> Results:
-        """Return what the batch gave; a case whose tip left the finite numbers is ``diverged``."""
+        """Return the results of the batch; a case whose tip is not finite is ``diverged``."""
         watched = self._watched
         for part, tips, _ in self._blocks:
             watched.tips[:, part] = tips[:, : part.stop - part.start]

@@ -1,20 +1,20 @@
 """Contact by a spring and a damper: in a step of the θ-method, with an implicit force, or of central differences.
 
-In the θ-method the impulse of a step is p = h (θ λ' + (1-θ) λ), both forces by the law λ = max(0, κ (x_n - d) + c v_n)
+In the θ-method the impulse of a step is p = h (θ λ' + (1-θ) λ), with both forces by λ = max(0, κ (x_n - d) + c v_n)
 where x_n > d. With the tip at (x_a, v_a) for λ' = 0 there are two branches:
 
     apart      λ' = 0,                                            consistent where x_a <= d or λ' below is not > 0
     in contact λ' = (κ (x_a - d) + c v_a) / (1 + hθW (hθκ + c)),  consistent where then x_n' > d
 
 The force jumps by c v_n at the casing: where neither is consistent (the damper alone would push the
-tip out again) λ' is what puts the tip on the casing, between the two.
+tip out again) λ' is the force between the two that puts the tip on the casing.
 
-In central differences λ_k is linear in the tip's motion, its impulse hλ_k
+In central differences λ_k is linear in the tip's motion, and its impulse hλ_k is
 
     p_k = max(0, s κ (x_n,k - d) + s c/2 (w_k-½ + w_free)),   s = h / (1 + hcW/2)
     W = e_nᵀ (M + h/2 C1)⁻¹ (e_n - µ t),
 
-with w_k-½ the tip's velocity in the step before and w_free that in the step from t_k on without contact.
+with w_k-½ the tip's velocity in the step before and w_free its velocity in the step from t_k without contact.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from workflow.schemes._fixed.contact import Contact, Response, Tip
 from workflow.schemes._fixed.march import contact_law
 
 _TIMES_STATIC = 10.0
-"""The default κ in static stiffnesses of the tip: it yields a tenth of what the structure does."""
+"""The default κ over the static stiffness of the tip: the spring deflects a tenth as far as the structure."""
 
 
 class Spring(NamedTuple):
@@ -39,7 +39,7 @@ class Spring(NamedTuple):
 
 
 class CentralSpring(NamedTuple):
-    """The same in central differences."""
+    """A contact spring κ [N/m] and a damper c [N s/m] in central differences."""
 
     stiffness: Any
     damping: Any
@@ -72,7 +72,7 @@ def _respond_centrally(law: CentralSpring, tip: Tip, h: float, theta: float) -> 
 
 
 def default_stiffness(structure: Structure) -> float:
-    """Return ten times the static stiffness of the tip against its rigid motion, N/m.
+    """Return ten times the static stiffness of the tip relative to its rigid motion, N/m.
 
     Raises
     ------
@@ -87,8 +87,8 @@ def default_stiffness(structure: Structure) -> float:
     return _TIMES_STATIC / flexibility
 
 
-def by_theta(theta: float, stiffness: float, damping: float) -> Contact:
-    """Return the contact by a spring κ [N/m] and a damper c [N s/m] in steps of the θ-method."""
+def theta_contact(theta: float, stiffness: float, damping: float) -> Contact:
+    """Return the contact with a spring κ [N/m] and a damper c [N s/m] in steps of the θ-method."""
 
     def factor(h: float, w: Any) -> Any:
         return 1 + h * theta * w * (h * theta * stiffness + damping)
@@ -103,8 +103,8 @@ def by_theta(theta: float, stiffness: float, damping: float) -> Contact:
     )
 
 
-def in_differences(stiffness: float, damping: float) -> Contact:
-    """Return the contact by a spring κ [N/m] and a damper c [N s/m] in central differences."""
+def central_contact(stiffness: float, damping: float) -> Contact:
+    """Return the contact with a spring κ [N/m] and a damper c [N s/m] in central differences."""
     return Contact(
         lambda cases: CentralSpring(stiffness, damping),
         lambda h, w: 1 + 0.5 * h * damping * w,

@@ -1,4 +1,4 @@
-"""Up to which step a scheme holds with a contact spring at the tip."""
+"""Largest step at which a scheme is stable with a contact spring at the tip."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from workflow.kernels.algebra import eigenvalues, singular
 from workflow.models import Structure, mechanical_modes
 
 _SWITCHING, _LASTING = 0.5, 0.95
-"""Largest h √(κ W) and share of 2/ω_max at which switching contact creates no energy, see :func:`switching_limit`."""
+"""Largest h √(κ W) and h ω_max/2 at which intermittent contact creates no energy, see :func:`switching_limit`."""
 
 _SWITCHING_IMPLICIT, DISSIPATES = 0.25, 0.75
-"""The same of the θ-method, and the θ from which on it has no limit, see :func:`implicit_limit`."""
+"""Largest h √(κ W) of the θ-method, and the θ from which on it has no limit, see :func:`implicit_limit`."""
 
 
 TipModes = tuple[Array, Array, Array]
@@ -20,7 +20,7 @@ TipModes = tuple[Array, Array, Array]
 
 
 def tip_modes(structure: Structure, friction: float = 0.0) -> TipModes:
-    """Return how the modes of a structure meet a contact force at a coefficient of friction along its tangent."""
+    """Return the components of the modes at the tip, with a coefficient of friction along the structure's tangent."""
     modes = mechanical_modes(structure)
     if structure.tangent is None or friction == 0:
         return modes.values, modes.tip, modes.tip
@@ -28,17 +28,17 @@ def tip_modes(structure: Structure, friction: float = 0.0) -> TipModes:
 
 
 def lasting_limit(modes: TipModes, stiffness: float) -> float:
-    """Return the step up to which no motion grows while the tip stays in contact, s: 2/ω_max of K1 with κ at the tip.
+    """Return the largest stable step in lasting contact, s: 2/ω_max of K1 with κ at the tip.
 
-    Central damping does not move it. Where friction turns the contact force away from the tip's own share, ω_max² is
-    the largest |eigenvalue| of diag(ω²) + κ (φ_n - µ φᵀt) φ_nᵀ. Where that matrix has eigenvalues that are not positive
+    Central damping does not change it. Where friction turns the contact force away from the normal, ω_max² is the
+    largest |eigenvalue| of diag(ω²) + κ (φ_n - µ φᵀt) φ_nᵀ. Where that matrix has eigenvalues that are not positive
     the motion itself grows in contact, at any step.
     """
     frequency, tip, force = modes
     if force is not tip:
         spectrum = eigenvalues(np.diag(frequency**2) + stiffness * force[:, None] * tip)
         return float(2 / np.sqrt(np.sqrt(np.max(spectrum.real**2 + spectrum.imag**2))))
-    at_tip = np.sqrt(stiffness) * tip  # the root of κ at the tip, beside that of K1
+    at_tip = np.sqrt(stiffness) * tip  # square-root factor of κ at the tip, stacked below that of K1
     return float(2 / singular(np.vstack([np.diag(frequency), at_tip]))[0][0])
 
 
@@ -49,31 +49,31 @@ def _mobility(modes: TipModes) -> float:
 
 
 def switching_limit(structure: Structure, stiffness: float, friction: float) -> float:
-    """Return the step up to which central differences hold while contact comes and goes, s.
+    """Return the largest step at which central differences are stable in intermittent contact, s.
 
     That is the smaller of 0.95 · 2/ω_max, with ω_max of K1 with κ at the tip, and 0.5/√(κ W): a quarter of 2/ω of the
-    tip mass on the contact spring alone. 2/ω_max is the theory of a tip that stays in contact
-    (:func:`lasting_limit`); at 2/ω_max itself rounding grows too. The second is measured, as no theory of
-    switching contact gives it: each contact that begins or ends within a step makes or takes some energy, and above
-    it the sum of all grows. ``tests/schemes/test_contact_limit.py`` repeats the measurement: 120 scenes of 16 cases,
+    tip mass on the contact spring alone. 2/ω_max is the theoretical limit of a tip that stays in contact
+    (:func:`lasting_limit`), at which rounding grows already. The second is measured, as no theory of intermittent
+    contact gives it: each contact that begins or ends within a step creates or dissipates some energy, and above the
+    limit their sum grows. ``tests/schemes/test_contact_limit.py`` repeats the measurement: 120 scenes of 16 cases,
     random chains of 1 to 20 nodes, the heavy chain, the blade and reduced models, κ of 1 to 3e4 static stiffnesses
     of the tip, with and without damper and friction heat, 50 periods of the first mode or 2e5 steps. Up to this
-    limit no case created more energy than 0.4 times the largest it held; at 1.5 times the limit 22 % of the
+    limit no case created more energy than 0.4 times its largest; at 1.5 times the limit 22 % of the
     scenes have a case that created more than that, at 2 times 32 %, at 4 times all.
 
-    With friction the casing's drive does work, and a balance tells nothing.
-    ``tests/schemes/test_contact_limit_sliding.py`` measures how far the tip comes: in 99 of 120 random structures it
-    stays near at an eighth of the limit; there it comes at most 1.84 times as far at the limit, and more than twice as
-    far at 1.5 times the limit in 9 % of them, at 2 times in 21 %, at 4 times in 88 %.
+    With friction the casing's drive does work, so that an energy balance is no criterion.
+    ``tests/schemes/test_contact_limit_sliding.py`` measures the largest tip displacement: it stays small at an eighth
+    of the limit in 99 of 120 random structures. Of these it is at most 1.84 times as large at the limit, and more than
+    twice as large at 1.5 times the limit in 9 %, at 2 times in 21 %, at 4 times in 88 %.
     """
     modes = tip_modes(structure, friction)
     return float(min(_LASTING * lasting_limit(modes, stiffness), _SWITCHING / np.sqrt(stiffness * _mobility(modes))))
 
 
 def implicit_limit(structure: Structure, stiffness: float, friction: float) -> float:
-    """Return the step up to which the θ-method below θ = 0.75 holds while contact comes and goes, s: 0.25/√(κ W).
+    """Return the largest stable step of the θ-method with θ < 0.75 in intermittent contact, s: 0.25/√(κ W).
 
-    It is stable in lasting contact, but a spring that begins or ends to act within a step creates energy unless the
+    It is stable in lasting contact, but a contact that begins or ends within a step creates energy unless the
     method dissipates more. ``python tests/schemes/test_contact_limit.py 60 0.5`` measures it in the scenes of explicit
     steps: with θ = ½ at most 0.31 of the largest energy is created up to this limit, more than all of it at 2 times the
     limit in 1.7 % of the scenes, at 4 times in 13 %, at 30 times in 95 %. With θ = 0.75 nothing is created at 30 times

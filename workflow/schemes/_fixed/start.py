@@ -1,4 +1,4 @@
-"""How the cases of a batch begin: constant loads are split in a known answer and what every step adds."""
+"""Initial states of a batch: the response to constant loads is split into a known part and what every step adds."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.free_motion import FreeStep
 
 NO_DECAY = 1e-30
-"""Stands for a thermal factor D of exactly 0, by which what enters is divided: nothing beside 1."""
+"""Replaces a thermal factor D of exactly 0, by which the contact heat is divided: negligible beside 1."""
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """Where the cases of a batch start, split in a known answer to constant loads and the rest.
+class InitialState:
+    """Initial states of a batch, split into the known response to constant loads and the rest.
 
-    Blocks of second order and conducting modes rest at a static answer; an adiabatic mode warms steadily and drags a
-    mechanical response along. So the known part of the tip has the velocity drift, of which blocks of second order at
-    rest have their share beside those of first order, and the temperature warmth + warming · t. Constant loads on
-    blocks of first order, rigid modes among them, act in every step.
+    Blocks of second order and conducting modes have a static response; an adiabatic mode warms at a constant rate, with
+    a mechanical response to that. So the known part of the tip has the velocity drift, to which blocks of second order
+    contribute, and the temperature warmth + warming · t. Constant loads on blocks of first order, rigid modes among
+    them, act in every step.
 
     Attributes
     ----------
@@ -32,13 +32,13 @@ class Motion:
     heat
         Remaining τ, ``(thermal mode, case)``.
     settled, warming_modes
-        Modal temperatures of the known part, and their rise [1/s], ``(thermal mode, case)``.
+        Modal temperatures of the known part, and their rate [1/s], ``(thermal mode, case)``.
     drift, warmth, warming
         m/s, K and K/s, ``(case,)``.
     closing, closing_rate
         Quasi-static tip growth of the known temperatures, m and m/s, ``(case,)``.
     drifting, steady
-        Blocks of first order that constant loads act on, and what these add to their u in a step, ``(block, case)``.
+        Blocks of first order under constant loads, and the increment of u by these in a step, ``(block, case)``.
     """
 
     states: Array
@@ -54,8 +54,8 @@ class Motion:
     steady: Array
 
 
-def start(blocks: Blocks, cases: Cases, velocity: Array) -> Motion:
-    """Return how cases begin whose modes have a ``velocity`` ``(case, mode)``: of central differences at -h/2."""
+def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
+    """Return the initial states of cases with a modal ``velocity`` ``(case, mode)``, at -h/2 in central differences."""
     modal, h, c, k = blocks.modal, blocks.step.tip.h, blocks.damping[:, None], blocks.stiffness[:, None]
     conducting, elastic = modal.rate > 0, modal.frequency > 0
     heating = project(modal.heat_shapes.T, cases.heating)
@@ -71,8 +71,8 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> Motion:
     drifting = np.flatnonzero((blocks.stiffness == 0) & (blocks.scale != 0) & constant[0].any(axis=1))
 
     places = project(modal.to_modes, cases.displacement) - blocks.step.lever * velocity
-    states = blocks.of_modes(np.stack([velocity.T, places.T])) - blocks.dragged(heat.T) - known
-    return Motion(
+    states = blocks.of_modes(np.stack([velocity.T, places.T])) - blocks.thermal_response(heat.T) - known
+    return InitialState(
         states=states,
         heat=heat.T,
         settled=settled.T,
@@ -87,47 +87,47 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> Motion:
     )
 
 
-def first_free(blocks: Blocks, begun: Motion) -> tuple[Array, Array, Array]:
-    """Return u and η after the first step of central differences without load and contact, and the tip's velocity then.
+def first_free(blocks: Blocks, begun: InitialState) -> tuple[Array, Array, Array]:
+    """Return u and η after the first step of central differences without load and contact, and the tip's velocity.
 
-    The last is the part of that velocity which heat drags along, ``(case,)``.
+    The third value is the thermal part of that velocity, ``(case,)``.
     """
     states = blocks.ahead(begun.states)
     states[0, begun.drifting] += begun.steady
     for block, mode in blocks.pairs:
-        states[:, block] += blocks.pull[:, block, mode, None] * begun.heat[mode]
-    dragged = project(blocks.shown, begun.heat.T) + begun.drift
+        states[:, block] += blocks.thermal_load[:, block, mode, None] * begun.heat[mode]
+    thermal_velocity = project(blocks.heat_velocity, begun.heat.T) + begun.drift
     velocity = sum(project(row, values.T) for row, values in zip(blocks.tip, states, strict=True))
-    return states, velocity + dragged, dragged
+    return states, velocity + thermal_velocity, thermal_velocity
 
 
 def contact_heat(blocks: Blocks, cases: Cases) -> Array:
-    """Return what heat and friction of a unit impulse of contact do to u and η, ``(2, block, case)``."""
-    along, warm = blocks.modal.along, blocks.of_heat(blocks.step.warm[:, None]) * cases.alpha
+    """Return the changes of u and η by heat and friction of a unit impulse of contact, ``(2, block, case)``."""
+    along, warm = blocks.modal.tangent, blocks.of_heat(blocks.step.heat_gain[:, None]) * cases.alpha
     return warm if along is None else warm + blocks.of_impulses(along[:, None]) * cases.friction
 
 
 def drives(blocks: Blocks, cases: Cases) -> Array:
-    """Return what a unit impulse of contact does to u and η, ``(2, block, case)``."""
+    """Return the changes of u and η by a unit impulse of contact, ``(2, block, case)``."""
     return contact_heat(blocks, cases) - blocks.of_impulses(blocks.modal.tip[:, None])
 
 
 def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64]) -> FreeStep:
-    """Return the step's coefficients."""
+    """Return the coefficients of a step for kernels."""
     modal, step, scale = blocks.modal, blocks.step, blocks.modal.heat_scale
     h, (speed, place), (j, k) = step.tip.h, blocks.tip, blocks.pairs.T
     load, load_place = blocks.of_impulses((modal.tip if modal.load is None else modal.load)[:, None])[..., 0]
-    pull, decay = blocks.pull[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)
+    pull, decay = blocks.thermal_load[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)
     tip = contact.with_contact(step.tip)._replace(load_mobility=np.sum(speed * load + place * load_place))
     return FreeStep(
         blocks=np.stack([1 - h * blocks.damping, -h * blocks.stiffness, load * blocks.scale], axis=1),
         coupled=np.stack([load_place, speed, place], axis=1) if modal.is_coupled else None,
         heat_modes=np.stack(
-            [decay, scale * step.warm / (1.0 if step.heat_counts else decay), blocks.shown / scale], axis=1
+            [decay, scale * step.heat_gain / (1.0 if step.heat_counts else decay), blocks.heat_velocity / scale], axis=1
         ),
         pair_block=j,
         pair_heat=k,
-        pair_pull=np.stack([*(pull * blocks.scale[j]), speed[j] * pull[0] + place[j] * pull[1]], axis=1),
+        pair_load=np.stack([*(pull * blocks.scale[j]), speed[j] * pull[0] + place[j] * pull[1]], axis=1),
         drifting=drifting,
         tip=tip,
         heat_counts=step.heat_counts,

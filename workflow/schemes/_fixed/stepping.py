@@ -1,9 +1,9 @@
-"""What every fixed-step scheme shares: counts of the tip's states, samples, load periods.
+"""Counts of the tip's states, samples and load periods, for every fixed-step scheme.
 
-A kernel advances its own states in blocks of up to ``LANES`` cases, one per lane. In each step it finds the tip
-at the step's end and the impulse in it, an ``End``. If a sample or the end of a load period is due, :func:`store_end`
-stores it, ``take_marks`` interpolates between the old state and the new one, and :func:`observe` counts the new one;
-else :func:`count_end` counts it at once.
+A kernel advances its own states in blocks of up to ``LANES`` cases, one per lane. Each step gives the tip at its end
+and the impulse in it, an ``End``. If a sample or the end of a load period is due, :func:`store_end` stores it,
+``take_marks`` interpolates between the old state and the new one, and :func:`observe` counts the new one; else
+:func:`count_end` counts it at once.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from workflow.models import Array, Cases
 from workflow.schemes._fixed import tip_load
 from workflow.schemes._fixed.contact import End
 from workflow.schemes._fixed.drive import DriveRows, cut_gap, drive_lanes, fill_drive, with_harmonics
-from workflow.schemes._fixed.marks import NEVER, WAITING, Block, Marks, Record, take_marks
+from workflow.schemes._fixed.marks import NEVER, WAITING, Block, BlockRecord, Marks, take_marks
 from workflow.schemes._fixed.rows import Tips
-from workflow.schemes._fixed.tip_load import Load
+from workflow.schemes._fixed.tip_load import TipLoads
 from workflow.schemes._fixed.totals import Balance
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
 
 
 class Now(NamedTuple):
-    """A step, as its packs of lanes see it."""
+    """Time and load of a step, common to its packs of lanes."""
 
     t: float
     """Time at its end, s."""
     last: bool
     marked: bool
-    """Whether a sample or the end of a load period falls due in it: the tip's state at its end is stored then, and
+    """Whether a sample or the end of a load period is due in it: the tip's state at its end is stored then, and
     ``observe`` counts it later."""
     next_marked: bool
-    """The same of the next step, which then needs the tip's state at the end of this one."""
+    """Whether one is due in the next step, which then needs the tip's state at the end of this one."""
     sine: float
     leader: int
-    """The sine of the load in it, as :func:`tip_load.weigh_load` returned it, and the lane whose it is."""
+    """The weighted sine of the load that :func:`tip_load.weigh_load` returned, and the lane to which it belongs."""
     warmed: bool
     """Whether heating or the temperature of the surroundings moves the tip of some lane."""
 
 
 @inlined
 def step_at(step: int, theta: float, leader: int, warmed: bool, block: Block) -> Now:
-    """Return a step, with the load at its two ends weighed by 1 - θ and θ."""
+    """Return a step, with the load at its two ends weighted by 1 - θ and θ."""
     sine, mark = tip_load.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes), block.marks.next_mark[0]
     return Now(step * block.h, step == block.steps, step == mark, step + 1 == mark, sine, leader, warmed)
 
@@ -97,7 +97,7 @@ def count_end(end: End, next_marked: bool, span: float, tip: Tips, lane: Lane) -
 
 @inlined
 def observe(span: float, tip: Tips, lanes: int) -> None:
-    """Count what :func:`store_end` stored at the end of a step of ``span`` s."""
+    """Count the state that :func:`store_end` stored at the end of a step of ``span`` s."""
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         x, v = pack(tip.new_displacement, lane), pack(tip.new_velocity, lane)
@@ -107,7 +107,7 @@ def observe(span: float, tip: Tips, lanes: int) -> None:
 
 @inlined
 def count_stored(step: int, block: Block) -> None:
-    """Take the samples and load periods of a step whose end :func:`store_end` stored, then count that."""
+    """Write the samples and load periods of a step whose end :func:`store_end` stored, then count that end."""
     span = take_marks(step, block) if step == block.marks.next_mark[0] else block.h
     if step == block.steps:
         cut_gap(block.drive, span / block.h, block.tip, block.lanes)
@@ -130,7 +130,7 @@ class Watch:
     tips: Array
     drive: DriveRows | None
     """Harmonics of load and casing, ``(…, case)``."""
-    record: Record
+    record: BlockRecord
     period_due: NDArray[np.int64]
     period_weight: Array
 
@@ -145,7 +145,7 @@ class Watch:
         return self.schedule.steps * self.h
 
     def reached(self, before: Array, after: Array) -> Array:
-        """Return states where the duration ends, by those at the last step's beginning and end."""
+        """Interpolate states at the end of the duration between the last step's beginning and end."""
         return np.asarray(before + self.schedule.weight[-1] * (after - before))
 
     def finite(self, *rows: str) -> NDArray[np.bool_]:
@@ -154,13 +154,13 @@ class Watch:
 
 
 class Ended(NamedTuple):
-    """What a march leaves."""
+    """Results of a march."""
 
     watched: Watch
     closing: Array
     """Quasi-static tip growth at the end, m, ``(case,)``."""
     own: dict[str, Array]
-    """Metrics of the scheme beside the common ones, ``(case,)``."""
+    """Metrics of the scheme besides the common ones, ``(case,)``."""
     balance: Balance | None
 
 
@@ -174,21 +174,21 @@ def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = 
     position = np.zeros(counted.shape)
     np.divide(ends / h, cases.period_frequency[:, None], out=position, where=counted)
     nearest = np.round(position)
-    on_step = np.abs(position - nearest) <= 1e-9 * np.maximum(nearest, 1.0)  # as for the step count
+    on_step = np.abs(position - nearest) <= 1e-9 * np.maximum(nearest, 1.0)  # the tolerance of the step count
     weight = np.where(on_step, 1.0, position - np.floor(position))
     due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
     due = np.where(counted, np.minimum(due, plan.steps), NEVER)
 
-    loads, tips = np.zeros((rows_in(Load), cases.count)), np.zeros((rows_in(Tips), cases.count))
-    load, tip = named_rows(Load, loads), named_rows(Tips, tips)
+    loads, tips = np.zeros((rows_in(TipLoads), cases.count)), np.zeros((rows_in(Tips), cases.count))
+    load, tip = named_rows(TipLoads, loads), named_rows(Tips, tips)
     load.mean, load.amplitude, load.frequency, load.phase = cases.mean, cases.amplitude, cases.frequency, cases.phase
     tip.displacement, tip.velocity = cases.displacement[:, -1], cases.velocity[:, -1]
     tip.temperature = tip.hottest = tip.period_hottest = cases.temperature[:, -1]
     tip.gap = casing
     tip.penetration = np.fmax(0.0, tip.displacement - casing) + 0.0  # of two zeros fmax returns either
 
-    record = Record(
-        np.empty((cases.count, 4, plan.due.size)),  # the march fills it; zeros would be fresh pages each time
+    record = BlockRecord(
+        np.empty((cases.count, 4, plan.due.size)),  # the march fills it
         lane_rows(4 * WAITING),
         np.full((cases.count, 7, longest), np.nan),
     )
@@ -197,8 +197,8 @@ def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = 
 
 
 def block_lanes(rows: int) -> int:
-    """Return the lanes of a block of so many ``rows`` beside those of load and tip."""
-    return cached_lanes(rows + rows_in(Tips) + rows_in(Load))
+    """Return the number of lanes of a block that has ``rows`` besides those of load and tip."""
+    return cached_lanes(rows + rows_in(Tips) + rows_in(TipLoads))
 
 
 def blocks(watched: Watch, most: int, *filled: tuple[Array, Array]) -> Iterator[tuple[slice, Block]]:
@@ -207,7 +207,7 @@ def blocks(watched: Watch, most: int, *filled: tuple[Array, Array]) -> Iterator[
     All blocks share one set of lane arrays, which stays in the processor's cache. ``filled`` are rows of lanes, each
     with the values ``(…, case)`` that it takes at the beginning of each block.
     """
-    loads, tips, samples = lane_rows(rows_in(Load)), lane_rows(rows_in(Tips)), watched.record.samples
+    loads, tips, samples = lane_rows(rows_in(TipLoads)), lane_rows(rows_in(Tips)), watched.record.samples
     drive = drive_lanes(watched.drive)
     for part in parts(watched.cases.count, most):
         for lanes, values in filled:
@@ -228,7 +228,7 @@ def block_of(watched: Watch, part: slice, loads: Array, tips: Array, samples: Ar
     schedule, count = watched.schedule, part.stop - part.start
     fill_lanes(loads, watched.loads[:, part])
     fill_lanes(tips, watched.tips[:, part])
-    load, tip = named_rows(Load, loads), named_rows(Tips, tips)
+    load, tip = named_rows(TipLoads, loads), named_rows(Tips, tips)
     tip.gap[count:] = np.inf
     marks = Marks(
         sample_due=schedule.due,
@@ -238,12 +238,12 @@ def block_of(watched: Watch, part: slice, loads: Array, tips: Array, samples: Ar
         next_mark=np.ones(3, dtype=np.int64),  # the first step looks for the first mark
         next_period=np.zeros(count, dtype=np.int64),
     )
-    record = Record(watched.record.histories[part], samples, watched.record.periods[part])
+    record = BlockRecord(watched.record.histories[part], samples, watched.record.periods[part])
     return Block(load, tip, marks, record, None, -(-count // PACK) * PACK, schedule.steps, watched.h)
 
 
-def _blank_what_was_lost(watched: Watch, case: int) -> None:
-    """Put NaN in all samples and load periods of a case from its first non-finite sample on."""
+def _blank_lost_samples(watched: Watch, case: int) -> None:
+    """Set all samples and load periods of a case to NaN from its first non-finite sample on."""
     histories, periods = watched.record.histories[case], watched.record.periods[case]
     bad = ~np.isfinite(histories).all(axis=0)
     first = int(np.argmax(bad)) if bad.any() else histories.shape[1] - 1
@@ -253,7 +253,7 @@ def _blank_what_was_lost(watched: Watch, case: int) -> None:
 
 
 def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) -> Results:
-    """Return the results of all blocks; a case that left the finite numbers has NaN from there on."""
+    """Return the results of all blocks; a case has NaN from its first non-finite sample on."""
     watched, tip, record = ended.watched, ended.watched.tip, ended.watched.record
     metrics = {
         "impacts": tip.impacts,
@@ -268,7 +268,7 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
     for values in metrics.values():
         values[lost] = np.nan
     for case in np.flatnonzero(lost):
-        _blank_what_was_lost(watched, int(case))
+        _blank_lost_samples(watched, int(case))
     impulse, temperature, contact = record.periods[:, :3].swapaxes(0, 1)
     periods = (watched.period_due < NEVER).sum(axis=1)
     return Results(

@@ -1,11 +1,11 @@
-"""The θ-method in the modes of a structure, its Delassus operator, and how its cases end; moreau and penalty use it.
+"""The θ-method in the modes of a structure, its Delassus operator and its stability, for moreau and penalty.
 
     x' = x + h (θ v' + (1-θ) v),   M (v' - v) = h (f_θ - C1 v_θ - K1 x_θ - K12 T_θ) - (e_n - µ t) p,
     C2 (T' - T) = h (q - K2 T_θ) + α p e_n,
 
 with temperatures T and (·)_θ = θ (·)' + (1-θ) (·). With ξ = x - hθv that is the step of
-:mod:`~workflow.schemes._fixed.blocks`. Of a tip without mass the 1 of its static deformation is 0 in M, and its free
-step has the factor -(1-θ)/θ.
+:mod:`~workflow.schemes._fixed.blocks`. The static deformation of a tip without mass has the modal mass 0, and its free
+step the factor -(1-θ)/θ.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ NEEDS_IMPLICIT = "the reduction leaves the tip without mass, which an explicit s
 """Why an explicit θ-method cannot step a tip without mass."""
 
 _MOST_GROWTH = 300.0
-"""Logarithm of the largest growth within a run that still has squares among the finite numbers (355), with a margin of
-1e24 for loads and units."""
+"""Logarithm of the largest growth within a run whose squares are still finite (355), with a margin of 1e24 for loads
+and units."""
 
 
 @dataclass(frozen=True, eq=False)
 class Operator:
-    """What a batch shares: structure, step h [s] and θ, the structure in blocks, and how it meets the casing."""
+    """Common data of a batch: structure, step h [s] and θ, the structure in blocks, and its contact."""
 
     structure: Structure
     h: float
@@ -52,12 +52,12 @@ class Operator:
         return step(modal, h, self.theta).delassus(modal, alpha, friction)
 
     def factor(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
-        """Return what contact divides by in a step h, ``(case,)``: it has one solution where that is positive."""
+        """Return the divisor of contact in a step h, ``(case,)``: there is one solution where it is positive."""
         return np.asarray(self.contact.factor(h, self.delassus(h, alpha, friction)))
 
 
 def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator:
-    """Separate a structure once for a batch."""
+    """Separate a structure into blocks, once for a batch."""
     modal = decouple(structure)
     return Operator(structure, h, theta, separate(modal, step(modal, h, theta)), contact)
 
@@ -77,23 +77,23 @@ def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
 
 
 def step(modal: Decoupled, h: float, theta: float) -> Step:
-    """Return the step as blocks take it."""
+    """Return the coefficients of the step."""
     lever = h * theta
     weight = 1 / (1 + lever * modal.rate)
     inertia = modal.mass + lever * modal.damping + lever * lever * modal.frequency**2
     return Step(
         tip=TipStep(h, theta, 1.0 - theta, np.sum(modal.heat_tip**2 * weight)),
-        inertia=modal.weight(inertia, lever),
+        inertia=modal.effective_mass(inertia, lever),
         stiffening=2 * lever,
         lever=lever,
-        middle=lever,
+        energy_lever=lever,
         decay=thermal_amplification(modal.rate, h, theta),
-        warm=modal.heat_tip * weight,
+        heat_gain=modal.heat_tip * weight,
         slope=-modal.rate * weight,
-        pulls=weight,
-        damps=weight,
-        springs=weight**2,
-        at_once=theta,
+        load_weight=weight,
+        damping_weight=weight,
+        stiffness_weight=weight**2,
+        coupling_theta=theta,
         heat_theta=theta,
         heat_counts=True,
         lagged=False,
@@ -117,8 +117,8 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
 
 
 def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, finite: NDArray[np.bool_]) -> Outcome:
-    """Decide what became of each case."""
-    h, theta, growth = operator.h, operator.theta, _growth(operator, blocks)
+    """Return status and message of each case."""
+    h, theta, growth = operator.h, operator.theta, _spectral_radius(operator, blocks)
     grown = None
     if growth > 1 + ROUNDING:
         limit = _largest_stable_step(operator, blocks.modal)
@@ -126,7 +126,7 @@ def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, fi
             f"it is stable up to h = {limit_text(limit)} s" if limit > 0 else "it is stable at no h"
         )
 
-    @cache  # a limit is found by hundreds of trials
+    @cache  # a limit takes hundreds of trials
     def explained(alpha: float, friction: float) -> str:
         return _message(operator, alpha, friction, duration)
 
@@ -137,11 +137,11 @@ def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, fi
     return judged(finite, ill_posed, explain, grown, f"the state left the finite numbers at h = {h:.6g} s")
 
 
-def _growth(operator: Operator, blocks: Blocks) -> float:
-    """Return the largest factor of a free step; none is above 1 where θ >= 1/2 and modes are not coupled."""
+def _spectral_radius(operator: Operator, blocks: Blocks) -> float:
+    """Return the spectral radius of the free step; it is at most 1 where θ >= 1/2 and modes are not coupled."""
     if operator.theta >= 0.5 and blocks.outward is None:
         return 1.0
-    return max(blocks.growth, float(np.abs(blocks.step.decay).max(initial=0.0)))
+    return max(blocks.spectral_radius, float(np.abs(blocks.step.decay).max(initial=0.0)))
 
 
 def _largest_stable_step(operator: Operator, modal: Decoupled) -> float:
@@ -154,7 +154,7 @@ def _largest_stable_step(operator: Operator, modal: Decoupled) -> float:
 
 
 def _message(operator: Operator, alpha: float, friction: float, duration: float) -> str:
-    """Return what is said of a case whose contact has no unique solution."""
+    """Return the message of a case whose contact has no unique solution."""
     h, name = operator.h, operator.contact.name
 
     def factor(step: float, coupling: float) -> float:
@@ -169,12 +169,12 @@ def _message(operator: Operator, alpha: float, friction: float, duration: float)
 
 
 def _admissible_step(limit: float, theta: float, duration: float) -> str:
-    """Return up to which step a case without a unique solution runs; ``limit`` is that up to which W > 0.
+    """Return the text on the largest admissible step of a case without a unique solution; W > 0 up to ``limit``.
 
-    W falls to 0 as friction heat that stays at the tip pushes it on: about linearly, as 1 - r at h = r ``limit``. A
-    pressed tip's heat then grows by the factor (1 + r (1 - θ)/θ)/(1 - r) in each step, which has no bound at the limit
-    itself. Half of it is recommended, or a smaller share where that growth over the duration would leave numbers
-    whose squares are finite; as r → 0 the growth is that of the model.
+    Friction heat that stays at the tip expands it, so that W falls to 0 about linearly, as 1 - r at h = r ``limit``.
+    The heat of a pressed tip then grows by the factor (1 + r (1 - θ)/θ)/(1 - r) in each step, which has no bound at the
+    limit itself. Half of the limit is recommended, or a smaller fraction where the squares of that growth over the
+    duration would not be finite; as r → 0 the growth is that of the model.
     """
     for share in (0.5, 0.1, 0.01) if limit > 0 else ():
         factor = (1 + share * (1 - theta) / theta) / (1 - share)

@@ -1,7 +1,7 @@
 """The load at the tip, F0 + F1 sin(2π f t + φ), in a fixed step; one sine for lanes of the same frequency and phase.
 
-It is not one of the harmonics of :mod:`~workflow.schemes._fixed.drive`: a step takes longer where each lane turns a
-sine of its own.
+It is not one of the harmonics of :mod:`~workflow.schemes._fixed.drive`, where each lane has a sine of its own, which
+takes longer.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from workflow.kernels.packs import Lane, Pack, pack
 from workflow.models import Array
 
 EXACT_EVERY = 64
-"""Steps between exact evaluations of sin and cos of a load; in between a rotation continues it,
-whose rounding stays below 64 eps = 1.4e-14 of the amplitude."""
+"""Steps between evaluations of sin and cos of a load; in between both are rotated by the angle of a step, with a
+rounding below 64 eps = 1.4e-14 of the amplitude."""
 
 
-class Load(Rows):
+class TipLoads(Rows):
     """The loads of a block, F0 + F1 sin(2π f t + φ)."""
 
     mean: Array
@@ -27,24 +27,24 @@ class Load(Rows):
     """F0 and F1, N."""
     frequency: Array
     phase: Array
-    """f, Hz, and φ."""
+    """f [Hz] and φ [rad]."""
     sine_before: Array
     sine: Array
     cosine: Array
-    """Its sine at the beginning of the step, sine and cosine at its end."""
+    """Sine at the beginning of the step, sine and cosine at its end."""
     turn_sine: Array
     turn_cosine: Array
     """Sine and cosine of the angle of a step."""
     weighed_sine: Array
-    """The weighed sine where lanes differ in frequency or phase."""
+    """Weighted sine, where lanes differ in frequency or phase."""
 
 
 @part
-def start_load(h: float, load: Load, lanes: int) -> int:
-    """Set the load to t = 0 and its rotation to one step; return its leader.
+def start_load(h: float, load: TipLoads, lanes: int) -> int:
+    """Set the load to t = 0 and its rotation to one step; return the leader.
 
-    That is the lane whose sine holds for all lanes, with the same bits, as most batches share frequency and phase; -1
-    where lanes differ in them.
+    That is a lane whose sine, to the bit, is that of all lanes, as most batches share frequency and phase; -1 where
+    lanes differ in them.
     """
     leader = 0
     for lane in range(lanes):
@@ -63,8 +63,8 @@ def start_load(h: float, load: Load, lanes: int) -> int:
 
 
 @inlined
-def turn_load(step: int, h: float, leader: int, load: Load, lanes: int) -> None:
-    """Move the load to the end of a step, t = step h."""
+def turn_load(step: int, h: float, leader: int, load: TipLoads, lanes: int) -> None:
+    """Advance the load to the end of a step, t = step h."""
     first, last = (leader, leader + 1) if leader >= 0 else (0, lanes)
     for lane in range(first, last):
         s, c = load.sine[lane], load.cosine[lane]
@@ -78,10 +78,10 @@ def turn_load(step: int, h: float, leader: int, load: Load, lanes: int) -> None:
 
 
 @inlined
-def weigh_load(before: float, after: float, leader: int, load: Load, lanes: int) -> float:
-    """Weigh the sine at the step's beginning and end.
+def weigh_load(before: float, after: float, leader: int, load: TipLoads, lanes: int) -> float:
+    """Return the weighted mean of the sine at the step's beginning and end, common to all lanes.
 
-    Returns that of all lanes where they have a ``leader``; else 0, and each lane has its own in ``weighed_sine``.
+    Without a ``leader`` it returns 0 and stores the mean of each lane in ``weighed_sine``.
     """
     if leader >= 0:
         return float(before * load.sine_before[leader] + after * load.sine[leader])
@@ -91,7 +91,7 @@ def weigh_load(before: float, after: float, leader: int, load: Load, lanes: int)
 
 
 @inlined
-def tip_load(sine: float, leader: int, load: Load, lane: Lane) -> Pack:
-    """Return the load at the tip, N, for what :func:`weigh_load` returned, ``sine``."""
+def tip_load(sine: float, leader: int, load: TipLoads, lane: Lane) -> Pack:
+    """Return the load at the tip, N, for the ``sine`` that :func:`weigh_load` returned."""
     mean, amplitude = pack(load.mean, lane), pack(load.amplitude, lane)
     return mean + (amplitude * sine if leader >= 0 else amplitude * pack(load.weighed_sine, lane))

@@ -1,7 +1,7 @@
-"""What a march adds up for its balances, and the residuals that the totals leave.
+"""Residuals of energy and heat, from the sums of a march.
 
 With the energy E, dissipation D less the work of loads and contact, heat content H, losses L, friction heat αJ and
-heating Q = ∫pᵀq of a whole march, all summed over the nodes: pᵀ (1b) with p = ``Structure.even_rise``,
+heating Q = ∫pᵀq of a whole march, all in pᵀ (1b) with the uniform rise p = ``Structure.uniform_rise``,
 
     energy residual = (E_end - E_0 + D) / max E
     heat residual = (H_end - H_0 - αJ - Q + L) / (αJ + |Q| + ∫|dL| + Σ|c T_0|)
@@ -32,24 +32,24 @@ class Content(NamedTuple):
 
 
 def row_totals(terms: Array) -> Array:
-    """Return the sums of rows, ``(row,)``."""
-    return np.asarray(np.ascontiguousarray(terms).sum(axis=1))  # in rows, so that a case sums alone as among others
+    """Return the sum of each row, ``(row,)``, with the same bits for a case alone and among others."""
+    return np.asarray(np.ascontiguousarray(terms).sum(axis=1))
 
 
 def content_of(structure: Structure, cases: Cases, last: Array, elapsed: float) -> Content:
     """Return the heat content of cases with the temperatures ``last`` after ``elapsed`` seconds, K."""
-    content, heating = structure.content, structure.even_rise * cases.heating
+    content, heating = structure.content, structure.uniform_rise * cases.heating
     initial = content * cases.temperature
     return Content(row_totals(content * last - initial), row_totals(np.abs(initial)), elapsed * row_totals(heating))
 
 
 class Balance(NamedTuple):
-    """The balances of cases that have been marched."""
+    """Balances of cases after their march."""
 
     totals: Totals
     content: Content
     rest: Array | float = 0.0
-    """Energy below which all is rounding, J: max E is at least that."""
+    """Energy below which all is rounding, J: the least value of max E."""
 
     def residuals(self) -> dict[str, Array]:
         """Return ``energy_residual`` and ``heat_residual``, ``(case,)``."""

@@ -1,5 +1,4 @@
-"""Tables of the exact solver: what lies in each row or column of the arrays that its kernels share.
+"""Tables of the event-driven solver: rows and columns of the arrays that its kernels share.
 
-Rows have names as constants, not as fields of a named tuple of their views: functions that pass so many views on take
-longer to compile.
+Rows are named by constants, not by fields of a named tuple of views, which would take longer to compile.
 """

@@ -2,11 +2,11 @@
 
 The force on a block is F(t) = F0 + Σ (Fc cos ψ + Fs sin ψ): a constant, and the waves of phase ψ = Ω t + φ
 (:mod:`~workflow.schemes._exact.tables.wave`).
-An *explicit* block keeps F. Of every other block the particular solution is
-subtracted, so that what is left moves without a force. Outputs o (0: the signal, 1: the tip temperature) are linear in
+An *explicit* block keeps F. From every other block the particular solution is
+subtracted, so that its motion is free. Outputs o (0: the signal, 1: the tip temperature) are linear in
 η and η': the row of output o lies 2 o below that of the signal.
 
-Columns are filled up to a multiple of 8 by blocks at rest that no output sees, so that vectorised loops have no
+Columns are padded to a multiple of 8 by blocks at rest without outputs, so that vectorised loops have no
 remainder. The rows of wave i lie ``i * WAVE`` below those named here.
 """
 
@@ -35,7 +35,7 @@ SIGNAL_INTEGRAL = 16  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 
 
 # loads
 FORCE = 17  # F0
-PARTICULAR = 18  # constant part of what is subtracted from η …
+PARTICULAR = 18  # constant part of the particular solution, subtracted from η …
 PARTICULAR_SLOPE = 19  # … and from u
 
 # scratch of one propagation over dt
@@ -49,7 +49,7 @@ ROWS = 24
 # each wave
 FORCE_COS = 24  # Fc
 FORCE_SIN = 25  # Fs
-PARTICULAR_COS = 26  # its part of what is subtracted from η …
+PARTICULAR_COS = 26  # its part of the particular solution, subtracted from η …
 PARTICULAR_SIN = 27
 PARTICULAR_SLOPE_COS = 28  # … and from u
 PARTICULAR_SLOPE_SIN = 29
@@ -58,5 +58,5 @@ WAVE = 6
 
 
 def padded(size: int) -> int:
-    """Return the number of columns for so many blocks: the next multiple of 8."""
+    """Return the number of columns for ``size`` blocks: the next multiple of 8."""
     return 8 * ((size + 7) // 8)

@@ -1,8 +1,8 @@
 """Rows of the table of first-order states, ``(ROWS, column)``; column j holds ξ' = -μ ξ + χ0 + Σ (χc cos ψ + χs sin ψ).
 
 The response of ξ to the waves is subtracted, so that ξ' decays as exp(-μ t). The row of output o (0: the signal, 1: the
-tip temperature) lies o below that of the signal. Columns are filled up to a multiple of 8 with zeros. The rows of wave
-i lie ``i * WAVE`` below those named here.
+tip temperature) lies o below that of the signal. Columns are padded to a multiple of 8 with zeros. The rows of wave i
+lie ``i * WAVE`` below those named here.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Rows of a state of motion, ``(ROWS, column)``: what is left when the response to the loads is subtracted."""
+"""Rows of a state of motion, ``(ROWS, column)``, less the particular solution."""
 
 from __future__ import annotations
 
