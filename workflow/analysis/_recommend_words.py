@@ -25,7 +25,14 @@ NAMED = 5
 
 _NOT_RUN = Status.NOT_RUN.name.lower()
 
-COLUMNS = ("tolerance", "choice", "cost per simulated second", "cases within", "largest error", "limited by")
+RECOMMENDATION_COLUMNS = (
+    "tolerance",
+    "choice",
+    "cost per simulated second",
+    "cases within",
+    "largest error",
+    "limited by",
+)
 
 
 def named_choice(choice: Choice, units: Mapping[str, str]) -> str:
@@ -96,7 +103,7 @@ def undecidable(recommendation: Recommendation) -> str:
     )
 
 
-def cautions(dataset: xr.Dataset) -> tuple[str, ...]:
+def recommendation_cautions(dataset: xr.Dataset) -> tuple[str, ...]:
     """Return why a recommendation may mean less than it says: cases that are not run, no contact at all."""
     reasons = []
     missing = int((dataset["status"] == Status.NOT_RUN).sum())
@@ -120,8 +127,8 @@ def _by_own_basis(dataset: xr.Dataset) -> bool:
     return varies and len(parts) == len(COMPARED) and not any(bool((part.fillna(0) != 0).any()) for part in parts)
 
 
-def row(recommendation: Recommendation) -> tuple[str, ...]:
-    """Return a recommendation as a row of a table with :data:`COLUMNS`."""
+def recommendation_row(recommendation: Recommendation) -> tuple[str, ...]:
+    """Return a recommendation as a row of a table with :data:`RECOMMENDATION_COLUMNS`."""
     shown = recommendation.choice or recommendation.next
     if shown is None:
         return percent(recommendation.tolerance), "nothing", "", "", "", ""
@@ -132,7 +139,7 @@ def row(recommendation: Recommendation) -> tuple[str, ...]:
     return percent(recommendation.tolerance), name, _cost(shown), percent(shown.share), error, worst.limited_by
 
 
-def entries(recommendation: Recommendation) -> dict[str, Any]:
+def recommendation_entries(recommendation: Recommendation) -> dict[str, Any]:
     """Return a recommendation as the entries of its JSON."""
     chosen = recommendation.choice
     settings = {} if chosen is None else chosen.settings

@@ -13,37 +13,3 @@ from workflow.study.resolved import ResolvedValue, resolved_values
 from workflow.study.schema import json_schema
 from workflow.study.settings import AUTO, CHOSEN, CaseSettings, Initial, Load, Output, Scene, SchemeChoice, Steady
 from workflow.study.study import Study, StudySource, parse_study, read_study
-
-__all__ = [
-    "AUTO",
-    "CHOSEN",
-    "MATRIX",
-    "MODES",
-    "POINT",
-    "Axis",
-    "Branch",
-    "CaseSettings",
-    "Dimension",
-    "Drawn",
-    "Initial",
-    "Load",
-    "Mistake",
-    "Output",
-    "Reference",
-    "ResolvedValue",
-    "Scene",
-    "SchemeChoice",
-    "Steady",
-    "Study",
-    "StudyError",
-    "StudySource",
-    "json_schema",
-    "packed",
-    "parse_study",
-    "read_study",
-    "readable",
-    "resolved_values",
-    "setting",
-    "udunits",
-    "unpacked",
-]
