@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from study_samples import BLADE, CHAIN
 from workflow.study import Initial, Load, Study, StudyError, json_schema, parse_study
-from workflow.study.ranges import Spread
+from workflow.study.ranges import Range
 from workflow.study.source import compose
 
 
@@ -80,7 +80,7 @@ def test_listed_values_keep_order_and_bits(values: list[float]) -> None:
 def test_spread_values(first: float, ratio: float, count: int) -> None:
     last = first * ratio
     for law in ("lin", "log"):
-        values = Spread(law, first, last, count).expanded()
+        values = Range(law, first, last).spread(count)
         assert len(values) == count
         assert all(float(f"{value:.12g}") == value for value in values)
         assert values[0] == pytest.approx(first, rel=1e-11)
@@ -90,8 +90,8 @@ def test_spread_values(first: float, ratio: float, count: int) -> None:
 
 
 def test_spread_over_decades_and_counts() -> None:
-    assert Spread("log", 1e-6, 1e-2, 5).expanded() == (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
-    assert Spread("lin", 0.0, 1.0, 11).expanded() == tuple(index / 10 for index in range(11))
+    assert Range("log", 1e-6, 1e-2).spread(5) == (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+    assert Range("lin", 0.0, 1.0).spread(11) == tuple(index / 10 for index in range(11))
     (nodes,) = chain("axes: {scene.chain.nodes: {log: [10, 80, 4]}}").dimensions
     assert nodes.axes[0].values == (10, 20, 40, 80)
 

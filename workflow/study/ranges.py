@@ -39,32 +39,24 @@ class Range:
         values = first * (1 - shares) + last * shares
         return tuple(float(f"{value:.12g}") for value in (10.0**values if self.law == "log" else values))
 
+    def spread(self, count: int) -> tuple[float, ...]:
+        """Return so many values at equal distances or ratios."""
+        return self.values(np.arange(count) / (count - 1))
+
 
 @dataclass(frozen=True)
-class Spread(Range):
-    """So many values at equal distances or ratios, not yet expanded, or points of a branch."""
+class Followed(Range):
+    """A range along which branches are followed, of at most so many points."""
 
-    count: int
-
-    def expanded(self) -> tuple[float, ...]:
-        """Return the values."""
-        return self.values(np.arange(self.count) / (self.count - 1))
+    points: int
 
 
-Content = Value | tuple[Value, ...] | Spread
-"""Of an axis: one value, which makes no dimension, a list, or what is spread."""
-
-
-def count_of(content: Content) -> int:
-    """Return the number of values of an axis."""
-    return content.count if isinstance(content, Spread) else len(content) if isinstance(content, tuple) else 1
+Content = Value | tuple[Value, ...] | Followed
+"""Of an axis: one value, which makes no dimension, several, or a range that is followed."""
 
 
 def axis_values(kind: Kind, zipped: bool = False) -> Kind:
-    """Return the kind of an axis: a scalar, a list, or ``{LAW: [first, last, count]}``, LAW lin, log or branch.
-
-    What is spread over real numbers is not expanded.
-    """
+    """Return the kind of an axis: a scalar, a list, or ``{LAW: [first, last, count]}``, LAW lin, log or branch."""
 
     def choose(value: Any) -> int:
         if isinstance(value, dict):
@@ -107,7 +99,7 @@ def _law(value: dict[str, Any], kind: Kind, zipped: bool) -> Law:
 
 
 def _spread(law: Law, kind: Number) -> Kind:
-    """Return the kind of ``[first, last, count]``; whole numbers are listed at once, which they can be at most."""
+    """Return the kind of ``[first, last, count]``."""
 
     def build(entries: tuple[float, float, int]) -> Content:
         first, last, size = entries
@@ -115,12 +107,14 @@ def _spread(law: Law, kind: Number) -> Kind:
             raise wrong("begins and ends with the same value", "write a list of one")
         if law == "log" and not min(first, last) > 0:
             raise wrong("a logarithmic axis needs positive ends", "write above 0, or use lin")
-        spread = Spread(law, first, last, size)
+        if law == "branch":
+            return Followed(law, first, last, size)
+        values = Range(law, first, last).spread(size)
         if not kind.whole:
-            return spread
-        if size > abs(last - first) + 1 or any(each != int(each) for each in spread.expanded()):
+            return values
+        if any(each != int(each) for each in values):
             raise wrong("has values that are not whole numbers", "write a list")
-        return tuple(int(each) for each in spread.expanded())
+        return tuple(map(int, values))
 
     count = Quantity("1", "number of values", at_least=2, at_most=MOST_POINTS if law == "branch" else MOST_VALUES)
     kinds = (kind.single, kind.single, number(count, whole=True))

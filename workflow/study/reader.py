@@ -12,8 +12,8 @@ from typing import Any
 
 from pydantic_core import SchemaValidator, ValidationError
 
-from workflow import models, reduction, schemes
-from workflow.study.addresses import MODES, TOLERANCE, scene_values, scheme_options, settings
+from workflow import models, schemes
+from workflow.study.addresses import MODES, TOLERANCE, addresses, settings
 from workflow.study.axes import Arrangement, mode_count
 from workflow.study.case_space import CaseSpace, Dimension, Reference
 from workflow.study.checks import Written, faults
@@ -34,7 +34,7 @@ class Fields:
 
     source: Source
     sections: Mapping[str, Any]
-    addresses: Mapping[str, Entry]
+    varied: Mapping[str, Entry]
     written: Written
 
 
@@ -49,8 +49,8 @@ def read_fields(source: Source, files: Files) -> Fields:
     model = _model(source)
     names = (model,) if model else models.names()
     methods = tuple(_methods(source).items())
-    addresses, form = _form(names, methods, reduction.names(), _harmonics(source.tree))
-    axes = [axis for axis in written_axes(source.tree) if axis[1] in addresses]
+    varied, form = _form(names, methods, _harmonics(source.tree))
+    axes = [axis for axis in written_axes(source.tree) if axis[1] in varied]
     tree, supplied = _supplied(source, axes)
     sections: dict[str, Any] = {}
     try:
@@ -62,20 +62,16 @@ def read_fields(source: Source, files: Files) -> Fields:
                 source.report(place, problem, remedy)
     source.refuse()
     written = Written(frozenset(given_paths(source.tree)), {path: place for place, path, _ in axes})
-    return Fields(source, sections, addresses, written)
+    return Fields(source, sections, varied, written)
 
 
 @lru_cache(maxsize=32)
 def _form(
-    names: tuple[str, ...],
-    methods: tuple[tuple[str, tuple[str, ...]], ...],
-    bases: tuple[str, ...],
-    harmonics: tuple[int, int],
+    names: tuple[str, ...], methods: tuple[tuple[str, tuple[str, ...]], ...], harmonics: tuple[int, int]
 ) -> tuple[dict[str, Entry], SchemaValidator]:
-    """Return what may vary and the form of a study, for some models, methods by label, bases and harmonics."""
-    labels = tuple(label for label, _ in methods)
-    addresses = settings(labels, bases) | scene_values(names, harmonics) | scheme_options(dict(methods))
-    return addresses, SchemaValidator(study_form(addresses, names, labels, bases).core)
+    """Return what may vary and the form of a study, for some models, methods by label and harmonics."""
+    varied = addresses(names, dict(methods), harmonics)
+    return varied, SchemaValidator(study_form(varied, names).core)
 
 
 def _model(source: Source) -> str:
@@ -147,13 +143,13 @@ def resolve(fields: Fields) -> CaseSpace:
     StudyError
         They do not go together.
     """
-    source, sections, addresses = fields.source, fields.sections, fields.addresses
+    source, sections, varied = fields.source, fields.sections, fields.varied
     scene: Scene = sections["scene"]
     defined = {label: dataclasses.replace(c, label=label) for label, c in sections.get("schemes", {}).items()}
     arrangement = Arrangement(source)
     arrangement.take(sections.get("axes", {}), sections.get("zip", {}))
     nodes = f"scene.{scene.model}.nodes"
-    counts = (arrangement.values(nodes) or (scene.parameters.nodes,)) if nodes in addresses else ()
+    counts = (arrangement.values(nodes) or (scene.parameters.nodes,)) if nodes in varied else ()
     try:
         sizes = sizes_of(scene, tuple(map(int, counts)))
     except models.UnusableMatricesError as error:
@@ -161,10 +157,10 @@ def resolve(fields: Fields) -> CaseSpace:
         raise StudyError(source.mistakes) from None
     arrangement.count_modes(nodes, sizes)
     arrangement.refuse_repeated()
-    defaults = {path: addresses[path].default for path in settings((), ()) if path != TOLERANCE}
+    defaults = {path: entry.default for path, entry in settings().items() if path != TOLERANCE}
     asked = sections.get("output", {})
     steady = bool(asked.get("steady")) or bool(arrangement.followed)
-    dimensions, scalars, branch = arrangement.named(addresses, defaults, _reserved(defined, steady))
+    dimensions, scalars, branch = arrangement.named(varied, defaults, _reserved(defined, steady))
     if scene.friction is not None:  # alpha is what it makes
         scalars = tuple(axis for axis in scalars if axis.path != "alpha")
     reference = None
