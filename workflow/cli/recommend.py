@@ -10,7 +10,7 @@ import typer
 
 from workflow.cli._failures import NOT_OK, WRONG
 from workflow.cli._terminal import console, print_error, say, write_json
-from workflow.cli._words import ArchiveFile
+from workflow.cli._words import ArchiveFile, AsJson
 
 if TYPE_CHECKING:
     from workflow.analysis import Recommendation
@@ -19,7 +19,6 @@ Tolerance = Annotated[
     str | None,
     typer.Option("--tolerance", metavar="SHARE", help="Largest error, as 0.01 or 1%; default: the study's, else 1%."),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")]
 
 WIDE = 240
 """Characters of a line where the output goes to a file or another program, which fold nothing."""
