@@ -12,8 +12,8 @@ from workflow import models, schemes
 from workflow.declare import Quantity
 from workflow.study.addresses import OF_SCENE, addresses
 from workflow.study.draws import SAMPLES, drawn
-from workflow.study.forms import Entry, Record, either, entries_of, named, no_mapping, record, record_of, summary
-from workflow.study.kinds import FLAG, LINE, Kind, Number, keyword, leaf, name, number, usable
+from workflow.study.forms import Entry, Record, entries_of, named, no_mapping, record, record_of, summary
+from workflow.study.kinds import FLAG, LINE, Kind, Number, either, keyword, leaf, name, number, usable
 from workflow.study.mistakes import one_of, quoted, wrong
 from workflow.study.ranges import MOST_VALUES, axis_values, between
 from workflow.study.settings import Friction, Initial, Load, Output, Scene, SchemeChoice, Steady

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from pydantic_core import ValidationError, core_schema
 
 from workflow.declare import quantity_of, word_of
-from workflow.study.kinds import FLAG, Kind, Schema, keyword, list_of, number, one_of_several, text
+from workflow.study.kinds import FLAG, Kind, Schema, keyword, list_of, number, text
 from workflow.study.mistakes import Fault, faults_of, nearest, one_of, quoted, refusal, wrong
 
 
@@ -112,12 +112,6 @@ def named(key: Kind, kind: Kind) -> Kind:
     core = core_schema.dict_schema(key.core, kind.core)
     schema = {"type": "object", "propertyNames": key.schema, "additionalProperties": kind.schema}
     return Kind(core_schema.no_info_before_validator_function(is_mapping, core), schema)
-
-
-def either(choose: Callable[[Any], int], *kinds: Kind) -> Kind:
-    """Return the kind of what is one of several, chosen by its form, so that one mistake gives one message."""
-    cores = [kind.core for kind in kinds]
-    return Kind(one_of_several(choose, cores), {"anyOf": [kind.schema for kind in kinds]})
 
 
 def no_mapping(value: Any) -> int:

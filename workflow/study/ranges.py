@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from pydantic_core import core_schema
 
 from workflow.declare import Quantity
-from workflow.study.forms import either
-from workflow.study.kinds import Kind, Number, many, number, one_of_several
+from workflow.study.kinds import Kind, Number, either, many, number
 from workflow.study.mistakes import quoted, wrong
 
 Value = float | int | str
@@ -60,21 +59,20 @@ def axis_values(kind: Kind, zipped: bool = False) -> Kind:
 
     def choose(value: Any) -> int:
         if isinstance(value, dict):
-            return 2 + LAWS.index(_law(value, kind, zipped))
+            return 1 + LAWS.index(_law(value, kind, zipped))
         if isinstance(value, list):
             if not value:
                 raise wrong("is empty", "write at least one value, or leave the axis out")
-            return 1
+            return 0
         if zipped:
             raise wrong(f"{quoted(value)} is not a list", "write a list as long as the others of this zip")
-        return 0
+        return len(kinds) - 1
 
     one = Kind(core_schema.no_info_before_validator_function(_single, kind.core), kind.schema)
-    kinds = [one, Kind(many(one.core), {"type": "array", "items": one.schema, "minItems": 1})]
-    if isinstance(kind, Number):
-        kinds += [_under(law, _spread(law, kind)) for law in LAWS]
-    shown = kinds[1:4] if zipped else kinds  # neither a single value nor a branch
-    return Kind(one_of_several(choose, [each.core for each in kinds]), {"anyOf": [each.schema for each in shown]})
+    laws = LAWS[:2] if zipped else LAWS
+    spreads = [_under(law, _spread(law, kind)) for law in laws] if isinstance(kind, Number) else []
+    kinds = [many(one, minItems=1), *spreads, *([] if zipped else [one])]
+    return either(choose, *kinds)
 
 
 def _single(value: Any) -> Any:
