@@ -25,7 +25,7 @@ class Entry:
     @property
     def described(self) -> str:
         """The meaning with what it may hold."""
-        return self.kind.described(self.meaning)
+        return self.meaning + self.kind.remark
 
     @property
     def schema(self) -> Schema:

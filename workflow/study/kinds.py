@@ -32,20 +32,17 @@ class Kind:
         JSON Schema of what may be written.
     varies
         Whether its values can be those of an axis.
+    unit
+        CF unit of its values; empty for words.
+    remark
+        Unit and bounds in words, which follow the meaning of an entry.
     """
 
     core: CoreSchema
     schema: Schema
     varies: bool = False
-
-    @property
-    def unit(self) -> str:
-        """CF unit of its values; empty for words."""
-        return ""
-
-    def described(self, meaning: str) -> str:
-        """Return the meaning of an entry of this kind with what it may hold."""
-        return meaning
+    unit: str = ""
+    remark: str = ""
 
 
 def leaf(read: Callable[[Any], Any], schema: Schema, varies: bool = False) -> Kind:
@@ -194,20 +191,9 @@ class Number(Kind):
     whole: bool
 
     @property
-    def unit(self) -> str:
-        """CF unit."""
-        return udunits(self.declared.unit)
-
-    @property
     def single(self) -> Number:
         """The kind of one number; it has no list, and no word beside it."""
         return number(dataclasses.replace(self.declared, per=None), self.whole)
-
-    def described(self, meaning: str) -> str:
-        """Return meaning, unit and bounds in a line."""
-        where = f", or one value per {self.declared.per}" if self.declared.per else ""
-        bounds = admissible(self.declared)
-        return f"{meaning} [{self.unit}]{where}{bounds and f'; {bounds}'}"
 
 
 def number(declared: Quantity, whole: bool = False, words: tuple[str, ...] = ()) -> Number:
@@ -231,4 +217,7 @@ def number(declared: Quantity, whole: bool = False, words: tuple[str, ...] = ())
     kind = leaf(read, {"anyOf": forms} if len(forms) > 1 else forms[0])
     if declared.per is not None:
         kind = either(is_list, kind, many(kind, minItems=1))
-    return Number(kind.core, kind.schema, varies=True, declared=declared, whole=whole)
+    unit, limits = udunits(declared.unit), admissible(declared)
+    each = f", or one value per {declared.per}" if declared.per else ""
+    remark = f" [{unit}]{each}{limits and f'; {limits}'}"
+    return Number(kind.core, kind.schema, True, unit, remark, declared=declared, whole=whole)

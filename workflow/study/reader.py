@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
 from typing import Any
@@ -16,7 +15,7 @@ from workflow import models, schemes
 from workflow.study.addresses import MODES, TOLERANCE, addresses, settings
 from workflow.study.axes import Arrangement, mode_count
 from workflow.study.case_space import CaseSpace, Dimension, Reference
-from workflow.study.checks import Written, faults
+from workflow.study.checks import faults
 from workflow.study.document import SCENE_KEYS, study_form
 from workflow.study.files import Files
 from workflow.study.forms import Entry
@@ -24,22 +23,12 @@ from workflow.study.kinds import LONGEST_LIST
 from workflow.study.mistakes import Place, StudyError, faults_of, one_of, place_of_path
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice
 from workflow.study.sizes import Sizes, sizes_of
-from workflow.study.source import Source, given_paths, mapping, written_axes
+from workflow.study.source import Source, mapping, written_axes
 from workflow.variables import STEADY, reserved_names
 
 
-@dataclass(frozen=True)
-class Fields:
-    """The fields of a study, read one by one: by section, with what its axes may vary and what is written where."""
-
-    source: Source
-    sections: Mapping[str, Any]
-    varied: Mapping[str, Entry]
-    written: Written
-
-
-def read_fields(source: Source, files: Files) -> Fields:
-    """Read every field of a study by itself.
+def read_fields(source: Source, files: Files) -> tuple[Mapping[str, Any], Mapping[str, Entry]]:
+    """Read every field of a study by itself; return its sections, and what its axes may vary.
 
     Raises
     ------
@@ -50,8 +39,7 @@ def read_fields(source: Source, files: Files) -> Fields:
     names = (model,) if model else models.names()
     methods = tuple(_methods(source).items())
     varied, form = _form(names, methods, _harmonics(source.tree))
-    axes = [axis for axis in written_axes(source.tree) if axis[1] in varied]
-    tree, supplied = _supplied(source, axes)
+    tree, supplied = _supplied(source, [axis for axis in written_axes(source.tree) if axis[1] in varied])
     sections: dict[str, Any] = {}
     try:
         sections = form.validate_python(tree, context=files)
@@ -61,8 +49,7 @@ def read_fields(source: Source, files: Files) -> Fields:
             if place not in supplied and not follows:
                 source.report(place, problem, remedy)
     source.refuse()
-    written = Written(frozenset(given_paths(source.tree)), {path: place for place, path, _ in axes})
-    return Fields(source, sections, varied, written)
+    return sections, varied
 
 
 @lru_cache(maxsize=32)
@@ -135,7 +122,7 @@ def _first(content: Any) -> Any:
     return content
 
 
-def resolve(fields: Fields) -> CaseSpace:
+def resolve(source: Source, sections: Mapping[str, Any], varied: Mapping[str, Entry]) -> CaseSpace:
     """Make dimensions of the axes of a study and check its fields against each other.
 
     Raises
@@ -143,7 +130,6 @@ def resolve(fields: Fields) -> CaseSpace:
     StudyError
         They do not go together.
     """
-    source, sections, varied = fields.source, fields.sections, fields.varied
     scene: Scene = sections["scene"]
     defined = {label: dataclasses.replace(c, label=label) for label, c in sections.get("schemes", {}).items()}
     arrangement = Arrangement(source)
@@ -177,7 +163,7 @@ def resolve(fields: Fields) -> CaseSpace:
         branch=branch,
     )
     cases = dataclasses.replace(cases, schemes=defined | _bare(cases))
-    for fault in faults(cases, sizes, fields.written):
+    for fault in faults(cases, sizes, source):
         source.report(*fault)
     source.refuse()
     return cases
