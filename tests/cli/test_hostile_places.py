@@ -136,10 +136,8 @@ def test_a_defect_exits_with_three_and_no_traceback(tmp_path: Path) -> None:
     study = written(SINGLE, tmp_path)
     broken = "import workflow.study as s\ndef fail(*_): raise KeyError('x')\ns.read_study = fail\n"
     call = [sys.executable, "-c", f"{broken}from workflow.cli import main\nmain()", "plan", str(study)]
-    brief = subprocess.run(call, capture_output=True, text=True)
-    assert brief.returncode == 3
-    assert brief.stderr.startswith("a defect of this program: KeyError")
-    assert "Traceback" not in brief.stderr
-    detailed = subprocess.run(call, capture_output=True, text=True, env={**os.environ, "WORKFLOW_TRACEBACK": "1"})
-    assert detailed.returncode == 3
-    assert "Traceback" in detailed.stderr
+    for more, detailed in (({}, False), ({"WORKFLOW_TRACEBACK": "1"}, True)):
+        ended = subprocess.run(call, capture_output=True, text=True, env=os.environ | more)
+        assert ended.returncode == 3
+        assert "a defect of this program: KeyError" in ended.stderr
+        assert ("Traceback" in ended.stderr) == detailed
