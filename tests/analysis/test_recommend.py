@@ -206,7 +206,7 @@ def test_cases_that_have_not_run_ask_for_the_run() -> None:
         dataset[name][:] = np.nan
     recommended = recommend(dataset, 0.01)
     answer = sentence(recommended)
-    assert "is not run yet. Run the study to its end." in answer
+    assert "is not run. Run the study to its end." in answer
     assert "whatever h" not in answer
     assert recommendation_row(recommended)[2:] == ("not measured", "0 %", "not run", "status")
 

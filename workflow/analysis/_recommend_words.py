@@ -23,8 +23,6 @@ SETTINGS = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction")
 NAMED = 5
 """Undecidable cases that are named; of more the number is."""
 
-_NOT_RUN = Status.NOT_RUN.name.lower()
-
 RECOMMENDATION_COLUMNS = (
     "tolerance",
     "choice",
@@ -203,13 +201,11 @@ def _limit(worst: Worst) -> str:
 def _failure(choice: Choice, units: Mapping[str, str]) -> str:
     """Say why a choice fails."""
     worst = choice.worst
-    where = named_case(worst.case, units)
-    if worst.status == _NOT_RUN:
-        return f"fails as {where} is not run yet"
+    where, why = named_case(worst.case, units), f" ({worst.message})" if worst.message else ""
     if worst.status != "ok":
-        return f"fails as {where} is {worst.status}" + (f" ({worst.message})" if worst.message else "")
+        return f"fails as {where} is {worst.status.replace('_', ' ')}{why}"
     if math.isnan(worst.error):
-        return f"fails as {where} has no error" + (f" ({worst.message})" if worst.message else "")
+        return f"fails as {where} has no error{why}"
     return f"fails with {percent(worst.error)} ({worst.variable}, {where}), {_limit(worst)}"
 
 
@@ -229,7 +225,7 @@ def _nearest(recommendation: Recommendation) -> str:
         return text + "Add a smaller tolerance of `auto`."
     if worst.limited_by == "basis":
         return text + "Add more modes, or `full`."
-    if worst.status == _NOT_RUN:
+    if worst.status == "not_run":
         return text + "Run the study to its end."
     if worst.limited_by == "status":
         return text + "Add a scheme or a step at which that case ends ok."
