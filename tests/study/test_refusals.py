@@ -47,7 +47,7 @@ CHANGED = [
     (25, "e: [0, 0.5, 0.9]", "restitution: [0]", "axes.restitution", "not known", "did you mean `e`"),
     (26, STEPS, "{log: [0 s, 1e-4, 5]}", "axes.h.log[0]", "out of range", "above 0"),
     (26, STEPS, "{log: [1e-6, 1e-6, 5]}", "axes.h.log", "same value", "list of one"),
-    (26, STEPS, "{geo: [1e-6, 1e-4, 5]}", "axes.h", "neither a list nor", "log"),
+    (26, STEPS, "{geo: [1e-6, 1e-4, 5]}", "axes.h.geo", "not known here", "`log`"),
     (23, STEPS, "{log: [1e-6, 1e-4, 1e6]}\n  scene.load.mean: {lin: [0, 1, 1000]}", "axes", "cases", "1e"),
     (27, "alpha: [0, 30]", "alpha: {log: [0, 30, 5]}", "axes.alpha.log", "positive ends", "lin"),
     (28, "scene.casing.gap: [", "scene.duration: [", "axes.scene.duration", "does not belong", "one time axis"),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic_core import core_schema
 
 from workflow.declare import Quantity
+from workflow.study.forms import Entry, no_mapping, record
 from workflow.study.kinds import Kind, Number, either, many, number
 from workflow.study.mistakes import quoted, wrong
 
@@ -59,20 +60,23 @@ def axis_values(kind: Kind, zipped: bool = False) -> Kind:
 
     def choose(value: Any) -> int:
         if isinstance(value, dict):
-            return 1 + LAWS.index(_law(value, kind, zipped))
+            if not isinstance(kind, Number):
+                raise wrong("has words for values, which cannot be spread", "write a list")
+            return 1
         if isinstance(value, list):
             if not value:
                 raise wrong("is empty", "write at least one value, or leave the axis out")
             return 0
         if zipped:
             raise wrong(f"{quoted(value)} is not a list", "write a list as long as the others of this zip")
-        return len(kinds) - 1
+        return len(kinds)
 
     one = Kind(core_schema.no_info_before_validator_function(_single, kind.core), kind.schema)
-    laws = LAWS[:2] if zipped else LAWS
-    spreads = [_under(law, _spread(law, kind)) for law in laws] if isinstance(kind, Number) else []
-    kinds = [many(one, minItems=1), *spreads, *([] if zipped else [one])]
-    return either(choose, *kinds)
+    kinds = [many(one, minItems=1)]
+    if isinstance(kind, Number):
+        laws = LAWS[:2] if zipped or kind.whole else LAWS
+        kinds.append(_under({law: _spread(law, kind) for law in laws}, _SPREAD))
+    return either(choose, *kinds, *([] if zipped else [one]))
 
 
 def _single(value: Any) -> Any:
@@ -82,18 +86,6 @@ def _single(value: Any) -> Any:
 
 
 _SPREAD = "write a list, {lin: [first, last, count]} or {log: [first, last, count]}"
-
-
-def _law(value: dict[str, Any], kind: Kind, zipped: bool) -> Law:
-    """Return how the values of an axis are spread, where they can be."""
-    law: Law = "branch" if "branch" in value else "log" if "log" in value else "lin"
-    if set(value) != {law}:
-        raise wrong("is neither a list nor `lin`, `log` or `branch`", _SPREAD)
-    if not isinstance(kind, Number):
-        raise wrong("has words for values, which cannot be spread", "write a list")
-    if law == "branch" and (zipped or kind.whole):
-        raise wrong("is followed along a real-valued axis of its own alone", "write a list or lin", law)
-    return law
 
 
 def _spread(law: Law, kind: Number) -> Kind:
@@ -130,12 +122,9 @@ def between(kind: Number) -> Kind:
             raise wrong("has a logarithm and needs positive ends", "write above 0, or [low, high]")
         return Range(law, low, high)
 
-    def choose(value: Any) -> int:
-        return int(isinstance(value, dict) and set(value) == {"log"})
-
     remedy = "write [low, high] or {log: [low, high]}"
     lin, log = (_some((kind, kind), "no range", remedy, partial(build, law)) for law in LAWS[:2])
-    return either(choose, lin, _under("log", log))
+    return either(no_mapping, _under({"log": log}, remedy), lin)
 
 
 def _some(kinds: tuple[Kind, ...], otherwise: str, remedy: str, build: Callable[[Any], Any]) -> Kind:
@@ -153,9 +142,15 @@ def _some(kinds: tuple[Kind, ...], otherwise: str, remedy: str, build: Callable[
     return Kind(core_schema.no_info_after_validator_function(build, core), schema)
 
 
-def _under(law: Law, kind: Kind) -> Kind:
+def _under(kinds: Mapping[Law, Kind], remedy: str) -> Kind:
     """Return the kind of ``{LAW: ...}``, read as what stands there."""
-    mapping = core_schema.typed_dict_schema({law: core_schema.typed_dict_field(kind.core)})
-    core = core_schema.no_info_after_validator_function(lambda read: read[law], mapping)
-    properties = {law: kind.schema}
-    return Kind(core, {"type": "object", "properties": properties, "required": [law], "additionalProperties": False})
+
+    def build(given: dict[str, Any]) -> Any:
+        if len(given) != 1:
+            raise wrong(f"has {len(given)} laws", remedy)
+        return next(iter(given.values()))
+
+    entries: dict[str, Entry] = {law: Entry(kind, f"values whose law is {law}") for law, kind in kinds.items()}
+    moved = {"branch": "write a list or lin: a branch is followed along a real-valued axis of its own"}
+    form = record("Values between two ends.", entries, build, moved)
+    return replace(form, schema=form.schema | {"minProperties": 1, "maxProperties": 1})
