@@ -27,7 +27,7 @@ DEFAULT_SCHEME = "moreau"
 MODES = ("mechanical_modes", "thermal_modes")
 REDUCTION = "reduction"
 TOLERANCE = "tolerance"
-OF_SCENE = ("model", "parameters", "load", "initial", "friction")
+OF_SCENE = ("model", "parameters", "initial")
 """Fields of a scene that are not read as they are declared."""
 
 

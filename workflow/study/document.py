@@ -16,7 +16,7 @@ from workflow.study.forms import Entry, Record, entries_of, named, no_mapping, r
 from workflow.study.kinds import FLAG, LINE, Kind, Number, either, keyword, leaf, name, number, usable
 from workflow.study.mistakes import one_of, quoted, wrong
 from workflow.study.ranges import MOST_VALUES, axis_values, between
-from workflow.study.settings import Friction, Initial, Load, Output, Scene, SchemeChoice, Steady
+from workflow.study.settings import Initial, Output, Scene, SchemeChoice, Steady
 
 SCENE_KEYS = ("casing", "load", "initial", "duration", "speed", "friction")
 
@@ -48,12 +48,8 @@ def _broken(model: str, value: Any) -> None:
 
 def _scene(names: tuple[str, ...]) -> Record:
     """Return the form of a scene: one entry per model, of which a scene has one, and the rest."""
-    entries = {
-        **entries_of(Scene, OF_SCENE),
-        "load": Entry(record_of(Load), summary(Load)),
-        "initial": Entry(either(no_mapping, record_of(Initial), _STATIC), summary(Initial)),
-        "friction": Entry(record_of(Friction), summary(Friction)),
-    }
+    start = Entry(either(no_mapping, record_of(Initial), _STATIC), summary(Initial))
+    entries = entries_of(Scene, OF_SCENE) | {"initial": start}
     for model in names:
         if models.fault(model) is None:
             entries[model] = Entry(record_of(models.load(model).Parameters), summary(models.load(model)))
@@ -62,9 +58,8 @@ def _scene(names: tuple[str, ...]) -> Record:
 
     def build(given: dict[str, Any]) -> Scene:
         model = next((key for key in given if key in names), "")
-        rest: dict[str, Any] = {"load": Load(), "initial": Initial()}
-        rest |= {key: given[key] for key in SCENE_KEYS if key in given}
-        return Scene(model, given.get(model), **rest)
+        rest = {key: value for key, value in given.items() if key not in names}
+        return Scene(model=model, parameters=given.get(model), **rest)
 
     return record(summary(Scene), entries, build)
 

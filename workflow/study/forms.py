@@ -149,6 +149,8 @@ def _entry(field: dataclasses.Field[Any], hint: Any) -> Entry:
         return Entry(number(quantity, whole=int in (hint, *get_args(hint))), quantity.description, default)
     if (word := word_of(field)) is not None:
         return Entry(text(word), word.description, default)
+    if type(None) in get_args(hint):  # what may be left out
+        hint = get_args(hint)[0]
     meaning = str(field.metadata.get("meaning", field.name.replace("_", " ")))
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return Entry(record_of(hint), summary(hint), default)
