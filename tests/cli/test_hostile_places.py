@@ -72,20 +72,20 @@ def test_a_name_that_begins_with_a_space(tmp_path: Path) -> None:
     assert "verified" in workflow("verify", " a.nc", cwd=tmp_path).stdout
 
 
-def test_a_file_in_the_place_of_the_shards(tmp_path: Path) -> None:
-    study, parts = written(SINGLE, tmp_path), tmp_path / "a.nc.parts"
-    parts.write_text("mine")
-    assert f"{parts}: a file, where a run keeps its shards" in refused("run", study, "-o", tmp_path / "a.nc")
-    assert parts.read_text() == "mine"
-
-
-@pytest.mark.parametrize("name", ["other", "other.npz"])
-def test_a_foreign_directory_among_the_shards_stays(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("", "a.nc.parts: a file, where a run keeps its shards"),
+        ("other/thesis.tex", "holds other, which no run left there"),
+        ("other.npz/thesis.tex", "holds other.npz, which no run left there"),
+    ],
+)
+def test_what_is_somebody_else_s_in_the_place_of_the_shards_stays(name: str, fault: str, tmp_path: Path) -> None:
     study, foreign = written(SINGLE, tmp_path), tmp_path / "a.nc.parts" / name
-    foreign.mkdir(parents=True)
-    (foreign / "thesis.tex").write_text("mine")
-    assert f"holds {name}, which no run left there" in refused("run", study, "-o", tmp_path / "a.nc")
-    assert (foreign / "thesis.tex").read_text() == "mine"
+    foreign.parent.mkdir(parents=True, exist_ok=True)
+    foreign.write_text("mine")
+    assert fault in refused("run", study, "-o", tmp_path / "a.nc")
+    assert foreign.read_text() == "mine"
 
 
 @pytest.mark.parametrize(
