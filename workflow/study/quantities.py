@@ -168,7 +168,7 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise wrong(f"{quoted(value)} is not {kind}", remedy)
     number = _converted(value, declared, kind, remedy) if isinstance(value, str) else value
-    if not _finite(number):
+    if not math.isfinite(number):
         raise wrong(f"{quoted(value)} is not finite", remedy)
     if whole and number != int(number):
         raise wrong(f"{quoted(value)} is not a whole number", "write a whole number")
@@ -179,13 +179,6 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
         unit = "" if declared.unit == "1" else f" {declared.unit}"
         raise wrong(f"{quoted(value)} is out of range", f"it must be {admissible(declared)}{unit}")
     return int(number) if whole else float(number)
-
-
-def _finite(number: float) -> bool:
-    try:
-        return math.isfinite(number)
-    except OverflowError:  # an integer beyond the largest float
-        return False
 
 
 def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
@@ -206,6 +199,4 @@ def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
     target, target_roots = parse_unit(declared.unit)
     if roots != target_roots:
         raise wrong(f"{quoted(text)} is not {kind}", remedy)
-    if not math.isfinite(float(number[0])):
-        raise wrong(f"{quoted(text)} is not finite", remedy)
-    return float(_EXACT.divide(_EXACT.multiply(Decimal(number[0]), worth), target))
+    return float(_EXACT.divide(_EXACT.multiply(_EXACT.create_decimal(number[0]), worth), target))
