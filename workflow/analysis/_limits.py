@@ -156,7 +156,7 @@ def _along_dimension(dataset: xr.Dataset, dim: str, faults: NDArray[Any]) -> Lim
     rows, shape = of_value.reshape(values.size, -1), of_value.shape[1:]
     first = np.argmax(rows != "", axis=1)
     words = [str(row[k]) for row, k in zip(rows, first, strict=True)]
-    places = [np.unravel_index(k, shape) if word and shape else () for k, word in zip(first, words, strict=True)]
+    places = [np.unravel_index(k, shape) if word else () for k, word in zip(first, words, strict=True)]
     return _limit(dataset, dim, values[order], words, others, places)
 
 

@@ -294,7 +294,7 @@ class Table:
             cost_per_second=cost / simulated_seconds(self.dataset),
             share=float(within.mean()),
             worst=self._worst(row, case, at),
-            number=int(np.ravel_multi_index([at[dim] for dim in dims], self.dataset["status"].shape)) if dims else 0,
+            number=int(np.ravel_multi_index([at[dim] for dim in dims], self.dataset["status"].shape)),
             step_matters=self._step_matters(row, at),
             used={name: int(np.nanmax(self._array(f"{name}_used")[row])) for name in auto},
             tied={name: value for name, value in settings.items() if not is_numerical(self.dataset, name)},
@@ -304,7 +304,7 @@ class Table:
         """Return where a case of a choice lies along the dimensions."""
         dims = (*self.rows, *self.columns)
         sizes = [self.dataset.sizes[dim] for dim in dims]
-        place = np.unravel_index(row * self.error.shape[1] + case, sizes) if sizes else ()
+        place = np.unravel_index(row * self.error.shape[1] + case, sizes)
         return dict(zip(dims, map(int, place), strict=True))
 
     def _values(self, dims: Sequence[str], at: Mapping[str, int], fixed: bool = False) -> dict[str, Any]:
@@ -342,8 +342,7 @@ class Table:
 
     def unpredictable(self, most: float) -> tuple[dict[str, Any], ...]:
         """Return the cases of the scene whose predictability exceeds a share."""
-        with np.errstate(invalid="ignore"):
-            exceeds = (self._array("predictability") > most).any(axis=0)
+        exceeds = (self._array("predictability") > most).any(axis=0)
         return tuple(self._values(self.columns, self._place(0, int(case))) for case in np.flatnonzero(exceeds))
 
 
