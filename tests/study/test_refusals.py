@@ -142,14 +142,6 @@ def test_path_with_a_null_character() -> None:
         read_study("a\0b")
 
 
-def test_a_duration_far_below_the_interval() -> None:
-    """1e-320 s over 1 ms: the ratio is below all floating-point numbers."""
-    chain = "{nodes: 1, mass: 1, stiffness: 1, heat_capacity: 1}"
-    text = f"study: a\nscene:\n  chain: {chain}\n  casing: {{gap: 1}}\n  duration: 1.0e-320\n"
-    with pytest.raises(StudyError, match="is longer than the duration"):
-        parse_study(text + "output: {interval: 1 ms}\n", "study")
-
-
 def drawn(path: str, points: int = 4) -> str:
     return f"{{sample: random, points: {points}, of: {{{path}: [0, 1]}}}}"
 
