@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic_core import SchemaValidator, ValidationError
 
-from workflow import models, schemes
+from workflow import models, reduction, schemes
 from workflow.study.addresses import MODES, TOLERANCE, addresses, settings
 from workflow.study.axes import Arrangement, mode_count
 from workflow.study.case_space import CaseSpace, Dimension, Reference
@@ -38,7 +38,7 @@ def read_fields(source: Source, files: Files) -> tuple[Mapping[str, Any], Mappin
     model = _model(source)
     names = (model,) if model else models.names()
     methods = tuple(_methods(source).items())
-    varied, form = _form(names, methods, _harmonics(source.tree))
+    varied, form = _form(names, methods, _harmonics(source.tree), reduction.names())
     tree, supplied = _supplied(source, [axis for axis in written_axes(source.tree) if axis[1] in varied])
     sections: dict[str, Any] = {}
     try:
@@ -54,9 +54,15 @@ def read_fields(source: Source, files: Files) -> tuple[Mapping[str, Any], Mappin
 
 @lru_cache(maxsize=32)
 def _form(
-    names: tuple[str, ...], methods: tuple[tuple[str, tuple[str, ...]], ...], harmonics: tuple[int, int]
+    names: tuple[str, ...],
+    methods: tuple[tuple[str, tuple[str, ...]], ...],
+    harmonics: tuple[int, int],
+    bases: tuple[str, ...],
 ) -> tuple[dict[str, Entry], SchemaValidator]:
-    """Return what may vary and the form of a study, for some models, methods by label and harmonics."""
+    """Return what may vary and the form of a study, for some models, methods by label and harmonics.
+
+    ``bases`` are those that there are: with others it is made anew.
+    """
     varied = addresses(names, dict(methods), harmonics)
     return varied, SchemaValidator(study_form(varied, names).core)
 
