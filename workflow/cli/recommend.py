@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workflow.cli._failures import NOT_OK, WRONG
+from workflow.cli._failures import NOT_OK
 from workflow.cli._terminal import console, print_error, say, write_json
 from workflow.cli._words import ArchiveFile, AsJson
 
@@ -48,8 +48,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
             advice = f"run it with one to another archive, e.g. {_with_reference(archive)}"
             raise ArchiveError(f"{archive}: {error}; {advice}") from None
         except ValueError as error:
-            print_error(str(error))
-            raise typer.Exit(WRONG) from None
+            raise typer.BadParameter(str(error)) from None
         cautions = recommendation_cautions(dataset)
     for caution in cautions:
         print_error(f"{archive}: {caution}")
