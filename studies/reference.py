@@ -162,7 +162,7 @@ def key_tables() -> Iterator[str]:
 
 def tolerance() -> tuple[str, str, str, str]:
     """Return the row of the one setting without a default."""
-    about = settings((), ())[TOLERANCE]
+    about = settings()[TOLERANCE]
     return TOLERANCE, about.kind.unit, "none", f"{about.meaning}; needed where a count of modes is `auto`"
 
 

@@ -6,16 +6,17 @@ import contextlib
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from typer.testing import CliRunner
 
 from workflow.cli import app
 
 
-def typed(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+def typed(*words: str | Path, cwd: Path, **more: Any) -> subprocess.CompletedProcess[str]:
     """Run a command as a shell does, in a process of its own, and return what it said and how it ended."""
     command = [sys.executable, "-m", "workflow", *map(str, words)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, cwd=cwd, capture_output=True, encoding="utf-8", timeout=120, **more)
 
 
 def workflow(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:

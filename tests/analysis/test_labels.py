@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from workflow.analysis import exact, labels_of
@@ -14,16 +14,6 @@ from workflow.analysis import exact, labels_of
 def test_a_printed_number_is_the_number(value: float) -> None:
     assert float(exact(value)) == value
     assert float(exact(np.float64(value))) == value
-
-
-@settings(deadline=None)
-@given(values=st.lists(st.floats(1e-9, 1e9), min_size=1, max_size=9, unique=True))
-def test_what_is_printed_can_be_given_to_sel(values: list[float]) -> None:
-    dataset = xr.Dataset({"x": ("h", np.arange(len(values)))}, {"h": ("h", values, {"units": "s"})})
-    for k, label in enumerate(labels_of(dataset, "h", named=False)):
-        number, unit = label.split()
-        assert unit == "s"
-        assert int(dataset["x"].sel(h=float(number))) == k
 
 
 def test_numbers_are_as_short_as_they_can_be() -> None:

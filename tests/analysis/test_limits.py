@@ -47,6 +47,8 @@ def test_a_range_begins_at_its_mild_end_and_ends_where_a_case_runs_away() -> Non
     assert alpha.at == {"gap": 1e-5}
     assert (gap.start, gap.stop, gap.next, gap.limited_by) == (4e-5, 4e-5, 2e-5, "runs_away")
     assert gap.at == {"alpha": 30}
+    [alone] = limits(MAP.isel(gap=0)).limits
+    assert (alone.stop, alone.next, alone.limited_by, alone.at) == (20, 30, "runs_away", {})
     text = limit_sentence(alpha, MAP, {})
     assert text == "alpha from 0 to 20 W/N: all cases are within; at 30 W/N the rub runs away (gap = 1e-05 m)."
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workflow import recommend, work_precision
+from workflow import work_precision
 from workflow.analysis import NoReferenceError
 
 
@@ -41,20 +41,6 @@ def test_cost_and_error_of_known_choices() -> None:
     assert float(work["alpha"]) == 30.0
     impulse = work_precision(archive(), "impulse_error")
     assert impulse["error"].sel(scheme="fine").values == pytest.approx([2e-5, 2e-4, 2e-3])
-
-
-@pytest.mark.parametrize("tolerance", [1e-1, 7e-3, 1e-3, 1e-4, 1e-5])
-def test_the_cheapest_within_a_tolerance_is_recommended(tolerance: float) -> None:
-    work = work_precision(archive()).stack(choice=("scheme", "h"))
-    good = work.where(work["error"] <= tolerance, drop=True)
-    choice = recommend(archive(), tolerance).choice
-    if choice is None:
-        assert good.sizes["choice"] == 0
-        return
-    best = good.isel(choice=int(np.argmin(good["cost"].values)))
-    assert (str(best["scheme"].values), float(best["h"])) == (choice.settings["scheme"], choice.settings["h"])
-    assert float(best["error"]) == choice.worst.error
-    assert float(best["cost_per_second"]) == choice.cost_per_second
 
 
 def test_what_is_missing_is_said() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from pathlib import Path
 
@@ -187,17 +186,6 @@ def test_wrong_calls_exit_with_two_and_one_clear_message(words: tuple[str, ...],
     assert message in done.stderr
     assert "Traceback" not in done.stderr
     assert sorted(tmp_path.rglob("*")) == before
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root writes anywhere")
-def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
-    study = written(SMALL, tmp_path)
-    closed = tmp_path / "closed"
-    closed.mkdir(mode=0o500)
-    done = workflow("run", study, "-o", "closed/a.nc", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "closed" in done.stderr
-    assert "Traceback" not in done.stderr
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from hostile import changed
 from studies import SINGLE, parsed, written
-from workflow.cli import app
+from terminal import typed, workflow
 from workflow.run import run_study
 
 
@@ -25,11 +24,10 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def workflow(*words: str | Path, status: int = 2) -> str:
-    result = CliRunner().invoke(app, [str(word) for word in words])
-    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    assert result.exit_code == status, result.output
-    return result.output
+def refused(*words: str | Path) -> str:
+    ended = workflow(*words, cwd=Path())
+    assert ended.returncode == 2, ended
+    return ended.stderr
 
 
 @pytest.mark.parametrize("command", ["show", "report", "verify", "run", "plan"])
@@ -37,8 +35,8 @@ def test_a_pipe_is_not_waited_for_and_a_loop_of_links_is_said(command: str, tmp_
     pipe, loop = tmp_path / "a.nc", tmp_path / "b.nc"
     os.mkfifo(pipe)
     loop.symlink_to(loop)
-    assert str(pipe) in workflow(command, pipe)
-    assert "too many levels of symbolic links" in workflow(command, loop).lower()
+    assert str(pipe) in refused(command, pipe)
+    assert "too many levels of symbolic links" in refused(command, loop).lower()
 
 
 @pytest.mark.parametrize("kind", ["pipe", "loop", "bytes", "backslash"])
@@ -51,8 +49,7 @@ def test_a_place_that_can_be_no_archive_is_refused_before_the_work(kind: str, tm
     else:
         archive = tmp_path / os.fsdecode(b"a\xff.nc" if kind == "bytes" else b"a\\b.nc")
     before = sorted(tmp_path.iterdir())
-    result = CliRunner().invoke(app, ["run", str(study), "-o", str(archive)])
-    assert result.exit_code == 2
+    refused("run", study, "-o", archive)
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -66,37 +63,29 @@ def test_a_directory_whose_name_no_archive_can_have(
     (directory / "a.nc").write_bytes(sound.read_bytes())
     monkeypatch.chdir(directory)
     for command in ("show", "verify"):
-        assert fault in workflow(command, "a.nc")
+        assert fault in refused(command, "a.nc")
 
 
-def test_a_name_that_begins_with_a_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    workflow("run", written(SINGLE, tmp_path), "-o", " a.nc", status=0)
-    assert (tmp_path / " a.nc").exists()
+def test_a_name_that_begins_with_a_space(tmp_path: Path) -> None:
+    assert workflow("run", written(SINGLE, tmp_path), "-o", " a.nc", cwd=tmp_path).returncode == 0
     (tmp_path / "a.nc").touch()
-    assert "verified" in workflow("verify", " a.nc", status=0)
+    assert "verified" in workflow("verify", " a.nc", cwd=tmp_path).stdout
 
 
-def test_brackets_in_a_path_are_no_markup(sound: Path, tmp_path: Path) -> None:
-    archive = tmp_path / "a[red]b[bold].nc"
-    archive.write_bytes(sound.read_bytes())
-    assert f"{archive}: " in workflow("show", archive, status=0)
-
-
-def test_a_file_in_the_place_of_the_shards(tmp_path: Path) -> None:
-    study, parts = written(SINGLE, tmp_path), tmp_path / "a.nc.parts"
-    parts.write_text("mine")
-    assert f"{parts}: a file, where a run keeps its shards" in workflow("run", study, "-o", tmp_path / "a.nc")
-    assert parts.read_text() == "mine"
-
-
-@pytest.mark.parametrize("name", ["other", "other.npz"])
-def test_a_foreign_directory_among_the_shards_stays(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("", "a.nc.parts: a file, where a run keeps its shards"),
+        ("other/thesis.tex", "holds other, which no run left there"),
+        ("other.npz/thesis.tex", "holds other.npz, which no run left there"),
+    ],
+)
+def test_what_is_somebody_else_s_in_the_place_of_the_shards_stays(name: str, fault: str, tmp_path: Path) -> None:
     study, foreign = written(SINGLE, tmp_path), tmp_path / "a.nc.parts" / name
-    foreign.mkdir(parents=True)
-    (foreign / "thesis.tex").write_text("mine")
-    assert f"holds {name}, which no run left there" in workflow("run", study, "-o", tmp_path / "a.nc")
-    assert (foreign / "thesis.tex").read_text() == "mine"
+    foreign.parent.mkdir(parents=True, exist_ok=True)
+    foreign.write_text("mine")
+    assert fault in refused("run", study, "-o", tmp_path / "a.nc")
+    assert foreign.read_text() == "mine"
 
 
 @pytest.mark.parametrize(
@@ -116,48 +105,28 @@ def test_a_foreign_directory_among_the_shards_stays(name: str, tmp_path: Path) -
 )
 def test_provenance_that_no_run_wrote(texts: dict[str, str], sound: Path, tmp_path: Path) -> None:
     archive = changed(sound, tmp_path / "a.nc", lambda file: file["provenance"].setncatts(texts))
-    for words in (
-        ("report", archive),
-        ("run", archive, "-o", tmp_path / "b.nc"),
-        ("verify", archive),
-        ("plan", archive),
-    ):
-        result = CliRunner().invoke(app, [str(word) for word in words])
-        assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-        assert result.exit_code in (0, 1, 2), result.output
-        assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f]", result.output)
-
-
-def command(*words: str | Path, memory: int | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
-    def limit() -> None:
-        if memory is not None:
-            resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-
-    return subprocess.run(
-        [sys.executable, "-m", "workflow", *map(str, words)],
-        capture_output=True,
-        encoding="utf-8",
-        timeout=120,
-        env={**os.environ, **environment},
-        preexec_fn=limit,
-    )
+    for command, *output in (("report",), ("run", "-o", tmp_path / "b.nc"), ("verify",), ("plan",)):
+        ended = workflow(command, archive, *output, cwd=tmp_path)
+        assert ended.returncode in (0, 1, 2), ended
+        assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f]", ended.stdout + ended.stderr)
 
 
 def test_a_terminal_that_knows_ascii_only(tmp_path: Path) -> None:
     study = written(SINGLE.replace("study: single", "study: single\ntitle: Schaufel spürt 5 µm…"), tmp_path)
-    plain = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
-    planned, schema = command("plan", study, **plain), command("schema", **plain)
+    plain = {"env": {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, "cwd": tmp_path}
+    planned, schema, shown = (typed(*words, **plain) for words in (("plan", study), ("schema",), ("show", "spürt.nc")))
     for completed in (planned, schema):
         assert completed.returncode == 0, completed.stderr
         assert completed.stdout.isascii()
     assert "Schaufel sp\\xfcrt 5 um..." in planned.stdout
-    completed = command("show", "spürt.nc", **plain).stderr
-    assert "its name is UTF-8, but this process reads names as ascii; set PYTHONUTF8=1" in completed
+    assert "its name is UTF-8, but this process reads names as ascii; set PYTHONUTF8=1" in shown.stderr
 
 
 @pytest.mark.parametrize("megabytes", [300, 600])
 def test_too_little_memory_is_said(megabytes: int, tmp_path: Path) -> None:
-    completed = command("run", written(SINGLE, tmp_path), "-o", tmp_path / "a.nc", memory=megabytes * 10**6)
+    limit = (megabytes * 10**6,) * 2
+    study = written(SINGLE, tmp_path)
+    completed = typed("run", study, cwd=tmp_path, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, limit))
     assert completed.returncode == 2
     assert completed.stderr.startswith("there is not enough memory")
     assert completed.stderr.count("\n") == 1
@@ -167,10 +136,8 @@ def test_a_defect_exits_with_three_and_no_traceback(tmp_path: Path) -> None:
     study = written(SINGLE, tmp_path)
     broken = "import workflow.study as s\ndef fail(*_): raise KeyError('x')\ns.read_study = fail\n"
     call = [sys.executable, "-c", f"{broken}from workflow.cli import main\nmain()", "plan", str(study)]
-    brief = subprocess.run(call, capture_output=True, text=True)
-    assert brief.returncode == 3
-    assert brief.stderr.startswith("a defect of this program: KeyError")
-    assert "Traceback" not in brief.stderr
-    detailed = subprocess.run(call, capture_output=True, text=True, env={**os.environ, "WORKFLOW_TRACEBACK": "1"})
-    assert detailed.returncode == 3
-    assert "Traceback" in detailed.stderr
+    for more, detailed in (({}, False), ({"WORKFLOW_TRACEBACK": "1"}, True)):
+        ended = subprocess.run(call, capture_output=True, text=True, env=os.environ | more)
+        assert ended.returncode == 3
+        assert "a defect of this program: KeyError" in ended.stderr
+        assert ("Traceback" in ended.stderr) == detailed

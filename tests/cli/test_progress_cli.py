@@ -68,12 +68,3 @@ def test_a_quiet_run_shows_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 1
     assert "elapsed" not in result.output
-
-
-def test_a_run_that_is_stopped_says_how_far_it_came() -> None:
-    from workflow.cli.run import _stopped
-
-    follower = Follower()
-    assert _stopped(Path("a.nc"), follower).startswith("stopped; what was done is stored beside a.nc")
-    follower(SLOW)
-    assert _stopped(Path("a.nc"), follower).startswith("stopped; 204 of 540 cases are stored beside a.nc")

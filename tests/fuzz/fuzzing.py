@@ -1,4 +1,4 @@
-"""What feeds mutants to the commands: one interpreter takes many, and another one watches it.
+"""What feeds mutants to the commands: one interpreter takes many, and another one starts the next where it ends.
 
 As a program, ``fuzzing.py KIND FIRST STOP [SOUND]`` runs the mutants of some seeds and says before each
 which it is, and after each what was wrong.
@@ -7,89 +7,38 @@ which it is, and after each what was wrong.
 from __future__ import annotations
 
 import json
-import os
 import resource
-import select
+import signal
 import subprocess
 import sys
 import tempfile
-import time
 import traceback
 from pathlib import Path
 
-import psutil
-
-LONGEST = 10.0
+LONGEST = 10
 """Processor seconds that one mutant may take, however much the machine has to do beside."""
 
-ASLEEP = 120.0
+ASLEEP = 120
 """Seconds that one mutant may take in all: one that waits for something takes no processor time."""
-
-LOOK = 0.2
-"""Seconds between two looks at an interpreter that says nothing."""
 
 MEMORY = 4 * 2**30
 """Bytes of address space of an interpreter: what spends more is told by a MemoryError."""
-
-START = 60.0
-"""Processor seconds for an interpreter to start."""
 
 
 def faults(kind: str, first: int, stop: int, *words: str) -> list[str]:
     """Return what went wrong with the mutants of some seeds: tracebacks, hangs, crashes."""
     messages: list[str] = []
     while first < stop:
-        first = _watched(kind, first, stop, words, messages)
+        command = [sys.executable, __file__, kind, str(first), str(stop), *words]
+        ended = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        reports = [json.loads(line) for line in ended.stdout.splitlines()]
+        messages += [f"{kind} {report['seed']}: {report['fault']}" for report in reports if report.get("fault")]
+        if ended.returncode == 0:
+            break
+        seed = reports[-1]["seed"] if reports else first
+        messages.append(f"{kind} {seed}: the interpreter ends with {ended.returncode}; by SIGPROF or SIGALRM: it hangs")
+        first = seed + 1
     return messages
-
-
-def _watched(kind: str, first: int, stop: int, words: tuple[str, ...], messages: list[str]) -> int:
-    """Watch an interpreter to its end and return the seed that comes next."""
-    command = [sys.executable, __file__, kind, str(first), str(stop), *words]
-    seed, buffer = first, b""
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0) as process:
-        assert process.stdout is not None
-        limit = _Limit(process.pid, START, 10 * START)
-        while not limit.is_exceeded():
-            if not select.select([process.stdout], [], [], LOOK)[0]:
-                continue
-            data = os.read(process.stdout.fileno(), 65536)
-            if not data:
-                break
-            *lines, buffer = (buffer + data).split(b"\n")
-            for line in lines:
-                report = json.loads(line)
-                seed, limit = report["seed"], _Limit(process.pid, LONGEST, ASLEEP)
-                if report.get("fault"):
-                    messages.append(f"{kind} {seed}: {report['fault']}")
-        else:
-            process.kill()
-            messages.append(f"{kind} {seed}: hangs")
-            return seed + 1
-    if process.returncode == 0:
-        return stop
-    messages.append(f"{kind} {seed}: the interpreter ends with {process.returncode}")
-    return seed + 1
-
-
-class _Limit:
-    """How long an interpreter may take from now on."""
-
-    def __init__(self, process: int, processor_seconds: float, seconds: float):
-        self._process = psutil.Process(process)
-        self._processor_end = self._processor_time() + processor_seconds
-        self._end = time.monotonic() + seconds
-
-    def _processor_time(self) -> float:
-        """Return the processor seconds that the interpreter has taken; none any more once it has ended."""
-        try:
-            times = self._process.cpu_times()
-        except psutil.Error:
-            return 0.0
-        return float(times.user + times.system)
-
-    def is_exceeded(self) -> bool:
-        return time.monotonic() > self._end or self._processor_time() > self._processor_end
 
 
 def _command(*words: str) -> str:
@@ -163,6 +112,8 @@ def main(kind: str, first: int, stop: int, *words: str) -> None:
     with tempfile.TemporaryDirectory() as name:
         for seed in range(first, stop):
             print(json.dumps({"seed": seed}), flush=True)
+            signal.setitimer(signal.ITIMER_PROF, LONGEST)  # its signal ends the interpreter, whatever it is doing
+            signal.setitimer(signal.ITIMER_REAL, ASLEEP)
             try:
                 match kind:
                     case "study":

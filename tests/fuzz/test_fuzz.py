@@ -25,14 +25,6 @@ def archives(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return [str(path) for path in paths]
 
 
-def test_a_few_mutated_studies() -> None:
-    assert faults("study", 0, 40) == []
-
-
-def test_a_few_mutated_archives(archives: list[str]) -> None:
-    assert faults("archive", 0, 10, archives[0]) == []
-
-
 @pytest.fixture(scope="module")
 def matrices(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A directory with a directory for each kind of file; names of those that are read as a whole say so."""
@@ -54,24 +46,16 @@ def matrices(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(sound)
 
 
-def test_a_few_mutated_files_of_matrices(matrices: str) -> None:
-    assert faults("matrices", 0, 24, matrices) == []
+FEW = [("study", 40), ("archive", 10), ("matrices", 24)]
+MANY = [("study", 10_000), ("archive", 2000), ("matrices", 200)]
 
 
-@pytest.mark.slow
-def test_ten_thousand_mutated_studies() -> None:
+@pytest.mark.parametrize(("kind", "count"), FEW + [pytest.param(*one, marks=pytest.mark.slow) for one in MANY])
+def test_mutants_are_taken_or_told(kind: str, count: int, archives: list[str], matrices: str) -> None:
+    sound = {"archive": archives, "matrices": [matrices]}.get(kind, [])
     with ThreadPoolExecutor(2) as pool:
-        messages = pool.map(faults, ["study"] * 10, range(0, 10_000, 1000), range(1000, 11_000, 1000))
-        assert [message for batch in messages for message in batch] == []
-
-
-@pytest.mark.slow
-def test_two_hundred_mutated_files_of_matrices(matrices: str) -> None:
-    assert faults("matrices", 0, 200, matrices) == []
-
-
-@pytest.mark.slow
-def test_two_thousand_mutated_archives(archives: list[str]) -> None:
-    with ThreadPoolExecutor(2) as pool:
-        messages = pool.map(faults, ["archive"] * 2, (0, 1000), (1000, 2000), archives)
-        assert [message for batch in messages for message in batch] == []
+        batches = [
+            pool.submit(faults, kind, first, min(first + 1000, count), *sound[k : k + 1])
+            for k, first in enumerate(range(0, count, 1000))
+        ]
+    assert [message for batch in batches for message in batch.result()] == []

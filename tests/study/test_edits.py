@@ -57,7 +57,6 @@ def test_numbers_that_a_yaml_1_1_loader_leaves_as_texts_are_numbers() -> None:
     ("key", "value", "message"),
     [
         ("scene.casing.gap", "10 kg", "with_ scene.casing.gap: "),
-        ("scene.casing.gapp", 1, "did you mean `gap`?"),
         ("axes.e", [0, 2], "with_ axes.e: [1]: `2` is out of range"),
         ("study.name", "b", "with_ study.name: leads through study"),
         ("scene..gap", 1, "has an empty word in its path"),

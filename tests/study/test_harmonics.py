@@ -74,10 +74,6 @@ def test_names_are_numbered_where_they_are_taken():
         ("{amplitude: 1 um}", "", "", r"harmonics\[0\]: has neither `frequency` nor `order`; write one of the two"),
         ("{amplitude: 1 um, order: 1, frequency: 2}", "", "  speed: 1", "has both `frequency` and `order`"),
         ("", "{amplitude: 1, order: 1}", "", r"load\.harmonics\[0\]\.order: is a multiple of a speed that is"),
-        ("{order: 1}", "", "  speed: 1", r"casing\.harmonics\[0\]\.amplitude: is missing"),
-        ("{amplitude: 1 N, order: 1}", "", "  speed: 1", r"casing\.harmonics\[0\]\.amplitude: .* is not a length"),
-        ("3", "", "", r"casing\.harmonics\[0\]: `3` is not a mapping"),
-        ("", "", "  friction: {coefficient: 0.2, sliding_speed: 9}", r"scene\.friction\.heat_share: is missing"),
         ("", "", f"{FRICTION}\naxes: {{alpha: [1, 2]}}", r"f:8: axes\.alpha: stands beside `scene\.friction`"),
     ],
 )

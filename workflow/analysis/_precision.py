@@ -132,13 +132,11 @@ class Line:
     @property
     def lost(self) -> NDArray[np.bool_]:
         """Whether a step is beyond the scheme's limit: not ok, or an impulse error above :data:`SENSELESS`."""
-        with np.errstate(invalid="ignore"):
-            return np.asarray(~self.ok | (self.errors["impulse_error"] > SENSELESS))
+        return np.asarray(~self.ok | (self.errors["impulse_error"] > SENSELESS))
 
     def sane(self, values: Array) -> Array:
         """Return values at the steps whose impulse error is not :data:`SENSELESS`, NaN at others."""
-        with np.errstate(invalid="ignore"):
-            return np.where(self.errors["impulse_error"] < SENSELESS, values, np.nan)
+        return np.where(self.errors["impulse_error"] < SENSELESS, values, np.nan)
 
     def stable_steps(self) -> tuple[float, float] | None:
         """Return the largest step before the first that is lost, and that one, where there are both."""

@@ -67,11 +67,11 @@ class Worst:
     @property
     def limited_by(self) -> str:
         """What the error comes from: ``step``, ``basis``, ``nothing`` (no error), ``status`` or ``unknown``."""
-        if self.status != "ok" or np.isnan(self.error):
-            return "status" if self.status != "ok" else "unknown"
+        if self.status != "ok":
+            return "status"
         if self.error == 0:
             return "nothing"
-        if np.isnan(self.scheme_error) or np.isnan(self.model_error):
+        if np.isnan([self.error, self.scheme_error, self.model_error]).any():
             return "unknown"
         return "step" if self.scheme_error >= self.model_error else "basis"
 
@@ -252,16 +252,20 @@ def numerical_dims(dataset: xr.Dataset) -> tuple[str, ...]:
 
 
 class Table:
-    """Errors and statuses of each choice in each case of the scene, ``(choice, case)``, and costs ``(choice,)``."""
+    """Errors and statuses of each choice in each case of the scene, ``(choice, case)``, and costs ``(choice,)``.
 
-    def __init__(self, dataset: xr.Dataset) -> None:
+    The error of an ok case is the largest of those that are named, of all histories where none is; NaN of others.
+    """
+
+    def __init__(self, dataset: xr.Dataset, *errors: str) -> None:
         if not all(f"{name}_error" in dataset for name in COMPARED):
             raise NoReferenceError("the archive holds no errors: its study has no `reference`")
         self.dataset = dataset
         self.rows = numerical_dims(dataset)
         self.columns = tuple(dim for dim in case_dims(dataset) if dim not in self.rows)
         self.status = self._array("status").astype(np.int8)
-        self.errors = np.stack([self.of_ok_cases(f"{name}_error") for name in COMPARED])
+        of_all = np.stack([self._array(name) for name in errors or [f"{name}_error" for name in COMPARED]])
+        self.errors = np.where(self.status == Status.OK, of_all, np.nan)
         self.error = np.max(self.errors, axis=0)
         seconds = self._array("processor_time")
         run = np.isfinite(seconds)
@@ -275,10 +279,6 @@ class Table:
             return np.full(sizes, np.nan)
         ordered = self.dataset[name].transpose(*self.rows, *self.columns)
         return np.asarray(ordered.values, dtype=np.float64).reshape(sizes)
-
-    def of_ok_cases(self, name: str) -> NDArray[np.float64]:
-        """Return a variable as ``(choice, case)``, NaN where the case is not ok."""
-        return np.where(self.status == Status.OK, self._array(name), np.nan)
 
     def choice(self, row: int, within: NDArray[np.bool_]) -> Choice:
         """Return a choice with its evidence."""
@@ -294,7 +294,7 @@ class Table:
             cost_per_second=cost / simulated_seconds(self.dataset),
             share=float(within.mean()),
             worst=self._worst(row, case, at),
-            number=int(np.ravel_multi_index([at[dim] for dim in dims], self.dataset["status"].shape)) if dims else 0,
+            number=int(np.ravel_multi_index([at[dim] for dim in dims], self.dataset["status"].shape)),
             step_matters=self._step_matters(row, at),
             used={name: int(np.nanmax(self._array(f"{name}_used")[row])) for name in auto},
             tied={name: value for name, value in settings.items() if not is_numerical(self.dataset, name)},
@@ -304,7 +304,7 @@ class Table:
         """Return where a case of a choice lies along the dimensions."""
         dims = (*self.rows, *self.columns)
         sizes = [self.dataset.sizes[dim] for dim in dims]
-        place = np.unravel_index(row * self.error.shape[1] + case, sizes) if sizes else ()
+        place = np.unravel_index(row * self.error.shape[1] + case, sizes)
         return dict(zip(dims, map(int, place), strict=True))
 
     def _values(self, dims: Sequence[str], at: Mapping[str, int], fixed: bool = False) -> dict[str, Any]:
@@ -342,8 +342,7 @@ class Table:
 
     def unpredictable(self, most: float) -> tuple[dict[str, Any], ...]:
         """Return the cases of the scene whose predictability exceeds a share."""
-        with np.errstate(invalid="ignore"):
-            exceeds = (self._array("predictability") > most).any(axis=0)
+        exceeds = (self._array("predictability") > most).any(axis=0)
         return tuple(self._values(self.columns, self._place(0, int(case))) for case in np.flatnonzero(exceeds))
 
 

@@ -23,9 +23,14 @@ SETTINGS = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction")
 NAMED = 5
 """Undecidable cases that are named; of more the number is."""
 
-_NOT_RUN = Status.NOT_RUN.name.lower()
-
-COLUMNS = ("tolerance", "choice", "cost per simulated second", "cases within", "largest error", "limited by")
+RECOMMENDATION_COLUMNS = (
+    "tolerance",
+    "choice",
+    "cost per simulated second",
+    "cases within",
+    "largest error",
+    "limited by",
+)
 
 
 def named_choice(choice: Choice, units: Mapping[str, str]) -> str:
@@ -96,7 +101,7 @@ def undecidable(recommendation: Recommendation) -> str:
     )
 
 
-def cautions(dataset: xr.Dataset) -> tuple[str, ...]:
+def recommendation_cautions(dataset: xr.Dataset) -> tuple[str, ...]:
     """Return why a recommendation may mean less than it says: cases that are not run, no contact at all."""
     reasons = []
     missing = int((dataset["status"] == Status.NOT_RUN).sum())
@@ -120,8 +125,8 @@ def _by_own_basis(dataset: xr.Dataset) -> bool:
     return varies and len(parts) == len(COMPARED) and not any(bool((part.fillna(0) != 0).any()) for part in parts)
 
 
-def row(recommendation: Recommendation) -> tuple[str, ...]:
-    """Return a recommendation as a row of a table with :data:`COLUMNS`."""
+def recommendation_row(recommendation: Recommendation) -> tuple[str, ...]:
+    """Return a recommendation as a row of a table with :data:`RECOMMENDATION_COLUMNS`."""
     shown = recommendation.choice or recommendation.next
     if shown is None:
         return percent(recommendation.tolerance), "nothing", "", "", "", ""
@@ -132,7 +137,7 @@ def row(recommendation: Recommendation) -> tuple[str, ...]:
     return percent(recommendation.tolerance), name, _cost(shown), percent(shown.share), error, worst.limited_by
 
 
-def entries(recommendation: Recommendation) -> dict[str, Any]:
+def recommendation_entries(recommendation: Recommendation) -> dict[str, Any]:
     """Return a recommendation as the entries of its JSON."""
     chosen = recommendation.choice
     settings = {} if chosen is None else chosen.settings
@@ -196,13 +201,11 @@ def _limit(worst: Worst) -> str:
 def _failure(choice: Choice, units: Mapping[str, str]) -> str:
     """Say why a choice fails."""
     worst = choice.worst
-    where = named_case(worst.case, units)
-    if worst.status == _NOT_RUN:
-        return f"fails as {where} is not run yet"
+    where, why = named_case(worst.case, units), f" ({worst.message})" if worst.message else ""
     if worst.status != "ok":
-        return f"fails as {where} is {worst.status}" + (f" ({worst.message})" if worst.message else "")
+        return f"fails as {where} is {worst.status.replace('_', ' ')}{why}"
     if math.isnan(worst.error):
-        return f"fails as {where} has no error" + (f" ({worst.message})" if worst.message else "")
+        return f"fails as {where} has no error{why}"
     return f"fails with {percent(worst.error)} ({worst.variable}, {where}), {_limit(worst)}"
 
 
@@ -222,7 +225,7 @@ def _nearest(recommendation: Recommendation) -> str:
         return text + "Add a smaller tolerance of `auto`."
     if worst.limited_by == "basis":
         return text + "Add more modes, or `full`."
-    if worst.status == _NOT_RUN:
+    if worst.status == "not_run":
         return text + "Run the study to its end."
     if worst.limited_by == "status":
         return text + "Add a scheme or a step at which that case ends ok."

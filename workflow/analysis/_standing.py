@@ -73,23 +73,15 @@ class Standing:
 
 def standings(dataset: xr.Dataset) -> list[Standing]:
     """Return the standing of every scheme at every step, in the archive's order."""
-    dims = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)]
-    labels = {dim: labels_of(dataset, dim, named=False, rounded=True) for dim in dims}
-    rows = []
-    for place in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
-        at = dict(zip(dims, place, strict=True))
-        chosen = dataset.isel(at)
-        scheme = labels["scheme"][at["scheme"]] if "scheme" in at else str(_scalar(dataset, "scheme"))
-        step = labels["h"][at["h"]] if "h" in at else ""
-        rows.append(_standing(chosen, scheme, step))
-    return rows
+    sizes = {dim: dataset.sizes[dim] for dim in ("scheme", "h") if dim in case_dims(dataset)}
+    steps = labels_of(dataset, "h", named=False, rounded=True) if "h" in sizes else [""]
+    return [
+        _standing(dataset.isel(dict(zip(sizes, place, strict=True))), steps[place[-1] if "h" in sizes else 0])
+        for place in np.ndindex(*sizes.values())
+    ]
 
 
-def _scalar(dataset: xr.Dataset, name: str) -> object:
-    return dataset[name].values.item() if name in dataset.coords and dataset[name].ndim == 0 else "the scheme"
-
-
-def _standing(chosen: xr.Dataset, scheme: str, step: str) -> Standing:
+def _standing(chosen: xr.Dataset, step: str) -> Standing:
     codes, numbers = np.unique(chosen["status"].values, return_counts=True)
     counts = {Status(int(code)).name.lower(): int(n) for code, n in zip(codes, numbers, strict=True)}
     gap = abs(chosen["gap"].astype(float))
@@ -97,7 +89,7 @@ def _standing(chosen: xr.Dataset, scheme: str, step: str) -> Standing:
     restitutions = _of_ok(chosen, chosen.get("effective_restitution"))
     error = _own_error(chosen)
     return Standing(
-        scheme,
+        str(chosen["scheme"].values) if chosen["scheme"].ndim == 0 else "the scheme",
         step,
         h=float(chosen["h"]) if "h" in chosen.coords and chosen["h"].ndim == 0 else np.nan,
         counts=counts,

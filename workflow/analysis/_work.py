@@ -45,11 +45,10 @@ def work_precision(dataset: xr.Dataset, error: str | None = None) -> xr.Dataset:
     """
     import xarray as xr
 
-    table = Table(dataset)
     if error is not None and error not in dataset:
         raise ValueError(f"the dataset has no `{error}`; give one of {', '.join(f'{name}_error' for name in COMPARED)}")
-    errors = table.error if error is None else table.of_ok_cases(error)
-    worst = np.max(errors, axis=1)
+    table = Table(dataset) if error is None else Table(dataset, error)
+    worst = np.max(table.error, axis=1)
     variables = {
         "error": (worst, "1", f"largest {'error of any history' if error is None else error.replace('_', ' ')}"),
         "cost": (table.cost, "s", "mean processor time of a case"),

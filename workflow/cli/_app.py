@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -65,13 +65,13 @@ for command in (run, plan, show, recommend, limits, verify, report, schema):
     app.command()(command)
 
 
-def run_application() -> NoReturn:
+def run_application() -> None:
     """Run the command that was called and exit with its status."""
     forgive()
     try:
         judge_memory()
-        status = app(standalone_mode=False) or 0
+        app()
     except Exception as error:
-        status = tell(error)
-    ignore_signals()
-    sys.exit(status)
+        sys.exit(tell(error))
+    finally:
+        ignore_signals()

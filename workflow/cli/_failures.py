@@ -49,8 +49,6 @@ def judge_memory() -> None:
 
 def tell(error: Exception) -> int:
     """Print what an error means for whoever called the command; return the exit status."""
-    if hasattr(error, "format_message"):
-        return _tell_usage(error)
     if lacks_memory(error):
         print_error(
             "there is not enough memory; allow this process more of it (ulimit -v, at least 1 GiB), or run a smaller "
@@ -103,16 +101,6 @@ def _tell_defect(error: Exception) -> int:
         f"they are. Please report it with the study and this line; {TRACEBACK}=1 in the environment shows the traceback"
     )
     return DEFECT
-
-
-def _tell_usage(error: Any) -> int:
-    """Tell what the parser of the command line refuses: usage and fault; the help where no word was given."""
-    message, context = error.format_message(), getattr(error, "ctx", None)
-    if context is not None and message != context.get_help():
-        message = f"{context.get_usage()}\nError: {message}"
-    for line in message.splitlines():
-        print_error(line)
-    return int(getattr(error, "exit_code", WRONG))
 
 
 def lacks_memory(error: BaseException) -> bool:

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="YAML study, or an archive whose study to repeat.")]
 ArchiveFile = Annotated[Path, typer.Argument(metavar="ARCHIVE", help="Archive that `workflow run` wrote.")]
+ArchiveFiles = Annotated[list[Path], typer.Argument(metavar="ARCHIVE...", help="Archives that `workflow run` wrote.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")]
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 

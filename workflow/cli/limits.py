@@ -9,7 +9,7 @@ import typer
 
 from workflow.cli._failures import NOT_OK
 from workflow.cli._terminal import say, write_json
-from workflow.cli._words import ArchiveFile
+from workflow.cli._words import ArchiveFile, AsJson
 
 _Bound = Annotated[
     str | None,
@@ -25,7 +25,7 @@ def limits(
     max_temperature: _Bound = None,
     max_displacement: _Bound = None,
     max_impulse: _Bound = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Name the range of each axis in which every rub settles within bounds, and what ends it.
 
@@ -65,22 +65,17 @@ def limits(
 
 def _read(option: str, unit: str, text: str | None) -> float | None:
     """Return a bound in SI; a number without unit is in SI."""
+    if text is None:
+        return None
     from pydantic_core import ValidationError
 
     from workflow.declare import Quantity
+    from workflow.study import setting
     from workflow.study.mistakes import faults_of
     from workflow.study.quantities import read_quantity
 
     try:
-        return None if text is None else float(read_quantity(_number_or_text(text), Quantity(unit, option, above=0)))
+        return read_quantity(setting(f"{option}={text}")[1], Quantity(unit, option, above=0))
     except ValidationError as error:
         ((_, problem, remedy),) = faults_of(error)
         raise typer.BadParameter(f"{option}: {problem}; {remedy}") from None
-
-
-def _number_or_text(text: str) -> float | str:
-    """Return a text that is a number as one."""
-    try:
-        return float(text)
-    except ValueError:
-        return text

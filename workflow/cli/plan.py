@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from workflow.cli._terminal import say, write_json
-from workflow.cli._words import Settings, StudyFile, named, read
+from workflow.cli._words import AsJson, Settings, StudyFile, named, read
 from workflow.cli.show import decided_lines
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def plan(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="ARCHIVE", help="Compare the study with this archive.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what a study comes to: cases, batches, time, size, structures, warnings. Runs no case.
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workflow.cli._failures import NOT_OK, WRONG
+from workflow.cli._failures import NOT_OK
 from workflow.cli._terminal import console, print_error, say, write_json
-from workflow.cli._words import ArchiveFile
+from workflow.cli._words import ArchiveFile, AsJson
 
 if TYPE_CHECKING:
     from workflow.analysis import Recommendation
@@ -19,7 +19,6 @@ Tolerance = Annotated[
     str | None,
     typer.Option("--tolerance", metavar="SHARE", help="Largest error, as 0.01 or 1%; default: the study's, else 1%."),
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")]
 
 WIDE = 240
 """Characters of a line where the output goes to a file or another program, which fold nothing."""
@@ -49,8 +48,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
             advice = f"run it with one to another archive, e.g. {_with_reference(archive)}"
             raise ArchiveError(f"{archive}: {error}; {advice}") from None
         except ValueError as error:
-            print_error(str(error))
-            raise typer.Exit(WRONG) from None
+            raise typer.BadParameter(str(error)) from None
         cautions = recommendation_cautions(dataset)
     for caution in cautions:
         print_error(f"{archive}: {caution}")

@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from workflow.cli._terminal import clean, console, say
-from workflow.cli._words import named
+from workflow.cli._words import ArchiveFiles, named
 
 
 def report(
-    archives: Annotated[list[Path], typer.Argument(metavar="ARCHIVE...", help="Archives that `workflow run` wrote.")],
+    archives: ArchiveFiles,
     output: Annotated[
         Path | None,
         typer.Option(

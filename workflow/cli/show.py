@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from workflow.cli._terminal import say, write_json
+from workflow.cli._words import ArchiveFiles, AsJson
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -18,10 +17,10 @@ FAILURES_SHOWN = 20
 
 
 def show(
-    archives: Annotated[list[Path], typer.Argument(metavar="ARCHIVE...", help="Archives that `workflow run` wrote.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, one line for each archive.")] = False,
+    archives: ArchiveFiles,
+    as_json: AsJson = False,
 ) -> None:
-    """Say what archives hold: dimensions, statuses, what failed and why."""
+    """Say what archives hold: dimensions, statuses, what failed and why; as JSON in a line for each archive."""
     from workflow.archive import open_archive
 
     for archive in archives:

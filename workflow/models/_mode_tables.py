@@ -13,14 +13,14 @@ from workflow.kernels import Array
 from workflow.models._semidefinite import UnusableMatricesError
 
 COLUMNS = (("frequency", "Hz"), ("damping_ratio", "1"), ("tip", "1/kg**0.5"))
-HEAT_COLUMNS = (("rate", "1/s"), ("tip", "(K/J)**0.5"))
+HEAT_COLUMNS = (("rate", "1/s"), ("tip", "K**0.5/J**0.5"))
 
 _SPELLINGS = {
     "Hz": ("Hz",),
     "1": ("1", "-"),
     "1/kg**0.5": ("1/√kg", "1/sqrt(kg)", "1/kg**0.5"),
     "1/s": ("1/s",),
-    "(K/J)**0.5": ("1/√(J/K)", "1/sqrt(J/K)", "(K/J)**0.5"),
+    "K**0.5/J**0.5": ("1/√(J/K)", "1/sqrt(J/K)", "(K/J)**0.5"),
 }
 """Accepted spellings of a column's unit, in brackets after its name; messages use the first one."""
 

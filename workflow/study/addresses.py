@@ -27,20 +27,34 @@ DEFAULT_SCHEME = "moreau"
 MODES = ("mechanical_modes", "thermal_modes")
 REDUCTION = "reduction"
 TOLERANCE = "tolerance"
-OF_SCENE = ("model", "parameters", "load", "initial", "friction")
+OF_SCENE = ("model", "parameters", "initial")
 """Fields of a scene that are not read as they are declared."""
 
 
-def settings(labels: tuple[str, ...], bases: tuple[str, ...]) -> dict[str, Entry]:
-    """Return the settings of a case that stand under ``axes`` by their bare names, for some schemes and bases.
+def addresses(
+    names: tuple[str, ...], methods: Mapping[str, tuple[str, ...]], harmonics: tuple[int, int] = (0, 0)
+) -> dict[str, Entry]:
+    """Return all that an axis may vary, by dotted path: settings of a case, scene values and options of schemes.
 
-    ``tolerance`` has no default.
+    Parameters
+    ----------
+    names
+        Of the models.
+    methods
+        Those that each label of a scheme may stand for.
+    harmonics
+        Their numbers, of the casing and of the load.
     """
+    return settings(tuple(methods)) | _scene_values(names, harmonics) | _scheme_options(methods)
+
+
+def settings(labels: tuple[str, ...] = ()) -> dict[str, Entry]:
+    """Return the settings of a case by their bare names, for some schemes; ``tolerance`` has no default."""
     values = dict(entries_of(CaseSettings, ("scene", "scheme")))
     for path in MODES:
         modes = Quantity("1", values[path].meaning, at_least=0)
         values[path] = dataclasses.replace(values[path], kind=number(modes, whole=True, words=(FULL, AUTO)))
-    values[REDUCTION] = dataclasses.replace(values[REDUCTION], kind=keyword(bases, fault=reduction.fault))
+    values[REDUCTION] = dataclasses.replace(values[REDUCTION], kind=keyword(reduction.names(), fault=reduction.fault))
     about = "largest relative error that the reduced model of `auto` leaves; tolerance of a recommendation"
     values[TOLERANCE] = Entry(number(Quantity("1", about, above=0.0)), about, MISSING)
     scheme = keyword(labels, labels=True, fault=_fault_of_scheme)
@@ -52,11 +66,8 @@ def _fault_of_scheme(label: str) -> str | None:
     return schemes.fault(label) if label in schemes.names() else None
 
 
-def scene_values(names: tuple[str, ...], harmonics: tuple[int, int] = (0, 0)) -> dict[str, Entry]:
-    """Return the scene values of some models by dotted path, without the duration.
-
-    ``harmonics`` are the numbers of harmonics of casing and load.
-    """
+def _scene_values(names: tuple[str, ...], harmonics: tuple[int, int]) -> dict[str, Entry]:
+    """Return the scene values of some models by dotted path, without the duration."""
     groups: dict[str, type] = {name: models.load(name).Parameters for name in names if models.fault(name) is None}
     groups |= {"casing": Casing, "load": Load, "initial": Initial}
     groups |= {f"casing.harmonics.{k}": CasingHarmonic for k in range(harmonics[0])}
@@ -68,8 +79,8 @@ def scene_values(names: tuple[str, ...], harmonics: tuple[int, int] = (0, 0)) ->
     return values
 
 
-def scheme_options(methods: Mapping[str, tuple[str, ...]]) -> dict[str, Entry]:
-    """Return the options of schemes by dotted path; ``methods`` holds the possible ones per label."""
+def _scheme_options(methods: Mapping[str, tuple[str, ...]]) -> dict[str, Entry]:
+    """Return the options of schemes by dotted path."""
     return {
         path: dataclasses.replace(entry, meaning=f"{entry.meaning} of {label}")
         for label, candidates in methods.items()

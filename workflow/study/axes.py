@@ -12,15 +12,15 @@ from workflow.study.case_space import Axis, Branch, Dimension
 from workflow.study.draws import Drawn
 from workflow.study.forms import Entry
 from workflow.study.mistakes import Place, quoted
-from workflow.study.ranges import Content, Spread, Value, count_of
+from workflow.study.ranges import Content, Followed, Value
 from workflow.study.settings import AUTO, CHOSEN, FULL
 from workflow.study.sizes import Counts, Sizes
 from workflow.study.source import Source
 
 MOST_CASES = 10**8
 
-Axes = Mapping[str, Content]
-"""Contents of axes by path."""
+Zip = Mapping[str, tuple[Value, ...]]
+"""Values of axes that vary together, by path."""
 
 
 @dataclass
@@ -36,6 +36,11 @@ class _Group:
         """Return where an axis stands in the study."""
         return (*self.place, path) if self.name else self.place
 
+    @property
+    def size(self) -> int:
+        """Number of values along the dimension."""
+        return len(next(iter(self.columns.values())))
+
 
 @dataclass
 class Arrangement:
@@ -44,32 +49,30 @@ class Arrangement:
     source: Source
     groups: list[_Group] = field(default_factory=list)
     singles: dict[str, Value] = field(default_factory=dict)
-    followed: dict[str, Spread] = field(default_factory=dict)
+    followed: dict[str, Followed] = field(default_factory=dict)
 
-    def take(self, axes: Axes, zips: Mapping[str, Axes | Drawn]) -> None:
-        """Take the values of all axes; a study of too many cases is refused before any are expanded."""
-        cases = math.prod(count_of(content) for content in axes.values())
-        for zipped in zips.values():
-            cases *= zipped.count if isinstance(zipped, Drawn) else max(map(count_of, zipped.values()))
+    def take(self, axes: Mapping[str, Content], zips: Mapping[str, Zip | Drawn]) -> None:
+        """Take the values of all axes; a study of too many cases is refused at once."""
+        for path, content in axes.items():
+            if isinstance(content, Followed):
+                if self.followed or path in ("h", TOLERANCE):
+                    remedy = "follow one axis of what event_driven reads"
+                    self.source.report(("axes", path), "cannot be followed", remedy)
+                self.followed[path] = content
+            elif isinstance(content, tuple):
+                self.groups.append(_Group(("axes", path), {path: content}))
+            else:
+                self.singles[path] = content
+        for name, zipped in zips.items():
+            self._take_zip(name, zipped)
+        cases = math.prod([*(group.size for group in self.groups), *(one.points for one in self.followed.values())])
         if cases > MOST_CASES:
             count = f"{cases:.3g}" if cases < 1e300 else "more than 1e300"
             place = "axes" if axes else "zip"
             self.source.report((place,), f"come to {count} cases", f"keep them to {MOST_CASES:.0e}")
             self.source.refuse()
-        for path, content in axes.items():
-            if isinstance(content, Spread) and content.law == "branch":
-                if self.followed or path in ("h", TOLERANCE):
-                    remedy = "follow one axis of what event_driven reads"
-                    self.source.report(("axes", path), "cannot be followed", remedy)
-                self.followed[path] = content
-            elif isinstance(content, Spread | tuple):
-                self.groups.append(_Group(("axes", path), {path: _expanded(content)}))
-            else:
-                self.singles[path] = content
-        for name, zipped in zips.items():
-            self._take_zip(name, zipped)
 
-    def _take_zip(self, name: str, zipped: Axes | Drawn) -> None:
+    def _take_zip(self, name: str, zipped: Zip | Drawn) -> None:
         place: Place = ("zip", name)
         if isinstance(zipped, Drawn):
             if any(group.drawn for group in self.groups):
@@ -77,7 +80,7 @@ class Arrangement:
             group = _Group(place, dict[str, tuple[Value, ...]](zipped.columns()), name, zipped)
             place = (*place, "of")
         else:
-            group = _Group(place, {path: _expanded(content) for path, content in zipped.items()}, name)
+            group = _Group(place, dict(zipped), name)
         varied = {path for other in self.groups for path in other.columns} | set(self.singles) | set(self.followed)
         for path in varied & set(group.columns):
             self.source.report((*place, path), "is an axis already", "keep one of the two")
@@ -154,17 +157,9 @@ class Arrangement:
         for group in self.groups:
             axes = tuple(axis(path, values) for path, values in group.columns.items())
             dimensions.append(Dimension(group.name or axes[0].name, axes, group.drawn))
-        branches = [
-            Branch(axis(path, (spread.low, spread.high)), spread.count) for path, spread in self.followed.items()
-        ]
+        branches = [Branch(axis(path, (one.low, one.high)), one.points) for path, one in self.followed.items()]
         scalars = tuple(axis(path, (value,)) for path, value in singles.items())
         return tuple(dimensions), scalars, branches[-1] if branches else None
-
-
-def _expanded(content: Content) -> tuple[Value, ...]:
-    if isinstance(content, Spread):
-        return content.expanded()
-    return content if isinstance(content, tuple) else (content,)
 
 
 def mode_count(source: Source, place: Place, modes: Value, counts: Counts, sizes: Sizes) -> Value:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from typing import Any
@@ -19,6 +18,7 @@ from workflow.study.case_space import CaseSpace
 from workflow.study.mistakes import Fault, Place, place_of_path, quoted
 from workflow.study.settings import CHOSEN, CasingHarmonic, Initial, LoadHarmonic
 from workflow.study.sizes import Sizes
+from workflow.study.source import Source
 
 MOST_SAMPLES = 2_000_000
 """Samples of a history, and load periods of a case: 16 MB of memory for each variable of each case."""
@@ -33,38 +33,21 @@ _ONE_OF_TWO = "write one of the two"
 _CASING_HARMONICS = "scene.casing.harmonics"
 
 
-@dataclass(frozen=True)
-class Written:
-    """What a study gives: paths of all entries, and places of its axes by path."""
-
-    given: frozenset[str]
-    axes: Mapping[str, Place]
-
-    def has(self, path: str) -> bool:
-        """Tell whether a scene value is written, in the scene or as an axis."""
-        return path in self.axes or path in self.given
-
-    def place_of(self, *paths: str) -> Place:
-        """Return where the first of some scene values is written, as an axis or in the scene."""
-        path = next(filter(self.has, paths), paths[-1])
-        return self.axes.get(path, place_of_path(path))
-
-
-def faults(cases: CaseSpace, sizes: Sizes, written: Written) -> Iterator[Fault]:
+def faults(cases: CaseSpace, sizes: Sizes, source: Source) -> Iterator[Fault]:
     """Yield what is wrong between the fields of a study."""
-    yield from _auto(cases, written)
-    yield from _model(cases, written)
+    yield from _auto(cases, source)
+    yield from _model(cases, source)
     yield from _lists(cases, sizes)
-    yield from _harmonics(cases, written)
-    yield from _friction(cases, written)
-    yield from _support(cases, written)
+    yield from _harmonics(cases, source)
+    yield from _friction(cases, source)
+    yield from _support(cases, source)
     yield from _branch(cases)
-    yield from _start(cases, sizes, written)
-    yield from _extent(cases, written)
+    yield from _start(cases, sizes, source)
+    yield from _extent(cases, source)
     yield from _interval(cases)
 
 
-def _auto(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+def _auto(cases: CaseSpace, source: Source) -> Iterator[Fault]:
     """Refuse `auto` without a tolerance, which has no default, and one of the reference that decides nothing."""
     problem = "is `auto` without a `tolerance`"
     if cases.reference is not None:
@@ -75,22 +58,22 @@ def _auto(cases: CaseSpace, written: Written) -> Iterator[Fault]:
         if path is None and TOLERANCE in values:
             remedy = f"write `auto` for {' and '.join(MODES)} of the reference, or leave it out"
             yield ("reference", TOLERANCE), "decides nothing", remedy
-    if TOLERANCE not in written.axes:
+    if TOLERANCE not in source.axes:
         for axis in cases.axes():
             if axis.path in MODES and CHOSEN in axis.values:
-                yield written.axes[axis.path], problem, "write e.g. `tolerance: 1e-3` under `axes`"
+                yield source.axes[axis.path], problem, "write e.g. `tolerance: 1e-3` under `axes`"
 
 
-def _model(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+def _model(cases: CaseSpace, source: Source) -> Iterator[Fault]:
     """Refuse parameters of which the model takes one, where there are none or two, and a ratio beside other damping."""
     model, parameters = cases.scene.model, cases.scene.parameters
     either = getattr(models.load(model), "EITHER", None)
     if either is not None:
         yield from _either(("scene", model), parameters, either)
     damping, path = getattr(parameters, "damping", None), f"scene.{model}.damping"
-    if dataclasses.is_dataclass(damping) and written.has(f"{path}.ratio"):
+    if dataclasses.is_dataclass(damping) and source.has(f"{path}.ratio"):
         others = (entry.name for entry in dataclasses.fields(damping) if entry.name != "ratio")
-        if any(written.has(f"{path}.{name}") for name in others):
+        if any(source.has(f"{path}.{name}") for name in others):
             remedy = "write the ratio alone, or mass and stiffness"
             yield place_of_path(f"{path}.ratio"), "stands beside other damping", remedy
 
@@ -122,15 +105,15 @@ def _lists(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
                 yield ("scene", group, entry.name), problem, remedy
 
 
-def _harmonics(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+def _harmonics(cases: CaseSpace, source: Source) -> Iterator[Fault]:
     """Refuse harmonics without one frequency, and orders without a speed."""
     for group, harmonics in _harmonics_of(cases).items():
         for k, harmonic in enumerate(harmonics):
             place: Place = ("scene", group, "harmonics", k)
             yield from _either(place, harmonic, ("frequency", "order"))
-            if harmonic.order is not None and harmonic.frequency is None and not written.has("scene.speed"):
+            if harmonic.order is not None and harmonic.frequency is None and not source.has("scene.speed"):
                 remedy = "write `speed` in the scene, e.g. `speed: 9000 rpm`, or `frequency` in the place of `order`"
-                order = written.place_of(f"scene.{group}.harmonics.{k}.order")
+                order = source.place_of(f"scene.{group}.harmonics.{k}.order")
                 yield order, "is a multiple of a speed that is not given", remedy
 
 
@@ -138,11 +121,11 @@ def _harmonics_of(cases: CaseSpace) -> dict[str, tuple[LoadHarmonic | CasingHarm
     return {"casing": cases.scene.casing.harmonics, "load": cases.scene.load.harmonics}
 
 
-def _friction(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+def _friction(cases: CaseSpace, source: Source) -> Iterator[Fault]:
     """Refuse an alpha beside the friction that makes it."""
     if cases.scene.friction is not None:
         reference = {} if cases.reference is None else cases.reference.values
-        beside = [written.axes["alpha"]] if "alpha" in written.axes else []
+        beside = [source.axes["alpha"]] if "alpha" in source.axes else []
         for place in (*beside, *([("reference", "alpha")] if "alpha" in reference else [])):
             remedy = "keep one of the two: alpha = heat_share · coefficient · sliding_speed"
             yield place, "stands beside `scene.friction`, which makes it", remedy
@@ -153,10 +136,10 @@ def _labels(cases: CaseSpace) -> tuple[str, ...]:
     return next((tuple(map(str, axis.values)) for axis in cases.axes() if axis.path == "scheme"), ())
 
 
-def _support(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+def _support(cases: CaseSpace, source: Source) -> Iterator[Fault]:
     """Refuse schemes that do not take the harmonics of a scene."""
     casing, load = (bool(harmonics) for harmonics in _harmonics_of(cases).values())
-    where = written.axes.get("scheme", ("scene", "casing" if casing else "load", "harmonics"))
+    where = source.axes.get("scheme", ("scene", "casing" if casing else "load", "harmonics"))
     named: list[tuple[Place, str]] = [(where, label) for label in _labels(cases)]
     if cases.reference is not None and "scheme" in cases.reference.values:
         named.append((("reference", "scheme"), str(cases.reference.values["scheme"])))
@@ -177,7 +160,7 @@ def _branch(cases: CaseSpace) -> Iterator[Fault]:
         yield ("reference",), "stands beside a branch, which has no errors", "leave it out"
 
 
-def _start(cases: CaseSpace, sizes: Sizes, written: Written) -> Iterator[Fault]:
+def _start(cases: CaseSpace, sizes: Sizes, source: Source) -> Iterator[Fault]:
     """Refuse a tip that starts inside the casing, beyond d(0), in some case."""
     initial, casing = cases.scene.initial, cases.scene.casing
     if not isinstance(initial, Initial):
@@ -199,7 +182,7 @@ def _start(cases: CaseSpace, sizes: Sizes, written: Written) -> Iterator[Fault]:
     if x > begins:
         problem = f"the tip starts inside the casing, at {x:g} m with a gap of {gap:g} m"
         problem += "" if begins == gap else f" and the casing at {begins:g} m"
-        yield written.place_of(*paths), problem, "start at or below the gap, or write `initial: static`"
+        yield source.place_of(*paths), problem, "start at or below the gap, or write `initial: static`"
 
 
 def _combined(cases: CaseSpace, matters: Callable[[str], bool]) -> dict[str, Any] | None:
@@ -226,19 +209,19 @@ def _begins(harmonic: CasingHarmonic, k: int, values: Mapping[str, Any]) -> Any:
     return amplitude * np.sin(phase)
 
 
-def _extent(cases: CaseSpace, written: Written) -> Iterator[Fault]:
+def _extent(cases: CaseSpace, source: Source) -> Iterator[Fault]:
     """Refuse more load periods or steps than any case can have, and steps longer than the duration."""
     duration = cases.scene.duration
     values = {axis.path: axis.values for axis in cases.axes()}
     for path, fastest in _frequencies(cases, values):
         if duration * fastest > MOST_SAMPLES:
             remedy = f"write a shorter duration, or a frequency up to {MOST_SAMPLES / duration:.3g} Hz"
-            yield written.place_of(path), f"gives {duration * fastest:.3g} load periods", remedy
+            yield source.place_of(path), f"gives {duration * fastest:.3g} load periods", remedy
     methods = {cases.schemes[label].method for label in _labels(cases)}
     if not any("h" in schemes.load(method).READS for method in methods):
         return
     shortest, longest = (float(choose(values["h"])) for choose in (min, max))
-    place = written.axes.get("h", ("h",))
+    place = source.axes.get("h", ("h",))
     if duration / shortest > MOST_STEPS:
         problem = f"{shortest:g} s makes {duration / shortest:.3g} steps of a duration of {duration:g} s"
         yield place, problem, f"write at least {duration / MOST_STEPS:.3g} s"

@@ -10,13 +10,13 @@ from typing import Any
 
 from workflow import models, schemes
 from workflow.declare import Quantity
-from workflow.study.addresses import OF_SCENE, settings
+from workflow.study.addresses import OF_SCENE, addresses
 from workflow.study.draws import SAMPLES, drawn
-from workflow.study.forms import Entry, Record, either, entries_of, named, no_mapping, record, record_of, summary
-from workflow.study.kinds import FLAG, LINE, Kind, Number, keyword, leaf, name, number, usable
+from workflow.study.forms import Entry, Record, entries_of, named, no_mapping, record, record_of, summary
+from workflow.study.kinds import FLAG, LINE, Kind, Number, either, keyword, leaf, name, number, usable
 from workflow.study.mistakes import one_of, quoted, wrong
 from workflow.study.ranges import MOST_VALUES, axis_values, between
-from workflow.study.settings import Friction, Initial, Load, Output, Scene, SchemeChoice, Steady
+from workflow.study.settings import Initial, Output, Scene, SchemeChoice, Steady
 
 SCENE_KEYS = ("casing", "load", "initial", "duration", "speed", "friction")
 
@@ -48,12 +48,8 @@ def _broken(model: str, value: Any) -> None:
 
 def _scene(names: tuple[str, ...]) -> Record:
     """Return the form of a scene: one entry per model, of which a scene has one, and the rest."""
-    entries = {
-        **entries_of(Scene, OF_SCENE),
-        "load": Entry(record_of(Load), summary(Load)),
-        "initial": Entry(either(no_mapping, record_of(Initial), _STATIC), summary(Initial)),
-        "friction": Entry(record_of(Friction), summary(Friction)),
-    }
+    start = Entry(either(no_mapping, record_of(Initial), _STATIC), summary(Initial))
+    entries = entries_of(Scene, OF_SCENE) | {"initial": start}
     for model in names:
         if models.fault(model) is None:
             entries[model] = Entry(record_of(models.load(model).Parameters), summary(models.load(model)))
@@ -62,9 +58,8 @@ def _scene(names: tuple[str, ...]) -> Record:
 
     def build(given: dict[str, Any]) -> Scene:
         model = next((key for key in given if key in names), "")
-        rest: dict[str, Any] = {"load": Load(), "initial": Initial()}
-        rest |= {key: given[key] for key in SCENE_KEYS if key in given}
-        return Scene(model, given.get(model), **rest)
+        rest = {key: value for key, value in given.items() if key not in names}
+        return Scene(model=model, parameters=given.get(model), **rest)
 
     return record(summary(Scene), entries, build)
 
@@ -97,9 +92,9 @@ def _schemes() -> Kind:
     return named(name("the scheme"), either(choose, *map(options, names)))
 
 
-def _axes(addresses: Mapping[str, Entry], zipped: bool = False) -> Record:
+def _axes(varied: Mapping[str, Entry], zipped: bool = False) -> Record:
     """Return the form of ``axes``, or of a zip, for the values that may vary."""
-    entries = {path: Entry(axis_values(entry.kind, zipped), entry.described) for path, entry in addresses.items()}
+    entries = {path: Entry(axis_values(entry.kind, zipped), entry.described) for path, entry in varied.items()}
 
     def build(given: dict[str, Any]) -> dict[str, Any]:
         if zipped and not given:
@@ -109,16 +104,16 @@ def _axes(addresses: Mapping[str, Entry], zipped: bool = False) -> Record:
     return record(_AXES, entries, build, moved=_NOT_VARIED, more=_SOME)
 
 
-def _zip(addresses: Mapping[str, Entry]) -> Kind:
+def _zip(varied: Mapping[str, Entry]) -> Kind:
     """Return the form of ``zip``: axes that vary together, or real numbers that are drawn, by dimension."""
     ranges = {
         path: Entry(between(entry.kind), f"range of the {entry.meaning}")
-        for path, entry in addresses.items()
+        for path, entry in varied.items()
         if (path.startswith("scene.") or path in ("e", "alpha"))
         if isinstance(entry.kind, Number) and not entry.kind.whole
     }
     remedy = "draw real numbers of the scene, `e` and `alpha`; vary this one under `axes`"
-    moved = _NOT_VARIED | dict.fromkeys(set(addresses) - set(ranges), remedy)
+    moved = _NOT_VARIED | dict.fromkeys(set(varied) - set(ranges), remedy)
     points = Quantity("1", "number of points; of sobol_indices a power of two", at_least=2, at_most=MOST_VALUES)
     seed = Quantity("1", "what the generator starts from", at_least=0)
     of = "ranges of what is drawn, [low, high] or {log: [low, high]} by path"
@@ -133,7 +128,7 @@ def _zip(addresses: Mapping[str, Entry]) -> Kind:
     def choose(value: Any) -> int:
         return 0 if isinstance(value, dict) and set(keys) & set(value) else 1
 
-    return named(name("the dimension"), either(choose, design, _axes(addresses, zipped=True)))
+    return named(name("the dimension"), either(choose, design, _axes(varied, zipped=True)))
 
 
 def _output() -> Record:
@@ -150,11 +145,9 @@ def _output() -> Record:
     return record(summary(Output), entries, build)
 
 
-def study_form(
-    addresses: Mapping[str, Entry], names: tuple[str, ...], labels: tuple[str, ...], bases: tuple[str, ...]
-) -> Record:
-    """Return the form of a study whose axes may vary some addresses, for some models, schemes and bases."""
-    of_case = settings(labels, bases)
+def study_form(varied: Mapping[str, Entry], names: tuple[str, ...]) -> Record:
+    """Return the form of a study for some models; ``varied`` is what its axes may vary."""
+    of_case = {path: entry for path, entry in varied.items() if "." not in path}
     reference = {path: dataclasses.replace(entry, default=None) for path, entry in of_case.items()}
     entries = {
         "study": Entry(name("the study (its `title` takes a sentence)"), "name of study and archive", MISSING),
@@ -162,8 +155,8 @@ def study_form(
         "license": Entry(LINE, "licence of the archive; none if left out"),
         "scene": Entry(_scene(names), summary(Scene), MISSING),
         "schemes": Entry(_schemes(), "methods with their options, by label"),
-        "axes": Entry(_axes(addresses), _AXES),
-        "zip": Entry(_zip(addresses), "axes that vary together, by dimension"),
+        "axes": Entry(_axes(varied), _AXES),
+        "zip": Entry(_zip(varied), "axes that vary together, by dimension"),
         "reference": Entry(record(_REFERENCE, reference), "what errors are measured against"),
         "output": Entry(_output(), summary(Output)),
     }
@@ -172,3 +165,10 @@ def study_form(
         **dict.fromkeys((*SCENE_KEYS, *models.names()), "write it under `scene`"),
     }
     return record(_STUDY, entries, moved=moved)
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a study, of any model and any scheme (draft 2020-12), for editors that check."""
+    names, methods = models.names(), {method: (method,) for method in schemes.names()}
+    schema = study_form(addresses(names, methods), names).schema
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

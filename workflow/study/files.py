@@ -31,10 +31,9 @@ class Files:
         except ValueError as error:
             raise wrong(f"{quoted(name)} cannot be used: {error}", "name a file with all that belongs to it") from None
         places = tuple(str(part.absolute()) for part in parts)
-        if len(parts) == 1:
-            return File(digests[0], name, str(place.absolute()), places)
         listed = "".join(f"{digest} {part.name}\n" for digest, part in zip(digests, parts, strict=True))
-        return File(hashlib.sha256(listed.encode()).hexdigest(), name, str(place.absolute()), places)
+        digest = digests[0] if len(parts) == 1 else hashlib.sha256(listed.encode()).hexdigest()
+        return File(digest, name, str(place.absolute()), places)
 
 
 def _digest(place: Path) -> str:

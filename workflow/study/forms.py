@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from pydantic_core import ValidationError, core_schema
 
 from workflow.declare import quantity_of, word_of
-from workflow.study.kinds import FLAG, Kind, Schema, keyword, list_of, number, one_of_several, text
+from workflow.study.kinds import FLAG, Kind, Schema, keyword, list_of, number, text
 from workflow.study.mistakes import Fault, faults_of, nearest, one_of, quoted, refusal, wrong
 
 
@@ -25,7 +25,7 @@ class Entry:
     @property
     def described(self) -> str:
         """The meaning with what it may hold."""
-        return self.kind.described(self.meaning)
+        return self.meaning + self.kind.remark
 
     @property
     def schema(self) -> Schema:
@@ -114,12 +114,6 @@ def named(key: Kind, kind: Kind) -> Kind:
     return Kind(core_schema.no_info_before_validator_function(is_mapping, core), schema)
 
 
-def either(choose: Callable[[Any], int], *kinds: Kind) -> Kind:
-    """Return the kind of what is one of several, chosen by its form, so that one mistake gives one message."""
-    cores = [kind.core for kind in kinds]
-    return Kind(one_of_several(choose, cores), {"anyOf": [kind.schema for kind in kinds]})
-
-
 def no_mapping(value: Any) -> int:
     """Choose the second of two kinds for what is no mapping."""
     return int(not isinstance(value, dict))
@@ -155,6 +149,8 @@ def _entry(field: dataclasses.Field[Any], hint: Any) -> Entry:
         return Entry(number(quantity, whole=int in (hint, *get_args(hint))), quantity.description, default)
     if (word := word_of(field)) is not None:
         return Entry(text(word), word.description, default)
+    if type(None) in get_args(hint):  # what may be left out
+        hint = get_args(hint)[0]
     meaning = str(field.metadata.get("meaning", field.name.replace("_", " ")))
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
         return Entry(record_of(hint), summary(hint), default)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,20 +32,17 @@ class Kind:
         JSON Schema of what may be written.
     varies
         Whether its values can be those of an axis.
+    unit
+        CF unit of its values; empty for words.
+    remark
+        Unit and bounds in words, which follow the meaning of an entry.
     """
 
     core: CoreSchema
     schema: Schema
     varies: bool = False
-
-    @property
-    def unit(self) -> str:
-        """CF unit of its values; empty for words."""
-        return ""
-
-    def described(self, meaning: str) -> str:
-        """Return the meaning of an entry of this kind with what it may hold."""
-        return meaning
+    unit: str = ""
+    remark: str = ""
 
 
 def leaf(read: Callable[[Any], Any], schema: Schema, varies: bool = False) -> Kind:
@@ -53,22 +50,24 @@ def leaf(read: Callable[[Any], Any], schema: Schema, varies: bool = False) -> Ki
     return Kind(core_schema.no_info_plain_validator_function(read), schema, varies)
 
 
-def many(item: CoreSchema) -> CoreSchema:
-    """Return how a list of entries of one kind is read, as a tuple."""
-    return core_schema.tuple_schema([item], variadic_item_index=0)
+def many(item: Kind, **limits: Any) -> Kind:
+    """Return the kind of a list of entries of one kind, read as a tuple; ``limits`` are keywords of JSON Schema."""
+    core = core_schema.tuple_schema([item.core], variadic_item_index=0)
+    return Kind(core, {"type": "array", "items": item.schema, **limits})
 
 
-def one_of_several(choose: Callable[[Any], int], cores: Sequence[CoreSchema]) -> CoreSchema:
-    """Return how a value is read whose form chooses among several, so that one mistake gives one message."""
+def either(choose: Callable[[Any], int], *kinds: Kind) -> Kind:
+    """Return the kind of what is one of several, chosen by its form, so that one mistake gives one message."""
 
     def judged(value: Any) -> Any:  # an error of the discriminator itself would lose its place
         choose(value)
         return value
 
     union = core_schema.tagged_union_schema(
-        {-1 - k: core for k, core in enumerate(cores)}, discriminator=lambda value: -1 - choose(value)
+        {-1 - k: kind.core for k, kind in enumerate(kinds)}, discriminator=lambda value: -1 - choose(value)
     )
-    return core_schema.no_info_before_validator_function(judged, union)
+    core = core_schema.no_info_before_validator_function(judged, union)
+    return Kind(core, {"anyOf": [kind.schema for kind in kinds]})
 
 
 def is_list(value: Any) -> int:
@@ -144,9 +143,9 @@ def list_of(item: Kind, remedy: str, distinct: bool = False) -> Kind:
             raise wrong("names one twice", "name each once")
         return entries
 
-    listed = core_schema.no_info_before_validator_function(check, many(item.core))
-    core = core_schema.no_info_after_validator_function(check_distinct, listed)
-    return Kind(core, {"type": "array", "items": item.schema, **({"uniqueItems": True} if distinct else {})})
+    listed = many(item, maxItems=LONGEST_LIST, uniqueItems=distinct)
+    core = core_schema.no_info_before_validator_function(check, listed.core)
+    return Kind(core_schema.no_info_after_validator_function(check_distinct, core), listed.schema)
 
 
 def text(declared: Word) -> Kind:
@@ -159,14 +158,10 @@ def text(declared: Word) -> Kind:
             raise wrong(f"{quoted(value)} is not a line of text", f"write up to {LONGEST_TEXT} printable characters")
         return info.context.read(value, declared) if declared.file else value
 
-    core: CoreSchema = core_schema.with_info_plain_validator_function(read)
-    forms: list[Schema] = [{"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}]
-    forms += [{"type": "number"}] if declared.number else []
-    if declared.columns is not None:
-        row = _row(declared.columns)
-        core = one_of_several(is_list, [core, many(row.core)])
-        forms.append({"type": "array", "items": row.schema})
-    return Kind(core, {"anyOf": forms} if len(forms) > 1 else forms[0], varies=not declared.file)
+    written: Schema = {"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}
+    schema = {"anyOf": [written, {"type": "number"}]} if declared.number else written
+    one = Kind(core_schema.with_info_plain_validator_function(read), schema, varies=not declared.file)
+    return one if declared.columns is None else either(is_list, one, many(_row(declared.columns)))
 
 
 def _row(columns: tuple[tuple[str, str], ...]) -> Kind:
@@ -180,12 +175,12 @@ def _row(columns: tuple[tuple[str, str], ...]) -> Kind:
             raise wrong("is no row of the table", f"write {', '.join(names) or 'numbers'}, as a list")
         return value
 
-    cells = [number(Quantity(unit, column)).core for column, unit in columns]
-    row = core_schema.tuple_schema(cells) if cells else many(number(Quantity("1", "number")).core)
-    cell: Schema = {"anyOf": [{"type": "number"}, {"type": "string"}]}
-    by_name = {"type": "object", "properties": dict.fromkeys(names, cell), "required": names}
-    forms = [{"type": "array", "items": cell}, *([by_name] if names else [])]
-    return Kind(core_schema.no_info_before_validator_function(in_order, row), {"anyOf": forms})
+    cells = {column: number(Quantity(unit, column)) for column, unit in columns}
+    row = many(number(Quantity("1", "number")))
+    core = core_schema.tuple_schema([cell.core for cell in cells.values()]) if cells else row.core
+    by_name = {"type": "object", "properties": {name: cell.schema for name, cell in cells.items()}, "required": names}
+    forms = [row.schema, *([by_name] if names else [])]
+    return Kind(core_schema.no_info_before_validator_function(in_order, core), {"anyOf": forms})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,20 +191,9 @@ class Number(Kind):
     whole: bool
 
     @property
-    def unit(self) -> str:
-        """CF unit."""
-        return udunits(self.declared.unit)
-
-    @property
     def single(self) -> Number:
         """The kind of one number; it has no list, and no word beside it."""
         return number(dataclasses.replace(self.declared, per=None), self.whole)
-
-    def described(self, meaning: str) -> str:
-        """Return meaning, unit and bounds in a line."""
-        where = f", or one value per {self.declared.per}" if self.declared.per else ""
-        bounds = admissible(self.declared)
-        return f"{meaning} [{self.unit}]{where}{bounds and f'; {bounds}'}"
 
 
 def number(declared: Quantity, whole: bool = False, words: tuple[str, ...] = ()) -> Number:
@@ -224,15 +208,16 @@ def number(declared: Quantity, whole: bool = False, words: tuple[str, ...] = ())
         return read_quantity(value, declared, whole)
 
     bounds = {"exclusiveMinimum": declared.above, "minimum": declared.at_least, "maximum": declared.at_most}
-    core: CoreSchema = core_schema.no_info_plain_validator_function(read)
     numbers: Schema = {"type": "integer" if whole else "number"}
     forms: list[Schema] = [numbers | {word: bound for word, bound in bounds.items() if bound is not None}]
     if words:
         forms += [{"const": word} for word in words]
     elif not whole:
         forms.append({"type": "string", "pattern": rf"^\s*{NUMBER}\s*[^\s0-9].*$|^\s*{NUMBER}\s*$"})
+    kind = leaf(read, {"anyOf": forms} if len(forms) > 1 else forms[0])
     if declared.per is not None:
-        core = one_of_several(is_list, [core, many(core)])
-        forms.append({"type": "array", "items": {"anyOf": forms[:2]}, "minItems": 1})
-    schema = {"anyOf": forms} if len(forms) > 1 else forms[0]
-    return Number(core, schema, varies=True, declared=declared, whole=whole)
+        kind = either(is_list, kind, many(kind, minItems=1))
+    unit, limits = udunits(declared.unit), admissible(declared)
+    each = f", or one value per {declared.per}" if declared.per else ""
+    remark = f" [{unit}]{each}{limits and f'; {limits}'}"
+    return Number(kind.core, kind.schema, True, unit, remark, declared=declared, whole=whole)

@@ -62,7 +62,12 @@ COMMON: dict[str, Unit] = {
 }
 """Units as pint defines them, of the names that nearly all studies use: pint takes half a second to load."""
 
-_PERCENT: Unit = (Decimal("0.01"), {})
+_OF_ENGINEERS: dict[str, Unit] = {
+    "rpm": (_EXACT.divide(Decimal(1), Decimal(60)), {"second": -1}),
+    "mil": (Decimal("2.54e-5"), {"meter": 1}),
+    "percent": (Decimal("0.01"), {}),
+}
+"""What pint has otherwise: ``rpm`` counts cycles and ``mil`` is a thou; and what ``%`` stands for."""
 
 
 @lru_cache(maxsize=1024)
@@ -76,7 +81,7 @@ def parse_unit(unit: str) -> Unit:
     """
     worth, roots = Decimal(1), dict[str, float]()
     for name, exponent in unit_factors(unit):
-        factor, units = _named(name)
+        factor, units = _OF_ENGINEERS.get(name) or COMMON.get(name) or pint_unit(name)
         worth = _EXACT.multiply(worth, _EXACT.power(factor, Decimal(exponent)))
         for root, power in units.items():
             roots[root] = roots.get(root, 0) + power * exponent
@@ -88,14 +93,6 @@ def _registry() -> Any:
     import pint
 
     return pint.UnitRegistry(non_int_type=Decimal)
-
-
-def _named(name: str) -> Unit:
-    """Return what a bare name is worth; as engineers have it ``rpm`` counts cycles and ``mil`` is a thou."""
-    if name == "rpm":
-        return _EXACT.divide(Decimal(1), Decimal(60)), {"second": -1}
-    name = "thou" if name == "mil" else name
-    return COMMON[name] if name in COMMON else pint_unit(name)
 
 
 @lru_cache(maxsize=1024)
@@ -171,7 +168,7 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise wrong(f"{quoted(value)} is not {kind}", remedy)
     number = _converted(value, declared, kind, remedy) if isinstance(value, str) else value
-    if not _finite(number):
+    if not math.isfinite(number):
         raise wrong(f"{quoted(value)} is not finite", remedy)
     if whole and number != int(number):
         raise wrong(f"{quoted(value)} is not a whole number", "write a whole number")
@@ -182,13 +179,6 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
         unit = "" if declared.unit == "1" else f" {declared.unit}"
         raise wrong(f"{quoted(value)} is out of range", f"it must be {admissible(declared)}{unit}")
     return int(number) if whole else float(number)
-
-
-def _finite(number: float) -> bool:
-    try:
-        return math.isfinite(number)
-    except OverflowError:  # an integer beyond the largest float
-        return False
 
 
 def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
@@ -203,12 +193,10 @@ def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
     if "°" in unit:
         raise wrong(f"the unit {quoted(unit)} has an offset", remedy)
     try:
-        worth, roots = _PERCENT if unit == "%" else parse_unit(unit) if unit else (Decimal(1), {})
+        worth, roots = parse_unit({"": "1", "%": "percent"}.get(unit, unit))
     except UnitError as problem:
         raise wrong(str(problem), remedy) from None
     target, target_roots = parse_unit(declared.unit)
     if roots != target_roots:
         raise wrong(f"{quoted(text)} is not {kind}", remedy)
-    if not math.isfinite(float(number[0])):
-        raise wrong(f"{quoted(text)} is not finite", remedy)
-    return float(_EXACT.divide(_EXACT.multiply(Decimal(number[0]), worth), target))
+    return float(_EXACT.divide(_EXACT.multiply(_EXACT.create_decimal(number[0]), worth), target))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pydantic_core import core_schema
 
 from workflow.declare import Quantity
-from workflow.study.forms import either
-from workflow.study.kinds import Kind, Number, many, number, one_of_several
+from workflow.study.forms import Entry, no_mapping, record
+from workflow.study.kinds import Kind, Number, either, many, number
 from workflow.study.mistakes import quoted, wrong
 
 Value = float | int | str
@@ -39,50 +39,44 @@ class Range:
         values = first * (1 - shares) + last * shares
         return tuple(float(f"{value:.12g}") for value in (10.0**values if self.law == "log" else values))
 
+    def spread(self, count: int) -> tuple[float, ...]:
+        """Return so many values at equal distances or ratios."""
+        return self.values(np.arange(count) / (count - 1))
+
 
 @dataclass(frozen=True)
-class Spread(Range):
-    """So many values at equal distances or ratios, not yet expanded, or points of a branch."""
+class Followed(Range):
+    """A range along which branches are followed, of at most so many points."""
 
-    count: int
-
-    def expanded(self) -> tuple[float, ...]:
-        """Return the values."""
-        return self.values(np.arange(self.count) / (self.count - 1))
+    points: int
 
 
-Content = Value | tuple[Value, ...] | Spread
-"""Of an axis: one value, which makes no dimension, a list, or what is spread."""
-
-
-def count_of(content: Content) -> int:
-    """Return the number of values of an axis."""
-    return content.count if isinstance(content, Spread) else len(content) if isinstance(content, tuple) else 1
+Content = Value | tuple[Value, ...] | Followed
+"""Of an axis: one value, which makes no dimension, several, or a range that is followed."""
 
 
 def axis_values(kind: Kind, zipped: bool = False) -> Kind:
-    """Return the kind of an axis: a scalar, a list, or ``{LAW: [first, last, count]}``, LAW lin, log or branch.
-
-    What is spread over real numbers is not expanded.
-    """
+    """Return the kind of an axis: a scalar, a list, or ``{LAW: [first, last, count]}``, LAW lin, log or branch."""
 
     def choose(value: Any) -> int:
         if isinstance(value, dict):
-            return 2 + LAWS.index(_law(value, kind, zipped))
+            if not isinstance(kind, Number):
+                raise wrong("has words for values, which cannot be spread", "write a list")
+            return 1
         if isinstance(value, list):
             if not value:
                 raise wrong("is empty", "write at least one value, or leave the axis out")
-            return 1
+            return 0
         if zipped:
             raise wrong(f"{quoted(value)} is not a list", "write a list as long as the others of this zip")
-        return 0
+        return len(kinds)
 
     one = Kind(core_schema.no_info_before_validator_function(_single, kind.core), kind.schema)
-    kinds = [one, Kind(many(one.core), {"type": "array", "items": one.schema, "minItems": 1})]
+    kinds = [many(one, minItems=1)]
     if isinstance(kind, Number):
-        kinds += [_under(law, _spread(law, kind)) for law in LAWS]
-    shown = kinds[1:4] if zipped else kinds  # neither a single value nor a branch
-    return Kind(one_of_several(choose, [each.core for each in kinds]), {"anyOf": [each.schema for each in shown]})
+        laws = LAWS[:2] if zipped or kind.whole else LAWS
+        kinds.append(_under({law: _spread(law, kind) for law in laws}, _SPREAD))
+    return either(choose, *kinds, *([] if zipped else [one]))
 
 
 def _single(value: Any) -> Any:
@@ -94,20 +88,8 @@ def _single(value: Any) -> Any:
 _SPREAD = "write a list, {lin: [first, last, count]} or {log: [first, last, count]}"
 
 
-def _law(value: dict[str, Any], kind: Kind, zipped: bool) -> Law:
-    """Return how the values of an axis are spread, where they can be."""
-    law: Law = "branch" if "branch" in value else "log" if "log" in value else "lin"
-    if set(value) != {law}:
-        raise wrong("is neither a list nor `lin`, `log` or `branch`", _SPREAD)
-    if not isinstance(kind, Number):
-        raise wrong("has words for values, which cannot be spread", "write a list")
-    if law == "branch" and (zipped or kind.whole):
-        raise wrong("is followed along a real-valued axis of its own alone", "write a list or lin", law)
-    return law
-
-
 def _spread(law: Law, kind: Number) -> Kind:
-    """Return the kind of ``[first, last, count]``; whole numbers are listed at once, which they can be at most."""
+    """Return the kind of ``[first, last, count]``."""
 
     def build(entries: tuple[float, float, int]) -> Content:
         first, last, size = entries
@@ -115,12 +97,14 @@ def _spread(law: Law, kind: Number) -> Kind:
             raise wrong("begins and ends with the same value", "write a list of one")
         if law == "log" and not min(first, last) > 0:
             raise wrong("a logarithmic axis needs positive ends", "write above 0, or use lin")
-        spread = Spread(law, first, last, size)
+        if law == "branch":
+            return Followed(law, first, last, size)
+        values = Range(law, first, last).spread(size)
         if not kind.whole:
-            return spread
-        if size > abs(last - first) + 1 or any(each != int(each) for each in spread.expanded()):
+            return values
+        if any(each != int(each) for each in values):
             raise wrong("has values that are not whole numbers", "write a list")
-        return tuple(int(each) for each in spread.expanded())
+        return tuple(map(int, values))
 
     count = Quantity("1", "number of values", at_least=2, at_most=MOST_POINTS if law == "branch" else MOST_VALUES)
     kinds = (kind.single, kind.single, number(count, whole=True))
@@ -138,12 +122,9 @@ def between(kind: Number) -> Kind:
             raise wrong("has a logarithm and needs positive ends", "write above 0, or [low, high]")
         return Range(law, low, high)
 
-    def choose(value: Any) -> int:
-        return int(isinstance(value, dict) and set(value) == {"log"})
-
     remedy = "write [low, high] or {log: [low, high]}"
     lin, log = (_some((kind, kind), "no range", remedy, partial(build, law)) for law in LAWS[:2])
-    return either(choose, lin, _under("log", log))
+    return either(no_mapping, _under({"log": log}, remedy), lin)
 
 
 def _some(kinds: tuple[Kind, ...], otherwise: str, remedy: str, build: Callable[[Any], Any]) -> Kind:
@@ -161,9 +142,15 @@ def _some(kinds: tuple[Kind, ...], otherwise: str, remedy: str, build: Callable[
     return Kind(core_schema.no_info_after_validator_function(build, core), schema)
 
 
-def _under(law: Law, kind: Kind) -> Kind:
+def _under(kinds: Mapping[Law, Kind], remedy: str) -> Kind:
     """Return the kind of ``{LAW: ...}``, read as what stands there."""
-    mapping = core_schema.typed_dict_schema({law: core_schema.typed_dict_field(kind.core)})
-    core = core_schema.no_info_after_validator_function(lambda read: read[law], mapping)
-    properties = {law: kind.schema}
-    return Kind(core, {"type": "object", "properties": properties, "required": [law], "additionalProperties": False})
+
+    def build(given: dict[str, Any]) -> Any:
+        if len(given) != 1:
+            raise wrong(f"has {len(given)} laws", remedy)
+        return next(iter(given.values()))
+
+    entries: dict[str, Entry] = {law: Entry(kind, f"values whose law is {law}") for law, kind in kinds.items()}
+    moved = {"branch": "write a list or lin: a branch is followed along a real-valued axis of its own"}
+    form = record("Values between two ends.", entries, build, moved)
+    return replace(form, schema=form.schema | {"minProperties": 1, "maxProperties": 1})

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
 from typing import Any
@@ -13,10 +12,10 @@ from typing import Any
 from pydantic_core import SchemaValidator, ValidationError
 
 from workflow import models, reduction, schemes
-from workflow.study.addresses import MODES, TOLERANCE, scene_values, scheme_options, settings
+from workflow.study.addresses import MODES, TOLERANCE, addresses, settings
 from workflow.study.axes import Arrangement, mode_count
 from workflow.study.case_space import CaseSpace, Dimension, Reference
-from workflow.study.checks import Written, faults
+from workflow.study.checks import faults
 from workflow.study.document import SCENE_KEYS, study_form
 from workflow.study.files import Files
 from workflow.study.forms import Entry
@@ -24,22 +23,12 @@ from workflow.study.kinds import LONGEST_LIST
 from workflow.study.mistakes import Place, StudyError, faults_of, one_of, place_of_path
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice
 from workflow.study.sizes import Sizes, sizes_of
-from workflow.study.source import Source, given_paths, mapping, written_axes
+from workflow.study.source import Source, mapping, written_axes
 from workflow.variables import STEADY, reserved_names
 
 
-@dataclass(frozen=True)
-class Fields:
-    """The fields of a study, read one by one: by section, with what its axes may vary and what is written where."""
-
-    source: Source
-    sections: Mapping[str, Any]
-    addresses: Mapping[str, Entry]
-    written: Written
-
-
-def read_fields(source: Source, files: Files) -> Fields:
-    """Read every field of a study by itself.
+def read_fields(source: Source, files: Files) -> tuple[Mapping[str, Any], Mapping[str, Entry]]:
+    """Read every field of a study by itself; return its sections, and what its axes may vary.
 
     Raises
     ------
@@ -49,9 +38,8 @@ def read_fields(source: Source, files: Files) -> Fields:
     model = _model(source)
     names = (model,) if model else models.names()
     methods = tuple(_methods(source).items())
-    addresses, form = _form(names, methods, reduction.names(), _harmonics(source.tree))
-    axes = [axis for axis in written_axes(source.tree) if axis[1] in addresses]
-    tree, supplied = _supplied(source, axes)
+    varied, form = _form(names, methods, _harmonics(source.tree), reduction.names())
+    tree, supplied = _supplied(source, [axis for axis in written_axes(source.tree) if axis[1] in varied])
     sections: dict[str, Any] = {}
     try:
         sections = form.validate_python(tree, context=files)
@@ -61,21 +49,22 @@ def read_fields(source: Source, files: Files) -> Fields:
             if place not in supplied and not follows:
                 source.report(place, problem, remedy)
     source.refuse()
-    written = Written(frozenset(given_paths(source.tree)), {path: place for place, path, _ in axes})
-    return Fields(source, sections, addresses, written)
+    return sections, varied
 
 
 @lru_cache(maxsize=32)
 def _form(
     names: tuple[str, ...],
     methods: tuple[tuple[str, tuple[str, ...]], ...],
-    bases: tuple[str, ...],
     harmonics: tuple[int, int],
+    bases: tuple[str, ...],
 ) -> tuple[dict[str, Entry], SchemaValidator]:
-    """Return what may vary and the form of a study, for some models, methods by label, bases and harmonics."""
-    labels = tuple(label for label, _ in methods)
-    addresses = settings(labels, bases) | scene_values(names, harmonics) | scheme_options(dict(methods))
-    return addresses, SchemaValidator(study_form(addresses, names, labels, bases).core)
+    """Return what may vary and the form of a study, for some models, methods by label and harmonics.
+
+    ``bases`` are those that there are: with others it is made anew.
+    """
+    varied = addresses(names, dict(methods), harmonics)
+    return varied, SchemaValidator(study_form(varied, names).core)
 
 
 def _model(source: Source) -> str:
@@ -139,7 +128,7 @@ def _first(content: Any) -> Any:
     return content
 
 
-def resolve(fields: Fields) -> CaseSpace:
+def resolve(source: Source, sections: Mapping[str, Any], varied: Mapping[str, Entry]) -> CaseSpace:
     """Make dimensions of the axes of a study and check its fields against each other.
 
     Raises
@@ -147,13 +136,12 @@ def resolve(fields: Fields) -> CaseSpace:
     StudyError
         They do not go together.
     """
-    source, sections, addresses = fields.source, fields.sections, fields.addresses
     scene: Scene = sections["scene"]
     defined = {label: dataclasses.replace(c, label=label) for label, c in sections.get("schemes", {}).items()}
     arrangement = Arrangement(source)
     arrangement.take(sections.get("axes", {}), sections.get("zip", {}))
     nodes = f"scene.{scene.model}.nodes"
-    counts = (arrangement.values(nodes) or (scene.parameters.nodes,)) if nodes in addresses else ()
+    counts = (arrangement.values(nodes) or (scene.parameters.nodes,)) if nodes in varied else ()
     try:
         sizes = sizes_of(scene, tuple(map(int, counts)))
     except models.UnusableMatricesError as error:
@@ -161,10 +149,10 @@ def resolve(fields: Fields) -> CaseSpace:
         raise StudyError(source.mistakes) from None
     arrangement.count_modes(nodes, sizes)
     arrangement.refuse_repeated()
-    defaults = {path: addresses[path].default for path in settings((), ()) if path != TOLERANCE}
+    defaults = {path: entry.default for path, entry in settings().items() if path != TOLERANCE}
     asked = sections.get("output", {})
     steady = bool(asked.get("steady")) or bool(arrangement.followed)
-    dimensions, scalars, branch = arrangement.named(addresses, defaults, _reserved(defined, steady))
+    dimensions, scalars, branch = arrangement.named(varied, defaults, _reserved(defined, steady))
     if scene.friction is not None:  # alpha is what it makes
         scalars = tuple(axis for axis in scalars if axis.path != "alpha")
     reference = None
@@ -181,7 +169,7 @@ def resolve(fields: Fields) -> CaseSpace:
         branch=branch,
     )
     cases = dataclasses.replace(cases, schemes=defined | _bare(cases))
-    for fault in faults(cases, sizes, fields.written):
+    for fault in faults(cases, sizes, source):
         source.report(*fault)
     source.refuse()
     return cases

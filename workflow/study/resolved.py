@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from workflow import reduction
 from workflow.declare import File, word_of
-from workflow.study.addresses import MODES, TOLERANCE, scene_values, scheme_options, settings
+from workflow.study.addresses import MODES, TOLERANCE, addresses
 from workflow.study.quantities import readable
 from workflow.study.ranges import Range
 from workflow.study.settings import AUTO, CHOSEN, CaseSettings, Output
@@ -51,11 +50,10 @@ def resolved_values(study: Study, cell: CaseSettings) -> tuple[ResolvedValue, ..
     single = {axis.path for axis in study.scalars}
     labels = {label: (choice.method,) for label, choice in study.schemes.items()}
     harmonics = len(cell.scene.casing.harmonics), len(cell.scene.load.harmonics)
-    units = {path: entry.kind.unit for path, entry in scene_values((cell.scene.model,), harmonics).items()}
-    others = settings(tuple(labels), reduction.names()) | scheme_options(labels)
-    units |= {"scene.duration": "s"} | {path: entry.kind.unit for path, entry in others.items()}
+    units = {path: entry.kind.unit for path, entry in addresses((cell.scene.model,), labels, harmonics).items()}
+    units["scene.duration"] = "s"
     resolved = list(_files(cell))
-    for path, unit in units.items():
+    for path in sorted(units, key=lambda path: not path.startswith("scene.")):  # those of the scene first
         if path == TOLERANCE and path not in axes:
             continue
         values = axes[path].values if path in axes else _values_at(study, cell, path)
@@ -63,7 +61,7 @@ def resolved_values(study: Study, cell: CaseSettings) -> tuple[ResolvedValue, ..
             words = tuple(AUTO if path in MODES and value == CHOSEN else value for value in values)
             origin: Origin = "study" if study.gives(path) else "default"
             varied = path in axes and path not in single
-            resolved.append(ResolvedValue(path, words, unit, "axis" if varied else origin, ranges.get(path)))
+            resolved.append(ResolvedValue(path, words, units[path], "axis" if varied else origin, ranges.get(path)))
     return (*resolved, *_output(study))
 
 

@@ -88,7 +88,7 @@ class Friction:
         return self.heat_share * self.coefficient * self.sliding_speed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """Model, casing, load, initial state and duration of a case.
 
@@ -100,8 +100,8 @@ class Scene:
     model: str
     parameters: Any
     casing: Casing
-    load: Load
-    initial: Initial | Literal["static"]
+    load: Load = field(default_factory=Load)
+    initial: Initial | Literal["static"] = field(default_factory=Initial)
     duration: float = quantity("s", "duration of every case", above=0)
     speed: float = quantity("Hz", "revolutions per second, of which an `order` is a multiple", default=0.0, at_least=0)
     friction: Friction | None = None

@@ -10,10 +10,11 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from workflow.study.mistakes import Mistake, Place, StudyError, quoted
+from workflow.study.mistakes import Mistake, Place, StudyError, place_of_path, quoted
 
 DEEPEST = 40
 """Levels of nesting; a study needs five."""
@@ -68,6 +69,25 @@ class Source:
     mistakes: list[Mistake] = field(default_factory=list)
     named: dict[Place, str] = field(default_factory=dict)
 
+    @cached_property
+    def given(self) -> frozenset[str]:
+        """Dotted paths of the entries of all mappings."""
+        return frozenset(_given_paths(self.tree))
+
+    @cached_property
+    def axes(self) -> dict[str, Place]:
+        """Places of axes by path, those of zips too."""
+        return {path: place for place, path, _ in written_axes(self.tree)}
+
+    def has(self, path: str) -> bool:
+        """Tell whether a scene value is written, in the scene or as an axis."""
+        return path in self.axes or path in self.given
+
+    def place_of(self, *paths: str) -> Place:
+        """Return where the first of some scene values is written, as an axis or in the scene."""
+        path = next(filter(self.has, paths), paths[-1])
+        return self.axes.get(path, place_of_path(path))
+
     def report(self, place: Place, problem: str, remedy: str, line: int | None = None) -> None:
         """Note a mistake at a place; a place that is not written has the line of what surrounds it."""
         for length in range(len(place), 0, -1):
@@ -99,14 +119,14 @@ def mapping(value: Any, *keys: str) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def given_paths(tree: Any, above: str = "") -> Iterator[str]:
+def _given_paths(tree: Any, above: str = "") -> Iterator[str]:
     """Yield the dotted path of every entry of a mapping in a tree."""
     items = tree.items() if isinstance(tree, dict) else enumerate(tree) if isinstance(tree, list) else ()
     for step, below in items:
         path = f"{above}.{step}" if above else str(step)
         if isinstance(tree, dict):
             yield path
-        yield from given_paths(below, path)
+        yield from _given_paths(below, path)
 
 
 def written_axes(tree: Any) -> Iterator[tuple[Place, str, Any]]:

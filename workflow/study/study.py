@@ -160,15 +160,14 @@ def parse_study(
     if settings:
         source = replaced(source, settings, option)
     files = Files(Path(file).parent, attached or {})
-    fields = read_fields(source, files)
-    sections, cases = fields.sections, resolve(fields)
+    sections, varied = read_fields(source, files)
     return Study(
-        **vars(cases),
+        **vars(resolve(source, sections, varied)),
         name=sections["study"],
         title=sections.get("title") or sections["study"],
         text=source.text,
         file=file,
         license=sections.get("license", ""),
         attached=files.attached,
-        given=fields.written.given,
+        given=source.given,
     )
