@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenes import blade, cases, chain, heavy_chain, relative, sampling, step
+from scenes import blade, cases, chain, finer_chain, heavy_chain, relative, sampling, step
 from workflow import reduction, schemes
 from workflow.models import Cases, Chain, Structure, critical_alpha
 from workflow.reduction import Reduction, reduce_structure
@@ -96,15 +96,6 @@ def test_all_vectors_lose_nothing(basis: str, structure: object) -> None:
         assert np.abs(small.histories[name] - full.histories[name]).max() < 1e-9 * np.abs(full.histories[name]).max()
 
 
-def finer(nodes: int) -> Chain:
-    """The heavy chain in more nodes, with the same total mass, stiffness, capacity and conductance."""
-    share = nodes / 20
-    return heavy_chain(
-        nodes=nodes, mass=2.5e-3 / share, stiffness=2e7 * share, spacing=2.5e-3 / share,
-        heat_capacity=1.315 / share, conductance=0.605 * share, convection=0.02 / share,
-    )  # fmt: skip
-
-
 def rub(structure: Structure) -> Cases:
     return cases(structure, 1, alpha=50.0, gap=5e-5, amplitude=100.0, frequency=20.0)
 
@@ -114,11 +105,11 @@ OVER = replace(sampling(0.3, 1e-3), balances=True)
 
 @pytest.fixture(scope="module")
 def full_runs() -> dict[int, Results]:
-    return {n: step(finer(n), rub(finer(n)), 1e-5, OVER) for n in (20, 200)}
+    return {n: step(finer_chain(n), rub(finer_chain(n)), 1e-5, OVER) for n in (20, 200)}
 
 
 def error(full: Results, basis: str, nodes: int, mechanical: int | None, thermal: int | None, name: str) -> float:
-    structure = finer(nodes)
+    structure = finer_chain(nodes)
     reduction = built(structure, basis, mechanical, thermal)
     run = step(reduction.structure, reduction.project(rub(structure)), 1e-5, OVER)
     return relative(run.histories[name], full.histories[name])
@@ -222,7 +213,7 @@ def test_more_vectors_than_there_are_nodes_are_refused(basis: str) -> None:
 
 @pytest.mark.parametrize("basis", BASES)
 def test_a_long_chain_is_reduced_without_its_matrices(basis: str) -> None:
-    long = finer(5000)
+    long = finer_chain(5000)
     reduction = built(long, basis, 5, 7)
     assert reduction.structure.mass.shape == (6, 6)
     assert critical_alpha(reduction.structure) == pytest.approx(critical_alpha(long), rel=1e-6)

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from plain_moreau import march, march_by_place
-from random_chains import random_chain
+from plain_theta import march_by_place
 
 from scenes import cases, heavy_chain, sampling, step
 from workflow import schemes
@@ -45,34 +42,6 @@ def test_a_step_is_that_of_plain_matrices(basis: str, theta: float) -> None:
             assert np.abs(run.histories[name][case] - values[::10]).max() < 1e-9 * np.abs(values).max(), name
     assert run.metrics["impacts"].min() > 0
     assert run.metrics["max_penetration"].max() == 0
-
-
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(theta=st.sampled_from([1.0, 0.7, 0.5]), data=st.data())
-def test_energy_never_grows(theta: float, data: st.DataObject) -> None:
-    """Unloaded cold motion against the casing, θ >= 1/2: the sum of both energies at every step's end."""
-    structure, nodes = random_chain(data.draw)
-    kept, rng = data.draw(st.integers(0, nodes - 1)), np.random.default_rng(data.draw(st.integers(0, 1000)))
-    start = rng.normal(size=nodes)
-    batch = cases(structure, 1, gap=0.1, velocity=start, displacement=0.1 - 0.3 * np.abs(start))
-    for basis in LIGHTENED:
-        reduction = reduce_structure(structure, kept, 0, basis)
-        if reduction.structure.has_massless_tip:  # not a free tip that no mode holds
-            motion = march_by_place(reduction.structure, reduction.project(batch), 0.02, theta, 200)
-            places, stiffness = np.abs(motion.displacement), np.abs(reduction.structure.stiffness_matrix)
-            terms = np.einsum("ti,ij,tj->t", places, stiffness, places).max()  # rounding is a share of them
-            assert np.all(np.diff(motion.energy(reduction.structure)) <= 1e-12 * terms)
-            assert motion.displacement[:, -1].max() <= 0.1
-
-
-def test_newtons_law_at_velocity_level_gains_energy_without_mass() -> None:
-    """What the law by place is for: θ = 1/2 and the velocity law, started against the casing."""
-    reduction = reduced("massless")
-    batch = reduction.project(cases(heavy_chain(), 1, e=0.0, gap=2e-5, velocity=np.linspace(0.0, 1.0, 20)))
-    by_velocity = march(reduction.structure, batch, 1e-5, 0.5, 3000).energy(reduction.structure)
-    by_place = march_by_place(reduction.structure, batch, 1e-5, 0.5, 3000).energy(reduction.structure)
-    assert by_velocity.max() > 2 * by_velocity[0]
-    assert by_place.max() <= (1 + 1e-12) * by_place[0]
 
 
 @pytest.mark.parametrize("method", REFUSED)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from scenes import cases, chain, heavy_chain, relative, sampling, step
 from workflow.models import Cases, Rayleigh, Structure
-from workflow.schemes import Results, Sampling, Status, event_driven
+from workflow.schemes import Results, Sampling, Status
 
 TURN = 2 * np.pi
 
@@ -132,28 +130,6 @@ def test_harmonics_that_stand_still_are_constants() -> None:
     other = run(structure, cases(structure, gap=8e-6, mean=1.0, **still, **rub), over)
     for name in ("displacement", "temperature", "impulse"):
         assert relative(other.histories[name], one.histories[name]) <= 1e-10
-
-
-# --- accumulation -----------------------------------------------------------------------------------
-
-
-def test_thresholds_do_not_matter_on_a_moving_casing() -> None:
-    structure = heavy_chain(nodes=5)
-    places = [[4e-6, 40.0, 0.1], [1e-6, 300.0, 2.0]]
-    batch = cases(
-        structure, 3, e=[0.0, 0.5, 0.9], alpha=20.0, gap=1e-5, amplitude=100.0, frequency=20.0, casing_harmonics=places
-    )
-    operator, over = event_driven.init(structure, 1e-4, event_driven.Options()), sampling(0.2, 1e-3)
-    base = event_driven.compute(operator, batch, over)
-    assert (base.metrics["contact_time"] > 0.01).all()
-    thresholds = operator.thresholds
-    for factor in (0.1, 10.0):
-        varied = replace(
-            operator, thresholds=thresholds._replace(height=factor * thresholds.height, speed=factor * thresholds.speed)
-        )
-        other = event_driven.compute(varied, batch, over)
-        for name in ("displacement", "temperature", "impulse"):
-            assert relative(other.histories[name], base.histories[name]) <= 1e-9
 
 
 def test_a_static_start_on_a_moving_casing_is_a_contact() -> None:
