@@ -39,13 +39,13 @@ def test_random_scenes_keep_their_heat_and_at_one_half_their_energy(seed: int, t
     assert theta != 0.5 or abs(metrics["energy_residual"][0]) < 1e-10
 
 
-@pytest.mark.parametrize("theta", [0.5, 0.7, 1.0])
-def test_a_free_mode_loses_what_is_known(theta: float) -> None:
+@pytest.mark.parametrize("theta", [0.45, 0.5, 0.7, 1.0])
+def test_a_free_mode_loses_or_gains_what_is_known(theta: float) -> None:
     structure, h, steps = chain(nodes=1, mass=2.0, stiffness=18.0), 0.05, 40
     batch = cases(structure, gap=10.0, displacement=0.3)
     ratio = (1 + (1 - theta) ** 2 * (3 * h) ** 2) / (1 + theta**2 * (3 * h) ** 2)
     metrics = of_moreau(structure, batch, h, h * steps, theta).metrics
-    assert metrics["energy_residual"][0] == pytest.approx(ratio**steps - 1, abs=1e-13)
+    assert metrics["energy_residual"][0] == pytest.approx((ratio**steps - 1) / max(1.0, ratio**steps), abs=1e-13)
     assert metrics["heat_residual"][0] == 0
 
 
@@ -82,15 +82,6 @@ def test_the_energy_of_the_relative_motion_closes(name: str) -> None:
         else None
     )
     assert spring is None or abs(spring.metrics["energy_residual"][0]) < 1e-12
-
-
-def test_a_theta_below_one_half_creates_energy() -> None:
-    """With the step at which the present figure was worked out on paper: 1.2557 times the largest energy."""
-    structure, batch, _ = closing()["alpha 0"]
-    metrics = of_moreau(
-        structure, replace(batch, mean=np.full(1, 2.0), steady=np.ones((1, 20))), 1e-5, 0.02, 0.45
-    ).metrics
-    assert metrics["energy_residual"][0] == pytest.approx(1.2557, abs=2e-3)
 
 
 @pytest.mark.parametrize("coupled", [False, True])

@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 from test_event_driven_random import against_reference, compare, moving_scene, scene
 
 from given_matrices import given
-from scenes import cases, chain, heavy_chain, relative, sampling, step, with_dashpot
+from scenes import cases, chain, sampling, with_dashpot
 from workflow.models import (
     Array,
     Matrices,
     Rayleigh,
     Structure,
-    coupled_damping,
-    couples_free_modes,
-    mechanical_modes,
     structure_from_matrices,
 )
 from workflow.schemes._exact.modal_system import free_system, held_system, state_space
@@ -59,26 +56,6 @@ def test_random_scenes() -> None:
 @pytest.mark.slow
 def test_a_hundred_random_scenes() -> None:
     assert sum(compare_seed(seed) for seed in range(100)) > 500
-
-
-LOAD = {"alpha": 5.0, "gap": 5e-5, "amplitude": 400.0, "frequency": 200.0}
-
-
-@pytest.mark.parametrize("e", [0.0, 0.5, 0.9])
-def test_the_limit_of_no_coupling_is_the_solution_in_modes(e: float) -> None:
-    structure = heavy_chain(nodes=6).matrices()
-    modes = mechanical_modes(structure)
-    coupling = np.full((6, 6), 1e-9)
-    moved = structure.mass @ modes.shapes
-    coupled = replace(structure, damper=moved @ (coupling + np.diag(np.full(6, 10.0))) @ moved.T)
-    apart = replace(structure, damper=moved @ np.diag(np.full(6, 10.0)) @ moved.T)
-    assert couples_free_modes(coupled)
-    assert coupled_damping(apart, modes).ndim == 1
-    over = sampling(0.01, 1e-4)
-    one, other = (step(s, cases(s, e=e, **LOAD), 0.0, over, "event_driven") for s in (apart, coupled))
-    assert one.metrics["impacts"][0] > 0
-    for name in ("displacement", "temperature", "impulse"):
-        assert relative(other.histories[name], one.histories[name]) < 1e-10
 
 
 def critical(structure: Matrices, size: int) -> float:
