@@ -55,18 +55,6 @@ def test_a_load_that_reverses_before_the_bounces_end(damping: float, e: float) -
     assert relative(results.histories["velocity"][0], velocity) <= 1e-10
 
 
-def test_elastic_bounces_that_fade_are_summed_up_with_a_word() -> None:
-    """At e = 1 damping alone makes them small: they follow each other ever faster, and the tip never rests."""
-    results, near = run(1e4, 1.0), run(1e4, 1 - 1e-6)
-    assert results.status[0] == near.status[0] == Status.OK
-    assert results.messages[0].startswith("extrapolated: impacts below")
-    assert "option `events`" in results.messages[0]
-    assert not near.messages
-    assert results.metrics["contact_time"][0] == 0.0
-    for name in ("displacement", "impulse"):
-        assert relative(results.histories[name][0], near.histories[name][0]) <= 1e-4
-
-
 def test_contact_time_goes_on_steadily_towards_elastic_bounces() -> None:
     """The last share of the time at rest falls with the logarithm of 1 - e, without a jump."""
     times = [run(1e4, 1 - 10.0**-k).metrics["contact_time"][0] for k in (4, 5, 6, 7)]

@@ -240,12 +240,10 @@ def test_impacts_of_a_damped_pressed_tip_that_no_budget_holds(e: float) -> None:
     pressed = {"e": e, "mean": 2.0, "velocity": -1.0}
     results, t = run(structure, 1e3, 11, **pressed), np.linspace(0, 1e3, 11)
     assert results.status[0] == Status.OK
-    assert results.messages[0].startswith("extrapolated: ")
+    assert results.messages[0].startswith("extrapolated: impacts below")
+    assert "option `events`" in results.messages[0]
     lift = float(results.messages[0].split("by at most ")[1].split(" m,")[0])
     assert 0 < lift < 1e-7
     assert np.abs(results.histories["displacement"][0, 1:]).max() <= lift
     impulse = results.histories["impulse"][0, 1:] - results.histories["impulse"][0, 1]
     np.testing.assert_allclose(impulse, 2.0 * (t[1:] - t[1]), rtol=0, atol=1e-7)
-    few = step(structure, make_cases(structure, **pressed), 1.0, sampling(1e3, 100.0), "event_driven", events=1000)
-    assert few.status[0] == Status.FAILED  # still bouncing too high
-    assert "after 1000 contact events" in few.messages[0]
