@@ -133,8 +133,8 @@ def blade_rub(structure: Structure, **values: Any) -> Cases:
     return cases(structure, **{**rub, **values})
 
 
-def everything_acts(structure: Structure, **values: Any) -> Cases:
-    """A case with every load and initial state, which touches its casing many times."""
+def everything_acts(structure: Structure, count: int = 1, **values: Any) -> Cases:
+    """Cases with every load and initial state, which touch their casing many times."""
     rng = np.random.default_rng(1)
     n, m = structure.mechanical_size, structure.thermal_size
     acting = {
@@ -150,7 +150,7 @@ def everything_acts(structure: Structure, **values: Any) -> Cases:
         "displacement": 1e-6 * rng.normal(size=n),
         "velocity": 1e-2 * rng.normal(size=n),
     }
-    return cases(structure, **{**acting, **values})
+    return cases(structure, count, **{**acting, **values})
 
 
 WAVES = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plain_theta import march_by_place
 
-from scenes import cases, heavy_chain, sampling, step
+from scenes import cases, everything_acts, heavy_chain, sampling, step
 from workflow import schemes
 from workflow.reduction import Reduction, reduce_structure
 from workflow.schemes import Status
@@ -26,12 +26,7 @@ def reduced(basis: str, mechanical: int = 3, thermal: int = 5) -> Reduction:
 def test_a_step_is_that_of_plain_matrices(basis: str, theta: float) -> None:
     """Bent, moving and warm starts under constant and harmonic loads, with friction heat; a tip that is let go."""
     whole, reduction, h = heavy_chain(), reduced(basis), 1e-5
-    rng = np.random.default_rng(1)
-    batch = cases(
-        whole, 3, e=0.7, alpha=[0.0, 0.5, 0.9], gap=[2e-5, 3e-5, 5e-5], amplitude=100.0, frequency=200.0, phase=0.3,
-        steady=rng.normal(size=20), heating=0.5, displacement=1e-6 * rng.normal(size=20),
-        velocity=1e-2 * rng.normal(size=20), temperature=rng.uniform(size=20),
-    )  # fmt: skip
+    batch = everything_acts(whole, 3, e=0.7, mean=0.0, alpha=[0.0, 0.5, 0.9], gap=[2e-5, 3e-5, 5e-5])
     small = reduction.project(batch)
     run = step(reduction.structure, small, h, sampling(0.02, 1e-4, balances=True), theta=theta)
     assert theta == 1.0 or np.abs(run.metrics["energy_residual"]).max() < 1e-12  # the mode of the tip is in it
