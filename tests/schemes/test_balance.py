@@ -49,6 +49,37 @@ def test_a_free_mode_loses_or_gains_what_is_known(theta: float) -> None:
     assert metrics["heat_residual"][0] == 0
 
 
+@pytest.mark.parametrize("theta", [0.5, 0.7, 1.0])
+def test_a_lump_by_the_definition(theta: float) -> None:
+    """Σ [ΔE + hc w_m² - I w_m - k J y_m], y and w relative to x = rθ, which its temperature drags along."""
+    m, k, c, h, steps = 2.0, 18.0, 0.9, 0.02, 120  # few: every energy counts
+    lump = {"mass": m, "stiffness": k, "damping": Rayleigh(c / m), "spacing": 1.0, "expansion": 0.05}
+    structure = chain(nodes=1, heat_capacity=1.3, conductance=2.0, **lump)
+    batch = cases(structure, e=0.5, alpha=0.8, gap=0.02, mean=1.0, amplitude=3.0, frequency=0.7, temperature=0.4)
+    path = plain_march(structure, batch, h, theta, steps)
+    decay = 2.0 / 1.3
+    drags = -structure.coupling_matrix[0, 0] / (m * decay**2 - c * decay + k)
+    y, w = path.displacement - drags * path.temperature, path.velocity + drags * decay * path.temperature
+
+    def weighed(values: np.ndarray, end: float = theta) -> np.ndarray:
+        return end * values[1:] + (1 - end) * values[:-1]
+
+    jump = np.diff(y, axis=0) - h * weighed(w)
+    impulse = m * np.diff(w, axis=0) + h * c * weighed(w) + h * k * weighed(y)
+    energy = 0.5 * (m * w**2 + k * y**2)
+    given = np.diff(energy, axis=0) + h * c * weighed(w, 0.5) ** 2
+    given -= impulse * weighed(w, 0.5) + k * jump * weighed(y, 0.5)
+    metrics = of_moreau(structure, batch, h, h * steps, theta).metrics
+    assert metrics["impacts"][0] > 3
+    assert metrics["energy_residual"][0] == pytest.approx(given.sum() / energy.max(), abs=1e-12)
+
+
+def test_nothing_moves_nothing_is_missing() -> None:
+    structure = chain(nodes=3, mass=1.0, stiffness=2.0)
+    metrics = of_moreau(structure, cases(structure, gap=1.0), 0.1, 1.0, 1.0).metrics
+    assert [metrics[name][0] for name in BALANCES] == [0.0, 0.0]
+
+
 OVERDAMPED = {"mass": 1.0, "stiffness": 9.0, "damping": Rayleigh(10.0, 0.0), "spacing": 1.0, "expansion": 0.05}
 """A mode with the rates 1 and 9 per second."""
 

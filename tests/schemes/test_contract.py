@@ -51,6 +51,7 @@ IMPLICIT = ("penalty", {"integration": "implicit", "damping": 5.0})
         *((method, {}, kind) for method in METHODS for kind in ("many modes", "few modes")),
         (*IMPLICIT, "many modes"),
         *(("moreau", {"theta": 0.5}, kind) for kind in ("reduced", "coupled")),
+        ("event_driven", {}, "coupled"),
     ],
 )
 def test_alone_is_as_in_a_batch(method: str, options: dict[str, Any], kind: str) -> None:

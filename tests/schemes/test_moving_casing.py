@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import plain_casing
@@ -26,23 +27,31 @@ def pressed(structure: Structure = CHAIN) -> Cases:
     return replace(batch, displacement=x[None], velocity=v)
 
 
+MIDPOINT, EULER = (("moreau", {"theta": theta}) for theta in (0.5, 1.0))
+
+
 @pytest.mark.parametrize(
-    ("structure", "theta"),
+    ("structure", "scheme"),
     [
-        (CHAIN, 0.5),
-        (COUPLED, 0.5),
-        (COUPLED, 1.0),
-        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((CHAIN, 1.0), (ELSEWHERE, 0.5))),
+        (CHAIN, MIDPOINT),
+        (COUPLED, MIDPOINT),
+        (COUPLED, EULER),
+        (CHAIN, ("event_driven", {})),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((CHAIN, EULER), (ELSEWHERE, MIDPOINT))),
     ],
 )
-def test_a_pressed_tip_follows_the_casing_for_a_thousand_periods(structure: Structure, theta: float) -> None:
+def test_a_pressed_tip_follows_the_casing_for_a_thousand_periods(structure: Structure, scheme: Any) -> None:
     """Rounding of the time: eps t ḋ, 2e-16 · 20 s · 3.5e-3 m/s."""
-    batch, over = pressed(structure), sampling(20.0, 0.01, balances=structure is CHAIN)
-    results = step(structure, batch, 1e-4, over, theta=theta)
-    assert results.metrics["impacts"] == 1
+    batch, over, (method, options) = pressed(structure), sampling(20.0, 0.01, balances=structure is CHAIN), scheme
+    results = step(structure, batch, 1e-4, over, method, **options)
+    assert results.metrics["impacts"] == (method == "moreau")
     assert results.metrics["contact_time"] == pytest.approx(20.0, rel=1e-10)  # 2e5 additions of h
+    assert results.metrics["max_penetration"] < 2e-17
     place = np.array([plain_casing.place(batch, t) for t in over.times])
     assert np.abs(results.histories["displacement"][0] - place).max() < 2e-17
+    if method == "event_driven":
+        speed = np.concatenate([batch.casing_velocity_at(t) for t in over.times])
+        assert np.abs(results.histories["velocity"][0] - speed).max() < 1e-11 * np.abs(speed).max()  # of its phase
 
 
 def test_a_scheme_of_plain_states_ends_on_its_casing_within_a_step() -> None:
@@ -66,7 +75,7 @@ def test_a_scheme_of_plain_states_ends_on_its_casing_within_a_step() -> None:
 
 
 def test_the_force_of_a_pressed_tip_is_what_its_casing_asks_for() -> None:
-    """J = ∫ (F0 + f - m d̈ - c ḋ - k d) dt of a mass held on its casing: errors of second order."""
+    """J = ∫ (F0 + f - m d̈ - c ḋ - k d) dt of a mass held on its casing: steps err by second order."""
     mass, stiffness, damping = 0.01, 1e4, 0.02
     structure = chain(nodes=1, mass=mass, stiffness=stiffness, damping=Rayleigh(damping / mass, 0.0))
     waves = {"casing_harmonics": [[5e-6, 50.0, 0.3]], "load_harmonics": [[3.0, 70.0, 0.2]]}
@@ -79,6 +88,8 @@ def test_the_force_of_a_pressed_tip_is_what_its_casing_asks_for() -> None:
     exact = pushed - stiffness * moved - damping * (batch.casing_at(t) - begins)
     exact = exact - mass * (batch.casing_velocity_at(t) - speed)
     runs = [step(structure, batch, h, sampling(t, t, balances=True), theta=0.5) for h in (4e-5, 2e-5)]
+    without_error = step(structure, batch, 0.0, sampling(t, t), "event_driven").histories["impulse"][0, -1]
+    assert without_error == pytest.approx(exact[0], rel=1e-12)
     errors = [abs(float(each.histories["impulse"][0, -1] / exact[0] - 1)) for each in runs]
     assert all(each.metrics["impacts"] == 1 for each in runs)
     assert errors[0] < 2e-5

@@ -22,55 +22,6 @@ def lump(mass: float, stiffness: float, damping: Rayleigh, **heat: float) -> Str
     return chain(nodes=1, mass=mass, stiffness=stiffness, damping=damping, spacing=1.0, **heat)
 
 
-# --- a pressed tip ------------------------------------------------------------------------------------
-
-
-def test_a_pressed_tip_follows_the_casing_for_a_thousand_periods() -> None:
-    structure = heavy_chain(nodes=5)
-    places = [[3e-5, 20.0, 0.3], [1e-5, 60.0, 1.0], [4e-6, 740.0, 2.0]]
-    over, gap = sampling(50.0, 1.25e-2), -1e-3
-    tip = gap + sum(a * np.sin(phase) for a, _, phase in places)
-    moving = sum(a * TURN * f * np.cos(phase) for a, f, phase in places)
-    start = np.linspace(0.2, 1.0, 5)
-    batch = cases(
-        structure,
-        gap=gap,
-        mean=1e5,
-        displacement=start * tip,
-        velocity=start * moving,
-        casing_harmonics=places,
-        load_harmonics=[[100.0, 33.0, 0.0]],
-    )
-    results = run(structure, batch, over)
-    t = over.times
-    place = gap + sum(a * np.sin(TURN * f * t + phase) for a, f, phase in places)
-    speed = sum(a * TURN * f * np.cos(TURN * f * t + phase) for a, f, phase in places)
-    assert np.abs(results.histories["displacement"][0] - place).max() <= 1e-15
-    assert np.abs(results.histories["velocity"][0] - speed).max() <= 1e-12 * np.abs(speed).max()
-    assert results.metrics["contact_time"][0] == 50.0
-    assert results.metrics["impacts"][0] == 0
-    assert results.metrics["max_penetration"][0] <= 1e-18
-
-
-def test_the_force_of_a_pressed_lump() -> None:
-    """λ = f - m d'' - c d' - k d, and the impulse its integral."""
-    m, k, c, gap = 0.3, 40.0, 1.7, 0.02
-    structure = lump(m, k, Rayleigh(c / m / 2, c / k / 2))
-    places, loads = [[0.01, 0.7, 0.4], [0.002, 2.1, 5.0]], [[1.0, 0.4, 1.0], [0.5, 2.1, 2.0]]
-    tip = gap + sum(a * np.sin(phase) for a, _, phase in places)
-    moving = sum(a * TURN * f * np.cos(phase) for a, f, phase in places)
-    start = {"displacement": tip, "velocity": moving, "casing_harmonics": places, "load_harmonics": loads}
-    over = sampling(8.0, 0.01)
-    results = run(structure, cases(structure, gap=gap, mean=9.0, **start), over)
-    impulse, t = (9.0 - k * gap) * over.times, over.times
-    for a, f, phase in loads:
-        impulse += a * (np.cos(phase) - np.cos(TURN * f * t + phase)) / (TURN * f)
-    for a, f, phase in places:
-        w, psi = TURN * f, TURN * f * t + phase
-        impulse -= a * ((k - m * w * w) * (np.cos(phase) - np.cos(psi)) / w + c * (np.sin(psi) - np.sin(phase)))
-    np.testing.assert_allclose(results.histories["impulse"][0], impulse, rtol=1e-13, atol=1e-13)
-
-
 # --- a lump on a casing that moves is one under a load --------------------------------------------------
 
 
