@@ -1,6 +1,8 @@
-"""The event-driven scheme on a casing in motion and under harmonics of the load: closed forms and equivalences."""
+"""The event-driven scheme on a casing in motion and under harmonics of the load, in other words."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,19 +20,13 @@ def run(structure: Structure, batch: Cases, over: Sampling) -> Results:
     return results
 
 
-def lump(mass: float, stiffness: float, damping: Rayleigh, **heat: float) -> Structure:
-    return chain(nodes=1, mass=mass, stiffness=stiffness, damping=damping, spacing=1.0, **heat)
-
-
-# --- a lump on a casing that moves is one under a load --------------------------------------------------
-
-
 @pytest.mark.parametrize("e", [0.0, 0.5, 0.9, 1.0])
 @pytest.mark.parametrize("alpha", [0.0, 2.0])
 def test_a_lump_on_a_moving_casing_is_one_under_a_load(e: float, alpha: float) -> None:
     """Its gap obeys the same equation where - m d'' - c d' - k d is a load; impacts that accumulate included."""
     m, c, k, gap = 1.0, 0.3, 9.0, 0.1
-    structure = lump(m, k, Rayleigh(c, 0.0), expansion=0.01, heat_capacity=2.0, conductance=0.7)
+    heat = {"spacing": 1.0, "expansion": 0.01, "heat_capacity": 2.0, "conductance": 0.7}
+    structure = chain(nodes=1, mass=m, stiffness=k, damping=Rayleigh(c), **heat)
     places, loads = [[0.05, 0.23, 0.4], [0.02, 0.71, 5.0]], [[2.0, 0.1, 0.7], [1.0, 0.37, 1.0]]
     tip = -0.2 + sum(a * np.sin(phase) for a, _, phase in places)
     moving = sum(a * TURN * f * np.cos(phase) for a, f, phase in places)
@@ -57,30 +53,27 @@ def test_a_lump_on_a_moving_casing_is_one_under_a_load(e: float, alpha: float) -
         assert moved.metrics["impacts"][0] == loaded.metrics["impacts"][0]
 
 
-# --- single load and casing sinusoids in other words ----------------------------------------------------
-
-
-def test_a_harmonic_is_the_sinusoid_of_the_load() -> None:
-    structure = heavy_chain(nodes=5)
-    rub = {"e": 0.5, "alpha": 20.0, "gap": 1e-5}
-    over = sampling(0.1, 1e-3)
-    one = run(structure, cases(structure, amplitude=100.0, frequency=20.0, phase=0.2, **rub), over)
-    harmonics = [[60.0, 20.0, 0.2], [0.0, 500.0, 0.0], [40.0, 20.0, 0.2]]
-    other = run(structure, cases(structure, load_harmonics=harmonics, **rub), over)
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (
+            {"amplitude": 100.0, "frequency": 20.0, "phase": 0.2},
+            {"load_harmonics": [[60.0, 20.0, 0.2], [0.0, 500.0, 0.0], [40.0, 20.0, 0.2]]},
+        ),
+        (
+            {"amplitude": 100.0, "frequency": 20.0, "mean": 3.0},
+            {"amplitude": 100.0, "frequency": 20.0, "mean": 1.0, "load_harmonics": [[2.0, 0.0, np.pi / 2]]}
+            | {"gap": 8e-6, "casing_harmonics": [[4e-6, 0.0, np.pi / 6]]},
+        ),
+    ],
+    ids=["parts of the load's sinusoid", "constants that stand still"],
+)
+def test_harmonics_say_in_other_words(one: dict[str, Any], other: dict[str, Any]) -> None:
+    structure, rub, over = heavy_chain(nodes=5), {"e": 0.5, "alpha": 20.0, "gap": 1e-5}, sampling(0.1, 1e-3)
+    first, second = (run(structure, cases(structure, **(rub | said)), over) for said in (one, other))
     for name in ("displacement", "temperature", "impulse"):
-        assert relative(other.histories[name], one.histories[name]) <= 1e-11
-    np.testing.assert_allclose(other.period_impulse, one.period_impulse, rtol=1e-11)
-
-
-def test_harmonics_that_stand_still_are_constants() -> None:
-    structure = heavy_chain(nodes=5)
-    rub = {"e": 0.5, "alpha": 20.0, "amplitude": 100.0, "frequency": 20.0}
-    over = sampling(0.1, 1e-3)
-    one = run(structure, cases(structure, gap=1e-5, mean=3.0, **rub), over)
-    still = {"load_harmonics": [[2.0, 0.0, np.pi / 2]], "casing_harmonics": [[4e-6, 0.0, np.pi / 6]]}
-    other = run(structure, cases(structure, gap=8e-6, mean=1.0, **still, **rub), over)
-    for name in ("displacement", "temperature", "impulse"):
-        assert relative(other.histories[name], one.histories[name]) <= 1e-10
+        assert relative(second.histories[name], first.histories[name]) <= 1e-10
+    np.testing.assert_allclose(second.period_impulse, first.period_impulse, rtol=1e-10)
 
 
 def test_a_static_start_on_a_moving_casing_is_a_contact() -> None:
