@@ -76,6 +76,18 @@ def test_harmonics_say_in_other_words(one: dict[str, Any], other: dict[str, Any]
     np.testing.assert_allclose(second.period_impulse, first.period_impulse, rtol=1e-10)
 
 
+def test_a_casing_shakes_the_node_behind_its_tip_at_resonance() -> None:
+    """y'' + 2 y = d + 3, y = d0/2 + 3 (1 - cos ωt)/2 + a (sin ωt - ωt cos ωt)/4 with ω² = 2; λ = F - d'' - d + y."""
+    structure, over, d0, a, w = chain(nodes=2, mass=1.0, stiffness=1.0), sampling(30.0, 0.5), 1.0, 0.1, np.sqrt(2)
+    start = {"displacement": [[d0 / 2, d0]], "velocity": [[0.0, a * w]]}
+    batch = cases(structure, gap=d0, mean=20.0, steady=[[3.0, 0.0]], casing_harmonics=[[a, w / TURN, 0.0]], **start)
+    results, t = run(structure, batch, over), over.times
+    risen, swung = (1 - np.cos(w * t)) / w, t * np.sin(w * t) / w + (np.cos(w * t) - 1) / 2
+    impulse = (20.0 - d0 / 2) * t + 1.5 * (t - np.sin(w * t) / w) + a * risen + a / 4 * (risen - w * swung)
+    assert results.metrics["contact_time"][0] == 30.0
+    np.testing.assert_allclose(results.histories["impulse"][0], impulse, rtol=1e-12)
+
+
 def test_a_static_start_on_a_moving_casing_is_a_contact() -> None:
     """Place and velocity of the casing up to rounding are those of a tip that touches it."""
     structure = heavy_chain(nodes=5)
