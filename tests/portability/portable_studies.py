@@ -13,21 +13,17 @@ CHAIN = """
           expansion: 8.6e-6, heat_capacity: 1.3, conductance: 0.6, convection: 0.02}
 """
 
-ALL_SCHEMES = """
-schemes:
-  implicit_euler: {method: moreau, theta: 1.0}
-  midpoint: {method: moreau, theta: 0.5}
-  penalty: {method: penalty}
-  soft: {method: penalty, integration: implicit}
-"""
-
 STUDIES = {
     "schemes": f"""
 scene:{CHAIN}
   casing: {{gap: 20 um}}
   load: {{amplitude: 100, frequency: 50 Hz, phase: 0.3}}
   duration: 60 ms
-{ALL_SCHEMES}
+schemes:
+  implicit_euler: {{method: moreau, theta: 1.0}}
+  midpoint: {{method: moreau, theta: 0.5}}
+  penalty: {{method: penalty}}
+  soft: {{method: penalty, integration: implicit}}
 axes:
   scheme: [implicit_euler, midpoint, penalty, soft, carpenter, event_driven]
   h: [1e-5, 2e-5]

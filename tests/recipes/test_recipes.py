@@ -354,7 +354,8 @@ def test_a_basis_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     """With every vector kept nothing is lost; with fewer, fixed-interface modes of heat still come to the same."""
     shutil.copy(HERE / "heat_with_the_tip_held.py", tmp_path)
     added(reduction, tmp_path, monkeypatch)
-    structure, batch = heavy_chain(), rubs_of_many()
+    structure = heavy_chain()
+    batch = cases(structure, 2, alpha=[20.0, 50.0], gap=5e-5, amplitude=100.0, frequency=50.0)
     full = step(structure, batch, H, OVER).histories["temperature"]
     errors = []
     for count in (3, 9, 19):
@@ -365,7 +366,3 @@ def test_a_basis_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert errors[0] > errors[1] > errors[2]
     assert errors[1] < 0.1
     assert errors[2] < 1e-9
-
-
-def rubs_of_many() -> schemes.Cases:
-    return cases(heavy_chain(), 2, alpha=[20.0, 50.0], gap=5e-5, amplitude=100.0, frequency=50.0)

@@ -12,13 +12,7 @@ from test_event_driven_random import against_reference, compare, moving_scene, s
 
 from given_matrices import given
 from scenes import cases, chain, sampling, with_dashpot
-from workflow.models import (
-    Array,
-    Matrices,
-    Rayleigh,
-    Structure,
-    structure_from_matrices,
-)
+from workflow.models import Array, Matrices, Rayleigh, Structure, structure_from_matrices
 from workflow.schemes._exact.modal_system import free_system, held_system, state_space
 
 OVER = sampling(8.0, 0.1)

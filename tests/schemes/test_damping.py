@@ -10,13 +10,7 @@ from test_event_driven_random import against_reference, scene
 
 from scenes import cases, heavy_chain, relative, sampling, step, with_dashpot
 from workflow import schemes
-from workflow.models import (
-    Matrices,
-    Rayleigh,
-    Structure,
-    mechanical_modes,
-    modal_damping,
-)
+from workflow.models import Matrices, Rayleigh, Structure, mechanical_modes, modal_damping
 from workflow.reduction import reduce_structure
 from workflow.schemes import moreau, penalty
 
@@ -94,6 +88,8 @@ def test_what_a_contact_spring_asks_of_a_structure_needs_no_modal_damping() -> N
 def test_a_plan_says_what_a_structure_is_stepped_by() -> None:
     structure = heavy_chain(nodes=6)
     assert moreau.operator_name(structure) == "6 + 6 modes with the tip's own"
+    by_matrix = replace(structure.matrices(), damping=Rayleigh(), damper=structure.damping_matrix)
+    assert moreau.operator_name(by_matrix) == moreau.operator_name(structure)
     coupled = with_dashpot(structure, 1, 3, 20.0)
     assert "6 + 6 modes with the tip's own, coupled by damping" in moreau.operator_name(coupled)
     exact = schemes.load("event_driven")

@@ -134,6 +134,14 @@ def test_undamped_resonance_grows_linearly() -> None:
     assert np.abs(results.histories["displacement"][0] - exact).max() <= 1e-11 * np.abs(exact).max()
 
 
+def test_rigid_body_under_harmonic_load() -> None:
+    results = run(single(2.0), 5.0, 51, gap=1e3, mean=0.1, amplitude=1.0, frequency=1e-3, velocity=0.2)
+    w, t = 2 * np.pi * 1e-3, np.linspace(0, 5, 51)
+    harmonic = t**3 * w / 6 - t**5 * w**3 / 120 + t**7 * w**5 / 5040  # (ω t - sin ω t)/ω², by its series
+    exact = 0.2 * t + 0.1 / 2 * t**2 / 2 + harmonic / 2
+    assert np.abs(results.histories["displacement"][0] - exact).max() <= 1e-13
+
+
 # --- the heavy chain and the blade ------------------------------------------------------------------
 
 

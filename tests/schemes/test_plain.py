@@ -12,18 +12,7 @@ import plain_theta
 import pytest
 from plain_theta import Trajectory
 
-from scenes import (
-    WAVES,
-    alone,
-    cases,
-    chain,
-    everything_acts,
-    heavy_chain,
-    relative,
-    sampling,
-    step,
-    with_dashpot,
-)
+from scenes import WAVES, alone, cases, chain, everything_acts, heavy_chain, relative, sampling, step, with_dashpot
 from sliding import random_structure
 from workflow import models
 from workflow.models import Cases, Matrices, Rayleigh, Structure

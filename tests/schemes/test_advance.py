@@ -1,0 +1,32 @@
+"""The exact motion from state to state beyond what orbits show: many events, and a state that is not reached."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenes import blade, blade_rub, cases, chain, sampling
+from workflow.models import Cases, Structure
+from workflow.reduction import reduce_structure
+from workflow.schemes._exact.advance import Course, advance
+from workflow.schemes._exact.batch import Batch, make_operator
+from workflow.schemes._exact.outcome import Budget
+
+
+def advanced(structure: Structure, batch: Cases, span: float, kept: int, events: int = 10**5) -> Course:
+    one = Batch(make_operator(structure, Budget(events, 10**6)), batch, sampling(1.0, 1.0)).prepared(0)
+    return advance(one, one.case.modal, False, 0.0, span, kept=kept)
+
+
+def test_more_events_than_are_guessed_are_kept() -> None:
+    structure = reduce_structure(blade(), 3, 12).structure
+    few, many = (advanced(structure, blade_rub(structure, e=0.5), 0.6, kept) for kept in (1, 1000))
+    assert few.times.size > 6
+    assert np.array_equal(few.times, many.times)
+    assert np.array_equal(few.X, many.X)
+
+
+def test_a_state_that_is_not_reached_is_told() -> None:
+    ball = chain(nodes=1, mass=1.0, stiffness=0.0)
+    course = advanced(ball, cases(ball, e=1.0, mean=1.0, gap=1.0), 100.0, 1, events=10)
+    assert np.isnan(course.X).all()
+    assert "after 10 contact events" in course.failure
