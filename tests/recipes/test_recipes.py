@@ -19,6 +19,7 @@ import plain_theta
 
 from quick import quick
 from scenes import alone, cases, heavy_chain, relative, same_bits, sampling, step, taken
+from scenes import rubs as random_rubs
 from studies import SCENE, parsed
 from workflow import models, reduction, schemes, variables
 from workflow.archive import open_archive
@@ -60,15 +61,7 @@ def test_a_recipe_is_short_and_imports_public_names_only(name: str, lines: int) 
 
 
 def rubs(count: int) -> schemes.Cases:
-    rng = np.random.default_rng(7)
-    return cases(
-        short_chain(),
-        count,
-        alpha=np.where(np.arange(count) % 3 == 0, 0.0, 50.0),
-        gap=rng.uniform(4e-5, 6e-5, count),
-        amplitude=100.0,
-        frequency=50.0,
-    )
+    return random_rubs(short_chain(), count, e=0.0, frequency=50.0)
 
 
 def test_its_cases_do_not_depend_on_their_neighbours(recipe: str) -> None:
@@ -104,7 +97,7 @@ def test_it_runs_in_a_default_study_with_every_variable(recipe: str) -> None:
 
 def test_it_sees_harmonics_of_the_load_and_is_refused_a_casing_that_moves(recipe: str) -> None:
     batch = rubs(4)
-    harmonics = Harmonics(*(np.full((4, 1), value) for value in (100.0, 50.0, 0.0)))
+    harmonics = Harmonics(*(each[:, None] for each in (batch.amplitude, batch.frequency, batch.phase)))
     more = replace(batch, amplitude=np.zeros(4), load_harmonics=harmonics)
     one, other = (step(short_chain(), each, H, OVER, recipe).histories for each in (batch, more))
     assert relative(other["displacement"], one["displacement"]) < 1e-12  # 0 + F sin for F sin, over 1500 steps

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from plain_theta import march_by_place
 
 from scenes import cases, everything_acts, heavy_chain, sampling, step
-from workflow import schemes
 from workflow.reduction import Reduction, reduce_structure
 from workflow.schemes import Status
 
 LIGHTENED = ("macneal", "massless")
-REFUSED = {"carpenter": {}, "penalty": {"integration": "explicit"}, "event_driven": {}}
+REFUSED = [
+    *((method, {}, "without mass") for method in ("carpenter", "event_driven", "penalty")),
+    ("moreau", {"theta": 0.0}, "theta = 0"),
+    ("penalty", {"theta": 0.0, "integration": "implicit"}, "theta = 0"),
+]
 
 
 def reduced(basis: str, mechanical: int = 3, thermal: int = 5) -> Reduction:
@@ -39,18 +44,12 @@ def test_a_step_is_that_of_plain_matrices(basis: str, theta: float) -> None:
     assert run.metrics["max_penetration"].max() == 0
 
 
-@pytest.mark.parametrize("method", REFUSED)
-def test_schemes_that_need_the_mass_say_so(method: str) -> None:
+@pytest.mark.parametrize(("method", "options", "why"), REFUSED)
+def test_schemes_that_cannot_step_it_say_so(method: str, options: dict[str, Any], why: str) -> None:
+    """Those that need the mass, and explicit steps."""
     over = sampling(1e-3, 1e-4, balances=True)
-    with pytest.raises(ValueError, match="without mass"):
-        step(reduced("massless").structure, cases(heavy_chain(nodes=4)), 1e-6, over, method, **REFUSED[method])
-
-
-def test_an_explicit_step_cannot_move_a_tip_without_mass() -> None:
-    for method, options in (("moreau", {}), ("penalty", {"integration": "implicit"})):
-        scheme = schemes.load(method)
-        with pytest.raises(ValueError, match="theta = 0"):
-            scheme.init(reduced("macneal").structure, 1e-6, scheme.Options(theta=0.0, **options))
+    with pytest.raises(ValueError, match=why):
+        step(reduced("massless").structure, cases(heavy_chain(nodes=4)), 1e-6, over, method, **options)
 
 
 def test_theta_below_one_half_diverges_at_any_step() -> None:
