@@ -15,10 +15,6 @@ from workflow.reduction import reduce_structure
 from workflow.schemes import moreau, penalty
 
 
-def damped(ratio: float, nodes: int = 6) -> Structure:
-    return heavy_chain(nodes=nodes, damping=Rayleigh(ratio=ratio))
-
-
 def test_every_mode_has_the_ratio_and_rigid_ones_none() -> None:
     structure = heavy_chain(nodes=6, stiffness=(0.0, *[2e7] * 5), damping=Rayleigh(ratio=0.03))
     modes = mechanical_modes(structure)
@@ -26,18 +22,15 @@ def test_every_mode_has_the_ratio_and_rigid_ones_none() -> None:
     modal = modes.shapes.T @ structure.damping_matrix @ modes.shapes
     assert np.abs(modal - by_ratio).max() <= 1e-12 * by_ratio.max()
     assert modal[0, 0] == pytest.approx(0.0, abs=1e-12 * by_ratio.max())
-    reduced = reduce_structure(damped(0.03), 2, 2).structure
+    reduced = reduce_structure(heavy_chain(nodes=6, damping=Rayleigh(ratio=0.03)), 2, 2).structure
     modes = mechanical_modes(reduced)
     modal = modes.shapes.T @ reduced.damping_matrix @ modes.shapes
     assert np.abs(modal - np.diag(0.06 * modes.values)).max() <= 1e-12 * modal.max()
 
 
-SLOW = pytest.mark.slow
-
-
 @pytest.mark.parametrize(
     ("seed", "ratio"),
-    [(38, 1.7), *(pytest.param(*one, marks=SLOW) for one in ((1, 0.05), (4, 0.3), (10, 1.7), (6, 1.0)))],
+    [(38, 1.7), *(pytest.param(*one, marks=pytest.mark.slow) for one in ((1, 0.05), (4, 0.3), (10, 1.7), (6, 1.0)))],
 )
 def test_a_ratio_is_exact_against_the_independent_solution(seed: int, ratio: float) -> None:
     """With the tip held its modes are coupled by damping, with and without friction heat."""
