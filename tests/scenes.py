@@ -34,6 +34,15 @@ def heavy_chain(**parameters: Any) -> Structure:
     return chain(**{**lumps, **parameters})
 
 
+def finer_chain(nodes: int) -> Structure:
+    """The heavy chain in so many nodes, with the same total mass, stiffness, capacity and conductance."""
+    share = nodes / 20
+    return heavy_chain(
+        nodes=nodes, mass=2.5e-3 / share, stiffness=2e7 * share, spacing=2.5e-3 / share,
+        heat_capacity=1.315 / share, conductance=0.605 * share, convection=0.02 / share,
+    )  # fmt: skip
+
+
 def siconos_chain() -> Structure:
     """The chain of the Siconos trajectories."""
     return chain(nodes=20, mass=0.01, stiffness=1e6, damping=Rayleigh(0.0, 1e-5))
@@ -104,14 +113,28 @@ def step(
     return scheme.compute(scheme.init(structure, h, scheme.Options(**options)), batch, over)
 
 
+def rubs(structure: Structure, count: int, **values: Any) -> Cases:
+    """Random rubs of the heavy chain, as many load periods in each; every third has no heat, some share their α."""
+    rng = np.random.default_rng(7)
+    rub: dict[str, Any] = {
+        "e": rng.uniform(0, 0.9, count),
+        "alpha": np.where(np.arange(count) % 3 == 0, 0.0, np.repeat(rng.uniform(0, 50, count), 2)[:count]),
+        "gap": rng.uniform(4e-5, 6e-5, count),
+        "amplitude": rng.uniform(90, 110, count),
+        "frequency": 20.0,
+        "phase": rng.uniform(-0.5, 0.5, count),
+    }
+    return cases(structure, count, **{**rub, **values})
+
+
 def blade_rub(structure: Structure, **values: Any) -> Cases:
     """The abstract's scene: the blade rubs over ten load periods of 0.2 s."""
     rub = {"alpha": 30.0, "gap": 20e-6, "amplitude": 24.0, "frequency": 5.0}
     return cases(structure, **{**rub, **values})
 
 
-def everything_acts(structure: Structure, **values: Any) -> Cases:
-    """A case with every load and initial state, which touches its casing many times."""
+def everything_acts(structure: Structure, count: int = 1, **values: Any) -> Cases:
+    """Cases with every load and initial state, which touch their casing many times."""
     rng = np.random.default_rng(1)
     n, m = structure.mechanical_size, structure.thermal_size
     acting = {
@@ -127,7 +150,7 @@ def everything_acts(structure: Structure, **values: Any) -> Cases:
         "displacement": 1e-6 * rng.normal(size=n),
         "velocity": 1e-2 * rng.normal(size=n),
     }
-    return cases(structure, **{**acting, **values})
+    return cases(structure, count, **{**acting, **values})
 
 
 WAVES = {

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes import cases, chain, relative, sampling
+from scenes import cases, finer_chain, relative, sampling
 from workflow import reduction, schemes
-from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequencies
+from workflow.models import Cases, Structure, critical_alpha, frequencies
 from workflow.reduction import reduce_structure
 from workflow.schemes import HISTORIES, Results
 
@@ -25,16 +25,6 @@ BEGIN, END = "<!-- bases -->\n", "<!-- end of bases -->\n"
 H, ALPHA, DURATION = 1e-5, 0.5, 0.1
 COUNTS = ((3, 12), (8, 6))
 """Mechanical and thermal vectors beside the tip's own."""
-
-
-def heavy(nodes: int) -> Structure:
-    """Return the heavy chain in so many nodes."""
-    share = nodes / 20
-    return chain(
-        nodes=nodes, mass=2.5e-3 / share, stiffness=2.0e7 * share, damping=Rayleigh(10.0, 2.0e-7),
-        spacing=2.5e-3 / share, expansion=8.6e-6, heat_capacity=1.315 / share, conductance=0.605 * share,
-        convection=0.02 / share,
-    )  # fmt: skip
 
 
 def rub(structure: Structure) -> Cases:
@@ -67,7 +57,7 @@ def rows(sizes: tuple[int, ...], steps: int) -> Iterator[str]:
     yield "| nodes | basis | vectors | displacement | temperature | impulse | α_c | ρ, θ = 1 | ρ, θ = ½ | cost |\n"
     yield "|---|---|---|---|---|---|---|---|---|---|\n"
     for nodes in sizes:
-        whole = heavy(nodes)
+        whole = finer_chain(nodes)
         exact, full_seconds = stepped(whole, rub(whole), steps)
         for mechanical, thermal in COUNTS:
             for name in reduction.names():

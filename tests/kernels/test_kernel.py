@@ -51,20 +51,22 @@ def run(package: Path, code: str = RUN, **environment: str) -> Ran:
     return Ran(float(value), int(hits), Path(directory))
 
 
+def copy_of_the_package(directory: Path) -> Path:
+    """Copy it into a directory, where its sources may change."""
+    copy, without = directory / "workflow", shutil.ignore_patterns("__pycache__")
+    shutil.copytree(Path(workflow.__file__).parent, copy, ignore=without)
+    return directory
+
+
 @pytest.fixture
 def copied(tmp_path: Path) -> Path:
-    """A copy of the package whose sources may change."""
-    shutil.copytree(Path(workflow.__file__).parent, tmp_path / "workflow", ignore=shutil.ignore_patterns("__pycache__"))
-    return tmp_path
+    return copy_of_the_package(tmp_path)
 
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
     """Such a copy in which two processes at once have compiled the kernel, and what came of it."""
-    directory = tmp_path_factory.mktemp("compiled")
-    shutil.copytree(
-        Path(workflow.__file__).parent, directory / "workflow", ignore=shutil.ignore_patterns("__pycache__")
-    )
+    directory = copy_of_the_package(tmp_path_factory.mktemp("compiled"))
     with ThreadPoolExecutor() as both:
         first, second = both.map(run, [directory] * 2)
     assert first._replace(hits=0) == second._replace(hits=0)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenes import cases, chain, heavy_chain, sampling, with_dashpot
+from scenes import cases, chain, heavy_chain, sampling, step, with_dashpot
 from workflow.models import free_reach
-from workflow.schemes import event_driven
 
 
 @pytest.mark.parametrize(
@@ -26,7 +25,7 @@ def test_the_free_tip_stays_within_its_reach(conditions: dict[str, float]) -> No
     structure = heavy_chain()
     batch = cases(structure, gap=10.0, **conditions)
     over = sampling(0.2, 1e-5)
-    results = event_driven.compute(event_driven.init(structure, 1.0, event_driven.Options()), batch, over)
+    results = step(structure, batch, 0.0, over, "event_driven")
     reached = float(results.histories["displacement"].max())
     bound = float(free_reach(structure, batch, over.duration)[0])
     assert reached <= bound * (1 + 1e-9)

@@ -5,6 +5,7 @@ The oracle is the system in nodal coordinates, as equation (1) has it, and LAPAC
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 
 import numpy as np
@@ -13,29 +14,14 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenes import chain, heavy_chain, held_matrix
-from workflow.models import Chain, Rayleigh, Structure, _growth, critical_alpha, growth, growth_rate, in_contact
+from scenes import blade, chain, heavy_chain, held_matrix
+from sliding import random_structure
+from workflow.models import Chain, Rayleigh, Structure, critical_alpha, growth, growth_rate, in_contact
 from workflow.reduction import reduce_structure
 
 
 def eigenvalues_in_contact(structure: Structure, alpha: float) -> np.ndarray:
     return np.linalg.eigvals(held_matrix(structure, alpha))
-
-
-def flutter_chain(**parameters: object) -> Structure:
-    """Issue 13, item 5: light heat capacity, α_c = 0.5."""
-    lumps = {"nodes": 4, "mass": 1e-3, "stiffness": 1e6, "damping": Rayleigh(10.0, 0.0), "spacing": 1e-2}
-    return chain(**{**lumps, "expansion": 1e-5, "heat_capacity": 1e-5, "conductance": 0.1, **parameters})
-
-
-@pytest.mark.parametrize(("alpha", "rate"), [(0.1, 117.481518392733), (0.45, 540.475263313713)])
-def test_flutter_below_the_critical_coupling(alpha: float, rate: float) -> None:
-    structure = flutter_chain()
-    assert critical_alpha(structure) == pytest.approx(0.5, rel=1e-12)
-    assert growth_rate(structure, alpha) == pytest.approx(rate, rel=1e-11)
-    assert growth_rate(structure.matrices(), alpha) == pytest.approx(rate, rel=1e-11)
-    assert growth_rate(reduce_structure(structure, 3, 3).structure, alpha) == pytest.approx(rate, rel=1e-11)
-    assert growth(in_contact(structure), alpha).is_positive
 
 
 @st.composite
@@ -78,6 +64,29 @@ def test_against_nodal_coordinates(scene: tuple[Structure, float]) -> None:
     assert abs(growth_rate(structure.matrices(), alpha) - exact.real.max()) <= near
 
 
+def damped_by_a_ratio() -> Structure:
+    return heavy_chain(nodes=6, damping=Rayleigh(ratio=0.2))
+
+
+OTHERS: dict[str, Callable[[], Structure]] = {
+    "slides": lambda: random_structure(np.random.default_rng(0), 4),
+    "ratio": damped_by_a_ratio,
+    "ratio, reduced": lambda: reduce_structure(damped_by_a_ratio(), 3, 4).structure,
+    "macneal": lambda: reduce_structure(blade(), 3, 5, "macneal").structure,
+    "massless": lambda: reduce_structure(blade(), 3, 5, "massless").structure,
+}
+"""A casing that slides, damping that couples the modes of the held tip, and tips without mass."""
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+@pytest.mark.parametrize("alpha", [0.5, 3.0, 100.0])
+def test_other_structures_against_their_matrices(kind: str, alpha: float) -> None:
+    structure, friction = OTHERS[kind](), 0.4 if kind == "slides" else 0.0
+    exact = np.linalg.eigvals(held_matrix(structure, alpha, friction)).real.max()
+    assert growth_rate(structure, alpha, friction) == pytest.approx(exact, rel=1e-8, abs=1e-9)
+    assert friction or (exact > 0) == (alpha > critical_alpha(structure))
+
+
 @pytest.mark.parametrize(
     ("alpha", "rate"),
     [(0.0, -0.0152162027129), (30.0, 0.0069057596171550), (2000.0, 1.00813994579), (1e6, 113462.166558176)],
@@ -85,21 +94,6 @@ def test_against_nodal_coordinates(scene: tuple[Structure, float]) -> None:
 def test_four_hundred_nodes(alpha: float, rate: float) -> None:
     """Issue 13, item 6: of the nodal system's 1198 eigenvalues at α = 2000 the largest real part is 1.0081."""
     assert growth_rate(heavy_chain(nodes=400), alpha) == pytest.approx(rate, rel=1e-9)
-
-
-def test_a_part_of_the_modes_leads_to_all_eigenvalues(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 10 modes of each kind: the strongest are enough."""
-    monkeypatch.setattr(_growth, "_ALL_STATES", 30)
-    monkeypatch.setattr(_growth, "_STRONGEST", 10)
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        n = int(rng.integers(20, 40))
-        structure = heavy_chain(
-            nodes=n, stiffness=2e7 * 10 ** rng.uniform(-1, 1, n), heat_capacity=10 ** rng.uniform(-5, 0)
-        )
-        alpha = rng.choice([0.1, 0.9, 1.1, 10.0]) * critical_alpha(structure)
-        exact = eigenvalues_in_contact(structure, alpha)
-        assert growth_rate(structure, alpha) == pytest.approx(exact.real.max(), abs=1e-13 * np.abs(exact).max())
 
 
 def characteristic(structure: Chain, alpha: float, s: float) -> float:

@@ -91,6 +91,13 @@ BROKEN = {
     "not finite": (changed("stiffness", lambda m: np.nan * m), "not finite"),
     "infinite": (changed("mass", lambda m: np.inf + m), "not finite"),
     "indefinite": (changed("stiffness", lambda m: -m), "not positive semi-definite"),
+    "a saddle": (changed("stiffness", lambda m: np.eye(5)[[1, 0, 2, 3, 4]]), "stiffness is not positive semi-definite"),
+    "pushed and not held": (changed("stiffness", lambda m: 0 * m), "coupling pushes what nothing holds"),
+    "a contact without mass": (changed("mass", lambda m: m * np.diag([1, 1, 1, 1, 0])), "contact moves without mass"),
+    "neither mass nor spring": (
+        {**ENTRIES, "mass": np.diag([1.0, 0, 1, 1, 1]), "stiffness": np.diag([1.0, 0, 1, 1, 1])},
+        "1 degrees of freedom have no inertia",
+    ),
     "negative mass": (changed("mass", lambda m: -m), "mass is not positive semi-definite"),
     "wrong coupling": (changed("coupling", lambda m: m[:, :4]), "`coupling` has the shape"),
     "no stiffness": ({name: ENTRIES[name] for name in ENTRIES if name != "stiffness"}, "no `stiffness`"),

@@ -8,6 +8,7 @@ import pytest
 from scenes import blade, chain
 from workflow import models
 from workflow.models import NoEquilibriumError, Rayleigh, critical_alpha, growth_rate, static_equilibrium
+from workflow.reduction import reduce_structure
 
 
 def test_chain_of_two_by_hand() -> None:
@@ -51,6 +52,18 @@ def test_modes_diagonalise_and_keep_low_frequencies_of_graded_chains() -> None:
     assert np.abs(gram - np.eye(3)).max() < 1e-12
     assert modes.values[0] == pytest.approx(np.sqrt(1.0 / 2.000001), rel=1e-7)
     assert models.mechanical_modes(chain(nodes=3, mass=1.0, stiffness=(0.0, 4.0, 9.0))).values[0] == 0.0
+
+
+def test_a_free_body_whose_tip_has_no_mass() -> None:
+    """A rigid motion, three that vibrate, and the static shape of a force on the tip; loads are balanced by inertia."""
+    structure = reduce_structure(chain(nodes=9, mass=1.0, stiffness=(0.0, *[4.0] * 8)), 4, 4, "massless").structure
+    modes, load = models.mechanical_modes(structure), np.random.default_rng(0).normal(size=5)
+    assert modes.inertia.tolist() == [1, 1, 1, 1, 0]
+    assert models.frequencies(structure)[[0, -1]].tolist() == [0.0, np.inf]
+    (displacement,) = structure.mechanical.static_solutions(load[None, :])
+    rigid = modes.shapes[:, 0]
+    balanced = load - structure.mass @ rigid * (rigid @ load)
+    assert structure.stiffness_matrix @ displacement == pytest.approx(balanced, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("nodes", [1, 5, 20])

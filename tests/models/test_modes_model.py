@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import cases, heavy_chain, relative, sampling, step
+from scenes import heavy_chain
 from studies import written
 from workflow.models import (
     Array,
@@ -51,19 +51,6 @@ def test_all_modes_of_a_chain_are_the_chain() -> None:
     assert tip_flexibility(modal) == pytest.approx(tip_flexibility(CHAIN), rel=1e-11)
     assert critical_alpha(modal) == pytest.approx(critical_alpha(CHAIN), rel=1e-10)
     assert growth_rate(modal, 3.0) == pytest.approx(growth_rate(CHAIN, 3.0), rel=1e-8)
-
-
-@pytest.mark.parametrize("damping", [Rayleigh(10.0, 2e-7), Rayleigh(ratio=0.02)], ids=["rayleigh", "ratio"])
-@pytest.mark.parametrize("scheme", ["moreau", "carpenter", "event_driven"])
-def test_they_rub_as_the_chain_does(scheme: str, damping: Rayleigh) -> None:
-    structure = heavy_chain(nodes=6, damping=damping)
-    modal = of_tables(*tables(structure))
-    rub = {"alpha": 5.0, "gap": 5e-5, "amplitude": 400.0, "frequency": 200.0}
-    over = sampling(0.005, 5e-5)
-    one, other = (step(s, cases(s, **rub), 1e-5, over, scheme) for s in (structure, modal))
-    assert one.metrics["impacts"][0] > 0
-    for name in ("displacement", "temperature", "impulse"):
-        assert relative(other.histories[name][0], one.histories[name][0]) < 1e-8, name
 
 
 def test_a_rigid_mode_is_one() -> None:

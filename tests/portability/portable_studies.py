@@ -13,21 +13,17 @@ CHAIN = """
           expansion: 8.6e-6, heat_capacity: 1.3, conductance: 0.6, convection: 0.02}
 """
 
-ALL_SCHEMES = """
-schemes:
-  implicit_euler: {method: moreau, theta: 1.0}
-  midpoint: {method: moreau, theta: 0.5}
-  penalty: {method: penalty}
-  soft: {method: penalty, integration: implicit}
-"""
-
 STUDIES = {
     "schemes": f"""
 scene:{CHAIN}
   casing: {{gap: 20 um}}
   load: {{amplitude: 100, frequency: 50 Hz, phase: 0.3}}
   duration: 60 ms
-{ALL_SCHEMES}
+schemes:
+  implicit_euler: {{method: moreau, theta: 1.0}}
+  midpoint: {{method: moreau, theta: 0.5}}
+  penalty: {{method: penalty}}
+  soft: {{method: penalty, integration: implicit}}
 axes:
   scheme: [implicit_euler, midpoint, penalty, soft, carpenter, event_driven]
   h: [1e-5, 2e-5]
@@ -51,35 +47,6 @@ zip:
 reference: {{scheme: event_driven, mechanical_modes: full, thermal_modes: full}}
 output: {{interval: 1 ms}}
 """,
-    "blade": """
-scene:
-  blade: {nodes: 12, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560, conductivity: 7.0,
-          convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6, damping: {mass: 10.0, stiffness: 2.0e-7}}
-  casing: {gap: 20 um}
-  load: {mean: 30, amplitude: 24, frequency: 5 Hz}
-  initial: static
-  duration: 400 ms
-axes:
-  scheme: [moreau, event_driven, carpenter]
-  h: 4e-6
-  alpha: [0, 3]
-  scene.casing.gap: [10 um, 20 um]
-output: {interval: 10 ms}
-""",
-    "long": """
-scene:
-  chain: {nodes: 3, mass: 1.0e-3, stiffness: 1.0e6, damping: {mass: 10, stiffness: 1.0e-7}, spacing: 2.5e-3,
-          expansion: 8.6e-6, heat_capacity: 1.3, conductance: 0.6}
-  casing: {gap: 20 um}
-  load: {amplitude: 40, frequency: 7 Hz}
-  duration: 20 s
-axes:
-  scheme: [moreau, event_driven]
-  h: 1e-4
-  e: [0, 0.5]
-  alpha: 5
-output: {interval: 100 ms}
-""",
     "loose": """
 scene:
   chain: {nodes: 4, mass: [0.1, 0.2, 0.1, 0.05], stiffness: [0, 1.0e4, 0, 1.0e4], damping: {mass: 1}, heat_capacity: 1,
@@ -94,19 +61,6 @@ axes:
   e: [0, 0.9]
   alpha: [0, 1]
 output: {interval: 10 ms}
-""",
-    "nodes_200": """
-scene:
-  chain: {nodes: 200, mass: 1.0e-4, stiffness: 2.0e7, damping: {mass: 10, stiffness: 2.0e-8}, spacing: 2.5e-4,
-          expansion: 8.6e-6, heat_capacity: 0.13, conductance: 6, convection: 0.002}
-  casing: {gap: 5 um}
-  load: {amplitude: 100, frequency: 200 Hz}
-  duration: 10 ms
-axes:
-  scheme: [moreau, event_driven]
-  h: 1e-6
-  alpha: 5
-output: {interval: 100 us}
 """,
 }
 

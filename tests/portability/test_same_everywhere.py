@@ -65,7 +65,7 @@ numba counts the digits of numbers in messages of its own."""
 
 def test_no_kernel_calls_the_mathematical_library(tmp_path: Path) -> None:
     """Machine code names the functions that it takes from elsewhere, among strings that end with 0."""
-    written_here(tmp_path, ["schemes", "blade"])
+    written_here(tmp_path, ["schemes", "loose"])
     directory = directory_of("workflow")
     assert directory is not None
     recipe = "hunt_crossley"  # it has a power

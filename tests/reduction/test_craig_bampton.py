@@ -5,40 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenes import blade, blade_rub, cases, chain, relative, sampling, step
+from scenes import cases, chain, sampling, step
 from workflow import models
 from workflow.models import Structure, critical_alpha
 from workflow.reduction import reduce_structure
-from workflow.schemes import Results
-
-
-def reduced_run(mechanical: int, thermal: int) -> Results:
-    structure = blade()
-    reduction = reduce_structure(structure, mechanical, thermal)
-    return step(reduction.structure, reduction.project(blade_rub(structure)), 1e-4, sampling(2.0, 1e-3))
-
-
-@pytest.fixture(scope="module")
-def full_run() -> Results:
-    structure = blade()
-    return step(structure, blade_rub(structure), 1e-4, sampling(2.0, 1e-3))
-
-
-def test_few_modes_lose_little_on_the_abstract_figure_and_more_of_heat_lose_less(full_run: Results) -> None:
-    runs = [reduced_run(3, thermal) for thermal in (3, 4, 8, 12, 19)]
-    errors = [relative(run.histories["temperature"], full_run.histories["temperature"]) for run in runs]
-    assert errors == sorted(errors, reverse=True)
-    assert errors[0] < 0.15
-    assert errors[3] < 0.02
-    assert errors[4] < 1e-5  # what three mechanical modes leave
-    assert relative(runs[3].histories["displacement"], full_run.histories["displacement"]) < 0.01
-
-
-def test_parts_not_linked_to_the_tip_have_no_constraint_mode() -> None:
-    structure = chain(nodes=4, mass=1.0, stiffness=(0.0, 3.0, 0.0, 2.0), conductance=(1.0, 0.0, 1.0, 0.0))
-    reduction = reduce_structure(structure, 1, 1)
-    assert np.allclose(reduction.displacement_basis[:, -1], [0, 0, 1, 1], atol=1e-14)
-    assert np.allclose(reduction.temperature_basis[:, -1], [0, 0, 0, 1], atol=1e-14)
 
 
 def free_chain(nodes: int) -> Structure:

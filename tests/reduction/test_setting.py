@@ -15,7 +15,7 @@ from workflow import reduction
 from workflow.archive import open_archive
 from workflow.grid import arrange, case_hashes, solve
 from workflow.run import run_study
-from workflow.study import StudyError, read_study
+from workflow.study import StudyError
 
 OTHER = '''
 """Displacements as Krylov's, temperatures as the default's."""
@@ -88,18 +88,3 @@ def test_full_is_not_reduced_on_either_side(other: str) -> None:
 def test_the_message_of_an_unknown_basis_names_those_there_are(place: str) -> None:
     with pytest.raises(StudyError, match="`rubin`"):
         parsed(study(place.format("rubbin")))
-
-
-@pytest.mark.parametrize(
-    "content", ["raise RuntimeError('torn')\n", "def mechanical(structure, count, duration): ...\n"]
-)
-def test_a_broken_basis_breaks_only_studies_that_name_it(
-    content: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "torn.py").write_text(content)
-    monkeypatch.setattr(reduction, "__path__", [*reduction.__path__, str(tmp_path)])
-    parsed(study("axes: {mechanical_modes: 1}"))
-    for text in ("axes: {reduction: torn}", "axes: {reduction: [craig_bampton, torn]}", "reference: {reduction: torn}"):
-        with pytest.raises(StudyError, match=r"torn.*cannot be used|cannot be used.*torn"):
-            read_study(study(text))
-    sys.modules.pop("workflow.reduction.torn", None)

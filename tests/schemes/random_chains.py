@@ -3,21 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import strategies as st
 
 from scenes import chain
 from workflow.models import Chain, Rayleigh
-
-
-def random_chain(draw: st.DrawFn) -> tuple[Chain, int]:
-    """A cold chain of one to six nodes, half of them with a free root."""
-    n = draw(st.integers(1, 6))
-    numbers = st.floats(0.2, 5.0)
-    stiffness = [draw(numbers) for _ in range(n)]
-    if draw(st.booleans()):
-        stiffness[0] = 0.0
-    damping = Rayleigh(draw(st.sampled_from([0.0, 0.1, 3.0])), draw(st.sampled_from([0.0, 0.02, 2.0])))
-    return chain(nodes=n, mass=tuple(draw(numbers) for _ in range(n)), stiffness=tuple(stiffness), damping=damping), n
 
 
 def metal_chain(rng: np.random.Generator, nodes: int, graded: bool = False) -> Chain:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,39 +11,16 @@ from scenes import cases, chain, heavy_chain, sampling, siconos_chain, step
 from workflow import models
 from workflow.schemes import Status, carpenter, limit_text
 
-SICONOS_LIMITS = {"central": "1.0029e-04", "lagged": "9.08e-05"}
-"""Largest stable steps of the Siconos chain, s, to the digits that the issue gives."""
 
-
-@pytest.mark.parametrize("damping", SICONOS_LIMITS)
-def test_stability_limits_of_the_siconos_chain(damping: str) -> None:
-    """By the eigenvalues, in the message, and in what a run does on either side."""
-    structure = siconos_chain()
-    omega = models.mechanical_modes(structure).values
-    c, options = 1e-5 * omega**2, carpenter.Options(damping=damping)  # type: ignore[arg-type]
-
-    def growth(h: float) -> float:
-        return float(np.abs(carpenter.amplification(omega, c, h, options)).max()) - 1
-
-    stable, unstable = 5e-5, 2e-4
-    while unstable - stable > 1e-12:
-        middle = (stable + unstable) / 2
-        stable, unstable = (stable, middle) if growth(middle) > 1e-9 else (middle, unstable)
-    stated = SICONOS_LIMITS[damping]
-    assert f"{stable:.{len(stated) - 6}e}" == stated
-    if damping == "central":
-        assert stable == pytest.approx(1.002943e-4, abs=0.5e-10)
-    batch = cases(structure, gap=1e-4, amplitude=20.0, frequency=50.0)
-    over = sampling(0.4, 1e-3)
-    below = step(structure, batch, 0.999 * stable, over, "carpenter", damping=damping)
-    above = step(structure, batch, 1.02 * stable, over, "carpenter", damping=damping)
-    assert below.status[0] == Status.OK
-    assert np.abs(below.histories["displacement"]).max() < 1e-3
-    assert above.status[0] == Status.DIVERGED
-    assert not np.abs(above.histories["displacement"]).max() < 1
-    match = re.search(r"stable up to ([\d.e-]+) s", above.messages[0])
-    assert match is not None
-    assert float(match[1]) == pytest.approx(stable, rel=1e-6)
+@pytest.mark.parametrize(("damping", "limit"), [("central", 1.002943e-4), ("lagged", 9.08e-5)])
+def test_stability_limits_of_the_siconos_chain(damping: Any, limit: float) -> None:
+    """Its free step begins to grow there; what runs on either side come to is in ``tests/hard``."""
+    omega, options = models.mechanical_modes(siconos_chain()).values, carpenter.Options(damping=damping)
+    below, above = (
+        np.abs(carpenter.amplification(omega, 1e-5 * omega**2, share * limit, options)).max()
+        for share in (0.999, 1.001)
+    )
+    assert below <= 1 + 1e-9 < above
 
 
 def test_the_heat_step_has_a_limit_of_its_own() -> None:
@@ -84,28 +61,6 @@ def test_impact_at_the_start_and_a_load_that_presses() -> None:
     assert results.histories["impulse"][:, -1] == pytest.approx([2 * 3.0 + 5.0, 5.0], rel=1e-3)
     assert np.diff(results.histories["impulse"][1])[1:] == pytest.approx(0.5, rel=1e-12)
     assert results.metrics["max_penetration"].max() < 1e-15
-
-
-def test_samples_keep_momentum_and_heat() -> None:
-    """M (v - v_0) = -J and c (θ - θ_0) = αJ for a free body without loads and losses, at every sample."""
-    structure = chain(nodes=1, mass=2.0, stiffness=0.0, heat_capacity=5.0)
-    batch = cases(structure, alpha=0.7, gap=1.0, velocity=1.5)
-    histories = step(structure, batch, 1e-2, sampling(2.0, 1e-2), "carpenter").histories
-    assert 2.0 * (histories["velocity"] - 1.5) == pytest.approx(-histories["impulse"], abs=1e-12)
-    assert 5.0 * histories["temperature"] == pytest.approx(0.7 * histories["impulse"], abs=1e-12)
-
-
-def test_effective_restitution_vanishes_with_the_step() -> None:
-    """On a chain a coarse step lets neighbours throw the tip back: what is measured tends to 0."""
-    structure = siconos_chain()
-    batch = cases(structure, gap=1e-4, amplitude=20.0, frequency=50.0)
-    measured = [
-        float(step(structure, batch, h, sampling(0.2, 1e-3), "carpenter").metrics["effective_restitution"][0])
-        for h in (1e-4, 1e-5, 1e-6)
-    ]
-    assert 0.01 < measured[0] < 0.5
-    assert abs(measured[1]) < 0.1 * measured[0]
-    assert abs(measured[2]) < 0.1 * abs(measured[1])
 
 
 @pytest.mark.parametrize("scheme", [carpenter.Options(), carpenter.Options(damping="lagged")])

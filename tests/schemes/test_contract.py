@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from scenes import WAVES, cases, chain, heavy_chain, relative, same_bits, sampling, step, taken, with_dashpot
+from scenes import WAVES, cases, chain, heavy_chain, relative, rubs, same_bits, sampling, step, taken, with_dashpot
 from workflow import schemes
 from workflow.models import Rayleigh, Structure
 from workflow.reduction import reduce_structure
@@ -22,52 +22,26 @@ H = 1e-5
 """A step at which every scheme is stable on the heavy chain, explicit ones too (limit 1.12e-5 s)."""
 
 
-def rubs(count: int) -> Cases:
-    """The heavy chain with one frequency, so that all cases have the same number of load periods."""
-    rng = np.random.default_rng(7)
-    return cases(
-        heavy_chain(),
-        count,
-        e=rng.uniform(0, 0.9, count),
-        alpha=np.where(np.arange(count) % 3 == 0, 0.0, np.repeat(rng.uniform(0, 50, count), 2)[:count]),
-        gap=rng.uniform(4e-5, 6e-5, count),
-        amplitude=rng.uniform(90, 110, count),
-        frequency=20.0,
-        phase=rng.uniform(-0.5, 0.5, count),
-    )
-
-
 def coupled() -> tuple[Structure, Cases]:
     """Modes that damping couples, on a casing in motion; each case has load periods of its own."""
     structure = with_dashpot(heavy_chain(nodes=6), 1, 3, 20.0)
     waves = {name: [[0.1 * a, f, phase] for a, f, phase in rows] for name, rows in WAVES.items()}
-    batch = rubs(40)
-    return structure, cases(
-        structure,
-        40,
-        e=batch.e,
-        alpha=batch.alpha,
-        gap=batch.gap,
-        amplitude=400.0,
-        frequency=50 * batch.e + 150,
-        **waves,
-    )
+    frequency = 50 * rubs(structure, 40).e + 150
+    return structure, rubs(structure, 40, amplitude=400.0, frequency=frequency, phase=0.0, **waves)
 
 
 def kinds() -> dict[str, tuple[Structure, Cases]]:
     """Structures of many modes, whose packs are narrow, and of few; reduced; coupled."""
     full, short = heavy_chain(), heavy_chain(nodes=6)
     reduction = reduce_structure(full, 3, 12)
-    few = replace(rubs(40), **{name: np.zeros((40, 6)) for name in STATES}, amplitude=3 * rubs(40).amplitude)
     return {
-        "many modes": (full, rubs(40)),
-        "few modes": (short, few),
-        "reduced": (reduction.structure, reduction.project(rubs(40))),
+        "many modes": (full, rubs(full, 40)),
+        "few modes": (short, rubs(short, 40, amplitude=3 * rubs(short, 40).amplitude)),
+        "reduced": (reduction.structure, reduction.project(rubs(full, 40))),
         "coupled": coupled(),
     }
 
 
-STATES = ("steady", "heating", "displacement", "velocity", "temperature")
 IMPLICIT = ("penalty", {"integration": "implicit", "damping": 5.0})
 
 
@@ -77,6 +51,7 @@ IMPLICIT = ("penalty", {"integration": "implicit", "damping": 5.0})
         *((method, {}, kind) for method in METHODS for kind in ("many modes", "few modes")),
         (*IMPLICIT, "many modes"),
         *(("moreau", {"theta": 0.5}, kind) for kind in ("reduced", "coupled")),
+        ("event_driven", {}, "coupled"),
     ],
 )
 def test_alone_is_as_in_a_batch(method: str, options: dict[str, Any], kind: str) -> None:
@@ -103,7 +78,7 @@ def test_a_tip_at_minus_zero_on_its_casing_is_not_a_matter_of_its_place(method: 
 
 @pytest.mark.parametrize(("method", "options"), [*((method, {}) for method in METHODS), IMPLICIT])
 def test_a_poisoned_neighbour_changes_nothing(method: str, options: dict[str, Any]) -> None:
-    batch, over = rubs(6), replace(OVER, balances=True)
+    batch, over = rubs(heavy_chain(), 6), replace(OVER, balances=True)
     clean = step(heavy_chain(), batch, H, over, method, **options)
     poisons = [("velocity", np.nan), ("temperature", np.inf), ("amplitude", np.nan), ("velocity", 1e300)]
     poisons += [("e", np.nan)] if method in ("moreau", "event_driven") else []
@@ -121,7 +96,7 @@ def test_a_poisoned_neighbour_changes_nothing(method: str, options: dict[str, An
 
 @pytest.mark.parametrize("method", METHODS)
 def test_an_axis_it_does_not_read_changes_nothing(method: str) -> None:
-    batch = rubs(6)
+    batch = rubs(heavy_chain(), 6)
     reads = schemes.load(method).READS
     whole = step(heavy_chain(), batch, H, OVER, method)
     if "h" not in reads:
@@ -136,7 +111,7 @@ def test_an_axis_it_does_not_read_changes_nothing(method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_without_heat_nothing_is_warm(method: str) -> None:
-    batch = rubs(8)
+    batch = rubs(heavy_chain(), 8)
     results = step(heavy_chain(), batch, H, OVER, method)
     cold = batch.alpha == 0
     assert results.metrics["impacts"][cold].min() > 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import mpmath
 import numpy as np
 import pytest
 import scipy
@@ -12,18 +11,8 @@ from numpy.typing import NDArray
 from test_event_driven_random import against_reference, compare, moving_scene, scene
 
 from given_matrices import given
-from scenes import cases, chain, heavy_chain, relative, same_bits, sampling, step, with_dashpot
-from sliding import random_structure
-from workflow.models import (
-    Array,
-    Matrices,
-    Rayleigh,
-    Structure,
-    coupled_damping,
-    couples_free_modes,
-    mechanical_modes,
-    structure_from_matrices,
-)
+from scenes import cases, chain, sampling, with_dashpot
+from workflow.models import Array, Matrices, Rayleigh, Structure, structure_from_matrices
 from workflow.schemes._exact.modal_system import free_system, held_system, state_space
 
 OVER = sampling(8.0, 0.1)
@@ -61,72 +50,6 @@ def test_random_scenes() -> None:
 @pytest.mark.slow
 def test_a_hundred_random_scenes() -> None:
     assert sum(compare_seed(seed) for seed in range(100)) > 500
-
-
-def test_friction_along_a_tangent() -> None:
-    rng = np.random.default_rng(5)
-    structure = random_structure(rng, 4)
-    structure = replace(structure, damper=random_damper(rng, 4))
-    assert couples_free_modes(structure)
-    case = cases(
-        structure, e=0.5, alpha=0.3, friction=0.2, gap=0.01, mean=30.0, amplitude=60.0, frequency=9.0, phase=0.4
-    )
-    assert against_reference(structure, case, sampling(0.04, 0.001)) < 1e-9
-
-
-def test_free_flight_is_that_of_forty_digits() -> None:
-    """Tenth of a second, a thousand periods: the free motion is exp(A t)."""
-    structure = with_dashpot(heavy_chain(nodes=6), 2, 4, 20.0)
-    n = structure.mechanical_size
-    start = cases(structure, gap=1.0, displacement=1e-5 * np.arange(1.0, n + 1), velocity=0.1)
-    histories = step(structure, start, 0.0, sampling(0.1, 0.1), "event_driven").histories
-    inverse = np.linalg.inv(structure.mass)
-    with mpmath.workdps(40):
-        A = mpmath.zeros(2 * n)
-        for i in range(n):
-            A[i, n + i] = 1
-            for j in range(n):
-                A[n + i, j] = -mpmath.mpf(inverse[i, i]) * mpmath.mpf(structure.stiffness_matrix[i, j])
-                A[n + i, n + j] = -mpmath.mpf(inverse[i, i]) * mpmath.mpf(structure.damping_matrix[i, j])
-        end = mpmath.expm(A * mpmath.mpf(0.1)) * mpmath.matrix([*start.displacement[0], *start.velocity[0]])
-    assert abs(histories["displacement"][0, -1] - float(end[n - 1])) < 1e-12 * 6e-5
-    assert abs(histories["velocity"][0, -1] - float(end[2 * n - 1])) < 1e-12 * 6e-5 * 2e5
-
-
-LOAD = {"alpha": 5.0, "gap": 5e-5, "amplitude": 400.0, "frequency": 200.0}
-
-
-@pytest.mark.parametrize("e", [0.0, 0.5, 0.9])
-def test_the_limit_of_no_coupling_is_the_solution_in_modes(e: float) -> None:
-    structure = heavy_chain(nodes=6).matrices()
-    modes = mechanical_modes(structure)
-    coupling = np.full((6, 6), 1e-9)
-    moved = structure.mass @ modes.shapes
-    coupled = replace(structure, damper=moved @ (coupling + np.diag(np.full(6, 10.0))) @ moved.T)
-    apart = replace(structure, damper=moved @ np.diag(np.full(6, 10.0)) @ moved.T)
-    assert couples_free_modes(coupled)
-    assert coupled_damping(apart, modes).ndim == 1
-    over = sampling(0.01, 1e-4)
-    one, other = (step(s, cases(s, e=e, **LOAD), 0.0, over, "event_driven") for s in (apart, coupled))
-    assert one.metrics["impacts"][0] > 0
-    for name in ("displacement", "temperature", "impulse"):
-        assert relative(other.histories[name], one.histories[name]) < 1e-10
-
-
-def test_moreau_comes_to_it() -> None:
-    """Impacts that accumulate, permanent contact and friction heat; a case does not depend on its neighbours."""
-    structure = with_dashpot(heavy_chain(nodes=6), 2, 4, 20.0)
-    batch = cases(structure, 3, e=np.array([0.0, 0.5, 0.9]), mean=300.0, **LOAD)
-    over = sampling(0.01, 1e-4)
-    exact = step(structure, batch, 0.0, over, "event_driven")
-    assert np.all(exact.metrics["releases"] > 0)
-    short = sampling(0.002, 1e-4)
-    impulse = exact.histories["impulse"][:, : short.count]
-    errors = [relative(step(structure, batch, h, short).histories["impulse"], impulse) for h in (2e-6, 5e-7)]
-    assert errors[1] < errors[0] < 1e-2  # impacts: slower than first order
-    alone = step(structure, batch.take(slice(1, 2)), 0.0, over, "event_driven")
-    assert np.array_equal(alone.histories["displacement"][0], exact.histories["displacement"][1])
-    assert same_bits(exact, step(structure, batch, 0.0, over, "event_driven"))
 
 
 def critical(structure: Matrices, size: int) -> float:

@@ -10,9 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from plain_events import Reference
 
-from scenes import cases, chain, heavy_chain, relative, sampling
+from scenes import cases, chain, sampling, step
 from workflow.models import Cases, Harmonics, Rayleigh, Structure
-from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, event_driven
 
 TIMES = sampling(20.0, 0.1)
@@ -143,7 +142,7 @@ def test_a_thousand_random_scenes() -> None:
 
 def against_reference(structure: Structure, case: Cases, over: Sampling = TIMES) -> float:
     """Return the largest relative error of the three histories, as far as the reference came."""
-    results = event_driven.compute(event_driven.init(structure, 0.0, event_driven.Options()), case, over)
+    results = step(structure, case, 0.0, over, "event_driven")
     reference = Reference(structure, case).solve(over.times)
     reached = over.times < reference.reached - 1e-9
     assert reached.sum() > 3
@@ -165,23 +164,6 @@ def test_a_critically_damped_mode_under_friction_heat(alpha: float, damping: flo
     assert against_reference(structure, cases(structure, alpha=alpha, gap=0.1, **load)) <= 1e-10
 
 
-def test_an_overdamped_chain_whose_poles_are_split() -> None:
-    structure = chain(
-        nodes=2, mass=1.0, stiffness=0.3, damping=Rayleigh(60.0), spacing=1.0, expansion=0.1, conductance=0.5
-    )
-    load = {"mean": 1.0, "amplitude": 0.5, "frequency": 0.1, "heating": 0.3}
-    assert against_reference(structure, cases(structure, gap=0.1, displacement=0.05, **load)) <= 1e-10
-
-
-def test_a_part_that_is_not_linked_to_the_tip() -> None:
-    structure = chain(
-        nodes=5, mass=1.0, stiffness=(0.0, 2.0, 0.0, 2.0, 2.0), spacing=1.0, expansion=0.1, conductance=0.5
-    )
-    start = {"displacement": [0.3, -0.2, 0.0, 0.1, -0.1], "velocity": [0.1, 0.2, 0.1, 0.0, 0.0]}
-    load = {"mean": 0.5, "amplitude": 0.5, "frequency": 0.1}
-    assert against_reference(structure, cases(structure, alpha=0.5, gap=0.1, **start, **load)) <= 1e-10
-
-
 @pytest.mark.parametrize("alpha", [0.0, 0.5])
 def test_a_damping_ratio_on_a_moving_casing(alpha: float) -> None:
     """Damping couples the modes of the held tip, which feel the casing's velocity by it."""
@@ -191,34 +173,3 @@ def test_a_damping_ratio_on_a_moving_casing(alpha: float) -> None:
     moves = {"casing_harmonics": [[0.1, 0.2, 1.0], [0.03, 0.5, 0.0]], "load_harmonics": [[0.5, 0.1, 0.0]]}
     case = cases(structure, alpha=alpha, gap=0.1, mean=1.0, displacement=0.1, temperature=1.0, **moves)
     assert against_reference(structure, case) <= 1e-10
-
-
-@pytest.mark.parametrize("e", [0.0, 0.6, 1.0])
-def test_a_reduced_model(e: float) -> None:
-    full = chain(
-        nodes=6,
-        mass=(1.0, 0.7, 1.2, 0.9, 1.0, 0.6),
-        stiffness=3.0,
-        damping=Rayleigh(0.05, 0.02),
-        spacing=1.0,
-        expansion=0.1,
-        conductance=0.5,
-    )
-    structure = reduce_structure(full, 2, 3).structure
-    assert structure.mechanical_size == 3
-    load = {"mean": 0.5, "amplitude": 0.9, "frequency": 0.1}
-    assert against_reference(structure, cases(structure, e=e, alpha=0.5, gap=0.1, velocity=0.3, **load)) <= 1e-10
-
-
-@pytest.mark.parametrize("e", [0.0, 0.5, 0.9])
-def test_full_reduction_changes_nothing(e: float) -> None:
-    """At rounding level although slow thermal rates stand beside poles 1e5 times as fast."""
-    structure, times = heavy_chain(), sampling(0.3, 1e-3)
-    rub = {"e": e, "alpha": 50.0, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}
-    reduced = reduce_structure(structure, 19, 19).structure
-    runs = [
-        event_driven.compute(event_driven.init(s, 0.0, event_driven.Options()), cases(s, **rub), times)
-        for s in (structure, reduced)
-    ]
-    for name in NAMES:
-        assert relative(runs[1].histories[name], runs[0].histories[name]) <= 1e-12

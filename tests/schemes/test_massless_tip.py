@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from plain_moreau import march, march_by_place
-from random_chains import random_chain
+from plain_theta import march_by_place
 
-from scenes import cases, heavy_chain, sampling, step
-from workflow import schemes
+from scenes import cases, everything_acts, heavy_chain, sampling, step
 from workflow.reduction import Reduction, reduce_structure
 from workflow.schemes import Status
 
 LIGHTENED = ("macneal", "massless")
-REFUSED = {"carpenter": {}, "penalty": {"integration": "explicit"}, "event_driven": {}}
+REFUSED = [
+    *((method, {}, "without mass") for method in ("carpenter", "event_driven", "penalty")),
+    ("moreau", {"theta": 0.0}, "theta = 0"),
+    ("penalty", {"theta": 0.0, "integration": "implicit"}, "theta = 0"),
+]
 
 
 def reduced(basis: str, mechanical: int = 3, thermal: int = 5) -> Reduction:
@@ -29,12 +31,7 @@ def reduced(basis: str, mechanical: int = 3, thermal: int = 5) -> Reduction:
 def test_a_step_is_that_of_plain_matrices(basis: str, theta: float) -> None:
     """Bent, moving and warm starts under constant and harmonic loads, with friction heat; a tip that is let go."""
     whole, reduction, h = heavy_chain(), reduced(basis), 1e-5
-    rng = np.random.default_rng(1)
-    batch = cases(
-        whole, 3, e=0.7, alpha=[0.0, 0.5, 0.9], gap=[2e-5, 3e-5, 5e-5], amplitude=100.0, frequency=200.0, phase=0.3,
-        steady=rng.normal(size=20), heating=0.5, displacement=1e-6 * rng.normal(size=20),
-        velocity=1e-2 * rng.normal(size=20), temperature=rng.uniform(size=20),
-    )  # fmt: skip
+    batch = everything_acts(whole, 3, e=0.7, mean=0.0, alpha=[0.0, 0.5, 0.9], gap=[2e-5, 3e-5, 5e-5])
     small = reduction.project(batch)
     run = step(reduction.structure, small, h, sampling(0.02, 1e-4, balances=True), theta=theta)
     assert theta == 1.0 or np.abs(run.metrics["energy_residual"]).max() < 1e-12  # the mode of the tip is in it
@@ -47,46 +44,12 @@ def test_a_step_is_that_of_plain_matrices(basis: str, theta: float) -> None:
     assert run.metrics["max_penetration"].max() == 0
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(theta=st.sampled_from([1.0, 0.7, 0.5]), data=st.data())
-def test_energy_never_grows(theta: float, data: st.DataObject) -> None:
-    """Unloaded cold motion against the casing, θ >= 1/2: the sum of both energies at every step's end."""
-    structure, nodes = random_chain(data.draw)
-    kept, rng = data.draw(st.integers(0, nodes - 1)), np.random.default_rng(data.draw(st.integers(0, 1000)))
-    start = rng.normal(size=nodes)
-    batch = cases(structure, 1, gap=0.1, velocity=start, displacement=0.1 - 0.3 * np.abs(start))
-    for basis in LIGHTENED:
-        reduction = reduce_structure(structure, kept, 0, basis)
-        if reduction.structure.has_massless_tip:  # not a free tip that no mode holds
-            motion = march_by_place(reduction.structure, reduction.project(batch), 0.02, theta, 200)
-            places, stiffness = np.abs(motion.displacement), np.abs(reduction.structure.stiffness_matrix)
-            terms = np.einsum("ti,ij,tj->t", places, stiffness, places).max()  # rounding is a share of them
-            assert np.all(np.diff(motion.energy(reduction.structure)) <= 1e-12 * terms)
-            assert motion.displacement[:, -1].max() <= 0.1
-
-
-def test_newtons_law_at_velocity_level_gains_energy_without_mass() -> None:
-    """What the law by place is for: θ = 1/2 and the velocity law, started against the casing."""
-    reduction = reduced("massless")
-    batch = reduction.project(cases(heavy_chain(), 1, e=0.0, gap=2e-5, velocity=np.linspace(0.0, 1.0, 20)))
-    by_velocity = march(reduction.structure, batch, 1e-5, 0.5, 3000).energy(reduction.structure)
-    by_place = march_by_place(reduction.structure, batch, 1e-5, 0.5, 3000).energy(reduction.structure)
-    assert by_velocity.max() > 2 * by_velocity[0]
-    assert by_place.max() <= (1 + 1e-12) * by_place[0]
-
-
-@pytest.mark.parametrize("method", REFUSED)
-def test_schemes_that_need_the_mass_say_so(method: str) -> None:
+@pytest.mark.parametrize(("method", "options", "why"), REFUSED)
+def test_schemes_that_cannot_step_it_say_so(method: str, options: dict[str, Any], why: str) -> None:
+    """Those that need the mass, and explicit steps."""
     over = sampling(1e-3, 1e-4, balances=True)
-    with pytest.raises(ValueError, match="without mass"):
-        step(reduced("massless").structure, cases(heavy_chain(nodes=4)), 1e-6, over, method, **REFUSED[method])
-
-
-def test_an_explicit_step_cannot_move_a_tip_without_mass() -> None:
-    for method, options in (("moreau", {}), ("penalty", {"integration": "implicit"})):
-        scheme = schemes.load(method)
-        with pytest.raises(ValueError, match="theta = 0"):
-            scheme.init(reduced("macneal").structure, 1e-6, scheme.Options(theta=0.0, **options))
+    with pytest.raises(ValueError, match=why):
+        step(reduced("massless").structure, cases(heavy_chain(nodes=4)), 1e-6, over, method, **options)
 
 
 def test_theta_below_one_half_diverges_at_any_step() -> None:

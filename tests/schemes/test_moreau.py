@@ -1,59 +1,59 @@
-"""The modal kernel against plain matrices, Siconos, exact solutions and the known orders."""
+"""What ``moreau`` leaves behind: samples and load periods in their places, a pressed tip on its casing."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from plain_moreau import march
-from test_event_driven_random import scene
 
-from scenes import blade, blade_rub, sampling, step
-from workflow.schemes import Status
+from scenes import blade, blade_rub, cases, chain, heavy_chain, sampling, step
+from workflow import schemes
+from workflow.models import static_equilibrium
+from workflow.reduction import reduce_structure
 
 
-def test_modal_kernel_is_the_plain_scheme() -> None:
-    """Random coupled chains, free roots, adiabatic nodes, overdamped modes: the same trajectory."""
-    worst, steps = 0.0, 40
-
-    @settings(max_examples=60, deadline=None, derandomize=True)
-    @given(st.integers(0, 10**6), st.sampled_from([0.5, 0.7, 1.0]), st.sampled_from([0.01, 0.1, 0.4]))
-    def check(seed: int, theta: float, h: float) -> None:
-        nonlocal worst
-        structure, batch = scene(np.random.default_rng(seed))
-        plain = march(structure, batch, h, theta, steps)
-        results = step(structure, batch, h, sampling(steps * h, h), theta=theta)
-        if results.status[0] == Status.ILL_POSED:
-            return
-        x, v, T = plain.displacement[:, -1], plain.velocity[:, -1], plain.temperature[:, -1]
-        if np.any(np.abs(x + h / 2 * v - batch.gap[0]) < 1e-12):
-            return  # rounding may decide this activation differently in two implementations
-        for ours, theirs in (
-            (results.histories["displacement"][0], x),
-            (results.histories["velocity"][0], v),
-            (results.histories["temperature"][0], T),
-            (results.histories["impulse"][0][1:], np.cumsum(plain.impulse)),
-        ):
-            scale = max(1.0, np.abs(theirs).max())
-            worst = max(worst, float(np.abs(ours - theirs).max() / scale))
-
-    check()
-    assert worst < 1e-10  # a few hundred roundings of states of order one, at most 1e3 times amplified
+def test_samples_between_step_ends_are_linear_and_on_them_exact() -> None:
+    structure = heavy_chain()
+    batch = cases(structure, 3, e=[0.1, 0.5, 0.9], alpha=[0.0, 20.0, 50.0], gap=4e-5, amplitude=100.0, frequency=20.0)
+    fine = step(structure, batch, 1e-4, sampling(0.03, 1e-4)).histories
+    coarse = step(structure, batch, 1e-4, sampling(0.03, 2.5e-4)).histories
+    for name in schemes.HISTORIES:
+        assert np.array_equal(coarse[name][:, ::2], fine[name][:, ::5])
+        assert np.allclose(coarse[name][:, 1::2], (fine[name][:, 2::5] + fine[name][:, 3::5]) / 2, rtol=1e-12, atol=0)
 
 
-@pytest.mark.parametrize("nodes", [10, 20, 40, 80])
-def test_blade_against_its_exact_figures(nodes: int) -> None:
-    """Ten contacts in ten periods, impulse 0.106 to 0.365 N s, peaks 4.2 and 9.5 N."""
-    structure = blade(nodes)
-    results = step(structure, blade_rub(structure), 1e-5, sampling(2.0, 1e-3), theta=0.5)
-    first, last = results.period_impulse[0, [0, -1]]
-    assert results.metrics["impacts"][0] == 10
-    assert first == pytest.approx(0.106, rel=0.02)
-    assert last == pytest.approx(0.365, rel=0.02)
-    assert last / first == pytest.approx(3.4440, rel=0.005)  # n = 80, 3.44396: the tip's half cell converges
-    force = np.diff(results.histories["impulse"][0]) / 1e-3
-    assert force[:200].max() == pytest.approx(4.2, rel=0.01)
-    assert force[-200:].max() == pytest.approx(9.5, rel=0.01)
-    if nodes == 20:
-        assert results.metrics["max_temperature"][0] == pytest.approx(408, rel=0.005)
+def test_last_step_beyond_the_duration_counts_up_to_it() -> None:
+    """duration/h = 12.5: the metrics end where the last sample lies."""
+    structure = chain(nodes=1, mass=1.0, stiffness=0.0)
+    batch = cases(structure, gap=0.0, mean=1.0)
+    results = step(structure, batch, 0.08, sampling(1.0, 0.5))
+    assert results.metrics["steps"][0] == 13
+    assert results.metrics["contact_time"][0] == pytest.approx(1.0, rel=1e-12)
+    assert results.histories["impulse"][0, -1] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_load_periods_close_exactly() -> None:
+    """Impulses of the periods add up, and shares of contact times the period do too."""
+    structure = blade()
+    results = step(structure, blade_rub(structure), 3e-4, sampling(2.0, 1e-3))
+    assert results.period_impulse.shape == (1, 10)
+    assert results.period_impulse.sum() == pytest.approx(results.histories["impulse"][0, -1], rel=1e-12)
+    assert results.period_contact.sum() * 0.2 == pytest.approx(results.metrics["contact_time"][0], rel=1e-12)
+    assert results.period_temperature.max() == results.metrics["max_temperature"][0]
+
+
+@pytest.mark.parametrize("theta", [0.5, 1.0])
+@pytest.mark.parametrize("e", [0.0, 0.7])
+def test_a_pressed_tip_stays_on_its_casing(theta: float, e: float) -> None:
+    """Static starts at x = d exactly: no rounding may lose the contact, whatever gap, model and heat."""
+    full = heavy_chain()
+    gaps = np.linspace(1e-5, 7e-5, 31)
+    rest = [static_equilibrium(full, np.eye(20)[-1] * 120.0, np.zeros(20), float(gap)) for gap in gaps]
+    batch = cases(
+        full, 31, e=e, alpha=np.arange(31) % 2 * 1e-9, gap=gaps, mean=120.0, displacement=np.array([x for x, _ in rest])
+    )
+    reduction = reduce_structure(full, 3, 12)
+    for structure, loaded in ((full, batch), (reduction.structure, reduction.project(batch))):
+        results = step(structure, loaded, 1e-4, sampling(0.5, 1e-3), theta=theta)
+        force = np.diff(results.histories["impulse"], axis=1) / 1e-3
+        assert np.array_equal(results.histories["displacement"], np.repeat(gaps[:, None], 501, axis=1))
+        assert np.allclose(force, (120.0 - gaps * 1e6)[:, None], rtol=1e-6)

@@ -9,28 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_moreau import march
+from plain_theta import march
 
-from scenes import alone, cases, chain, heavy_chain, same_bits, sampling, step, taken
-from workflow.kernels.lanes import LANES, PACK, ROW, lane_rows
+from scenes import alone, cases, chain, heavy_chain, rubs, same_bits, sampling, step, taken
+from workflow.kernels.lanes import LANES, PACK
 from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
 from workflow.schemes import Sampling, schedule
-
-
-def batch_of(structure: object, count: int) -> object:
-    rng = np.random.default_rng(3)
-    return cases(
-        structure,
-        count,
-        e=rng.uniform(0, 1, count),
-        alpha=rng.uniform(0, 60, count),
-        gap=rng.uniform(2e-5, 6e-5, count),
-        amplitude=rng.uniform(80, 120, count),
-        frequency=20.0,
-        temperature=rng.uniform(0, 5, (count, structure.thermal_size)),
-    )
-
 
 COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, BROAD + PACK, LANES - BROAD, LANES - 1, LANES + 1, 2 * LANES + PACK]
 
@@ -39,7 +24,7 @@ COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, BROAD + PACK, LANES - BROAD, LANES - 1
 def test_any_number_of_cases(count: int) -> None:
     """Whole and broken packs and blocks, with thermal states and without: the bits of the case alone."""
     structure = heavy_chain()
-    batch = batch_of(structure, 2 * LANES + PACK)
+    batch = rubs(structure, 2 * LANES + PACK, temperature=np.linspace(0, 5, 20))
     over = sampling(0.02, 1e-3)
     results = step(structure, batch.take(slice(0, count)), 1e-4, over)
     for case in {0, count // 2, count - 1}:
@@ -69,20 +54,12 @@ def test_heat_that_hardly_reaches_the_tip(link: float) -> None:
 def test_threads_share_nothing() -> None:
     """Four batches at once on two threads, the kernel without the lock: the bits of one thread."""
     structure = heavy_chain()
-    batch = batch_of(structure, 20)
+    batch = rubs(structure, 20, temperature=np.linspace(0, 5, 20))
     over = sampling(0.1, 1e-3)
     expected = step(structure, batch, 1e-4, over)
     with ThreadPoolExecutor(2) as pool:
         for results in pool.map(lambda _: step(structure, batch, 1e-4, over), range(4)):
             assert same_bits(results, expected)
-
-
-def test_lane_rows_begin_on_a_cache_line() -> None:
-    for shape in ((3,), (2, 8), (0, 5)):
-        rows = lane_rows(*shape)
-        assert rows.shape == (*shape, ROW)
-        assert rows.ctypes.data % 64 == 0 or rows.size == 0
-        assert not rows.any()
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)

@@ -8,14 +8,13 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 from test_event_driven_random import scene
 
-from scenes import blade, blade_rub, cases, chain, heavy_chain, sampling
+from scenes import cases, chain, sampling, step
 from workflow.models import Cases, Structure
-from workflow.schemes import Results, Status, event_driven
+from workflow.schemes import Results, Status
 
 
 def run(structure: Structure, case: Cases, duration: float, interval: float) -> Results:
-    operator = event_driven.init(structure, 0.0, event_driven.Options(events=1000))
-    return event_driven.compute(operator, case, sampling(duration, interval))
+    return step(structure, case, 0.0, sampling(duration, interval), "event_driven", events=1000)
 
 
 @pytest.mark.parametrize("interval", [1000.0, 10.0, 1.0, 0.1])
@@ -54,19 +53,6 @@ def agrees(case: Cases, coarse: Results, fine: Results, times: np.ndarray) -> No
     for k, period_top in enumerate(coarse.period_temperature[0]):
         inside = (times * case.frequency[0] >= k) & (times * case.frequency[0] <= k + 1)
         assert seen[inside].max() <= period_top + scale[k]
-
-
-@pytest.mark.parametrize("e", [0.0, 0.5])
-def test_rubbing_structures(e: float) -> None:
-    for structure, case, duration in (
-        (heavy_chain(), {"alpha": 50.0, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}, 0.3),
-        (heavy_chain(heat_capacity=1.3e-4), {"alpha": 0.5, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}, 0.3),
-    ):
-        rub = cases(structure, e=e, **case)
-        coarse, fine = run(structure, rub, duration, duration), run(structure, rub, duration, 1e-4)
-        agrees(rub, coarse, fine, sampling(duration, 1e-4).times)
-    rub = blade_rub(blade(), e=e)
-    agrees(rub, run(blade(), rub, 2.0, 2.0), run(blade(), rub, 2.0, 1e-3), sampling(2.0, 1e-3).times)
 
 
 @pytest.mark.parametrize("first", range(0, 100, 25))

@@ -6,16 +6,14 @@ from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
-import plain_penalty
+import plain_theta
 import pytest
 
-from scenes import cases, chain, heavy_chain, relative, same_bits, sampling, step, taken
+from scenes import cases, chain, heavy_chain, relative, sampling, step
 from workflow.models import Rayleigh, tip_flexibility
 from workflow.reduction import reduce_structure
 from workflow.schemes import Status, penalty
-from workflow.schemes._fixed.spring import CentralSpring
 from workflow.schemes._fixed.spring_limits import lasting_limit, tip_modes
-from workflow.schemes._fixed.theta_method import Operator
 
 
 @pytest.mark.parametrize("count", [1, 11])
@@ -23,7 +21,7 @@ def test_without_weight_at_the_end_of_the_step_contact_begins_all_the_same(count
     """θ = 0: the first force of a contact takes no impulse in its own step."""
     structure, h = chain(nodes=1, mass=1.0, stiffness=0.0), 1e-3
     batch = cases(structure, count, gap=0.01, velocity=1.0)
-    path = plain_penalty.implicit(structure, batch.take(slice(0, 1)), h, 60, 1e4, 0.0, 0.0)
+    path = plain_theta.march_on_spring(structure, batch.take(slice(0, 1)), h, 60, 1e4, 0.0, 0.0)
     assert np.sum(path.impulse > 0) > 20
     options = {"stiffness": 1e4, "integration": "implicit", "theta": 0.0}
     results = step(structure, batch, h, sampling(60 * h, h, balances=True), "penalty", **options)
@@ -40,7 +38,7 @@ def test_where_neither_branch_is_consistent_the_tip_stays_on_the_casing() -> Non
     options = {"stiffness": 1.0, "damping": 1e6, "integration": "implicit", "theta": 1.0}
     histories = step(structure, batch, 0.1, sampling(0.1, 0.1, balances=True), "penalty", **options).histories
     assert histories["displacement"][0, 1] == pytest.approx(0.0999, rel=1e-12)
-    path = plain_penalty.implicit(structure, batch, 0.1, 1, 1.0, 1e6, 1.0)
+    path = plain_theta.march_on_spring(structure, batch, 0.1, 1, 1.0, 1e6, 1.0)
     assert path.displacement[1, 0] == pytest.approx(0.0999, rel=1e-12)
 
 
@@ -167,41 +165,3 @@ def test_contact_has_a_limit_that_falls_with_its_stiffness() -> None:
     assert below.histories["displacement"][0, -1] == pytest.approx(5.0 / 1001.0, rel=1e-3)
     assert above.metrics["energy_residual"][0] > 0.5
     assert above.metrics["max_penetration"][0] > 10 * below.metrics["max_penetration"][0]
-
-
-def test_implicit_contact_without_a_unique_solution_is_ill_posed() -> None:
-    """α so large that W < 0 and 1 + hθW (hθκ + c) <= 0: said with the largest step."""
-    structure = heavy_chain()
-    batch = cases(structure, 3, alpha=[0.0, 5.0, 1e12], gap=5e-5, amplitude=100.0, frequency=20.0)
-    over, options = sampling(0.05, 1e-3, balances=True), {"integration": "implicit", "stiffness": 1e8}
-    results = step(structure, batch, 1e-5, over, "penalty", **options)
-    assert results.status.tolist() == [Status.OK, Status.OK, Status.ILL_POSED]
-    assert np.isnan(results.histories["displacement"][2, -1])
-    limit = float(results.messages[2].split("at alpha = 1e+12): ")[1].split()[0])
-    operator = penalty.init(structure, 1e-5, penalty.Options(stiffness=1e8, integration="implicit"))
-    assert isinstance(operator, Operator)
-    around = [float(operator.factor(h, np.array(1e12))) for h in (0.999 * limit, 1.001 * limit)]
-    assert around[0] > 0 > around[1]
-
-
-def test_implicit_grows_below_one_half_as_the_free_step_does() -> None:
-    structure = chain(nodes=3, mass=1.0, stiffness=40.0)
-    batch = cases(structure, gap=1.0, displacement=0.1)
-    results = step(
-        structure, batch, 0.01, sampling(1.0, 0.1, balances=True), "penalty", integration="implicit", theta=0.45
-    )
-    assert results.status[0] == Status.DIVERGED
-    assert "the free step grows" in results.messages[0]
-
-
-def test_cases_of_one_batch_may_have_contact_springs_of_their_own() -> None:
-    structure, stiffnesses = heavy_chain(), np.array([2e7, 1e8, 5e7])
-    loaded = cases(structure, 3, alpha=[0.5, 2.0, 5.0], gap=5e-5, amplitude=100.0, frequency=20.0)
-    over, law = sampling(0.02, 1e-3), CentralSpring(stiffnesses, 20.0)
-    operators = [penalty.init(structure, 2e-6, penalty.Options(stiffness=k, damping=20.0)) for k in stiffnesses]
-    contact = replace(operators[0].contact, law=lambda cases: law)  # type: ignore[union-attr]
-    results = penalty.compute(replace(operators[0], contact=contact), loaded, over)  # type: ignore[type-var]
-    assert len(set(results.histories["impulse"][:, -1])) == 3
-    for k, operator in enumerate(operators):
-        one = penalty.compute(operator, loaded.take(slice(k, k + 1)), over)
-        assert same_bits(one, taken(results, slice(k, k + 1)))

@@ -6,28 +6,16 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import plain_carpenter
 import plain_casing
-import plain_moreau
-import plain_penalty
+import plain_central
+import plain_theta
 import pytest
-from plain_moreau import Trajectory
+from plain_theta import Trajectory
 
-from scenes import (
-    WAVES,
-    alone,
-    cases,
-    chain,
-    everything_acts,
-    heavy_chain,
-    relative,
-    sampling,
-    step,
-    with_dashpot,
-)
+from scenes import WAVES, alone, cases, chain, everything_acts, heavy_chain, relative, sampling, step, with_dashpot
 from sliding import random_structure
 from workflow import models
-from workflow.models import Cases, Harmonics, Matrices, Rayleigh, Structure
+from workflow.models import Cases, Matrices, Rayleigh, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Results, Status
 
@@ -59,14 +47,14 @@ def march(law: str, structure: Structure, case: Cases, h: float, steps: int) -> 
     """Step a case by plain matrices."""
     method, options = LAWS[law]
     if method == "moreau":
-        return plain_moreau.march(structure, case, h, options["theta"], steps)
+        return plain_theta.march(structure, case, h, options["theta"], steps)
     if method == "carpenter":
         lagged, implicit = options["damping"] == "lagged", options["heat"] == "implicit"
-        return plain_carpenter.march(structure, case, h, steps, lagged=lagged, implicit=implicit)
+        return plain_central.carpenter(structure, case, h, steps, lagged=lagged, implicit=implicit)
     spring = options["stiffness"], options["damping"]
     if law in EXPLICIT:
-        return plain_penalty.explicit(structure, case, h, steps, *spring)
-    return plain_penalty.implicit(structure, case, h, steps, *spring, options["theta"])
+        return plain_central.spring(structure, case, h, steps, *spring)
+    return plain_theta.march_on_spring(structure, case, h, steps, *spring, options["theta"])
 
 
 def agree(law: str, results: Results, path: Trajectory) -> None:
@@ -251,31 +239,9 @@ def test_a_tip_without_mass(basis: str, theta: float) -> None:
     assert results.metrics["impacts"].min() > 1
     rounding = 1e-11 if theta == 0.5 else 1e-12
     for case in range(3):
-        expected = plain_moreau.march_by_place(structure, alone(batch, case), H, theta, STEPS)
+        expected = plain_theta.march_by_place(structure, alone(batch, case), H, theta, STEPS)
         assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < rounding
     assert theta == 1.0 or np.abs(results.metrics["energy_residual"]).max() < rounding
-
-
-@pytest.mark.parametrize("theta", [0.5, 1.0])
-def test_newton_s_law_holds_for_the_relative_velocity(theta: float) -> None:
-    """u⁺ = -e u⁻ with u = v - V, wherever contact acts after a step without."""
-    structure = coupled()
-    batch = alone(rub(structure), 1)
-    results = stepped(f"moreau {theta}", structure, batch, H, STEPS)
-    speed = np.array([plain_casing.velocity(batch, k * H, H, theta) for k in range(STEPS + 1)])
-    u, p = results.histories["velocity"][0] - speed, np.diff(results.histories["impulse"][0])
-    strikes = np.flatnonzero(p > 0)
-    assert strikes.size > 3
-    np.testing.assert_allclose(u[strikes + 1], -0.5 * u[strikes], rtol=0, atol=1e-14 * np.abs(speed).max())
-
-
-def test_a_casing_of_no_amplitude_is_one_at_rest() -> None:
-    """Up to rounding: what is stepped is relative to the casing."""
-    structure, over = coupled(), sampling(2e-3, 1e-4)
-    still = rub(structure, casing_harmonics=[])
-    moved = replace(still, casing_harmonics=Harmonics(*np.zeros((3, 3, 1))))
-    one, other = (step(structure, batch, 1e-5, over) for batch in (still, moved))
-    assert relative(one.histories["displacement"], other.histories["displacement"]) < 1e-12
 
 
 @SLOW

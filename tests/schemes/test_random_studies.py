@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import plain_carpenter
-import plain_moreau
-import plain_penalty
+import plain_central
+import plain_theta
 import pytest
 from plain_events import Reference
 from random_structures import Described, random_scene
@@ -32,12 +31,12 @@ def errors(scene: Described) -> dict[str, float]:
     exact = Reference(scene.plain, batch).solve(over.times)
     truths = {
         "event_driven": (exact, {}),
-        "implicit_euler": (plain_moreau.march(plain, batch, h, 1.0, STEPS), {"method": "moreau", "theta": 1.0}),
-        "midpoint": (plain_moreau.march(plain, batch, h, 0.5, STEPS), {"method": "moreau", "theta": 0.5}),
-        "carpenter": (plain_carpenter.march(plain, batch, h, STEPS, implicit=True), {"method": "carpenter"}),
-        "spring": (plain_penalty.explicit(plain, batch, h, STEPS, **spring), {"method": "penalty", **spring}),
+        "implicit_euler": (plain_theta.march(plain, batch, h, 1.0, STEPS), {"method": "moreau", "theta": 1.0}),
+        "midpoint": (plain_theta.march(plain, batch, h, 0.5, STEPS), {"method": "moreau", "theta": 0.5}),
+        "carpenter": (plain_central.carpenter(plain, batch, h, STEPS, implicit=True), {"method": "carpenter"}),
+        "spring": (plain_central.spring(plain, batch, h, STEPS, **spring), {"method": "penalty", **spring}),
         "implicit_spring": (
-            plain_penalty.implicit(plain, batch, h, STEPS, *spring.values(), 0.5),
+            plain_theta.march_on_spring(plain, batch, h, STEPS, *spring.values(), 0.5),
             {"method": "penalty", **softer},
         ),
     }

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from scenes import cases, chain, sampling
+from scenes import cases, chain, sampling, step
 from workflow import read_study, run_study
-from workflow.schemes import Status, event_driven
+from workflow.schemes import Status
 
 HERE = Path(__file__).parent / "free"
 
@@ -48,7 +48,7 @@ def test_dashpots_to_ground_from_none_to_strong(springs: list[float], dashpot: f
     )
     over, w = sampling(0.02, 1e-3), 2 * np.pi * 300
     case = cases(structure, gap=1.0, mean=1.0, amplitude=amplitude, frequency=300.0, velocity=[[0.1, 0.2, -0.3]])
-    results = event_driven.compute(event_driven.init(structure, 0.0, event_driven.Options()), case, over)
+    results = step(structure, case, 0.0, over, "event_driven")
     assert results.status[0] == Status.OK
     with mp.workdps(50):
         A = mp.zeros(9)
@@ -59,10 +59,10 @@ def test_dashpots_to_ground_from_none_to_strong(springs: list[float], dashpot: f
                 A[3 + i, 3 + j] = -mp.mpf(structure.damper[i, j]) / structure.mass[i, i]
         A[5, 6], A[5, 8] = mp.mpf(amplitude) / structure.mass[2, 2], mp.mpf(1) / structure.mass[2, 2]
         A[6, 7], A[7, 6] = w, -w
-        state, step = mp.matrix([0, 0, 0, 0.1, 0.2, -0.3, 0, 1, 1]), mp.expm(A * mp.mpf(over.times[1]))
+        state, turn = mp.matrix([0, 0, 0, 0.1, 0.2, -0.3, 0, 1, 1]), mp.expm(A * mp.mpf(over.times[1]))
         places, speeds = [0.0], [-0.3]
         for _ in over.times[1:]:
-            state = step * state
+            state = turn * state
             places.append(float(state[2]))
             speeds.append(float(state[5]))
     for name, exact in (("displacement", places), ("velocity", speeds)):

@@ -1,4 +1,4 @@
-"""The θ-method of ARCHITECTURE with plain matrices: what the modal kernel must reproduce."""
+"""The θ-method of ARCHITECTURE with plain matrices, by three laws of contact: what modal kernels must reproduce."""
 
 from __future__ import annotations
 
@@ -53,6 +53,28 @@ def march_by_place(structure: Structure, batch: Cases, h: float, theta: float, s
     pressed = trajectory.impulse > 0
     trajectory.displacement[1:, -1][pressed] = place[1:][pressed]  # up to rounding it is there
     return trajectory
+
+
+def march_on_spring(
+    structure: Structure, batch: Cases, h: float, steps: int, stiffness: float, damping: float, theta: float
+) -> Trajectory:
+    """Step the first case of a batch on a spring and a damper, whose force acts at both ends of a step."""
+    held = 0.0
+
+    def law(k: int, x: float, v: float, free: float, kick: float) -> float:
+        nonlocal held
+        begun, per = h * (1 - theta) * held, h * theta * kick
+        free, x_per = free - begun * kick, h * theta * per  # a force takes from the velocity and place at the end
+        depth = x + h * (theta * free + (1 - theta) * v) - plain_casing.place(batch, (k + 1) * h)
+        parting = free - plain_casing.velocity(batch, (k + 1) * h, h, theta)
+        wanted, held = stiffness * depth + damping * parting, 0.0
+        if depth > 0 and wanted > 0:
+            held = wanted / (1 + stiffness * x_per + damping * per)
+            if depth - held * x_per < 0:  # neither branch: the tip stays on the casing
+                held = depth / x_per
+        return begun + h * theta * held
+
+    return _march(structure, batch, h, theta, steps, law)
 
 
 def _march(structure: Structure, batch: Cases, h: float, theta: float, steps: int, law: Law) -> Trajectory:
