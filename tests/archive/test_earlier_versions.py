@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from quick import quick
-from workflow.archive import ArchiveError, _provenance, archive_sources, content_hash, open_archive, provenance
+from workflow.archive import ArchiveError, _provenance, content_hash, open_archive, provenance
 from workflow.cli import app
 from workflow.grid import _identity
 from workflow.run import _reuse, _verify, holdings, run_study
@@ -64,16 +64,6 @@ def test_it_is_shown_and_reported(archive: Path, tmp_path: Path) -> None:
     assert "4 ok, 2 ill_posed" in text
     assert "contact has no unique solution" in text
     assert command("report", archive, "-o", tmp_path / "page.html")[0] == 0
-
-
-def test_its_cases_can_be_read_one_by_one(archive: Path) -> None:
-    values = {name: [] for name in ("status", "displacement", "message")}
-    for source in archive_sources(archive):
-        for name, several in values.items():
-            several.extend(source.read(name))
-    assert values["status"] == [0, 2, 0] * 2
-    assert np.shape(values["displacement"]) == (6, 9)
-    assert [k for k, text in enumerate(values["message"]) if text] == [1, 4]
 
 
 def test_why_it_is_not_extended_is_said(archive: Path) -> None:

@@ -20,7 +20,7 @@ import pytest
 from typer.testing import CliRunner
 
 from quick import interrupted, quick
-from studies import cut_finely, pinned, written
+from studies import cut_finely, written
 from workflow.archive import ArchiveError, _files, content_hash, parts_of, run_lock
 from workflow.archive._seal import seal
 from workflow.cli import app
@@ -135,31 +135,6 @@ def test_a_disk_that_is_really_full(small_disk: Path, expected: str) -> None:
     assert content_hash(archive) == expected
 
 
-def torn(shard: Path) -> None:
-    shard.write_bytes(shard.read_bytes()[:-7])
-
-
-def flipped(shard: Path) -> None:
-    image = bytearray(shard.read_bytes())
-    image[len(image) // 2] ^= 4
-    shard.write_bytes(image)
-
-
-def removed(shard: Path) -> None:
-    shard.unlink()
-
-
-@pytest.mark.parametrize("damage", [torn, flipped, removed])
-def test_a_damaged_shard_is_computed_again(
-    damage: Any, tmp_path: Path, expected: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    archive = tmp_path / "a.nc"
-    interrupted(STUDY, archive, 3)
-    damage(sorted(parts_of(archive).glob("*.npz"))[1])
-    assert run_study(STUDY, archive).resumed == 8
-    assert content_hash(archive) == expected
-
-
 def test_a_second_run_exits_with_two_and_says_who_has_it(tmp_path: Path) -> None:
     text, archive = written(STUDY.text, tmp_path), tmp_path / "a.nc"
     with run_lock(parts_of(archive)):
@@ -167,19 +142,6 @@ def test_a_second_run_exits_with_two_and_says_who_has_it(tmp_path: Path) -> None
     assert status == 2
     assert f"another run has it (process {os.getpid()})" in output
     assert workflow("run", text, "-o", archive)[0] == 0
-
-
-@pinned
-def test_a_study_is_repeated_from_its_archive_alone(tmp_path: Path, expected: str) -> None:
-    first, second = tmp_path / "a.nc", tmp_path / "new" / "b.nc"
-    run_study(STUDY, first)
-    second.parent.mkdir()
-    assert workflow("run", first, "-o", second)[0] == 0
-    assert content_hash(second) == expected
-    status, output = workflow("verify", second)
-    assert status == 0
-    assert "12 cases run again, the same bit for bit" in output
-    assert output.rstrip().endswith("verified")
 
 
 def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:

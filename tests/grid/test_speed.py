@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from studies import HEAVY_SCENE, parsed
-from workflow.archive import content_hash
 from workflow.grid import _speed, arrange, estimate, tasks
 from workflow.run import run_study
 from workflow.study import Study
@@ -100,17 +98,6 @@ def test_a_run_whose_speed_cannot_be_kept_succeeds(tmp_path: Path, monkeypatch: 
     blocked.write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
     assert run_study(study("[1, 2]"), tmp_path / "a.nc", threads=1).ok
-
-
-def test_speed_is_no_part_of_results_or_tasks(tmp_path: Path) -> None:
-    requested = study("[1, 2]")
-    grid = arrange(requested)
-    run_study(requested, tmp_path / "a.nc", threads=1)
-    remembered(1.0, 1e4)
-    again = arrange(replace(requested))
-    run_study(requested, tmp_path / "b.nc", threads=1)
-    assert content_hash(tmp_path / "a.nc") == content_hash(tmp_path / "b.nc")
-    assert [task.cases for task in tasks(grid)] == [task.cases for task in tasks(again)]
 
 
 def test_the_estimate_counts_what_takes_time() -> None:

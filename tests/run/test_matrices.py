@@ -211,18 +211,6 @@ def test_the_message_of_a_file_that_is_no_structure_has_its_line(
     assert "Traceback" not in result.output
 
 
-def test_a_contact_by_name_in_a_file_without_names_is_asked_for_by_index(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    entries = matrices_of(heavy_chain(nodes=4))
-    as_npz({name: entries[name] for name in ("mass", "stiffness")}, tmp_path)
-    text = "study: s\nscene:\n  matrices: {file: blade.npz, contact: 9.x}\n  casing: {gap: 1e-5}\n  duration: 1e-3\n"
-    written(text, tmp_path)
-    result = CliRunner().invoke(app, ["plan", "study.yaml"])
-    assert "is neither a label nor a vector of the file; write an index from 0 to 3" in result.stderr
-
-
 def test_a_plan_says_what_factors_take_and_warns_before_large_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

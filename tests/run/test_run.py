@@ -37,11 +37,11 @@ def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:
 
 def test_bits_do_not_depend_on_threads_or_tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hashes = []
-    for number, (threads, shortest) in enumerate([(1, 0.1), (2, 1e-9), (4, 1e-9)]):
-        cut_finely(monkeypatch, shortest)
+    for number, threads in enumerate([1, 2, 4]):
         archive = tmp_path / f"{number}.nc"
         run_study(parsed(SMALL), archive, threads=threads)
         hashes.append(content_hash(archive))
+        cut_finely(monkeypatch)
     assert len(set(hashes)) == 1
 
 

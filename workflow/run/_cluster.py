@@ -15,7 +15,7 @@ from typing import Any
 
 from workflow.archive import Command
 from workflow.grid import Block, References, Task
-from workflow.run._task import Job, Stored, store_lost
+from workflow.run._task import Job, Report, store_lost
 from workflow.run._worker import ClusterError, Session, join, run_block, run_task, software
 
 _IN_FLIGHT = 512
@@ -133,7 +133,7 @@ def _while_it_lives(scheduler: str) -> Iterator[None]:
         ) from None
 
 
-def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Stored], None], client: Any) -> None:
+def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Report], None], client: Any) -> None:
     """Run tasks, a bounded number of them at a time; ``stored`` is called with each when its shards are written.
 
     dask blames a worker's death on every task that the worker had been given. A task that has been
@@ -163,7 +163,7 @@ def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
 
 def _results(
     client: Any, session: Session, job: Job, tasks: Iterator[Task], limit: int
-) -> Iterator[tuple[Task, Stored | None]]:
+) -> Iterator[tuple[Task, Report | None]]:
     """Yield tasks as they end, with ``None`` where dask has given up; their futures are let go.
 
     The blocks of reference solutions that a task needs are submitted before it.
@@ -224,12 +224,12 @@ def _has_workers(client: Any) -> bool:
         return True
 
 
-def _result(future: Any, client: Any) -> Stored | None:
+def _result(future: Any, client: Any) -> Report | None:
     """Return what a task that has ended returned; with a worker that died in between it is not there any more."""
     from distributed import CancelledError, KilledWorker
 
     try:
-        result: Stored = _patiently(lambda seconds: future.result(timeout=seconds), client)
+        result: Report = _patiently(lambda seconds: future.result(timeout=seconds), client)
         return result
     except KilledWorker:
         return None

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from threading import Event, Lock, Thread
 
 from workflow.grid import COMPILING, waited_for
-from workflow.run._task import Stored
+from workflow.run._task import Report
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,10 @@ class ProgressCounter:
     ----------
     cases
         Cases of the study.
-    missing
-        Estimated seconds of each task that is missing, by its number.
-    before
-        Estimated seconds of the tasks that were stored before.
-    threads
-        Threads that compute; 0 where that is not known.
+    missing, before
+        Seconds of the cost model of the cases that are missing, and of those that were stored before.
+    estimated
+        Seconds that the missing ones will take; NaN where that is not known.
     compiling
         Seconds that compiling takes before the first task can end.
     begun
@@ -70,20 +68,19 @@ class ProgressCounter:
     def __init__(
         self,
         cases: int,
-        missing: Mapping[int, float],
+        missing: float,
         before: float,
-        threads: int,
+        estimated: float,
         compiling: float,
         begun: float,
         tell: Progress,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._cases, self._seconds, self._before, self._compiling = cases, missing, before, compiling
+        self._cases, self._missing, self._before = cases, missing, before
+        self._estimated, self._compiling = estimated, compiling
         self._begun, self._tell, self._clock, self._computing = begun, tell, clock, clock()
         self._lock = Lock()
-        self._missing, self._done = sum(missing.values()), 0.0
-        self._estimated = self._missing / threads if threads else math.nan
-        self._stored, self._endings = 0, Counter[str]()
+        self._done, self._stored, self._endings = 0.0, 0, Counter[str]()
 
     def set(self, stored: int, endings: Mapping[str, int]) -> None:
         """Take what is stored altogether, and report it."""
@@ -91,12 +88,12 @@ class ProgressCounter:
             self._stored, self._endings = stored, Counter(endings)
             self._tell(self._advance())
 
-    def add(self, stored: Stored) -> None:
+    def add(self, report: Report) -> None:
         """Take what a task has stored, and report it."""
         with self._lock:
-            self._stored += stored.cases
-            self._endings.update(stored.endings)
-            self._done += self._seconds.get(stored.task, 0.0)
+            self._stored += report.cases
+            self._endings.update(report.endings)
+            self._done += report.seconds
             self._tell(self._advance())
 
     def _advance(self) -> Advance:

@@ -34,8 +34,7 @@ from workflow.archive import (
     stored_hashes,
     surplus,
 )
-from workflow.grid import CaseHashes, Choices, arrange, case_hashes, read_choices
-from workflow.run._task import Job
+from workflow.grid import Choices, arrange, case_hashes, read_choices, template
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError
 
@@ -64,14 +63,14 @@ class Reuse:
     drop: bool = False
     since: int = 0
 
-    def taken(self, sources: Iterable[Source], template: xr.Dataset) -> list[Source]:
+    def taken(self, sources: Iterable[Source], template: xr.Dataset) -> Stored:
         """Return the cases that are not run again: with all variables of a template, in no lower precision."""
-        whole = [source for source in sources if not lacking(template, source.kinds)]
-        first = f"{self.since:020d}"
-        before = [source for source in whole if source.name < first]
-        if self.retry:
-            before = [source.only_ok() for source in before]
-        return [*([] if self.recompute else before), *(source for source in whole if source.name >= first)]
+        taken, first = [], f"{self.since:020d}"
+        for source in sources:
+            is_earlier = source.name < first
+            if not lacking(template, source.kinds) and not (is_earlier and self.recompute):
+                taken.append(source.only_ok() if is_earlier and self.retry else source)
+        return Stored(taken)
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ class Holdings:
     dropped
         Stored cases that the study no longer asks for; ``run`` refuses to leave them out without ``--drop``.
     note
-        Why stored cases cannot be taken, or not as they are; empty where they can.
+        Why a run refuses, or what it would leave out; empty where it takes all.
     """
 
     stored: int
@@ -98,30 +97,26 @@ class Holdings:
 
 @dataclass(frozen=True)
 class Found:
-    """What is stored under the name of a study's archive.
+    """What an archive, or the shards of its unfinished run, hold under the name of a study.
 
     Attributes
     ----------
-    archive
-        Cases of the archive.
-    stored
-        What a run takes, of the archive and of shards.
-    origins
-        Texts of provenance of what it takes.
+    sources
+        Cases that may be taken.
+    texts
+        Of the provenance group.
     dropped
-        Cases that are stored and not asked for.
+        Cases that are not asked for.
     refused
-        Why cases of the archive cannot be taken: a run does not begin.
-    unasked, lost
-        What would be lost: a run does not begin without ``--drop``.
+        Why no case can be taken: a run does not begin.
+    lost
+        What would be lost, cases or variables of them: a run does not begin without ``--drop``.
     """
 
-    archive: tuple[Source, ...] = ()
-    stored: Stored = field(default_factory=Stored)
-    origins: tuple[Mapping[str, str], ...] = ()
+    sources: tuple[Source, ...] = ()
+    texts: Mapping[str, str] = field(default_factory=dict)
     dropped: int = 0
     refused: str = ""
-    unasked: str = ""
     lost: tuple[str, ...] = ()
 
     def require(self, drop: bool) -> None:
@@ -132,56 +127,55 @@ class Found:
         ArchiveError
             It is so.
         """
-        for text in (self.refused, *(() if drop else (self.unasked, *self.lost))):
-            if text:
-                raise ArchiveError(text)
+        for text in filter(None, (self.refused, *(() if drop else self.lost))):
+            raise ArchiveError(text)
 
 
-def find(job: Job, now: Mapping[str, str], archive: Path, reuse: Reuse) -> Found:
-    """Return what of a study an archive and the shards of an unfinished run hold.
-
-    ``now`` are the texts of the provenance group that the run will write.
+def in_archive(
+    archive: Path, study: Study, now: Mapping[str, str], template: xr.Dataset, hashes: Hashes, recompute: bool
+) -> Found:
+    """Return what of a study its archive holds; ``now`` are the texts of the provenance group that a run will write.
 
     Raises
     ------
     ArchiveError
         The archive is another study's, or it is damaged.
     """
-    shards = find_shards(job.parts)[0]
-    if not shards and not archive.exists():
-        return Found()  # no case is hashed before it is run
-    template, hashes = job.template, job.hashes.all()
-    origins, lost = list[Mapping[str, str]](), list[str]()
-    stored: list[Source] = []
-    dropped, refused, unasked = 0, "", ""
-    if archive.exists():
-        texts = provenance(archive)
-        check_name(job.grid.study, archive, texts)
-        dropped, cases = _unasked(archive, texts, hashes)
-        unasked = _unasked_text(archive, dropped, cases, texts, now) if dropped else ""
-        if not reuse.recompute:
-            stored = archive_sources(archive)
-            refused = _other_version(archive, texts)
-            missing, wider = lacking(template, stored[0].kinds), surplus(template, stored[0].kinds)
-            if not refused and missing and Stored(stored).holds(hashes).any():
-                refused = _without_text(archive, missing)
-            if not refused and wider:
-                lost.append(_wider_text(archive, wider))
-            stored = [] if refused else stored
-            origins += [texts] if Stored(reuse.taken(stored, template)).holds(hashes).any() else []
-    every = Stored(shards).hashes
-    narrowed = Stored([shard for shard in shards if lacking(template, shard.kinds) or surplus(template, shard.kinds)])
-    gone = int(np.sum(~are_among(every, hashes) | narrowed.holds(every)))
-    if gone:
-        lost.append(
-            f"{job.parts}: holds {len(every)} cases of an unfinished run of this study as it was, {gone} of which it "
-            "no longer asks for, or not with all that is stored of them; finish that run with the study as it was, "
-            "--drop leaves them out, -o chooses another archive"
+    if not archive.exists():
+        return Found()
+    texts = provenance(archive)
+    check_name(study, archive, texts)
+    dropped, cases = _unasked(archive, texts, hashes)
+    lost = [_unasked_text(archive, dropped, cases, texts, now)] if dropped else []
+    if recompute:
+        return Found((), texts, dropped, "", tuple(lost))
+    sources, refused = archive_sources(archive), _other_version(archive, texts)
+    missing, wider = lacking(template, sources[0].kinds), surplus(template, sources[0].kinds)
+    if not refused and missing and Stored(sources).holds(hashes).any():
+        refused = (
+            f"{archive}: holds cases of this study, but without {', '.join(missing)}; "
+            "--recompute runs all cases again and replaces it, -o chooses another archive"
         )
-    command = read_command(job.parts) if shards else None
-    origins += [] if command is None else [command.texts]
-    taken = Stored(reuse.taken([*stored, *shards], template))
-    return Found(tuple(stored), taken, tuple(origins), dropped + gone, refused, unasked, tuple(lost))
+    if not refused and wider:
+        lost.append(
+            f"{archive}: holds {', '.join(wider)} of its cases, which this study no longer keeps; "
+            "--drop (in Python drop=True) leaves them out, -o chooses another archive"
+        )
+    return Found(() if refused else tuple(sources), texts, dropped, refused, tuple(lost))
+
+
+def in_shards(parts: Path, template: xr.Dataset, hashes: Hashes) -> Found:
+    """Return what of a study the shards of an unfinished run hold."""
+    shards, command = find_shards(parts), read_command(parts)
+    every = Stored(shards).hashes
+    wider = Stored([shard for shard in shards if lacking(template, shard.kinds) or surplus(template, shard.kinds)])
+    gone = int(np.sum(~are_among(every, hashes) | wider.holds(every)))
+    lost = (
+        f"{parts}: holds {len(every)} cases of an unfinished run of this study as it was, {gone} of which it "
+        "no longer asks for, or not with all that is stored of them; finish that run with the study as it was, "
+        "--drop leaves them out, -o chooses another archive"
+    )
+    return Found(tuple(shards), {} if command is None else command.texts, gone, "", (lost,) if gone else ())
 
 
 def holdings(study: Study, archive: str | Path) -> Holdings:
@@ -195,10 +189,15 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
     archive, grid = Path(archive), arrange(study)
     if archive.exists():
         require_whole(archive)
-    job = Job(grid, parts_of(archive), 0, CaseHashes(grid))
-    found, hashes = find(job, provenance_of(grid), archive, Reuse()), job.hashes.all()
-    stored = int(np.sum(found.stored.holds(hashes)))
-    return Holdings(stored, len(hashes) - stored, found.dropped, "; ".join(filter(None, (found.refused, *found.lost))))
+    blank, hashes = template(grid), case_hashes(grid)
+    found = (
+        in_archive(archive, study, provenance_of(grid), blank, hashes, recompute=False),
+        in_shards(parts_of(archive), blank, hashes),
+    )
+    taken = Reuse().taken((source for one in found for source in one.sources), blank)
+    stored, dropped = int(np.sum(taken.holds(hashes))), sum(one.dropped for one in found)
+    note = "; ".join(text for one in found for text in (one.refused, *one.lost) if text)
+    return Holdings(stored, len(hashes) - stored, dropped, note)
 
 
 def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> Mapping[str, Any]:
@@ -243,20 +242,6 @@ def _other_version(archive: Path, texts: Mapping[str, str]) -> str:
     return (
         f"{archive}: made by version {version} of the solver, this is {SOLVER_VERSION}, whose results differ and "
         "are not mixed with them; --recompute runs all cases again, -o chooses another archive"
-    )
-
-
-def _without_text(archive: Path, names: Iterable[str]) -> str:
-    return (
-        f"{archive}: holds cases of this study, but without {', '.join(names)}; "
-        "--recompute runs all cases again and replaces it, -o chooses another archive"
-    )
-
-
-def _wider_text(archive: Path, names: Iterable[str]) -> str:
-    return (
-        f"{archive}: holds {', '.join(names)} of its cases, which this study no longer keeps; "
-        "--drop (in Python drop=True) leaves them out, -o chooses another archive"
     )
 
 
