@@ -93,8 +93,9 @@ def test_threads_end_together(threads: int, h: float) -> None:
 
 @pytest.mark.parametrize("alphas", [3, 40, 2000])
 @pytest.mark.parametrize("h", [1e-4, 1e-6])
-def test_cases_that_are_stepped_together_stay_together(h: float, alphas: int) -> None:
+def test_cases_that_are_stepped_together_stay_together(h: float, alphas: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a task cuts the cases of an outer index, it leaves whole packs."""
+    monkeypatch.setattr(cutting, "LONGEST", 1e-9)
     text = SMALL.replace("h: [1e-4, 2e-4]", f"h: [{h}, {2 * h}]").replace(
         "[0, 5, 10, 20, 50]", f"{{lin: [0, 50, {alphas}]}}"
     )

@@ -41,6 +41,15 @@ def test_progress_counts_every_case_by_its_status(tmp_path: Path, many_tasks: No
     assert all(advance.left >= 0 for advance in reported)
 
 
+def test_cases_that_share_results_are_counted_each(tmp_path: Path) -> None:
+    """The exact solution does not read h, nor a contact spring e: 9 + 6 of 36 cases are computed."""
+    reported: list[Advance] = []
+    study = quick({"scheme": ["event_driven", "penalty"], "h": [1e-4, 2e-4]})
+    run_study(study, tmp_path / "a.nc", progress=reported.append)
+    assert (reported[-1].stored, reported[-1].cases) == (36, 36)
+    assert reported[-1].work == pytest.approx(1)
+
+
 def test_work_counts_what_cases_cost(tmp_path: Path, many_tasks: None) -> None:
     """Two steps, one a hundredth of the other: half of the cases are a small part of the work."""
     reported: list[Advance] = []

@@ -65,7 +65,7 @@ class Prepared:
     def stored(self) -> Stored:
         """Return what is stored by now."""
         shards = find_shards(self.job.parts, just_written=True)
-        return self.reuse.taken([*self.archive, *shards], self.job.template)
+        return self.reuse.taken([*self.archive, *shards], self.job)
 
     def progress(self) -> tuple[int, Counter[str]]:
         """Return how many cases are stored by now, and those of them that are not ok by their status."""
@@ -98,16 +98,15 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
         if (reuse.retry, reuse.recompute) in ((False, False), (earlier.retry, earlier.recompute)):
             reuse = Reuse(earlier.retry, earlier.recompute, reuse.drop, earlier.since)
     hashes = case_hashes(grid)
-    held = in_archive(archive, grid.study, texts, job.template, hashes, reuse.recompute)
-    unfinished = in_shards(parts, job.template, hashes)
+    held, unfinished = in_archive(archive, job, texts, hashes, reuse.recompute), in_shards(job, hashes)
     origins = []
     for found in (held, unfinished):
         found.require(reuse.drop)
-        if found.texts and reuse.taken(found.sources, job.template).holds(hashes).any():
+        if found.texts and reuse.taken(found.sources, job).holds(hashes).any():
             origins.append(found.texts)
     if any(COPIED in origin or any(origin.get(n) != texts[n] for n in SOFTWARE) for origin in origins):
         texts[COPIED] = "cases that other software or another processor ran"
-    stored = reuse.taken([*held.sources, *unfinished.sources], job.template)
+    stored = reuse.taken([*held.sources, *unfinished.sources], job)
     start_parts(parts, Command(texts, job.warnings, there, job.begun, **asdict(reuse)))
     missing = ~stored.holds(hashes).reshape(grid.outer_count, grid.inner_count)
     return Prepared(job, texts, held.sources, reuse, hashes, missing)

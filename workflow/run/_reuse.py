@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -34,12 +34,10 @@ from workflow.archive import (
     stored_hashes,
     surplus,
 )
-from workflow.grid import Choices, arrange, case_hashes, read_choices, template
+from workflow.grid import Choices, arrange, case_hashes, read_choices
+from workflow.run._task import Job
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -63,12 +61,12 @@ class Reuse:
     drop: bool = False
     since: int = 0
 
-    def taken(self, sources: Iterable[Source], template: xr.Dataset) -> Stored:
-        """Return the cases that are not run again: with all variables of a template, in no lower precision."""
+    def taken(self, sources: Iterable[Source], job: Job) -> Stored:
+        """Return the cases that are not run again: with all variables of a study, in no lower precision."""
         taken, first = [], f"{self.since:020d}"
         for source in sources:
             is_earlier = source.name < first
-            if not lacking(template, source.kinds) and not (is_earlier and self.recompute):
+            if not lacking(job.template, source.kinds) and not (is_earlier and self.recompute):
                 taken.append(source.only_ok() if is_earlier and self.retry else source)
         return Stored(taken)
 
@@ -131,9 +129,7 @@ class Found:
             raise ArchiveError(text)
 
 
-def in_archive(
-    archive: Path, study: Study, now: Mapping[str, str], template: xr.Dataset, hashes: Hashes, recompute: bool
-) -> Found:
+def in_archive(archive: Path, job: Job, now: Mapping[str, str], hashes: Hashes, recompute: bool) -> Found:
     """Return what of a study its archive holds; ``now`` are the texts of the provenance group that a run will write.
 
     Raises
@@ -144,13 +140,13 @@ def in_archive(
     if not archive.exists():
         return Found()
     texts = provenance(archive)
-    check_name(study, archive, texts)
+    check_name(job.grid.study, archive, texts)
     dropped, cases = _unasked(archive, texts, hashes)
     lost = [_unasked_text(archive, dropped, cases, texts, now)] if dropped else []
     if recompute:
         return Found((), texts, dropped, "", tuple(lost))
     sources, refused = archive_sources(archive), _other_version(archive, texts)
-    missing, wider = lacking(template, sources[0].kinds), surplus(template, sources[0].kinds)
+    missing, wider = lacking(job.template, sources[0].kinds), surplus(job.template, sources[0].kinds)
     if not refused and missing and Stored(sources).holds(hashes).any():
         refused = (
             f"{archive}: holds cases of this study, but without {', '.join(missing)}; "
@@ -164,14 +160,14 @@ def in_archive(
     return Found(() if refused else tuple(sources), texts, dropped, refused, tuple(lost))
 
 
-def in_shards(parts: Path, template: xr.Dataset, hashes: Hashes) -> Found:
+def in_shards(job: Job, hashes: Hashes) -> Found:
     """Return what of a study the shards of an unfinished run hold."""
-    shards, command = find_shards(parts), read_command(parts)
+    shards, command = find_shards(job.parts), read_command(job.parts)
     every = Stored(shards).hashes
-    wider = Stored([shard for shard in shards if lacking(template, shard.kinds) or surplus(template, shard.kinds)])
+    wider = Stored([each for each in shards if lacking(job.template, each.kinds) or surplus(job.template, each.kinds)])
     gone = int(np.sum(~are_among(every, hashes) | wider.holds(every)))
     lost = (
-        f"{parts}: holds {len(every)} cases of an unfinished run of this study as it was, {gone} of which it "
+        f"{job.parts}: holds {len(every)} cases of an unfinished run of this study as it was, {gone} of which it "
         "no longer asks for, or not with all that is stored of them; finish that run with the study as it was, "
         "--drop leaves them out, -o chooses another archive"
     )
@@ -189,12 +185,9 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
     archive, grid = Path(archive), arrange(study)
     if archive.exists():
         require_whole(archive)
-    blank, hashes = template(grid), case_hashes(grid)
-    found = (
-        in_archive(archive, study, provenance_of(grid), blank, hashes, recompute=False),
-        in_shards(parts_of(archive), blank, hashes),
-    )
-    taken = Reuse().taken((source for one in found for source in one.sources), blank)
+    job, hashes = Job(grid, parts_of(archive), 0), case_hashes(grid)
+    found = in_archive(archive, job, provenance_of(grid), hashes, recompute=False), in_shards(job, hashes)
+    taken = Reuse().taken((source for one in found for source in one.sources), job)
     stored, dropped = int(np.sum(taken.holds(hashes))), sum(one.dropped for one in found)
     note = "; ".join(text for one in found for text in (one.refused, *one.lost) if text)
     return Holdings(stored, len(hashes) - stored, dropped, note)
