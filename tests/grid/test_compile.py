@@ -15,8 +15,11 @@ from pathlib import Path
 import pytest
 
 import workflow
+from quick import quick
 from workflow import schemes
 from workflow.grid import _compile as compilation
+from workflow.grid import arrange
+from workflow.grid._ahead import kernel_variants
 from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
 
 ROOT = Path(workflow.__file__).parents[1]
@@ -157,6 +160,15 @@ def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(compilation, "_note", lambda *_: None)  # no lasting cache
     with compiled_ahead([variant_of("event_driven"), variant_of("carpenter")]):
         pass
+
+
+def test_every_scheme_and_the_reference_have_kernels_of_their_own() -> None:
+    springs = {"springs": {"method": "penalty", "integration": "implicit"}}
+    study = quick({"scheme": ["moreau", "springs"]}, schemes=springs, reference={"scheme": "event_driven"})
+    variants = kernel_variants(arrange(study))
+    assert [variant.method for variant in variants] == ["moreau", "penalty", "event_driven"]
+    assert variants[1].options.integration == "implicit"
+    assert [variant.method for variant in kernel_variants(arrange(quick()))] == ["moreau"]
 
 
 def test_words_among_the_options_have_a_kernel_of_their_own_and_numbers_have_none() -> None:

@@ -92,10 +92,7 @@ class Grid:
     @cached_property
     def base(self) -> dict[str, Any]:
         """Values of the scalars, and the first ones of every axis."""
-        first = {axis.path: axis.values[0] for axis in self.study.scalars}
-        for axis in self._varied:
-            first[axis.path] = axis.values[0]
-        return first
+        return {axis.path: axis.values[0] for axis in (*self.study.scalars, *self._varied)}
 
     @property
     def _varied(self) -> tuple[Axis, ...]:

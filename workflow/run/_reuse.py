@@ -34,7 +34,7 @@ from workflow.archive import (
     stored_hashes,
     surplus,
 )
-from workflow.grid import Choices, arrange, case_hashes, read_choices
+from workflow.grid import arrange, case_hashes
 from workflow.run._task import Job
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError
@@ -216,17 +216,6 @@ def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> Mapping
     return resolved
 
 
-def stored_choices(texts: Mapping[str, str]) -> Choices:
-    """Return the counts of modes that tolerances decided, from the texts of an archive or of an unfinished run.
-
-    None where they cannot be read: they are decided anew then.
-    """
-    try:
-        return read_choices(texts.get("choices", "{}"))
-    except (ValueError, LookupError, TypeError, AttributeError):
-        return {}
-
-
 def _other_version(archive: Path, texts: Mapping[str, str]) -> str:
     """Say that another version of the solver has made an archive, whose cases are not taken then."""
     version = texts.get("solver_version")
@@ -241,8 +230,8 @@ def _other_version(archive: Path, texts: Mapping[str, str]) -> str:
 def _unasked_text(archive: Path, unasked: int, cases: int, was: Mapping[str, str], now: Mapping[str, str]) -> str:
     none = "holds another study of the same name: none of its cases is"
     which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
-    other = set(stored_choices(was).values()) - set(stored_choices(now).values())
-    decided = ", as its tolerance decides `auto` by other cases" if other else ""
+    is_other = "choices" in was and was["choices"] != now.get("choices")
+    decided = ", as its tolerance decides `auto` by other cases" if is_other else ""
     return (
         f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "
         "lost; --drop (in Python drop=True) leaves them out, -o chooses another archive"

@@ -32,6 +32,7 @@ from workflow.grid import (
     machine_factor,
     measured_run,
     model_seconds,
+    read_choices,
     time_to_compile,
     waiting_for,
 )
@@ -39,7 +40,7 @@ from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import Prepared, prepare
 from workflow.run._progress import Progress, ProgressCounter
-from workflow.run._reuse import Reuse, check_name, stored_choices
+from workflow.run._reuse import Reuse, check_name
 from workflow.run._runner import Resources, runner
 from workflow.run._worker import ClusterError
 from workflow.schemes import Status
@@ -109,7 +110,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
         return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
     earlier = read_command(parts)
     same = earlier if earlier is not None and earlier.key == study_key(study) else None
-    grid = arrange(study, None if same is None else stored_choices(same.texts))
+    grid = arrange(study, None if same is None else read_choices(same.texts.get("choices", "{}")))
     with (
         runner(resources) as run_tasks,
         run_lock(parts),
