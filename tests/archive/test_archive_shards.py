@@ -209,15 +209,6 @@ def test_the_command_comes_back_from_its_directory(parts: Path) -> None:
     assert command.study == "x"
 
 
-def test_a_directory_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
-    parts = archive.parts_of(tmp_path / "a.nc")
-    parts.mkdir()
-    (parts / "letters.txt").touch()
-    with pytest.raises(archive.ArchiveError, match=r"a\.nc\.parts: holds letters\.txt, which no run left there"):
-        begin(tmp_path / "a.nc")
-    assert [file.name for file in parts.iterdir()] == ["letters.txt"]
-
-
 def test_what_a_killed_removal_left_is_taken_up(parts: Path) -> None:
     (parts / "command.json").unlink()
     assert archive.read_command(parts) is None

@@ -17,7 +17,7 @@ from scenes import blade, heavy_chain
 from studies import written
 from workflow.archive import provenance
 from workflow.cli import app
-from workflow.models import Rayleigh, Structure, couples_free_modes
+from workflow.models import Structure, couples_free_modes
 from workflow.run import run_study
 from workflow.study import StudyError, read_study
 
@@ -179,20 +179,6 @@ def test_an_archive_repeats_its_study_without_the_files(tmp_path: Path, monkeypa
         result = CliRunner().invoke(app, command)
         assert result.exit_code == 0, result.output
     assert provenance("first.nc")["content_hash"] == provenance("second.nc")["content_hash"]
-
-
-def test_another_content_is_another_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    written(
-        "study: s\nscene:\n  matrices: {file: blade.npz, contact: 3}\n  casing: {gap: 1e-5}\n  duration: 1e-3\n",
-        tmp_path,
-    )
-    keys = []
-    for damping in (Rayleigh(), Rayleigh(mass=1.0)):
-        structure = heavy_chain(nodes=4, damping=damping)
-        as_npz({**matrices_of(structure), "damping": structure.damping_matrix}, tmp_path)
-        keys.append(read_study("study.yaml").resolved()["scene"]["matrices"]["file"])
-    assert keys[0] != keys[1]
 
 
 def test_the_message_of_a_file_that_is_no_structure_has_its_line(

@@ -40,6 +40,11 @@ LOST = (
     "`workflow run --retry` repeats it, --threads 1 shows what happens"
 )
 
+_GONE = (
+    "the connection to the dask scheduler is lost; what is stored is kept, start the scheduler and its workers, then "
+    "give the same command again"
+)
+
 _QUIETLY = "ignore:resource_tracker:UserWarning"
 """Option of Python for processes started here: one of them removes semaphores after a signal, and warned of it."""
 
@@ -127,10 +132,7 @@ def _while_it_lives(scheduler: str) -> Iterator[None]:
     except OSError as error:
         if error.errno is not None and not isinstance(error, ConnectionError | TimeoutError):
             raise
-        raise ClusterError(
-            f"{scheduler}: the connection to the dask scheduler is lost; what is stored is kept, start the scheduler "
-            "and its workers, then give the same command again"
-        ) from None
+        raise ClusterError(f"{scheduler}: {_GONE}") from None
 
 
 def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Report], None], client: Any) -> None:
@@ -234,10 +236,7 @@ def _result(future: Any, client: Any) -> Report | None:
     except KilledWorker:
         return None
     except CancelledError:
-        raise ClusterError(
-            "the connection to the dask scheduler is lost; what is stored is kept, start the scheduler and its "
-            "workers, then give the same command again"
-        ) from None
+        raise ClusterError(_GONE) from None
 
 
 def _opened(job: Job, client: Any) -> Session:

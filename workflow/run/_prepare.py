@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from workflow.archive import (
     read_command,
     start_parts,
 )
-from workflow.grid import Grid, Task, case_hashes, tasks, warning_lines
+from workflow.grid import Grid, case_hashes, warning_lines
 from workflow.run._reuse import Reuse, in_archive, in_shards
 from workflow.run._task import Job, not_ok
 
@@ -57,10 +57,6 @@ class Prepared:
     reuse: Reuse
     hashes: Hashes
     missing: NDArray[np.bool_]
-
-    def tasks(self) -> Iterator[Task]:
-        """Yield the tasks with the cases that are to be computed."""
-        return tasks(self.job.grid, self.missing)
 
     def stored(self) -> Stored:
         """Return what is stored by now."""
