@@ -8,13 +8,13 @@ import stat
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 import workflow
+from processes import alive, until
 from quick import quick
 from workflow import schemes
 from workflow.grid import _compile as compilation
@@ -82,23 +82,9 @@ def executable(path: Path, script: str) -> str:
     return str(path)
 
 
-def until(condition: Callable[[], bool]) -> bool:
-    end = time.monotonic() + 60
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.01)
-    return condition()
-
-
 def children(process: int) -> list[int]:
     lists = [task.read_text() for task in Path(f"/proc/{process}/task").glob("*/children")]
     return [int(child) for text in lists for child in text.split()]
-
-
-def alive(process: int) -> bool:
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 @pytest.mark.slow  # it compiles the largest kernel
@@ -126,7 +112,7 @@ def test_a_scheme_whose_helper_fails_is_compiled_all_the_same(
 def test_helpers_are_gone_when_the_run_is_over(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", executable(unnoted / "python", f"echo $$ > {unnoted}/pid; exec sleep 1000"))
     with suppress(KeyboardInterrupt), compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
-        assert until(lambda: (unnoted / "pid").exists() and (unnoted / "pid").read_text().endswith("\n"))
+        until(lambda: (unnoted / "pid").exists() and (unnoted / "pid").read_text().endswith("\n"))
         assert alive(int((unnoted / "pid").read_text()))
         raise KeyboardInterrupt
     assert not alive(int((unnoted / "pid").read_text()))
@@ -141,13 +127,13 @@ def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
     with run:
         assert run.stdout is not None
         assert run.stdout.readline() == b"begun\n"
-        assert until(lambda: bool(children(run.pid)))
+        until(lambda: bool(children(run.pid)))
         (helper,) = children(run.pid)
-        assert until(lambda: "main" in Path(f"/proc/{helper}/cmdline").read_text())
+        until(lambda: "main" in Path(f"/proc/{helper}/cmdline").read_text())
         time.sleep(1.0)  # into its compilation, which takes many times as long
         assert alive(helper)
         run.send_signal(signal.SIGKILL)
-    assert until(lambda: not alive(helper))
+    until(lambda: not alive(helper))
     assert not list(tmp_path.rglob("march.march-*.nbc"))  # the kernel that takes long
     assert not list(tmp_path.rglob("*.compiled"))
 

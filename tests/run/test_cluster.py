@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -20,6 +20,7 @@ import dask
 import numpy as np
 import pytest
 
+from processes import PATIENCE, alive, until
 from scripts import script
 from studies import SCENE, SMALL, parsed, written
 from terminal import workflow
@@ -28,7 +29,6 @@ from workflow.run import ClusterError, _cluster, run_study
 from workflow.run._worker import Session, join, software
 
 PRELOAD = Path(__file__).with_name("watched_worker.py")
-PATIENCE = 60.0
 Process = subprocess.Popen[str]
 
 STUDY = (
@@ -98,21 +98,6 @@ def worker(address: str, cwd: Path, notes: Path, **settings: str) -> Iterator[Pr
     words = (address, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", cwd)
     with started("distributed.cli.dask_worker", *words, cwd=cwd, env=environment(notes, **settings)) as process:
         yield process
-
-
-def until(holds: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not holds():
-        assert time.monotonic() < end, "waited too long"
-        time.sleep(0.02)
-
-
-def alive(process: int) -> bool:
-    """Tell whether a process runs; one that is dead and not yet waited for does not."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 def computed(notes: Path) -> list[tuple[int, str]]:
