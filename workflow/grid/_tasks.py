@@ -24,7 +24,6 @@ from workflow.grid._costs import (
 from workflow.grid._frequencies import fastest, longest_period_count
 from workflow.grid._operators import full_structure, reduced_structure
 from workflow.kernels.lanes import PACK
-from workflow.study import CaseSettings
 
 SHORTEST, LONGEST = 0.05, 5.0
 """Seconds of work of a task: below, dask's cost of about 0.5 ms a task would show; above, the end of a run waits for
@@ -97,30 +96,26 @@ def costs(grid: Grid) -> Costs:
     of_structure = grid.alike(grid.computed, decides_structure)
     _, structure, sharing = np.unique(of_structure, return_inverse=True, return_counts=True)
     with threadpool_limits(limits=1, user_api="blas"):
-        every = [grid.settings(outer) for outer in kinds.tolist()]
-        operator = np.array([setup_seconds(reduced_structure(settings)) for settings in every])
-        modes = np.array([modes_seconds(full_structure(settings)) for settings in every])
-        growth = np.array([_growth_seconds_of_inner(grid, settings) for settings in every])
-        each = np.array([_seconds_of_inner(grid, outer) for outer in kinds.tolist()])
-    together, shared = np.array([schemes.load(one.scheme.method).TOGETHER for one in every]), sharing[structure]
-    return Costs(operator[kind] + modes[kind] / shared, each[kind] + growth[kind] / shared, together[kind])
+        setup, modes, each, growth = np.array([_seconds(grid, outer) for outer in kinds.tolist()])[kind].T
+    together = np.array([schemes.load(grid.settings(outer).scheme.method).TOGETHER for outer in kinds.tolist()])[kind]
+    return Costs(setup + modes / sharing[structure], each + growth / sharing[structure], together)
 
 
-def _growth_seconds_of_inner(grid: Grid, settings: CaseSettings) -> float:
-    """Return the mean over the inner indices of what the growth rates at all distinct α of a structure cost."""
-    inner = np.arange(min(grid.inner_count, MOST_LOOKED_AT), dtype=np.int64)
-    couplings = np.unique(alpha_of(settings, grid.inner_values(inner), inner.size)).size
-    return couplings / inner.size * growth_seconds(reduced_structure(settings))
+def _seconds(grid: Grid, outer: int) -> tuple[float, float, float, float]:
+    """Return seconds of an outer index: its operator, its modes, each of its cases, and the growth rate of each.
 
-
-def _seconds_of_inner(grid: Grid, outer: int) -> float:
-    """Return the mean over cases that are computed: distinct ones are stepped, where a scheme has packs whole ones."""
-    settings = grid.settings(outer)
+    The last two are means over the cases that are computed: distinct ones are stepped, where a scheme has packs whole
+    ones, and growth rates are found at distinct α.
+    """
+    settings, inner = grid.settings(outer), grid.inner_computed(outer)
+    full, structure, some = full_structure(settings), reduced_structure(settings), inner[:MOST_LOOKED_AT]
     stepped = grid.inner_distinct(grid.is_read(settings.scheme))
     if schemes.load(settings.scheme.method).TOGETHER > 1:
         stepped = -(-stepped // PACK) * PACK
     handling = handling_seconds(grid.sampling.count, len(grid.study.output.histories))
-    return stepped / grid.inner_computed(outer).size * seconds_per_case(grid, outer) + handling
+    couplings = np.unique(alpha_of(settings, grid.inner_values(some), some.size)).size
+    each = stepped / inner.size * seconds_per_case(grid, outer) + handling
+    return setup_seconds(structure), modes_seconds(full), each, couplings / some.size * growth_seconds(structure)
 
 
 def decides_cost(path: str, model: str) -> bool:

@@ -106,7 +106,7 @@ class Found:
     dropped
         Cases that are not asked for.
     refused
-        Why no case can be taken: a run does not begin.
+        Why none can be taken: a run does not begin.
     lost
         What would be lost, cases or variables of them: a run does not begin without ``--drop``.
     """
@@ -114,7 +114,7 @@ class Found:
     sources: tuple[Source, ...] = ()
     texts: Mapping[str, str] = field(default_factory=dict)
     dropped: int = 0
-    refused: str = ""
+    refused: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
 
     def require(self, drop: bool) -> None:
@@ -125,8 +125,8 @@ class Found:
         ArchiveError
             It is so.
         """
-        for text in filter(None, (self.refused, *(() if drop else self.lost))):
-            raise ArchiveError(text)
+        if reasons := (*self.refused, *(() if drop else self.lost)):
+            raise ArchiveError(reasons[0])
 
 
 def in_archive(archive: Path, job: Job, now: Mapping[str, str], hashes: Hashes, recompute: bool) -> Found:
@@ -144,13 +144,13 @@ def in_archive(archive: Path, job: Job, now: Mapping[str, str], hashes: Hashes, 
     dropped, cases = _unasked(archive, texts, hashes)
     lost = [_unasked_text(archive, dropped, cases, texts, now)] if dropped else []
     if recompute:
-        return Found((), texts, dropped, "", tuple(lost))
-    sources, refused = archive_sources(archive), _other_version(archive, texts)
+        return Found((), texts, dropped, (), tuple(lost))
+    sources, refused = archive_sources(archive), _of_other_version(archive, texts)
     missing, wider = lacking(job.template, sources[0].kinds), surplus(job.template, sources[0].kinds)
     if not refused and missing and Stored(sources).holds(hashes).any():
         refused = (
             f"{archive}: holds cases of this study, but without {', '.join(missing)}; "
-            "--recompute runs all cases again and replaces it, -o chooses another archive"
+            "--recompute runs all cases again and replaces it, -o chooses another archive",
         )
     if not refused and wider:
         lost.append(
@@ -171,7 +171,7 @@ def in_shards(job: Job, hashes: Hashes) -> Found:
         "no longer asks for, or not with all that is stored of them; finish that run with the study as it was, "
         "--drop leaves them out, -o chooses another archive"
     )
-    return Found(tuple(shards), {} if command is None else command.texts, gone, "", (lost,) if gone else ())
+    return Found(tuple(shards), {} if command is None else command.texts, gone, (), (lost,) if gone else ())
 
 
 def holdings(study: Study, archive: str | Path) -> Holdings:
@@ -189,7 +189,7 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
     found = in_archive(archive, job, provenance_of(grid), hashes, recompute=False), in_shards(job, hashes)
     taken = Reuse().taken((source for one in found for source in one.sources), job)
     stored, dropped = int(np.sum(taken.holds(hashes))), sum(one.dropped for one in found)
-    note = "; ".join(text for one in found for text in (one.refused, *one.lost) if text)
+    note = "; ".join(text for one in found for text in (*one.refused, *one.lost))
     return Holdings(stored, len(hashes) - stored, dropped, note)
 
 
@@ -216,14 +216,14 @@ def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> Mapping
     return resolved
 
 
-def _other_version(archive: Path, texts: Mapping[str, str]) -> str:
+def _of_other_version(archive: Path, texts: Mapping[str, str]) -> tuple[str, ...]:
     """Say that another version of the solver has made an archive, whose cases are not taken then."""
     version = texts.get("solver_version")
     if version == str(SOLVER_VERSION):
-        return ""
+        return ()
     return (
         f"{archive}: made by version {version} of the solver, this is {SOLVER_VERSION}, whose results differ and "
-        "are not mixed with them; --recompute runs all cases again, -o chooses another archive"
+        "are not mixed with them; --recompute runs all cases again, -o chooses another archive",
     )
 
 
