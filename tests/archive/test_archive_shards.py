@@ -192,16 +192,6 @@ def test_a_missing_directory_is_said(tmp_path: Path) -> None:
         begin(tmp_path / "gone" / "a.nc")
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_an_unwritable_directory_is_said(parts: Path) -> None:
-    parts.chmod(0o500)
-    try:
-        with pytest.raises(archive.ArchiveError, match="permission denied"):
-            put_shard(parts, TEMPLATE, RESULTS, 0, 1)
-    finally:
-        parts.chmod(0o700)
-
-
 def test_the_command_comes_back_from_its_directory(parts: Path) -> None:
     command = archive.Command(TEXTS, "two\nlines", retry=True, archive=(3, 4), begun=5)
     archive.start_parts(parts, command)

@@ -66,12 +66,6 @@ def test_a_fresh_archive_passes(whole: Path) -> None:
     assert checks[-1].detail == "18 cases run again, the same bit for bit"
 
 
-@pytest.mark.parametrize("sample", [0, 1, 5])
-def test_as_many_as_are_wanted_are_run_again(whole: Path, sample: int) -> None:
-    [*_, last] = verify(whole, sample)
-    assert last.detail.startswith(f"{sample} cases")
-
-
 def test_a_sample_has_each_scheme_and_status(whole: Path) -> None:
     grid = arrange(STUDY)
     with h5py.File(whole) as file:
