@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
 from workflow.cli.plan import _lines as plan_lines
-from workflow.grid import Grid, arrange, plan, plan_study, solve, tasks
+from workflow.grid import Grid, arrange, plan, plan_study, reads, solve, tasks
 from workflow.grid import _tasks as cutting
 from workflow.schemes import Status
 
@@ -313,6 +314,14 @@ def test_an_axis_that_nothing_reads_gives_a_caution() -> None:
     for used in (text.replace("axes: {", "axes: {scheme: [other, moreau], "), compared):
         grid = arrange(parsed(used))
         assert not any("changes nothing" in line for line in plan(grid).warnings)
+
+
+def test_friction_is_read_beside_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cases of a scheme without heat that differ in µ were computed as one."""
+    cold = replace(schemes.load("moreau"), READS=frozenset({"h"}))
+    monkeypatch.setattr(schemes, "load", lambda name: cold)
+    names = ("coefficient", "heat_share", "sliding_speed")
+    assert [reads("moreau", "moreau", f"scene.friction.{name}") for name in names] == [True, False, False]
 
 
 def test_places_of_very_many_operators() -> None:
