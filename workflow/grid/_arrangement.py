@@ -225,24 +225,21 @@ class Grid:
         of_scheme = self.alike(first, lambda path: path == "scheme")
         for one in np.unique(of_scheme).tolist():
             same = np.flatnonzero(of_scheme == one)
-            first[same] = self.alike(same, self.matters(self._scheme(one)))
+            first[same] = self.alike(same, self.matters(self.study.schemes[str(self.value(one, "scheme"))]))
         return np.bincount(first, minlength=first.size)
-
-    def _scheme(self, outer: int) -> SchemeChoice:
-        return self.study.schemes[str(self.value(outer, "scheme"))]
 
     def inner_computed(self, outer: int) -> Indices:
         """Return the inner indices that are computed of an outer one; the others have results of these."""
-        return self._inner_computed(self._scheme(outer))
+        return self._inner_computed(str(self.value(outer, "scheme")))
 
     def times(self, outer: int) -> int:
         """Return how many cases have the results of each case that is computed of an outer index."""
         return int(self.sharing[outer]) * (self.inner_count // self.inner_computed(outer).size)
 
     @cached_property
-    def _inner_computed(self) -> Callable[[SchemeChoice], Indices]:
+    def _inner_computed(self) -> Callable[[str], Indices]:
         every = np.arange(self.inner_count, dtype=np.int64)
-        return cache(lambda scheme: np.unique(self.inner_alike(every, self.matters(scheme))))
+        return cache(lambda label: np.unique(self.inner_alike(every, self.matters(self.study.schemes[label]))))
 
     def kinds(self, matters: Callable[[str], bool]) -> list[int]:
         """Return the first of the computed outer indices that differ along axes that matter."""
