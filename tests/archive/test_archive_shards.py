@@ -192,13 +192,6 @@ def test_a_missing_directory_is_said(tmp_path: Path) -> None:
         begin(tmp_path / "gone" / "a.nc")
 
 
-def test_the_command_comes_back_from_its_directory(parts: Path) -> None:
-    command = archive.Command(TEXTS, "two\nlines", retry=True, archive=(3, 4), begun=5)
-    archive.start_parts(parts, command)
-    assert archive.read_command(parts) == command
-    assert command.study == "x"
-
-
 def test_what_a_killed_removal_left_is_taken_up(parts: Path) -> None:
     (parts / "command.json").unlink()
     assert archive.read_command(parts) is None

@@ -75,13 +75,6 @@ def test_missing_variables_and_periods(path: Path, tmp_path: Path) -> None:
     assert archive.lacking(TEMPLATE, kinds) == []
 
 
-def test_what_a_template_has_no_place_for(path: Path) -> None:
-    kinds = archive.archive_sources(path)[0].kinds
-    assert archive.surplus(TEMPLATE, kinds) == []
-    assert archive.surplus(sample_template(samples=0), kinds) == ["displacement"]
-    assert archive.surplus(sample_template(precision="f4"), kinds) == ["displacement as float64"]
-
-
 @pytest.mark.parametrize("name", ["status", "provenance/case_hash"])
 def test_a_damaged_archive_is_said(path: Path, tmp_path: Path, name: str) -> None:
     damaged = tmp_path / "a.nc"
