@@ -110,7 +110,7 @@ def written(text: str, directory: Path, name: str = "study.yaml") -> Path:
     return path
 
 
-def cut_finely(patch: pytest.MonkeyPatch, shortest: float = 1e-9) -> None:
-    """Make tasks as short as they can be, or of some seconds, whatever is stepped together."""
-    patch.setattr(cutting, "SHORTEST", shortest)
-    patch.setattr(cutting, "UNBROKEN", 0.0)
+def cut_finely(patch: pytest.MonkeyPatch) -> None:
+    """Make a task of each row along the innermost dimension."""
+    patch.setattr(cutting, "LONGEST", 1e-9)
+    patch.setattr(cutting, "unit", lambda grid, *_: grid.inner_shape[-1] if grid.inner else 1)

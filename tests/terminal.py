@@ -24,3 +24,10 @@ def workflow(*words: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     with contextlib.chdir(cwd):
         ran = CliRunner().invoke(app, [str(word) for word in words])
     return subprocess.CompletedProcess(words, ran.exit_code, ran.stdout, ran.stderr)
+
+
+def told(*words: str | Path) -> tuple[int, str]:
+    """Run a command in this process and return its exit status and all that it said, which is no traceback."""
+    ran = CliRunner().invoke(app, [str(word) for word in words])
+    assert ran.exception is None or isinstance(ran.exception, SystemExit), ran.exception
+    return ran.exit_code, ran.output

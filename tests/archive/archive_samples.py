@@ -147,7 +147,7 @@ def put_all(path: Path, template: xr.Dataset, results: Mapping[str, Any], bounds
 
 
 def stored_in(parts: Path) -> archive.Stored:
-    return archive.Stored(archive.find_shards(parts)[0])
+    return archive.Stored(archive.find_shards(parts))
 
 
 def gather(parts: Path, template: xr.Dataset, path: Path) -> None:

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from quick import quick
-from workflow.archive import ArchiveError, _provenance, archive_sources, content_hash, open_archive, provenance
-from workflow.cli import app
+from terminal import told
+from workflow.archive import ArchiveError, _provenance, content_hash, open_archive, provenance
 from workflow.grid import _identity
 from workflow.run import _reuse, _verify, holdings, run_study
 from workflow.schemes import SOLVER_VERSION
@@ -42,15 +41,9 @@ def study_of(path: Path) -> Study:
     return parse_study(provenance(path)["study"], "study.yaml")
 
 
-def command(*words: str | Path) -> tuple[int, str]:
-    result = CliRunner().invoke(app, [str(word) for word in words])
-    assert result.exception is None or isinstance(result.exception, SystemExit)
-    return result.exit_code, result.output + result.stderr
-
-
 def test_it_is_as_it_was_written(archive: Path) -> None:
     assert content_hash(archive) == provenance(archive)["content_hash"]
-    status, text = command("verify", archive)
+    status, text = told("verify", archive)
     assert status == 1
     assert "bytes    ok" in text
     assert "content  ok" in text
@@ -59,21 +52,11 @@ def test_it_is_as_it_was_written(archive: Path) -> None:
 
 
 def test_it_is_shown_and_reported(archive: Path, tmp_path: Path) -> None:
-    status, text = command("show", archive)
+    status, text = told("show", archive)
     assert status == 0
     assert "4 ok, 2 ill_posed" in text
     assert "contact has no unique solution" in text
-    assert command("report", archive, "-o", tmp_path / "page.html")[0] == 0
-
-
-def test_its_cases_can_be_read_one_by_one(archive: Path) -> None:
-    values = {name: [] for name in ("status", "displacement", "message")}
-    for source in archive_sources(archive):
-        for name, several in values.items():
-            several.extend(source.read(name))
-    assert values["status"] == [0, 2, 0] * 2
-    assert np.shape(values["displacement"]) == (6, 9)
-    assert [k for k, text in enumerate(values["message"]) if text] == [1, 4]
+    assert told("report", archive, "-o", tmp_path / "page.html")[0] == 0
 
 
 def test_why_it_is_not_extended_is_said(archive: Path) -> None:

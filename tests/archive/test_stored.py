@@ -9,17 +9,14 @@ import numpy as np
 import pytest
 import xarray as xr
 from archive_samples import (
-    DIMS,
     TEXTS,
     begin,
     by_case,
     make_archive,
-    put_shard,
     sample_hashes,
     sample_messages,
     sample_results,
     sample_template,
-    stored_in,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -62,26 +59,6 @@ def test_cases_are_found_and_taken_wherever_they_stand(
     assert values["message"].tolist() == [texts.get(cell, "") for cell in cells]
 
 
-def test_of_a_retry_only_cases_count_that_are_ok(path: Path) -> None:
-    sources = archive.archive_sources(path)
-    is_ok = RESULTS["status"].ravel() == 0
-    np.testing.assert_array_equal(archive.Stored(source.only_ok() for source in sources).holds(HASHES), is_ok)
-    assert archive.Stored(sources).holds(HASHES).all()
-
-
-def test_a_shard_counts_before_the_archive(path: Path, tmp_path: Path) -> None:
-    again = sample_results(TEMPLATE, seed=1)
-    parts = begin(tmp_path / "b.nc")
-    put_shard(parts, TEMPLATE, again, 20, 50)
-    stored = archive.Stored([*archive.archive_sources(path), *archive.find_shards(parts)[0]])
-    archive.gather(TEMPLATE, TEXTS, parts, tmp_path / "b.nc", HASHES, stored)
-    with archive.open_archive(tmp_path / "b.nc") as dataset:
-        impacts = dataset["impacts"].values.ravel()
-    np.testing.assert_array_equal(impacts[20:50], again["impacts"].ravel()[20:50])
-    np.testing.assert_array_equal(impacts[50:], RESULTS["impacts"].ravel()[50:])
-    assert not stored_in(parts).holds(HASHES[:20]).any()
-
-
 def test_missing_variables_and_periods(path: Path, tmp_path: Path) -> None:
     kinds = archive.archive_sources(path)[0].kinds
     values = taken(path, sample_template(periods=5), HASHES, tmp_path / "wide.nc")
@@ -96,22 +73,6 @@ def test_missing_variables_and_periods(path: Path, tmp_path: Path) -> None:
             assert np.isnan(taken(path, template, HASHES, tmp_path / "more.nc")[name]).all()
     assert archive.lacking(sample_template(samples=8), kinds) == ["displacement"]
     assert archive.lacking(TEMPLATE, kinds) == []
-
-
-def test_what_a_template_has_no_place_for(path: Path) -> None:
-    kinds = archive.archive_sources(path)[0].kinds
-    assert archive.surplus(TEMPLATE, kinds) == []
-    assert archive.surplus(sample_template(samples=0), kinds) == ["displacement"]
-    assert archive.surplus(sample_template(precision="f4"), kinds) == ["displacement as float64"]
-
-
-@pytest.mark.parametrize("dims", [(), DIMS[:1], DIMS])
-def test_a_single_case_to_and_from_a_grid(tmp_path: Path, dims: tuple[tuple[str, int], ...]) -> None:
-    template = sample_template(dims)
-    results = sample_results(template)
-    source = make_archive(tmp_path / "a.nc", template, results)
-    values = taken(source, sample_template(()), sample_hashes(template)[:1], tmp_path / "b.nc")
-    np.testing.assert_array_equal(values["displacement"], by_case(template, "displacement", results["displacement"])[0])
 
 
 @pytest.mark.parametrize("name", ["status", "provenance/case_hash"])

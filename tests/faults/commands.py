@@ -20,7 +20,7 @@ import time
 import workflow.grid._tasks as cutting
 import workflow.run._task as running
 from workflow.cli import main
-cutting.SHORTEST, cutting.UNBROKEN = 1e-9, 0.0
+cutting.LONGEST, cutting.unit = 1e-9, lambda grid, *_: grid.inner_shape[-1]
 write = running.write_shard
 def slowly(*words):
     time.sleep({pause})

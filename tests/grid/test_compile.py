@@ -8,15 +8,18 @@ import stat
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 import workflow
+from processes import alive, until
+from quick import quick
 from workflow import schemes
 from workflow.grid import _compile as compilation
+from workflow.grid import arrange
+from workflow.grid._ahead import kernel_variants
 from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
 
 ROOT = Path(workflow.__file__).parents[1]
@@ -79,23 +82,9 @@ def executable(path: Path, script: str) -> str:
     return str(path)
 
 
-def until(condition: Callable[[], bool]) -> bool:
-    end = time.monotonic() + 60
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.01)
-    return condition()
-
-
 def children(process: int) -> list[int]:
     lists = [task.read_text() for task in Path(f"/proc/{process}/task").glob("*/children")]
     return [int(child) for text in lists for child in text.split()]
-
-
-def alive(process: int) -> bool:
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 @pytest.mark.slow  # it compiles the largest kernel
@@ -123,7 +112,7 @@ def test_a_scheme_whose_helper_fails_is_compiled_all_the_same(
 def test_helpers_are_gone_when_the_run_is_over(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", executable(unnoted / "python", f"echo $$ > {unnoted}/pid; exec sleep 1000"))
     with suppress(KeyboardInterrupt), compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
-        assert until(lambda: (unnoted / "pid").exists() and (unnoted / "pid").read_text().endswith("\n"))
+        until(lambda: (unnoted / "pid").exists() and (unnoted / "pid").read_text().endswith("\n"))
         assert alive(int((unnoted / "pid").read_text()))
         raise KeyboardInterrupt
     assert not alive(int((unnoted / "pid").read_text()))
@@ -138,13 +127,13 @@ def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
     with run:
         assert run.stdout is not None
         assert run.stdout.readline() == b"begun\n"
-        assert until(lambda: bool(children(run.pid)))
+        until(lambda: bool(children(run.pid)))
         (helper,) = children(run.pid)
-        assert until(lambda: "main" in Path(f"/proc/{helper}/cmdline").read_text())
+        until(lambda: "main" in Path(f"/proc/{helper}/cmdline").read_text())
         time.sleep(1.0)  # into its compilation, which takes many times as long
         assert alive(helper)
         run.send_signal(signal.SIGKILL)
-    assert until(lambda: not alive(helper))
+    until(lambda: not alive(helper))
     assert not list(tmp_path.rglob("march.march-*.nbc"))  # the kernel that takes long
     assert not list(tmp_path.rglob("*.compiled"))
 
@@ -157,6 +146,15 @@ def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(compilation, "_note", lambda *_: None)  # no lasting cache
     with compiled_ahead([variant_of("event_driven"), variant_of("carpenter")]):
         pass
+
+
+def test_every_scheme_and_the_reference_have_kernels_of_their_own() -> None:
+    springs = {"springs": {"method": "penalty", "integration": "implicit"}}
+    study = quick({"scheme": ["moreau", "springs"]}, schemes=springs, reference={"scheme": "event_driven"})
+    variants = kernel_variants(arrange(study))
+    assert [variant.method for variant in variants] == ["moreau", "penalty", "event_driven"]
+    assert variants[1].options.integration == "implicit"
+    assert [variant.method for variant in kernel_variants(arrange(quick()))] == ["moreau"]
 
 
 def test_words_among_the_options_have_a_kernel_of_their_own_and_numbers_have_none() -> None:

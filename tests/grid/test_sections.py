@@ -101,7 +101,5 @@ def test_a_bifurcation_diagram_shows_the_later_half(archive: xr.Dataset) -> None
     x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
     shown = archive["section_displacement"].sel(scheme="event_driven", frequency=125).values[3:7]
     assert y[(x == 125) & np.isfinite(y)] == pytest.approx(shown * 1e6)
-    with pytest.raises(ValueError, match="`scheme` is no dimension with numbers"):
-        plots.bifurcation(archive, "scheme")
     with pytest.raises(ValueError, match=r"`impacts` is not given per load period"):
         plots.bifurcation(archive, "frequency", "impacts")

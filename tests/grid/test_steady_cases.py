@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -84,12 +82,3 @@ def test_the_plan_counts_them() -> None:
     assert asked.bytes - plain.bytes > 9 * 3 * 8 * 100
     assert asked.time.core_seconds > plain.time.core_seconds
     assert {"output.steady.periods", "output.steady.samples"} <= {value.path for value in asked.scene}
-
-
-def test_where_they_are_not_asked_for_nothing_of_them_is_loaded(tmp_path: Path) -> None:
-    script = (
-        "import sys; sys.path.insert(0, sys.argv[1]); from quick import quick; from workflow import run_study; "
-        "run_study(quick({'scheme': 'event_driven'}), sys.argv[2]); assert 'workflow.orbits' not in sys.modules"
-    )
-    tests = Path(__file__).parents[1]
-    subprocess.run([sys.executable, "-c", script, tests, tmp_path / "x.nc"], check=True, timeout=300)

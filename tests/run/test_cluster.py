@@ -1,4 +1,4 @@
-"""A study on worker processes: same bits, each task once, whatever dies."""
+"""A study on worker processes: same bits, whatever dies."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import dask
 import numpy as np
 import pytest
 
+from processes import PATIENCE, alive, until
 from scripts import script
 from studies import SCENE, SMALL, parsed, written
 from terminal import workflow
@@ -29,7 +29,6 @@ from workflow.run import ClusterError, _cluster, run_study
 from workflow.run._worker import Session, join, software
 
 PRELOAD = Path(__file__).with_name("watched_worker.py")
-PATIENCE = 60.0
 Process = subprocess.Popen[str]
 
 STUDY = (
@@ -47,7 +46,7 @@ output: {interval: 1 ms, histories: [displacement]}
 
 FINELY = """
 import os, workflow.grid._tasks as cutting, workflow.run._cluster as cluster
-cutting.SHORTEST, cutting.UNBROKEN = 1e-9, 0.0
+cutting.LONGEST, cutting.unit = 1e-9, lambda grid, *_: grid.inner_shape[-1]
 cluster._PATIENCE = float(os.environ.get("WATCHED_PATIENCE", 60.0))
 from workflow.cli import main
 main()
@@ -101,21 +100,6 @@ def worker(address: str, cwd: Path, notes: Path, **settings: str) -> Iterator[Pr
         yield process
 
 
-def until(holds: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not holds():
-        assert time.monotonic() < end, "waited too long"
-        time.sleep(0.02)
-
-
-def alive(process: int) -> bool:
-    """Tell whether a process runs; one that is dead and not yet waited for does not."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
 def computed(notes: Path) -> list[tuple[int, str]]:
     """Return process and segment of everything that was begun."""
     lines = notes.read_text().splitlines() if notes.exists() else []
@@ -140,8 +124,8 @@ def test_a_worker_of_a_real_scheduler_is_killed_in_the_middle(tmp_path: Path, ex
     begun = computed(notes)
     assert len({process for process, _ in begun}) == 2
     twice = [segment for segment, count in Counter(segment for _, segment in begun).items() if count > 1]
-    last = [segment for process, segment in begun if process == first.pid][-1]
-    assert twice in ([], [last])
+    last = [segment for process, segment in begun if process == first.pid][-2:]
+    assert set(twice) <= set(last)  # what it was computing, and what it had not reported yet
 
 
 @pytest.mark.slow
@@ -272,13 +256,6 @@ def test_a_scheduler_that_goes_ends_the_run_with_a_message(tmp_path: Path) -> No
 
 def session(parts: Path) -> Session:
     return Session(str(parts), 5, software())
-
-
-def test_a_worker_with_other_software_is_refused(tmp_path: Path) -> None:
-    own = session(tmp_path)
-    other = replace(own, software=(("solver", "999"), *own.software[1:]))
-    with pytest.raises(ClusterError, match=r"other software than this run: solver \d+ instead of 999;"):
-        join(other)
 
 
 def test_a_worker_that_sees_other_files_is_refused(tmp_path: Path) -> None:

@@ -45,7 +45,8 @@ def test_a_run_that_would_lose_cases_is_refused(what: str, tmp_path: Path) -> No
         refused(study, archive, f"{lost} stored cases would be lost", **flags)
     count = len(hashes_of(study))
     holding = holdings(study, archive)
-    assert (holding.stored, holding.missing, holding.dropped, holding.note) == (9 - lost, count - 9 + lost, lost, "")
+    assert (holding.stored, holding.missing, holding.dropped) == (9 - lost, count - 9 + lost, lost)
+    assert f"{lost} stored cases would be lost" in holding.note
     outcome = run_study(study, archive, threads=1, drop=True)
     assert outcome.resumed == 9 - lost
     assert sum(outcome.counts.values()) == count
@@ -160,8 +161,10 @@ def test_the_command_line(tmp_path: Path) -> None:
     planned = call(app, ["plan", narrowed, "-o", archive])
     assert planned.exit_code == 0
     assert "3 stored, 0 missing, 6 no longer asked for" in planned.output
-    content = json.loads(call(app, ["plan", narrowed, "-o", archive, "--json"]).output)
-    assert content["archive"] == {"stored": 3, "missing": 0, "dropped": 6, "note": ""}
+    assert "beware: " in planned.output
+    assert "6 stored cases would be lost; --drop" in planned.output
+    held = json.loads(call(app, ["plan", narrowed, "-o", archive, "--json"]).output)["archive"]
+    assert (held["stored"], held["missing"], held["dropped"]) == (3, 0, 6)
     assert "3 cases in" in (dropped := call(app, ["run", narrowed, "-o", archive, "--drop"])).output
     assert ", all of them stored before" in dropped.output
     assert "nothing to do, all 3" in call(app, ["run", narrowed, "-o", archive, "--drop"]).output

@@ -216,17 +216,6 @@ def test_a_title_is_changed_without_running_anything(tmp_path: Path) -> None:
         assert data.attrs["title"] == "Renamed"
 
 
-def test_messages_of_cases_that_are_not_ok_come_along(tmp_path: Path) -> None:
-    alphas = [0.0, 1e9, 5.0]
-    old = quick({"alpha": alphas}, scene={"chain.nodes": 2})
-    check_extension(old, quick({"alpha": [2e9, *alphas]}, scene={"chain.nodes": 2}), tmp_path)
-    with open_archive(tmp_path / "a.nc") as data:
-        bad = data["status"].sel(alpha=[1e9, 2e9])
-        assert (bad != 0).all()
-        assert (data["message"].sel(alpha=[1e9, 2e9]) != "").all()
-        assert (data["message"].sel(alpha=[0.0, 5.0]) == "").all()
-
-
 def refused(study: Study, archive: Path, match: str) -> None:
     before = archive.read_bytes()
     for retry in (False, True):

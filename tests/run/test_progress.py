@@ -13,20 +13,18 @@ import pytest
 from nbclient import NotebookClient
 
 from quick import quick
-from studies import ILL, SMALL, cut_finely, parsed
-from workflow.grid import _tasks as cutting
+from studies import ILL, cut_finely, parsed
 from workflow.grid import _waiting_for, waiting_for
 from workflow.run import Advance, Outcome, in_words, run_study
 from workflow.run import _notebook as notebook_lines
 from workflow.run._progress import ProgressCounter, time_left
-from workflow.run._task import Stored
+from workflow.run._task import Report
 
 
 @pytest.fixture
 def many_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut even the smallest study in a task per unit."""
     cut_finely(monkeypatch)
-    monkeypatch.setattr(cutting, "TARGET_TASKS", 10**6)
 
 
 def test_progress_counts_every_case_by_its_status(tmp_path: Path, many_tasks: None) -> None:
@@ -41,6 +39,15 @@ def test_progress_counts_every_case_by_its_status(tmp_path: Path, many_tasks: No
         values = [getattr(advance, name) for advance in reported]
         assert values == sorted(values)
     assert all(advance.left >= 0 for advance in reported)
+
+
+def test_cases_that_share_results_are_counted_each(tmp_path: Path) -> None:
+    """The exact solution does not read h, nor a contact spring e: 9 + 6 of 36 cases are computed."""
+    reported: list[Advance] = []
+    study = quick({"scheme": ["event_driven", "penalty"], "h": [1e-4, 2e-4]})
+    run_study(study, tmp_path / "a.nc", progress=reported.append)
+    assert (reported[-1].stored, reported[-1].cases) == (36, 36)
+    assert reported[-1].work == pytest.approx(1)
 
 
 def test_work_counts_what_cases_cost(tmp_path: Path, many_tasks: None) -> None:
@@ -73,23 +80,14 @@ def test_a_run_that_goes_on_begins_where_it_stopped(tmp_path: Path, many_tasks: 
     assert reported[-1].work == pytest.approx(1)
 
 
-def test_an_extended_study_counts_only_what_is_new(tmp_path: Path, many_tasks: None) -> None:
-    run_study(parsed(SMALL), tmp_path / "small.nc")
-    reported: list[Advance] = []
-    study = parsed(SMALL).with_({"axes.h": [1e-4, 2e-4, 4e-4]})
-    run_study(study, tmp_path / "small.nc", 1, reported.append)
-    assert reported[-1].stored == reported[-1].cases == 90
-    assert reported[-1].work == pytest.approx(1)
-
-
 def test_a_tally_tells_shares_and_times() -> None:
     now, reported = [10.0], []
-    counter = ProgressCounter(100, {3: 6.0, 4: 2.0}, 2.0, 2, 0.0, 5.0, reported.append, lambda: now[0])
+    counter = ProgressCounter(100, 8.0, 2.0, 4.0, 0.0, 5.0, reported.append, lambda: now[0])
     counter.set(20, {})
     now[0] = 14.0
-    counter.add(Stored(3, 60, {"diverged": 2}))
+    counter.add(Report(6.0, 60, {"diverged": 2}))
     now[0] = 15.0
-    counter.add(Stored(4, 20, {"diverged": 1, "failed": 1}))
+    counter.add(Report(2.0, 20, {"diverged": 1, "failed": 1}))
     assert [advance.stored for advance in reported] == [20, 80, 100]
     assert [advance.work for advance in reported] == pytest.approx([0.2, 0.8, 1.0])
     assert [advance.elapsed for advance in reported] == [5.0, 9.0, 10.0]

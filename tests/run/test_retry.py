@@ -67,17 +67,6 @@ def test_only_what_failed_is_run_again(tmp_path: Path, broken: set[float], solve
     assert content_hash(archive) == content_hash(tmp_path / "b.nc")
 
 
-def test_with_nothing_failed_nothing_is_done(tmp_path: Path, solved: list[int]) -> None:
-    archive = tmp_path / "a.nc"
-    run_study(quick(), archive)
-    before = archive.read_bytes()
-    solved.clear()
-    outcome = run_study(quick(), archive, retry=True)
-    assert outcome.resumed == 9
-    assert solved == []
-    assert archive.read_bytes() == before
-
-
 @pytest.mark.parametrize("finely", [False, True])
 def test_a_failed_case_has_no_value_of_another_s(
     finely: bool, tmp_path: Path, broken: set[float], monkeypatch: pytest.MonkeyPatch

@@ -37,11 +37,11 @@ def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:
 
 def test_bits_do_not_depend_on_threads_or_tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hashes = []
-    for number, (threads, shortest) in enumerate([(1, 0.1), (2, 1e-9), (4, 1e-9)]):
-        cut_finely(monkeypatch, shortest)
+    for number, threads in enumerate([1, 2, 4]):
         archive = tmp_path / f"{number}.nc"
         run_study(parsed(SMALL), archive, threads=threads)
         hashes.append(content_hash(archive))
+        cut_finely(monkeypatch)
     assert len(set(hashes)) == 1
 
 
@@ -49,9 +49,7 @@ def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:
     outcome = run_study(parsed(ILL), tmp_path / "ill.nc")
     assert outcome.counts == {"ok": 4, "ill_posed": 4}
     assert not outcome.ok
-    labels, message = outcome.failures[0]
-    assert "alpha = 1000000000.0" in labels
-    assert "largest admissible h" in message
+    assert "alpha = 1000000000.0" in outcome.failures[0][0]
     with open_archive(tmp_path / "ill.nc") as data:
         assert np.isfinite(data["contact_impulse"].sel(alpha=[0, 5]).values).all()
         assert np.isnan(data["contact_impulse"].sel(alpha=[1e9, 2e9]).values).all()

@@ -30,7 +30,7 @@ from workflow.archive._provenance import (
     versions,
 )
 from workflow.archive._run_lock import run_lock
-from workflow.archive._shard import find_shards, stored_status, truncated_message, write_shard
+from workflow.archive._shard import find_shards, truncated_message, write_shard
 from workflow.archive._stored import (
     STATUS,
     Hashes,

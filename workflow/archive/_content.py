@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from workflow.archive._stored import boxes
 
 LEFT_OUT = frozenset({"processor_time", "batch_width"})
 """Variables that differ between two runs of one study: how long a case took, and with how many others it ran."""
@@ -54,7 +56,7 @@ def hash_content(path: Path) -> str:
                 chunks = variable.chunking() if variable.chunking() != "contiguous" else variable.shape
             digest.update(json.dumps(head).encode() + b"\n")
             size = 16 if text else np.dtype(kind).itemsize
-            for block in blocks(head[3], chunks, BLOCK // size):
+            for block in boxes(head[3], lengths(head[3], chunks, BLOCK // size)):
                 with LOCK:
                     values = variable[block]
                 digest.update(_texts(values) if text else np.ascontiguousarray(values, kind).data)
@@ -64,23 +66,18 @@ def hash_content(path: Path) -> str:
     return digest.hexdigest()
 
 
-def blocks(shape: Sequence[int], chunks: Sequence[int], limit: int) -> Iterator[tuple[slice, ...]]:
-    """Cut an array into blocks of about ``limit`` values that follow each other in C order.
+def lengths(shape: Sequence[int], chunks: Sequence[int], limit: int) -> list[int]:
+    """Return the lengths of boxes of about ``limit`` values that follow each other in C order.
 
-    A block begins and ends with a chunk along the dimension that is cut, so that no chunk is
-    decoded twice unless a single index of an outer dimension is larger than the limit.
+    They are whole dimensions innermost, whole chunks along one, and single indices of the others: as an archive is cut
+    no chunk is decoded twice.
     """
-    if not shape:
-        yield ()
-        return
-    rest = math.prod(shape[1:])
-    if rest > limit and chunks[0] == 1:
-        for i in range(shape[0]):
-            yield from ((slice(i, i + 1), *inner) for inner in blocks(shape[1:], chunks[1:], limit))
-        return
-    step = max(1, limit // max(1, rest) // chunks[0]) * chunks[0]
-    for start in range(0, shape[0], step):
-        yield (slice(start, min(start + step, shape[0])), *(slice(0, size) for size in shape[1:]))
+    cut: list[int] = []
+    for whole, chunk in zip(reversed(shape), reversed(chunks), strict=True):
+        inner = math.prod(cut)
+        is_whole = inner == math.prod(shape[len(shape) - len(cut) :])
+        cut.append(min(whole, max(chunk, limit // inner // chunk * chunk)) if is_whole else 1)
+    return cut[::-1]
 
 
 def _texts(values: Any) -> bytes:

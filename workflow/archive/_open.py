@@ -209,7 +209,7 @@ def _open_view(path: Path, command: Command, chunks: Any) -> xr.Dataset:
     _VIEWS.add(view)
     try:
         with writing("a view of the shards", view.parent):
-            stored, hashes = Stored(find_shards(parts_of(path))[0]), case_hashes(grid)
+            stored, hashes = Stored(find_shards(parts_of(path))), case_hashes(grid)
             assemble(template(grid, command.warnings), command.texts, view, hashes, stored, stored.find(hashes))
         dataset = _open_dataset(view, chunks, path)
     except BaseException:

@@ -12,6 +12,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -76,30 +77,22 @@ def write_shard(
     return path
 
 
-def stored_status(parts: str | Path, name: str) -> NDArray[Any] | None:
-    """Return the statuses of the cases of a shard that this run has written, ``None`` where there is none."""
-    path = Path(parts) / f"{name}{SUFFIX}"
-    return _read(path, _members(path), STATUS) if path.exists() else None
+def find_shards(parts: str | Path, just_written: bool = False) -> list[Source]:
+    """Return the sound shards, in order.
 
-
-def find_shards(parts: str | Path, just_written: bool = False) -> tuple[list[Source], list[tuple[str, str]]]:
-    """Return the sound shards, in order, and name and fault of each other one.
-
-    Every byte is read against its checksum, of shards that this run has just written when it is used. What does not
-    count is left where it is: its cases are run again.
+    Every byte is read against its checksum, of shards that this run has just written when it is used. What is damaged
+    is left where it is: its cases are run again.
     """
-    sources, rejected = [], []
+    sources = []
     for path in sorted(Path(parts).glob(f"*{SUFFIX}")):
-        try:
+        with suppress(Exception):  # whatever changed bytes make of the libraries
             members = _members(path)
             for name in () if just_written else members:
                 _read(path, members, name)
             kinds = {name: (member.dtype, member.shape[1:]) for name, member in members.items()}
             hashes, status = (_read(path, members, name) for name in (CASE_HASH, STATUS))
             sources.append(Source(hashes, status, partial(_read, path, members), kinds, path.name))
-        except Exception as error:  # whatever changed bytes make of the libraries
-            rejected.append((path.name, f"damaged: {reason(error)}"))
-    return sources, rejected
+    return sources
 
 
 def truncated_message(text: str) -> str:

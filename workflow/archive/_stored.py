@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -128,7 +128,7 @@ def archive_sources(path: Path) -> list[Source]:
     return sources
 
 
-def boxes(shape: tuple[int, ...], lengths: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
+def boxes(shape: Sequence[int], lengths: Sequence[int]) -> Iterator[tuple[slice, ...]]:
     """Yield the parts of an array, at most so long along each dimension, in C order."""
     sides = ([slice(k, min(k + n, size)) for k in range(0, size, n)] for size, n in zip(shape, lengths, strict=True))
     return product(*sides)

@@ -6,10 +6,10 @@ from workflow.grid._choice import Choices, ChosenModes, choices_text, read_choic
 from workflow.grid._compile import compiled_ahead
 from workflow.grid._conditions import FRICTION
 from workflow.grid._encoding import CHUNK_BYTES, COMPRESSED, LEVEL, encode
-from workflow.grid._estimate import Time, estimate, measured_run, task_seconds, time_to_compile
+from workflow.grid._estimate import Time, estimate, machine_factor, measured_run, model_seconds, time_to_compile
 from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._identity import CaseHashes, case_hashes
+from workflow.grid._identity import case_hashes, hashes_of
 from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._perturbation import Perturbation
 from workflow.grid._plan import Plan, plan, plan_study

@@ -18,10 +18,9 @@ def kernel_variants(grid: Grid) -> list[KernelVariant]:
 
     A case that cannot even be set up needs nothing: it will say so itself.
     """
-    every: list[tuple[Callable[[], CaseSettings], bool]] = []
-    labels = [value for dim in grid.outer for axis in dim.axes if axis.path == "scheme" for value in axis.values]
-    for label in labels or [grid.base["scheme"]]:
-        every.append((partial(grid.settings, 0, {"scheme": label}), grid.sampling.balances))
+    every: list[tuple[Callable[[], CaseSettings], bool]] = [
+        (partial(grid.settings, outer), grid.sampling.balances) for outer in grid.kinds(lambda path: path == "scheme")
+    ]
     if grid.study.reference is not None:
         every += [(partial(reference_settings, grid, 0), False), (partial(exact_settings, grid, 0), False)]
     variants: dict[object, KernelVariant] = {}

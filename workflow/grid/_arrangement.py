@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ def reads(method: str, label: str, path: str) -> bool:
     if path in ("e", "h", "alpha"):
         return path in schemes.load(method).READS
     if path.startswith(FRICTION):
-        return "alpha" in schemes.load(method).READS
+        return "alpha" in schemes.load(method).READS or path.endswith("coefficient")  # µ acts beside α
     return not path.startswith("schemes.") or path.startswith(f"schemes.{label}.")
 
 
@@ -92,10 +92,7 @@ class Grid:
     @cached_property
     def base(self) -> dict[str, Any]:
         """Values of the scalars, and the first ones of every axis."""
-        first = {axis.path: axis.values[0] for axis in self.study.scalars}
-        for axis in self._varied:
-            first[axis.path] = axis.values[0]
-        return first
+        return {axis.path: axis.values[0] for axis in (*self.study.scalars, *self._varied)}
 
     @property
     def _varied(self) -> tuple[Axis, ...]:
@@ -192,29 +189,29 @@ class Grid:
                 values[axis.path] = np.asarray(axis.values, dtype=np.float64)[index]
         return values
 
-    def unread(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
-        """Tell whether a scheme's results do not depend on a dimension."""
-        return not _any(dimension, self.is_read(scheme))
+    def is_read(self, scheme: SchemeChoice) -> Callable[[str], bool]:
+        """Return what tells whether a scheme's results depend on an axis of this study."""
+        return lambda path: self._acts(path) and reads(scheme.method, scheme.label, path)
 
     def _acts(self, path: str) -> bool:
         """Tell whether an axis can change results: not a tolerance that decides no count."""
         return path != TOLERANCE or self.study.is_auto
 
-    def uncompared(self, dimension: Dimension, scheme: SchemeChoice) -> bool:
-        """Tell whether the reference of its cases, where there is one, is the same all along a dimension.
+    def matters(self, scheme: SchemeChoice) -> Callable[[str], bool]:
+        """Return what tells whether a scheme's results depend on an axis, or what their errors are measured against.
 
-        So must be the exact solution that splits their errors.
+        That is the reference, where there is one, and the exact solution that splits the errors.
         """
-        if self.study.reference is None:
-            return True
-        replaced = self.study.reference.values
-        truth = self.study.schemes[str(replaced.get("scheme", scheme.label))]
+        is_read, reference = self.is_read(scheme), self.study.reference
+        if reference is None:
+            return is_read
+        truth = self.study.schemes[str(reference.values.get("scheme", scheme.label))]
 
-        def matters(path: str) -> bool:
+        def is_compared(path: str) -> bool:
             read = any(reads(method, truth.label, path) for method in (truth.method, EXACT))
-            return read and path not in replaced and self._acts(path)
+            return read and path not in reference.values and self._acts(path)
 
-        return not _any(dimension, matters)
+        return lambda path: is_read(path) or is_compared(path)
 
     @cached_property
     def computed(self) -> Indices:
@@ -224,20 +221,25 @@ class Grid:
     @cached_property
     def sharing(self) -> Indices:
         """How many outer indices have the results of each, ``(outer,)``; 0 of one that is not computed."""
-        outer = np.arange(self.outer_count, dtype=np.int64)
-        index = [np.array(i) for i in _unravelled(outer, self.outer_shape)]
-        labels: tuple[str, ...] = (str(self.base["scheme"]),)
-        scheme = np.zeros_like(outer)
-        for dimension, i in zip(self.outer, index, strict=True):
-            for axis in dimension.axes:
-                if axis.path == "scheme":
-                    labels, scheme = tuple(map(str, axis.values)), i.copy()
-        for k, label in enumerate(labels):
-            choice = self.study.schemes[label]
-            for dimension, i in zip(self.outer, index, strict=True):
-                if self.unread(dimension, choice) and self.uncompared(dimension, choice):
-                    i[scheme == k] = 0
-        return np.bincount(np.ravel_multi_index(index, self.outer_shape) if self.outer else outer, minlength=outer.size)
+        first = np.arange(self.outer_count, dtype=np.int64)
+        of_scheme = self.alike(first, lambda path: path == "scheme")
+        for one in np.unique(of_scheme).tolist():
+            same = np.flatnonzero(of_scheme == one)
+            first[same] = self.alike(same, self.matters(self.study.schemes[str(self.value(one, "scheme"))]))
+        return np.bincount(first, minlength=first.size)
+
+    def inner_computed(self, outer: int) -> Indices:
+        """Return the inner indices that are computed of an outer one; the others have results of these."""
+        return self._inner_computed(str(self.value(outer, "scheme")))
+
+    def times(self, outer: int) -> int:
+        """Return how many cases have the results of each case that is computed of an outer index."""
+        return int(self.sharing[outer]) * (self.inner_count // self.inner_computed(outer).size)
+
+    @cached_property
+    def _inner_computed(self) -> Callable[[str], Indices]:
+        every = np.arange(self.inner_count, dtype=np.int64)
+        return cache(lambda label: np.unique(self.inner_alike(every, self.matters(self.study.schemes[label]))))
 
     def kinds(self, matters: Callable[[str], bool]) -> list[int]:
         """Return the first of the computed outer indices that differ along axes that matter."""
@@ -254,10 +256,6 @@ class Grid:
     def inner_distinct(self, matters: Callable[[str], bool]) -> int:
         """Return how many inner indices differ along axes that matter."""
         return math.prod(d.size for d in self.inner if _any(d, matters))
-
-    def is_read(self, scheme: SchemeChoice) -> Callable[[str], bool]:
-        """Return what tells whether a scheme's results depend on an axis of this study."""
-        return lambda path: self._acts(path) and reads(scheme.method, scheme.label, path)
 
 
 def _any(dimension: Dimension, matters: Callable[[str], bool]) -> bool:

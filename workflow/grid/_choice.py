@@ -13,12 +13,11 @@ from threadpoolctl import threadpool_limits
 
 from workflow.grid._conditions import conditions
 from workflow.grid._corners import Corner, corner_text, corners_of
-from workflow.grid._operators import model_on, reduced, structure_of
+from workflow.grid._operators import full_structure, model_on, reduced
 from workflow.grid._waiting_for import TRIALS, waiting_for
 from workflow.judges.least_vectors import FullTrials, LeastVectors, least_vectors, richest
 from workflow.judges.refinement import coarsest, is_refined, refined_vectors
 from workflow.judges.trials import Counts, Problem
-from workflow.models import Structure
 from workflow.schemes import Sampling
 from workflow.study import CHOSEN, CaseSettings, Dimension
 
@@ -100,7 +99,7 @@ def choose(setting: Setting, tolerance: float) -> ChosenModes:
 @lru_cache(maxsize=256)
 def refine(setting: Setting, tolerance: float) -> ChosenModes:
     """Return the counts of the basis of a reference: of a large structure those whose refinement changes little."""
-    structure = _structure(setting)
+    structure = full_structure(setting.settings)
     if not is_refined(structure):
         return choose(setting, tolerance)
     with threadpool_limits(limits=1, user_api="blas"), waiting_for(TRIALS):
@@ -108,28 +107,23 @@ def refine(setting: Setting, tolerance: float) -> ChosenModes:
         return _choice(refined_vectors(problem, setting.requested, tolerance), corners)
 
 
-def _structure(setting: Setting) -> Structure:
-    return structure_of(setting.settings.scene.model, setting.settings.scene.parameters)
-
-
 @lru_cache(maxsize=8)
 def _full_trials(setting: Setting) -> tuple[list[Corner], FullTrials]:
     """Return the corners of a setting and the trials in them, which all tolerances share."""
-    corners, problem = _problem(setting, richest(_structure(setting)))
+    corners, problem = _problem(setting, richest(full_structure(setting.settings)))
     return corners, FullTrials(problem)
 
 
 def _problem(setting: Setting, counts: Counts) -> tuple[list[Corner], Problem]:
     """Return the corners of a setting, as they are ranked with so many vectors, and their cases."""
     settings = setting.settings
+    structure = full_structure(settings)
     corners = corners_of(setting.inner, model_on(reduced(setting.with_counts(counts).settings)).structure)
     values = np.array([[value for _, value in corner] for corner in corners])
     varying = {path: values[:, k] for k, (path, _) in enumerate(corners[0])}
-    cases = conditions(settings, _structure(setting), varying, len(corners))
+    cases = conditions(settings, structure, varying, len(corners))
     is_static = settings.scene.initial == "static"
-    return corners, Problem(
-        _structure(setting), cases, is_static, settings.reduction, setting.sampling, setting.shortest
-    )
+    return corners, Problem(structure, cases, is_static, settings.reduction, setting.sampling, setting.shortest)
 
 
 def _choice(least: LeastVectors, corners: list[Corner]) -> ChosenModes:

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from workflow import schemes
+from workflow.judges.trials import EXACT
 from workflow.models import Structure, needs_matrices
 from workflow.schemes import Sampling
 from workflow.study import CaseSettings, Study
 
-STEP_SECONDS = 1e-6
-"""Seconds of a step of a scheme that nobody has measured."""
-
-_CASE = 5e-6
-"""Seconds of a case beside its steps and samples."""
-
-_SAMPLE = 1.5e-8
-"""Seconds of a sample."""
+_UNMEASURED = 1e-7
+"""Seconds of a step over the blocks of a structure, of a scheme that nobody has measured."""
 
 _ALWAYS, _EACH_PERIOD = 400, 30
 """Steps of a scheme that finds its own: to set an α up, and in each period of the fastest load or casing."""
@@ -28,36 +23,32 @@ _RUB = 5e-5
 _DENSE = 600
 """States of a structure up to which its growth rate comes from all of them."""
 
-_COMPILING = {"event_driven": 18.0}
-"""Seconds that compiling the kernels of a scheme takes; :data:`_COMPILING_OTHERS` for the others."""
-
-_COMPILING_OTHERS = 7.0
+_COMPILING, _COMPILING_EVENTS = 7.0, 18.0
+"""Seconds that compiling the kernels of a scheme takes, and those of event_driven."""
 
 LOADING = 0.05
 """Seconds that loading a scheme's compiled kernels takes."""
 
 
 def case_seconds(settings: CaseSettings, structure: Structure, sampling: Sampling, periods: float) -> float:
-    """Return what a case costs: steps × blocks × one measured figure of its scheme.
+    """Return what the scheme takes for a case: steps × blocks × one measured figure of its scheme.
 
     Blocks are its states and the tip; where modes are coupled a balance has as many as products of two. ``periods``
     are those of the fastest sinusoid of load and casing within the duration.
     """
     scheme = schemes.load(settings.scheme.method)
-    own = sampling.count / 2 + _ALWAYS + _EACH_PERIOD * (1 + periods)
-    steps = sampling.steps(settings.h) if "h" in scheme.READS else own
-    if not scheme.STEP_SECONDS:
-        return STEP_SECONDS * (steps + sampling.count)
+    has_steps = "h" in scheme.READS
+    steps = sampling.steps(settings.h) if has_steps else sampling.count / 2 + _ALWAYS + _EACH_PERIOD * (1 + periods)
     blocks = float(_states(structure) + _TIP)
-    if "h" in scheme.READS and needs_matrices(structure):
+    if has_steps and needs_matrices(structure):
         blocks *= 1 + (blocks if sampling.balances else 1)
-    audit = 1.5 if sampling.balances and "h" in scheme.READS else 1.0
-    return steps * blocks * scheme.STEP_SECONDS * audit + sampling.count * _SAMPLE + _CASE
+    audit = 1.5 if sampling.balances and has_steps else 1.0
+    return steps * blocks * (scheme.STEP_SECONDS or _UNMEASURED) * audit
 
 
 def steady_seconds(study: Study, settings: CaseSettings, structure: Structure) -> float:
     """Return what the steady rubs of a case cost, 0 where they are not asked for."""
-    if study.output.steady is None or settings.scheme.method != "event_driven":
+    if study.output.steady is None or settings.scheme.method != EXACT:
         return 0.0
     return (study.branch.points if study.branch else 1) * _RUB * _states(structure) ** 2
 
@@ -85,12 +76,12 @@ def _few_modes_seconds(structure: Structure) -> float:
 
 def compiling_seconds(method: str) -> float:
     """Return what compiling the kernels of a scheme costs."""
-    return _COMPILING.get(method, _COMPILING_OTHERS)
+    return _COMPILING_EVENTS if method == EXACT else _COMPILING
 
 
 def handling_seconds(samples: int, histories: int) -> float:
     """Return what a case costs beside its scheme: conditions, metrics, compression."""
-    return 5e-6 + samples * (3e-8 + 8e-8 * histories)
+    return 1e-5 + samples * (4.5e-8 + 8e-8 * histories)
 
 
 def beside_seconds(cases: int, size: int) -> float:

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from workflow.grid import _speed
 from workflow.grid._ahead import kernel_variants
 from workflow.grid._arrangement import Grid
@@ -16,7 +19,7 @@ from workflow.grid._frequencies import longest_period_count
 from workflow.grid._operators import full_structure, reduced_structure
 from workflow.grid._reference import distinct_solutions
 from workflow.grid._reference_solutions import solution_seconds
-from workflow.grid._tasks import Task, steady_bytes, tasks
+from workflow.grid._tasks import steady_bytes, tasks
 
 
 @dataclass(frozen=True)
@@ -77,15 +80,14 @@ def estimate(grid: Grid, threads: int | None = None) -> Time:
     )
 
 
-def task_seconds(grid: Grid) -> Iterator[tuple[Task, float]]:
-    """Yield the tasks of a study in their order, each with the processor seconds it will take on this machine.
+def model_seconds(grid: Grid, missing: NDArray[np.bool_] | None = None) -> float:
+    """Return what a study's cases, or those ``missing``, cost by the model, without references."""
+    return sum(task.seconds for task in tasks(grid, missing))
 
-    References are spread evenly over their work.
-    """
-    total = sum(task.seconds for task in tasks(grid))
-    scale = (1 + reference_seconds(grid) / total) * (_speed.factor() or 1.0)
-    for task in tasks(grid):
-        yield task, task.seconds * scale
+
+def machine_factor(grid: Grid) -> float:
+    """Return processor seconds here over those of the model; references are spread evenly over the cases."""
+    return (1 + reference_seconds(grid) / model_seconds(grid)) * (_speed.factor() or 1.0)
 
 
 def time_to_compile(grid: Grid, threads: int) -> float:

@@ -58,11 +58,7 @@ def _distinct(grid: Grid) -> Iterator[tuple[CaseSettings, Mapping[str, Array], I
     def matters(path: str) -> bool:
         return path.startswith(deciding)
 
-    sizes = [d.size if any(matters(axis.path) for axis in d.axes) else 1 for d in grid.inner]
-    inner = np.zeros(1, dtype=np.int64)
-    if grid.inner:
-        places = np.indices(sizes).reshape(len(sizes), -1)
-        inner = np.asarray(np.ravel_multi_index(tuple(places), grid.inner_shape), dtype=np.int64)
+    inner = np.unique(grid.inner_alike(np.arange(grid.inner_count, dtype=np.int64), matters))
     varying = grid.inner_values(inner)
     for outer in np.unique(grid.alike(np.arange(grid.outer_count, dtype=np.int64), matters)).tolist():
         yield grid.settings(outer), varying, inner

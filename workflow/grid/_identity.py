@@ -32,43 +32,24 @@ _AT_ONCE = 50_000
 """Cases of an outer index whose conditions are in memory at once."""
 
 
-class CaseHashes:
-    """Hashes of the cases of a grid, each computed when it is first asked for.
+def case_hashes(grid: Grid) -> NDArray[np.uint8]:
+    """Return the hash of every case in archive order, ``(case, HASH_BYTES)``, see :func:`hashes_of`."""
+    hashes = np.empty((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
+    for first in range(0, grid.inner_count, _AT_ONCE):
+        inner = np.arange(first, min(first + _AT_ONCE, grid.inner_count), dtype=np.int64)
+        for outer in range(grid.outer_count):
+            hashes[outer, inner] = hashes_of(grid, outer, inner)
+    return hashes.reshape(-1, HASH_BYTES)
+
+
+def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
+    """Return the hashes of some cases of an outer index, ``(case, HASH_BYTES)``.
 
     A hash covers the solver's version, sources of what is from outside, model, conditions, duration and sampling,
     the scheme with its options, those of e, h and α that it reads, basis and mode counts (those that a tolerance
     decided, with the error that was found), and the reference in the same way: values in SI, to the bit. Labels,
     titles, the place in the grid and what else is stored do not enter.
     """
-
-    def __init__(self, grid: Grid) -> None:
-        self._grid = grid
-        self._hashes = np.zeros((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
-        self._known = np.zeros((grid.outer_count, grid.inner_count), bool)
-
-    def of(self, outer: int, inner: Indices) -> NDArray[np.uint8]:
-        """Return the hashes of some cases of an outer index, ``(case, HASH_BYTES)``."""
-        new = inner[~self._known[outer, inner]]
-        if new.size:
-            self._hashes[outer, new] = _hashed(self._grid, outer, new)
-            self._known[outer, new] = True
-        return np.asarray(self._hashes[outer, inner])
-
-    def all(self) -> NDArray[np.uint8]:
-        """Return those of all cases, in archive order."""
-        for first in range(0, self._grid.inner_count, _AT_ONCE):
-            inner = np.arange(first, min(first + _AT_ONCE, self._grid.inner_count), dtype=np.int64)
-            for outer in range(self._grid.outer_count):
-                self.of(outer, inner)
-        return self._hashes.reshape(-1, HASH_BYTES)
-
-
-def case_hashes(grid: Grid) -> NDArray[np.uint8]:
-    """Return the hash of every case in archive order, ``(case, HASH_BYTES)``."""
-    return CaseHashes(grid).all()
-
-
-def _hashed(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
     settings = grid.settings(outer)
     prefix = hashlib.sha256(json.dumps(_shared(grid, outer, settings), sort_keys=True).encode())
     digests = []

@@ -122,18 +122,11 @@ def projection_residual_of(settings: CaseSettings, cases: Cases) -> Array:
     return projection_residual(full_structure(settings), reduction, cases)
 
 
-def on_basis(settings: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
-    """Return the structure that cases are run on, and cases given on the nodes in its coordinates."""
-    model = model_on(reduced(settings))
-    return model.structure, model.project(cases)
-
-
 def judged(settings: CaseSettings, cases: Cases, results: Results, duration: float) -> Results:
     """Return what :func:`run_batch` has made of cases, with those marked that blew up."""
-    model, parameters = settings.scene.model, settings.scene.parameters
     return mark_blown_up(
-        structure_of(model, parameters),
-        lambda: statics_of(model, parameters),
+        full_structure(settings),
+        lambda: statics_of(settings.scene.model, settings.scene.parameters),
         lambda some: runaways_of(settings, some.alpha, some.friction)[1],
         cases,
         results,
@@ -144,16 +137,17 @@ def judged(settings: CaseSettings, cases: Cases, results: Results, duration: flo
 
 def as_run(settings: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
     """Return the structure that cases are run on, and cases given on the nodes as they start on it."""
-    structure, projected = on_basis(settings, cases)
+    model = model_on(reduced(settings))
+    structure, projected = model.structure, model.project(cases)
     return structure, at_rest(structure, projected) if settings.scene.initial == "static" else projected
 
 
 def run_batch(settings: CaseSettings, cases: Cases, sampling: Sampling) -> Results:
     """Run cases, given on the nodes, on the structure and with the scheme of settings."""
-    scene, method = settings.scene, settings.scheme.method
+    method = settings.scheme.method
     schemes.refuse(schemes.load(method), cases)
     operator = _operator(reduced(settings), method, settings.scheme.options, settings.h)
     _, projected = as_run(settings, cases)
     results = schemes.load(method).compute(operator, projected, sampling)
-    results.metrics["thermal_closing"] += instantaneous_growth(structure_of(scene.model, scene.parameters))
+    results.metrics["thermal_closing"] += instantaneous_growth(full_structure(settings))
     return schemes.checked(results, projected, sampling)

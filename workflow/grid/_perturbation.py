@@ -32,15 +32,6 @@ class Perturbation:
     direction: int
     reach: float
 
-    def settings(self, settings: CaseSettings) -> CaseSettings:
-        """Return the settings with other parameters of the model."""
-        parameters = _changed(settings.scene.parameters, self.direction * SHARE)
-        return replace(settings, scene=replace(settings.scene, parameters=parameters))
-
-    def cases(self, cases: Cases) -> Cases:
-        """Return the cases with another gap, tip load, start and heating."""
-        return perturbed(cases, self.direction * SHARE, self.reach)
-
 
 def cases_of(
     settings: CaseSettings, varying: Mapping[str, Array], count: int, perturbation: Perturbation | None = None
@@ -51,8 +42,10 @@ def cases_of(
     """
     if perturbation is None:
         return settings, conditions(settings, full_structure(settings), varying, count)
-    settings = perturbation.settings(settings)
-    return settings, perturbation.cases(conditions(settings, full_structure(settings), varying, count))
+    share, scene = perturbation.direction * SHARE, settings.scene
+    settings = replace(settings, scene=replace(scene, parameters=_changed(scene.parameters, share)))
+    cases = conditions(settings, full_structure(settings), varying, count)
+    return settings, perturbed(cases, share, perturbation.reach)
 
 
 def _changed(value: Any, share: float) -> Any:

@@ -99,16 +99,13 @@ def plan(grid: Grid) -> Plan:
 
 
 def _plan(grid: Grid) -> Plan:
-    computed, model = grid.computed, grid.study.scene.model
-    kinds, kind = np.unique(grid.alike(computed, lambda path: path in ("scheme", "h")), return_inverse=True)
-    every = [grid.settings(int(outer)) for outer in kinds]
-    distinct = np.array([grid.inner_distinct(grid.is_read(settings.scheme)) for settings in every])
-    marching = np.array(
-        [
-            grid.sampling.steps(settings.h) if "h" in schemes.load(settings.scheme.method).READS else 0
-            for settings in every
-        ]
-    )
+    model, unique, steps = grid.study.scene.model, 0, 0
+    kinds = np.unique(grid.alike(grid.computed, lambda path: path in ("scheme", "h")), return_counts=True)
+    for outer, count in zip(*kinds, strict=True):
+        settings = grid.settings(int(outer))
+        distinct = int(count) * grid.inner_distinct(grid.is_read(settings.scheme))
+        unique += distinct
+        steps += distinct * grid.sampling.steps(settings.h) if "h" in schemes.load(settings.scheme.method).READS else 0
     structures = grid.kinds(lambda path: path.startswith(f"scene.{model}."))
     shown = [grid.settings(outer) for outer in structures[:_STRUCTURES_SHOWN]]
     batches = [len(task.batches) for task in tasks(grid)]
@@ -120,12 +117,12 @@ def _plan(grid: Grid) -> Plan:
         dims=grid.dims,
         scene=resolved_values(grid.study, grid.settings(0)),
         cases=cases,
-        unique=int(np.sum(distinct[kind])),
+        unique=unique,
         references=references,
         exact=exact,
         batches=sum(batches),
         tasks=len(batches),
-        steps=sum(int(n) * int(d) * int(c) for n, d, c in zip(marching, distinct, np.bincount(kind), strict=True)),
+        steps=steps,
         time=estimate(grid),
         bytes=result_bytes(grid),
         stored=tuple(grid.study.output.histories),

@@ -15,6 +15,7 @@ from workflow.grid._reference_solutions import (
     Kind,
     ReferenceSolution,
     Solutions,
+    compared_values,
     exact_settings,
     is_compared,
     needed_kinds,
@@ -114,9 +115,7 @@ def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbat
         kind = needed_kinds(grid, outer)[-1]  # the reference itself where that is exact
         solutions = _in_order(grid, kind, inner, solutions_for(grid, Batch(outer, inner)))
         return {name: _histories(solutions, name) for name in COMPARED}
-    replaced = grid.study.reference.values if grid.study.reference is not None else {}
-    varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
-    settings, cases = cases_of(settings, varying, inner.size, perturbation)
+    settings, cases = cases_of(settings, compared_values(grid, inner), inner.size, perturbation)
     results = run_batch(settings, cases, replace(grid.sampling, balances=False))
     ended = (results.status == Status.OK)[:, None]
     return {name: np.where(ended, results.histories[name], np.nan) for name in COMPARED}

@@ -122,6 +122,12 @@ def is_compared(grid: Grid, settings: CaseSettings) -> Callable[[str], bool]:
     return lambda path: path not in replaced and reads(settings.scheme.method, settings.scheme.label, path)
 
 
+def compared_values(grid: Grid, inner: Indices) -> dict[str, Array]:
+    """Return the values along which the solutions of some cases differ, each ``(case,)``, by path."""
+    replaced = _replaced(grid)
+    return {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
+
+
 class References(Generic[Begun]):
     """Blocks of solutions that batches are compared with, each begun when the first of them needs it.
 
@@ -213,9 +219,7 @@ def _computed_or_lost(grid: Grid, settings: CaseSettings, inner: Indices, *, is_
 
 
 def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool) -> list[ReferenceSolution]:
-    replaced = _replaced(grid)
-    varying = {path: values for path, values in grid.inner_values(inner).items() if path not in replaced}
-    _, cases = cases_of(settings, varying, inner.size)
+    _, cases = cases_of(settings, compared_values(grid, inner), inner.size)
     compile_for(settings, balances=False)
     sampling = replace(grid.sampling, balances=False)
 

@@ -1,4 +1,4 @@
-"""How fast this machine runs: processor seconds that runs took, over those of the cost model, kept from run to run.
+"""How fast this machine runs: processor seconds that its last run took, over those of the cost model.
 
 The file is no part of any result: where it cannot be read or written nothing else changes.
 """
@@ -19,9 +19,6 @@ from pathlib import Path
 
 import workflow
 from workflow.schemes import SOLVER_VERSION
-
-MOST_SECONDS = 30.0
-"""Model seconds that the file holds at most: the latest runs weigh most."""
 
 LEAST_SECONDS = 0.5
 """Model seconds of a run below which it does not count: what comes once to a process outweighs it."""
@@ -63,34 +60,27 @@ def forget() -> None:
 
 
 def factor() -> float | None:
-    """Return measured over model seconds on this machine, ``None`` before the first run."""
-    sums = _read(speed_file())
-    return sums["measured"] / sums["model"] if sums["model"] > 0 and sums["measured"] > 0 else None
+    """Return measured over model seconds of the last run on this machine, ``None`` before the first."""
+    try:
+        content = json.loads(speed_file().read_text(encoding="utf-8"))
+        model, measured = (float(content[name]) for name in _SUMS)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):  # it is missing or damaged
+        return None
+    return measured / model if model > 0 and measured > 0 else None
 
 
 def remember() -> None:
-    """Add what was measured to this machine's file, and drop it; never raises, at worst nothing is kept."""
+    """Keep what was measured in this machine's file, and drop it; never raises, at worst nothing is kept."""
     fresh = dict(_SUMS)
     forget()
     if fresh["model"] < LEAST_SECONDS:
         return
     with suppress(Exception):
         path = speed_file()
-        stored = _read(path)
-        share = min(1.0, max(0.0, MOST_SECONDS - fresh["model"]) / max(stored["model"], 1e-9))
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False, encoding="utf-8") as file:
-            file.write(json.dumps({name: fresh[name] + share * stored[name] for name in fresh}))
+            file.write(json.dumps(fresh))
         os.replace(file.name, path)
-
-
-def _read(path: Path) -> dict[str, float]:
-    """Return what a file holds; nothing where it is missing or damaged."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        return {name: float(content[name]) for name in _SUMS}
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return dict.fromkeys(_SUMS, 0.0)
 
 
 def speed_file() -> Path:

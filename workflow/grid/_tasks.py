@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -25,33 +24,20 @@ from workflow.grid._costs import (
 from workflow.grid._frequencies import fastest, longest_period_count
 from workflow.grid._operators import full_structure, reduced_structure
 from workflow.kernels.lanes import PACK
-from workflow.study import CaseSettings
 
-SHORTEST, LONGEST = 0.1, 5.0
-"""Seconds of work of a task but for the last ones: below, dask's cost of about 0.5 ms a task would show;
-above, the end of a run waits for single tasks."""
+SHORTEST, LONGEST = 0.05, 5.0
+"""Seconds of work of a task: below, dask's cost of about 0.5 ms a task would show; above, the end of a run waits for
+single tasks."""
 
-TARGET_TASKS = 64
-"""Tasks a study is cut in where that makes them neither too short nor too long, and a smaller power of
-two where they would be too short: the same for any number of threads, so that an interrupted run finds
-its shards again."""
+SHARE = 1 / 64
+"""A task is at most this share of what is left of a study, so that threads end together."""
 
 UNBROKEN = 60.0
-"""Seconds up to which cases that are stepped together make a task longer than it would be: fewer of them
-cost as much, but a task that is lost is lost as a whole."""
-
-LAST, SHORTEST_LAST = 4, 0.01
-"""A task is at most this part of what is left of a study, down to a chunk or so many seconds: of equal
-tasks the last one runs alone for most of its time, of such ones threads end together."""
+"""Seconds up to which cases that are stepped together stay together: fewer of them cost as much, but a task that is
+lost is lost as a whole."""
 
 TASK_BYTES = 32 * 2**20
 """Results a task holds in memory before they are written."""
-
-MOST_ROWS = 1000
-"""Runs along the innermost dimension up to which a batch ends with one, unless it ends within one."""
-
-BATCH_SECONDS = 0.025
-"""Work of a batch that is short enough for the last tasks of a run."""
 
 MOST_LOOKED_AT = 20_000
 """Cases whose couplings are looked at."""
@@ -74,14 +60,13 @@ class Task:
     number: int
     batches: tuple[Batch, ...]
     seconds: float
-    cases: int
 
 
 class Costs(NamedTuple):
     """What the outer indices that are computed cost, ``(outer,)`` each.
 
-    ``setup`` are seconds before the first case, ``each`` those of an inner index; ``together`` is the number of cases
-    that the scheme steps at once.
+    ``setup`` are seconds before the first case, ``each`` those of a case that is computed; ``together`` is the number
+    of cases that the scheme steps at once.
     """
 
     setup: NDArray[np.float64]
@@ -111,30 +96,26 @@ def costs(grid: Grid) -> Costs:
     of_structure = grid.alike(grid.computed, decides_structure)
     _, structure, sharing = np.unique(of_structure, return_inverse=True, return_counts=True)
     with threadpool_limits(limits=1, user_api="blas"):
-        every = [grid.settings(outer) for outer in kinds.tolist()]
-        operator = np.array([setup_seconds(reduced_structure(settings)) for settings in every])
-        modes = np.array([modes_seconds(full_structure(settings)) for settings in every])
-        growth = np.array([_growth_seconds_of_inner(grid, settings) for settings in every])
-        each = np.array([_seconds_of_inner(grid, outer) for outer in kinds.tolist()])
-    together, shared = np.array([schemes.load(one.scheme.method).TOGETHER for one in every]), sharing[structure]
-    return Costs(operator[kind] + modes[kind] / shared, each[kind] + growth[kind] / shared, together[kind])
+        setup, modes, each, growth = np.array([_seconds(grid, outer) for outer in kinds.tolist()])[kind].T
+    together = np.array([schemes.load(grid.settings(outer).scheme.method).TOGETHER for outer in kinds.tolist()])[kind]
+    return Costs(setup + modes / sharing[structure], each + growth / sharing[structure], together)
 
 
-def _growth_seconds_of_inner(grid: Grid, settings: CaseSettings) -> float:
-    """Return the mean over the inner indices of what the growth rates at all distinct α of a structure cost."""
-    inner = np.arange(min(grid.inner_count, MOST_LOOKED_AT), dtype=np.int64)
-    couplings = np.unique(alpha_of(settings, grid.inner_values(inner), inner.size)).size
-    return couplings / inner.size * growth_seconds(reduced_structure(settings))
+def _seconds(grid: Grid, outer: int) -> tuple[float, float, float, float]:
+    """Return seconds of an outer index: its operator, its modes, each of its cases, and the growth rate of each.
 
-
-def _seconds_of_inner(grid: Grid, outer: int) -> float:
-    """Return the mean over the inner indices: distinct cases are stepped, where a scheme has packs whole ones."""
-    settings = grid.settings(outer)
+    The last two are means over the cases that are computed: distinct ones are stepped, where a scheme has packs whole
+    ones, and growth rates are found at distinct α.
+    """
+    settings, inner = grid.settings(outer), grid.inner_computed(outer)
+    full, structure, some = full_structure(settings), reduced_structure(settings), inner[:MOST_LOOKED_AT]
     stepped = grid.inner_distinct(grid.is_read(settings.scheme))
     if schemes.load(settings.scheme.method).TOGETHER > 1:
         stepped = -(-stepped // PACK) * PACK
     handling = handling_seconds(grid.sampling.count, len(grid.study.output.histories))
-    return stepped / grid.inner_count * seconds_per_case(grid, outer) + handling
+    couplings = np.unique(alpha_of(settings, grid.inner_values(some), some.size)).size
+    each = stepped / inner.size * seconds_per_case(grid, outer) + handling
+    return setup_seconds(structure), modes_seconds(full), each, couplings / some.size * growth_seconds(structure)
 
 
 def decides_cost(path: str, model: str) -> bool:
@@ -153,58 +134,42 @@ def steady_bytes(grid: Grid) -> int:
     return 0 if steady is None else 8 * (3 * steady.samples + 16) * (1 if branch is None else branch.points)
 
 
-def _grain(grid: Grid) -> int:
-    """Return of how many cases a batch is a multiple, so that a task is no longer than a fair share of the study.
-
-    Cases that are stepped together may make it longer.
-    """
-    if grid.study.branch is not None:
-        return 1
-    _, seconds, at_once = costs(grid)
-    share = min(max(float(seconds.sum()) * grid.inner_count / TARGET_TASKS, BATCH_SECONDS), LONGEST)
-    most = _power_of_two_below(float(np.min(np.maximum(share, np.minimum(UNBROKEN, at_once * seconds)) / seconds)))
-    row = grid.inner_shape[-1] if grid.inner else 1
-    return min(most, row if grid.outer_count * grid.inner_count <= MOST_ROWS * row else grid.inner_count)
-
-
-def tasks(grid: Grid) -> Iterator[Task]:
+def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None) -> Iterator[Task]:
     """Yield the tasks of a study in archive order, one at a time; only distinct results are computed.
 
-    Cases that are stepped together stay together: fewer would cost as much.
+    Each is a fair share of the work that is left. Cases that are stepped together stay together: fewer would cost as
+    much.
+
+    Parameters
+    ----------
+    missing
+        Whether each case is to be computed, ``(outer, inner)``; all of them where not given.
     """
-    setup, seconds, at_once = costs(grid)
-    total = float(seconds.sum()) * grid.inner_count + float(setup.sum())
-    target = max(_power_of_two_below(min(total / SHORTEST, TARGET_TASKS)), math.ceil(total / LONGEST))
-    most_cases, grain = max(1, TASK_BYTES // bytes_per_case(grid)), _grain(grid)
-    grain = min(grain, most_cases)
-    gathered: list[Batch] = []
-    number, work, cases, assigned = 0, 0.0, 0, 0.0
-
-    def finished() -> Task:
-        return Task(number, tuple(gathered), work, cases)
-
-    least_cases = -(-at_once // grain) * grain
-    for outer, once, each, least in zip(
-        grid.computed.tolist(), setup.tolist(), seconds.tolist(), least_cases.tolist(), strict=True
-    ):
-        first = 0
-        while first < grid.inner_count:
-            left, most_together = total - assigned, max(grain, int(UNBROKEN / each))
-            few = min(least, grid.inner_count - first, most_together)
-            fair = min(left / max(1, target - number), max(left / LAST, SHORTEST_LAST), LONGEST)
-            begin = once if first == 0 else 0.0
-            room, fitting = (fair - work - begin) / each, most_cases - cases
-            if gathered and (work >= 0.9 * fair or room < 0.5 * few or fitting < min(few, grid.inner_count - first)):
-                yield finished()
-                number, gathered, work, cases, assigned = number + 1, [], 0.0, 0, assigned + work
+    if missing is None:
+        missing = np.broadcast_to(np.True_, (grid.outer_count, grid.inner_count))
+    outer, (setup, each, together) = grid.computed.tolist(), costs(grid)
+    counts = np.array([np.count_nonzero(missing[k, grid.inner_computed(k)]) for k in outer])
+    left, most = float(np.sum(setup * (counts > 0) + each * counts)), max(1, TASK_BYTES // bytes_per_case(grid))
+    units = [min(most, unit(grid, *of_scheme)) for of_scheme in zip(each.tolist(), together.tolist(), strict=True)]
+    number, batches, seconds, cases = 0, list[Batch](), 0.0, 0
+    for k, once, one, least in zip(outer, setup.tolist(), each.tolist(), units, strict=True):
+        due = grid.inner_computed(k)
+        while due.size:
+            fair = min(max(SHARE * left, SHORTEST), LONGEST)
+            if batches and (seconds + once + least * one / 2 > fair or cases + least > most):
+                yield Task(number, tuple(batches), seconds)
+                number, left, batches, seconds, cases = number + 1, left - seconds, [], 0.0, 0
                 continue
-            count = few * max(1, round(min(room, grid.inner_count) / few))
-            count = min(grid.inner_count - first, count, max(few, fitting // grain * grain))
-            gathered.append(Batch(outer, np.arange(first, first + count, dtype=np.int64)))
-            work, cases, first = work + begin + count * each, cases + count, first + count
-    if gathered:
-        yield finished()
+            count = least * max(1, min(round((fair - seconds - once) / (least * one)), (most - cases) // least))
+            inner, due = due[:count], due[count:]
+            inner = inner[missing[k, inner]]
+            if inner.size:
+                batches.append(Batch(k, inner))
+                seconds, cases, once = seconds + once + inner.size * one, cases + inner.size, 0.0
+    if batches:
+        yield Task(number, tuple(batches), seconds)
 
 
-def _power_of_two_below(value: float) -> int:
-    return 1 << max(0, int(value).bit_length() - 1)
+def unit(grid: Grid, each: float, together: int) -> int:
+    """Return how many cases that take ``each`` seconds stay in one task: those that are stepped ``together``."""
+    return 1 if grid.study.branch is not None else max(1, min(together, int(UNBROKEN / each)))

@@ -37,7 +37,7 @@ def warnings(grid: Grid) -> tuple[str, ...]:
     idle = (
         f"{dimension.name} changes nothing: no scheme of this study reads it, its cases are the same"
         for dimension in (*grid.outer, *grid.inner)
-        if all(grid.unread(dimension, one) and grid.uncompared(dimension, one) for one in choices)
+        if not any(grid.matters(one)(axis.path) for one in choices for axis in dimension.axes)
     )
     every = [grid.settings(outer) for outer in looked_at(grid.computed.tolist())]
     cautions = [caution for settings in every for caution in _cautions(grid, settings)]

@@ -9,7 +9,6 @@ from workflow.run._outcome import Outcome, status_counts, status_name, warnings_
 from workflow.run._progress import Advance, Follower, Progress, in_words, repeating
 from workflow.run._reuse import holdings
 from workflow.run._study import run_study
-from workflow.run._task import Stored
 from workflow.run._threads import available_threads
 from workflow.run._verify import Check, verify
 from workflow.run._worker import ClusterError

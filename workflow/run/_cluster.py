@@ -15,7 +15,7 @@ from typing import Any
 
 from workflow.archive import Command
 from workflow.grid import Block, References, Task
-from workflow.run._task import Job, Stored, store_lost
+from workflow.run._task import Job, Report, store_lost
 from workflow.run._worker import ClusterError, Session, join, run_block, run_task, software
 
 _IN_FLIGHT = 512
@@ -38,6 +38,11 @@ _BEGINNING = "import sys; sys.stdout = sys.stderr"
 LOST = (
     "its worker process died whenever it computed the task that holds this case; "
     "`workflow run --retry` repeats it, --threads 1 shows what happens"
+)
+
+_GONE = (
+    "the connection to the dask scheduler is lost; what is stored is kept, start the scheduler and its workers, then "
+    "give the same command again"
 )
 
 _QUIETLY = "ignore:resource_tracker:UserWarning"
@@ -127,13 +132,10 @@ def _while_it_lives(scheduler: str) -> Iterator[None]:
     except OSError as error:
         if error.errno is not None and not isinstance(error, ConnectionError | TimeoutError):
             raise
-        raise ClusterError(
-            f"{scheduler}: the connection to the dask scheduler is lost; what is stored is kept, start the scheduler "
-            "and its workers, then give the same command again"
-        ) from None
+        raise ClusterError(f"{scheduler}: {_GONE}") from None
 
 
-def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Stored], None], client: Any) -> None:
+def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Report], None], client: Any) -> None:
     """Run tasks, a bounded number of them at a time; ``stored`` is called with each when its shards are written.
 
     dask blames a worker's death on every task that the worker had been given. A task that has been
@@ -163,7 +165,7 @@ def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Stored],
 
 def _results(
     client: Any, session: Session, job: Job, tasks: Iterator[Task], limit: int
-) -> Iterator[tuple[Task, Stored | None]]:
+) -> Iterator[tuple[Task, Report | None]]:
     """Yield tasks as they end, with ``None`` where dask has given up; their futures are let go.
 
     The blocks of reference solutions that a task needs are submitted before it.
@@ -224,20 +226,17 @@ def _has_workers(client: Any) -> bool:
         return True
 
 
-def _result(future: Any, client: Any) -> Stored | None:
+def _result(future: Any, client: Any) -> Report | None:
     """Return what a task that has ended returned; with a worker that died in between it is not there any more."""
     from distributed import CancelledError, KilledWorker
 
     try:
-        result: Stored = _patiently(lambda seconds: future.result(timeout=seconds), client)
+        result: Report = _patiently(lambda seconds: future.result(timeout=seconds), client)
         return result
     except KilledWorker:
         return None
     except CancelledError:
-        raise ClusterError(
-            "the connection to the dask scheduler is lost; what is stored is kept, start the scheduler and its "
-            "workers, then give the same command again"
-        ) from None
+        raise ClusterError(_GONE) from None
 
 
 def _opened(job: Job, client: Any) -> Session:

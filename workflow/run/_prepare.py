@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from workflow.archive import (
     SOFTWARE,
     ArchiveError,
     Command,
+    Hashes,
     Source,
     Stored,
     file_of,
@@ -25,8 +26,8 @@ from workflow.archive import (
     read_command,
     start_parts,
 )
-from workflow.grid import Batch, CaseHashes, Grid, Task, tasks, warning_lines
-from workflow.run._reuse import Reuse, find
+from workflow.grid import Grid, case_hashes, warning_lines
+from workflow.run._reuse import Reuse, in_archive, in_shards
 from workflow.run._task import Job, not_ok
 
 
@@ -44,43 +45,27 @@ class Prepared:
         Cases of the archive.
     reuse
         What is done with them, and with shards.
+    hashes
+        Identity of every case, ``(case, byte)``.
     missing
-        For each case whether it is to be computed.
+        For each case whether it is to be computed, ``(outer, inner)``.
     """
 
     job: Job
     texts: Mapping[str, str]
     archive: tuple[Source, ...]
     reuse: Reuse
+    hashes: Hashes
     missing: NDArray[np.bool_]
-
-    def tasks(self) -> Iterator[Task]:
-        """Yield the tasks with the cases that are to be computed."""
-        for task in tasks(self.job.grid):
-            batches = [Batch(batch.outer, batch.inner[self._is_missing(batch)]) for batch in task.batches]
-            left = tuple(batch for batch in batches if batch.inner.size)
-            if left:
-                share = self.share(task)
-                yield replace(task, batches=left, seconds=share * task.seconds, cases=round(share * task.cases))
-
-    def share(self, task: Task) -> float:
-        """Return the share of a task's cases that is to be computed."""
-        return sum(int(np.sum(self._is_missing(batch))) for batch in task.batches) / task.cases
-
-    def _is_missing(self, batch: Batch) -> NDArray[np.bool_]:
-        return self.missing[batch.outer * self.job.grid.inner_count + batch.inner]
 
     def stored(self) -> Stored:
         """Return what is stored by now."""
-        shards = find_shards(self.job.parts, just_written=True)[0]
-        return Stored(self.reuse.taken([*self.archive, *shards], self.job.template))
+        shards = find_shards(self.job.parts, just_written=True)
+        return self.reuse.taken([*self.archive, *shards], self.job)
 
     def progress(self) -> tuple[int, Counter[str]]:
         """Return how many cases are stored by now, and those of them that are not ok by their status."""
-        stored = self.stored()
-        if not stored.sources:
-            return 0, Counter()
-        status = stored.status(self.job.hashes.all())
+        status = self.stored().status(self.hashes)
         return status.size, not_ok(status)
 
 
@@ -96,7 +81,7 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
         They hold another study, or cases that this one no longer asks for; they are damaged or cannot be written.
     """
     parts, texts = parts_of(archive), {**provenance_of(grid), **({} if here else {"pinned": "false"})}
-    job = Job(grid, parts, time.time_ns(), CaseHashes(grid), "\n".join(warning_lines(grid)))
+    job = Job(grid, parts, time.time_ns(), "\n".join(warning_lines(grid)))
     earlier, there = read_command(parts), file_of(archive)
     if earlier is not None and earlier.study != grid.study.name:
         raise ArchiveError(
@@ -108,11 +93,16 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
         reuse = replace(reuse, drop=reuse.drop or earlier.drop)
         if (reuse.retry, reuse.recompute) in ((False, False), (earlier.retry, earlier.recompute)):
             reuse = Reuse(earlier.retry, earlier.recompute, reuse.drop, earlier.since)
-    found = find(job, texts, archive, reuse)
-    found.require(reuse.drop)
-    count = grid.outer_count * grid.inner_count
-    missing = ~found.stored.holds(job.hashes.all()) if found.stored.sources else np.ones(count, bool)
-    if any(COPIED in origin or any(origin.get(n) != texts[n] for n in SOFTWARE) for origin in found.origins):
+    hashes = case_hashes(grid)
+    held, unfinished = in_archive(archive, job, texts, hashes, reuse.recompute), in_shards(job, hashes)
+    origins = []
+    for found in (held, unfinished):
+        found.require(reuse.drop)
+        if found.texts and reuse.taken(found.sources, job).holds(hashes).any():
+            origins.append(found.texts)
+    if any(COPIED in origin or any(origin.get(n) != texts[n] for n in SOFTWARE) for origin in origins):
         texts[COPIED] = "cases that other software or another processor ran"
+    stored = reuse.taken([*held.sources, *unfinished.sources], job)
     start_parts(parts, Command(texts, job.warnings, there, job.begun, **asdict(reuse)))
-    return Prepared(job, texts, found.archive, reuse, missing)
+    missing = ~stored.holds(hashes).reshape(grid.outer_count, grid.inner_count)
+    return Prepared(job, texts, held.sources, reuse, hashes, missing)

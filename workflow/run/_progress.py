@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from threading import Event, Lock, Thread
 
 from workflow.grid import COMPILING, waited_for
-from workflow.run._task import Stored
+from workflow.run._task import Report
 
 
 @dataclass(frozen=True)
@@ -44,19 +44,18 @@ Progress = Callable[[Advance], None]
 """Hears how far a run is: when it begins to compute and whenever a task is stored, from any thread."""
 
 
+@dataclass
 class ProgressCounter:
     """Counts what tasks store and reports how far the run is.
 
-    Parameters
+    Attributes
     ----------
     cases
         Cases of the study.
-    missing
-        Estimated seconds of each task that is missing, by its number.
-    before
-        Estimated seconds of the tasks that were stored before.
-    threads
-        Threads that compute; 0 where that is not known.
+    missing, before
+        Seconds of the cost model of the cases that are missing, and of those that were stored before.
+    estimated
+        Seconds that the missing ones will take; NaN where that is not known.
     compiling
         Seconds that compiling takes before the first task can end.
     begun
@@ -67,45 +66,40 @@ class ProgressCounter:
         Tells the time in seconds.
     """
 
-    def __init__(
-        self,
-        cases: int,
-        missing: Mapping[int, float],
-        before: float,
-        threads: int,
-        compiling: float,
-        begun: float,
-        tell: Progress,
-        clock: Callable[[], float] = time.perf_counter,
-    ) -> None:
-        self._cases, self._seconds, self._before, self._compiling = cases, missing, before, compiling
-        self._begun, self._tell, self._clock, self._computing = begun, tell, clock, clock()
-        self._lock = Lock()
-        self._missing, self._done = sum(missing.values()), 0.0
-        self._estimated = self._missing / threads if threads else math.nan
-        self._stored, self._endings = 0, Counter[str]()
+    cases: int
+    missing: float
+    before: float
+    estimated: float
+    compiling: float
+    begun: float
+    tell: Progress
+    clock: Callable[[], float] = time.perf_counter
+
+    def __post_init__(self) -> None:
+        self._lock, self._computing = Lock(), self.clock()
+        self._done, self._stored, self._endings = 0.0, 0, Counter[str]()
 
     def set(self, stored: int, endings: Mapping[str, int]) -> None:
         """Take what is stored altogether, and report it."""
         with self._lock:
             self._stored, self._endings = stored, Counter(endings)
-            self._tell(self._advance())
+            self.tell(self._advance())
 
-    def add(self, stored: Stored) -> None:
+    def add(self, report: Report) -> None:
         """Take what a task has stored, and report it."""
         with self._lock:
-            self._stored += stored.cases
-            self._endings.update(stored.endings)
-            self._done += self._seconds.get(stored.task, 0.0)
-            self._tell(self._advance())
+            self._stored += report.cases
+            self._endings.update(report.endings)
+            self._done += report.seconds
+            self.tell(self._advance())
 
     def _advance(self) -> Advance:
-        now = self._clock()
-        total = self._before + self._missing
-        work = (self._before + self._done) / total if total > 0 else self._stored / max(self._cases, 1)
-        done = self._done / self._missing if self._missing > 0 else 1.0
-        left = time_left(min(done, 1.0), now - self._computing, self._estimated, self._compiling)
-        return Advance(self._cases, self._stored, dict(self._endings), min(work, 1.0), now - self._begun, left)
+        now = self.clock()
+        total = self.before + self.missing
+        work = (self.before + self._done) / total if total > 0 else self._stored / max(self.cases, 1)
+        done = self._done / self.missing if self.missing > 0 else 1.0
+        left = time_left(min(done, 1.0), now - self._computing, self.estimated, self.compiling)
+        return Advance(self.cases, self._stored, dict(self._endings), min(work, 1.0), now - self.begun, left)
 
 
 def time_left(done: float, elapsed: float, estimated: float, compiling: float = 0.0) -> float:
@@ -167,7 +161,7 @@ class Follower:
 
     def __init__(self) -> None:
         self.advance: Advance | None = None
-        self._begun = self._updated = time.monotonic()
+        self.begun = self._updated = time.monotonic()
 
     def __call__(self, advance: Advance) -> None:
         """Take how far the run is."""
@@ -176,7 +170,7 @@ class Follower:
     def line(self) -> str:
         """Return how far the run is at this moment."""
         now = time.monotonic()
-        return in_words(self.advance, now - self._begun, now - self._updated)
+        return in_words(self.advance, now - self.begun, now - self._updated)
 
 
 def clock_time(seconds: float) -> str:

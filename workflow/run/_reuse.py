@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -34,13 +34,10 @@ from workflow.archive import (
     stored_hashes,
     surplus,
 )
-from workflow.grid import CaseHashes, Choices, arrange, case_hashes, read_choices
+from workflow.grid import arrange, case_hashes
 from workflow.run._task import Job
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -64,14 +61,14 @@ class Reuse:
     drop: bool = False
     since: int = 0
 
-    def taken(self, sources: Iterable[Source], template: xr.Dataset) -> list[Source]:
-        """Return the cases that are not run again: with all variables of a template, in no lower precision."""
-        whole = [source for source in sources if not lacking(template, source.kinds)]
-        first = f"{self.since:020d}"
-        before = [source for source in whole if source.name < first]
-        if self.retry:
-            before = [source.only_ok() for source in before]
-        return [*([] if self.recompute else before), *(source for source in whole if source.name >= first)]
+    def taken(self, sources: Iterable[Source], job: Job) -> Stored:
+        """Return the cases that are not run again: with all variables of a study, in no lower precision."""
+        taken, first = [], f"{self.since:020d}"
+        for source in sources:
+            is_earlier = source.name < first
+            if not lacking(job.template, source.kinds) and not (is_earlier and self.recompute):
+                taken.append(source.only_ok() if is_earlier and self.retry else source)
+        return Stored(taken)
 
 
 @dataclass(frozen=True)
@@ -87,7 +84,7 @@ class Holdings:
     dropped
         Stored cases that the study no longer asks for; ``run`` refuses to leave them out without ``--drop``.
     note
-        Why stored cases cannot be taken, or not as they are; empty where they can.
+        Why a run refuses, or what it would leave out; empty where it takes all.
     """
 
     stored: int
@@ -98,30 +95,26 @@ class Holdings:
 
 @dataclass(frozen=True)
 class Found:
-    """What is stored under the name of a study's archive.
+    """What an archive, or the shards of its unfinished run, hold under the name of a study.
 
     Attributes
     ----------
-    archive
-        Cases of the archive.
-    stored
-        What a run takes, of the archive and of shards.
-    origins
-        Texts of provenance of what it takes.
+    sources
+        Cases that may be taken.
+    texts
+        Of the provenance group.
     dropped
-        Cases that are stored and not asked for.
+        Cases that are not asked for.
     refused
-        Why cases of the archive cannot be taken: a run does not begin.
-    unasked, lost
-        What would be lost: a run does not begin without ``--drop``.
+        Why none can be taken: a run does not begin.
+    lost
+        What would be lost, cases or variables of them: a run does not begin without ``--drop``.
     """
 
-    archive: tuple[Source, ...] = ()
-    stored: Stored = field(default_factory=Stored)
-    origins: tuple[Mapping[str, str], ...] = ()
+    sources: tuple[Source, ...] = ()
+    texts: Mapping[str, str] = field(default_factory=dict)
     dropped: int = 0
-    refused: str = ""
-    unasked: str = ""
+    refused: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
 
     def require(self, drop: bool) -> None:
@@ -132,56 +125,53 @@ class Found:
         ArchiveError
             It is so.
         """
-        for text in (self.refused, *(() if drop else (self.unasked, *self.lost))):
-            if text:
-                raise ArchiveError(text)
+        if reasons := (*self.refused, *(() if drop else self.lost)):
+            raise ArchiveError(reasons[0])
 
 
-def find(job: Job, now: Mapping[str, str], archive: Path, reuse: Reuse) -> Found:
-    """Return what of a study an archive and the shards of an unfinished run hold.
-
-    ``now`` are the texts of the provenance group that the run will write.
+def in_archive(archive: Path, job: Job, now: Mapping[str, str], hashes: Hashes, recompute: bool) -> Found:
+    """Return what of a study its archive holds; ``now`` are the texts of the provenance group that a run will write.
 
     Raises
     ------
     ArchiveError
         The archive is another study's, or it is damaged.
     """
-    shards = find_shards(job.parts)[0]
-    if not shards and not archive.exists():
-        return Found()  # no case is hashed before it is run
-    template, hashes = job.template, job.hashes.all()
-    origins, lost = list[Mapping[str, str]](), list[str]()
-    stored: list[Source] = []
-    dropped, refused, unasked = 0, "", ""
-    if archive.exists():
-        texts = provenance(archive)
-        check_name(job.grid.study, archive, texts)
-        dropped, cases = _unasked(archive, texts, hashes)
-        unasked = _unasked_text(archive, dropped, cases, texts, now) if dropped else ""
-        if not reuse.recompute:
-            stored = archive_sources(archive)
-            refused = _other_version(archive, texts)
-            missing, wider = lacking(template, stored[0].kinds), surplus(template, stored[0].kinds)
-            if not refused and missing and Stored(stored).holds(hashes).any():
-                refused = _without_text(archive, missing)
-            if not refused and wider:
-                lost.append(_wider_text(archive, wider))
-            stored = [] if refused else stored
-            origins += [texts] if Stored(reuse.taken(stored, template)).holds(hashes).any() else []
-    every = Stored(shards).hashes
-    narrowed = Stored([shard for shard in shards if lacking(template, shard.kinds) or surplus(template, shard.kinds)])
-    gone = int(np.sum(~are_among(every, hashes) | narrowed.holds(every)))
-    if gone:
-        lost.append(
-            f"{job.parts}: holds {len(every)} cases of an unfinished run of this study as it was, {gone} of which it "
-            "no longer asks for, or not with all that is stored of them; finish that run with the study as it was, "
-            "--drop leaves them out, -o chooses another archive"
+    if not archive.exists():
+        return Found()
+    texts = provenance(archive)
+    check_name(job.grid.study, archive, texts)
+    dropped, cases = _unasked(archive, texts, hashes)
+    lost = [_unasked_text(archive, dropped, cases, texts, now)] if dropped else []
+    if recompute:
+        return Found((), texts, dropped, (), tuple(lost))
+    sources, refused = archive_sources(archive), _of_other_version(archive, texts)
+    missing, wider = lacking(job.template, sources[0].kinds), surplus(job.template, sources[0].kinds)
+    if not refused and missing and Stored(sources).holds(hashes).any():
+        refused = (
+            f"{archive}: holds cases of this study, but without {', '.join(missing)}; "
+            "--recompute runs all cases again and replaces it, -o chooses another archive",
         )
-    command = read_command(job.parts) if shards else None
-    origins += [] if command is None else [command.texts]
-    taken = Stored(reuse.taken([*stored, *shards], template))
-    return Found(tuple(stored), taken, tuple(origins), dropped + gone, refused, unasked, tuple(lost))
+    if not refused and wider:
+        lost.append(
+            f"{archive}: holds {', '.join(wider)} of its cases, which this study no longer keeps; "
+            "--drop (in Python drop=True) leaves them out, -o chooses another archive"
+        )
+    return Found(() if refused else tuple(sources), texts, dropped, refused, tuple(lost))
+
+
+def in_shards(job: Job, hashes: Hashes) -> Found:
+    """Return what of a study the shards of an unfinished run hold."""
+    shards, command = find_shards(job.parts), read_command(job.parts)
+    every = Stored(shards).hashes
+    wider = Stored([each for each in shards if lacking(job.template, each.kinds) or surplus(job.template, each.kinds)])
+    gone = int(np.sum(~are_among(every, hashes) | wider.holds(every)))
+    lost = (
+        f"{job.parts}: holds {len(every)} cases of an unfinished run of this study as it was, {gone} of which it "
+        "no longer asks for, or not with all that is stored of them; finish that run with the study as it was, "
+        "--drop leaves them out, -o chooses another archive"
+    )
+    return Found(tuple(shards), {} if command is None else command.texts, gone, (), (lost,) if gone else ())
 
 
 def holdings(study: Study, archive: str | Path) -> Holdings:
@@ -195,10 +185,12 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
     archive, grid = Path(archive), arrange(study)
     if archive.exists():
         require_whole(archive)
-    job = Job(grid, parts_of(archive), 0, CaseHashes(grid))
-    found, hashes = find(job, provenance_of(grid), archive, Reuse()), job.hashes.all()
-    stored = int(np.sum(found.stored.holds(hashes)))
-    return Holdings(stored, len(hashes) - stored, found.dropped, "; ".join(filter(None, (found.refused, *found.lost))))
+    job, hashes = Job(grid, parts_of(archive), 0), case_hashes(grid)
+    found = in_archive(archive, job, provenance_of(grid), hashes, recompute=False), in_shards(job, hashes)
+    taken = Reuse().taken((source for one in found for source in one.sources), job)
+    stored, dropped = int(np.sum(taken.holds(hashes))), sum(one.dropped for one in found)
+    note = "; ".join(text for one in found for text in (*one.refused, *one.lost))
+    return Holdings(stored, len(hashes) - stored, dropped, note)
 
 
 def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> Mapping[str, Any]:
@@ -224,47 +216,22 @@ def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> Mapping
     return resolved
 
 
-def stored_choices(texts: Mapping[str, str]) -> Choices:
-    """Return the counts of modes that tolerances decided, from the texts of an archive or of an unfinished run.
-
-    None where they cannot be read: they are decided anew then.
-    """
-    try:
-        return read_choices(texts.get("choices", "{}"))
-    except (ValueError, LookupError, TypeError, AttributeError):
-        return {}
-
-
-def _other_version(archive: Path, texts: Mapping[str, str]) -> str:
+def _of_other_version(archive: Path, texts: Mapping[str, str]) -> tuple[str, ...]:
     """Say that another version of the solver has made an archive, whose cases are not taken then."""
     version = texts.get("solver_version")
     if version == str(SOLVER_VERSION):
-        return ""
+        return ()
     return (
         f"{archive}: made by version {version} of the solver, this is {SOLVER_VERSION}, whose results differ and "
-        "are not mixed with them; --recompute runs all cases again, -o chooses another archive"
-    )
-
-
-def _without_text(archive: Path, names: Iterable[str]) -> str:
-    return (
-        f"{archive}: holds cases of this study, but without {', '.join(names)}; "
-        "--recompute runs all cases again and replaces it, -o chooses another archive"
-    )
-
-
-def _wider_text(archive: Path, names: Iterable[str]) -> str:
-    return (
-        f"{archive}: holds {', '.join(names)} of its cases, which this study no longer keeps; "
-        "--drop (in Python drop=True) leaves them out, -o chooses another archive"
+        "are not mixed with them; --recompute runs all cases again, -o chooses another archive",
     )
 
 
 def _unasked_text(archive: Path, unasked: int, cases: int, was: Mapping[str, str], now: Mapping[str, str]) -> str:
     none = "holds another study of the same name: none of its cases is"
     which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
-    other = set(stored_choices(was).values()) - set(stored_choices(now).values())
-    decided = ", as its tolerance decides `auto` by other cases" if other else ""
+    is_other = "choices" in was and was["choices"] != now.get("choices")
+    decided = ", as its tolerance decides `auto` by other cases" if is_other else ""
     return (
         f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "
         "lost; --drop (in Python drop=True) leaves them out, -o chooses another archive"

@@ -9,10 +9,10 @@ from functools import partial
 
 from workflow.grid import Task
 from workflow.run._cluster import connected, run_on_cluster
-from workflow.run._task import Job, Stored
+from workflow.run._task import Job, Report
 from workflow.run._threads import available_threads, run_on_threads
 
-RunTasks = Callable[[Job, Iterator[Task], Callable[[Stored], None]], None]
+RunTasks = Callable[[Job, Iterator[Task], Callable[[Report], None]], None]
 """Runs tasks; the last argument hears of each when its shards are safe."""
 
 

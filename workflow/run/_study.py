@@ -6,6 +6,7 @@ import json
 import time
 from dataclasses import replace
 from importlib import import_module
+from math import nan
 from pathlib import Path
 from threading import Thread
 
@@ -28,8 +29,11 @@ from workflow.grid import (
     arrange,
     compiled_ahead,
     kernel_variants,
+    machine_factor,
     measured_run,
-    task_seconds,
+    model_seconds,
+    read_choices,
+    tasks,
     time_to_compile,
     waiting_for,
 )
@@ -37,9 +41,8 @@ from workflow.run._notebook import in_notebook, notebook_line
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import Prepared, prepare
 from workflow.run._progress import Progress, ProgressCounter
-from workflow.run._reuse import Reuse, check_name, stored_choices
-from workflow.run._runner import Resources, RunTasks, runner
-from workflow.run._task import Stored
+from workflow.run._reuse import Reuse, check_name
+from workflow.run._runner import Resources, runner
 from workflow.run._worker import ClusterError
 from workflow.schemes import Status
 from workflow.study import Study, StudySource, read_study
@@ -97,10 +100,10 @@ def run_study(
             outcome = _run(study, archive, resources, reuse, line)
             line.end(outcome)
             return outcome
-    return _run(study, archive, resources, reuse, progress if callable(progress) else None)
+    return _run(study, archive, resources, reuse, progress if callable(progress) else lambda advance: None)
 
 
-def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progress: Progress | None) -> Outcome:
+def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progress: Progress) -> Outcome:
     """Run what is missing of a study, as :func:`run_study`."""
     begun = time.perf_counter()
     parts = parts_of(archive)
@@ -108,7 +111,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
         return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
     earlier = read_command(parts)
     same = earlier if earlier is not None and earlier.key == study_key(study) else None
-    grid = arrange(study, None if same is None else stored_choices(same.texts))
+    grid = arrange(study, None if same is None else read_choices(same.texts.get("choices", "{}")))
     with (
         runner(resources) as run_tasks,
         run_lock(parts),
@@ -117,10 +120,14 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
     ):
         prepared = prepare(grid, archive, reuse, resources.here)
         job, missing = prepared.job, prepared.missing
-        counter = None if progress is None else _counter(prepared, resources.computing, begun, progress)
+        counter = _counter(prepared, resources.computing, begun, progress)
         Thread(target=import_module, args=("xarray",), daemon=True).start()  # what comes after cases begins beside them
         with waiting_for(CASES):
-            _run_missing(prepared, run_tasks, counter)
+            try:
+                run_tasks(job, tasks(grid, missing), counter.add)
+            except ClusterError:  # a worker may have stored what it died before it could say so
+                counter.set(*prepared.progress())
+                raise
         record = {
             "seconds": round(time.perf_counter() - begun, 3),
             "cases": int(np.sum(missing)),
@@ -128,7 +135,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
         }
         with waiting_for(GATHERING):
             texts = {**prepared.texts, "run": json.dumps(record)}
-            gather(job.template, texts, parts, archive, job.hashes.all(), prepared.stored())
+            gather(job.template, texts, parts, archive, prepared.hashes, prepared.stored())
         remove_parts(parts)
     return replace(summarise(archive, int(np.sum(~missing))), seconds=time.perf_counter() - begun)
 
@@ -158,33 +165,11 @@ def _counter(prepared: Prepared, computing: int, begun: float, progress: Progres
     """
     from threadpoolctl import threadpool_limits
 
-    grid, missing, before = prepared.job.grid, dict[int, float](), 0.0
+    grid = prepared.job.grid
     with threadpool_limits(limits=1, user_api="blas"):  # structures are made here as tasks make them
-        for task, seconds in task_seconds(grid):
-            missing[task.number] = seconds * prepared.share(task)
-            before += seconds - missing[task.number]
+        every, missing = model_seconds(grid), model_seconds(grid, prepared.missing)
+        estimated = missing * machine_factor(grid) / computing if computing else nan
     compiling = time_to_compile(grid, computing) if computing else 0.0
-    counter = ProgressCounter(prepared.missing.size, missing, before, computing, compiling, begun, progress)
+    counter = ProgressCounter(prepared.missing.size, missing, every - missing, estimated, compiling, begun, progress)
     counter.set(*prepared.progress())
     return counter
-
-
-def _run_missing(prepared: Prepared, run_tasks: RunTasks, counter: ProgressCounter | None) -> None:
-    """Run the tasks whose results are not stored yet.
-
-    Raises
-    ------
-    ClusterError
-        The workers are gone.
-    """
-
-    def stored(result: Stored) -> None:
-        if counter is not None:
-            counter.add(result)
-
-    try:
-        run_tasks(prepared.job, prepared.tasks(), stored)
-    except ClusterError:  # a worker may have stored what it died before it could say so
-        if counter is not None:
-            counter.set(*prepared.progress())
-        raise

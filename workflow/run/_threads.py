@@ -10,7 +10,7 @@ from functools import partial
 from itertools import islice
 
 from workflow.grid import Block, References, ReferenceSolution, Task, compute_block, solutions_of, timed
-from workflow.run._task import Job, Stored, store_task
+from workflow.run._task import Job, Report, store_task
 
 _GRAPH = 512
 """Tasks given to dask at a time, so that the graph of a large study is never there at once."""
@@ -21,7 +21,7 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Stored], None], threads: int) -> None:
+def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Report], None], threads: int) -> None:
     """Run tasks, a bounded number of them in a graph at a time; ``stored`` hears of each when its shards are safe.
 
     Tasks begin in their order, which dask alone would not keep: those that follow each other share operators and

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from workflow.archive import ArchiveError, Command, code_revision, grid_of, read_command
-from workflow.grid import Block, CaseHashes, ReferenceSolution, Task, compute_block, solutions_of
+from workflow.grid import Block, ReferenceSolution, Task, compute_block, solutions_of
 from workflow.models import FACTORISING, has_cholmod
-from workflow.run._task import Job, Stored, store_task
+from workflow.run._task import Job, Report, store_task
 from workflow.schemes import SOLVER_VERSION
 
 _MOST_JOBS = 4
@@ -86,7 +86,7 @@ def run_block(session: Session, block: Block) -> list[ReferenceSolution]:
         return compute_block(_job(session).grid, block)
 
 
-def run_task(session: Session, task: Task, blocks: list[Block], solutions: list[list[ReferenceSolution]]) -> Stored:
+def run_task(session: Session, task: Task, blocks: list[Block], solutions: list[list[ReferenceSolution]]) -> Report:
     """Compute a task on this worker and store it; ``solutions`` are those of the blocks that its cases need.
 
     Raises
@@ -115,7 +115,7 @@ def _prepared(session: Session) -> Job:
     except ClusterError as error:
         raise ClusterError(f"worker {get_worker().address}: {error}") from None
     grid = grid_of(command.texts)
-    return Job(grid, Path(session.parts), command.begun, CaseHashes(grid))
+    return Job(grid, Path(session.parts), command.begun)
 
 
 @cache
