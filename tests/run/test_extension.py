@@ -241,7 +241,7 @@ def test_what_cannot_be_extended_is_refused(tmp_path: Path) -> None:
     run_study(quick(output={"precision": "float32"}), archive)
     refused(quick(study="other"), archive, "another study, 'quick' and not 'other'")
     refused(quick(scene={"casing.gap": 1e-5}), archive, "none of its cases is asked for by this study .* --drop")
-    refused(quick(), archive, "without displacement, contact_force")
+    refused(quick(), archive, "without displacement as float64, contact_force as float64")
     refused(quick(output={"histories": ["velocity"]}), archive, "without velocity")
     run_study(quick(output={"histories": ["velocity"]}), archive, recompute=True)
     with open_archive(archive) as data:

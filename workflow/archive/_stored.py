@@ -161,7 +161,9 @@ def lacking(template: xr.Dataset, kinds: Kinds) -> list[str]:
     What not every scheme gives is missing in all cases without it, and so are load periods without any.
     """
     cases = template.variables[STATUS].ndim
-    return [str(name) for name in template.data_vars if not _has(kinds, str(name), template.variables[name], cases)]
+    missing = [str(name) for name in template.data_vars if not _has(kinds, str(name), template.variables[name], cases)]
+    wanted = {name: template[name].dtype for name in missing}
+    return [f"{k} as {dtype}" if k in kinds and kinds[k][0] != dtype else k for k, dtype in wanted.items()]
 
 
 def _has(kinds: Kinds, name: str, variable: xr.Variable, cases: int) -> bool:
