@@ -216,6 +216,19 @@ def test_a_title_is_changed_without_running_anything(tmp_path: Path) -> None:
         assert data.attrs["title"] == "Renamed"
 
 
+def test_the_error_of_the_reference_is_that_of_the_study_as_it_is_now(tmp_path: Path) -> None:
+    """It is of the worst corner of the scene, which an axis that grows moves."""
+    auto = {"scheme": "event_driven", "mechanical_modes": "auto", "thermal_modes": "auto", "tolerance": 0.02}
+    old, new = (
+        quick({"e": 0.0, "alpha": alphas}, scene={"chain.nodes": 4}, reference=auto)
+        for alphas in ([0.0, 20.0], [0.0, 20.0, 40.0])
+    )
+    [before], [now] = (arrange(study).choices.values() for study in (old, new))
+    assert before.counts == now.counts
+    assert before.error != now.error
+    check_extension(old, new, tmp_path)
+
+
 def test_messages_of_cases_that_are_not_ok_come_along(tmp_path: Path) -> None:
     alphas = [0.0, 1e9, 5.0]
     old = quick({"alpha": alphas}, scene={"chain.nodes": 2})

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +30,9 @@ from workflow.archive import (
 from workflow.grid import Batch, CaseHashes, Grid, Task, tasks, warning_lines
 from workflow.run._reuse import Reuse, find
 from workflow.run._task import Job, not_ok
+
+_STATED = "reference_basis_error"
+"""What a study states of its reference, of the corners of its scene, and a stored case of those of an earlier study."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +78,18 @@ class Prepared:
     def stored(self) -> Stored:
         """Return what is stored by now."""
         shards = find_shards(self.job.parts, just_written=True)[0]
-        return Stored(self.reuse.taken([*self.archive, *shards], self.job.template))
+        taken = self.reuse.taken([*self.archive, *shards], self.job.template)
+        return Stored(self._restated(taken) if _STATED in self.job.template else taken)
+
+    def _restated(self, sources: Iterable[Source]) -> Iterator[Source]:
+        """Yield sources with the error of the reference's basis as this study has it: those of its own corners."""
+        grid, hashes = self.job.grid, self.job.hashes.all()
+        cases = Stored([Source(hashes, np.zeros(len(hashes), np.int8), lambda _: hashes, {})])
+        chosen = [grid.reference_choice(outer) for outer in range(grid.outer_count)]
+        errors = np.array([np.nan if choice is None else choice.error for choice in chosen])
+        for source in sources:
+            stated = {_STATED: errors[cases.find(source.hashes)[1] // grid.inner_count]}
+            yield replace(source, read=partial(_read, stated, source))
 
     def progress(self) -> tuple[int, Counter[str]]:
         """Return how many cases are stored by now, and those of them that are not ok by their status."""
@@ -82,6 +98,10 @@ class Prepared:
             return 0, Counter()
         status = stored.status(self.job.hashes.all())
         return status.size, not_ok(status)
+
+
+def _read(stated: Mapping[str, NDArray[Any]], source: Source, name: str) -> NDArray[Any]:
+    return stated[name] if name in stated else source.read(name)
 
 
 def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
