@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import pytest
 from typer.testing import CliRunner
 
@@ -126,6 +127,14 @@ def test_provenance_that_no_run_wrote(texts: dict[str, str], sound: Path, tmp_pa
         assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
         assert result.exit_code in (0, 1, 2), result.output
         assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f]", result.output)
+
+
+def test_a_page_of_an_archive_that_lacks_a_variable_says_that_its_bytes_have_changed(tmp_path: Path) -> None:
+    path = tmp_path / "a.nc"
+    run_study(parsed(f"{SINGLE}reference: {{scheme: event_driven}}\n"), path)
+    with h5py.File(path, "r+") as file:
+        del file["temperature_error"]
+    assert f"{path}: damaged, its bytes are not those that were written" in workflow("report", path)
 
 
 def command(*words: str | Path, memory: int | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
