@@ -229,6 +229,13 @@ def test_the_error_of_the_reference_is_that_of_the_study_as_it_is_now(tmp_path: 
     check_extension(old, new, tmp_path)
 
 
+def test_orbits_of_other_samples_leave_the_cases_of_other_schemes(tmp_path: Path) -> None:
+    axes = {"scheme": ["event_driven", "moreau"], "e": 0.5, "alpha": 0.0}
+    fine, coarse = (quick(axes, output={"steady": {"samples": samples}}) for samples in (20, 10))
+    check_extension(fine, coarse, tmp_path)
+    check_extension(coarse, fine, tmp_path)
+
+
 def test_messages_of_cases_that_are_not_ok_come_along(tmp_path: Path) -> None:
     alphas = [0.0, 1e9, 5.0]
     old = quick({"alpha": alphas}, scene={"chain.nodes": 2})
