@@ -200,6 +200,17 @@ def test_what_cannot_be_opened_is_said(
     gc.collect()  # nothing half-open is left to warn
 
 
+def test_a_copy_without_provenance_is_said(path: Path, tmp_path: Path) -> None:
+    import h5py
+
+    copied = tmp_path / "copied.nc"
+    copied.write_bytes(path.read_bytes())
+    with h5py.File(copied, "r+") as file:
+        del file["provenance"]  # xarray leaves it out where it saves a dataset
+    with pytest.raises(archive.ArchiveError, match="has no provenance, as a copy that another program saved"):
+        archive.provenance(copied)
+
+
 @pytest.mark.parametrize("name", ["displacement", "impacts", "status", "message", "e", "t", "lumping"])
 def test_values_that_changed_are_never_read(path: Path, tmp_path: Path, name: str) -> None:
     """The last bytes of a chunk: of what is not compressed its checksum, which HDF5 compares for every reader."""

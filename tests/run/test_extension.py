@@ -216,6 +216,26 @@ def test_a_title_is_changed_without_running_anything(tmp_path: Path) -> None:
         assert data.attrs["title"] == "Renamed"
 
 
+def test_the_error_of_the_reference_is_that_of_the_study_as_it_is_now(tmp_path: Path) -> None:
+    """It is of the worst corner of the scene, which an axis that grows moves."""
+    auto = {"scheme": "event_driven", "mechanical_modes": "auto", "thermal_modes": "auto", "tolerance": 0.02}
+    old, new = (
+        quick({"e": 0.0, "alpha": alphas}, scene={"chain.nodes": 4}, reference=auto)
+        for alphas in ([0.0, 20.0], [0.0, 20.0, 40.0])
+    )
+    [before], [now] = (arrange(study).choices.values() for study in (old, new))
+    assert before.counts == now.counts
+    assert before.error != now.error
+    check_extension(old, new, tmp_path)
+
+
+def test_orbits_of_other_samples_leave_the_cases_of_other_schemes(tmp_path: Path) -> None:
+    axes = {"scheme": ["event_driven", "moreau"], "e": 0.5, "alpha": 0.0}
+    fine, coarse = (quick(axes, output={"steady": {"samples": samples}}) for samples in (20, 10))
+    check_extension(fine, coarse, tmp_path)
+    check_extension(coarse, fine, tmp_path)
+
+
 def refused(study: Study, archive: Path, match: str) -> None:
     before = archive.read_bytes()
     for retry in (False, True):
@@ -230,7 +250,7 @@ def test_what_cannot_be_extended_is_refused(tmp_path: Path) -> None:
     run_study(quick(output={"precision": "float32"}), archive)
     refused(quick(study="other"), archive, "another study, 'quick' and not 'other'")
     refused(quick(scene={"casing.gap": 1e-5}), archive, "none of its cases is asked for by this study .* --drop")
-    refused(quick(), archive, "without displacement, contact_force")
+    refused(quick(), archive, "without displacement as float64, contact_force as float64")
     refused(quick(output={"histories": ["velocity"]}), archive, "without velocity")
     run_study(quick(output={"histories": ["velocity"]}), archive, recompute=True)
     with open_archive(archive) as data:

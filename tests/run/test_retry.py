@@ -12,7 +12,7 @@ import workflow.run._study as studying
 import workflow.run._task as running
 from quick import interrupted, quick, same_values
 from studies import cut_finely
-from workflow.archive import content_hash, open_archive, parts_of
+from workflow.archive import _provenance, content_hash, open_archive, parts_of
 from workflow.grid import _solve
 from workflow.run import run_study
 from workflow.schemes import Status
@@ -149,6 +149,21 @@ def test_what_another_command_has_stored_is_recomputed(
     solved.clear()
     assert run_study(quick(), archive, threads=1).ok
     assert len(solved) == 2 * 3
+
+
+@pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])
+def test_what_was_stored_before_the_program_was_edited_is_run_again(
+    again: dict[str, bool], tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut_finely(monkeypatch)
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive)
+    interrupted(quick(), archive, 2, **again)
+    broken.clear()
+    solved.clear()
+    monkeypatch.setattr(_provenance, "code_revision", lambda: "edited")
+    assert run_study(quick(), archive, threads=1, **again).ok  # type: ignore[arg-type]
+    assert len(solved) == (3 if "retry" in again else 9)
 
 
 def test_what_an_unfinished_extension_has_stored_is_not_run_again_by_a_retry(

@@ -76,6 +76,11 @@ def provenance(path: str | Path) -> dict[str, str]:
     if command is not None:
         return dict(command.texts)
     with _read(path) as file:
+        if PROVENANCE not in file:
+            raise ArchiveError(
+                f"{path}: has no {PROVENANCE}, as a copy that another program saved; "
+                "the archive that `workflow run` wrote is expected"
+            )
         group = file[PROVENANCE]
         attributes = {name: _as_text(value) for name, value in group.attrs.items() if not name.startswith("_")}
         return attributes | {name: item[()].tobytes().decode() for name, item in group.items() if item.dtype == "S1"}

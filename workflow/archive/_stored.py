@@ -161,17 +161,18 @@ def lacking(template: xr.Dataset, kinds: Kinds) -> list[str]:
     What not every scheme gives is missing in all cases without it, and so are load periods without any.
     """
     cases = template.variables[STATUS].ndim
-    return [str(name) for name in template.data_vars if not _has(kinds, str(name), template.variables[name], cases)]
+    missing = [str(name) for name in template.data_vars if not _has(kinds, str(name), template.variables[name], cases)]
+    wanted = {name: template[name].dtype for name in missing}
+    return [f"{k} as {dtype}" if k in kinds and kinds[k][0] != dtype else k for k, dtype in wanted.items()]
 
 
 def _has(kinds: Kinds, name: str, variable: xr.Variable, cases: int) -> bool:
     """Tell whether a variable is stored, the first dimensions of which are those of the cases."""
-    is_period = "period" in variable.dims
+    is_period, is_steady = "period" in variable.dims, name in BY_NAME and BY_NAME[name].condition == "steady"
     if name not in kinds:
-        is_optional = name not in BY_NAME or BY_NAME[name].condition == "steady"
-        return is_optional or (is_period and "period" not in kinds)
+        return name not in BY_NAME or is_steady or (is_period and "period" not in kinds)
     dtype, tail = kinds[name]
-    is_whole = is_period or tail == variable.shape[cases:]
+    is_whole = is_period or is_steady or tail == variable.shape[cases:]  # identity tells orbits of so many samples
     return is_whole and dtype.itemsize >= variable.dtype.itemsize
 
 

@@ -27,9 +27,15 @@ def report(
     """Write figures and tables of one archive or several as one self-contained HTML page."""
     paths = [named(archive) for archive in archives]
     with console().status(clean(f"reading {', '.join(path.name for path in paths)}, drawing figures and the page")):
+        from workflow.archive import require_whole
         from workflow.report import write_report
 
-        written = write_report(paths, output)
+        try:
+            written = write_report(paths, output)
+        except (LookupError, ValueError):  # of a variable, say, that another program has taken away
+            for path in filter(Path.exists, paths):
+                require_whole(path)
+            raise
     if written.figure is not None:
         say(f"figure {written.figure}")
     if written.page is not None:

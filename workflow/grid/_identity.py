@@ -62,7 +62,7 @@ def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
 
 def _shared(grid: Grid, outer: int, settings: CaseSettings) -> dict[str, Any]:
     """Return what the cases of an outer index have in common and no condition of :func:`_rows` holds."""
-    reference, choice = grid.study.reference, grid.choice(outer)
+    reference, choice, of_reference = grid.study.reference, grid.choice(outer), grid.reference_choice(outer)
     return {
         "solver": SOLVER_VERSION,
         "duration": grid.sampling.duration,
@@ -72,6 +72,7 @@ def _shared(grid: Grid, outer: int, settings: CaseSettings) -> dict[str, Any]:
         **_widths(settings.scene),
         **_steady(grid.study, settings),
         **({} if choice is None else {"basis_error": choice.error.hex()}),
+        **({} if of_reference is None else {"reference_basis_error": of_reference.error.hex()}),
         **({} if choice is None or reference is None else {"tolerance": float(grid.value(outer, TOLERANCE))}),
         "lists": {path: value for path, value in _per_node(settings).items() if not isinstance(value, float)},
     }

@@ -72,8 +72,9 @@ class Prepared:
 def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
     """Take what an earlier archive and an interrupted run hold of a study, and begin the directory of its shards.
 
-    A plain run finishes the command that was interrupted. Processes that are not started ``here`` are not asked by what
-    linear algebra they compute: they count as not pinned.
+    A plain run finishes the command that was interrupted, and so does the same command unless the program was edited
+    meanwhile. Processes that are not started ``here`` are not asked by what linear algebra they compute: they count as
+    not pinned.
 
     Raises
     ------
@@ -91,7 +92,8 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
     reuse = replace(reuse, since=job.begun)
     if earlier is not None and (earlier.key, earlier.archive) == (texts["key"], there):
         reuse = replace(reuse, drop=reuse.drop or earlier.drop)
-        if (reuse.retry, reuse.recompute) in ((False, False), (earlier.retry, earlier.recompute)):
+        asked, code = (reuse.retry, reuse.recompute), earlier.texts.get("code_revision")
+        if not any(asked) or (asked, texts["code_revision"]) == ((earlier.retry, earlier.recompute), code):
             reuse = Reuse(earlier.retry, earlier.recompute, reuse.drop, earlier.since)
     hashes = case_hashes(grid)
     held, unfinished = in_archive(archive, job, texts, hashes, reuse.recompute), in_shards(job, hashes)
