@@ -113,7 +113,7 @@ def _own_error(chosen: xr.Dataset) -> float:
 
 
 def _of_ok(chosen: xr.Dataset, values: xr.DataArray | None) -> list[float]:
-    """Return the numbers of the ok cases that have one."""
+    """Return the values that are not NaN, of the cases that ended ok."""
     if values is None:
         return []
     of_ok = np.asarray(values.where(chosen["status"] == Status.OK).values, dtype=float)

@@ -128,7 +128,7 @@ def read_command(parts: str | Path) -> Command | None:
         raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
     except (ValueError, KeyError, TypeError, AssertionError) as error:
         raise ArchiveError(
-            f"{path}: damaged; remove the directory and give the command again, the study runs anew"
+            f"{path}: damaged; remove this file and give the command again: stored cases of the study are taken"
         ) from error
 
 

@@ -96,7 +96,7 @@ class Grid:
 
     @property
     def _varied(self) -> tuple[Axis, ...]:
-        """All axes, of dimensions and the one that is followed."""
+        """Axes of all dimensions, and the continuation parameter of a branch."""
         followed = () if self.study.branch is None else (self.study.branch.axis,)
         return (*(axis for dimension in (*self.outer, *self.inner) for axis in dimension.axes), *followed)
 

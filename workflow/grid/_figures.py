@@ -72,7 +72,7 @@ def size_text(settings: CaseSettings) -> str:
 
 
 def _condensed(settings: CaseSettings) -> str:
-    """Return how many degrees of freedom follow the others, having no mass or heat capacity; empty for none."""
+    """Return how many degrees of freedom without mass or heat capacity are condensed statically; empty for none."""
     coordinates = full_structure(settings).coordinates
     counts = (0, 0) if coordinates is None else coordinates.condensed
     kinds = zip(counts, ("without mass", "without heat capacity"), strict=True)

@@ -137,8 +137,8 @@ def steady_bytes(grid: Grid) -> int:
 def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None) -> Iterator[Task]:
     """Yield the tasks of a study in archive order, one at a time; only distinct results are computed.
 
-    Each is a fair share of the work that is left. Cases that are stepped together stay together: fewer would cost as
-    much.
+    Each is a fair share of the work that is left. A pack of cases that are stepped together is not split: a part of it
+    would cost as much.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ def _largest_change(old: NDArray[Any], new: NDArray[Any]) -> float:
 
 
 def differences(stored: Values, again: Values, allowed: Mapping[str, float] | None = None) -> Iterator[str]:
-    """Yield for each variable that differs where it does first, the stored and the new value.
+    """Yield, for each variable that differs, its stored and its new value at the first entry that does.
 
     ``allowed`` is what numbers may differ by, see :func:`sensitivity`; to the bit where it is not given.
     """

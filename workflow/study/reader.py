@@ -80,7 +80,7 @@ def _model(source: Source) -> str:
 
 
 def _methods(source: Source) -> dict[str, tuple[str, ...]]:
-    """Return every label that a scheme can have with the methods it may stand for."""
+    """Return, for each label of a scheme, the methods that it may name."""
     methods = schemes.names()
     defined: dict[str, tuple[str, ...]] = {}
     for label in mapping(source.tree, "schemes"):
