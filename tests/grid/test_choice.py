@@ -236,6 +236,7 @@ def test_choices_are_read_as_they_are_written() -> None:
     read = read_choices(choices_text({"0": chosen, "7": failed, "reference 3": chosen}))
     assert read["0"] == read["reference 3"] == chosen
     assert math.isnan(read["7"].error)
+    assert read_choices(choices_text({"0": chosen}).replace("against", "bgainst")) == {}  # they are made anew
 
 
 def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -> None:

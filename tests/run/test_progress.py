@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from pathlib import Path
+from zipfile import ZipFile
 
 import IPython.display
 import nbformat
@@ -12,8 +13,9 @@ import numpy as np
 import pytest
 from nbclient import NotebookClient
 
-from quick import quick
+from quick import interrupted, quick
 from studies import ILL, cut_finely, parsed
+from workflow.archive import parts_of
 from workflow.grid import _waiting_for, waiting_for
 from workflow.run import Advance, Outcome, in_words, run_study
 from workflow.run import _notebook as notebook_lines
@@ -48,6 +50,21 @@ def test_cases_that_share_results_are_counted_each(tmp_path: Path) -> None:
     run_study(study, tmp_path / "a.nc", progress=reported.append)
     assert (reported[-1].stored, reported[-1].cases) == (36, 36)
     assert reported[-1].work == pytest.approx(1)
+
+
+def test_a_damaged_shard_is_not_counted(tmp_path: Path, many_tasks: None) -> None:
+    """Its cases are run again: they were counted twice."""
+    archive, reported, study = tmp_path / "a.nc", list[Advance](), quick()
+    held = interrupted(study, archive, 3)
+    first = sorted(parts_of(archive).glob("*.npz"))[0]
+    with ZipFile(first) as shard:
+        end = shard.getinfo("displacement.npy").header_offset + shard.getinfo("displacement.npy").file_size
+    changed = bytearray(first.read_bytes())
+    changed[end] ^= 0xFF
+    first.write_bytes(changed)
+    run_study(study, archive, progress=reported.append)
+    assert 0 < reported[0].stored < len(held)
+    assert (reported[-1].stored, reported[-1].cases) == (9, 9)
 
 
 def test_work_counts_what_cases_cost(tmp_path: Path, many_tasks: None) -> None:
@@ -172,7 +189,7 @@ def test_a_line_that_is_being_drawn_does_not_hide_how_the_run_ended(monkeypatch:
 NOTEBOOK = """
 import sys
 sys.path.insert(0, {tests!r})
-from quick import quick
+from quick import interrupted, quick
 from workflow import run_study
 run_study(quick(), {archive!r})
 run_study(quick(), {other!r}, progress=False).counts

@@ -260,6 +260,9 @@ class Table:
     def __init__(self, dataset: xr.Dataset, *errors: str) -> None:
         if not all(f"{name}_error" in dataset for name in COMPARED):
             raise NoReferenceError("the archive holds no errors: its study has no `reference`")
+        if unknown := [name for name in errors if name not in dataset]:
+            known = ", ".join(f"{name}_error" for name in COMPARED)
+            raise ValueError(f"the dataset has no `{unknown[0]}`; give one of {known}")
         self.dataset = dataset
         self.rows = numerical_dims(dataset)
         self.columns = tuple(dim for dim in case_dims(dataset) if dim not in self.rows)

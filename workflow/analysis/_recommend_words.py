@@ -79,8 +79,8 @@ def sentence(recommendation: Recommendation) -> str:
     evidence = f"{percent(worst.error)} ({worst.variable}, {named_case(worst.case, units)}), {_limit(worst)}"
     text = (
         f"{named_choice(choice, units)} keeps within {tolerance} in {_judged(recommendation, choice)}, at "
-        f"{_cost(choice)}: the most accurate of those that cost at most {100 * SPREAD:.0f} % more than the cheapest. "
-        f"Its largest error is {evidence}."
+        f"{_cost(choice)}: of all that do, the most accurate that costs at most {100 * SPREAD:.0f} % more than the "
+        f"cheapest of them. Its largest error is {evidence}."
     )
     if recommendation.next is not None:
         cheaper = recommendation.next

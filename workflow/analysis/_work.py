@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis._recommend import Table, simulated_seconds
-from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,8 +44,6 @@ def work_precision(dataset: xr.Dataset, error: str | None = None) -> xr.Dataset:
     """
     import xarray as xr
 
-    if error is not None and error not in dataset:
-        raise ValueError(f"the dataset has no `{error}`; give one of {', '.join(f'{name}_error' for name in COMPARED)}")
     table = Table(dataset) if error is None else Table(dataset, error)
     worst = np.max(table.error, axis=1)
     variables = {

@@ -77,17 +77,17 @@ def write_shard(
     return path
 
 
-def find_shards(parts: str | Path, just_written: bool = False) -> list[Source]:
-    """Return the sound shards, in order.
+def find_shards(parts: str | Path, since: str = "") -> list[Source]:
+    """Return the sound shards, in order; those alone that this run has written where it tells ``since`` which name.
 
-    Every byte is read against its checksum, of shards that this run has just written when it is used. What is damaged
-    is left where it is: its cases are run again.
+    Every byte is read against its checksum, of shards that this run has written when it is used. What is damaged is
+    left where it is: its cases are run again.
     """
     sources = []
-    for path in sorted(Path(parts).glob(f"*{SUFFIX}")):
+    for path in sorted(one for one in Path(parts).glob(f"*{SUFFIX}") if one.name >= since):
         with suppress(Exception):  # whatever changed bytes make of the libraries
             members = _members(path)
-            for name in () if just_written else members:
+            for name in () if since else members:
                 _read(path, members, name)
             kinds = {name: (member.dtype, member.shape[1:]) for name, member in members.items()}
             hashes, status = (_read(path, members, name) for name in (CASE_HASH, STATUS))

@@ -10,7 +10,7 @@ from typer.core import TyperGroup
 
 from workflow.cli._failures import judge_memory, tell, warnings_in_words
 from workflow.cli._stop import ignore_signals
-from workflow.cli._terminal import forgive, say
+from workflow.cli._terminal import clean, forgive, say
 from workflow.cli.limits import limits
 from workflow.cli.plan import plan
 from workflow.cli.recommend import recommend
@@ -30,7 +30,11 @@ class Commands(TyperGroup):
             with warnings_in_words():
                 return super().invoke(ctx)
         except Exception as error:
-            if isinstance(error, typer.Exit | typer.Abort) or hasattr(error, "format_message"):  # the parser's own
+            usage: Any = error
+            if hasattr(error, "format_message"):  # the parser's own
+                usage.message = clean(usage.message)
+                raise
+            if isinstance(error, typer.Exit | typer.Abort):
                 raise
             raise typer.Exit(tell(error)) from None
 

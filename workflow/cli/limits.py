@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import suppress
 from typing import Annotated
 
 import typer
@@ -70,12 +71,14 @@ def _read(option: str, unit: str, text: str | None) -> float | None:
     from pydantic_core import ValidationError
 
     from workflow.declare import Quantity
-    from workflow.study import setting
     from workflow.study.mistakes import faults_of
     from workflow.study.quantities import read_quantity
 
+    value: float | str = text
+    with suppress(ValueError):
+        value = float(text)
     try:
-        return read_quantity(setting(f"{option}={text}")[1], Quantity(unit, option, above=0))
+        return read_quantity(value, Quantity(unit, option, above=0))
     except ValidationError as error:
         ((_, problem, remedy),) = faults_of(error)
         raise typer.BadParameter(f"{option}: {problem}; {remedy}") from None

@@ -238,8 +238,7 @@ class Grid:
 
     @cached_property
     def _inner_computed(self) -> Callable[[str], Indices]:
-        every = np.arange(self.inner_count, dtype=np.int64)
-        return cache(lambda label: np.unique(self.inner_alike(every, self.matters(self.study.schemes[label]))))
+        return cache(lambda label: self.inner_distinct(self.matters(self.study.schemes[label])))
 
     def kinds(self, matters: Callable[[str], bool]) -> list[int]:
         """Return the first of the computed outer indices that differ along axes that matter."""
@@ -253,8 +252,15 @@ class Grid:
         """Return for each inner index the first one that differs only along axes that do not matter."""
         return _alike(self.inner, inner, matters)
 
-    def inner_distinct(self, matters: Callable[[str], bool]) -> int:
-        """Return how many inner indices differ along axes that matter."""
+    def inner_distinct(self, matters: Callable[[str], bool]) -> Indices:
+        """Return the first of the inner indices that differ only along axes that do not matter, for each such set."""
+        if not self.inner:
+            return np.zeros(1, dtype=np.int64)
+        places = np.ix_(*(np.arange(d.size if _any(d, matters) else 1) for d in self.inner))
+        return np.asarray(np.ravel_multi_index(places, self.inner_shape), dtype=np.int64).ravel()
+
+    def inner_distinct_count(self, matters: Callable[[str], bool]) -> int:
+        """Return how many these are."""
         return math.prod(d.size for d in self.inner if _any(d, matters))
 
 

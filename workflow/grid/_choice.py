@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from math import isnan, nan
@@ -147,9 +148,10 @@ def choices_text(choices: Choices) -> str:
 
 
 def read_choices(text: str) -> Choices:
-    """Return choices from what :func:`choices_text` has made of them."""
+    """Return choices from what :func:`choices_text` has made of them; none, they are made anew, where it is damaged."""
     choices: dict[str, ChosenModes] = {}
-    for name, entry in json.loads(text).items():
-        error, hardest = nan if entry["error"] is None else entry["error"], tuple(entry["hardest"].items())
-        choices[name] = ChosenModes(**{**entry, "error": error, "hardest": hardest})
+    with suppress(ValueError, LookupError, TypeError, AttributeError):
+        for name, entry in json.loads(text).items():
+            error, hardest = nan if entry["error"] is None else entry["error"], tuple(entry["hardest"].items())
+            choices[name] = ChosenModes(**{**entry, "error": error, "hardest": hardest})
     return choices

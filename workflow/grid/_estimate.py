@@ -85,9 +85,9 @@ def model_seconds(grid: Grid, missing: NDArray[np.bool_] | None = None) -> float
     return sum(task.seconds for task in tasks(grid, missing))
 
 
-def machine_factor(grid: Grid) -> float:
+def machine_factor(grid: Grid, seconds: float) -> float:
     """Return processor seconds here over those of the model; references are spread evenly over the cases."""
-    return (1 + reference_seconds(grid) / model_seconds(grid)) * (_speed.factor() or 1.0)
+    return (1 + reference_seconds(grid) / seconds) * (_speed.factor() or 1.0)
 
 
 def time_to_compile(grid: Grid, threads: int) -> float:

@@ -58,7 +58,7 @@ def _distinct(grid: Grid) -> Iterator[tuple[CaseSettings, Mapping[str, Array], I
     def matters(path: str) -> bool:
         return path.startswith(deciding)
 
-    inner = np.unique(grid.inner_alike(np.arange(grid.inner_count, dtype=np.int64), matters))
+    inner = grid.inner_distinct(matters)
     varying = grid.inner_values(inner)
     for outer in np.unique(grid.alike(np.arange(grid.outer_count, dtype=np.int64), matters)).tolist():
         yield grid.settings(outer), varying, inner

@@ -103,7 +103,7 @@ def _plan(grid: Grid) -> Plan:
     kinds = np.unique(grid.alike(grid.computed, lambda path: path in ("scheme", "h")), return_counts=True)
     for outer, count in zip(*kinds, strict=True):
         settings = grid.settings(int(outer))
-        distinct = int(count) * grid.inner_distinct(grid.is_read(settings.scheme))
+        distinct = int(count) * grid.inner_distinct_count(grid.is_read(settings.scheme))
         unique += distinct
         steps += distinct * grid.sampling.steps(settings.h) if "h" in schemes.load(settings.scheme.method).READS else 0
     structures = grid.kinds(lambda path: path.startswith(f"scene.{model}."))

@@ -131,7 +131,7 @@ def distinct_solutions(grid: Grid) -> Iterator[tuple[CaseSettings, bool, int]]:
     references = {settings for settings, is_exact in every if not is_exact}
     for settings, is_exact in every:
         if not (is_exact and settings in references):
-            yield settings, is_exact, grid.inner_distinct(is_compared(grid, settings))
+            yield settings, is_exact, grid.inner_distinct_count(is_compared(grid, settings))
 
 
 def solution_counts(grid: Grid) -> tuple[int, int]:

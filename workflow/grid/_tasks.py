@@ -109,7 +109,7 @@ def _seconds(grid: Grid, outer: int) -> tuple[float, float, float, float]:
     """
     settings, inner = grid.settings(outer), grid.inner_computed(outer)
     full, structure, some = full_structure(settings), reduced_structure(settings), inner[:MOST_LOOKED_AT]
-    stepped = grid.inner_distinct(grid.is_read(settings.scheme))
+    stepped = grid.inner_distinct_count(grid.is_read(settings.scheme))
     if schemes.load(settings.scheme.method).TOGETHER > 1:
         stepped = -(-stepped // PACK) * PACK
     handling = handling_seconds(grid.sampling.count, len(grid.study.output.histories))
@@ -154,6 +154,7 @@ def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None) -> Iterator[Task
     number, batches, seconds, cases = 0, list[Batch](), 0.0, 0
     for k, once, one, least in zip(outer, setup.tolist(), each.tolist(), units, strict=True):
         due = grid.inner_computed(k)
+        due = due[missing[k, due]]
         while due.size:
             fair = min(max(SHARE * left, SHORTEST), LONGEST)
             if batches and (seconds + once + least * one / 2 > fair or cases + least > most):
@@ -162,10 +163,8 @@ def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None) -> Iterator[Task
                 continue
             count = least * max(1, min(round((fair - seconds - once) / (least * one)), (most - cases) // least))
             inner, due = due[:count], due[count:]
-            inner = inner[missing[k, inner]]
-            if inner.size:
-                batches.append(Batch(k, inner))
-                seconds, cases, once = seconds + once + inner.size * one, cases + inner.size, 0.0
+            batches.append(Batch(k, inner))
+            seconds, cases, once = seconds + once + inner.size * one, cases + inner.size, 0.0
     if batches:
         yield Task(number, tuple(batches), seconds)
 

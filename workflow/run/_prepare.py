@@ -41,10 +41,10 @@ class Prepared:
         What its tasks share.
     texts
         Those of the provenance group.
-    archive
-        Cases of the archive.
+    sources
+        Cases of the archive and of earlier shards.
     reuse
-        What is done with them, and with shards.
+        What is done with them, and with shards of this run.
     hashes
         Identity of every case, ``(case, byte)``.
     missing
@@ -53,15 +53,15 @@ class Prepared:
 
     job: Job
     texts: Mapping[str, str]
-    archive: tuple[Source, ...]
+    sources: tuple[Source, ...]
     reuse: Reuse
     hashes: Hashes
     missing: NDArray[np.bool_]
 
     def stored(self) -> Stored:
         """Return what is stored by now."""
-        shards = find_shards(self.job.parts, just_written=True)
-        return self.reuse.taken([*self.archive, *shards], self.job)
+        written = find_shards(self.job.parts, since=self.job.first_shard)
+        return self.reuse.taken([*self.sources, *written], self.job)
 
     def progress(self) -> tuple[int, Counter[str]]:
         """Return how many cases are stored by now, and those of them that are not ok by their status."""
@@ -104,7 +104,7 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
             origins.append(found.texts)
     if any(COPIED in origin or any(origin.get(n) != texts[n] for n in SOFTWARE) for origin in origins):
         texts[COPIED] = "cases that other software or another processor ran"
-    stored = reuse.taken([*held.sources, *unfinished.sources], job)
+    sources = (*held.sources, *unfinished.sources)
     start_parts(parts, Command(texts, job.warnings, there, job.begun, **asdict(reuse)))
-    missing = ~stored.holds(hashes).reshape(grid.outer_count, grid.inner_count)
-    return Prepared(job, texts, held.sources, reuse, hashes, missing)
+    missing = ~reuse.taken(sources, job).holds(hashes).reshape(grid.outer_count, grid.inner_count)
+    return Prepared(job, texts, sources, reuse, hashes, missing)

@@ -34,7 +34,7 @@ from workflow.archive import (
     stored_hashes,
     surplus,
 )
-from workflow.grid import arrange, case_hashes
+from workflow.grid import arrange, case_hashes, read_choices
 from workflow.run._task import Job
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError
@@ -230,7 +230,8 @@ def _of_other_version(archive: Path, texts: Mapping[str, str]) -> tuple[str, ...
 def _unasked_text(archive: Path, unasked: int, cases: int, was: Mapping[str, str], now: Mapping[str, str]) -> str:
     none = "holds another study of the same name: none of its cases is"
     which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
-    is_other = "choices" in was and was["choices"] != now.get("choices")
+    before, after = ({str(one) for one in read_choices(texts.get("choices", "{}")).values()} for texts in (was, now))
+    is_other = not before <= after
     decided = ", as its tolerance decides `auto` by other cases" if is_other else ""
     return (
         f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "

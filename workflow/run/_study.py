@@ -168,7 +168,7 @@ def _counter(prepared: Prepared, computing: int, begun: float, progress: Progres
     grid = prepared.job.grid
     with threadpool_limits(limits=1, user_api="blas"):  # structures are made here as tasks make them
         every, missing = model_seconds(grid), model_seconds(grid, prepared.missing)
-        estimated = missing * machine_factor(grid) / computing if computing else nan
+        estimated = missing * machine_factor(grid, every) / computing if computing else nan
     compiling = time_to_compile(grid, computing) if computing else 0.0
     counter = ProgressCounter(prepared.missing.size, missing, every - missing, estimated, compiling, begun, progress)
     counter.set(*prepared.progress())

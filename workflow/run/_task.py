@@ -30,6 +30,11 @@ class Job:
     begun: int
     warnings: str = ""
 
+    @property
+    def first_shard(self) -> str:
+        """Beginning of the names of the shards: what is named before it is earlier."""
+        return f"{self.begun:020d}"
+
     @cached_property
     def template(self) -> xr.Dataset:
         """The archive before anything has run."""
@@ -92,6 +97,6 @@ def _store(job: Job, task: Task, results_of: Callable[[Batch], Solved]) -> Repor
         count, cases = count + batch.inner.size, cases + batch.inner.size * times
         endings += not_ok(solved.values[STATUS], times)
     arrays = {name: np.concatenate([values[name] for values in parts]) for name in map(str, job.template.data_vars)}
-    name = f"{job.begun:020d}-{task.number:08d}"
+    name = f"{job.first_shard}-{task.number:08d}"
     write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.template)
     return Report(task.seconds, cases, endings)

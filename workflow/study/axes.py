@@ -52,7 +52,7 @@ class Arrangement:
     followed: dict[str, Followed] = field(default_factory=dict)
 
     def take(self, axes: Mapping[str, Content], zips: Mapping[str, Zip | Drawn]) -> None:
-        """Take the values of all axes; a study of too many cases is refused at once."""
+        """Take the values of all axes; a study of too many cases is refused."""
         for path, content in axes.items():
             if isinstance(content, Followed):
                 if self.followed or path in ("h", TOLERANCE):

@@ -8,8 +8,8 @@ arithmetic. Two units are of the same quantity when their root units agree, in w
 
 from __future__ import annotations
 
-import math
 import re
+import sys
 from decimal import Context, Decimal
 from functools import cache, lru_cache
 from typing import Any
@@ -168,7 +168,7 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise wrong(f"{quoted(value)} is not {kind}", remedy)
     number = _converted(value, declared, kind, remedy) if isinstance(value, str) else value
-    if not math.isfinite(number):
+    if not abs(number) <= sys.float_info.max:  # an integer may be beyond it
         raise wrong(f"{quoted(value)} is not finite", remedy)
     if whole and number != int(number):
         raise wrong(f"{quoted(value)} is not a whole number", "write a whole number")

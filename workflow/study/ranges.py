@@ -75,7 +75,8 @@ def axis_values(kind: Kind, zipped: bool = False) -> Kind:
     kinds = [many(one, minItems=1)]
     if isinstance(kind, Number):
         laws = LAWS[:2] if zipped or kind.whole else LAWS
-        kinds.append(_under({law: _spread(law, kind) for law in laws}, _SPREAD))
+        followed = "write a list or lin: a branch is followed along a real-valued axis of its own"
+        kinds.append(_under({law: _spread(law, kind) for law in laws}, _SPREAD, {"branch": followed}))
     return either(choose, *kinds, *([] if zipped else [one]))
 
 
@@ -124,7 +125,7 @@ def between(kind: Number) -> Kind:
 
     remedy = "write [low, high] or {log: [low, high]}"
     lin, log = (_some((kind, kind), "no range", remedy, partial(build, law)) for law in LAWS[:2])
-    return either(no_mapping, _under({"log": log}, remedy), lin)
+    return either(no_mapping, _under({"log": log}, remedy, {"lin": "write [low, high]", "branch": remedy}), lin)
 
 
 def _some(kinds: tuple[Kind, ...], otherwise: str, remedy: str, build: Callable[[Any], Any]) -> Kind:
@@ -142,8 +143,8 @@ def _some(kinds: tuple[Kind, ...], otherwise: str, remedy: str, build: Callable[
     return Kind(core_schema.no_info_after_validator_function(build, core), schema)
 
 
-def _under(kinds: Mapping[Law, Kind], remedy: str) -> Kind:
-    """Return the kind of ``{LAW: ...}``, read as what stands there."""
+def _under(kinds: Mapping[Law, Kind], remedy: str, others: Mapping[str, str]) -> Kind:
+    """Return the kind of ``{LAW: ...}``, read as what stands there; ``others`` says what to write for other laws."""
 
     def build(given: dict[str, Any]) -> Any:
         if len(given) != 1:
@@ -151,6 +152,5 @@ def _under(kinds: Mapping[Law, Kind], remedy: str) -> Kind:
         return next(iter(given.values()))
 
     entries: dict[str, Entry] = {law: Entry(kind, f"values whose law is {law}") for law, kind in kinds.items()}
-    moved = {"branch": "write a list or lin: a branch is followed along a real-valued axis of its own"}
-    form = record("Values between two ends.", entries, build, moved)
+    form = record("Values between two ends.", entries, build, others)
     return replace(form, schema=form.schema | {"minProperties": 1, "maxProperties": 1})
