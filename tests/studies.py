@@ -110,7 +110,7 @@ def written(text: str, directory: Path, name: str = "study.yaml") -> Path:
     return path
 
 
-def cut_finely(patch: pytest.MonkeyPatch) -> None:
-    """Make a task of each row along the innermost dimension."""
+def cut_finely(patch: pytest.MonkeyPatch, cases: int | None = None) -> None:
+    """Make a task of so many cases that are missing, else of as many as a row along the innermost dimension has."""
     patch.setattr(cutting, "LONGEST", 1e-9)
-    patch.setattr(cutting, "unit", lambda grid, *_: grid.inner_shape[-1] if grid.inner else 1)
+    patch.setattr(cutting, "unit", lambda grid, *_: cases or (grid.inner_shape[-1] if grid.inner else 1))

@@ -152,7 +152,7 @@ def test_steps_from_a_study_to_its_next(
 
 @pytest.mark.parametrize("after", [0, 1, 3])
 def test_killed_in_the_middle(after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cut_finely(monkeypatch)
+    cut_finely(monkeypatch, 2)
     new = quick({"e": [0.0, 0.2, 0.5, 0.9], "alpha": [0.0, 20.0, 5.0, 50.0]})
     archive = tmp_path / "a.nc"
     run_study(quick(), archive)
