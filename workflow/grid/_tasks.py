@@ -25,11 +25,11 @@ from workflow.grid._frequencies import fastest, longest_period_count
 from workflow.grid._operators import full_structure, reduced_structure
 from workflow.kernels.lanes import PACK
 
-SHORTEST, LONGEST = 0.05, 5.0
-"""Seconds of work of a task: below, dask's cost of about 0.5 ms a task would show; above, the end of a run waits for
-single tasks."""
+SHORTEST, LONGEST = 0.1, 5.0
+"""Seconds of work of a task: below, some 4 ms for dask and a shard on the disk would show; above, the end of a run
+waits for single tasks."""
 
-SHARE = 1 / 64
+SHARE = 1 / 32
 """A task is at most this share of what is left of a study, so that threads end together."""
 
 UNBROKEN = 60.0

@@ -20,7 +20,7 @@ from workflow.run._worker import ClusterError, Session, join, run_block, run_tas
 
 _IN_FLIGHT = 512
 """Tasks that the scheduler knows of at a time, so that the graph of a large study is never there at
-once, and yet a few for each thread of a large cluster; a task takes a twentieth of a second or more."""
+once, and yet a few for each thread of a large cluster; a task takes a tenth of a second or more."""
 
 _ANSWER, _FIRST_WORKER = 10.0, 60.0
 """Seconds to wait for a scheduler to answer, and for its first worker."""
