@@ -78,10 +78,10 @@ def write_shard(
 
 
 def find_shards(parts: str | Path, since: str = "") -> list[Source]:
-    """Return the sound shards, in order; those alone that this run has written where it tells ``since`` which name.
+    """Return the sound shards in the order of their names; with ``since``, only those not named before it.
 
-    Every byte is read against its checksum, of shards that this run has written when it is used. What is damaged is
-    left where it is: its cases are run again.
+    Every byte is compared with its checksum now; with ``since``, which a run gives for its own shards, when it is used.
+    A damaged shard is left where it is: its cases are run again.
     """
     sources = []
     for path in sorted(one for one in Path(parts).glob(f"*{SUFFIX}") if one.name >= since):

@@ -253,14 +253,14 @@ class Grid:
         return _alike(self.inner, inner, matters)
 
     def inner_distinct(self, matters: Callable[[str], bool]) -> Indices:
-        """Return the first of the inner indices that differ only along axes that do not matter, for each such set."""
+        """Return the first inner index of each combination of values along the axes that matter."""
         if not self.inner:
             return np.zeros(1, dtype=np.int64)
         places = np.ix_(*(np.arange(d.size if _any(d, matters) else 1) for d in self.inner))
         return np.asarray(np.ravel_multi_index(places, self.inner_shape), dtype=np.int64).ravel()
 
     def inner_distinct_count(self, matters: Callable[[str], bool]) -> int:
-        """Return how many these are."""
+        """Return how many combinations of values the inner indices have along the axes that matter."""
         return math.prod(d.size for d in self.inner if _any(d, matters))
 
 

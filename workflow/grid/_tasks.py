@@ -26,7 +26,7 @@ from workflow.grid._operators import full_structure, reduced_structure
 from workflow.kernels.lanes import PACK
 
 SHORTEST, LONGEST = 0.1, 5.0
-"""Seconds of work of a task: below, some 4 ms for dask and a shard on the disk would show; above, the end of a run
+"""Seconds of work of a task: below, the cost of dask and of a shard on the disk would show; above, the end of a run
 waits for single tasks."""
 
 SHARE = 1 / 32

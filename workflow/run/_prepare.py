@@ -28,7 +28,7 @@ from workflow.archive import (
 )
 from workflow.grid import Grid, case_hashes, warning_lines
 from workflow.run._reuse import Reuse, in_archive, in_shards
-from workflow.run._task import Job, not_ok
+from workflow.run._task import Job, not_ok, shard_prefix
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Prepared:
 
     def stored(self) -> Stored:
         """Return what is stored by now."""
-        written = find_shards(self.job.parts, since=self.job.first_shard)
+        written = find_shards(self.job.parts, since=shard_prefix(self.job.begun))
         return self.reuse.taken([*self.sources, *written], self.job)
 
     def progress(self) -> tuple[int, Counter[str]]:

@@ -35,7 +35,7 @@ from workflow.archive import (
     surplus,
 )
 from workflow.grid import arrange, case_hashes, read_choices
-from workflow.run._task import Job
+from workflow.run._task import Job, shard_prefix
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, StudyError
 
@@ -63,7 +63,7 @@ class Reuse:
 
     def taken(self, sources: Iterable[Source], job: Job) -> Stored:
         """Return the cases that are not run again: with all variables of a study, in no lower precision."""
-        taken, first = [], f"{self.since:020d}"
+        taken, first = [], shard_prefix(self.since)
         for source in sources:
             is_earlier = source.name < first
             if not lacking(job.template, source.kinds) and not (is_earlier and self.recompute):

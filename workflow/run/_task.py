@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+def shard_prefix(begun: int) -> str:
+    """Return how the names of the shards of a command begin; those of earlier commands sort before it."""
+    return f"{begun:020d}"
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
     """What every task of a run shares; ``begun`` names its shards, those of a later run come after them."""
@@ -29,11 +34,6 @@ class Job:
     parts: Path
     begun: int
     warnings: str = ""
-
-    @property
-    def first_shard(self) -> str:
-        """Beginning of the names of the shards: what is named before it is earlier."""
-        return f"{self.begun:020d}"
 
     @cached_property
     def template(self) -> xr.Dataset:
@@ -97,6 +97,6 @@ def _store(job: Job, task: Task, results_of: Callable[[Batch], Solved]) -> Repor
         count, cases = count + batch.inner.size, cases + batch.inner.size * times
         endings += not_ok(solved.values[STATUS], times)
     arrays = {name: np.concatenate([values[name] for values in parts]) for name in map(str, job.template.data_vars)}
-    name = f"{job.first_shard}-{task.number:08d}"
+    name = f"{shard_prefix(job.begun)}-{task.number:08d}"
     write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.template)
     return Report(task.seconds, cases, endings)
