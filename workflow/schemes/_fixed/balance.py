@@ -22,6 +22,13 @@ of it is the casing's. Without heat the sum over the steps of a mode is
 with brackets for changes from the first state to the last: no work of load, contact or casing accumulates in it, and a
 rigid mode without damping leaves rounding. With θ-weighted velocities it would be -(θ - 1/2) (Δv² + ω² Δη²) in each
 step, which counts the jump of each impact as an error of the scheme.
+The largest energy is that of all step ends, of which few are computed. With v_ℓ = v + ℓ/h Δv, η_ℓ likewise,
+
+    ΔE = I v_ℓ + ω² J η_ℓ - h c v_ℓ² - (ℓ/h - 1/2) (Δv² + ω² Δη²),    of central differences with v_m, η_m,
+
+so that for ℓ >= h/2 no energy exceeds the last one computed by more than Σ (S_load - p) v_ℓ of the tip and
+p √(2 max E) √(I² + ω² J²), with the inputs I, J by heat and friction of a unit impulse of contact. E is computed where
+this bound exceeds the largest one so far.
 The load counts as the step weights it, F_θ, in every representation of a structure. A quasi-static motion under it
 leaves -2 (θ - 1/2) h ∫ k v² dt, half of which is the difference of F_θ from the mean of the load at the step's ends.
 
@@ -104,6 +111,8 @@ class Account(NamedTuple):
     """Heat loss per unit of friction heat at the end of its step, 1/s."""
     heat_theta: float
     """Weight of the temperatures at a step's end in its heat loss."""
+    unbounded: float
+    """0, or ∞ of the θ-method with θ < 1/2, whose free motion may gain energy."""
 
 
 @inlined
@@ -147,8 +156,11 @@ def count_work(
         heat = friction_heat(own, lane)
         relative -= account.thermal_velocity * heat
         add_to(sums.friction_heat, heat, lane)
+        add_to(sums.energy_bound, end.impulse * pack(sums.work_bound, lane), lane)
     before, impulse = pack(sums.relative, lane), account.load_share * free.impulse - end.acting
     store(sums.relative, lane, relative)
+    working = fused(spread(account.energy_lever / step.h, lane), relative - before, before)
+    store(sums.energy_bound, lane, fused(impulse, working, pack(sums.energy_bound, lane)))
     gain = contact_gain(step, end, impulse, relative - before, free, own, tip, lane)
     add_to(sums.dissipated, fused(impulse, -0.5 * (relative + before), gain), lane)
 

@@ -49,6 +49,8 @@ class Balances:
         self._rows, self._ended_heat = np.zeros((rows_in(Totals), cases.count)), np.zeros_like(begun.heat)
         self._ended = named_rows(Totals, self._rows)
         self._ended.first_energy = self._ended.last_energy = self._ended.largest_energy = energy
+        unbounded = np.inf if step.energy_lever < 0.5 * step.tip.h else 0.0
+        self._ended.energy_bound = energy + unbounded
         self._ended.relative = project(modal.tip, v.T)
         self._ended.settled_loss = settled
         self._ended.lost = -step.tip.h * step.heat_theta * (settled + project(loss, begun.heat.T))
@@ -57,6 +59,11 @@ class Balances:
 
         n, scale = modal.tip.size, modal.heat_scale
         inputs = _energy_rows(blocks, contact_heat(blocks, cases))
+        impulses, pulls = step.energy_lever * inputs[n:] - 2.0 * inputs[:n], inputs[n:]
+        size2 = project(at_tip / np.maximum(kinetic, np.finfo(float).tiny), impulses.T**2)
+        size2 += project(2.0 * at_tip * _half_flexibility(modal), pulls.T**2)
+        self._ended.input_size = np.sqrt(size2)
+        self._ended.work_bound = np.sqrt(2.0 * energy * size2)
         self._ended.square = project(at_tip * _half_flexibility(modal), inputs[n:].T ** 2)
         self.dense: Dense | None
         self.dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
@@ -79,6 +86,7 @@ class Balances:
             thermal_velocity=np.sum(blocks.tip * blocks.thermal_response(step.heat_gain[:, None])[..., 0]),
             heat_loss=np.sum(loss / scale * free.heat_modes[:, HEAT_INPUT]) if step.heat_counts else 0.0,
             heat_theta=step.heat_theta,
+            unbounded=unbounded,
         )
         account = self.account
         self.filled = [

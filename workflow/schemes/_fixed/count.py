@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK
-from workflow.kernels.packs import Lane, Pack, broad, broadest, fused, narrow, pack, shared, spread, store, where
+from workflow.kernels.packs import (
+    Lane,
+    Pack,
+    fused,
+    lanes_of,
+    narrow,
+    pack,
+    shared,
+    some,
+    spread,
+    store,
+    where,
+)
 from workflow.models import Array
 from workflow.schemes._fixed import balance
 from workflow.schemes._fixed.balance import ELASTIC, KINETIC, Account, Dense
@@ -14,58 +28,32 @@ from workflow.schemes._fixed.rows import Totals
 
 
 @inlined
-def count_step(
-    account: Account | None, step: FreeStep, state: State, measures: bool, last: bool, in_broad: int, lanes: int
-) -> None:
-    """Add the part of a step that the next one does not count to the balances, and the energy if it ``measures`` it.
-
-    The first ``in_broad`` lanes are in broad packs, as those of the step.
-    """
+def count_step(account: Account | None, step: FreeStep, state: State, last: bool, lanes: int) -> None:
+    """Add the part of a step that the next one does not count to the balances, and update the largest energy."""
     if account is not None:
-        _count(state.dense, account, step, state, measures, last, in_broad, lanes)
+        _count(state.dense, account, step, state, last, lanes)
 
 
 @part
-def _count(
-    dense: Dense | None,
-    account: Account,
-    step: FreeStep,
-    state: State,
-    measures: bool,
-    last: bool,
-    in_broad: int,
-    lanes: int,
-) -> None:
+def _count(dense: Dense | None, account: Account, step: FreeStep, state: State, last: bool, lanes: int) -> None:
     _fill_dense(dense, account, step.coupled, step, state, lanes)
-    counts = last if dense is None else True
-    if counts or measures:
-        for first in range(0, in_broad, broadest()):
-            _count_pack(dense, account, step, state, counts, measures, last, broad(first))
-        for first in range(in_broad, lanes, PACK):
-            _count_pack(dense, account, step, state, counts, measures, last, narrow(first))
+    for first in range(0, lanes, PACK):
+        _count_pack(dense, account, step, state, last, narrow(first))
 
 
 @inlined
-def _count_pack(
-    dense: Dense | None,
-    account: Account,
-    step: FreeStep,
-    state: State,
-    counts: bool,
-    measures: bool,
-    last: bool,
-    lane: Lane,
-) -> None:
+def _count_pack(dense: Dense | None, account: Account, step: FreeStep, state: State, last: bool, lane: Lane) -> None:
     contact, inputs = _inputs(dense, account, pack(state.own.impulse, lane), lane)
     dissipated, given, load = spread(0.0, lane), spread(0.0, lane), pack(state.own.load, lane)
-    if counts:
+    sums, whole = account.sums, last or dense is not None
+    if whole:
         for j in range(account.velocity_before.shape[0]):
             v, xi = _at_end(dense, step, state, j, load, lane)
             dissipated, given = balance.count_inputs(
                 account, inputs, j, v, xi, step.tip.h, contact, dissipated, given, lane
             )
         balance.add_dissipation(account, dissipated, given, contact, lane)
-    if measures:
+    if whole or some(pack(sums.energy_bound, lane) > pack(sums.largest_energy, lane)):
         _energy(dense, account, step, state, load, lane)
     if last:
         loss = spread(0.0, lane)
@@ -90,15 +78,19 @@ def _at_end(dense: Dense | None, step: FreeStep, state: State, j: int, load: Pac
 
 @inlined
 def _energy(dense: Dense | None, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane) -> None:
-    """Store the energy at the end of the last step, and update the largest one; a NaN stays."""
-    energy, largest = spread(0.0, lane), pack(account.sums.largest_energy, lane)
+    """Compute the energy at the end of the last step, and update the largest one; a NaN stays."""
+    sums, energy = account.sums, spread(0.0, lane)
     for j in range(account.velocity_before.shape[0]):
         v, xi = _at_end(dense, step, state, j, load, lane)
         eta = xi + account.energy_lever * v
         energy = fused(shared(account.modes, (j, KINETIC), lane) * v, v, energy)
         energy = fused(shared(account.modes, (j, ELASTIC), lane) * eta, eta, energy)
-    store(account.sums.last_energy, lane, energy)
-    store(account.sums.largest_energy, lane, where(energy <= largest, largest, energy))
+    largest = pack(sums.largest_energy, lane)
+    store(sums.last_energy, lane, energy)
+    store(sums.energy_bound, lane, energy + account.unbounded)
+    store(sums.largest_energy, lane, where(energy <= largest, largest, energy))
+    for i in range(*lanes_of(lane)):
+        sums.work_bound[i] = sums.input_size[i] * math.sqrt(2.0 * sums.largest_energy[i])
 
 
 @part

@@ -42,9 +42,6 @@ FEW_ROWS = 60
 With more rows narrow packs were faster on the processor where it was measured; the bits are the same.
 """
 
-ENERGY_INTERVAL, FEWEST_ENERGIES = 32, 128
-"""Steps from one evaluation of the largest energy to the next, and their least number in short runs."""
-
 
 @by_type
 def open_march(
@@ -75,7 +72,7 @@ def _open_centrally(
         _open(step, law, now, state, block, account, broad(first))
     for first in range(in_broad, block.lanes, PACK):
         _open(step, law, now, state, block, account, narrow(first))
-    count_step(account, step, state, False, False, in_broad, block.lanes)
+    count_step(account, step, state, False, block.lanes)
 
 
 @inlined
@@ -120,8 +117,8 @@ def march(step: FreeStep, law: Law, state: State, block: Block, account: Account
     free_motion.lay_out(step, state)
     lay_out_account(account)
     in_broad = lanes // broadest() * broadest() if 2 * len(state.motion) + len(state.tau) <= FEW_ROWS else 0
-    paired, interval = step.pair_block.size > 0, min(ENERGY_INTERVAL, block.steps // FEWEST_ENERGIES + 1)
-    warmed, leader = free_motion.is_warmed(state.own, lanes), start_load(h, load, lanes)
+    paired, warmed = step.pair_block.size > 0, free_motion.is_warmed(state.own, lanes)
+    leader = start_load(h, load, lanes)
     turn_drive(block.drive, 0, h, theta, tip, lanes)
     open_march(step.tip, law, step, stepping.step_at(0, theta, leader, warmed, block), state, block, account, in_broad)
     for k in range(1, block.steps + 1):
@@ -134,7 +131,7 @@ def march(step: FreeStep, law: Law, state: State, block: Block, account: Account
             _step(step, law, now, state, block, account, broad(first))
         for first in range(in_broad, lanes, PACK):
             _step(step, law, now, state, block, account, narrow(first))
-        count_step(account, step, state, k % interval == 0 or now.last, now.last, in_broad, lanes)
+        count_step(account, step, state, now.last, lanes)
         if now.marked:
             stepping.count_stored(k, block)
     free_motion.store_heat(step, state, state.tau, lanes)

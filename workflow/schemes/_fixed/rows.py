@@ -78,7 +78,12 @@ class Totals(Rows):
     first_energy: Array
     last_energy: Array
     largest_energy: Array
-    """Energy at t = 0, at the end and the largest, J."""
+    """Energy at t = 0, when it was computed last and the largest, J."""
+    energy_bound: Array
+    """What the energy at the last step's end does not exceed, J."""
+    input_size: Array
+    work_bound: Array
+    """Norm of the inputs by heat and friction of a unit impulse of contact, 1/√kg, and the most work they do, m/s."""
     dissipated: Array
     """Dissipated energy less the work of loads and contact, J."""
     lost: Array
