@@ -64,6 +64,20 @@ def test_against_nodal_coordinates(scene: tuple[Structure, float]) -> None:
     assert abs(growth_rate(structure.matrices(), alpha) - exact.real.max()) <= near
 
 
+@pytest.mark.parametrize("nodes", [3, 4, 7])
+@pytest.mark.parametrize(("mass", "stiffness"), [(10.0, 0.1), (1e3, 1e-3), (1e4, 1e-4)])
+@pytest.mark.parametrize("share", [0.2, 0.9, 4.0])
+def test_poles_that_contact_cannot_see(nodes: int, mass: float, stiffness: float, share: float) -> None:
+    """With a_M a_K = 1 every mode has the pole -a_M, whatever the contact heat; above the critical coupling one grows."""
+    lumps = {"mass": 1e-3, "stiffness": 1e6, "spacing": 0.01, "expansion": 1e-5, "heat_capacity": 1e-5}
+    structure = chain(nodes=nodes, **lumps, conductance=0.1, damping=Rayleigh(mass, stiffness))
+    alpha = share * critical_alpha(structure)
+    exact = eigenvalues_in_contact(structure, alpha)
+    rate = growth_rate(structure, alpha)
+    assert rate >= -mass * (1 + 1e-9)
+    assert rate == pytest.approx(exact.real.max(), rel=1e-6, abs=1e-12 * np.abs(exact).max())
+
+
 def damped_by_a_ratio() -> Structure:
     return heavy_chain(nodes=6, damping=Rayleigh(ratio=0.2))
 

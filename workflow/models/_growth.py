@@ -199,7 +199,9 @@ def growth(contact: InContact, alpha: float, friction: float = 0.0) -> Growth:
 def _refined(contact: InContact, alpha: float, spectrum: Complex) -> Array:
     """Return the real parts of the rightmost eigenvalues, refined by Newton's method on 1/G(s) = α.
 
-    Where it does not converge they are kept if the spectrum is that of all modes, else left out; NaN if none is left.
+    An eigenvalue from which it comes to a root nearer to another one is kept: contact heat cannot shift it, so it is no
+    root. Where it does not converge they are kept if the spectrum is that of all modes, else left out; NaN if none is
+    left.
     """
     above = spectrum[spectrum.imag >= 0]
     starts = above[np.argsort(-above.real, kind="stable")[:_REFINED]]
@@ -212,9 +214,12 @@ def _refined(contact: InContact, alpha: float, spectrum: Complex) -> Array:
             roots, left = roots - step, np.abs(step)
             if np.all(left <= _ROUNDING * np.abs(roots)):
                 break
-    found = left <= np.maximum(_CONVERGED * np.abs(roots), _UNCERTAIN * np.abs(spectrum).max(initial=0.0))
+    rounding = _UNCERTAIN * np.abs(spectrum).max(initial=0.0)
+    found = left <= np.maximum(_CONVERGED * np.abs(roots), rounding)
+    nearest = np.abs(roots[:, None] - spectrum).min(axis=1, initial=np.inf)
+    refined = found & (np.abs(roots - starts) <= nearest + rounding)
     known = found | (contact.poles.size <= _ALL_STATES)
-    return np.where(found, roots, starts).real[known] if known.any() or not known.size else np.full(1, np.nan)
+    return np.where(refined, roots, starts).real[known] if known.any() or not known.size else np.full(1, np.nan)
 
 
 def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:
