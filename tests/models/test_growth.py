@@ -68,7 +68,7 @@ def test_against_nodal_coordinates(scene: tuple[Structure, float]) -> None:
 @pytest.mark.parametrize(("mass", "stiffness"), [(10.0, 0.1), (1e3, 1e-3), (1e4, 1e-4)])
 @pytest.mark.parametrize("share", [0.2, 0.9, 4.0])
 def test_poles_that_contact_cannot_see(nodes: int, mass: float, stiffness: float, share: float) -> None:
-    """With a_M a_K = 1 every mode has the pole -a_M, whatever the contact heat; above the critical coupling one grows."""
+    """With a_M a_K = 1 every mode has the pole -a_M, whatever the contact heat; above α_c one grows."""
     lumps = {"mass": 1e-3, "stiffness": 1e6, "spacing": 0.01, "expansion": 1e-5, "heat_capacity": 1e-5}
     structure = chain(nodes=nodes, **lumps, conductance=0.1, damping=Rayleigh(mass, stiffness))
     alpha = share * critical_alpha(structure)
