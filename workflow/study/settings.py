@@ -159,8 +159,21 @@ class Output:
     balances: bool = field(default=True, metadata={"meaning": _BALANCES})
     sections: bool = field(default=False, metadata={"meaning": _SECTIONS})
     steady: Steady | None = None
+    temperature_depth: float | None = quantity(
+        "m",
+        "depth from the tip over which a mean temperature is kept; cases are run twice for it",
+        default=None,
+        above=0,
+    )
+
+    @property
+    def sampled(self) -> tuple[str, ...]:
+        """Names of all histories that the archive keeps."""
+        depth = ("depth_temperature",) if self.histories and self.temperature_depth is not None else ()
+        return (*self.histories, *depth)
 
     @property
     def of_branches(self) -> Output:
-        """What an archive of branches keeps: no histories, balances and sections, always steady rubs."""
-        return replace(self, histories=(), balances=False, sections=False, steady=self.steady or Steady())
+        """What an archive of branches keeps: no histories, balances, sections and depths, always steady rubs."""
+        steady = self.steady or Steady()
+        return replace(self, histories=(), balances=False, sections=False, steady=steady, temperature_depth=None)

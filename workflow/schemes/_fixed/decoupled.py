@@ -43,6 +43,8 @@ class Decoupled:
         φ_jn, 1/√kg, ``(mode,)``.
     rate, heat_tip
         μ_l [1/s] and χ_ln [1/√(J/K)], ``(thermal mode,)``.
+    observed
+        χ_ln, or of another temperature that is recorded wᵀχ_l, ``(thermal mode,)``.
     coupling
         G = φᵀ K12 χ, ``(mode, thermal mode)``.
     to_modes, to_thermal
@@ -65,6 +67,7 @@ class Decoupled:
     tip: Array
     rate: Array
     heat_tip: Array
+    observed: Array
     coupling: Array
     to_modes: Array
     to_thermal: Array
@@ -101,6 +104,7 @@ class Decoupled:
             self,
             rate=np.zeros(0),
             heat_tip=np.zeros(0),
+            observed=np.zeros(0),
             coupling=self.coupling[:, :0],
             to_thermal=self.to_thermal[:0],
             heat_shapes=self.heat_shapes[:, :0],
@@ -120,6 +124,7 @@ def decouple(structure: Structure) -> Decoupled:
         tip=mechanical.tip,
         rate=thermal.values,
         heat_tip=thermal.tip,
+        observed=structure.observed_of(thermal.shapes.T),
         coupling=coupling,
         to_modes=_to_modes(structure, mechanical),
         to_thermal=thermal.shapes.T @ structure.heat_capacity,
