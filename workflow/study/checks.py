@@ -98,8 +98,11 @@ def _mesh(cases: CaseSpace) -> Iterator[Fault]:
             yield ("scene", model, "tip_cell"), error.problem, error.remedy
             return
     if depth is not None and depth > deepest:
-        problem = f"of {depth:g} m is deeper than the lengths of `{model}`, {deepest:.6g} m"
-        yield ("output", "temperature_depth"), problem, "leave it out"
+        problem, remedy = (
+            f"of {depth:g} m is deeper than the {deepest:.6g} m of `{model}`",
+            "write less, or leave it out",
+        )
+        yield ("output", "temperature_depth"), problem, f"{remedy}: `blade`, and `chain` with `spacing`, have a depth"
 
 
 def _meshes(cases: CaseSpace) -> Iterator[Any]:

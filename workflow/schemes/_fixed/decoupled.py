@@ -43,8 +43,6 @@ class Decoupled:
         φ_jn, 1/√kg, ``(mode,)``.
     rate, heat_tip
         μ_l [1/s] and χ_ln [1/√(J/K)], ``(thermal mode,)``.
-    observed
-        χ_ln, or of another temperature that is recorded wᵀχ_l, ``(thermal mode,)``.
     coupling
         G = φᵀ K12 χ, ``(mode, thermal mode)``.
     to_modes, to_thermal
@@ -59,6 +57,8 @@ class Decoupled:
         φᵀ C1 φ where damping couples the modes, ``(mode, mode)``; ``damping`` is its diagonal.
     load
         φ_jᵀ b of a load that does not act on the tip, 1/√kg, ``(mode,)``.
+    observed
+        wᵀχ_l of another temperature than the tip's that is recorded, 1/√(J/K), ``(thermal mode,)``.
     """
 
     mass: Array
@@ -67,7 +67,6 @@ class Decoupled:
     tip: Array
     rate: Array
     heat_tip: Array
-    observed: Array
     coupling: Array
     to_modes: Array
     to_thermal: Array
@@ -77,6 +76,12 @@ class Decoupled:
     tangent: Array | None = None
     damping_matrix: Array | None = None
     load: Array | None = None
+    observed: Array | None = None
+
+    @property
+    def recorded(self) -> Array:
+        """The temperature that is recorded per thermal mode, ``(thermal mode,)``."""
+        return self.heat_tip if self.observed is None else self.observed
 
     @property
     def is_coupled(self) -> bool:
@@ -104,7 +109,7 @@ class Decoupled:
             self,
             rate=np.zeros(0),
             heat_tip=np.zeros(0),
-            observed=np.zeros(0),
+            observed=None,
             coupling=self.coupling[:, :0],
             to_thermal=self.to_thermal[:0],
             heat_shapes=self.heat_shapes[:, :0],
@@ -124,7 +129,6 @@ def decouple(structure: Structure) -> Decoupled:
         tip=mechanical.tip,
         rate=thermal.values,
         heat_tip=thermal.tip,
-        observed=structure.observed_of(thermal.shapes.T),
         coupling=coupling,
         to_modes=_to_modes(structure, mechanical),
         to_thermal=thermal.shapes.T @ structure.heat_capacity,
@@ -134,6 +138,7 @@ def decouple(structure: Structure) -> Decoupled:
         tangent=None if structure.tangent is None else mechanical.shapes.T @ structure.tangent,
         damping_matrix=damper if damper.ndim == 2 else None,
         load=None if structure.load is None else mechanical.shapes.T @ structure.load,
+        observed=None if structure.observed is None else structure.observed @ thermal.shapes,
     )
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import Lane, Pack, fused, pack, shared, spread, store
+from workflow.kernels.packs import Lane, Pack, pack, shared, spread, store
 from workflow.models import Array
 from workflow.schemes._fixed import balance
 from workflow.schemes._fixed.balance import Account, Dense, plus
@@ -37,9 +37,9 @@ DECAY, SPRING, LOAD = range(3)
 LOAD_PLACE, TIP_SPEED, TIP_PLACE = range(3)
 """Coefficients of a block that is no mode: η per unit impulse of the load, the tip's velocity per u and per η."""
 
-HEAT_DECAY, HEAT_INPUT, HEAT_SPEED, HEAT_OBSERVED = range(4)
+HEAT_DECAY, HEAT_INPUT, HEAT_SPEED = range(3)
 """Coefficients of a thermal mode, scaled so that the tip's temperature is the sum of all τ: τ' per τ, τ per unit heat
-at the tip, the thermal velocity of the tip and the temperature that is recorded (the tip's: 1) per τ."""
+at the tip, and the thermal velocity of the tip per τ."""
 
 
 class FreeStep(NamedTuple):
@@ -60,6 +60,8 @@ class FreeStep(NamedTuple):
     tip: TipStep
     heat_counts: bool
     """Whether τ at a step's end includes the contact heat of that step; central differences add it in the next step."""
+    observed: Array | None
+    """Temperature that is recorded per τ, ``(thermal mode,)``; ``None`` for the tip's, the sum of all τ."""
 
 
 class State(NamedTuple):
@@ -98,7 +100,7 @@ def lay_out(step: FreeStep, state: State) -> None:
     The compiler then takes them as constants, instead of reading them for each pack of lanes.
     """
     assert step.blocks.shape[1] == LOAD + 1
-    assert step.heat_modes.shape[1] == HEAT_OBSERVED + 1
+    assert step.heat_modes.shape[1] == HEAT_SPEED + 1
     assert state.motion.shape[1] == PLACE + 1
     assert state.motion.shape[2] == ROW
     assert state.drives.shape[1] == PLACE + 1
@@ -156,6 +158,12 @@ def _step_blocks(
 
 
 @inlined
+def _recorded(observed: Array | None, k: int, tau: Pack, lane: Lane) -> Pack:
+    """Return the part of thermal mode k in the temperature that is recorded."""
+    return tau if observed is None else shared(observed, (k,), lane) * tau
+
+
+@inlined
 def _step_heat(
     account: Account | None,
     step: FreeStep,
@@ -175,7 +183,7 @@ def _step_heat(
         )
         store(tau, (k, lane), after)
         velocity += shared(step.heat_modes, (k, HEAT_SPEED), lane) * after
-        temperature = fused(shared(step.heat_modes, (k, HEAT_OBSERVED), lane), after, temperature)
+        temperature += _recorded(step.observed, k, after, lane)
     balance.add_loss(account, step.tip.h, loss, heat, lane)
     return velocity, temperature
 

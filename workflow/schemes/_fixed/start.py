@@ -78,8 +78,8 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
         settled=settled.T,
         warming_modes=warming.T,
         drift=project(speed, known[0].T) + project(place, known[1].T),
-        warmth=project(modal.observed, settled),
-        warming=project(modal.observed, warming),
+        warmth=project(modal.recorded, settled),
+        warming=project(modal.recorded, warming),
         closing=project(modal.static_growth, settled),
         closing_rate=project(modal.static_growth, warming),
         drifting=drifting,
@@ -118,16 +118,18 @@ def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64]) -> 
     h, (speed, place), (j, k) = step.tip.h, blocks.tip, blocks.pairs.T
     load, load_place = blocks.of_impulses((modal.tip if modal.load is None else modal.load)[:, None])[..., 0]
     pull, decay = blocks.thermal_load[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)
-    gained = scale * step.heat_gain / (1.0 if step.heat_counts else decay)
     tip = contact.with_contact(step.tip)._replace(load_mobility=np.sum(speed * load + place * load_place))
     return FreeStep(
         blocks=np.stack([1 - h * blocks.damping, -h * blocks.stiffness, load * blocks.scale], axis=1),
         coupled=np.stack([load_place, speed, place], axis=1) if modal.is_coupled else None,
-        heat_modes=np.stack([decay, gained, blocks.heat_velocity / scale, modal.observed / scale], axis=1),
+        heat_modes=np.stack(
+            [decay, scale * step.heat_gain / (1.0 if step.heat_counts else decay), blocks.heat_velocity / scale], axis=1
+        ),
         pair_block=j,
         pair_heat=k,
         pair_load=np.stack([*(pull * blocks.scale[j]), speed[j] * pull[0] + place[j] * pull[1]], axis=1),
         drifting=drifting,
         tip=tip,
         heat_counts=step.heat_counts,
+        observed=None if modal.observed is None else modal.observed / scale,
     )
