@@ -53,8 +53,7 @@ def too_thick(about: Mapping[str, Any], seconds: float, words: str) -> Iterator[
     cell, mesh = 2e3 * float(np.max(about["depth"])), 2e3 * float(about["depth_of_mesh"])
     entered = 1e3 * math.sqrt(float(about["thermal_diffusivity"]) * seconds)
     if mesh > entered > 0:
-        step = 10.0 ** (math.floor(math.log10(entered)) - 1)
-        remedy = f"max_temperature is too low; `tip_cell: {math.floor(entered / step) * step:.2g} mm` would do"
+        remedy = f"max_temperature is too low; `tip_cell: {entered / 4:.1g} mm` would do"
         yield f"the cell at the tip is {mesh:.3g} mm thick, and heat enters {entered:.2g} mm in {words}: {remedy}"
     elif cell > entered > 0:
         kept = f"the thermal modes kept amount to a cell of {cell:.3g} mm at the tip"
