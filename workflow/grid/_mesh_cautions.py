@@ -21,29 +21,26 @@ CONTACT = 0.1
 def tip_cells(grid: Grid) -> dict[str, Any]:
     """Return what an archive says of the tip temperature of blades: depths [m] and diffusivity [m²/s].
 
-    It is the mean over half the cell at the tip. Fewer thermal modes amount to a larger cell: heat at the tip warms
-    more, 1/(e_nᵀ C2⁻¹ e_n), at once.
+    It is the mean over half the cell at the tip; few thermal modes amount to a larger cell, of the capacity
+    1/(e_nᵀ C2⁻¹ e_n) that heat at the tip warms at once.
     """
     rows = []
     for outer in grid.kinds(decides_structure)[:MOST_OUTER] if grid.study.scene.model == "blade" else ():
         full, structure = (of(grid.settings(outer)) for of in (full_structure, reduced_structure))
         assert isinstance(full, Chain)
-        cell, capacity = full.lengths[-1], full.heat_capacities[-1]
-        warmed = 1 / capacity
-        if structure is not full:
-            warmed = np.linalg.solve(structure.heat_capacity, structure.thermal.unit_tip)[-1]
-        rows.append((cell / (capacity * warmed) / 2, cell / 2, full.conduction[-1] * cell**2 / (2 * capacity)))
+        half, capacity = full.lengths[-1] / 2, full.heat_capacities[-1]
+        warmed = np.linalg.solve(structure.heat_capacity, structure.thermal.unit_tip)[-1]
+        rows.append((half / (capacity * warmed), half, 2 * full.conduction[-1] * half**2 / capacity))
     if not rows:
         return {}
-    depths, meshes, diffusivities = zip(*rows, strict=True)
-    depth = {"depth": [min(depths), max(depths)], "depth_of_mesh": max(meshes)}
-    return {**depth, "thermal_diffusivity": min(diffusivities)}
+    depth, mesh, diffusivity = zip(*rows, strict=True)
+    return {"depth": [min(depth), max(depth)], "depth_of_mesh": max(mesh), "thermal_diffusivity": min(diffusivity)}
 
 
 def coarse_tip(grid: Grid) -> Iterator[str]:
     """Yield that the cell at the tip is thicker than heat enters in a contact of a tenth of the load's period."""
-    about, frequency, study = tip_cells(grid), fastest(grid), grid.study
-    heated = study.scene.friction or any(any(axis.values) for axis in study.axes() if axis.path == "alpha")
+    about, frequency, scene = tip_cells(grid), fastest(grid), grid.study.scene
+    heated = scene.friction or any(any(axis.values) for axis in grid.study.axes() if axis.path == "alpha")
     if about and frequency > 0 and heated:
         yield from too_thick(about, CONTACT / frequency, "a tenth of the load's period")
 

@@ -95,10 +95,8 @@ def _observed(by: Reduced, depth: float | None) -> Structure:
         return model.structure
     assert isinstance(full, Chain), "a study is refused otherwise"
     assert isinstance(model.structure, Chain | Matrices)
-    row = full.mean_over(depth)
-    return replace(
-        model.structure, observed=row if model.reduction is None else row @ model.reduction.temperature_basis
-    )
+    basis = 1.0 if model.reduction is None else model.reduction.temperature_basis
+    return replace(model.structure, observed=np.dot(full.mean_over(depth), basis))
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)

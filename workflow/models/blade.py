@@ -13,6 +13,8 @@ from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._structure import Rayleigh
 from workflow.models.chain import MOST_NODES, Chain
 
+_TIP_CELL = "length of the cell at the tip; others grow from it to the root by one factor; left out: all are equal"
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -45,13 +47,7 @@ class Parameters:
     expansion: float = quantity("1/K", "thermal expansion coefficient", default=0.0)
     damping: Rayleigh = field(default_factory=Rayleigh)
     heating: Values = quantity("W", "constant heat load", default=0.0, per="node")
-    tip_cell: float | None = quantity(
-        "m",
-        "length of the cell at the tip; others grow from it to the root by one factor, left out all are equal",
-        default=None,
-        above=0,
-        later=True,
-    )
+    tip_cell: float | None = quantity("m", _TIP_CELL, default=None, above=0, later=True)
 
     @property
     def stiffness(self) -> float:
@@ -67,13 +63,7 @@ EITHER = ("tip_stiffness", "youngs_modulus")
 
 
 def _fill(parameters: Parameters) -> Array:
-    """Return how many cells like each would fill the blade, length/ℓ_i from root to tip, ``(cell,)``.
-
-    Raises
-    ------
-    UnusableMatricesError
-        Cells that grow from the one at the tip are longer than the blade.
-    """
+    """Return how many cells like each would fill the blade, length/ℓ_i from root to tip, ``(cell,)``."""
     n, length, cell = parameters.nodes, parameters.length, parameters.tip_cell
     if cell is None or cell == length / n:
         return np.full(n, float(n))

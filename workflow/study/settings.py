@@ -146,6 +146,7 @@ class Steady:
 
 
 _BALANCES = "whether to keep energy_residual and heat_residual; a step takes about half as long again with them"
+_DEPTH = "depth from the tip over which a mean temperature is kept; each case runs twice for it"
 _SECTIONS = "whether to keep the tip's state at the start of each load period, its impacts and extreme displacements"
 
 
@@ -159,12 +160,7 @@ class Output:
     balances: bool = field(default=True, metadata={"meaning": _BALANCES})
     sections: bool = field(default=False, metadata={"meaning": _SECTIONS})
     steady: Steady | None = None
-    temperature_depth: float | None = quantity(
-        "m",
-        "depth from the tip over which a mean temperature is kept; cases are run twice for it",
-        default=None,
-        above=0,
-    )
+    temperature_depth: float | None = quantity("m", _DEPTH, default=None, above=0)
 
     @property
     def sampled(self) -> tuple[str, ...]:
