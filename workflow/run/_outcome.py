@@ -132,15 +132,16 @@ def _coarse_tip(dataset: xr.Dataset) -> Iterator[str]:
 
 def _moving(dataset: xr.Dataset) -> Iterator[str]:
     """Yield how far the largest temperature still moves between the two finest meshes of an axis."""
-    hottest = dataset.get("max_temperature", dataset["status"]).where(dataset["status"] == Status.OK)
-    for name, values in dataset.coords.items():
+    for name, values in dataset.coords.items() if "max_temperature" in dataset else ():
         word = str(values.attrs.get("study_path", "")).rsplit(".", 1)[-1]
         if word in ("nodes", "tip_cell") and values.size > 1:
             coarse, fine = np.argsort(values.values if word == "nodes" else -values.values)[-2:]
+            hottest = dataset["max_temperature"].where(dataset["status"] == Status.OK)
             before, last = (hottest.isel({values.dims[0]: k}) for k in (coarse, fine))
             change = float(np.abs(1 - before / last.where(last != 0)).max())
             ends = f"{name} = {values.values[coarse]:g} to {values.values[fine]:g}"
-            yield f"max_temperature still moves by up to {100 * change:.2g} % from {ends}"
+            if change >= 0:  # some case is warm
+                yield f"max_temperature still moves by up to {100 * change:.2g} % from {ends}"
 
 
 def case_of(dataset: xr.Dataset, number: int) -> xr.Dataset:
