@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq
 
 from workflow.declare import Values, quantity
 from workflow.kernels import Array
@@ -71,8 +70,10 @@ def _fill(parameters: Parameters) -> Array:
         remedy = f"write less than {length / n:.6g} m, or leave it out"
         raise UnusableMatricesError(f"of {cell:g} m is no cell from which {n} cells grow to {length:g} m", remedy)
     before = np.arange(n - 1, -1, -1.0)
-    most = np.log(length / cell) / (n - 1)  # the cell at the root is shorter than the blade
-    rate = brentq(lambda rate: np.exp(before * rate).sum() * cell / length - 1.0, 0.0, most, xtol=1e-15)
+    rate = np.log(length / cell) / (n - 1)  # too fast: the cell at the root alone would be as long as the blade
+    for _ in range(30):  # Newton's method on the logarithm of the sum, which is convex
+        grown = np.exp(before * rate)
+        rate -= np.log(grown.sum() * cell / length) * grown.sum() / (before @ grown)
     return np.asarray(length / cell * np.exp(-before * rate))
 
 

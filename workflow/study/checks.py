@@ -37,8 +37,7 @@ _CASING_HARMONICS = "scene.casing.harmonics"
 def faults(cases: CaseSpace, sizes: Sizes, source: Source) -> Iterator[Fault]:
     """Yield what is wrong between the fields of a study."""
     yield from _auto(cases, source)
-    yield from _model(cases, source)
-    yield from list(_lists(cases, sizes)) or _mesh(cases)
+    yield from [*_model(cases, source), *_lists(cases, sizes)] or _mesh(cases)
     yield from _harmonics(cases, source)
     yield from _friction(cases, source)
     yield from _support(cases, source)
