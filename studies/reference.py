@@ -190,6 +190,7 @@ SHAPES = {
 }
 WHEN = {
     "always": "",
+    "depth": "with `output.temperature_depth`",
     "balances": "with `output.balances`",
     "sections": "with `output.sections`",
     "steady": "with `output.steady`; along `point` of a branch",

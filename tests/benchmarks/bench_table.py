@@ -21,9 +21,10 @@ from timing import QUICK, Line, Size
 
 README = Path(__file__).parents[2] / "README.md"
 TABLE = Path(__file__).with_name("TABLE.md")
+RUN = "workflow run tests/benchmarks/blade.yaml"
 HEADLINES = {
-    "workflow run studies/blade.yaml, nothing compiled |": "`workflow run studies/blade.yaml`, 540 cases, first time",
-    "workflow run studies/blade.yaml, later |": "the same, later",
+    f"{RUN}, nothing compiled |": f"`{RUN}`, 540 cases, first time",
+    f"{RUN}, later |": "the same, later",
     "included: `moreau`": "a case of 20 nodes over 0.3 s in a study of many, one thread: `moreau`, h = 1e-5 s",
     "included: `event_driven`": "… `event_driven`, exact",
     "included: NumPy": "… a loop of NumPy, h = 1e-5 s",

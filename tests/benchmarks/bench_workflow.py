@@ -60,7 +60,7 @@ print(int(status.split("VmHWM:")[1].split()[0]) / 1024)
 """
 
 ROOT = Path(__file__).parents[2]
-BLADE = ROOT / "studies" / "blade.yaml"
+BLADE = Path(__file__).with_name("blade.yaml")
 
 
 def trivial(cases: int, kind: dict[str, str], rows: slice = slice(-1)) -> str:
@@ -229,7 +229,7 @@ def command_lines(size: Size) -> list[Line]:
 
     called("-m", "workflow", "plan", BLADE)  # files in memory, bytecode written
     add(["--help"], "`workflow --help`", 0.5, runs)
-    add(["plan", BLADE], "`workflow plan studies/blade.yaml`", 1.2, runs)
+    add(["plan", BLADE], "`workflow plan tests/benchmarks/blade.yaml`", 1.2, runs)
     with scratch() as directory:
         archive, kernels = directory / "a.nc", {"NUMBA_CACHE_DIR": str(directory / "kernels")}
         run = ["-m", "workflow", "run", BLADE, "-o", archive]
@@ -240,12 +240,12 @@ def command_lines(size: Size) -> list[Line]:
                 taken_here.append(called(*run, **kernels))
                 archive.unlink()
             wall, processor = (median(seconds) for seconds in zip(*taken_here, strict=True))
-            name = f"workflow run studies/blade.yaml, {what}"
+            name = f"workflow run tests/benchmarks/blade.yaml, {what}"
             table.append((name, f"<= {asked:g} s", f"{wall:.2f} s", f"{wall / asked:.2f}"))
             name = f"{name}, processor time, over `import numba, xarray, scipy`"
             table.append((name, "", f"{processor:.2f} s", f"{processor / imports:.1f}"))
         called(*run, **kernels)
-        add(run[2:], "workflow run studies/blade.yaml, nothing to do", None, runs, **kernels)
+        add(run[2:], "workflow run tests/benchmarks/blade.yaml, nothing to do", None, runs, **kernels)
     for name, kind in (("metrics", METRICS), ("3 histories of 201 samples", HISTORIES)):
         mebibytes = memory(10 * large, kind)
         what = f"largest memory, {10 * large} cases, {name}"

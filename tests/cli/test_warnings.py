@@ -14,8 +14,9 @@ from terminal import workflow
 RUB = """
 study: rub
 scene:
-  blade: {nodes: 6, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430, specific_heat: 560, conductivity: 7.0,
-          convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6, damping: {mass: 10.0, stiffness: 2.0e-7}}
+  blade: {nodes: 30, tip_cell: 60 um, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430,
+          specific_heat: 560, conductivity: 7.0, convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6,
+          damping: {mass: 10.0, stiffness: 2.0e-7}}
   casing: {gap: 15 um}
   load: {amplitude: 24, frequency: 5 Hz}
   duration: 2 s
@@ -57,8 +58,8 @@ def test_a_run_repeats_what_plan_warns_of(tmp_path: Path) -> None:
 def test_a_run_repeats_at_most_ten_lines(tmp_path: Path) -> None:
     springs = ", ".join(f"spring_{k}: {{method: penalty, stiffness: {k}.0e4}}" for k in range(1, 15))
     axes = f"schemes: {{{springs}}}\naxes: {{scheme: [{', '.join(f'spring_{k}' for k in range(1, 15))}], h: 1e-5}}\n"
-    scene = RUB.split("axes")[0].replace("2 s", "20 ms")
-    study = written(scene + axes, tmp_path)
+    scene = RUB.split("axes")[0].replace("2 s", "20 ms").replace("nodes: 30, tip_cell: 60 um", "nodes: 6")
+    study = written(f"{scene}{axes}output: {{interval: 1 ms}}\n", tmp_path)
     planned = json.loads(workflow("plan", study, "--json", cwd=tmp_path).stdout)["warnings"]
     ran = workflow("run", study, cwd=tmp_path).stdout
     beware = [line.removeprefix("  beware: ") for line in ran.splitlines() if "beware: " in line]

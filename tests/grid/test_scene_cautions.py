@@ -13,7 +13,9 @@ from workflow.grid import arrange, plan, plan_study
 from workflow.models import static_tip_growth
 from workflow.study import read_study
 
-BLADE = f"study: a{BLADE_SCENE}".replace("stiffness: 2.0e-7}", "stiffness: 2.0e-7}HEATING")
+BLADE = f"study: a{BLADE_SCENE}".replace("nodes: 20", "nodes: 30, tip_cell: 60 um").replace(
+    "stiffness: 2.0e-7}", "stiffness: 2.0e-7}HEATING"
+)
 
 
 def warnings(text: str, heating: str = "") -> list[str]:
@@ -65,7 +67,7 @@ def test_a_spring_softer_than_the_tip_gives_a_caution() -> None:
 
 @pytest.mark.parametrize(("modes", "lost"), [("full", False), ("3", True)])
 def test_what_a_basis_cannot_hold_gives_a_caution(modes: str, lost: bool) -> None:
-    heat = ", heating: [" + ", ".join("1" if node == 7 else "0" for node in range(20)) + "]"
+    heat = ", heating: [" + ", ".join("1" if node == 7 else "0" for node in range(30)) + "]"
     text = BLADE + f"axes: {{scheme: event_driven, mechanical_modes: {modes}, thermal_modes: {modes}}}\n"
     matching = [line for line in warnings(text, heat) if "projection_residual" in line]
     assert bool(matching) == lost

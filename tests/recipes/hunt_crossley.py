@@ -11,7 +11,7 @@ from workflow.schemes import Contact, Response, Tip, contact_law, init_theta, st
 
 READS = frozenset({"h", "alpha"})
 HARMONICS = frozenset({"load", "casing"})
-GENERAL = frozenset({"damping", "friction", "load"})
+GENERAL = frozenset({"damping", "depth", "friction", "load"})
 
 
 @dataclass(frozen=True)

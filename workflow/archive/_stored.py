@@ -177,11 +177,11 @@ def _has(kinds: Kinds, name: str, variable: xr.Variable, cases: int) -> bool:
 
 
 def surplus(template: xr.Dataset, kinds: Kinds) -> list[str]:
-    """Return what is stored that a template has no place for: histories, balances, sections, digits of them."""
+    """Return what is stored that a template has no place for: histories, depths, balances, sections, digits of them."""
     names = []
     for name, (dtype, _) in kinds.items():
         about = BY_NAME.get(name)
-        if about is None or not (about.shape == "history" or about.condition in ("balances", "sections")):
+        if about is None or not (about.shape == "history" or about.condition in ("depth", "balances", "sections")):
             continue
         if name not in template.data_vars:
             names.append(name)

@@ -59,7 +59,7 @@ def measured_run(here: bool) -> Iterator[None]:
 def result_bytes(grid: Grid) -> int:
     """Return the size of a study's results before compression."""
     stored = 8 if grid.study.output.precision == "float64" else 4
-    sampled = stored * len(grid.study.output.histories) * grid.sampling.count
+    sampled = stored * len(grid.study.output.sampled) * grid.sampling.count
     each = 8 * (4 * longest_period_count(grid) + 22) + sampled + steady_bytes(grid)
     return grid.outer_count * grid.inner_count * each
 

@@ -70,6 +70,7 @@ def _shared(grid: Grid, outer: int, settings: CaseSettings) -> dict[str, Any]:
         "run": _numerics(settings, _read(settings)),
         "reference": None if reference is None else _numerics(reference_settings(grid, outer), frozenset({"h"})),
         **_widths(settings.scene),
+        **({} if (depth := grid.study.output.temperature_depth) is None else {"temperature_depth": depth.hex()}),
         **_steady(grid.study, settings),
         **({} if choice is None else {"basis_error": choice.error.hex()}),
         **({} if of_reference is None else {"reference_basis_error": of_reference.error.hex()}),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -17,6 +17,8 @@ from workflow.judges.runaways import Runaways
 from workflow.models import (
     Array,
     Cases,
+    Chain,
+    Matrices,
     Structure,
     at_rest,
     instantaneous_growth,
@@ -82,8 +84,19 @@ def reduced_structure(settings: CaseSettings) -> Structure:
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
-def _operator(by: Reduced, method: str, options: Any, h: float) -> Any:
-    return schemes.load(method).init(model_on(by).structure, h, options)
+def _operator(by: Reduced, method: str, options: Any, h: float, depth: float | None) -> Any:
+    return schemes.load(method).init(_observed(by, depth), h, options)
+
+
+def _observed(by: Reduced, depth: float | None) -> Structure:
+    """Return the structure that cases are run on, whose schemes record the mean temperature over a depth, if any."""
+    model, full = model_on(by), structure_of(by.model, by.parameters)
+    if depth is None:
+        return model.structure
+    assert isinstance(full, Chain), "a study is refused otherwise"
+    assert isinstance(model.structure, Chain | Matrices)
+    basis = 1.0 if model.reduction is None else model.reduction.temperature_basis
+    return replace(model.structure, observed=np.dot(full.mean_over(depth), basis))
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
@@ -142,11 +155,14 @@ def as_run(settings: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
     return structure, at_rest(structure, projected) if settings.scene.initial == "static" else projected
 
 
-def run_batch(settings: CaseSettings, cases: Cases, sampling: Sampling) -> Results:
-    """Run cases, given on the nodes, on the structure and with the scheme of settings."""
+def run_batch(settings: CaseSettings, cases: Cases, sampling: Sampling, depth: float | None = None) -> Results:
+    """Run cases, given on the nodes, on the structure and with the scheme of settings.
+
+    With a ``depth`` [m] all temperatures of the results are the mean over it, not that of the tip.
+    """
     method = settings.scheme.method
     schemes.refuse(schemes.load(method), cases)
-    operator = _operator(reduced(settings), method, settings.scheme.options, settings.h)
+    operator = _operator(reduced(settings), method, settings.scheme.options, settings.h, depth)
     _, projected = as_run(settings, cases)
     results = schemes.load(method).compute(operator, projected, sampling)
     results.metrics["thermal_closing"] += instantaneous_growth(full_structure(settings))

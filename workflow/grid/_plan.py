@@ -12,6 +12,7 @@ from workflow.grid._arrangement import Grid, arrange
 from workflow.grid._choice_words import choice_lines
 from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._figures import Figures, distinct_lines, figures
+from workflow.grid._mesh_cautions import coarse_tip
 from workflow.grid._operators import full_structure, reduced_structure
 from workflow.grid._reference import solution_counts
 from workflow.grid._reference_solutions import reference_settings
@@ -125,12 +126,12 @@ def _plan(grid: Grid) -> Plan:
         steps=steps,
         time=estimate(grid),
         bytes=result_bytes(grid),
-        stored=tuple(grid.study.output.histories),
+        stored=tuple(grid.study.output.sampled),
         structures=tuple(map(figures, shown)),
         more_structures=len(structures) - len(shown),
         choices=choice_lines(grid),
         operators=(*distinct_lines(_operators(grid), _STRUCTURES_SHOWN), *_factors(shown)),
-        warnings=warnings(grid),
+        warnings=(*coarse_tip(grid), *warnings(grid)),
     )
 
 

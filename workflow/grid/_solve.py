@@ -129,6 +129,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Pertur
         **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},
         **results.metrics,
         **_contact(results, cases, grid),
+        **_over_depth(grid, settings, cases),
         **steady,
         "critical_alpha": critical,
         "growth_rate": growth,
@@ -161,6 +162,16 @@ def _timed(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Results, f
             return results, min(seconds)
 
 
+def _over_depth(grid: Grid, settings: CaseSettings, cases: Cases) -> dict[str, Array]:
+    """Return the mean temperature over the depth that a study asks for: the same motion, run once more."""
+    depth = grid.study.output.temperature_depth
+    if depth is None:
+        return {}
+    results = run_batch(settings, cases, grid.sampling, depth)
+    means = {"depth_temperature": results.histories["temperature"]}
+    return means | {"max_depth_temperature": results.metrics["max_temperature"]}
+
+
 def _contact(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
     """Return contact force and impulses, all from the sampled running sum of the impulse."""
     sampling, periods, impulse = grid.sampling, longest_period_count(grid), results.histories["impulse"]
@@ -191,6 +202,7 @@ def metrics_of(study: Study) -> tuple[Variable, ...]:
     """Return the metrics of a study's archive but those of steady rubs; of branches those of the basis."""
     conditions: list[Condition] = ["always"] if study.branch is None else ["branch"]
     conditions += ["auto"] if study.is_auto else []
+    conditions += ["depth"] if study.output.temperature_depth is not None else []
     conditions += ["balances"] if study.output.balances else []
     conditions += ["reference"] if study.reference is not None else []
     conditions += ["auto reference"] if study.reference is not None and study.reference.is_auto else []

@@ -78,7 +78,9 @@ def seconds_per_case(grid: Grid, outer: int) -> float:
     """Return the seconds of one case by the cost model."""
     settings = grid.settings(outer)
     structure, periods = reduced_structure(settings), fastest(grid) * grid.sampling.duration
-    return steady_seconds(grid.study, settings, structure) + case_seconds(settings, structure, grid.sampling, periods)
+    runs = 1 if grid.study.output.temperature_depth is None else 2
+    each = case_seconds(settings, structure, grid.sampling, periods)
+    return steady_seconds(grid.study, settings, structure) + runs * each
 
 
 @lru_cache(maxsize=4)
@@ -112,7 +114,7 @@ def _seconds(grid: Grid, outer: int) -> tuple[float, float, float, float]:
     stepped = grid.inner_distinct_count(grid.is_read(settings.scheme))
     if schemes.load(settings.scheme.method).TOGETHER > 1:
         stepped = -(-stepped // PACK) * PACK
-    handling = handling_seconds(grid.sampling.count, len(grid.study.output.histories))
+    handling = handling_seconds(grid.sampling.count, len(grid.study.output.sampled))
     couplings = np.unique(alpha_of(settings, grid.inner_values(some), some.size)).size
     each = stepped / inner.size * seconds_per_case(grid, outer) + handling
     return setup_seconds(structure), modes_seconds(full), each, couplings / some.size * growth_seconds(structure)

@@ -16,6 +16,7 @@ from workflow.grid._arrangement import Grid
 from workflow.grid._conditions import FRICTION, alpha_of
 from workflow.grid._encoding import encode
 from workflow.grid._frequencies import longest_period_count
+from workflow.grid._mesh_cautions import tip_cells
 from workflow.grid._solve import metrics_of, periods_of
 from workflow.grid._steady import NOT_ASKED, steady_of
 from workflow.schemes import Status
@@ -100,10 +101,12 @@ def _results(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[variables.V
     study, flags = grid.study, _flags(grid.study)
     others = [*metrics_of(study), *(periods_of(study) if "period" in sizes else ()), *steady_of(study)]
     kept = [variables.BY_NAME[name] for name in (("status", "runaway") if study.branch is None else ("status",))]
-    histories = [variables.BY_NAME[name] for name in study.output.histories]
+    histories = [variables.BY_NAME[name] for name in study.output.sampled]
+    over = {"depth": study.output.temperature_depth}
+    depths = {"max_temperature": tip_cells(grid), "depth_temperature": over, "max_depth_temperature": over}
     for about in (*histories, *(about for about in others if about.name not in flags)):
         texts = {name: text for name in ("comment", "cell_methods") if (text := getattr(about, name))}
-        yield about, {"units": about.unit, "long_name": about.meaning, **texts}
+        yield about, {"units": about.unit, "long_name": about.meaning, **texts, **depths.get(about.name, {})}
     for about in (about for about in (*others, *kept) if about.name in flags):
         meanings = flags[about.name]
         comment = {"comment": about.comment} if about.name == "steady_state" else {}

@@ -14,6 +14,7 @@ from workflow.grid._arrangement import Grid
 from workflow.grid._choice_words import choice_cautions
 from workflow.grid._conditions import friction_of
 from workflow.grid._frequencies import fastest
+from workflow.grid._mesh_cautions import fast_samples
 from workflow.grid._operators import Reduced, model_on, reduced, reduced_structure
 from workflow.grid._scene_cautions import basis_text, cautions_of_scene
 from workflow.judges.cautions import FEW, FreeModes, Step, StepCaution, free_modes, listed, step_cautions
@@ -44,7 +45,8 @@ def warnings(grid: Grid) -> tuple[str, ...]:
     steps = _sentences(cautions, len(set(map(basis_text, every))))
     lacks_exact = grid.study.output.steady is not None and all(choice.method != EXACT for choice in choices)
     steady = (f"no scheme of this study is {EXACT}, which alone has steady rubs",) if lacks_exact else ()
-    sentences = (*idle, *steady, *_coarse_sections(grid), *choice_cautions(grid), *cautions_of_scene(grid), *steps)
+    samples = (*_coarse_sections(grid), *fast_samples(grid))
+    sentences = (*idle, *steady, *samples, *choice_cautions(grid), *cautions_of_scene(grid), *steps)
     return tuple(dict.fromkeys(sentences))
 
 

@@ -112,6 +112,8 @@ class Structure:
         -λ (e_n - µ t); ``None`` for none.
     coordinates
         Coordinates of given loads and initial states, ``None`` where they are its own.
+    observed
+        Weights w of the temperature wᵀθ that schemes record, ``(thermal,)``; ``None`` for that of the tip.
     """
 
     mechanical: Pair
@@ -124,6 +126,7 @@ class Structure:
     damper: Array | None = None
     tangent: Array | None = None
     coordinates: Coordinates | None = None
+    observed: Array | None = None
 
     @property
     def mechanical_size(self) -> int:
@@ -171,7 +174,7 @@ class Structure:
         TooManyCoordinatesError
             They would be too large.
         """
-        names = ("uniform_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates")
+        names = ("uniform_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates", "observed")
         others = {name: getattr(self, name) for name in names}
         return Matrices(self.mechanical.dense, self.thermal.dense, self.expansion, **others)
 
@@ -182,6 +185,10 @@ class Structure:
     def thermal_forces(self, temperatures: Array) -> Array:
         """Return -K12 θ, N, ``(mechanical, …)``, for temperatures ``(thermal, …)``."""
         return self.mechanical.forces(self.expansions(temperatures))
+
+    def observed_of(self, temperatures: Array) -> Array:
+        """Return the temperature that schemes record, ``(…,)``, of temperatures ``(…, thermal)``."""
+        return temperatures[:, -1] if self.observed is None else project(self.observed, temperatures)
 
     @property
     def mass(self) -> Array:
@@ -243,6 +250,7 @@ class Matrices(Structure):
     damper: Array | None = None
     tangent: Array | None = None
     coordinates: Coordinates | None = None
+    observed: Array | None = None
 
     def matrices(self) -> Matrices:
         """Return itself."""

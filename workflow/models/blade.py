@@ -1,4 +1,4 @@
-"""Uniform blade from geometry and material, lumped in n cells with half a cell at the tip."""
+"""Uniform blade from geometry and material, lumped in n cells, equal or finer towards the tip."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workflow.declare import Values, quantity
+from workflow.kernels import Array
+from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._structure import Rayleigh
 from workflow.models.chain import MOST_NODES, Chain
+
+_TIP_CELL = "length of the cell at the tip; others grow from it to the root by one factor; left out: all are equal"
 
 
 @dataclass(frozen=True)
@@ -17,8 +21,8 @@ class Parameters:
 
     nodes: int = quantity(
         "1",
-        "number of cells, the tip's half cell included; largest temperatures grow with it until cells are thinner than "
-        "heat enters in a contact",
+        "number of cells; largest temperatures grow with it until that at the tip, see tip_cell, is thinner than heat "
+        "enters in a contact",
         at_least=1,
         at_most=MOST_NODES,
     )
@@ -42,6 +46,7 @@ class Parameters:
     expansion: float = quantity("1/K", "thermal expansion coefficient", default=0.0)
     damping: Rayleigh = field(default_factory=Rayleigh)
     heating: Values = quantity("W", "constant heat load", default=0.0, per="node")
+    tip_cell: float | None = quantity("m", _TIP_CELL, default=None, above=0, later=True)
 
     @property
     def stiffness(self) -> float:
@@ -56,25 +61,42 @@ EITHER = ("tip_stiffness", "youngs_modulus")
 """Parameters of which a study gives exactly one."""
 
 
-def assemble(parameters: Parameters) -> Chain:
-    """Lump the blade in n cells of length ℓ = length/n, so that results converge as n grows.
+def _fill(parameters: Parameters) -> Array:
+    """Return how many cells like each would fill the blade, length/ℓ_i from root to tip, ``(cell,)``."""
+    n, length, cell = parameters.nodes, parameters.length, parameters.tip_cell
+    if cell is None or cell == length / n:
+        return np.full(n, float(n))
+    if cell > length / n or n == 1:
+        remedy = f"write less than {length / n:.6g} m, or leave it out"
+        raise UnusableMatricesError(f"of {cell:g} m is no cell from which {n} cells grow to {length:g} m", remedy)
+    before = np.arange(n - 1, -1, -1.0)
+    rate = np.log(length / cell) / (n - 1)  # too fast: the cell at the root alone would be as long as the blade
+    for _ in range(30):  # Newton's method on the logarithm of the sum, which is convex
+        grown = np.exp(before * rate)
+        rate -= np.log(grown.sum() * cell / length) * grown.sum() / (before @ grown)
+    return np.asarray(length / cell * np.exp(-before * rate))
 
-    The tip node has half a cell of mass, heat capacity and convection; k_i = n · tip stiffness, and
-    κ_i = conductivity · section / ℓ.
+
+def assemble(parameters: Parameters) -> Chain:
+    """Lump the blade in n cells of lengths ℓ_i, half of each at either end, so that results converge as n grows.
+
+    The tip node has half a cell of mass, heat capacity and convection; k_i = tip stiffness · length/ℓ_i, and
+    κ_i = conductivity · section/ℓ_i. With a ``tip_cell`` cells grow by one factor from it to the root, else all are
+    equal.
     """
-    n = parameters.nodes
-    cell = parameters.length / n
+    fill = _fill(parameters)
+    lengths = parameters.length / fill
     section = parameters.width * parameters.thickness
     perimeter = 2 * (parameters.width + parameters.thickness)
-    share = np.ones(n)
-    share[-1] = 0.5
-    mass = parameters.density * section * cell * share
+    shares = 0.5 * (lengths + np.append(lengths[1:], 0.0))
+    mass = parameters.density * section * shares
     return Chain(
         masses=mass,
-        springs=np.full(n, n * parameters.stiffness),
+        springs=fill * parameters.stiffness,
         damping=parameters.damping,
-        free_expansion=np.full(n, parameters.expansion * cell),
+        free_expansion=parameters.expansion * lengths,
         heat_capacities=parameters.specific_heat * mass,
-        conduction=np.full(n, parameters.conductivity * section / cell),
-        convection=parameters.convection * perimeter * cell * share,
+        conduction=parameters.conductivity * section / lengths,
+        convection=parameters.convection * perimeter * shares,
+        lengths=lengths,
     )

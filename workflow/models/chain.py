@@ -31,6 +31,8 @@ class Chain(Structure):
         a ℓ_i, free thermal elongation of a spring per kelvin [m/K], shape (n,).
     damping
         Rayleigh coefficients.
+    lengths
+        ℓ_i of the springs, m, shape (n,); empty where they are not known.
     """
 
     masses: Array
@@ -40,6 +42,8 @@ class Chain(Structure):
     conduction: Array
     convection: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
+    lengths: Array = field(default_factory=lambda: np.zeros(0))
+    observed: Array | None = None
 
     @cached_property
     def mechanical(self) -> ChainPair:  # type: ignore[override]
@@ -58,6 +62,16 @@ class Chain(Structure):
         if self.has_matrices:
             return np.diag(half) + np.diag(half[1:], -1)
         return scipy.sparse.diags_array([half, half[1:]], offsets=[0, -1], format="csr")
+
+    def mean_over(self, depth: float) -> Array:
+        """Return the weights of the nodes, ``(node,)``, in the mean temperature over a depth [m] from the tip.
+
+        It is linear between nodes. All lengths together are at least the depth.
+        """
+        beyond = np.append(np.cumsum(self.lengths[:0:-1])[::-1], 0.0)  # of each spring, towards the tip
+        covered = np.clip(depth - beyond, 0.0, self.lengths)
+        far = np.divide(covered**2, 2 * self.lengths, out=np.zeros(covered.size), where=self.lengths > 0)
+        return np.asarray((covered - far + np.append(far[1:], 0.0)) / depth)
 
     @property
     def uniform_rise(self) -> Array:  # type: ignore[override]
@@ -96,4 +110,5 @@ def assemble(parameters: Parameters) -> Chain:
         heat_capacities=each(parameters.heat_capacity),
         conduction=each(parameters.conductance),
         convection=each(parameters.convection),
+        lengths=each(parameters.spacing),
     )

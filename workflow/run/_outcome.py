@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow.archive import open_archive
-from workflow.grid import WARNINGS
+from workflow.grid import WARNINGS, too_thick
 from workflow.schemes import Status
 from workflow.variables import COMPARED
 
@@ -91,7 +91,12 @@ def labels_of_case(dataset: xr.Dataset, number: int) -> str:
 
 def warnings_of(dataset: xr.Dataset) -> tuple[str, ...]:
     """Return what to beware of in an archive, one sentence each: its temperatures, and what its plan warned of."""
-    return (*_hottest(dataset), *str(dataset.attrs.get(WARNINGS, "")).splitlines())
+    return (
+        *_hottest(dataset),
+        *_coarse_tip(dataset),
+        *_moving(dataset),
+        *str(dataset.attrs.get(WARNINGS, "")).splitlines(),
+    )
 
 
 def _hottest(dataset: xr.Dataset) -> Iterator[str]:
@@ -107,6 +112,36 @@ def _hottest(dataset: xr.Dataset) -> Iterator[str]:
             f"{hot} of {np.sum(ok)} ok cases are hotter than the {LINEAR:g} K that a linear model can mean; the "
             f"hottest reaches {temperature.flat[hottest]:.4g} K: {labels_of_case(dataset, hottest) or 'the only case'}"
         )
+
+
+def _coarse_tip(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield that the cell at the tip is thicker than heat enters in the mean contact of the ok cases.
+
+    Impacts, in steps contacts of one step, heat by α (1 + e) v/c at any mesh. At e > 0 a tip bounces before it rests:
+    a load period has one contact then.
+    """
+    about = dataset["max_temperature"].attrs if "max_temperature" in dataset else {}
+    if "depth" in about:
+        time, impacts, step = dataset["contact_time"], dataset["impacts"], dataset["h"]
+        lasts = time > 1.001 * impacts * step.where(dataset["scheme"] != "event_driven", 0.0)
+        contacts = impacts.where(dataset["e"] == 0, impacts.clip(max=dataset.sizes.get("period"))).clip(min=1)
+        counted = lasts & (dataset["status"] == Status.OK) & (dataset["alpha"] > 0)
+        total, count = (float(values.where(counted).sum()) for values in (time, contacts))
+        yield from too_thick(about, total / max(count, 1.0), "a mean contact")
+
+
+def _moving(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield how far the largest temperature still moves between the two finest meshes of an axis."""
+    for name, values in dataset.coords.items() if "max_temperature" in dataset else ():
+        word = str(values.attrs.get("study_path", "")).rsplit(".", 1)[-1]
+        if word in ("nodes", "tip_cell") and values.size > 1:
+            coarse, fine = np.argsort(values.values if word == "nodes" else -values.values)[-2:]
+            hottest = dataset["max_temperature"].where(dataset["status"] == Status.OK)
+            before, last = (hottest.isel({values.dims[0]: k}) for k in (coarse, fine))
+            change = float(np.abs(1 - before / last.where(last != 0)).max())
+            ends = f"{name} = {values.values[coarse]:g} to {values.values[fine]:g}"
+            if change >= 0:  # some case is warm
+                yield f"max_temperature still moves by up to {100 * change:.2g} % from {ends}"
 
 
 def case_of(dataset: xr.Dataset, number: int) -> xr.Dataset:

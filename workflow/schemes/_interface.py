@@ -254,7 +254,8 @@ class Scheme:
         ``massless_tip(options)``: why it cannot step a tip without mass, ``None`` where it can. By default it cannot.
     GENERAL
         What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction``
-        along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``).
+        along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: another
+        temperature than the tip's to record (``Structure.observed``).
     about
         One line on the scheme; by default the first paragraph of the module's docstring.
     """
@@ -302,6 +303,8 @@ class Scheme:
         """Return why the scheme cannot step a structure, ``None`` where it can."""
         if structure.load is not None and "load" not in self.GENERAL:
             return "its load does not act on the tip, which the scheme does not take"
+        if structure.observed is not None and "depth" not in self.GENERAL:
+            return "it does not record the temperature over a depth"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"
         return self.massless_tip(options) if structure.has_massless_tip else None

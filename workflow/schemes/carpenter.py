@@ -25,7 +25,7 @@ from workflow.schemes._fixed.march import contact_law
 
 READS = frozenset({"h", "alpha"})
 
-GENERAL = frozenset({"damping", "friction", "load"})
+GENERAL = frozenset({"damping", "depth", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 

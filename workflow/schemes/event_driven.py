@@ -29,7 +29,7 @@ from workflow.schemes._exact.outcome import Budget
 from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"e", "alpha"})
-GENERAL = frozenset({"damping", "friction", "load"})
+GENERAL = frozenset({"damping", "depth", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 STEP_SECONDS = 1.4e-8

@@ -28,7 +28,7 @@ from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.theta_method import Operator
 
 READS = frozenset({"e", "h", "alpha"})
-GENERAL = frozenset({"damping", "friction", "load"})
+GENERAL = frozenset({"damping", "depth", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.2e-10

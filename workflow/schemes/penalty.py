@@ -23,7 +23,7 @@ from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"h", "alpha"})
-GENERAL = frozenset({"damping", "friction", "load"})
+GENERAL = frozenset({"damping", "depth", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.3e-10

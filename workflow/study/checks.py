@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from decimal import Decimal
 from fractions import Fraction
+from itertools import chain, islice, product
 from typing import Any
 
 import numpy as np
@@ -36,8 +37,7 @@ _CASING_HARMONICS = "scene.casing.harmonics"
 def faults(cases: CaseSpace, sizes: Sizes, source: Source) -> Iterator[Fault]:
     """Yield what is wrong between the fields of a study."""
     yield from _auto(cases, source)
-    yield from _model(cases, source)
-    yield from _lists(cases, sizes)
+    yield from [*_model(cases, source), *_lists(cases, sizes)] or _mesh(cases)
     yield from _harmonics(cases, source)
     yield from _friction(cases, source)
     yield from _support(cases, source)
@@ -85,6 +85,33 @@ def _either(place: Place, owner: Any, names: tuple[str, str]) -> Iterator[Fault]
         yield place, f"has both `{names[0]}` and `{names[1]}`", _ONE_OF_TWO
     elif not given:
         yield place, f"has neither `{names[0]}` nor `{names[1]}`", _ONE_OF_TWO
+
+
+def _mesh(cases: CaseSpace) -> Iterator[Fault]:
+    """Refuse cells that are no blade, and a depth that the structure of some case does not have."""
+    model, depth, deepest = cases.scene.model, cases.output.temperature_depth, math.inf
+    for parameters in _meshes(cases) if depth is not None or hasattr(cases.scene.parameters, "tip_cell") else ():
+        try:
+            deepest = min(deepest, float(np.sum(getattr(models.load(model).assemble(parameters), "lengths", 0.0))))
+        except models.UnusableMatricesError as error:
+            yield ("scene", model, "tip_cell"), error.problem, error.remedy
+            return
+    if depth is not None and depth > deepest:
+        problem, remedy = (
+            f"of {depth:g} m is deeper than the {deepest:.6g} m of `{model}`",
+            "write less, or leave it out",
+        )
+        yield ("output", "temperature_depth"), problem, f"{remedy}: `blade`, and `chain` with `spacing`, have a depth"
+
+
+def _meshes(cases: CaseSpace) -> Iterator[Any]:
+    """Yield the parameters of the model in combinations of the axes that decide its mesh, at most 10 000."""
+    paths = {f"scene.{cases.scene.model}.{name}": name for name in ("nodes", "length", "tip_cell", "spacing")}
+    groups = [[axis for axis in dimension.axes if axis.path in paths] for dimension in cases.dimensions]
+    names = [paths[axis.path] for group in groups for axis in group]
+    rows = (dict.fromkeys(zip(*(axis.values for axis in group), strict=True)) for group in groups if group)
+    for row in islice(product(*rows), 10_000):
+        yield dataclasses.replace(cases.scene.parameters, **dict(zip(names, chain(*row), strict=True)))
 
 
 def _lists(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:

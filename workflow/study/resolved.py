@@ -98,7 +98,8 @@ def _output(study: Study) -> Iterator[ResolvedValue]:
     values = {entry.name: getattr(study.output, entry.name) for entry in dataclasses.fields(Output)}
     steady = values.pop("steady")
     values |= {"steady": False} if steady is None else {f"steady.{k}": v for k, v in dataclasses.asdict(steady).items()}
-    for name, value in values.items():
+    units = {"interval": "s", "temperature_depth": "m"}
+    for name, value in ((name, value) for name, value in values.items() if value is not None):
         listed = (value or ("none",)) if isinstance(value, tuple) else (value,)
         origin: Origin = "study" if study.gives(f"output.{name}") else "default"
-        yield ResolvedValue(f"output.{name}", listed, "s" if name == "interval" else "", origin)
+        yield ResolvedValue(f"output.{name}", listed, units.get(name, ""), origin)

@@ -146,6 +146,7 @@ class Steady:
 
 
 _BALANCES = "whether to keep energy_residual and heat_residual; a step takes about half as long again with them"
+_DEPTH = "depth from the tip over which a mean temperature is kept; each case runs twice for it"
 _SECTIONS = "whether to keep the tip's state at the start of each load period, its impacts and extreme displacements"
 
 
@@ -159,8 +160,16 @@ class Output:
     balances: bool = field(default=True, metadata={"meaning": _BALANCES})
     sections: bool = field(default=False, metadata={"meaning": _SECTIONS})
     steady: Steady | None = None
+    temperature_depth: float | None = quantity("m", _DEPTH, default=None, above=0)
+
+    @property
+    def sampled(self) -> tuple[str, ...]:
+        """Names of all histories that the archive keeps."""
+        depth = ("depth_temperature",) if self.histories and self.temperature_depth is not None else ()
+        return (*self.histories, *depth)
 
     @property
     def of_branches(self) -> Output:
-        """What an archive of branches keeps: no histories, balances and sections, always steady rubs."""
-        return replace(self, histories=(), balances=False, sections=False, steady=self.steady or Steady())
+        """What an archive of branches keeps: no histories, balances, sections and depths, always steady rubs."""
+        steady = self.steady or Steady()
+        return replace(self, histories=(), balances=False, sections=False, steady=steady, temperature_depth=None)

@@ -84,7 +84,7 @@ class Study(CaseSpace):
             "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
             "reference": None if self.reference is None else dict(self.reference.values),
             **({} if self.branch is None else {"branch": dataclasses.asdict(self.branch)}),
-            "output": _without_empty(self.output, "sections", "steady"),
+            "output": _without_empty(self.output, "sections", "steady", "temperature_depth"),
         }
         resolved: dict[str, Any] = _listed(values)
         return resolved

@@ -50,6 +50,15 @@ _LARGEST = (
     "whatever the output interval; an instant between two load periods belongs to both"
 )
 
+_OF_TIP = (
+    "of a blade the mean over `depth` [m] (least, largest) from its tip, which grows as that falls until heat enters "
+    "deeper in a contact: half the cell there, or what the thermal modes kept amount to"
+)
+
+_MEAN = "mean temperature rise over output.temperature_depth from the blade tip"
+
+_DEPTH = "linear between nodes; converges as cells become thinner than the depth"
+
 _PROCESSOR_TIME = (
     "time of the whole batch / batch_width, so it depends on the lengths of the axes within a batch: a few cases take "
     "nearly as long as a full vector register of them; kernels compiled before; with its balances where "
@@ -122,6 +131,7 @@ TABLE = (
         "history",
         cell_methods="t: mean (over the preceding interval of t)",
     ),
+    Variable("depth_temperature", "K", _MEAN, "history", condition="depth", signed=True, comment=_DEPTH),
     Variable("contact_impulse", "N s", "impulse of the casing on the blade tip over the duration"),
     Variable(
         "impacts",
@@ -150,7 +160,15 @@ TABLE = (
         "largest temperature rise of the blade tip",
         origin="scheme",
         signed=True,
-        comment=_LARGEST,
+        comment=f"{_LARGEST}; {_OF_TIP}",
+    ),
+    Variable(
+        "max_depth_temperature",
+        "K",
+        f"largest {_MEAN}",
+        condition="depth",
+        signed=True,
+        comment=f"{_DEPTH}; {_LARGEST}",
     ),
     Variable(
         "thermal_closing", "m", "quasi-static tip growth by the temperatures at the end", origin="scheme", signed=True

@@ -12,10 +12,11 @@ int8; ``point``: (…, point) float64 or int8, ``point phase``: (…, point, pha
 Origin = Literal["scheme", "workflow"]
 
 Condition = Literal[
-    "always", "balances", "sections", "steady", "branch", "reference", "scheme", "auto", "auto reference"
+    "always", "depth", "balances", "sections", "steady", "branch", "reference", "scheme", "auto", "auto reference"
 ]
-"""When an archive has the variable: always, with ``output.balances``, ``output.sections`` or ``output.steady``, where
-an axis is a branch, with a reference, if a scheme declares it, where a tolerance decides a count of modes."""
+"""When an archive has the variable: always, with ``output.temperature_depth``, ``output.balances``,
+``output.sections`` or ``output.steady``, where an axis is a branch, with a reference, if a scheme declares it, where a
+tolerance decides a count of modes."""
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ class Heated(NamedTuple):
     response: Array
     """R, ``(mode, thermal mode)``."""
     heat_tip: Array
+    observed: Array
     source: Array
     """z'' and τ' per input w, see :class:`~workflow.schemes._exact.layout.Regime`, without friction heat,
     ``(mode + thermal mode, input)``."""
@@ -73,7 +74,8 @@ def _heated(held: ModalSystem) -> Heated | None:
     u = [(speed - lower * place) / split, (upper * place - speed) / split, held.heat_tip]
     w = [-r - lag * upper, -r - lag * lower, -held.thermal_reaction - r @ response + lag @ (response * mu)]
     matrix = (np.concatenate(each).astype(np.complex128) for each in ([upper, lower, -mu], u, w))
-    arrays = response, held.heat_tip, state_space(held, 0.0)[2][c.size :], signal_inputs(held), held.entry, held.exit
+    tips = response, held.heat_tip, held.observed
+    arrays = *tips, state_space(held, 0.0)[2][c.size :], signal_inputs(held), held.entry, held.exit
     return Heated(RankOne(mu.size, *matrix), *(np.ascontiguousarray(a, dtype=np.float64) for a in arrays))
 
 
@@ -119,7 +121,7 @@ def _regime_at(h: Heated, alpha: float) -> tuple[bool, Regime]:
     temperature = np.zeros(size)
     for n in range(size):
         for j in range(heats):
-            temperature[n] += h.heat_tip[j] * outward[n, 2 * modes + j]
+            temperature[n] += h.observed[j] * outward[n, 2 * modes + j]
     for i in range(h.inputs.size):
         for n in range(modes + heats):
             per = h.source[n, i] + (alpha * h.inputs[i] * h.heat_tip[n - modes] if n >= modes else 0.0)

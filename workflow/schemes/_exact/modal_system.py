@@ -51,6 +51,8 @@ class ModalSystem:
     """μ, 1/s, ``(thermal mode,)``."""
     heat_tip: Array
     """χ_n, ``(thermal mode,)``."""
+    observed: Array
+    """χ_n, or of another temperature that is recorded wᵀχ, ``(thermal mode,)``."""
     reaction: Array
     """r, ``(mode,)``."""
     reaction_slope: Array
@@ -88,7 +90,7 @@ class ModalSystem:
     @cached_property
     def unheated(self) -> ModalSystem:
         """The system without thermal modes, where no heat acts."""
-        names = "rate", "heat_tip", "thermal_reaction"
+        names = "rate", "heat_tip", "observed", "thermal_reaction"
         none: dict[str, Any] = {name: np.zeros(0) for name in names}
         return replace(self, coupling=self.coupling[:, :0], heat_shapes=self.heat_shapes[:, :0], **none)
 
@@ -133,7 +135,7 @@ class ModalBasis:
     tangential: float
     """e_nᵀ M⁻¹ t, 1/kg, the decrease of the mobility per friction coefficient."""
     heat_jump: float
-    """Rise of the tip temperature per heat at the tip, e_nᵀ C2⁻¹ e_n, K/J."""
+    """Rise of the temperature that is recorded per heat at the tip, of the tip e_nᵀ C2⁻¹ e_n, K/J."""
     free: ModalSystem
     held: ModalSystem
 
@@ -153,7 +155,7 @@ def analyse(structure: Structure) -> ModalBasis:
         closing=static_tip_growth(structure) @ thermal.shapes,
         mobility=np.dot(mechanical.tip, mechanical.tip),
         tangential=np.dot(mechanical.tip, along),
-        heat_jump=float(sum(float(tip) ** 2 for tip in thermal.tip)),
+        heat_jump=float(sum(float(tip) * float(seen) for tip, seen in zip(thermal.tip, free.observed, strict=True))),
         free=free,
         held=held_system(structure),
     )
@@ -169,6 +171,7 @@ def free_system(structure: Structure) -> ModalSystem:
         coupling=modal_coupling(structure, mechanical, thermal),
         rate=thermal.values,
         heat_tip=thermal.tip,
+        observed=structure.observed_of(thermal.shapes.T),
         reaction=mechanical.tip,
         reaction_slope=np.zeros(modes),
         thermal_reaction=np.zeros(thermal.values.size),
@@ -207,6 +210,7 @@ def held_system(structure: Structure) -> ModalSystem:
         coupling=coupling,
         rate=thermal.values,
         heat_tip=thermal.tip,
+        observed=structure.observed_of(thermal.shapes.T),
         reaction=reaction,
         reaction_slope=slope,
         thermal_reaction=structure.coupling_matrix[-1] @ thermal.shapes - inertia @ coupling,

@@ -110,7 +110,7 @@ def _regime(
     Columns of ``inward`` and rows of ``outward`` are X.
     """
     source = np.concatenate([source, signal_inputs(system)[None]])
-    temperature = system.heat_tip @ outward[2 * system.frequency.size :]
+    temperature = system.observed @ outward[2 * system.frequency.size :]
     arrays = *poles, signal, temperature, source.T, inward.T, outward.T, system.entry, system.exit
     return tabulated(*(np.ascontiguousarray(values, dtype=np.float64) for values in arrays))
 

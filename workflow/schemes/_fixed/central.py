@@ -107,7 +107,7 @@ def step(modal: Decoupled, h: float, differences: Differences) -> Step:
     decay, (inertia, _) = differences.decay(h, modal.rate), differences.damped(h, modal.damping)
     heat_gain = modal.heat_tip * (decay if differences.implicit_heat else 1.0)
     return Step(
-        tip=CentralStep(h, 1.0, 0.0, np.sum(modal.heat_tip * heat_gain)),
+        tip=CentralStep(h, 1.0, 0.0, np.sum(modal.recorded * heat_gain)),
         inertia=modal.effective_mass(inertia, 0.0 if differences.lagged else h / 2),
         stiffening=h,
         lever=h,

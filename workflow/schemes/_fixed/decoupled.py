@@ -57,6 +57,8 @@ class Decoupled:
         φᵀ C1 φ where damping couples the modes, ``(mode, mode)``; ``damping`` is its diagonal.
     load
         φ_jᵀ b of a load that does not act on the tip, 1/√kg, ``(mode,)``.
+    observed
+        wᵀχ_l of another temperature than the tip's that is recorded, 1/√(J/K), ``(thermal mode,)``.
     """
 
     mass: Array
@@ -74,6 +76,12 @@ class Decoupled:
     tangent: Array | None = None
     damping_matrix: Array | None = None
     load: Array | None = None
+    observed: Array | None = None
+
+    @property
+    def recorded(self) -> Array:
+        """The temperature that is recorded per thermal mode, ``(thermal mode,)``."""
+        return self.heat_tip if self.observed is None else self.observed
 
     @property
     def is_coupled(self) -> bool:
@@ -101,6 +109,7 @@ class Decoupled:
             self,
             rate=np.zeros(0),
             heat_tip=np.zeros(0),
+            observed=None,
             coupling=self.coupling[:, :0],
             to_thermal=self.to_thermal[:0],
             heat_shapes=self.heat_shapes[:, :0],
@@ -129,6 +138,7 @@ def decouple(structure: Structure) -> Decoupled:
         tangent=None if structure.tangent is None else mechanical.shapes.T @ structure.tangent,
         damping_matrix=damper if damper.ndim == 2 else None,
         load=None if structure.load is None else mechanical.shapes.T @ structure.load,
+        observed=None if structure.observed is None else structure.observed @ thermal.shapes,
     )
 
 

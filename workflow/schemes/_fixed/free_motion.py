@@ -60,6 +60,8 @@ class FreeStep(NamedTuple):
     tip: TipStep
     heat_counts: bool
     """Whether τ at a step's end includes the contact heat of that step; central differences add it in the next step."""
+    observed: Array | None
+    """Temperature that is recorded per τ, ``(thermal mode,)``; ``None`` for the tip's, the sum of all τ."""
 
 
 class State(NamedTuple):
@@ -156,6 +158,12 @@ def _step_blocks(
 
 
 @inlined
+def _recorded(observed: Array | None, k: int, tau: Pack, lane: Lane) -> Pack:
+    """Return the part of thermal mode k in the temperature that is recorded."""
+    return tau if observed is None else shared(observed, (k,), lane) * tau
+
+
+@inlined
 def _step_heat(
     account: Account | None,
     step: FreeStep,
@@ -175,7 +183,7 @@ def _step_heat(
         )
         store(tau, (k, lane), after)
         velocity += shared(step.heat_modes, (k, HEAT_SPEED), lane) * after
-        temperature += after
+        temperature += _recorded(step.observed, k, after, lane)
     balance.add_loss(account, step.tip.h, loss, heat, lane)
     return velocity, temperature
 

@@ -179,7 +179,7 @@ def step_batch(
     modal, begun = blocks.modal, start(blocks, cases, velocity)
     free, watched = (
         free_step(blocks, contact, begun.drifting),
-        stepping.watch(cases, sampling, blocks.step.tip.h, drive),
+        stepping.watch(structure, cases, sampling, blocks.step.tip.h, drive),
     )
     states, rows_of_cases = begun.states, np.zeros((rows_in(Own), cases.count))
     own = named_rows(Own, rows_of_cases)

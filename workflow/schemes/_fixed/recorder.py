@@ -49,8 +49,8 @@ class Recorder:
     """
 
     def __init__(self, structure: Structure, cases: Cases, sampling: Sampling, h: float) -> None:
-        self._cases, self._h = cases, h
-        self._watched = watch(cases, sampling, h)
+        self._structure, self._cases, self._h = structure, cases, h
+        self._watched = watch(structure, cases, sampling, h)
         self.steps = self._watched.schedule.steps
         self._blocks = []
         for part in parts(cases.count, LANES):
@@ -90,13 +90,13 @@ class Recorder:
             self._balances.add(before, after, impulse, step_load)
         self._step += 1
         self._before, self._states = before, after
-        casing = self._casing()
+        casing, recorded = self._casing(), self._structure.observed_of(temperature)
         for part, _, block in self._blocks:
             count = part.stop - part.start
             block.tip.gap[:count] = casing[part]
             block.tip.new_displacement[:count] = displacement[part, -1]
             block.tip.new_velocity[:count] = velocity[part, -1]
-            block.tip.new_temperature[:count] = temperature[part, -1]
+            block.tip.new_temperature[:count] = recorded[part]
             block.tip.step_impulse[:count] = impulse[part]
             _count(self._step, block)
 

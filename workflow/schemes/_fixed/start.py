@@ -78,8 +78,8 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
         settled=settled.T,
         warming_modes=warming.T,
         drift=project(speed, known[0].T) + project(place, known[1].T),
-        warmth=project(modal.heat_tip, settled),
-        warming=project(modal.heat_tip, warming),
+        warmth=project(modal.recorded, settled),
+        warming=project(modal.recorded, warming),
         closing=project(modal.static_growth, settled),
         closing_rate=project(modal.static_growth, warming),
         drifting=drifting,
@@ -131,4 +131,5 @@ def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64]) -> 
         drifting=drifting,
         tip=tip,
         heat_counts=step.heat_counts,
+        observed=None if modal.observed is None else modal.observed / scale,
     )

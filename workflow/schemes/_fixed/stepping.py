@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import PACK, cached_lanes, fill_lanes, lane_rows, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
-from workflow.models import Array, Cases
+from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import tip_load
 from workflow.schemes._fixed.contact import End
 from workflow.schemes._fixed.drive import DriveRows, cut_gap, drive_lanes, fill_drive, with_harmonics
@@ -164,7 +164,7 @@ class Ended(NamedTuple):
     balance: Balance | None
 
 
-def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = None) -> Watch:
+def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = None) -> Watch:
     """Return the samples and load periods of a batch that is stepped with ``h``, and its tips at t = 0."""
     casing, plan = cases.casing_at(0.0), schedule(sampling, h)
     periods = complete_periods(cases.period_frequency, sampling)
@@ -183,7 +183,7 @@ def watch(cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = 
     load, tip = named_rows(TipLoads, loads), named_rows(Tips, tips)
     load.mean, load.amplitude, load.frequency, load.phase = cases.mean, cases.amplitude, cases.frequency, cases.phase
     tip.displacement, tip.velocity = cases.displacement[:, -1], cases.velocity[:, -1]
-    tip.temperature = tip.hottest = tip.period_hottest = cases.temperature[:, -1]
+    tip.temperature = tip.hottest = tip.period_hottest = structure.observed_of(cases.temperature)
     tip.gap = casing
     tip.penetration = np.fmax(0.0, tip.displacement - casing) + 0.0  # of two zeros fmax returns either
 

@@ -82,7 +82,7 @@ def step(modal: Decoupled, h: float, theta: float) -> Step:
     weight = 1 / (1 + lever * modal.rate)
     inertia = modal.mass + lever * modal.damping + lever * lever * modal.frequency**2
     return Step(
-        tip=TipStep(h, theta, 1.0 - theta, np.sum(modal.heat_tip**2 * weight)),
+        tip=TipStep(h, theta, 1.0 - theta, np.sum(modal.recorded * modal.heat_tip * weight)),
         inertia=modal.effective_mass(inertia, lever),
         stiffening=2 * lever,
         lever=lever,

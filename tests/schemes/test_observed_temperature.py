@@ -1,0 +1,121 @@
+"""Schemes record another temperature than the tip's, a mean over a depth: against all node temperatures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import plain_central
+import plain_theta
+import pytest
+
+from scenes import blade, cases, heavy_chain, sampling, step
+from workflow import schemes
+from workflow.models import Cases, Chain, Matrices, Structure
+from workflow.reduction import reduce_structure
+from workflow.schemes import RefusedStructureError
+
+DEPTH, DURATION, H = 7.3e-3, 6e-3, 1e-5
+
+
+def full() -> Chain:
+    structure = heavy_chain(nodes=6, stiffness=4e5)
+    assert isinstance(structure, Chain)
+    return structure
+
+
+def reduced() -> Matrices:
+    reduction = reduce_structure(full(), 2, 3, "craig_bampton")
+    structure = reduction.structure
+    assert isinstance(structure, Matrices)
+    return replace(structure, observed=reduction.temperature_basis.T @ full().mean_over(DEPTH))
+
+
+def rub(structure: Structure, count: int = 1) -> Cases:
+    heat = {"heating": np.linspace(0.0, 3.0, structure.thermal_size), "temperature": 2.0}
+    alpha = np.linspace(20.0, 40.0, count)
+    return cases(structure, count, alpha=alpha, gap=2e-5, amplitude=60.0, frequency=200.0, mean=5.0, **heat)
+
+
+STRUCTURES = {"full": replace(full(), observed=full().mean_over(DEPTH)), "reduced": reduced()}
+PLAIN: dict[str, tuple[str, dict[str, Any], Any]] = {
+    "moreau": ("moreau", {"theta": 0.7}, lambda s, c, n: plain_theta.march(s, c, H, 0.7, n)),
+    "carpenter": ("carpenter", {}, lambda s, c, n: plain_central.carpenter(s, c, H, n, implicit=True)),
+    "spring": ("penalty", {"stiffness": 1e7, "integration": "explicit"},
+               lambda s, c, n: plain_central.spring(s, c, H, n, 1e7, 0.0)),
+    "implicit": ("penalty", {"stiffness": 1e7, "integration": "implicit", "theta": 1.0},
+                 lambda s, c, n: plain_theta.march_on_spring(s, c, H, n, 1e7, 0.0, 1.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize("kind", STRUCTURES)
+def test_steps_record_the_mean_of_the_nodes_they_have(kind: str, name: str) -> None:
+    """Samples and the largest of all step ends, and the motion to the bit as without."""
+    structure, (method, options, plain) = STRUCTURES[kind], PLAIN[name]
+    case, over = rub(structure), sampling(DURATION, 10 * H)
+    results = step(structure, case, H, over, method, **options)
+    nodes = plain(structure, case, round(DURATION / H)).temperature
+    means = nodes @ structure.observed
+    assert results.metrics["impacts"][0] >= 1
+    np.testing.assert_allclose(results.histories["temperature"][0], means[::10], rtol=1e-8, atol=1e-9)
+    assert results.metrics["max_temperature"][0] == pytest.approx(means.max(), rel=1e-8)
+    assert np.ptp(nodes[-1]) > 0.1 * abs(means[-1])  # another temperature than the tip's
+    tip = step(replace(structure, observed=None), case, H, over, method, **options)
+    for history in ("displacement", "velocity", "impulse"):
+        assert np.array_equal(results.histories[history], tip.histories[history])
+
+
+@pytest.mark.parametrize("kind", STRUCTURES)
+def test_the_exact_scheme_records_what_steps_converge_to(kind: str) -> None:
+    structure = STRUCTURES[kind]
+    case, over = rub(structure), sampling(DURATION, 10 * H)
+    exact = step(structure, case, 0.0, over, "event_driven")
+    errors = []
+    for h in (4e-6, 1e-6):
+        results = step(structure, case, h, over, "moreau", theta=0.5)
+        errors.append(np.abs(results.histories["temperature"] - exact.histories["temperature"]).max())
+        largest = results.metrics["max_temperature"][0]
+    assert errors[1] < 0.4 * errors[0]
+    assert errors[1] < 2e-3 * exact.metrics["max_temperature"][0]
+    assert largest == pytest.approx(exact.metrics["max_temperature"][0], rel=2e-3)
+    tip = step(replace(structure, observed=None), case, 0.0, over, "event_driven")
+    assert np.array_equal(exact.histories["displacement"], tip.histories["displacement"])
+
+
+def test_the_largest_mean_of_the_exact_scheme_is_that_of_all_instants() -> None:
+    structure = STRUCTURES["full"]
+    coarse, fine = (
+        step(structure, rub(structure), 0.0, sampling(DURATION, interval), "event_driven")
+        for interval in (DURATION, 1e-6)
+    )
+    seen = fine.histories["temperature"].max()
+    assert coarse.metrics["max_temperature"] == pytest.approx(fine.metrics["max_temperature"], rel=1e-10)
+    assert seen <= coarse.metrics["max_temperature"][0] * (1 + 1e-12)
+    assert seen == pytest.approx(coarse.metrics["max_temperature"][0], rel=1e-4)
+
+
+@pytest.mark.parametrize("method", ["moreau", "carpenter", "penalty", "event_driven"])
+def test_the_tip_as_a_row_is_the_tip_and_rows_add_up(method: str) -> None:
+    """Cases of a batch: the mean is the sum of the nodes, each recorded for itself."""
+    structure, over = full(), sampling(DURATION, 1e-3)
+    options = {"stiffness": 1e7, "integration": "explicit"} if method == "penalty" else {}
+    h, batch, row = H, rub(structure, 3), structure.mean_over(DEPTH)
+
+    def recorded(weights: np.ndarray | None) -> np.ndarray:
+        return step(replace(structure, observed=weights), batch, h, over, method, **options).histories["temperature"]
+
+    nodes = [recorded(unit) for unit in np.eye(structure.thermal_size)]
+    np.testing.assert_allclose(nodes[-1], recorded(None), rtol=1e-11)
+    np.testing.assert_allclose(recorded(row), np.tensordot(row, nodes, 1), rtol=1e-10, atol=1e-10)
+
+
+def test_a_scheme_that_does_not_say_so_is_refused() -> None:
+    scheme = replace(schemes.load("moreau"), GENERAL=frozenset())
+    structure = blade(4)
+    assert isinstance(structure, Chain)
+    assert scheme.refusal(structure, scheme.Options()) is None
+    reason = scheme.refusal(replace(structure, observed=structure.mean_over(1e-3)), scheme.Options())
+    assert reason == "it does not record the temperature over a depth"
+    assert issubclass(RefusedStructureError, ValueError)
