@@ -44,7 +44,7 @@ _ROOT, _ZERO, _GRAZED = 1e-12, 1e-6, 1e-7
 
 
 def branch(
-    problem: Problem, start: float, stop: float, points: int, duration: float, options: Options
+    problem: Problem, start: float, stop: float, points: int, options: Options
 ) -> tuple[dict[str, Array], str]:
     """Return the branch of steady rubs through the first one found at start, at stop or between, and a message.
 
@@ -54,7 +54,7 @@ def branch(
     ``bifurcation`` ``none``. Where no point is found that holds for all, and the message, which begins with
     ``steady:``, states why.
     """
-    curve = Curve(problem, start, stop, duration)
+    curve = Curve(problem, start, stop)
     first = _first(curve, options)
     found, flags = _flagged(curve, first, points) if first is not None else ([], np.zeros(0, dtype=np.int8))
     beyond, rubs = points - len(found), [Settled(point.orbit.state, "", point.orbit) for point in found]
@@ -96,7 +96,7 @@ def _first(curve: Curve, options: Options) -> Point | None:
     starts = list(_STARTS)
     while starts and len(found) < 2:
         q = starts.pop(0)
-        orbit = settle(curve.flow(q), curve.duration, options).orbit
+        orbit = settle(curve.flow(q), options).orbit
         if orbit is not None:
             found.append((q, orbit))
             starts = [q + (round(1 - q) - q) / 2**k for k in range(8)] if len(found) == 1 else []

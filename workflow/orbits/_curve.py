@@ -52,8 +52,8 @@ class Point:
 class Curve:
     """The periodic rubs of one order of a problem over a range."""
 
-    def __init__(self, problem: Problem, start: float, stop: float, duration: float):
-        self.problem, self.start, self.stop, self.duration = problem, start, stop, duration
+    def __init__(self, problem: Problem, start: float, stop: float):
+        self.problem, self.start, self.stop = problem, start, stop
         self.scale: Array | None = None
         self.first: Structure | None = None
         self.shared: AnalysedStructure | None = None
@@ -68,7 +68,7 @@ class Curve:
         structure, cases = self.problem(self.value(q))
         if self.shared is None or structure is not self.shared.structure:
             self.shared = AnalysedStructure(structure)
-        return Flow(self.shared, cases, self.duration, heated=self.heated)
+        return Flow(self.shared, cases, heated=self.heated)
 
     def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
         """Return an orbit as the first point of the curve, with a tangent towards larger q."""
