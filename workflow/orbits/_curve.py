@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import AnalysedStructure, Flow
-from workflow.orbits._orbit import Orbit, has_converged, longest
+from workflow.orbits._orbit import RESIDUAL, Orbit, has_converged, longest
 from workflow.schemes._exact.advance import Trajectory
 from workflow.schemes._exact.batch import heat_acts
 
@@ -20,8 +20,8 @@ Problem = Callable[[float], tuple[Structure, Cases]]
 _DIFFERENCE = 1e-10
 """Step of finite differences with respect to q."""
 
-_MOST = 12
-"""Largest number of Newton steps to a point."""
+_MOST, _LEAST_PART = 12, 1e-5
+"""Largest number of Newton steps to a point, of four trials each, and least part of one."""
 
 _NEAR_EVENT = 0.1
 """Distance of an event from the phase of w, over the longest flight or contact, below which another phase is chosen."""
@@ -47,6 +47,12 @@ class Point:
     def u(self) -> Array:
         """State and fraction of the range."""
         return np.append(self.w, self.q)
+
+    def distance(self, u: Array) -> float:
+        """Return the length of the chord to another u, without velocities."""
+        away, n = u - self.u, self.orbit.flow.modes
+        away[n : 2 * n] = 0.0
+        return float(np.linalg.norm(away))
 
 
 class Curve:
@@ -77,33 +83,58 @@ class Curve:
         ahead = np.append(np.zeros(w.size), 1.0)
         return self._point(np.append(w, q), orbit.motion.begin / orbit.flow.period, orbit, ahead)
 
-    def step(self, point: Point, length: float, row: Array | None = None) -> Point | None:
-        """Return the point at a length along the tangent, in the plane across it; ``None`` where none is found.
+    def step(self, point: Point, length: float) -> Point | None:
+        """Return the point at a length along the tangent, in the plane across it; ``None`` where none is found."""
+        found = self._newton(point, point.u + length * point.tangent, point.row, _MOST, 1.0)
+        return found and replace(found, arclength=point.arclength + length)
 
-        With another ``row`` it is the point with row · u = length.
+    def at(self, point: Point, q: float) -> Point | None:
+        """Return the point at a fraction of the range near one, on whose curve it has the same direction.
+
+        Steps of Newton's method are halved until they lessen the residual, which has a root where an impact begins.
         """
-        guess = point.u + (length * point.tangent if row is None else 0.0)
-        row, target = (point.row, point.row @ guess) if row is None else (row, length)
-        u, last = guess, np.inf
-        for _ in range(_MOST):
-            orbit = self._at(u, point)
+        ahead = np.append(np.zeros(point.w.size), np.copysign(1.0, point.tangent[-1]))
+        found = self._newton(point, np.append(point.w, q), ahead, 4 * _MOST, _LEAST_PART)
+        return found and replace(found, arclength=point.arclength + point.distance(found.u))
+
+    def _newton(self, point: Point, guess: Array, row: Array, trials: int, least: float) -> Point | None:
+        """Return the point near a guess in the plane across a row, by Newton steps or parts of them."""
+        whole: Array = np.zeros_like(guess)
+        u, last, part = guess.copy(), np.inf, 1.0
+        for _ in range(trials):
+            orbit = self._at(u + part * whole, point)
+            size = np.inf if orbit is None else max(orbit.residual, abs(float(row @ (u + part * whole - guess))))
+            if RESIDUAL < last <= size and last < np.inf and part > least:
+                part /= 2
+                continue
             if orbit is None:
                 return None
-            error = self._charts(orbit.flow)[0] @ orbit.motion.X - u[:-1]
-            size = max(orbit.residual, abs(float(row @ u - target)))
+            u += part * whole
             if has_converged(size, last):
-                return self._point(u, point.phase, orbit, point.row, point.arclength + length)
-            last, slope = size, self._slope(u, point.phase, orbit)
+                return self._point(u, point.phase, orbit, row)
+            slope, error = self._slope(u, point.phase, orbit), self._charts(orbit.flow)[0] @ orbit.motion.X - u[:-1]
             if slope is None:
                 return None
             try:
-                u = u + np.linalg.solve(self._matrix(orbit, slope, row), np.append(-error, target - row @ u))
+                whole = np.linalg.solve(self._matrix(orbit, slope, row), np.append(-error, row @ (guess - u)))
             except np.linalg.LinAlgError:
                 return None
-            if not (np.abs((u - guess)[point.row != 0]).max() < 1 and abs(u[-1] - 0.5) < 0.5 + _DIFFERENCE):
+            last, part, aim = size, 1.0, u + whole
+            if not (np.abs((aim - guess)[point.row != 0]).max() < 1 and abs(aim[-1] - 0.5) < 0.5 + _DIFFERENCE):
                 return None
-            u[-1] = min(max(u[-1], 0.0), 1.0)
+            whole[-1] = min(max(aim[-1], 0.0), 1.0) - u[-1]
         return None
+
+    def halved(self, point: Point) -> Point | None:
+        """Return the rub of half the order in the middle of a rub whose halves are nearly alike."""
+        orbit = replace(point.orbit, order=point.orbit.order // 2)
+        return self.at(replace(point, orbit=orbit, w=point.w + 0.5 * self.between_halves(point)), point.q)
+
+    def between_halves(self, point: Point) -> Array:
+        """Return the change of w over a half of a rub's period."""
+        motion, flow = point.orbit.motion, point.orbit.flow
+        middle = flow.march(motion.start, motion.was_held, motion.begin, 0.5 * motion.span)
+        return np.asarray(self._charts(flow)[0] @ middle.X - point.w)
 
     def _at(self, u: Array, point: Point) -> Orbit | None:
         """Return the motion from u over kT with its residual, the largest change of w; ``None`` where it has none."""
@@ -135,8 +166,11 @@ class Curve:
         return np.vstack([np.column_stack([out @ orbit.D @ into - np.eye(slope.size), slope]), row])
 
     def _slope(self, u: Array, phase: float, orbit: Orbit) -> Array | None:
-        """Return the derivative of the map with respect to q by a finite difference inside the range."""
-        side = _DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE
+        """Return the derivative of the map with respect to q by a finite difference inside the range.
+
+        It is the smaller the larger the multipliers, as near to where an impact begins.
+        """
+        side = (_DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE) / max(1.0, float(np.abs(orbit.multipliers[0])))
         _, motion, w = self._mapped(np.append(u[:-1], u[-1] + side), phase, orbit)
         return (w - self._charts(orbit.flow)[0] @ orbit.motion.X) / side if motion.repeats else None
 
@@ -163,12 +197,16 @@ class Curve:
         lengths = np.diff(np.append(motion.times, motion.times[:1] + motion.span))
         if not lengths.size or min(motion.times[0], motion.span - motion.times[-1]) > _NEAR_EVENT * lengths.max():
             return point
-        out, into = self._charts(flow)
-        part = flow.march(motion.start, motion.was_held, motion.begin, longest(motion))
-        phase, w = (point.phase + part.span / flow.period) % 1.0, out @ part.X
-        motion = flow.march(into @ w, part.contact, phase * flow.period, motion.span)
+        away = _DIFFERENCE if (point.q < 0.5) == (point.tangent[-1] > 0) else -_DIFFERENCE
+        later, ends = longest(motion) / flow.period, []
+        for u in (point.u + away * point.tangent, point.u):
+            flow = self.flow(u[-1])
+            out, into = self._charts(flow)
+            part = flow.march(into @ u[:-1], motion.was_held, point.phase * flow.period, later * flow.period)
+            ends.append(np.append(out @ part.X, u[-1]))
+        phase, along = (point.phase + later) % 1.0, (ends[0] - ends[1]) / away
+        motion = flow.march(part.X, part.contact, phase * flow.period, motion.span)
         if not motion.repeats:
             return point
         moved = replace(orbit, motion=motion, D=flow.derivative(motion))
-        along = np.append(out @ flow.derivative(part) @ into @ point.tangent[:-1], point.tangent[-1])
-        return self._point(np.append(w, point.q), phase, moved, along, point.arclength) or point
+        return self._point(ends[1], phase, moved, along, point.arclength) or point
