@@ -35,8 +35,9 @@ that of the chord."""
 _FAR = 4.0
 """Norm of w at which an unstable branch ends: its temperatures may grow without bound."""
 
-_TURN = 0.9
-"""Least cosine between tangents of successive points."""
+_TURN, _BEND = 0.1, 1e-3
+"""Largest difference from 1 of the product of tangents of successive points, and of those with other events: a late
+impact of many hardly bends a branch, others are approached."""
 
 _MOST_STEPS = 500
 
@@ -162,7 +163,7 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
         found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
         if not 0.0 <= ahead <= 1.0:
             found = curve.at(here, 0.0 if ahead < 0 else 1.0)
-        if found is None or abs(here.row @ found.tangent - 1) > 1 - _TURN:
+        if found is None or abs(here.row @ found.tangent - 1) > (_TURN if _order(found) == _order(here) else _BEND):
             step /= 2
             if step > _LEAST:
                 continue
@@ -195,7 +196,7 @@ def _to_grazing(curve: Curve, here: Point) -> list[Place]:
     """Return the points from one to the grazing at which the branch turns back."""
     back = _beyond(curve, here, -1.0)
     if back is None:
-        places = _until_events_change(curve, here, 2 * _LEAST, _GRAZED)
+        places = _until_events_change(curve, here, 4 * _LEAST, _GRAZED)
         return [*places[:-1], Place(places[-1].point, _GRAZING)]
     places = _joined(curve, here, back)
     return places[: 1 + max(k for k, place in enumerate(places) if place.flag == _GRAZING)]
@@ -238,7 +239,7 @@ def _until_events_change(curve: Curve, a: Point, length: float, least: float) ->
     The first step is half of a length at which the order is another.
     """
     places, step = [Place(a)], 0.5 * length
-    while step > least:
+    while step > least and places[-1].arclength - a.arclength < 4 * length:
         here = places[-1].point
         found = curve.step(here, step)
         if found is not None and _order(found) == _order(a):
