@@ -35,9 +35,8 @@ that of the chord."""
 _FAR = 4.0
 """Norm of w at which an unstable branch ends: its temperatures may grow without bound."""
 
-_TURN, _BEND = 0.1, 1e-3
-"""Largest difference from 1 of the product of tangents of successive points, and of those with other events: a late
-impact of many hardly bends a branch, others are approached."""
+_CURVE, _BEND = 0.1, 1e-3
+"""Largest bend of a step, and of one to other events: a late impact of many bends less, others are approached."""
 
 _MOST_STEPS = 500
 
@@ -163,7 +162,7 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
         found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
         if not 0.0 <= ahead <= 1.0:
             found = curve.at(here, 0.0 if ahead < 0 else 1.0)
-        if found is None or abs(here.row @ found.tangent - 1) > (_TURN if _order(found) == _order(here) else _BEND):
+        if found is None or _bend(here, found) > (_CURVE if _order(found) == _order(here) else _BEND):
             step /= 2
             if step > _LEAST:
                 continue
@@ -180,14 +179,26 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
     return trace
 
 
+def _bend(a: Point, b: Point) -> float:
+    """Return how far a chord is from the mean tangent of its ends, over its length, or by how much they turn."""
+    chord = b.u - a.u
+    away = chord - 0.5 * (b.arclength - a.arclength) * (a.tangent + b.tangent)
+    return max(float(np.linalg.norm(away) / np.linalg.norm(chord)), abs(float(a.row @ b.tangent) - 1))
+
+
 def _beyond(curve: Curve, here: Point, way: float) -> Point | None:
-    """Return a point with other events beyond a grazing, in or against the direction of the parameter."""
+    """Return a point with other events beyond a grazing, in or against the direction of the parameter.
+
+    Where the branch goes on they begin at the grazing, where it turns back they are found beside it too.
+    """
     for length in _BEYOND:
         q = here.q + float(np.copysign(length, way * here.tangent[-1]))
         found = curve.at(here, q) if 0 <= q <= 1 else None
         if found is not None and _order(found) != _order(here):
             straight = abs(found.tangent[-1]) * here.distance(found.u) / length
-            if abs(straight - 1) < _STRAIGHT:
+            beside = curve.at(found, here.q)
+            is_beside = beside is not None and _order(beside) == _order(found)
+            if abs(straight - 1) < _STRAIGHT and is_beside == (way < 0):
                 return found if way > 0 else _reversed(found, 2 * found.arclength)
     return None
 

@@ -20,8 +20,8 @@ Problem = Callable[[float], tuple[Structure, Cases]]
 _DIFFERENCE = 1e-10
 """Step of finite differences with respect to q."""
 
-_MOST, _LEAST_PART = 12, 1e-5
-"""Largest number of Newton steps to a point, of four trials each, and least part of one."""
+_MOST, _LEAST_PART = 12, 1e-9
+"""Largest number of Newton steps to a point, of eight trials each, and least part of one."""
 
 _NEAR_EVENT = 0.1
 """Distance of an event from the phase of w, over the longest flight or contact, below which another phase is chosen."""
@@ -95,7 +95,7 @@ class Curve:
         Steps of Newton's method are halved until they lessen the residual, which has a root where an impact begins.
         """
         ahead = np.append(np.zeros(point.w.size), np.copysign(1.0, point.tangent[-1]))
-        found = self._newton(point, np.append(point.w, q), ahead, 4 * _MOST, _LEAST_PART)
+        found = self._newton(point, np.append(point.w, q), ahead, 8 * _MOST, _LEAST_PART)
         return found and replace(found, arclength=point.arclength + point.distance(found.u))
 
     def _newton(self, point: Point, guess: Array, row: Array, trials: int, least: float) -> Point | None:
@@ -169,9 +169,9 @@ class Curve:
     def _slope(self, u: Array, phase: float, orbit: Orbit) -> Array | None:
         """Return the derivative of the map with respect to q by a finite difference inside the range.
 
-        It is the smaller the larger the multipliers, as near to where an impact begins.
+        Where an impact begins the map has a root and multipliers grow: there it is smaller.
         """
-        side = (_DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE) / max(1.0, float(np.abs(orbit.multipliers[0])))
+        side = (_DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE) / max(1.0, 0.01 * float(np.abs(orbit.multipliers[0])))
         _, motion, w = self._mapped(np.append(u[:-1], u[-1] + side), phase, orbit)
         return (w - self._charts(orbit.flow)[0] @ orbit.motion.X) / side if motion.repeats else None
 
