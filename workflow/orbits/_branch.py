@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -191,9 +191,9 @@ def _beyond(curve: Curve, here: Point, way: float) -> Point | None:
 
     Where the branch goes on they begin at the grazing, where it turns back they are found beside it too.
     """
-    for length in _BEYOND:
+    for length, keeps_events in product(_BEYOND, (False, True)):
         q = here.q + float(np.copysign(length, way * here.tangent[-1]))
-        found = curve.at(here, q) if 0 <= q <= 1 else None
+        found = curve.at(here, q, keeps_events=keeps_events) if 0 <= q <= 1 else None
         if found is not None and _order(found) != _order(here):
             straight = abs(found.tangent[-1]) * here.distance(found.u) / length
             beside = curve.at(found, here.q)

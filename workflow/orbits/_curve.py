@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import AnalysedStructure, Flow
-from workflow.orbits._orbit import RESIDUAL, Orbit, has_converged, longest
+from workflow.orbits._orbit import Orbit, has_converged, longest
 from workflow.schemes._exact.advance import Trajectory
 from workflow.schemes._exact.batch import heat_acts
 
@@ -20,8 +20,8 @@ Problem = Callable[[float], tuple[Structure, Cases]]
 _DIFFERENCE = 1e-10
 """Step of finite differences with respect to q."""
 
-_MOST, _LEAST_PART = 12, 1e-9
-"""Largest number of Newton steps to a point, of eight trials each, and least part of one."""
+_MOST = 12
+"""Largest number of Newton steps to a point, of eight trials each where they are halved."""
 
 _NEAR_EVENT = 0.1
 """Distance of an event from the phase of w, over the longest flight or contact, below which another phase is chosen."""
@@ -86,44 +86,44 @@ class Curve:
 
     def step(self, point: Point, length: float) -> Point | None:
         """Return the point at a length along the tangent, in the plane across it; ``None`` where none is found."""
-        found = self._newton(point, point.u + length * point.tangent, point.row, _MOST, 1.0)
+        found = self._newton(point, point.u + length * point.tangent, point.row)
         return found and replace(found, arclength=point.arclength + length)
 
-    def at(self, point: Point, q: float) -> Point | None:
+    def at(self, point: Point, q: float, *, keeps_events: bool = False) -> Point | None:
         """Return the point at a fraction of the range near one, on whose curve it has the same direction.
 
-        Steps of Newton's method are halved until they lessen the residual, which has a root where an impact begins.
+        Steps of Newton's method that change the number of events, with ``keeps_events``, are halved.
         """
         ahead = np.append(np.zeros(point.w.size), np.copysign(1.0, point.tangent[-1]))
-        found = self._newton(point, np.append(point.w, q), ahead, 8 * _MOST, _LEAST_PART)
+        found = self._newton(point, np.append(point.w, q), ahead, keeps_events)
         return found and replace(found, arclength=point.arclength + point.distance(found.u))
 
-    def _newton(self, point: Point, guess: Array, row: Array, trials: int, least: float) -> Point | None:
+    def _newton(self, point: Point, guess: Array, row: Array, keeps_events: bool = False) -> Point | None:
         """Return the point near a guess in the plane across a row, by Newton steps or parts of them."""
-        whole: Array = np.zeros_like(guess)
-        u, last, part = guess.copy(), np.inf, 1.0
-        for _ in range(trials):
+        u, whole, last, part, events = guess.copy(), 0.0 * guess, np.inf, 1.0, -1
+        for _ in range(8 * _MOST if keeps_events else _MOST):
             orbit = self._at(u + part * whole, point)
-            size = np.inf if orbit is None else max(orbit.residual, abs(float(row @ (u + part * whole - guess))))
-            if RESIDUAL < last <= size and last < np.inf and part > least:
+            count = -1 if orbit is None else orbit.motion.kinds.size
+            if keeps_events and count != events >= 0:
                 part /= 2
                 continue
             if orbit is None:
                 return None
             u += part * whole
+            events, size = count, max(orbit.residual, abs(float(row @ (u - guess))))
             if has_converged(size, last):
                 return self._point(u, point.phase, orbit, row)
             slope, error = self._slope(u, point.phase, orbit), self._charts(orbit.flow)[0] @ orbit.motion.X - u[:-1]
             if slope is None:
                 return None
             try:
-                whole = np.linalg.solve(self._matrix(orbit, slope, row), np.append(-error, row @ (guess - u)))
+                aim = u + np.linalg.solve(self._matrix(orbit, slope, row), np.append(-error, row @ (guess - u)))
             except np.linalg.LinAlgError:
                 return None
-            last, part, aim = size, 1.0, u + whole
             if not (np.abs((aim - guess)[point.row != 0]).max() < 1 and abs(aim[-1] - 0.5) < 0.5 + _DIFFERENCE):
                 return None
-            whole[-1] = min(max(aim[-1], 0.0), 1.0) - u[-1]
+            aim[-1] = min(max(aim[-1], 0.0), 1.0)
+            whole, last, part = aim - u, size, 1.0
         return None
 
     def halved(self, point: Point) -> Point | None:
