@@ -181,9 +181,8 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
 
 def _bend(a: Point, b: Point) -> float:
     """Return how far a chord is from the mean tangent of its ends, over its length, or by how much they turn."""
-    chord = b.u - a.u
-    away = chord - 0.5 * (b.arclength - a.arclength) * (a.tangent + b.tangent)
-    return max(float(np.linalg.norm(away) / np.linalg.norm(chord)), abs(float(a.row @ b.tangent) - 1))
+    mean = 0.5 * (b.arclength - a.arclength) * (a.tangent + b.tangent)
+    return max(a.distance(b.u - mean) / a.distance(b.u), abs(float(a.row @ b.tangent) - 1))
 
 
 def _beyond(curve: Curve, here: Point, way: float) -> Point | None:
