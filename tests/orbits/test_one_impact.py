@@ -147,7 +147,7 @@ def test_an_end_by_grazing_is_no_end_of_the_axis() -> None:
     assert alpha.stop == alpha.next == pytest.approx(2.108936, rel=PLACE)
 
 
-@pytest.mark.parametrize("points", [12, 40])
+@pytest.mark.parametrize("points", [12, pytest.param(200, marks=pytest.mark.slow)])
 def test_a_rub_is_unstable_from_grazing_to_its_doubling(points: int) -> None:
     values = followed(OneImpact(1.828e-4, 0.3, 1722.92, 1244.5, 1.0, 2.2629e-4, 49.458), 3.0, 30.0, points)
     grazing, doubling = 7.517809028, 8.729449824
