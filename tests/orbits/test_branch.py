@@ -22,9 +22,9 @@ def along(name: str, structure: Structure, batch: Cases) -> Problem:
     return lambda value: (structure, replace(batch, **{name: np.array([value])}))
 
 
-def followed(problem: Problem, start: float, stop: float, points: int, duration: float) -> dict[str, Any]:
+def followed(problem: Problem, start: float, stop: float, points: int) -> dict[str, Any]:
     """Return a branch that is found."""
-    values, message = branch(problem, start, stop, points, duration, Options(samples=4))
+    values, message = branch(problem, start, stop, points, Options(samples=4))
     assert message == ""
     return values
 
@@ -41,7 +41,7 @@ def states(values: dict[str, Any]) -> list[str]:
 def test_the_intermittent_rub_of_the_blade_runs_away_in_a_fold() -> None:
     """It is stable up to α = 8.4308, three times α_c; beyond it is unstable, and transients run away above it."""
     structure = reduce_structure(blade(), 3, 12).structure
-    values = followed(along("alpha", structure, blade_rub(structure)), 0.0, 40.0, 40, 2.0)
+    values = followed(along("alpha", structure, blade_rub(structure)), 0.0, 40.0, 40)
     (fold,) = flagged(values, "fold")
     assert values["value"][0] == 0.0
     assert values["value"][fold] == pytest.approx(8.4308307735, abs=1e-8 * 40)
@@ -51,10 +51,10 @@ def test_the_intermittent_rub_of_the_blade_runs_away_in_a_fold() -> None:
     assert set(states(values)[:fold]) == {"settles"}
     assert set(states(values)[fold + 1 :]) == {"unstable"}
     assert np.all(np.diff(values["steady_mean_temperature"]) > 0)
-    beside, _ = steady_rubs(structure, blade_rub(structure, alpha=values["value"][fold] + 0.5), 2.0, Options())
+    beside, _ = steady_rubs(structure, blade_rub(structure, alpha=values["value"][fold] + 0.5), Options())
     assert states(beside) == ["runs_away"]
     i = 5
-    same, _ = steady_rubs(structure, blade_rub(structure, alpha=values["value"][i]), 2.0, Options(samples=4))
+    same, _ = steady_rubs(structure, blade_rub(structure, alpha=values["value"][i]), Options(samples=4))
     for name in ("orbit_temperature", "orbit_displacement", "floquet_multiplier", "steady_impulse"):
         np.testing.assert_allclose(values[name][i], same[name][0], rtol=1e-9, atol=1e-14)
 
@@ -66,7 +66,7 @@ def test_the_oscillator_of_shaw_and_holmes_doubles_its_period() -> None:
     def problem(omega: float) -> tuple[Structure, Cases]:
         return structure, replace(scene, frequency=np.array([omega / TURN]))
 
-    values = followed(problem, 2.0, 3.0, 40, 100.0)
+    values = followed(problem, 2.0, 3.0, 40)
     (doubling,) = flagged(values, "period_doubling")
     assert values["value"][[0, -1]].tolist() == [2.0, 3.0]
     assert values["value"][doubling] == pytest.approx(2.653347727855, abs=1e-9)
@@ -85,7 +85,7 @@ def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
     """
     structure = oscillator(0.1)
     scene = cases(structure, e=0.8, gap=1.0, amplitude=1.0, frequency=1 / TURN, phase=np.pi / 2)
-    values = followed(along("amplitude", structure, scene), 1.0, 0.05, 12, 300.0)
+    values = followed(along("amplitude", structure, scene), 1.0, 0.05, 12)
     assert flagged(values, "grazing").tolist() == [11]
     assert values["value"][-1] == pytest.approx(0.1, abs=1e-6)
     pole = complex(-0.05, np.sqrt(1 - 0.05**2))  # h = Re(z exp(pole t)), per v
@@ -100,7 +100,7 @@ def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
 
 def test_a_soft_rub_becomes_free_where_the_gap_is_its_reach() -> None:
     structure = reduce_structure(blade(), 3, 12).structure
-    values = followed(along("gap", structure, blade_rub(structure, alpha=5.0)), 15e-6, 30e-6, 24, 2.0)
+    values = followed(along("gap", structure, blade_rub(structure, alpha=5.0)), 15e-6, 30e-6, 24)
     grazing = flagged(values, "grazing")[-1]
     free = values["steady_max_displacement"][-1]
     assert values["value"][grazing] == pytest.approx(free, abs=1e-6 * 15e-6)
@@ -113,7 +113,7 @@ def test_equilibria_of_permanent_contact_under_a_constant_load() -> None:
     """λ = (F - k d/n)/(1 - α/α_c) along F."""
     structure = pressed()
     scene = cases(structure, alpha=0.5 * critical_alpha(structure), gap=1e-3)
-    values = followed(along("mean", structure, scene), 2.0, 5.0, 8, 20.0)
+    values = followed(along("mean", structure, scene), 2.0, 5.0, 8)
     np.testing.assert_allclose(values["value"], np.linspace(2, 5, 8), rtol=1e-3)
     np.testing.assert_allclose(values["steady_impulse"], 2 * (values["value"] - 1.0), rtol=1e-8)
     assert set(states(values)) == {"permanent_contact"}
@@ -125,7 +125,7 @@ def test_permanent_contact_flutters_where_its_growth_rate_passes_zero() -> None:
     structure = light_heat()
     scene, limit = cases(structure, gap=1e-3, mean=20.0, amplitude=1.0, frequency=0.7), critical_alpha(structure)
     flutter = brentq(lambda alpha: growth_rate(structure, alpha), 0.3 * limit, 0.5 * limit, xtol=1e-12)
-    values = followed(along("alpha", structure, scene), 0.3 * limit, 0.6 * limit, 10, 100.0)
+    values = followed(along("alpha", structure, scene), 0.3 * limit, 0.6 * limit, 10)
     (torus,) = flagged(values, "torus")
     assert values["value"][torus] == pytest.approx(flutter, abs=1e-8 * 0.3 * limit)
     assert states(values)[:torus] == torus * ["permanent_contact"]
@@ -135,7 +135,7 @@ def test_permanent_contact_flutters_where_its_growth_rate_passes_zero() -> None:
 def test_without_a_periodic_rub_it_says_so() -> None:
     structure = oscillator(0.1)
     scene = cases(structure, gap=1.0, amplitude=1.0, frequency=1.0, load_harmonics=[[1.0, np.sqrt(2), 0.0]])
-    values, message = branch(along("gap", structure, scene), 1.0, 2.0, 5, 10.0, Options())
+    values, message = branch(along("gap", structure, scene), 1.0, 2.0, 5, Options())
     assert message == "steady: no periodic rub was found at 1, at 2 or between"
     assert np.isnan(values["value"]).all()
     assert states(values) == 5 * ["not_found"]

@@ -75,7 +75,7 @@ def test_what_becomes_of_a_rub_is_what_its_transient_comes_to(first: int) -> Non
     settled = compared = 0
     for seed in SCENES[first : first + 20]:
         structure, batch, period = scene(seed)
-        values, (message,) = steady_rubs(structure, batch, PERIODS * period, Options(samples=12))
+        values, (message,) = steady_rubs(structure, batch, Options(samples=12))
         state = STATES[values["steady_state"][0]]
         if state == "runs_away":
             warm = states_of(structure, batch, period, 60)[2]
@@ -122,7 +122,7 @@ def test_a_rub_that_settles_is_found(seeds: range, slowness: float, periods: int
         if run.status[0] != Status.OK or np.abs(last[:, :-1] - last[:, -1:]).max(axis=0).min() > 1e-8:
             continue
         counted += 1
-        values, _ = steady_rubs(structure, batch, PERIODS * period, Options(samples=12))
+        values, _ = steady_rubs(structure, batch, Options(samples=12))
         orbit = np.array([values[f"orbit_{name}"][0, 0] for name in ("displacement", "velocity", "temperature")])
         apart = np.abs(last - (orbit / largest)[:, None]).max(axis=0).min()
         agreed += bool(apart < 1e-5)

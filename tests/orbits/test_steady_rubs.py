@@ -16,9 +16,9 @@ from workflow.schemes import Sampling
 TURN = 2 * np.pi
 
 
-def rub(structure: Structure, batch: Cases, duration: float = 10.0, **options: int) -> dict[str, Any]:
+def rub(structure: Structure, batch: Cases, **options: int) -> dict[str, Any]:
     """Return the variables of one case, with its message."""
-    values, (message,) = steady_rubs(structure, batch, duration, Options(**options))
+    values, (message,) = steady_rubs(structure, batch, Options(**options))
     numbers = {name: each[0].tolist() if each.ndim == 1 else each[0] for name, each in values.items()}
     return numbers | {"state": STATES[numbers["steady_state"]], "message": message}
 
@@ -30,7 +30,7 @@ def oscillator(damping: float = 0.0) -> Structure:
 
 def test_the_blade_settles_above_its_critical_coupling() -> None:
     structure = reduce_structure(blade(), 3, 12).structure
-    found = rub(structure, blade_rub(structure, alpha=5.0), 0.6)
+    found = rub(structure, blade_rub(structure, alpha=5.0))
     assert (found["state"], found["message"], found["steady_periods"], found["steady_impacts"]) == ("settles", "", 1, 1)
     assert critical_alpha(structure) < 5.0
     assert found["steady_residual"] < 1e-10
@@ -53,7 +53,7 @@ def test_its_transient_meets_the_orbit(e: float) -> None:
     """After 40 settling times of the mechanical part, without heat; accumulations included."""
     structure = reduce_structure(blade(), 3, 12).structure
     batch = blade_rub(structure, alpha=0.0, e=e)
-    found = rub(structure, batch, 0.2, samples=10)
+    found = rub(structure, batch, samples=10)
     run = step(structure, batch, 1.0, Sampling(1.2, 0.02, 61), "event_driven")
     for name, largest in (("displacement", 24e-6), ("velocity", 1e-3)):
         np.testing.assert_allclose(found[f"orbit_{name}"], run.histories[name][0, 50:60], rtol=0, atol=1e-9 * largest)
@@ -66,7 +66,7 @@ def test_the_vibro_impact_oscillator_of_recipes_for_continuation() -> None:
     """Dankowicz, Schilder (SIAM 2013), example 15.2: v⁻ = 1.695732937595, and its multipliers."""
     structure = oscillator(0.1)
     batch = cases(structure, e=0.8, gap=1.0, amplitude=1.0, frequency=1 / TURN, phase=np.pi / 2)
-    found = rub(structure, batch, 200.0)
+    found = rub(structure, batch)
     multiplier = found["floquet_multiplier"] * np.exp(1j * found["floquet_angle"])
     assert multiplier.real == pytest.approx(-0.58429531, abs=5e-9)
     assert multiplier.imag == pytest.approx(0.00560035, abs=5e-9)
@@ -78,7 +78,7 @@ def test_the_impact_oscillator_of_shaw_and_holmes(omega: float, order: int) -> N
     """Stop at 0, r = 0.8: its determinant is r² over a period; above ω = 2.6533 its period is doubled."""
     structure = oscillator()
     batch = cases(structure, e=0.8, amplitude=1.0, frequency=omega / TURN, phase=np.pi / 2, displacement=-0.5)
-    found = rub(structure, batch, 50 * TURN / omega)
+    found = rub(structure, batch)
     assert (found["state"], found["steady_periods"], found["steady_impacts"]) == ("settles", order, 1)
     if omega == 2.0:
         assert found["floquet_multiplier"] == pytest.approx(0.8, rel=1e-10)
@@ -97,7 +97,7 @@ def test_what_touches_nothing_is_the_linear_response() -> None:
     structure = reduce_structure(blade(), 3, 12).structure
     harmonic = [[3.0, 50.0, 0.7]]
     batch = cases(structure, gap=1e-4, mean=4.0, amplitude=10.0, frequency=25.0, phase=0.3, load_harmonics=harmonic)
-    found = rub(structure, batch, 0.2, samples=50)
+    found = rub(structure, batch, samples=50)
     t = np.arange(50) * 0.04 / 50
     K, C, M = structure.stiffness_matrix, structure.damping_matrix, structure.mass
     x = np.zeros(50)
@@ -121,7 +121,7 @@ def test_permanent_contact_under_a_constant_load(share: float) -> None:
     structure = pressed()
     limit = critical_alpha(structure)
     batch = cases(structure, alpha=share * limit, gap=1e-3, mean=5.0, e=0.4)
-    found = rub(structure, batch, 20.0)
+    found = rub(structure, batch)
     force = (5.0 - 1e3 * 1e-3) / (1 - share)
     assert found["state"] == "permanent_contact"
     assert found["steady_impulse"] == pytest.approx(force, rel=1e-9)
@@ -135,7 +135,7 @@ def test_permanent_contact_under_a_constant_load(share: float) -> None:
 def test_above_the_critical_coupling_it_runs_away() -> None:
     structure = pressed()
     batch = cases(structure, alpha=1.1 * critical_alpha(structure), gap=1e-3, mean=5.0)
-    found = rub(structure, batch, 20.0)
+    found = rub(structure, batch)
     assert found["state"] == "runs_away"
     assert found["message"].startswith("steady: ")
     assert np.isnan(found["orbit_temperature"]).all()
@@ -151,7 +151,7 @@ def test_slow_heat_is_found_by_its_balance() -> None:
     """After 1 000 periods the tip has a half of its temperature; on its way there it decays as the multiplier says."""
     structure = slow_heat()
     batch = cases(structure, alpha=5.0, gap=50e-6, amplitude=100.0, frequency=50.0)
-    found = rub(structure, batch, 0.06)
+    found = rub(structure, batch)
     assert found["state"] == "settles"
     run = step(structure, batch, 1.0, Sampling(80.0, 20.0, 5), "event_driven")
     away = found["orbit_temperature"][0] - run.histories["temperature"][0]
@@ -162,7 +162,7 @@ def test_slow_heat_is_found_by_its_balance() -> None:
 def test_slow_heat_without_a_balance_runs_away() -> None:
     structure = slow_heat()
     batch = cases(structure, alpha=10.0, gap=50e-6, amplitude=100.0, frequency=50.0)
-    assert rub(structure, batch, 0.06)["state"] == "runs_away"
+    assert rub(structure, batch)["state"] == "runs_away"
     run = step(structure, batch, 1.0, Sampling(80.0, 10.0, 9), "event_driven")
     warming = np.diff(run.histories["temperature"][0])
     assert np.all(np.diff(warming[4:]) > 0)
@@ -184,7 +184,7 @@ def test_it_runs_away_without_a_whole_period_in_contact_too() -> None:
     scene = {"mean": -1.0, "amplitude": 18.6, "frequency": frequency, "phase": 3.03, **harmonics}
     start = np.linspace(0, -7.4e-3, 9)[1:]
     batch = cases(structure, alpha=4.52, e=0.25, gap=4.5e-4, displacement=start, **scene)
-    found = rub(structure, batch, 28.0)
+    found = rub(structure, batch)
     assert found["state"] == "runs_away"
     assert found["message"].endswith("leaves every bound")
 
@@ -200,7 +200,7 @@ def test_what_does_not_repeat_has_an_exponent() -> None:
     """Chaos of the oscillator of Shaw and Holmes, by two motions that part from 1e-9 for ten periods."""
     structure, omega = oscillator(), 2.84
     scene = {"e": 0.8, "amplitude": 1.0, "frequency": omega / TURN, "phase": np.pi / 2}
-    found = rub(structure, cases(structure, displacement=-0.5, **scene), 50 * TURN / omega)
+    found = rub(structure, cases(structure, displacement=-0.5, **scene))
     assert found["state"] == "not_found"
     starts = np.linspace(-0.5, -1.5, 40)
     both = cases(structure, 80, displacement=np.repeat(starts, 2)[:, None] + np.tile([[0], [1e-9]], (40, 1)), **scene)

@@ -183,7 +183,13 @@ def _along_branches(dataset: xr.Dataset, faults: NDArray[Any], asked: NDArray[np
             _cause(faults[place], flags[place], int(k), int(before))
             for before, k in zip([along[0], *along], along, strict=False)
         ]
-        yield _limit(dataset, name, values[place][along], words, case_dims(dataset), [place] * len(words))
+        reached = values[place][along]
+        ended = [i for i, k in enumerate(along) if flags[place][k] == "grazing" and words[i] == ""]
+        for i in reversed(ended):  # at its own value a grazing ends a range beyond which nothing is within
+            for there, beside in ((i + 1, i + 1), (i, i - 1)):
+                if not 0 <= beside < len(words) or words[beside]:
+                    reached, words = np.insert(reached, there, reached[i]), [*words[:there], "grazing", *words[there:]]
+        yield _limit(dataset, name, reached, words, case_dims(dataset), [place] * len(words))
 
 
 def _common(each: Sequence[Limit]) -> Limit:

@@ -55,7 +55,7 @@ def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Val
 
     structure, projected = as_run(settings, cases)
     options = Options(asked.periods, asked.samples)
-    values, messages = steady_rubs(structure, projected, grid.sampling.duration, options)
+    values, messages = steady_rubs(structure, projected, options)
     return _with_instantaneous_growth(settings, values), messages
 
 
@@ -74,7 +74,7 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
 
     start, stop = map(float, followed.axis.values)
     options = Options(asked.periods, asked.samples)
-    values, message = branch(problem, start, stop, followed.points, grid.sampling.duration, options)
+    values, message = branch(problem, start, stop, followed.points, options)
     values = _with_instantaneous_growth(first, values)
     values[followed.axis.name] = values.pop("value")
     return {name: array[None] for name, array in values.items()}, message

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from workflow.models import Array
@@ -25,27 +25,39 @@ _NONE, _FOLD, _PERIOD_DOUBLING, _TORUS, _GRAZING = range(5)
 _STARTS = (0.0, 1.0, 0.5, 0.25, 0.75)
 """Fractions of the range at which a periodic rub is searched for."""
 
-Along = Callable[[float], Point | None]
-"""Point of a branch at an arclength."""
-
-_FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-7
+_FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-6
 """First, largest and least step along the curve, on which range and motion have length 1."""
+
+_BEYOND, _STRAIGHT = (1e-4, 1e-3, 1e-2), 0.5
+"""Fractions of the range beyond a grazing at which the branch is looked for, and how much its slope may differ from
+that of the chord."""
 
 _FAR = 4.0
 """Norm of w at which an unstable branch ends: its temperatures may grow without bound."""
 
-_TURN = 0.9
-"""Least cosine between tangents of successive points."""
+_CURVE, _BEND = 0.1, 1e-3
+"""Largest bend of a step, and of one to other events: a late impact of many bends less, others are approached."""
 
 _MOST_STEPS = 500
 
-_ROOT, _ZERO, _GRAZED = 1e-12, 1e-6, 1e-7
-"""Accuracy in arclength of roots of a test function, which is 0 up to ``_ZERO``, and of grazing by bisection."""
+_ROOT, _ZERO, _GRAZED, _APART = 1e-12, 1e-6, 1e-9, 1e-3
+"""Accuracy in arclength of roots of a test, which is 0 up to ``_ZERO`` of its values, and of grazing; distance of two
+grazings."""
 
 
-def branch(
-    problem: Problem, start: float, stop: float, points: int, duration: float, options: Options
-) -> tuple[dict[str, Array], str]:
+class Place(NamedTuple):
+    """A point of a branch and its bifurcation."""
+
+    point: Point
+    flag: int = _NONE
+
+    @property
+    def arclength(self) -> float:
+        """Arclength of the point."""
+        return self.point.arclength
+
+
+def branch(problem: Problem, start: float, stop: float, points: int, options: Options) -> tuple[dict[str, Array], str]:
     """Return the branch of steady rubs through the first one found at start, at stop or between, and a message.
 
     Variables are those of :func:`~workflow.orbits.steady_rubs`, ``(points,)`` and ``(points, samples)``, in order of
@@ -54,40 +66,68 @@ def branch(
     ``bifurcation`` ``none``. Where no point is found that holds for all, and the message, which begins with
     ``steady:``, states why.
     """
-    curve = Curve(problem, start, stop, duration)
+    curve = Curve(problem, start, stop)
     first = _first(curve, options)
-    found, flags = _flagged(curve, first, points) if first is not None else ([], np.zeros(0, dtype=np.int8))
-    beyond, rubs = points - len(found), [Settled(point.orbit.state, "", point.orbit) for point in found]
+    found, lost = _spread(curve, first, points) if first is not None else ([], [])
+    beyond, rubs = points - len(found), [Settled(point.orbit.state, "", point.orbit) for point, _ in found]
     values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples)
-    values["value"] = np.pad([curve.value(point.q) for point in found], (0, beyond), constant_values=np.nan)
-    values["bifurcation"] = np.pad(flags, (0, beyond))
-    return values, "" if found else f"steady: no periodic rub was found at {start:g}, at {stop:g} or between"
+    values["value"] = np.pad([curve.value(point.q) for point, _ in found], (0, beyond), constant_values=np.nan)
+    values["bifurcation"] = np.pad(np.array([flag for _, flag in found], dtype=np.int8), (0, beyond))
+    if not found:
+        return values, f"steady: no periodic rub was found at {start:g}, at {stop:g} or between"
+    near = ", ".join(f"{curve.value(q):.6g}" for q in lost)
+    return values, f"steady: {len(lost)} of {points} points were not found, near {near}" if lost else ""
 
 
-def _flagged(curve: Curve, first: Point, count: int) -> tuple[list[Point], NDArray[np.int8]]:
-    """Return at most ``count`` points of the branch through one, in order of arclength, and their bifurcations."""
-    behind, back = _followed(curve, _reversed(first))
-    ahead, end = _followed(curve, first)
-    trace = [*map(_reversed, reversed(behind)), *ahead[1:]]
+def _spread(curve: Curve, first: Point, count: int) -> tuple[list[Place], list[float]]:
+    """Return ``count`` points of the branch through one, in order of arclength, and q near those that are not found.
 
-    def at(arclength: float) -> Point | None:
-        """Return the point at an arclength."""
-        near = min(trace, key=lambda point: abs(point.arclength - arclength))
-        return near if near.arclength == arclength else curve.step(near, arclength - near.arclength)
-
+    They have equal distances, but the nearest to a bifurcation is put there, and one between two of them.
+    """
+    behind = [Place(_reversed(point), flag) for point, flag in _followed(curve, _reversed(first))]
+    trace = [*reversed(behind), *_followed(curve, first)[1:]]
     arclengths = np.linspace(trace[0].arclength, trace[-1].arclength, count)
-    found = [point for arclength in arclengths if (point := at(arclength)) is not None]
-    flags = np.zeros(len(found), dtype=np.int8)
-    _locate(at, found, flags)
-    order = np.argsort([point.arclength for point in found], kind="stable")
-    found, flags = [found[i] for i in order], flags[order]
-    flags[0], flags[-1] = flags[0] or back, flags[-1] or end
-    return found, flags
+    put, marks = {0: trace[0], count - 1: trace[-1]}, [place for place in trace[1:-1] if place.flag][: count - 2]
+
+    def replace_nearest(place: Place) -> None:
+        """Put a place where the nearest point is that may be moved."""
+        free = set(range(count)) - set(put)
+        put[min(free, key=lambda k: abs(float(arclengths[k]) - place.arclength))] = place
+
+    for place in marks:
+        replace_nearest(place)
+    for low, high in pairwise(place.arclength for place in (trace[0], *marks, trace[-1])):
+        if len(put) < count and not any(k not in put and low < s < high for k, s in enumerate(arclengths)):
+            middle = _at(curve, trace, 0.5 * (low + high))
+            if middle is not None:
+                replace_nearest(Place(middle))
+    found, lost = list(put.values()), list[float]()
+    for k in set(range(count)) - set(put):
+        point = _at(curve, trace, float(arclengths[k]))
+        if point is None:
+            lost.append(_nearest(trace, float(arclengths[k]))[0].q)
+        else:
+            found.append(Place(point))
+    return sorted(found, key=lambda place: place.arclength), lost
 
 
-def _reversed(point: Point) -> Point:
-    """Return a point with the opposite direction of the curve."""
-    return replace(point, tangent=-point.tangent, row=-point.row, arclength=-point.arclength)
+def _nearest(trace: list[Place], arclength: float) -> list[Point]:
+    """Return the nearest points to an arclength, of the order k that the branch has there."""
+    points = [point for point, _ in trace if point.arclength * arclength >= 0]  # it was followed to both sides from 0
+    before = max((p for p in points if abs(p.arclength) <= abs(arclength)), key=lambda p: abs(p.arclength))
+    alike = [point for point in points if point.orbit.order == before.orbit.order]
+    return sorted(alike, key=lambda point: abs(point.arclength - arclength))[:3]
+
+
+def _at(curve: Curve, trace: list[Place], arclength: float) -> Point | None:
+    """Return the point at an arclength."""
+    steps = (curve.step(near, arclength - near.arclength) for near in _nearest(trace, arclength))
+    return next((point for point in steps if point is not None), None)
+
+
+def _reversed(point: Point, shift: float = 0.0) -> Point:
+    """Return a point with the opposite direction of the curve, whose arclength is counted from ``shift``."""
+    return replace(point, tangent=-point.tangent, row=-point.row, arclength=shift - point.arclength)
 
 
 def _first(curve: Curve, options: Options) -> Point | None:
@@ -96,7 +136,7 @@ def _first(curve: Curve, options: Options) -> Point | None:
     starts = list(_STARTS)
     while starts and len(found) < 2:
         q = starts.pop(0)
-        orbit = settle(curve.flow(q), curve.duration, options).orbit
+        orbit = settle(curve.flow(q), options).orbit
         if orbit is not None:
             found.append((q, orbit))
             starts = [q + (round(1 - q) - q) / 2**k for k in range(8)] if len(found) == 1 else []
@@ -107,59 +147,121 @@ def _first(curve: Curve, options: Options) -> Point | None:
     return first and curve.rephased(first)
 
 
-def _followed(curve: Curve, first: Point) -> tuple[list[Point], int]:
-    """Return the points from one to the end of the range or of the branch, and the flag of that end.
+def _followed(curve: Curve, first: Point) -> list[Place]:
+    """Return the points from one to the end of the range or of the branch, with the bifurcations between.
 
-    A branch has no end where the map is smooth: it ends where the order of events changes.
+    A branch has no end where the map is smooth: it ends where the order of events changes and it turns back.
     """
-    points, step = [first], _FIRST
-    while len(points) < _MOST_STEPS and (points[-1].orbit.growth < 0 or np.linalg.norm(points[-1].w) < _FAR):
-        here = points[-1]
+    trace, here, step, count = [Place(first)], first, _FIRST, 1
+    while count < _MOST_STEPS and (here.orbit.growth < 0 or np.linalg.norm(here.w) < _FAR):
         if here.q in (0.0, 1.0) and (here.tangent[-1] > 0) == (here.q == 1.0):
-            return points, _NONE
-        if (
-            len(points) > 10
-            and np.linalg.norm(here.u - first.u) < 0.5 * here.arclength / len(points)
-            and here.phase == first.phase
-        ):
-            return points, _NONE  # a closed branch
+            break
+        near = np.linalg.norm(here.u - first.u) < 0.5 * here.arclength / count
+        if count > 10 and near and here.phase == first.phase:
+            break  # a closed branch
         found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
         if not 0.0 <= ahead <= 1.0:
-            bound = 0.0 if ahead < 0 else 1.0
-            found = curve.step(here, bound, np.append(np.zeros(here.w.size), 1.0))
-            if found is not None:
-                found = replace(found, q=bound, arclength=here.arclength + abs(float(here.row @ (found.u - here.u))))
-        if found is None or abs(here.row @ found.tangent - 1) > 1 - _TURN:
+            found = curve.at(here, 0.0 if ahead < 0 else 1.0)
+        if found is None or _bend(here, found) > (_CURVE if _order(found) == _order(here) else _BEND):
             step /= 2
-            if step < _LEAST:
-                return points, _GRAZING
-            continue
-        points.append(curve.rephased(found))
-        step = min(1.5 * step, _LARGEST)
-    return points, _NONE
+            if step > _LEAST:
+                continue
+            found, step = _beyond(curve, here, 1.0), _FIRST
+            if found is None:
+                return [*trace[:-1], *_to_grazing(curve, here)]
+        if here.orbit.order % 2 == 0 and curve.between_halves(here) @ curve.between_halves(found) < 0:
+            found = _with_equal_halves(curve, here)
+            if found is None:
+                return [*trace[:-1], Place(here, _PERIOD_DOUBLING)]
+        passed = _joined(curve, here, found)
+        here, step, count = curve.rephased(passed[-1].point), min(1.5 * step, _LARGEST), count + 1
+        trace = [*trace[:-1], *passed[:-1], Place(here)]
+    return trace
 
 
-def _locate(at: Along, found: list[Point], flags: NDArray[np.int8]) -> None:
-    """Locate each bifurcation, and replace the nearer of its neighbours by the flagged point."""
-    for i, (a, b) in enumerate(pairwise(list(found))):
-        for flag, test in _TESTS.items():
-            point = _root(at, a, b, test)
-            if point is not None:
-                _insert(found, flags, point, i, flag)
-        for grazing in _order_changes(at, a, b) if _order(a) != _order(b) else ():
-            _insert(found, flags, grazing, i, _GRAZING)
+def _bend(a: Point, b: Point) -> float:
+    """Return how far a chord is from the mean tangent of its ends, over its length, or by how much they turn."""
+    mean = 0.5 * (b.arclength - a.arclength) * (a.tangent + b.tangent)
+    return max(a.distance(b.u - mean) / a.distance(b.u), abs(float(a.row @ b.tangent) - 1))
 
 
-def _insert(found: list[Point], flags: NDArray[np.int8], point: Point, i: int, flag: int) -> None:
-    """Replace found[i] or found[i + 1] by a located point, preferably one that is no end and has no flag."""
-    k = min((i, i + 1), key=lambda k: (k in (0, len(found) - 1), flags[k], abs(found[k].arclength - point.arclength)))
-    found[k], flags[k] = point, flag
+def _beyond(curve: Curve, here: Point, way: float) -> Point | None:
+    """Return a point with other events beyond a grazing, in or against the direction of the parameter.
+
+    Where the branch goes on they begin at the grazing, where it turns back they are found beside it too.
+    """
+    for length, keeps_events in product(_BEYOND, (False, True)):
+        q = here.q + float(np.copysign(length, way * here.tangent[-1]))
+        found = curve.at(here, q, keeps_events=keeps_events) if 0 <= q <= 1 else None
+        if found is not None and _order(found) != _order(here):
+            straight = abs(found.tangent[-1]) * here.distance(found.u) / length
+            beside = curve.at(found, here.q)
+            is_beside = beside is not None and _order(beside) == _order(found)
+            if abs(straight - 1) < _STRAIGHT and is_beside == (way < 0):
+                return found if way > 0 else _reversed(found, 2 * found.arclength)
+    return None
+
+
+def _to_grazing(curve: Curve, here: Point) -> list[Place]:
+    """Return the points from one to the grazing at which the branch turns back."""
+    back = _beyond(curve, here, -1.0)
+    if back is None:
+        places = _until_events_change(curve, here, 4 * _LEAST, _GRAZED)
+        return [*places[:-1], Place(places[-1].point, _GRAZING)]
+    places = _joined(curve, here, back)
+    return places[: 1 + max(k for k, place in enumerate(places) if place.flag == _GRAZING)]
+
+
+def _with_equal_halves(curve: Curve, here: Point) -> Point | None:
+    """Return a rub of half the order beyond the doubling of its period that a rub comes to."""
+    start = curve.halved(here)
+    for step in _FIRST * 4.0 ** np.arange(-3, 3):
+        found = None if start is None else curve.step(start, float(step))
+        if start is not None and found is not None and _doubling(start) * _doubling(found) < 0:
+            return found
+    return None
+
+
+def _joined(curve: Curve, a: Point, b: Point) -> list[Place]:
+    """Return the points from one to the next with the bifurcations between.
+
+    Grazing is at the side that has fewer impacts, where the map is smooth. On the other a multiplier comes from
+    infinity, so tests are made between points at growing distances.
+    """
+    if a.orbit.order != b.orbit.order:
+        return [Place(a), *_roots(curve, curve.halved(a) or b, b), Place(b)]
+    if _order(a) == _order(b):
+        return [Place(a), *_roots(curve, a, b), Place(b)]
+    first, length = _impacts(a) <= _impacts(b), b.arclength - a.arclength
+    low = _until_events_change(curve, a, length, _GRAZED if first else _LEAST)
+    high = _until_events_change(curve, _reversed(b), length, _LEAST if first else _GRAZED)
+    apart = low[-1].point.distance(high[-1].point.u)
+    for end, smooth in ((low, first), (high, not first)):
+        if smooth or apart > _APART:
+            end[-1] = Place(end[-1].point, _GRAZING)
+    shift = low[-1].arclength + high[-1].arclength + apart
+    return [*low, *(Place(_reversed(point, shift), flag) for point, flag in reversed(high))]
+
+
+def _until_events_change(curve: Curve, a: Point, length: float, least: float) -> list[Place]:
+    """Return points from one on as far as they have its order of events, with bifurcations, by steps down to a least.
+
+    The first step is half of a length at which the order is another.
+    """
+    places, step = [Place(a)], 0.5 * length
+    while step > least and places[-1].arclength - a.arclength < 4 * length:
+        here = places[-1].point
+        found = curve.step(here, step)
+        if found is not None and _order(found) == _order(a):
+            places += [*_roots(curve, here, found), Place(found)]
+        else:
+            step /= 2
+    return places
 
 
 def _doubling(point: Point) -> float:
-    """Return a test function that changes its sign where a real multiplier passes -1."""
-    real = point.orbit.multipliers
-    return float(np.prod(1 + real[real.imag == 0].real))
+    """Return the test that is 0 where a multiplier is -1, det(1 + DPᵏ)."""
+    return float(np.linalg.det(np.eye(len(point.orbit.D)) + point.orbit.D))
 
 
 def _torus_test(point: Point) -> float:
@@ -175,14 +277,21 @@ _TESTS: dict[int, Callable[[Point], float]] = {
 }
 
 
-def _root(at: Along, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
+def _roots(curve: Curve, a: Point, b: Point) -> list[Place]:
+    """Return the bifurcations between two points with the same order of events."""
+    found = [Place(point, flag) for flag, test in _TESTS.items() if (point := _root(curve, a, b, test)) is not None]
+    return sorted(found, key=lambda place: place.arclength)
+
+
+def _root(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
     """Return the point between two where a test is 0; ``None`` where its sign does not change, or changes by a jump."""
-    if not (test(a) * test(b) < 0 and np.isfinite(test(a) * test(b))):
+    size = max(abs(test(a)), abs(test(b)))
+    if not (test(a) * test(b) < 0 and np.isfinite(size)):
         return None
     found = [a, b]
 
     def value(arclength: float) -> float:
-        point = at(arclength)
+        point = curve.step(a, arclength - a.arclength)
         found.extend([point] if point is not None else [])
         return np.nan if point is None else test(point)
 
@@ -191,7 +300,12 @@ def _root(at: Along, a: Point, b: Point, test: Callable[[Point], float]) -> Poin
     except ValueError:  # a point between was not found
         return None
     nearest = min(found, key=lambda point: abs(test(point)))
-    return nearest if abs(test(nearest)) < _ZERO else None
+    return nearest if abs(test(nearest)) < _ZERO * max(1.0, size) else None
+
+
+def _impacts(point: Point) -> int:
+    """Return the number of an orbit's events."""
+    return int(point.orbit.motion.kinds.size)
 
 
 def _order(point: Point) -> tuple[int, int, bool]:
@@ -202,22 +316,3 @@ def _order(point: Point) -> tuple[int, int, bool]:
     motion = point.orbit.motion
     touches = int(np.sum(motion.kinds == TOUCH))
     return touches, 0 if touches else motion.kinds.size, motion.was_held and not motion.times.size
-
-
-def _order_changes(at: Along, a: Point, b: Point) -> list[Point]:
-    """Return the last point with the order of events of a, and the last one before that of b."""
-    low, last, found = a.arclength, a, list[Point]()
-    is_before: list[Callable[[Point], bool]] = [lambda p: _order(p) == _order(a), lambda p: _order(p) != _order(b)]
-    for before in is_before:
-        high, beyond = b.arclength, b
-        while high - low > _GRAZED:
-            middle = 0.5 * (low + high)
-            point = at(middle)
-            if point is not None and before(point):
-                low, last = middle, point
-            else:
-                high, beyond = middle, point or beyond
-        found.append(last)
-        if _order(beyond) == _order(b):
-            break
-    return found

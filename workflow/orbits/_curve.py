@@ -21,7 +21,7 @@ _DIFFERENCE = 1e-10
 """Step of finite differences with respect to q."""
 
 _MOST = 12
-"""Largest number of Newton steps to a point."""
+"""Largest number of Newton steps to a point, of eight trials each where they are halved."""
 
 _NEAR_EVENT = 0.1
 """Distance of an event from the phase of w, over the longest flight or contact, below which another phase is chosen."""
@@ -48,15 +48,22 @@ class Point:
         """State and fraction of the range."""
         return np.append(self.w, self.q)
 
+    def distance(self, u: Array) -> float:
+        """Return the length of the chord to another u, without velocities."""
+        away, n = u - self.u, self.orbit.flow.modes
+        away[n : 2 * n] = 0.0
+        return float(np.linalg.norm(away))
+
 
 class Curve:
     """The periodic rubs of one order of a problem over a range."""
 
-    def __init__(self, problem: Problem, start: float, stop: float, duration: float):
-        self.problem, self.start, self.stop, self.duration = problem, start, stop, duration
+    def __init__(self, problem: Problem, start: float, stop: float):
+        self.problem, self.start, self.stop = problem, start, stop
         self.scale: Array | None = None
         self.first: Structure | None = None
         self.shared: AnalysedStructure | None = None
+        self.charts: tuple[Structure, Array, Array] | None = None
         self.heated = any(heat_acts(problem(self.value(q))[1], 0) for q in (0.0, 0.5, 1.0))
 
     def value(self, q: float) -> float:
@@ -68,7 +75,7 @@ class Curve:
         structure, cases = self.problem(self.value(q))
         if self.shared is None or structure is not self.shared.structure:
             self.shared = AnalysedStructure(structure)
-        return Flow(self.shared, cases, self.duration, heated=self.heated)
+        return Flow(self.shared, cases, heated=self.heated)
 
     def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
         """Return an orbit as the first point of the curve, with a tangent towards larger q."""
@@ -77,33 +84,58 @@ class Curve:
         ahead = np.append(np.zeros(w.size), 1.0)
         return self._point(np.append(w, q), orbit.motion.begin / orbit.flow.period, orbit, ahead)
 
-    def step(self, point: Point, length: float, row: Array | None = None) -> Point | None:
-        """Return the point at a length along the tangent, in the plane across it; ``None`` where none is found.
+    def step(self, point: Point, length: float) -> Point | None:
+        """Return the point at a length along the tangent, in the plane across it; ``None`` where none is found."""
+        found = self._newton(point, point.u + length * point.tangent, point.row)
+        return found and replace(found, arclength=point.arclength + length)
 
-        With another ``row`` it is the point with row · u = length.
+    def at(self, point: Point, q: float, *, keeps_events: bool = False) -> Point | None:
+        """Return the point at a fraction of the range near one, on whose curve it has the same direction.
+
+        Steps of Newton's method that change the number of events, with ``keeps_events``, are halved.
         """
-        guess = point.u + (length * point.tangent if row is None else 0.0)
-        row, target = (point.row, point.row @ guess) if row is None else (row, length)
-        u, last = guess, np.inf
-        for _ in range(_MOST):
-            orbit = self._at(u, point)
+        ahead = np.append(np.zeros(point.w.size), np.copysign(1.0, point.tangent[-1]))
+        found = self._newton(point, np.append(point.w, q), ahead, keeps_events)
+        return found and replace(found, arclength=point.arclength + point.distance(found.u))
+
+    def _newton(self, point: Point, guess: Array, row: Array, keeps_events: bool = False) -> Point | None:
+        """Return the point near a guess in the plane across a row, by Newton steps or parts of them."""
+        u, whole, last, part, events = guess.copy(), 0.0 * guess, np.inf, 1.0, -1
+        for _ in range(8 * _MOST if keeps_events else _MOST):
+            orbit = self._at(u + part * whole, point)
+            count = -1 if orbit is None else orbit.motion.kinds.size
+            if keeps_events and count != events >= 0:
+                part /= 2
+                continue
             if orbit is None:
                 return None
-            error = self._charts(orbit.flow)[0] @ orbit.motion.X - u[:-1]
-            size = max(orbit.residual, abs(float(row @ u - target)))
+            u += part * whole
+            events, size = count, max(orbit.residual, abs(float(row @ (u - guess))))
             if has_converged(size, last):
-                return self._point(u, point.phase, orbit, point.row, point.arclength + length)
-            last, slope = size, self._slope(u, point.phase, orbit)
+                return self._point(u, point.phase, orbit, row)
+            slope, error = self._slope(u, point.phase, orbit), self._charts(orbit.flow)[0] @ orbit.motion.X - u[:-1]
             if slope is None:
                 return None
             try:
-                u = u + np.linalg.solve(self._matrix(orbit, slope, row), np.append(-error, target - row @ u))
+                aim = u + np.linalg.solve(self._matrix(orbit, slope, row), np.append(-error, row @ (guess - u)))
             except np.linalg.LinAlgError:
                 return None
-            if not (np.abs((u - guess)[point.row != 0]).max() < 1 and abs(u[-1] - 0.5) < 0.5 + _DIFFERENCE):
+            if not (np.abs((aim - guess)[point.row != 0]).max() < 1 and abs(aim[-1] - 0.5) < 0.5 + _DIFFERENCE):
                 return None
-            u[-1] = min(max(u[-1], 0.0), 1.0)
+            aim[-1] = min(max(aim[-1], 0.0), 1.0)
+            whole, last, part = aim - u, size, 1.0
         return None
+
+    def halved(self, point: Point) -> Point | None:
+        """Return the rub of half the order in the middle of a rub whose halves are nearly alike."""
+        orbit = replace(point.orbit, order=point.orbit.order // 2)
+        return self.at(replace(point, orbit=orbit, w=point.w + 0.5 * self.between_halves(point)), point.q)
+
+    def between_halves(self, point: Point) -> Array:
+        """Return the change of w over a half of a rub's period."""
+        motion, flow = point.orbit.motion, point.orbit.flow
+        middle = flow.march(motion.start, motion.was_held, motion.begin, 0.5 * motion.span)
+        return np.asarray(self._charts(flow)[0] @ middle.X - point.w)
 
     def _at(self, u: Array, point: Point) -> Orbit | None:
         """Return the motion from u over kT with its residual, the largest change of w; ``None`` where it has none."""
@@ -135,8 +167,11 @@ class Curve:
         return np.vstack([np.column_stack([out @ orbit.D @ into - np.eye(slope.size), slope]), row])
 
     def _slope(self, u: Array, phase: float, orbit: Orbit) -> Array | None:
-        """Return the derivative of the map with respect to q by a finite difference inside the range."""
-        side = _DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE
+        """Return the derivative of the map with respect to q by a finite difference inside the range.
+
+        Where an impact begins the map has a root and multipliers grow: there it is smaller.
+        """
+        side = (_DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE) / max(1.0, 0.01 * float(np.abs(orbit.multipliers[0])))
         _, motion, w = self._mapped(np.append(u[:-1], u[-1] + side), phase, orbit)
         return (w - self._charts(orbit.flow)[0] @ orbit.motion.X) / side if motion.repeats else None
 
@@ -145,6 +180,8 @@ class Curve:
 
         Coordinates of a reduced structure have the signs of their coupling to the tip at the first point.
         """
+        if self.charts is not None and self.charts[0] is flow.structure:
+            return self.charts[1:]
         assert self.scale is not None
         assert self.first is not None
         basis, first, now = flow.operator.basis, self.first, flow.structure
@@ -155,7 +192,8 @@ class Curve:
         sides = np.where(np.concatenate(inertia)[:size] < 0, -1.0, 1.0)
         factor = sides / (np.repeat(self.scale, (n, n, size - 2 * n)) * np.sqrt(size))
         out, into = (block_diag(*matrices) for matrices in zip(*kinds, strict=True))
-        return factor[:, None] * out, into / factor
+        self.charts = flow.structure, factor[:, None] * out, into / factor
+        return self.charts[1:]
 
     def rephased(self, point: Point) -> Point:
         """Return a point with its section moved to the middle of the longest flight or contact, if an event is near."""
@@ -163,12 +201,16 @@ class Curve:
         lengths = np.diff(np.append(motion.times, motion.times[:1] + motion.span))
         if not lengths.size or min(motion.times[0], motion.span - motion.times[-1]) > _NEAR_EVENT * lengths.max():
             return point
-        out, into = self._charts(flow)
-        part = flow.march(motion.start, motion.was_held, motion.begin, longest(motion))
-        phase, w = (point.phase + part.span / flow.period) % 1.0, out @ part.X
-        motion = flow.march(into @ w, part.contact, phase * flow.period, motion.span)
+        away = _DIFFERENCE if (point.q < 0.5) == (point.tangent[-1] > 0) else -_DIFFERENCE
+        later, ends = longest(motion) / flow.period, []
+        for u in (point.u + away * point.tangent, point.u):
+            flow = self.flow(u[-1])
+            out, into = self._charts(flow)
+            part = flow.march(into @ u[:-1], motion.was_held, point.phase * flow.period, later * flow.period)
+            ends.append(np.append(out @ part.X, u[-1]))
+        phase, along = (point.phase + later) % 1.0, (ends[0] - ends[1]) / away
+        motion = flow.march(part.X, part.contact, phase * flow.period, motion.span)
         if not motion.repeats:
             return point
         moved = replace(orbit, motion=motion, D=flow.derivative(motion))
-        along = np.append(out @ flow.derivative(part) @ into @ point.tangent[:-1], point.tangent[-1])
-        return self._point(np.append(w, point.q), phase, moved, along, point.arclength) or point
+        return self._point(ends[1], phase, moved, along, point.arclength) or point

@@ -59,16 +59,18 @@ class AnalysedStructure:
 class Flow:
     """The flow of one case: its motion as a first-order system."""
 
-    def __init__(self, structure: AnalysedStructure, cases: Cases, duration: float, *, heated: bool = False):
+    def __init__(self, structure: AnalysedStructure, cases: Cases, *, heated: bool = False):
         """Prepare a case, with thermal states where heat acts or ``heated`` is set.
 
-        Under constant loads the period is replaced by ``duration`` [s].
+        Under constant loads the period is that of the slowest mode of the free tip, 1 s without any.
         """
         self.structure, self.operator, self.cases = structure.structure, structure.operator, cases
         basis, friction = self.operator.basis, float(cases.friction[0])
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
-        self.period = duration if self.is_constant else self.period
+        if self.is_constant:
+            vibrating = basis.free.frequency[basis.free.frequency > 0]
+            self.period = 2 * np.pi / float(vibrating.min()) if vibrating.size else 1.0
         self.march_input = BatchRun(self.operator, cases, Sampling(1.0, 1.0, 2)).march_input(0, heated=heated)
         self.start, n = self.march_input.case.modal, basis.tip.size
         self.modes, self.load, size = n, self.march_input.case.load, self.start.size

@@ -107,7 +107,7 @@ def has_converged(residual: float, last: float) -> bool:
 def without_events(flow: Flow, contact: bool, scale: Array) -> Orbit | None:
     """Return the orbit of a tip that stays free, or held; ``None`` where there is none.
 
-    Under constant loads it is an equilibrium, and T the duration.
+    Under constant loads it is an equilibrium.
     """
     try:
         X, signal = (flow.held if contact else flow.free).steady(flow.load, 0.0)

@@ -20,12 +20,10 @@ mode's motion; fewer where they would be more than :data:`_MOST_SAMPLES`."""
 _MOST_SAMPLES = 4096
 
 
-def steady_rubs(
-    structure: Structure, cases: Cases, duration: float, options: Options
-) -> tuple[dict[str, Array], list[str]]:
+def steady_rubs(structure: Structure, cases: Cases, options: Options) -> tuple[dict[str, Array], list[str]]:
     """Return the steady rubs to which the transients of cases lead, and a message for each.
 
-    Each transient lasts ``duration`` [s], completed to a whole number of common periods T, and at most 1 000 T more.
+    Each transient is followed over at most 1 000 common periods T of its loads.
     Variables, ``(case,)``: ``steady_state`` (int8, index in :data:`~workflow.orbits.STATES`), ``steady_periods`` k,
     ``steady_residual``, ``floquet_multiplier`` (largest modulus), ``floquet_angle`` [rad], ``settling_time`` [s],
     ``lyapunov`` [1/s]; over kT, divided by k, ``steady_impulse`` [N s], ``steady_impacts``, ``steady_contact`` [s]
@@ -36,7 +34,7 @@ def steady_rubs(
     are the equilibrium. NaN where there is no steady rub. A message is '' or begins with ``steady:``.
     """
     shared, each = AnalysedStructure(structure), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
-    found = [settle(Flow(shared, case, duration), duration, options) for case in each]
+    found = [settle(Flow(shared, case), options) for case in each]
     return tabulated(found, options.samples), [f"steady: {one.message}" if one.message else "" for one in found]
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workflow.kernels.algebra import eigenvalues
 from workflow.models import Array
 from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow
 from workflow.orbits._orbit import NOT_FOUND, RUNS_AWAY, Orbit, longest, newton, scale_of, without_events
@@ -14,7 +15,7 @@ from workflow.schemes._exact.advance import Trajectory
 from workflow.schemes._exact.linear import growth, propagators
 
 MOST_PERIODS = 1000
-"""Largest number of common periods that a transient is continued beyond its duration."""
+"""Common periods after which the search in a transient ends."""
 
 _NEAR = 1e-8
 """Deviation from an orbit, over the motion, up to which the transient has reached it."""
@@ -58,27 +59,25 @@ class _StoppedError(Exception):
     """A transient ended early."""
 
 
-def settle(flow: Flow, duration: float, options: Options) -> Settled:
-    """Return the outcome of a case after its transient over ``duration`` [s]."""
+def settle(flow: Flow, options: Options) -> Settled:
+    """Return the outcome of a case after its transient."""
     if np.isnan(flow.period):
         return Settled(NOT_FOUND, f"the loads have no common period within {MOST_LOAD_PERIODS} load periods")
-    X, contact, more, done = flow.start, False, max(1, int(np.ceil(duration / flow.period - 1e-9))), options.window
+    X, contact, done = flow.start, False, 0
     try:
-        while True:
+        while done < MOST_PERIODS:
+            more = min(max(done, options.window), MOST_PERIODS - done)
             motions = _periods(flow, X, contact, more, options.window)
             X, contact, found = motions[-1].X, motions[-1].contact, _found(flow, motions, options)
             if found is not None:
                 return found
-            if done >= MOST_PERIODS:
-                break
-            more = min(done, MOST_PERIODS - done)
             done += more + options.window
     except _StoppedError as stopped:
         return Settled(NOT_FOUND, f"the transient {stopped}")
     found = _by_balance(flow, motions, options) if flow.is_heated else None
     if found is not None:
         return found
-    message = f"nothing that repeats within {options.periods} periods was found in {MOST_PERIODS} after the transient"
+    message = f"nothing that repeats within {options.periods} was found in {MOST_PERIODS} periods of the loads"
     return Settled(NOT_FOUND, message, None, _exponent(flow, X, contact))
 
 
@@ -131,11 +130,12 @@ def _found(flow: Flow, motions: list[Trajectory], options: Options) -> Settled |
         found = None if flow.is_constant else _rub(flow, motions, options, scale)
         if found is not None:
             return found
-    elif held and growth(flow.regime(held)) > 0 and _grows(flow, motions):
-        return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {growth(flow.regime(held)):.4g} 1/s")
+    elif held and growth(flow.regime(held)) > 0:
+        if _grows_in_contact(flow, X):
+            return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {growth(flow.regime(held)):.4g} 1/s")
     else:
         orbit = without_events(flow, held, scale)
-        if orbit is not None and _approaches(orbit, motions[-2].start, X, scale) and _stays(orbit, X, scale):
+        if orbit is not None and _comes_to(orbit, X, scale):
             return Settled(orbit.state, "", orbit)
     if abs(flow.growth_by_heat(X)) > _EXCESS * flow.reach:
         return Settled(RUNS_AWAY, "the temperature of the tip leaves every bound")
@@ -152,8 +152,7 @@ def _rub(flow: Flow, motions: list[Trajectory], options: Options, scale: Array) 
     orbit = newton(flow, start.X, start.contact, begin, k, scale)
     if orbit is None:
         return None
-    later = flow.march(start.X, start.contact, begin, 2 * orbit.motion.span, kept=0)
-    if not _approaches(orbit, start.X, later.X, scale):
+    if not _comes_to(orbit, start.X, scale):
         return None
     for order in range(1, k):
         least = newton(flow, orbit.motion.start, orbit.motion.was_held, begin, order, scale) if k % order == 0 else None
@@ -162,34 +161,49 @@ def _rub(flow: Flow, motions: list[Trajectory], options: Options, scale: Array) 
     return Settled(orbit.state, "", orbit)
 
 
-def _approaches(orbit: Orbit, before: Array, after: Array, scale: Array) -> bool:
-    """Tell whether a transient approaches a stable orbit over 2kT by about as much as its multipliers predict."""
-    flow, start = orbit.flow, orbit.motion.start
-    first, last = before - start, after - start
-    away, left = flow.size(first, scale), flow.size(last, scale)
-    change = orbit.D @ (orbit.D @ first) - first
-    error = orbit.D @ (last - first - change)  # after one more map, so that fast decaying parts do not count
-    by_rule = flow.size(error, scale) <= 0.5 * flow.size(orbit.D @ change, scale)
-    return orbit.growth < 0 and (max(away, left) < _NEAR or (left < away and by_rule))
+def _comes_to(orbit: Orbit, X: Array, scale: Array) -> bool:
+    """Tell whether a transient in X comes to a stable orbit: the one place where an orbit is accepted.
 
-
-def _stays(orbit: Orbit, X: Array, scale: Array) -> bool:
-    """Tell whether a transient decays towards an orbit without events, by sampled periods at growing distances."""
-    flow, motion, number = orbit.flow, orbit.motion, 1
-    regime, deviation = flow.regime(motion.was_held), X - motion.start
+    At growing distances along the decay D^n (X - X*) that the orbit predicts, kT of the motion must change a deviation
+    by about as much as D, and must have no events where the orbit has none.
+    """
+    flow, motion, number = orbit.flow, orbit.motion, 0
+    deviation = X - motion.start
+    if not orbit.growth < 0:
+        return False
     while flow.size(deviation, scale) > _NEAR:
-        if flow.march(motion.start + deviation, motion.was_held, 0.0, flow.period).times.size:
+        after = flow.march(motion.start + deviation, motion.was_held, motion.begin, motion.span)
+        change = orbit.D @ deviation - deviation
+        error = orbit.D @ (after.X - motion.start - deviation - change)  # after one more map: fast decays do not count
+        if not flow.size(error, scale) <= 0.5 * flow.size(orbit.D @ change, scale):
             return False
-        deviation = propagators(regime, np.array([number * flow.period]))[0] @ (X - motion.start)
+        if after.times.size and not motion.times.size:
+            return False
+        deviation = np.linalg.matrix_power(orbit.D, 1 + number // 8) @ deviation
         number += 1 + number // 8
     return True
 
 
-def _grows(flow: Flow, motions: list[Trajectory]) -> bool:
-    """Tell whether the warming of the tip per period grows over the last periods."""
-    ends = [flow.parts(motion.X)[2][-1] for motion in motions[-4:]]
-    warming = np.diff(ends)
-    return bool(warming[0] > 0 and np.all(np.diff(warming) > 0))
+def _grows_in_contact(flow: Flow, X: Array) -> bool:
+    """Tell whether a held tip stays in contact, in periods at growing distances, until it has left every bound.
+
+    Its fastest growth must be real: a flutter lifts the tip.
+    """
+    poles = eigenvalues(flow.held.A)
+    if poles[np.argmax(poles.real)].imag != 0:
+        return False
+    try:
+        rest, _ = flow.held.steady(flow.load, 0.0)
+    except np.linalg.LinAlgError:
+        return False
+    number, deviation = 1, X - rest
+    while abs(flow.growth_by_heat(rest + deviation)) < _EXCESS * flow.reach:
+        motion = flow.march(rest + deviation, True, 0.0, flow.period)
+        if motion.times.size or motion.failure:
+            return False
+        deviation = propagators(flow.regime(True), np.array([number * flow.period]))[0] @ (X - rest)
+        number += 1 + number // 8
+    return True
 
 
 def _exponent(flow: Flow, X: Array, contact: bool) -> float:

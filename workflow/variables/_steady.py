@@ -8,8 +8,8 @@ from workflow.variables._variable import Variable
 
 _STEADY_STATE = (
     "settles: a periodic rub that is met and left, all Floquet multipliers below 1; no_contact, permanent_contact: a "
-    "settled motion without events; unstable: a multiplier of 1 or more, on branches alone; runs_away: a period in "
-    "contact with a positive growth_rate, or a temperature that leaves every bound; not_asked: of other schemes. "
+    "settled motion without events; unstable: a multiplier of 1 or more, on branches alone; runs_away: a contact "
+    "that lasts while it grows, or a temperature that leaves every bound; not_asked: of other schemes. "
     "All other variables of steady rubs are NaN where there is none"
 )
 
