@@ -81,6 +81,7 @@ def real_blocks(A: Array, parting: float = 1e-11) -> RealBlocks:
         No separation keeps seven digits.
     """
     least, best = _KEPT, None
+    by_clusters: list[Callable[[Array], RealBlocks]]
     by_clusters = [partial(_by_clusters, near=near, change=change) for change in (0.0, parting) for near in _CLUSTERS]
     for separate in (_by_eigenvectors, *by_clusters):
         with suppress(np.linalg.LinAlgError, ValueError):
@@ -233,8 +234,6 @@ def _pairs_and_singles(B: Array) -> tuple[Array, int]:
     left, s, right = np.linalg.svd(N)
     pairs = int(np.sum(s > _WEAK * abs(mean)))
     if 2 * pairs > size:
-        if size == 1:
-            return np.eye(1), 0
         raise np.linalg.LinAlgError("more than two poles with one eigenvector")
     frame = np.linalg.qr(np.hstack([left[:, :pairs], right[:pairs].T, np.eye(size)]))[0]
     q, rest = frame[:, pairs : 2 * pairs], frame[:, 2 * pairs :]
@@ -254,6 +253,8 @@ def _pairs_and_singles(B: Array) -> tuple[Array, int]:
 
 def _independent(M: Array) -> Array:
     """Return the eigenvectors of M, or unit vectors where they are not real or depend on each other."""
+    if len(M) < 2:
+        return np.eye(len(M))
     vectors = np.linalg.eig(M)[1]
     usable = (np.iscomplexobj(M) or np.isrealobj(vectors)) and np.linalg.cond(vectors) < 1 / _WEAK
     return vectors if usable else np.eye(len(M))
