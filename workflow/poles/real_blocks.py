@@ -1,4 +1,4 @@
-"""Real blocks of a matrix by the general eigenvalue solver; two nearly coinciding real poles are one block.
+"""Real blocks of a matrix by the general eigenvalue solver; of poles that coincide, by invariant subspaces.
 
 X' = A X is separated into blocks η' = u, u' = -c u - ω² η and first-order states ξ' = -μ ξ with
 
@@ -7,6 +7,10 @@ X' = A X is separated into blocks η' = u, u' = -c u - ω² η and first-order s
 q any vector of the invariant subspace of a block's two poles that is no eigenvector. For a pair s = σ ± iν with the
 eigenvector x it is 2 Im x/ν, and p = 2 Re x - σ q. Eigenvectors x of two close poles nearly agree; x and a generalised
 eigenvector w, (A - s) w = x with s one of the poles, span their subspace instead.
+
+Where eigenvectors do not separate A, invariant subspaces of clusters of poles do, from an ordered Schur form. In that
+of real poles near μ, N = A - μ of rank r there with N² near 0 makes r blocks (N q, q), and first-order states of the
+rest, whether poles have eigenvectors of their own or one for two.
 
 The general solver leaves an error of rounding times the fastest pole in all of them. A step of Newton's method on
 A V = V diag(s), V the eigenvectors, E = V⁻¹ A V - diag(s), gives each pole an accuracy relative to its own size in
@@ -78,9 +82,9 @@ def real_blocks(A: Array, parting: float = 1e-11) -> RealBlocks:
     Raises
     ------
     numpy.linalg.LinAlgError
-        No separation keeps seven digits.
+        No separation keeps seven digits, or loses less than a hundred times ``parting``.
     """
-    least, best = _KEPT, None
+    least, best = max(_KEPT, 100 * parting), None
     by_clusters: list[Callable[[Array], RealBlocks]]
     by_clusters = [partial(_by_clusters, near=near, change=change) for change in (0.0, parting) for near in _CLUSTERS]
     for separate in (_by_eigenvectors, *by_clusters):
