@@ -14,7 +14,6 @@ rank-one term), friction along a tangent (another such term with the same row), 
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -26,10 +25,10 @@ from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, sta
 from workflow.schemes._interface import RefusedStructureError
 
 INSEPARABLE = (
-    "leaves three poles that coincide, which event_driven cannot separate; change it by a trifle, or take a scheme "
-    "with a fixed step"
+    "leaves three poles with one eigenvector, which event_driven cannot separate; change it by a trifle, or take "
+    "a scheme with a fixed step"
 )
-"""Why a structure with three coinciding poles is refused."""
+"""Why a structure with three poles of one eigenvector is refused."""
 
 
 class InseparablePolesError(RefusedStructureError):
@@ -41,14 +40,6 @@ class InseparablePolesError(RefusedStructureError):
 
 NEAR_RATE = 1e-3
 """Size of μ² - μ c + ω², over the sum of its terms, below which R has fewer than thirteen digits."""
-
-_SEPARATING = 1e-11
-"""Relative change of damping that separates two coinciding poles: by its root, 3e-6 of their size, which leaves their
-eigenvectors eleven digits."""
-
-_TRUSTED = 1e6
-"""Σ |inward · outward| of a coordinate up to which it keeps ten digits: it grows without bound towards a defective
-matrix."""
 
 _OBSERVABLE = 1e-13
 """Reaction of a mode at the tip, over the largest, above which it is kept: the rounding of shapes is some 1e-15, and
@@ -91,14 +82,13 @@ def _in_modes(system: ModalSystem, response: Array) -> Regime:
 
 
 def _in_blocks(system: ModalSystem, alpha: float) -> Regime:
-    """Return the regime whose blocks are pairs of poles; damping is changed to separate coinciding pairs."""
-    for share in (0.0, _SEPARATING):
-        A, row, source = state_space(replace(system, damping=(1 + share) * system.damping), alpha)
-        with suppress(ValueError):  # not finite, or no convergence
-            damping, stiffness, rate, inward, outward = real_blocks(A)
-            if np.all(np.sum(np.abs(inward) * np.abs(outward.T), 1) <= _TRUSTED):
-                return _regime(system, (damping, stiffness, rate), row @ outward, inward @ source, inward, outward)
-    raise InseparablePolesError
+    """Return the regime whose blocks are pairs of poles."""
+    A, row, source = state_space(system, alpha)
+    try:
+        damping, stiffness, rate, inward, outward = real_blocks(A)
+    except ValueError as error:  # poles that coincide, entries that are not finite
+        raise InseparablePolesError from error
+    return _regime(system, (damping, stiffness, rate), row @ outward, inward @ source, inward, outward)
 
 
 def _regime(

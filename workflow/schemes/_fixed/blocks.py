@@ -18,7 +18,6 @@ D R = S R + g with the step S of a block and the thermal load g per τ. The rest
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -26,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, project
-from workflow.poles import RealBlocks, real_blocks, relative_residual
+from workflow.poles import real_blocks
 from workflow.schemes._fixed.contact import TipStep
 from workflow.schemes._fixed.decoupled import Decoupled
 from workflow.schemes._fixed.outcome import ROUNDING
@@ -35,11 +34,8 @@ NEAR_RESONANCE = 1e-3
 """Size of D - S, relative to the largest of its terms, up to which a block and a thermal mode stay coupled: above it
 their separation loses at most three of sixteen digits."""
 
-_RESIDUAL = 1e-9
-"""Accepted relative error of F in blocks: it is 1e-9 to 1e-8 at two coinciding pairs of poles, 1e-6 at three."""
-
-_SEPARATING = 1e-8
-"""Relative change of damping that separates coinciding poles: three by its third root, 2e-3 of their size."""
+_PARTING = 1e-8
+"""Relative change of F that parts three poles with one eigenvector: by its third root, 2e-3 of their size."""
 
 
 class Step(NamedTuple):
@@ -205,7 +201,7 @@ def separate(modal: Decoupled, step: Step) -> Blocks:
     F[: elastic.size, elastic.size :] = np.eye(n)[elastic]
     F[elastic.size :, : elastic.size] = -step.moved_by(np.diag(stiffness))[:, elastic]
     F[elastic.size :, elastic.size :] = -step.moved_by(modal.damping_matrix + step.stiffening * np.diag(stiffness))
-    parts = _in_blocks(F, elastic.size)
+    parts = real_blocks(F, _PARTING)
     seconds = parts.damping.size
     c, k = np.append(parts.damping, parts.rate), np.append(parts.stiffness, np.zeros(parts.rate.size))
     inward, outward = np.zeros((2, c.size, 2, n)), np.zeros((2, n, 2, c.size))
@@ -218,23 +214,6 @@ def separate(modal: Decoupled, step: Step) -> Blocks:
     outward[1, elastic, 0], outward[1, elastic, 1, :seconds] = places[:, seconds:], places[:, :seconds]
     g = np.tensordot(inward[:, :, 0], pull, 1)
     return Blocks(modal, step, c, k, inward, outward, *_block_response(c, k, g, step), g)
-
-
-def _in_blocks(F: Array, places: int) -> RealBlocks:
-    """Return the blocks of F; where poles coincide, those with the damping changed by :data:`_SEPARATING`.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        Poles still coincide.
-    """
-    for share in (0.0, _SEPARATING):
-        F[places:, places:] *= 1 + share
-        with suppress(np.linalg.LinAlgError):
-            parts = real_blocks(F)
-            if relative_residual(F, parts) <= _RESIDUAL:
-                return parts
-    raise np.linalg.LinAlgError("poles of the damped structure coincide: change its damping by a millionth")
 
 
 def _block_response(c: Array, k: Array, pull: Array, step: Step) -> tuple[Array, NDArray[np.int64]]:

@@ -1,0 +1,114 @@
+"""The exact scheme on structures whose poles coincide or nearly do, tip free and held, against 80-bit exponentials."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plain_events import Reference
+
+from given_matrices import given
+from scenes import cases, chain, sampling, step
+from workflow.models import Cases, Rayleigh, Structure, structure_from_matrices
+from workflow.schemes import Status
+
+OVER = sampling(8.0, 0.1)
+
+
+@pytest.mark.parametrize(("conductance", "right"), [(0.1, 8.9259), (0.1001, 8.91915), (0.101, 8.85870)])
+def test_rates_of_heat_equal_to_the_damping_of_every_mode(conductance: float, right: float) -> None:
+    """a_M = 10⁴ and a_K = 10⁻⁴: every mode has the pole -10⁴, and so have the rates of heat, nearly."""
+    structure = chain(
+        nodes=4, mass=1e-3, stiffness=1e6, spacing=0.01, expansion=1e-5, heat_capacity=1e-5, conductance=conductance,
+        damping=Rayleigh(1e4, 1e-4),
+    )  # fmt: skip
+    case = cases(structure, gap=1e-5, amplitude=30.0, frequency=1e3, e=0.5, alpha=0.02)
+    results = step(structure, case, 0.0, sampling(5e-3, 1e-4), "event_driven")
+    assert results.metrics["max_temperature"][0] == pytest.approx(right, rel=2e-5)
+
+
+def absorbers(rng: np.random.Generator, apart: float) -> Structure:
+    """A tip on a spring with two to four absorbers alike but for ``apart``, their damping ratio from 0.1 to 1.5."""
+    count, ratio = int(rng.integers(2, 5)), float(rng.choice([0.1, 1.0, 1.0, 1.5]))
+    m, k = rng.uniform(0.3, 1.0), rng.uniform(0.5, 2.0)
+    springs = k * (1 + apart * rng.uniform(-1, 1, count))
+    dashpots = 2 * ratio * np.sqrt(k * m) * (1 + apart * rng.uniform(-1, 1, count))
+
+    def star(values: np.ndarray) -> np.ndarray:
+        ends = np.hstack([np.eye(count), -np.ones((count, 1))])
+        return np.asarray(ends.T @ np.diag(values) @ ends)
+
+    ground = np.zeros((count + 1, count + 1))
+    ground[-1, -1] = 1.0
+    line = chain(
+        nodes=count + 1, mass=1.0, stiffness=1.0, spacing=1.0, expansion=0.1, heat_capacity=1.0,
+        conductance=rng.uniform(0.3, 1.0), convection=0.1,
+    )  # fmt: skip
+    return structure_from_matrices(
+        given(
+            line,
+            mass=np.diag(np.append(np.full(count, m), 1.0)),
+            stiffness=star(springs) + rng.uniform(1.0, 3.0) * ground,
+            damper=star(dashpots) + rng.uniform(0.0, 0.3) * ground,
+        )
+    )
+
+
+def modes_alike(rng: np.random.Generator, apart: float) -> Structure:
+    """A chain with a_M a_K = 1 but for ``apart``, heat that decays at rates of its own or at a_M."""
+    nodes, pole = int(rng.integers(2, 6)), rng.uniform(1.0, 3.0)
+    conductance = rng.uniform(0.3, 1.0)
+    line = chain(
+        nodes=nodes, mass=1.0, stiffness=rng.uniform(1.0, 4.0), damping=Rayleigh(pole, (1 + apart) / pole),
+        spacing=1.0, expansion=0.1, heat_capacity=1.0, conductance=conductance, convection=0.1,
+    )  # fmt: skip
+    if rng.random() < 0.5:
+        return line
+    capacity = conductance / pole / (1 + apart * rng.uniform(-1, 1)) * np.eye(nodes)
+    return structure_from_matrices(given(line, heat_capacity=capacity, conductance=conductance * np.eye(nodes)))
+
+
+def scene(seed: int) -> tuple[Structure, Cases]:
+    """Return a structure with poles alike, or 1e-15 to 1e-2 of them apart, and a case that touches its casing."""
+    rng = np.random.default_rng(seed)
+    apart = float(rng.choice([0.0, 10.0 ** rng.uniform(-15, -2)]))
+    structure = (absorbers, modes_alike)[seed % 2](rng, apart)
+    return structure, cases(
+        structure,
+        e=rng.choice([0.0, 0.5]),
+        alpha=rng.choice([0.0, 1e-6, 0.02, 0.3]),
+        gap=0.2,
+        mean=rng.uniform(0.0, 2.0),
+        amplitude=rng.uniform(0.5, 2.0),
+        frequency=rng.uniform(0.1, 0.4),
+        temperature=rng.choice([0.0, 0.5]),
+    )
+
+
+def compared(seeds: range) -> int:
+    """Compare what is not refused, to where the reference stops, and return how many are refused."""
+    refused = 0
+    for seed in seeds:
+        structure, case = scene(seed)
+        try:
+            results = step(structure, case, 0.0, OVER, "event_driven")
+        except ValueError:
+            refused += 1
+            continue
+        if results.status[0] != Status.OK:
+            refused += 1
+            continue
+        reference = Reference(structure, case).solve(OVER.times)
+        reached = OVER.times < reference.reached - 1e-9
+        for name in ("displacement", "temperature", "impulse"):
+            ours, theirs = results.histories[name][0, reached], getattr(reference, name)[reached]
+            assert np.linalg.norm(ours - theirs) <= 1e-6 * max(float(np.linalg.norm(theirs)), 1e-3), (seed, name)
+    return refused
+
+
+def test_random_structures_with_poles_alike() -> None:
+    assert compared(range(8)) == 0
+
+
+@pytest.mark.slow
+def test_five_hundred_random_structures_with_poles_alike() -> None:
+    assert compared(range(500)) <= 2
