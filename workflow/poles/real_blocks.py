@@ -201,6 +201,12 @@ def _by_clusters(A: Array, near: float, change: float = 0.0) -> RealBlocks:
     for is_real, place in places:
         M, space = moved[np.ix_(place, place)], V[:, place]
         if is_real:
+            inner = _by_eigenvectors(M.real)
+            if _error_of(M.real, inner) <= _SOUND:  # neighbours for the size of A alone
+                p, q, x = np.split(space.real @ inner.outward, [inner.damping.size, 2 * inner.damping.size], axis=1)
+                blocks += zip(inner.damping, inner.stiffness, p.T, q.T, strict=True)
+                rates, firsts = [*rates, *inner.rate], [*firsts, *x.T]
+                continue
             basis, pairs = _pairs_and_singles(M.real)
             M, space = np.linalg.solve(basis, M.real @ basis), space.real @ basis
             blocks += [_block_of(M[k : k + 2, k : k + 2], space[:, k : k + 2]) for k in range(0, 2 * pairs, 2)]
