@@ -109,5 +109,5 @@ def test_random_structures_with_poles_alike() -> None:
 
 @pytest.mark.slow
 def test_five_hundred_random_structures_with_poles_alike() -> None:
-    """18 to 20 are refused, by the kernels of LAPACK: most have three poles with nearly one eigenvector, at α = 1e-6."""
+    """18 to 20 are refused, by LAPACK's kernels: most have three poles with nearly one eigenvector, at α = 1e-6."""
     assert compared(range(500)) <= 25
