@@ -175,7 +175,7 @@ HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
     "Matrix Market header of a giant": (market("4000000000 4000000000 1"), "at most"),
     "MATLAB 7.3": (later_mat, "-v7"),
     "too large": (large_file, "at most"),
-    "text of another kind": (other_text, "no STI file, or damaged"),
+    "text of another kind": (other_text, "`blade.sti`, line 1: `a line of words` is not row, column and value"),
 }
 
 

@@ -1,0 +1,49 @@
+"""Numbers in text files: each is read whole, as C or Fortran writes it, or refused with file and line.
+
+No reader is given a text that was not checked here: SciPy's drop what follows the part of a number that they know.
+"""
+
+from __future__ import annotations
+
+import re
+
+from workflow.declare import NUMBER
+from workflow.models._semidefinite import UnusableMatricesError
+
+INDEX, GAP = "[0-9]+", r"[ \t]+"
+
+_PLAIN = NUMBER.replace("[-+]?", "-?", 1)
+_ANY = NUMBER.replace("[eE][-+]?", "(?:[eEdD][-+]?|[-+])")
+"""Also with a plus, an exponent of D, or one of a sign alone, as Fortran writes three digits: ``1.0D-03``, ``1.0-103``."""
+
+_NOT_PLAIN = re.compile(r"(?<=[0-9.])(?:[dD]|(?=[-+]))|(?<![0-9.eEdD])(\+)")
+"""Where an e belongs, or (in a group) a plus that goes."""
+
+
+def in_c(text: str, row: str, what: str, name: str, line: int = 1) -> str:
+    """Return a text with its numbers as every reader takes them: exponents of e, no plus before a number.
+
+    Parameters
+    ----------
+    text
+        Lines, which end in a line feed; empty ones are passed over.
+    row
+        Regular expression of a line, in which :data:`~workflow.declare.NUMBER` stands for a number.
+    what, name
+        What a line is, and the file's name, for the message.
+    line
+        Number of the first line in the file.
+
+    Raises
+    ------
+    UnusableMatricesError
+        A line is another one.
+    """
+    text = text if text.endswith("\n") else text + "\n"
+    for number in (_PLAIN, _ANY):
+        rows = re.match(rf"(?:[ \t]*+(?:{row.replace(NUMBER, number)})?[ \t]*\n)*+", text)
+        end = rows.end() if rows else 0
+        if end == len(text):
+            return text if number == _PLAIN else _NOT_PLAIN.sub(lambda found: "" if found[1] else "e", text)
+    wrong, place = text[end : text.index("\n", end)].strip()[:60], line + text.count("\n", 0, end)
+    raise UnusableMatricesError(f"`{name}`, line {place}: `{wrong}` is not {what}", "write numbers whole, as -1.5e-3")
