@@ -37,15 +37,28 @@ def with_held_left_out(given: GivenMatrices, build: Callable[[GivenMatrices], Ma
     moving, warming = ~_is_held(given.stiffness), ~_is_held(given.conductance)
     if moving.all() and warming.all():
         return build(given)
-    left: dict[str, Any] = {"labels": tuple(np.array(given.labels)[moving]) if given.labels else ()}
-    for name in ("mass", "stiffness", "damper", "contact", "load", "tangent", "steady"):
-        left[name] = _part(getattr(given, name), moving, name)
-    for name in ("heat_capacity", "conductance", "thermal_contact", "heating"):
-        left[name] = _part(getattr(given, name), warming, name)
-    structure = build(replace(given, coupling=given.coupling[moving][:, warming], **left))
+    into, heat_into = (scipy.sparse.eye_array(each.size, format="csc")[:, each] for each in (moving, warming))
+    vectors = {name: getattr(given, name) for name in ("contact", "load", "tangent", "steady")}
+    left: dict[str, Any] = {name: value if value is None else into.T @ value for name, value in vectors.items()}
+    left["thermal_contact"] = heat_into.T @ given.thermal_contact
+    for name in ("contact", "load", "tangent", "thermal_contact"):
+        if left[name] is not None and not np.any(left[name]):
+            raise UnusableMatricesError(f"`{name}` acts on nothing but what is held by {_HUGE:g}", "choose what moves")
+    rest = replace(
+        given,
+        mass=into.T @ given.mass @ into,
+        stiffness=into.T @ given.stiffness @ into,
+        damper=None if given.damper is None else into.T @ given.damper @ into,
+        coupling=into.T @ given.coupling @ heat_into,
+        heat_capacity=heat_into.T @ given.heat_capacity @ heat_into,
+        conductance=heat_into.T @ given.conductance @ heat_into,
+        heating=heat_into.T @ given.heating,
+        labels=tuple(np.array(given.labels)[moving]) if given.labels else (),
+        **left,
+    )
+    structure = build(rest)
     own = structure.coordinates
     assert own is not None
-    into, heat_into = (scipy.sparse.eye_array(each.size, format="csr")[:, each] for each in (moving, warming))
     coordinates = replace(
         own,
         displacement_basis=into @ own.displacement_basis,
@@ -61,18 +74,6 @@ def with_held_left_out(given: GivenMatrices, build: Callable[[GivenMatrices], Ma
 
 
 def _is_held(matrix: Any) -> NDArray[np.bool_]:
-    """Tell which freedoms of a sparse matrix are held, ``(freedom,)``."""
     diagonal = matrix.diagonal()
     beside = abs(matrix - scipy.sparse.diags_array(diagonal)).max(axis=0).toarray().ravel()
     return np.asarray((diagonal >= _HUGE) & (beside <= _BESIDE * diagonal))
-
-
-def _part(value: Any, kept: NDArray[np.bool_], name: str) -> Any:
-    """Return a matrix or a vector for the freedoms that are kept."""
-    if value is None or value.ndim == 2:
-        return None if value is None else value[kept][:, kept]
-    if np.any(value) and not np.any(value[kept]) and name not in ("steady", "heating"):
-        raise UnusableMatricesError(
-            f"`{name}` acts on what is held by {_HUGE:g} or more on the diagonal", "choose what moves"
-        )
-    return value[kept]

@@ -183,47 +183,27 @@ def _mtx(place: Path) -> dict[str, Any]:
 
 
 def _rua(place: Path) -> dict[str, Any]:
-    """Return a matrix of Harwell-Boeing: column pointers, rows and values, each in cards of a Fortran format.
+    """Return a matrix of Harwell-Boeing: column pointers, rows and values in cards, with gaps between the numbers.
 
     Source: Duff, Grimes and Lewis, Users' guide for the Harwell-Boeing sparse matrix collection (1992), section 2.
     """
     from scipy import sparse
 
     lines = place.read_text(encoding="latin-1").splitlines()
-    kind, (rows, columns, entries) = lines[2][:3].upper(), (int(lines[2][k : k + 14]) for k in (14, 28, 42))
-    if kind not in ("RUA", "RRA", "RSA", "IUA", "IRA", "ISA"):
-        raise UnusableMatricesError(f"`{place.name}` is of the type {kind}", "write it assembled with real values, RUA")
-    *counts, right_sides = (int(lines[1][k : k + 14].strip() or 0) for k in range(14, 70, 14))
-    line, parts = 5 if right_sides > 0 else 4, []
-    for k, (count, size) in enumerate(zip(counts, (columns + 1, entries, entries), strict=True)):
-        form = lines[3][16 * k : 16 * k + (20 if k == 2 else 16)].strip().upper()
-        parts.append(_cards(lines[line : line + count], form, size, place.name, line + 1))
-        line += count
-    pointers, indices = (part.astype(np.int64) - 1 for part in parts[:2])
-    matrix = sparse.csc_array((parts[2], indices, pointers), shape=(rows, columns))
-    return {place.stem: matrix + sparse.tril(matrix, -1).T if kind[1] == "S" else matrix}
-
-
-def _cards(cards: Sequence[str], form: str, size: int, name: str, line: int) -> Any:
-    """Return the numbers of cards by a Fortran format, in which fields may touch.
-
-    Fortran takes a value without a point for one with digits behind it, and by a scale factor one without an exponent
-    for a multiple; programs in C do not: both are refused.
-    """
-    format_ = re.search(r"([IEDFGS])(\d+)", form)
-    if format_ is None:
-        raise UnusableMatricesError(f"`{name}` has the format {form}", "write integers by (10I8), values by (3E26.16)")
-    fields, width = [card.split() for card in cards], int(format_[2])
-    for k, card in enumerate(cards):
-        if max(map(len, fields[k]), default=0) > width:
-            fields[k] = [card[at : at + width] for at in range(0, len(card), width)]
-    number = rf"(?=[-+0-9]*+\.{'[0-9]*+[-+DEde]' if 'P' in form else ''}){NUMBER}"
-    number = rf"[-+]?{INDEX}" if format_[1] == "I" else number
-    row = rf"{number}(?:{GAP}{number})*"
-    numbers = np.fromstring(in_c("\n".join(map(" ".join, fields)), row, f"numbers by {form}", name, line), sep=" ")
-    if numbers.size != size:
-        raise ValueError(f"{numbers.size} numbers by {form} are there, not {size}")
-    return numbers
+    kind, form = lines[2][:3].upper(), " ".join(lines[3].upper().split())
+    rows, columns, entries = (int(lines[2][at : at + 14]) for at in (14, 28, 42))
+    if kind not in ("RUA", "RRA", "RSA") or re.search("P.*[FG]", form):  # with P Fortran's F are multiples
+        problem = f"`{place.name}` is of the type {kind} in the format {form}"
+        raise UnusableMatricesError(problem, "write an assembled matrix of real values (RUA), with exponents")
+    row, what = rf"{NUMBER}(?:{GAP}{NUMBER})*", f"numbers with gaps between, as they are read of the format {form}"
+    numbers = np.fromstring(in_c("\n".join(lines[4:]), row, what, place.name, 5), sep=" ")
+    starts, ends = columns + 1, columns + 1 + entries
+    if numbers.size != ends + entries:
+        problem = f"`{place.name}` has {numbers.size} numbers with gaps between in the format {form}"
+        raise UnusableMatricesError(problem, f"write {starts} column pointers, {entries} rows and {entries} values")
+    pointers, indices = (part.astype(np.int64) - 1 for part in np.split(numbers[:ends], [starts]))
+    matrix = sparse.csc_array((numbers[ends:], indices, pointers), shape=(rows, columns))
+    return {place.stem: matrix + sparse.tril(matrix, -1).T if kind == "RSA" else matrix}
 
 
 def _txt(place: Path) -> dict[str, Any]:

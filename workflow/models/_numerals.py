@@ -14,7 +14,7 @@ INDEX, GAP = "[0-9]+", r"[ \t]+"
 
 _PLAIN = NUMBER.replace("[-+]?", "-?", 1)
 _ANY = NUMBER.replace("[eE][-+]?", "(?:[eEdD][-+]?|[-+])")
-"""Also with a plus, an exponent of D, or one of a sign alone, as Fortran writes three digits: ``1.0D-03``, ``1.0-103``."""
+"""Also with a plus, an exponent of D, or of a sign alone as Fortran writes three digits: ``1.0D-03``, ``1.0-103``."""
 
 _NOT_PLAIN = re.compile(r"(?<=[0-9.])(?:[dD]|(?=[-+]))|(?<![0-9.eEdD])(\+)")
 """Where an e belongs, or (in a group) a plus that goes."""
