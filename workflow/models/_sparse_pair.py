@@ -172,7 +172,7 @@ class SparsePair(Pair):
         return _spectrum_ends(scipy.sparse.csc_array(root @ self.stiffness @ root))[1]
 
     def fault(self) -> str | None:
-        """Return why the pair cannot be used: a tip without inertia, an indefinite matrix, a loose part; or ``None``."""
+        """Return why the pair is unusable: a tip without inertia, an indefinite matrix, a loose part; else ``None``."""
         if not self.inertia[-1, -1] > 0:
             return "the contact acts on what has no inertia"
         for name, matrix in (("inertia", self.inertia), ("stiffness", self.stiffness)):
