@@ -25,8 +25,8 @@ def open_dataset(path: Path, chunks: Any) -> xr.Dataset:
     open_file = partial(xr.open_dataset, path, engine="netcdf4", decode_timedelta=False, lock=LOCK)
     with LOCK:
         dataset = open_file(chunks=_finest(open_file) if chunks == "auto" else chunks)
-    texts = [name for name, each in dataset.variables.items() if each.dtype.kind == "O" and not each._in_memory]
-    indexed = dataset.assign({name: turnable(dataset.variables[name]) for name in texts if not chunks})
+    texts = {name: each for name, each in dataset.variables.items() if each.dtype.kind == "O" and not each._in_memory}
+    indexed = dataset.assign({name: turnable(each) for name, each in texts.items() if chunks is None})
     along: dict[Hashable, list[Hashable]] = {}  # without the lock: dask reads coordinates in threads
     for name, coordinate in dataset.coords.items():
         if coordinate.ndim == 1 and name not in dataset.xindexes:

@@ -189,14 +189,14 @@ def _rua(place: Path) -> dict[str, Any]:
     """
     from scipy import sparse
 
-    lines = place.read_text(encoding="latin-1").splitlines()
-    kind, form = lines[2][:3].upper(), " ".join(lines[3].upper().split())
-    rows, columns, entries = (int(lines[2][at : at + 14]) for at in (14, 28, 42))
+    *_, sizes, formats, cards = place.read_text(encoding="latin-1").split("\n", 4)
+    kind, form = sizes[:3].upper(), " ".join(formats.upper().split())
+    rows, columns, entries = (int(sizes[at : at + 14]) for at in (14, 28, 42))
     if kind not in ("RUA", "RRA", "RSA") or re.search("P.*[FG]", form):  # with P Fortran's F are multiples
         problem = f"`{place.name}` is of the type {kind} in the format {form}"
         raise UnusableMatricesError(problem, "write an assembled matrix of real values (RUA), with exponents")
     row, what = rf"{NUMBER}(?:{GAP}{NUMBER})*", f"numbers with gaps between, as they are read of the format {form}"
-    numbers = np.fromstring(in_c("\n".join(lines[4:]), row, what, place.name, 5), sep=" ")
+    numbers = np.fromstring(in_c(cards, row, what, place.name, 5), sep=" ")
     starts, ends = columns + 1, columns + 1 + entries
     if numbers.size != ends + entries:
         problem = f"`{place.name}` has {numbers.size} numbers with gaps between in the format {form}"

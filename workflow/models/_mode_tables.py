@@ -101,7 +101,7 @@ def _numbers(file: File, lines: list[str], width: int, start: int = 0) -> Array:
     """Return lines from one on as rows of so many numbers."""
     cell = rf'"?[ \t]*{NUMBER}[ \t]*"?'
     row = rf"{cell}(?:[ \t]*,[ \t]*{cell}){{{width - 1}}}|,[{_BLANK}]*"
-    text = in_c("\n".join(lines[start:]), row, f"{width} numbers with commas between", file.name, start + 1)
+    text = in_c("\n".join([*lines[start:], ""]), row, f"{width} numbers with commas between", file.name, start + 1)
     return np.fromstring(text.translate({ord(mark): " " for mark in '",'}), sep=" ").reshape(-1, width)
 
 

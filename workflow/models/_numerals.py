@@ -26,7 +26,7 @@ def in_c(text: str, row: str, what: str, name: str, line: int = 1) -> str:
     Parameters
     ----------
     text
-        Lines, which end in a line feed; empty ones are passed over.
+        Lines, each with its line feed: the last number of a file without it may be cut off. Empty ones do not count.
     row
         Regular expression of a line, in which :data:`~workflow.declare.NUMBER` stands for a number.
     what, name
@@ -39,11 +39,11 @@ def in_c(text: str, row: str, what: str, name: str, line: int = 1) -> str:
     UnusableMatricesError
         A line is another one.
     """
-    text = text if text.endswith("\n") else text + "\n"
     for number in (_PLAIN, _ANY):
         rows = re.match(rf"(?:[ \t]*+(?:{row.replace(NUMBER, number)})?[ \t]*\n)*+", text)
         end = rows.end() if rows else 0
         if end == len(text):
             return text if number == _PLAIN else _NOT_PLAIN.sub(lambda found: "" if found[1] else "e", text)
-    wrong, place = text[end : text.index("\n", end)].strip()[:60], line + text.count("\n", 0, end)
-    raise UnusableMatricesError(f"`{name}`, line {place}: `{wrong}` is not {what}", "write numbers whole, as -1.5e-3")
+    (wrong, ended, _), place = text[end:].partition("\n"), line + text.count("\n", 0, end)
+    problem = f"`{name}`, line {place}: `{wrong.strip()[:60]}` is not {what}" + (not ended) * " and the end of a line"
+    raise UnusableMatricesError(problem, "write numbers whole, as -1.5e-3, and all lines to their ends")
