@@ -13,10 +13,10 @@ from workflow.models._semidefinite import UnusableMatricesError
 INDEX, GAP = "[0-9]+", r"[ \t]+"
 
 _PLAIN = NUMBER.replace("[-+]?", "-?", 1)
-_ANY = NUMBER.replace("[eE][-+]?", "(?:[eEdD][-+]?|[-+])")
-"""Also with a plus, an exponent of D, or of a sign alone as Fortran writes three digits: ``1.0D-03``, ``1.0-103``."""
+_ANY = NUMBER.replace("[eE][-+]?", "(?:[eE][-+]?|[-+])")
+"""Also with a plus, or an exponent of a sign alone, as Fortran writes one of three digits: ``1.0-103``."""
 
-_NOT_PLAIN = re.compile(r"(?<=[0-9.])(?:[dD]|(?=[-+]))|(?<![0-9.eEdD])(\+)")
+_NOT_PLAIN = re.compile(r"(?<=[0-9.])(?=[-+])|(?<![0-9.eE])(\+)")
 """Where an e belongs, or (in a group) a plus that goes."""
 
 
@@ -39,11 +39,12 @@ def in_c(text: str, row: str, what: str, name: str, line: int = 1) -> str:
     UnusableMatricesError
         A line is another one.
     """
+    plain = text.replace("D", "e").replace("d", "e")
     for number in (_PLAIN, _ANY):
-        rows = re.match(rf"(?:[ \t]*+(?:{row.replace(NUMBER, number)})?[ \t]*\n)*+", text)
+        rows = re.match(rf"(?:[ \t]*+(?:{row.replace(NUMBER, number)})?[ \t]*\n)*+", plain)
         end = rows.end() if rows else 0
         if end == len(text):
-            return text if number == _PLAIN else _NOT_PLAIN.sub(lambda found: "" if found[1] else "e", text)
+            return plain if number == _PLAIN else _NOT_PLAIN.sub(lambda found: "" if found[1] else "e", plain)
     (wrong, ended, _), place = text[end:].partition("\n"), line + text.count("\n", 0, end)
     problem = f"`{name}`, line {place}: `{wrong.strip()[:60]}` is not {what}" + (not ended) * " and the end of a line"
     raise UnusableMatricesError(problem, "write numbers whole, as -1.5e-3, and all lines to their ends")
