@@ -257,10 +257,10 @@ def _interval(cases: CaseSpace) -> Iterator[Fault]:
         problem = f"gives {float(min(ratio, Fraction(10) ** 300)):.3g} samples of every history"
         yield place, problem, f"write at least {duration / MOST_SAMPLES * 1.001:.3g} s"
     elif ratio < Fraction(1, 2):
-        problem = f"{quoted(interval)} s is longer than the duration of {duration:g} s"
+        problem = f"{quoted(interval)} s is longer than the duration of {duration!r} s"
         yield place, problem, f"write at most {duration!r} s"
     elif abs(ratio - max(1, round(ratio))) > Fraction(1, 10**9):
         tidy = (digit * 10**power for power in range(7) for digit in (1, 2, 5))
         count = min(tidy, key=lambda intervals: abs(math.log(intervals / ratio)))
-        problem = f"{quoted(interval)} s does not divide the duration of {duration:g} s"
+        problem = f"{quoted(interval)} s does not divide the duration of {duration!r} s"
         yield place, problem, f"write e.g. {float(Decimal(repr(duration)) / count)!r}, for {count} intervals"
