@@ -39,7 +39,7 @@ CHANGED = [
         18,
         "{displacement: 0",
         "{displacement: 15.000001 um",
-        "scene.initial",
+        "scene.initial.displacement",
         "at 1.5000001e-05 m with a gap of 1.5e-05",
         "",
     ),
