@@ -318,7 +318,7 @@ def test_harwell_boeing_is_read_by_any_format_with_gaps(suffix: str, tmp_path: P
         as_directory(ENTRIES, tmp_path).rename(path)
         (path / "mass.mtx").unlink()
         head = f"{'a':72}b\n{17:14}{6:14}{5:14}{5:14}{0:14}\n{suffix.upper()}{5:25}{5:14}{matrix.nnz:14}{0:14}\n"
-        (path / "mass.rua").write_text(f"{head}{'(I5)':16}{'(I5)':16}{form:20}\n{text}")
+        (path / f"mass.{suffix}").write_text(f"{head}{'(I5)':16}{'(I5)':16}{form:20}\n{text}")
         assert np.abs(assembled(path).mass - ENTRIES["mass"]).max() <= 1e-15
 
 

@@ -272,4 +272,4 @@ def _refuse_twice(names: Sequence[str], where: str) -> None:
 
 
 _WHOLE = {".npz": _npz, ".mat": _mat, ".op4": _op4, **dict.fromkeys(_CALCULIX, _calculix)}
-_ENTRY = {".mtx": _mtx, ".rua": _rua, ".hb": _rua, ".txt": _txt}
+_ENTRY = {".mtx": _mtx, **dict.fromkeys((".rua", ".rsa", ".hb"), _rua), ".txt": _txt}
