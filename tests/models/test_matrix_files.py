@@ -114,7 +114,7 @@ BROKEN = {
     ),
     "free by seven digits": (
         changed("stiffness", lambda m: (m - m[0, 0] / 2 * E00) * (1 - 1e-7 * np.eye(5))),
-        "is not positive semi-definite, by .e-07 of its diagonal, as numbers rounded in its file: write them with",
+        "stiffness is indefinite by .e-07 of its diagonal, which rounding of the numbers in its file does: write them",
     ),
     "dense and sparse": (
         {**ENTRIES, **{f"mass_{part}": np.ones(1, int) for part in ("data", "row", "col", "shape")}},
