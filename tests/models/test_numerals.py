@@ -79,8 +79,8 @@ def coordinates(number: str, path: Path) -> tuple[Any, int]:
 
 
 def array(number: str, path: Path) -> tuple[Any, int]:
-    (path / "mass.mtx").write_text(market("array real general", "2 1", "1.0", number), encoding="utf-8")
-    return lambda: read_entries(path)["mass"][1, 0], 5
+    (path / "mass.mtx").write_text(market("array real general", "", "2 1", "1.0", number), encoding="utf-8")
+    return lambda: read_entries(path)["mass"][1, 0], 6
 
 
 def calculix(number: str, path: Path) -> tuple[Any, int]:

@@ -44,7 +44,9 @@ Entries = Mapping[str, Any]
 _CALCULIX = (".sti", ".mas", ".dof")
 _NASTRAN = {"maa": "mass", "mgg": "mass", "kaa": "stiffness", "kgg": "stiffness", "baa": "damping", "bgg": "damping"}
 _COORDINATES = rf"{INDEX}{GAP}{INDEX}{GAP}{NUMBER}"
-_MARKET = re.compile(r"%%MatrixMarket\s+matrix\s+(coordinate|array)\s+(real|integer)\s.*\n(?:\s*%.*\n)*.*\n", re.I)
+_MARKET = re.compile(
+    r"%%MatrixMarket\s+matrix\s+(coordinate|array)\s+(real|integer)\s.*\n(?:[ \t]*(?:%.*)?\n)*.*\n", re.I
+)
 _OUTPUT4 = re.compile(r"[-\d\s]{32,48}[A-Z]\w*\s*(?:(?:1P,)?\d+[ED](\d+)\.\d+)?\s*(?:\|I16)?\s*", re.I)
 _PART = re.compile(rf"({'|'.join(MATRICES)})[._](data|indices|indptr|shape|row|col|format)")
 
