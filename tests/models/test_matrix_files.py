@@ -258,6 +258,10 @@ HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
         head_of("mass.rua", BOEING.format("RUA", "(4E20.12)", "    1    2    3\n12\n 1.0 1.0\n")),
         r"has 6 numbers with gaps between in the format \(16I5\)",
     ),
+    "Harwell-Boeing, a row with a point": (
+        head_of("mass.rua", BOEING.format("RUA", "(4E20.12)", "1 2 3\n1.5 2\n 1.0 1.0\n")),
+        "has 7 numbers with gaps .*: write 3 column pointers and 2 rows, which are whole",
+    ),
     "two of Nastran": (output4("KAA", "MAA", "KGG"), "`stiffness` is there twice, as KAA, MAA, KGG: keep one"),
     "one name twice": (output4("mass", "KAA", "mass"), "`mass` is there twice"),
     "CalculiX, empty": (calculix(""), "`blade.sti` has 0 rows for the 2 labels of `blade.dof`: take"),

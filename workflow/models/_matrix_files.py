@@ -194,18 +194,19 @@ def _rua(place: Path) -> dict[str, Any]:
     *_, sizes, formats, cards = place.read_text(encoding="latin-1").split("\n", 4)
     kind, form = sizes[:3].upper(), " ".join(formats.upper().split())
     rows, columns, entries = (int(sizes[at : at + 14]) for at in (14, 28, 42))
-    if kind not in ("RUA", "RRA", "RSA") or re.search("P.*[FG]", form):  # with P Fortran's F are multiples
+    if not re.fullmatch("[RI][URS]A", kind) or re.search("P.*[FG]", form):  # with P Fortran's F are multiples
         problem = f"`{place.name}` is of the type {kind} in the format {form}"
         raise UnusableMatricesError(problem, "write an assembled matrix of real values (RUA), with exponents")
     row, what = rf"{NUMBER}(?:{GAP}{NUMBER})*", f"numbers with gaps between, as they are read of the format {form}"
     numbers = np.fromstring(in_c(cards, row, what, place.name, 5), sep=" ")
     starts, ends = columns + 1, columns + 1 + entries
-    if numbers.size != ends + entries:
+    if numbers.size != ends + entries or np.any(numbers[:ends] % 1):
         problem = f"`{place.name}` has {numbers.size} numbers with gaps between in the format {form}"
-        raise UnusableMatricesError(problem, f"write {starts} column pointers, {entries} rows and {entries} values")
+        remedy = f"write {starts} column pointers and {entries} rows, which are whole, and {entries} values"
+        raise UnusableMatricesError(problem, remedy)
     pointers, indices = (part.astype(np.int64) - 1 for part in np.split(numbers[:ends], [starts]))
     matrix = sparse.csc_array((numbers[ends:], indices, pointers), shape=(rows, columns))
-    return {place.stem: matrix + sparse.tril(matrix, -1).T if kind == "RSA" else matrix}
+    return {place.stem: matrix + sparse.tril(matrix, -1).T if kind[1] == "S" else matrix}
 
 
 def _txt(place: Path) -> dict[str, Any]:
