@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.judges.trials import EXACT
 from workflow.run import status_name
 from workflow.schemes import Status
 from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, readable
@@ -215,8 +216,13 @@ def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
 
 
 def finest(dataset: xr.Dataset) -> dict[str, int]:
-    """Return the position of the case to show first: smallest step, most modes, first of the rest."""
+    """Return the position of the most accurate case: exact scheme, smallest step, most modes; largest α, first rest.
+
+    Where no scheme is labelled as the exact one, the first is taken.
+    """
     place = dict.fromkeys(case_dims(dataset), 0)
+    if dataset["scheme"].ndim == 1 and EXACT in (names := dataset["scheme"].values.tolist()):
+        place[str(dataset["scheme"].dims[0])] = names.index(EXACT)
     for name, largest in (("h", False), ("thermal_modes", True), ("mechanical_modes", True), ("alpha", True)):
         if name in dataset.coords and dataset[name].ndim == 1:
             values = mode_counts(dataset, name) if name in MODES else np.asarray(dataset[name].values)

@@ -20,6 +20,7 @@ def open_dataset(path: Path, chunks: Any) -> xr.Dataset:
     import xarray as xr
 
     from workflow.archive._lock import LOCK
+    from workflow.archive._numbers import Numbers
 
     open_file = partial(xr.open_dataset, path, engine="netcdf4", decode_timedelta=False, lock=LOCK)
     with LOCK:
@@ -28,6 +29,9 @@ def open_dataset(path: Path, chunks: Any) -> xr.Dataset:
     for name, coordinate in dataset.coords.items():
         if coordinate.ndim == 1 and name not in dataset.xindexes:
             indexed = indexed.set_xindex(str(name))
+    for index in indexed.indexes.values():
+        if index.dtype.kind == "f":
+            index.__class__ = Numbers  # pandas makes an index of its own class, whatever class is called
     indexed.set_close(dataset._close)
     return indexed
 

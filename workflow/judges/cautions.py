@@ -217,15 +217,18 @@ def step_cautions(step: Step) -> Iterator[StepCaution]:
 
 
 def _numerical_damping(scheme: Scheme, step: Step) -> Iterator[StepCaution]:
-    """Yield the numerical damping of an underdamped first mode, -ln|z|/|arg z|, where it exceeds the physical one."""
+    """Yield the numerical damping of an underdamped first mode, where it exceeds the physical one.
+
+    A step multiplies the mode by z = exp(s h) and damps it by ζ = -Re s/|s| of critical; z = 0 stops it at once.
+    """
     assert scheme.amplification is not None
     omega, damping = step.modes.omega[:1], step.modes.damping[:1]
     if not (0 < omega[0] < np.inf and damping[0] < 2 * omega[0]):
         return
     z = complex(scheme.amplification(omega, damping, step.h, step.options)[0, 0])
-    turn = abs(np.angle(z))
+    exponent = complex(np.log(z)) if z else complex(-1.0)
     physical = float(damping[0] / (2 * omega[0]))
-    numerical = (float(-np.log(abs(z)) / turn) if abs(z) > 0 and turn > 0 else float("inf")) - physical
+    numerical = (-exponent.real / abs(exponent) if exponent else 0.0) - physical
     if numerical > physical + _GROWS:
         own = f"more than its own {physical:.2g} of critical" if physical else "which has no damping of its own"
         what = f"damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) {own}, numerically by"

@@ -11,10 +11,10 @@ from workflow.analysis import (
     case_dims,
     casing_motion,
     contact_phases,
-    finest,
     labels_of,
     place_text,
     shown_dim,
+    shown_place,
     unit_of,
 )
 from workflow.plots._style import COLOURS, legend_below, new_figure, trim
@@ -128,8 +128,9 @@ def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> N
 def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
     """Draw the histories of the cases along one dimension below each other: select what else is shown before.
 
-    Of all other dimensions the smallest step, the most modes and the largest α are shown. Cases that are not ok are
-    left out; contact phases of the last case are shaded.
+    Of all other dimensions the place of that case is shown which :func:`~workflow.recommend` names, the worst of its
+    choice; without a choice that of the ok case whose contact impulse is the median. Cases that are not ok are left
+    out; contact phases of the last case are shaded.
 
     Parameters
     ----------
@@ -145,18 +146,12 @@ def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
     """
     if not any(name in dataset for name in HISTORIES):
         raise ValueError("the dataset keeps no histories; name them under `output.histories` of the study")
-    if not bool((dataset["status"] == 0).any()):
-        raise ValueError("no case of the dataset is ok")
     if along is not None and along not in case_dims(dataset):
         raise ValueError(f"`{along}` is no dimension of the cases; they lie along {', '.join(case_dims(dataset))}")
-    place = finest(dataset)
+    place = shown_place(dataset)
     dim = along or shown_dim(dataset)
     compared = [{**place, dim: k} for k in range(dataset.sizes[dim])] if dim else [place]
     shown = [at for at in compared if int(dataset["status"].isel(at)) == 0]
-    if not shown:  # the finest is lost: whatever is ok
-        first = np.argwhere(np.asarray(dataset["status"].values) == 0)[0]
-        shown = [dict(zip(map(str, dataset["status"].dims), map(int, first), strict=True))]
-        place, dim = shown[0], None
     if dim is None:
         curves = [Curve(dataset.isel(shown[0]), "the case shown")]
     else:
