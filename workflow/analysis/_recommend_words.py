@@ -73,6 +73,8 @@ def sentence(recommendation: Recommendation) -> str:
     """Return the answer as sentences that can be quoted."""
     tolerance, units = percent(recommendation.tolerance), recommendation.units
     if recommendation.choice is None:
+        if recommendation.next is not None and recommendation.next.worst.status == "not_run":
+            return f"No choice that has run in all its cases meets {tolerance}. Run the study to its end."
         nearest = _nearest(recommendation)
         return f"Nothing in this study meets {tolerance} in {_judged(recommendation, recommendation.next)}. {nearest}"
     choice, worst = recommendation.choice, recommendation.choice.worst
@@ -225,8 +227,6 @@ def _nearest(recommendation: Recommendation) -> str:
         return text + "Add a smaller tolerance of `auto`."
     if worst.limited_by == "basis":
         return text + "Add more modes, or `full`."
-    if worst.status == "not_run":
-        return text + "Run the study to its end."
     if worst.limited_by == "status":
         return text + "Add a scheme or a step at which that case ends ok."
     return text + "Add smaller steps and more modes."

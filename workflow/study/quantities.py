@@ -165,6 +165,8 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
     remedy = "write a whole number" if whole else expected(declared)
     if value is None:
         raise wrong("has no value", remedy)
+    if isinstance(value, list):
+        raise wrong(f"a list is not {kind}", "write one value here, and several under `axes`, by the path of this one")
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise wrong(f"{quoted(value)} is not {kind}", remedy)
     number = _converted(value, declared, kind, remedy) if isinstance(value, str) else value
@@ -190,6 +192,8 @@ def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
     unit = stripped[number.end() :].strip()
     if not unit and declared.unit != "1":
         raise wrong(f"{quoted(text)} is a string without a unit", remedy)
+    if re.match(r",\d", unit):
+        raise wrong(f"{quoted(text)} has a comma", "write a point before decimals, and nothing between thousands")
     if "°" in unit:
         raise wrong(f"the unit {quoted(unit)} has an offset", remedy)
     try:
