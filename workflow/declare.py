@@ -55,6 +55,13 @@ def unit_factors(unit: str) -> list[tuple[str, float]]:
     raise UnitError(f"`{unit if len(unit) <= _LONGEST_UNIT else unit[:37] + '...'}` is not a unit")
 
 
+def measure(value: float, unit: str, digits: int = 12) -> str:
+    """Return a number with its unit as it is written by hand: lengths below a millimetre in µm."""
+    if unit == "m" and 0 < abs(value) < 1e-3:
+        value, unit = 1e6 * value, "µm"
+    return f"{value:.{digits}g} {unit}".rstrip()
+
+
 @dataclass(frozen=True)
 class Quantity:
     """What one declared value means and which values are admissible.

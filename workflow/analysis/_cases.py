@@ -54,10 +54,8 @@ def runaways(dataset: xr.Dataset) -> tuple[int, int]:
 
 
 def exact(value: object) -> str:
-    """Return a value of a coordinate in the fewest digits that select it with ``.sel``, ``30`` and ``1e-06``."""
-    if not isinstance(value, float | np.floating):
-        return str(value)
-    return next((text for digits in range(4, 17) if float(text := f"{value:.{digits}g}") == value), repr(float(value)))
+    """Return a value of a coordinate in the digits by which an opened archive finds it, ``30`` and ``1e-06``."""
+    return f"{value:.12g}" if isinstance(value, float | np.floating) else str(value)
 
 
 def unit_of(values: xr.DataArray) -> str:
@@ -140,11 +138,12 @@ def place_text(dataset: xr.Dataset, place: Mapping[str, int]) -> str:
 
 
 def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
-    unit = unit_of(coordinate)
+    unit, values = unit_of(coordinate), coordinate.values
+    if unit == "m" and 0 < np.abs(values).max(initial=0.0) < 1e-3:
+        unit, values = "µm", 1e6 * values
     before = f"{coordinate.name} ".replace("_", " ") if named else ""
     after = f" {unit}" if unit else ""
     few = rounded and np.issubdtype(coordinate.dtype, np.floating)
-    values = coordinate.values
     texts = rounded_texts(values) if few else [value_text(coordinate, value) for value in values]
     return [before + text + after for text in texts]
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from workflow.analysis._cases import exact
 from workflow.analysis._recommend import SPREAD, Choice, Recommendation, Worst
+from workflow.declare import measure
 from workflow.schemes import Status, limit_text
 from workflow.study import AUTO, MODES
 from workflow.variables import COMPARED
@@ -174,8 +175,8 @@ def percent(share: float) -> str:
 
 
 def _with_unit(name: str, value: Any, units: Mapping[str, str]) -> str:
-    """Return the value of a coordinate, in the digits that select it, with its unit."""
-    return f"{exact(value)} {units.get(name, '')}".rstrip()
+    """Return the value of a coordinate with its unit."""
+    return measure(value, units.get(name, "")) if isinstance(value, float) else str(value)
 
 
 def _cost(choice: Choice) -> str:

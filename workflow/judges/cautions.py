@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from workflow.declare import measure
 from workflow.models import (
     Array,
     Cases,
@@ -94,8 +95,8 @@ def _static_reach(structure: Structure, cases: Cases) -> Iterator[str]:
     if structure.load is None and np.any(far):
         k = int(np.argmax(np.where(far, moved, 0.0)))
         yield (
-            f"the load alone would move the tip by {moved[k]:.3g} m, over a gap of {cases.gap[k]:.3g} m: "
-            "check the units of stiffness and load"
+            f"the load alone would move the tip by {measure(moved[k], 'm', 3)}, over a gap of "
+            f"{measure(cases.gap[k], 'm', 3)}: check the units of stiffness and load"
         )
 
 
@@ -106,8 +107,9 @@ def _without_contact(cases: Cases, reach: Array) -> Iterator[str]:
     if clear:
         most = float(reach[np.isin(cases.gap, clear)].max())
         yield (
-            f"the tip cannot reach the casing at gap = {listed(f'{gap:g} m' for gap in clear)}: without contact it "
-            f"stays below {most:.3g} m (static and harmonic answer, and a bound of what the start adds)"
+            f"the tip cannot reach the casing at gap = {listed(measure(gap, 'm', 6) for gap in clear)}: without "
+            f"contact it stays below {measure(most, 'm', 3)} (static and harmonic answer, and a bound of what "
+            "the start adds)"
         )
 
 

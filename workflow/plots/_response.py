@@ -33,6 +33,12 @@ MOST_SHADED = 40
 _LINE = 0.09
 """Share of a panel's height that a line of text takes."""
 
+_LETTERS = 105
+"""Letters of a line of the legend; a sample takes eight."""
+
+_LAST, _BESIDE, _WIDEST = 1.2, 1.8, 5.0
+"""Points of the last curve, by how many more each one before it is wider, and all: those that coincide are seen."""
+
 HISTORIES = {
     "displacement": "tip displacement",
     "velocity": "tip velocity",
@@ -68,6 +74,8 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     """
     first = curves[0].case
     names = [name for name in HISTORIES if name in first]
+    moving = [name for name in names if any(np.any(curve.case[name].values) for curve in curves)]
+    names = moving or names[:1]  # what stays 0, as the temperature of a cold blade, needs no panel
     figure = new_figure(9.0, 2.3 * len(names) + 0.9)
     axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
     for panel, name in zip(axes, names, strict=True):
@@ -92,7 +100,8 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.08 * (high - low))
     axes[-1].set_xlabel("time [s]")
-    legend_below(figure, axes[0].get_legend_handles_labels(), min(4, len(curves)))
+    columns = _LETTERS // (8 + max(len(curve.label) for curve in curves))
+    legend_below(figure, axes[0].get_legend_handles_labels(), max(1, min(4, len(curves), columns)))
     if title:
         figure.suptitle(title, fontsize=11)
     return figure
@@ -156,6 +165,10 @@ def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
         curves = [Curve(dataset.isel(shown[0]), "the case shown")]
     else:
         labels = labels_of(dataset, dim, rounded=True)
-        curves = [Curve(dataset.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)]) for at in shown]
+        widths = np.linspace(_LAST + min(_BESIDE * (len(shown) - 1), _WIDEST), _LAST, len(shown))
+        curves = [
+            Curve(dataset.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)], width=float(width))
+            for at, width in zip(shown, widths, strict=True)
+        ]
     rest = place_text(dataset, {name: k for name, k in place.items() if name != dim})
     return tip_response(curves, title=rest, phases_of=len(curves) - 1)

@@ -67,7 +67,7 @@ def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
         texts = [" + ".join(row) for row in zip(*columns, strict=True)]
         unit = units[0] if len(names) == 1 else ""
         title = _joint([n + (f" [{u}]" if u and len(names) > 1 else "") for n, u in zip(names, units, strict=True)])
-    drawn = names if POINT in part.coords and part[POINT].dims == (dim,) else []
+    drawn = map(in_units, (part[n] for n in names)) if POINT in part.coords and part[POINT].dims == (dim,) else ()
     selected = [selector(part[dim], k) if has_labels else f"{dim}={k}" for k in range(size)]
     return {
         "name": dim,
@@ -76,7 +76,7 @@ def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
         "texts": texts if len(set(texts)) == size else [f"{text} ({k})" for k, text in enumerate(texts)],
         "selectors": selected,
         "by_label": has_labels,
-        "numbers": [{"values": values.tolist(), "title": title} for values, title in (in_units(part[n]) for n in drawn)],
+        "numbers": [{"values": values.tolist(), "title": title} for values, title in drawn],
     }
 
 
