@@ -53,9 +53,16 @@ def runaways(dataset: xr.Dataset) -> tuple[int, int]:
     return above, int(grows.sum()) - above
 
 
+_ROUNDED = 1e-14
+"""Relative difference of a number from its text: of sums, as in 3.0000000000000004."""
+
+
 def exact(value: object) -> str:
     """Return a value of a coordinate in the digits by which an opened archive finds it, ``30`` and ``1e-06``."""
-    return f"{value:.12g}" if isinstance(value, float | np.floating) else str(value)
+    if not isinstance(value, float | np.floating):
+        return str(value)
+    texts = (f"{value:.{digits}g}" for digits in range(4, 17))
+    return next((text for text in texts if abs(float(text) - value) <= _ROUNDED * abs(value)), repr(float(value)))
 
 
 def unit_of(values: xr.DataArray) -> str:
@@ -220,7 +227,11 @@ def finest(dataset: xr.Dataset) -> dict[str, int]:
     Where no scheme is labelled as the exact one, the first is taken.
     """
     place = dict.fromkeys(case_dims(dataset), 0)
-    if dataset["scheme"].ndim == 1 and EXACT in (names := dataset["scheme"].values.tolist()):
+    if (
+        "scheme" in dataset.coords
+        and dataset["scheme"].ndim == 1
+        and EXACT in (names := dataset["scheme"].values.tolist())
+    ):
         place[str(dataset["scheme"].dims[0])] = names.index(EXACT)
     for name, largest in (("h", False), ("thermal_modes", True), ("mechanical_modes", True), ("alpha", True)):
         if name in dataset.coords and dataset[name].ndim == 1:

@@ -104,7 +104,7 @@ def shown_place(dataset: xr.Dataset) -> dict[str, int]:
         choice = recommend(dataset).choice
     except NoReferenceError:
         choice = None
-    impulses = np.asarray(dataset["contact_impulse"].values).ravel()[ok]
+    impulses = np.asarray(dataset.get("contact_impulse", dataset["status"]).values).ravel()[ok]
     number = ok[np.argsort(impulses, kind="stable")[ok.size // 2]] if choice is None else choice.number
     return dict(zip(case_dims(dataset), map(int, np.unravel_index(number, status.shape)), strict=True))
 
