@@ -65,5 +65,5 @@ def test_the_plan_names_ranges() -> None:
     study = design("random", 300)
     texts = {one.path: one.text for one in resolved_values(study, arrange(study).settings(0))}
     assert texts["scene.casing.gap"] == "15 µm to 25 µm, drawn"
-    assert texts["alpha"] == "1 to 30 W/N, drawn in the logarithm"
+    assert texts["alpha"] == "1 W/N to 30 W/N, drawn in the logarithm"
     assert study.resolved()["dimensions"][0]["drawn"]["sample"] == "random"
