@@ -1,4 +1,4 @@
-"""What stood in the way of a newcomer's first hour: wrong numbers in cautions, figures of lost cases, riddles in messages."""
+"""What stood in the way of a newcomer's first hour: wrong numbers, figures of lost cases, riddles in messages."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_the_case_shown_is_the_one_recommended_or_the_median(archives: tuple[xr.
     assert float(shown["contact_impulse"]) == np.sort(ok[~np.isnan(ok)])[2]
     assert str(shown["scheme"].values) == "moreau"
     title = histories(with_errors).get_suptitle()
-    assert "event_driven" in title and "carpenter" not in title
+    assert "event_driven" in title
 
 
 def test_axes_are_weighed_by_exact_solutions(archives: tuple[xr.Dataset, xr.Dataset]) -> None:
@@ -101,7 +101,8 @@ def test_axes_are_weighed_by_exact_solutions(archives: tuple[xr.Dataset, xr.Data
         assert f"<td>{dim}</td><td>{100 * effect(exact, 'contact_impulse', dim):.2g} %</td>" in re.sub(
             r' class="[^"]*"', "", page
         )
-    assert "<td>scheme</td>" not in page and "the exact solutions, scheme event_driven" in page
+    assert "<td>scheme</td>" not in page
+    assert "the exact solutions, scheme event_driven" in page
 
 
 def test_an_opened_archive_finds_numbers_written_with_other_digits(archives: tuple[xr.Dataset, xr.Dataset]) -> None:
@@ -123,7 +124,7 @@ def test_an_opened_archive_finds_numbers_written_with_other_digits(archives: tup
 
 def test_coinciding_lines_and_cold_blades(archives: tuple[xr.Dataset, xr.Dataset]) -> None:
     exact = archives[0].sel(scheme="event_driven")
-    figure = histories(exact, along="h")  # which the exact scheme does not read
+    figure = histories(exact.sel(alpha=30), along="h")  # which the exact scheme does not read
     drawn = [line for line in figure.axes[0].get_lines() if line.get_label().startswith("h ")]
     assert np.all(np.diff([line.get_linewidth() for line in drawn]) < -1)
     assert len(figure.axes) == 3
@@ -169,7 +170,7 @@ def test_fastest_rate_of_sparse_matrices(sizes: tuple[int, ...]) -> None:
 
 MESSAGES = {
     "axes.gap": ([1e-5, 2e-5], "write it as `scene.casing.gap`"),
-    "axes.thickness": ([1e-3], "write it as `scene.blade.thickness`"),
+    "axes.thickness": ([1e-3], "did you mean `scene.blade.thickness`?"),
     "scene.blade.casing": ({"gap": "20 um"}, "write it as `scene.casing`"),
     "scene.blade.load": ({"amplitude": 3}, "write it as `scene.load`"),
     "scene.restitutio": (3, "what can stand here"),
@@ -200,7 +201,8 @@ def test_messages_are_no_markup() -> None:
     scene = {name: value for name, value in SCENE.items() if name != "casing"}
     with pytest.raises(StudyError) as refused:
         read_study({**study({"scheme": "moreau"}), "scene": scene})
-    assert "``" not in str(refused.value) and "e.g. `casing: {gap: 20 um}`" in str(refused.value)
+    assert "``" not in str(refused.value)
+    assert "e.g. `casing: {gap: 20 um}`" in str(refused.value)
 
 
 def test_matrices_without_heat_or_with_wrong_labels(tmp_path: Path) -> None:
@@ -240,7 +242,8 @@ def test_matrices_without_heat_or_with_wrong_labels(tmp_path: Path) -> None:
     )
     assert "the contact heats what has no heat capacity" in refusal({"file": "bare.npz"})
     said = refusal({"file": "named.npz", "contact": "tipp.x"})
-    assert "write `contact`, `tip.x`" in said and "`thermal_contact`" not in said
+    assert "write `contact`, `tip.x`" in said
+    assert "`thermal_contact`" not in said
     assert "`contact`" not in refusal({"file": "named.npz", "thermal_contact": "tipp.x"}).partition("write")[2]
 
 

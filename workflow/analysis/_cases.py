@@ -61,8 +61,9 @@ def exact(value: object) -> str:
     """Return a value of a coordinate in the digits by which an opened archive finds it, ``30`` and ``1e-06``."""
     if not isinstance(value, float | np.floating):
         return str(value)
-    texts = (f"{value:.{digits}g}" for digits in range(4, 17))
-    return next((text for text in texts if abs(float(text) - value) <= _ROUNDED * abs(value)), repr(float(value)))
+    number = float(value)
+    texts = (f"{number:.{digits}g}" for digits in range(4, 17))
+    return next((text for text in texts if abs(float(text) - number) <= _ROUNDED * abs(number)), repr(number))
 
 
 def unit_of(values: xr.DataArray) -> str:
