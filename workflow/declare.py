@@ -65,6 +65,13 @@ def _each_under(group: re.Match[str]) -> str:
     return "/" + _UNIT_JOINT.sub(lambda joint: "*" if joint[1] else "/", group[1])
 
 
+def measure(value: float, unit: str, digits: int = 12) -> str:
+    """Return a number with its unit as it is written by hand: lengths below a millimetre in µm."""
+    if unit == "m" and 0 < abs(value) < 1e-3:
+        value, unit = 1e6 * value, "µm"
+    return f"{value:.{digits}g} {unit}".rstrip()
+
+
 @dataclass(frozen=True)
 class Quantity:
     """What one declared value means and which values are admissible.

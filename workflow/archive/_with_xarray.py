@@ -20,6 +20,7 @@ def open_dataset(path: Path, chunks: Any) -> xr.Dataset:
     import xarray as xr
 
     from workflow.archive._lock import LOCK
+    from workflow.archive._numbers import find_near
     from workflow.archive._xarray_parts import ZipIndex, turnable
 
     open_file = partial(xr.open_dataset, path, engine="netcdf4", decode_timedelta=False, lock=LOCK)
@@ -33,6 +34,8 @@ def open_dataset(path: Path, chunks: Any) -> xr.Dataset:
             along.setdefault(coordinate.dims[0], []).append(name)
     for names in along.values():
         indexed = indexed.set_xindex(names, ZipIndex if len(names) > 1 else None)
+    for index in indexed.indexes.values():
+        find_near(index)
     indexed.set_close(dataset._close)
     return indexed
 

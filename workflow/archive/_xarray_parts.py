@@ -12,6 +12,8 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 from xarray.indexes import PandasIndex
 
+from workflow.archive._numbers import find_near
+
 
 class ZipIndex(PandasIndex):
     """An index of the coordinates along one dimension together: xarray stacks no dimension that has several."""
@@ -33,7 +35,7 @@ class ZipIndex(PandasIndex):
         if len(labels) > 1:
             raise ValueError(f"{', '.join(labels)} lie along one dimension: select by one of them")
         (name,) = labels
-        return PandasIndex(self.index.get_level_values(name), self.dim).sel(labels, method, tolerance)
+        return PandasIndex(find_near(self.index.get_level_values(name)), self.dim).sel(labels, method, tolerance)
 
     def rename(self, name_dict: Mapping[Any, Any], dims_dict: Mapping[Any, Any]) -> ZipIndex:
         """Return the index of coordinates of other names."""

@@ -30,7 +30,7 @@ class Figures:
     slowest, fastest
         Longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode.
     critical_alpha
-        α_c, m/s.
+        α_c, W/N.
     """
 
     label: str

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from workflow import models, schemes
 from workflow.grid._compile import KernelVariant, compile_scheme
@@ -34,10 +34,16 @@ _MOST_OPERATORS = 16
 """Operators kept per process; tasks run through them in order, so few are alive at a time."""
 
 
+@cache
+def _libraries() -> ThreadpoolController:
+    """Return the libraries whose threads are limited: to find them takes longer than a small structure."""
+    return ThreadpoolController()
+
+
 @lru_cache(maxsize=_MOST_OPERATORS)
 def structure_of(model: str, parameters: Any) -> Structure:
     """Return the full structure of a model, made by one thread of BLAS wherever it is made."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    with _libraries().limit(limits=1, user_api="blas"):
         return models.load(model).assemble(parameters)
 
 
@@ -74,7 +80,7 @@ def reduced(settings: CaseSettings) -> Reduced:
 @lru_cache(maxsize=_MOST_OPERATORS)
 def model_on(by: Reduced) -> ReducedModel:
     """Return the structure of a model as its basis leaves it, and its reduction."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    with _libraries().limit(limits=1, user_api="blas"):
         return reduced_model(structure_of(by.model, by.parameters), *by.modes, by.basis, by.duration)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._from_matrices import COLD, GivenMatrices
-from workflow.models._matrix_files import LABELS, MATRICES, Entries
+from workflow.models._matrix_files import LABELS, MATRICES, VECTORS, Entries
 from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._structure import Rayleigh
 
@@ -155,7 +156,9 @@ def _direction(chosen: str | int | None, name: str, entries: Entries, labels: Se
             vectors = [entry for entry in entries if entry not in (*MATRICES, *LABELS)]
             if chosen in vectors:
                 return _nonzero(chosen, _vector(chosen, entries, size))
-            some = ", ".join(f"`{text}`" for text in (*vectors, *labels[:5])) + ", …" * (len(labels) > 5)
+            own = [entry for entry in vectors if entry == name or entry not in VECTORS]
+            near = get_close_matches(chosen, labels, 5) or labels[:5]
+            some = ", ".join(f"`{text}`" for text in (*own, *near)) + ", …" * (len(labels) > len(near))
             remedy = f"write {some + ' or ' if some else ''}an index from 0 to {size - 1}"
             raise UnusableMatricesError(f"`{name}: {chosen}` is neither a label nor a vector of the file", remedy)
         chosen = list(labels).index(chosen)

@@ -13,6 +13,7 @@ Source: Ericsson and Ruhe, Math. Comp. 35 (1980) 1251-1268; Lehoucq, Sorensen an
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -38,7 +39,10 @@ _RIGID = 1e-13
 has 1e-5."""
 
 _LANCZOS = 30
-"""Lanczos steps for the ends of a spectrum, which converge first."""
+"""Lanczos steps for the lower end of a spectrum, which converges first."""
+
+_ITERATIONS, _BLOCK = 40, 4
+"""Iterations and vectors for the largest eigenvalue: of a mesh of 36 000 nodes of bricks it is then 4 % low."""
 
 _NEGATIVE = 1e-10
 """Magnitude of a negative eigenvalue of the matrix with unit diagonal above which it is indefinite: rounding of
@@ -166,10 +170,15 @@ class SparsePair(Pair):
         return np.array([lowest, max(self._largest(), lowest)])
 
     def _largest(self) -> float:
-        """Estimate the largest eigenvalue of the pair with the inertia lumped on its diagonal, some percent too low."""
-        lumped = np.asarray(abs(self.inertia).sum(axis=0))
-        root = scipy.sparse.diags_array(np.where(lumped > 0, 1 / np.sqrt(np.where(lumped > 0, lumped, 1.0)), 0.0))
-        return _spectrum_ends(scipy.sparse.csc_array(root @ self.stiffness @ root))[1]
+        """Estimate the largest eigenvalue of the pair from inside, some percent too low."""
+        carried = np.flatnonzero(self.inertia.diagonal() > 0)
+        stiffness, inertia = (matrix[carried][:, carried] for matrix in (self.stiffness, self.inertia))
+        scale = scipy.sparse.diags_array(1 / inertia.diagonal())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that it has not converged
+            start = np.random.default_rng(0).standard_normal((carried.size, min(_BLOCK, carried.size)))
+            found = scipy.sparse.linalg.lobpcg(stiffness, start, inertia, scale, maxiter=_ITERATIONS, largest=True)
+        return float(np.max(found[0]))
 
     def fault(self) -> str | None:
         """Return why the pair cannot be used: a tip without inertia, an indefinite matrix; or ``None``."""
@@ -178,7 +187,7 @@ class SparsePair(Pair):
         for name, matrix in (("inertia", self.inertia), ("stiffness", self.stiffness)):
             diagonal = matrix.diagonal()
             root = scipy.sparse.diags_array(1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
-            if diagonal.min() < 0 or _spectrum_ends(scipy.sparse.csc_array(root @ matrix @ root))[0] < -_NEGATIVE:
+            if diagonal.min() < 0 or _least_eigenvalue(scipy.sparse.csc_array(root @ matrix @ root)) < -_NEGATIVE:
                 return f"the {name} is indefinite"
         return None
 
@@ -242,8 +251,8 @@ def _check(
         raise NotHeldError(f"mode {worst + 1} has a residual of {missing[worst]:.3g}, more than {allowed[worst]:.3g}")
 
 
-def _spectrum_ends(matrix: scipy.sparse.csc_array) -> tuple[float, float]:
-    """Estimate the ends of the spectrum from inside by some steps of Lanczos iteration."""
+def _least_eigenvalue(matrix: scipy.sparse.csc_array) -> float:
+    """Estimate the least eigenvalue from inside by some steps of Lanczos iteration."""
     vector = _start(matrix.shape[0])
     vector /= np.linalg.norm(vector)
     before, beside = np.zeros_like(vector), 0.0
@@ -258,5 +267,4 @@ def _spectrum_ends(matrix: scipy.sparse.csc_array) -> tuple[float, float]:
         off.append(beside)
         vector = new / beside
     beside_each = np.array(off[: len(diagonal) - 1])
-    ritz_values = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside_each, 1) + np.diag(beside_each, -1))
-    return float(ritz_values[0]), float(ritz_values[-1])
+    return float(np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside_each, 1) + np.diag(beside_each, -1))[0])

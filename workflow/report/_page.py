@@ -122,7 +122,7 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
             rest += [
                 *sections.standing(dataset),
                 *precision.body,
-                *(drawn.body or sections.effects(dataset)),
+                *(drawn.body or sections.effects(dataset, methods)),
                 *sections.errors(dataset),
             ]
         rest += origin(dataset, archive)

@@ -169,6 +169,8 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
     remedy = "write a whole number" if whole else expected(declared)
     if value is None:
         raise wrong("has no value", remedy)
+    if isinstance(value, list):
+        raise wrong(f"a list is not {kind}", "write one value here, and several under `axes`, by the path of this one")
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise wrong(f"{quoted(value)} is not {kind}", remedy)
     number = _converted(value, declared, kind, remedy) if isinstance(value, str) else value
