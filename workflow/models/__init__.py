@@ -17,6 +17,7 @@ from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFa
 from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
 from workflow.models._growth import growth, growth_rate, in_contact
 from workflow.models._harmonics import Harmonics
+from workflow.models._laid_out import discard_files, files_laid_out
 from workflow.models._modes import (
     coupled_damping,
     couples_free_modes,
@@ -60,6 +61,9 @@ class Model(Protocol):
         ...
 
 
+_MOST_STRUCTURES = 16
+"""Structures kept per process; a large one from files takes seconds to assemble."""
+
 _MODELS = Registry(__name__, ("Parameters", "assemble"))
 names, fault = _MODELS.names, _MODELS.fault
 
@@ -69,14 +73,26 @@ def load(name: str) -> Model:
     return cast(Model, _MODELS.load(name))
 
 
+@lru_cache(maxsize=_MOST_STRUCTURES)
+def structure_of(name: str, parameters: Any) -> Structure:
+    """Return the full structure of a model, made by one thread of BLAS wherever it is made.
+
+    Its files are what was read of them, whatever lies at their places by now.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1, user_api="blas"), files_laid_out(parameters) as own:
+        return load(name).assemble(own)
+
+
 @lru_cache(maxsize=1024)
 def sizes(name: str, parameters: Any) -> tuple[int, int]:
     """Return the numbers of mechanical and thermal coordinates of a model's structure, the tip's included."""
-    structure = load(name).assemble(parameters)
+    structure = structure_of(name, parameters)
     return structure.mechanical_size, structure.thermal_size
 
 
 def most_modes(name: str, parameters: Any) -> int | None:
     """Return the largest number of modes of each kind of a structure too large to be kept full, else ``None``."""
-    structure = load(name).assemble(parameters)
+    structure = structure_of(name, parameters)
     return None if structure.has_matrices else structure.mechanical.most_modes
