@@ -42,3 +42,4 @@ from workflow.archive._stored import (
     stored_hashes,
     surplus,
 )
+from workflow.archive._trial import require_readable
