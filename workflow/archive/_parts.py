@@ -28,7 +28,7 @@ class Command:
         Which file was under the archive's name, ``None`` where none was: another one may come under it, with the very
         same bytes.
     begun
-        Time at which the run began, in ns.
+        Number of the command; those of later ones are larger.
     retry, recompute, drop, since
         What it does with cases that are stored already.
     """

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import os
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing typing itself would lengthen the time before signals are heeded
@@ -23,6 +24,7 @@ make many objects and leave next to no cycles."""
 def main() -> None:
     """Entry point of the command ``workflow``."""
     gc.set_threshold(GARBAGE)
+    os.environ["MPLBACKEND"] = "agg"  # figures are files here, whatever a shell asks of windows
     atexit.register(gc.freeze)  # or Python looks through all objects for garbage when it ends
     from workflow.cli._stop import heed_signals
     from workflow.pinning import pin

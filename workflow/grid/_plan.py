@@ -144,7 +144,7 @@ def _operators(grid: Grid) -> Iterator[str]:
             structure, parts = reduced_structure(settings), []
             if scheme.operator_name is not None:
                 parts.append(scheme.operator_name(structure))
-            if scheme.contact_stiffness_of is not None:
+            if scheme.contact_stiffness_of is not None and not scheme.refusal(structure, settings.scheme.options):
                 stiffness = scheme.contact_stiffness_of(structure, settings.scheme.options)
                 parts.append(f"contact stiffness {stiffness:.4g} N/m")
             if any(parts):

@@ -9,7 +9,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from workflow.archive import ArchiveError, Command, code_revision, grid_of, read_command
+from workflow.archive import ArchiveError, Command, code_revision, grid_of, read_command, study_key
 from workflow.grid import Block, ReferenceSolution, Task, compute_block, solutions_of
 from workflow.models import FACTORISING, has_cholmod
 from workflow.run._task import Job, Report, store_task
@@ -34,7 +34,7 @@ class Session:
     parts
         Directory of the shards, which workers and the run itself share.
     begun
-        When the run began, as its command there says.
+        Number of the run's command, as it stands there.
     software
         Name and version of what decides the bits of a result.
     """
@@ -115,6 +115,11 @@ def _prepared(session: Session) -> Job:
     except ClusterError as error:
         raise ClusterError(f"worker {get_worker().address}: {error}") from None
     grid = grid_of(command.texts)
+    if study_key(grid.study) != command.key:  # as of large files, which do not travel
+        raise ClusterError(
+            f"worker {get_worker().address}: files or modules that the study names are others there than when the run "
+            "read them; bring them back and give the command again"
+        )
     return Job(grid, Path(session.parts), command.begun)
 
 
