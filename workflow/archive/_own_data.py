@@ -14,10 +14,10 @@ _MOST_DEFLATED = 1032
 
 
 def require_own_data(path: Path, file: Any) -> None:
-    """Refuse an HDF5 file with links that are no plain names, with data elsewhere, or with larger sizes than its bytes.
+    """Refuse an archive, as h5py has opened it, that leads out of its file, in a circle, or to more than it can hold.
 
-    Soft and external links, external files of raw data and virtual datasets lead out of it; a second name of one object
-    may lead round in a circle. Parameters are its path and the file as h5py has opened it.
+    Soft and external links, raw data in other files and virtual datasets lead out, a second name of one object may lead
+    in a circle.
 
     Raises
     ------
@@ -26,18 +26,14 @@ def require_own_data(path: Path, file: Any) -> None:
     """
     from h5py import h5d, h5l, h5o
 
-    seen, names, size = {h5o.get_info(file.id).addr}, list[bytes](), path.stat().st_size
+    seen, size = {h5o.get_info(file.id).addr: b"/"}, file.id.get_filesize()
 
-    def is_odd(name: bytes, link: Any) -> bytes | None:
-        """Return the name of a link that is odd, which ends the visit."""
-        if link.type != h5l.TYPE_HARD or link.u in seen:
-            return name
-        seen.add(link.u)
-        names.append(name)
-        return None
+    def leads_away(name: bytes, link: Any) -> bytes | None:
+        """Return the name of a link that does, which ends the visit."""
+        return name if link.type != h5l.TYPE_HARD or seen.setdefault(link.u, name) != name else None
 
-    odd = file.id.links.visit(is_odd, info=True)
-    for name in names if odd is None else ():
+    odd = file.id.links.visit(leads_away, info=True)
+    for name in seen.values() if odd is None else ():
         entry = h5o.open(file.id, name)
         if isinstance(entry, h5d.DatasetID):
             made = entry.get_create_plist()
@@ -45,17 +41,11 @@ def require_own_data(path: Path, file: Any) -> None:
                 odd = name
                 break
             count = math.prod(entry.shape)
-            # a case takes its hash of 16 bytes, which is not compressed
-            if count * entry.get_type().get_size() > _MOST_DEFLATED * size or (
-                name == STATUS.encode() and count > size
-            ):
-                raise ArchiveError(f"{path}: damaged, `{_shown(name)}` has more values than its bytes; restore a copy")
+            most = size if name == STATUS.encode() else _MOST_DEFLATED * size / entry.get_type().get_size()
+            if count > most:  # a case takes its hash, which is not compressed
+                raise ArchiveError(f"{path}: `{name.decode()}` has more values than there are bytes; restore a copy")
     if odd is not None:
         raise ArchiveError(
-            f"{path}: `{_shown(odd)}` leads to other data, as in no archive that `workflow run` wrote; nothing of it "
-            "is read: ask for one from where it came"
+            f"{path}: `{odd.decode(errors='replace')}` leads to other data, as in no archive that `workflow run` "
+            "wrote; nothing of it is read: get a sound copy"
         )
-
-
-def _shown(name: bytes) -> str:
-    return name.decode(errors="replace")

@@ -12,14 +12,11 @@ from workflow.archive._open import open_archive, provenance
 from workflow.archive._stored import STATUS, opened
 
 _SECONDS = 4.0
-"""Processor time after which reading counts as endless: of attributes, coordinates and the places of chunks, of which
-archives of 1e5 chunks take a tenth."""
+"""Processor time after which reading counts as endless; archives of 1e5 chunks take a tenth of it."""
 
 
 def require_readable(path: Path) -> None:
-    """Refuse an archive that ends a process that reads it, or keeps it busy; other mistakes are told by who opens it.
-
-    What is read is all that HDF5 follows pointers to; values in chunks have checksums.
+    """Refuse an archive that crashes a process that reads it, or keeps it busy; who opens it tells what else is wrong.
 
     Raises
     ------
@@ -28,12 +25,12 @@ def require_readable(path: Path) -> None:
     """
     if not path.is_file():
         return
-    import h5py  # noqa: F401 - libraries that the process below then has too
+    import h5py  # noqa: F401 - libraries that the new process then has
     import netCDF4  # noqa: F401
     import xarray  # noqa: F401
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of threads, none of which reads archives now
+        warnings.simplefilter("ignore", DeprecationWarning)  # about threads, none of which reads archives now
         process = os.fork()
     if not process:
         try:
@@ -41,22 +38,20 @@ def require_readable(path: Path) -> None:
             _read(path)
         finally:
             os._exit(0)
-    _, status = os.waitpid(process, 0)
-    if os.WIFSIGNALED(status):
+    if os.WIFSIGNALED(os.waitpid(process, 0)[1]):
         raise ArchiveError(
-            f"{path}: damaged, the libraries that read it crash or do not end; restore a copy, or move it away and run "
-            "its study again"
+            f"{path}: damaged, libraries that read it crash or do not end; restore a copy, or move it away and run its "
+            "study again"
         )
 
 
 def _read(path: Path) -> None:
-    """Read what is neither the values of a chunk nor needs one."""
+    """Read all that HDF5 follows pointers to; values in chunks have checksums."""
     silent = os.open(os.devnull, os.O_WRONLY)
-    for stream in (1, 2):
-        os.dup2(silent, stream)
+    os.dup2(silent, 1)
+    os.dup2(silent, 2)
     with open_archive(path) as dataset:
-        dataset.coords.to_dataset().load()
-        dataset[STATUS].load()
+        dataset[[STATUS]].load()
     provenance(path)
     with opened(path) as file:
         for entry in file.values():
