@@ -53,15 +53,6 @@ class Command:
         return str(json.loads(self.texts["resolved"])["study"])
 
 
-def file_of(archive: Path) -> tuple[int, int] | None:
-    """Return which file is under an archive's name, ``None`` where none is."""
-    try:
-        about = archive.stat()
-    except FileNotFoundError:
-        return None
-    return about.st_ino, about.st_mtime_ns
-
-
 def parts_of(path: str | Path) -> Path:
     """Return the directory that holds an archive's shards while its study runs; a link is followed."""
     path = usable(path)

@@ -24,7 +24,8 @@ make many objects and leave next to no cycles."""
 def main() -> None:
     """Entry point of the command ``workflow``."""
     gc.set_threshold(GARBAGE)
-    os.environ["MPLBACKEND"] = "agg"  # figures are files here, whatever a shell asks of windows
+    for name in [name for name in os.environ if name.startswith(("MPLBACKEND", "BOKEH_"))]:
+        del os.environ[name]  # figures and pages are files here, whatever a shell asks of windows and servers
     atexit.register(gc.freeze)  # or Python looks through all objects for garbage when it ends
     from workflow.cli._stop import heed_signals
     from workflow.pinning import pin
