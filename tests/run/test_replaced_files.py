@@ -160,7 +160,7 @@ MANY = STUDY.replace("e: [0, 0.5]", "e: {{lin: [0, 1, 21]}}").replace("2e-3", "0
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(5))
 def test_files_change_at_random_moments(part: int, tmp_path: Path) -> None:
-    """Whatever happens to them in ten runs: the archive is that of the files it holds, or messages say what is wrong."""
+    """Ten runs: the archive is that of the files it holds, or messages say what is wrong."""
     chance = random.Random(part)
     for number in range(10):
         kind = chance.choice(["as_npz", "as_directory", "calculix", "modes"])
