@@ -140,7 +140,8 @@ def test_drawn_numbers_are_the_sides_of_the_map(tmp_path: Path) -> None:
     assert [number["title"] for number in axis["numbers"]] == ["gap [µm]", "alpha [W/N]"]
     np.testing.assert_allclose(axis["numbers"][0]["values"], 1e6 * made.dataset["gap"], rtol=1e-12)
     assert map_axes({"dims": [axis]}) == ("design:0", "design:1")
-    assert axis_of(made.dataset.isel(design=[0, 1]).drop_vars("sample_point"), "design")["numbers"] == []
+    two = made.dataset.isel(design=[0, 1]).drop_indexes(list(made.dataset.xindexes))
+    assert axis_of(two.drop_vars("sample_point"), "design")["numbers"] == []
 
 
 @pytest.mark.parametrize(
@@ -165,7 +166,7 @@ def test_fastest_rate_of_sparse_matrices(sizes: tuple[int, ...]) -> None:
         stiffness = scipy.sparse.kron(stiffness, heavy) + scipy.sparse.kron(inertia, along)
         inertia = scipy.sparse.kron(inertia, heavy)
     pair = SparsePair(scipy.sparse.csc_array(stiffness), scipy.sparse.csc_array(inertia))
-    assert 0.94 * largest < pair.largest() <= largest * (1 + 1e-9)
+    assert 0.94 * largest < pair.spectrum()[-1] <= largest * (1 + 1e-9)
 
 
 MESSAGES = {

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -139,9 +139,9 @@ class File:
     name
         As the study writes it.
     place
-        Where it lies now.
-    parts
-        Places of all files that its content is.
+        Where it lies; while a model assembles, where what was read lies.
+    contents
+        What was read, by file name: of a directory or of files that belong together that of each.
     shaken
         Share by which a model changes the numbers that it reads from it, to see what rounding makes of results; 0 in
         every study.
@@ -150,8 +150,17 @@ class File:
     digest: str
     name: str = field(compare=False)
     place: str = field(compare=False)
-    parts: tuple[str, ...] = field(default=(), compare=False)
+    contents: Mapping[str, bytes] = field(default_factory=dict, compare=False, repr=False)
     shaken: float = 0.0
+
+
+def files_of(declared: Any) -> Iterator[File]:
+    """Yield the files that declared values name."""
+    if isinstance(declared, File):
+        yield declared
+    elif dataclasses.is_dataclass(declared):
+        for entry in dataclasses.fields(declared):
+            yield from files_of(getattr(declared, entry.name))
 
 
 @dataclass(frozen=True)

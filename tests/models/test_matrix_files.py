@@ -167,14 +167,6 @@ def later_mat(tmp_path: Path) -> Path:
     return path
 
 
-def large_file(tmp_path: Path) -> Path:
-    """Two gigabytes that take no room on the disk."""
-    path = tmp_path / "blade.npz"
-    with path.open("wb") as opened:
-        opened.truncate(2**31)
-    return path
-
-
 def other_text(tmp_path: Path) -> Path:
     path = tmp_path / "blade.sti"
     for suffix, text in ((".sti", "a line of words\n"), (".mas", "1 1 1.0\n"), (".dof", "1.1\n")):
@@ -229,7 +221,6 @@ HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
     "Matrix Market header that lies": (market("5 5 100000000000"), "no MTX file, or damaged"),
     "Matrix Market header of a giant": (market("4000000000 4000000000 1"), "at most"),
     "MATLAB 7.3": (later_mat, "-v7"),
-    "too large": (large_file, "at most"),
     "pattern": (
         head_of("mass.mtx", MARKET + "pattern general\n2 2 1\n1 1\n"),
         "mass.mtx` begins with .* pattern general`",

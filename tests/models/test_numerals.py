@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -176,4 +177,5 @@ def test_a_number_in_a_study_is_read_whole_or_refused(x: float, notation: Callab
             value = read_quantity(number + unit, Quantity(declared, ""))
         except ValidationError:
             continue
-        assert value == (float(number[:-1]) / 100 if number.endswith("%") else float(number))
+        percent = float(Decimal(number[:-1]) / 100) if number.endswith("%") else None
+        assert value == (float(number) if percent is None else percent)

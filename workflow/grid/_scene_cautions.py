@@ -33,9 +33,9 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
     """Yield what to beware of in springs, structures with the conditions of their cases, and bases."""
     parameters = f"scene.{grid.study.scene.model}."
     for settings in _distinct_settings(grid, "scheme", "schemes.", parameters):
-        stiffness_of = schemes.load(settings.scheme.method).contact_stiffness_of
-        if stiffness_of is not None:
-            stiffness = stiffness_of(reduced_structure(settings), settings.scheme.options)
+        scheme, structure = schemes.load(settings.scheme.method), reduced_structure(settings)
+        if scheme.contact_stiffness_of is not None and not scheme.refusal(structure, settings.scheme.options):
+            stiffness = scheme.contact_stiffness_of(structure, settings.scheme.options)
             yield from soft_spring(full_structure(settings), stiffness, settings.scheme.label)
     yield from _units([one.scene.parameters for one in _distinct_settings(grid, parameters)])
     for settings in _distinct_settings(grid, parameters):

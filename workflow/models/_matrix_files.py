@@ -28,9 +28,6 @@ from workflow.declare import NUMBER
 from workflow.models._numerals import GAP, INDEX, in_c
 from workflow.models._semidefinite import UnusableMatricesError
 
-MOST_BYTES = 2**30
-"""Largest size of a file: 1e5 degrees of freedom with 300 entries in each row of M and K1."""
-
 MOST_COORDINATES = 200_000
 """Largest number of rows of a matrix."""
 
@@ -98,9 +95,6 @@ def _read(place: Path, readers: Mapping[str, Callable[[Path], dict[str, Any]]]) 
         remedy = f"name a file {', '.join(readers)} or a directory of .mtx files"
         raise UnusableMatricesError(f"`{place.name}` is of no kind that is known", remedy)
     try:
-        size = place.stat().st_size
-        if size > MOST_BYTES:
-            raise UnusableMatricesError(f"`{place.name}` has {size} bytes", f"at most {MOST_BYTES} are read")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return {name: _of_rows(name, value) for name, value in readers[kind](place).items()}

@@ -31,7 +31,6 @@ _BLANK = " \t,"
 """What a line without numbers consists of, such as a spreadsheet writes."""
 
 MOST_MODES = 2000
-_MOST_BYTES = 2**25
 
 
 def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
@@ -82,12 +81,8 @@ def _shaken(file: File, table: Array) -> Array:
 
 def _lines(file: File) -> list[str]:
     """Return the lines of a file, of which one at least is not empty."""
-    path = Path(file.place)
-    if path.stat().st_size > _MOST_BYTES:
-        problem = f"`{file.name}` has {path.stat().st_size} bytes"
-        raise UnusableMatricesError(problem, f"at most {_MOST_BYTES} are read")
     try:
-        lines = path.read_text(encoding="utf-8-sig").split("\n")
+        lines = Path(file.place).read_text(encoding="utf-8-sig").split("\n")
     except UnicodeDecodeError as error:
         raise UnusableMatricesError(
             f"`{file.name}` is no CSV file: {error}", "write values with commas between"

@@ -39,7 +39,7 @@ _RIGID = 1e-13
 has 1e-5."""
 
 _LANCZOS = 30
-"""Lanczos steps for the lower end of a spectrum, which converges first."""
+"""Lanczos steps for the ends of a spectrum, which converge first."""
 
 _ITERATIONS, _BLOCK = 40, 4
 """Iterations and vectors for the largest eigenvalue: of a mesh of 36 000 nodes of bricks it is then 4 % low."""
@@ -167,9 +167,16 @@ class SparsePair(Pair):
 
     def spectrum(self) -> Array:
         lowest = float(self.modes(1).values[0])
-        return np.array([lowest, max(self._largest(), lowest)])
+        return np.array([lowest, max(self._highest(), lowest)])
 
-    def _largest(self) -> float:
+    def largest(self) -> float:
+        """Estimate the largest eigenvalue with the inertia lumped on its diagonal: its size, for shifts."""
+        lumped = np.asarray(abs(self.inertia).sum(axis=0))
+        root = scipy.sparse.diags_array(np.where(lumped > 0, 1 / np.sqrt(np.where(lumped > 0, lumped, 1.0)), 0.0))
+        most = _spectrum_ends(scipy.sparse.csc_array(root @ self.stiffness @ root))[1]
+        return max(most, float(self.modes(1).values[0]))
+
+    def _highest(self) -> float:
         """Estimate the largest eigenvalue of the pair from inside, some percent too low."""
         carried = np.flatnonzero(self.inertia.diagonal() > 0)
         stiffness, inertia = (matrix[carried][:, carried] for matrix in (self.stiffness, self.inertia))
@@ -187,7 +194,7 @@ class SparsePair(Pair):
         for name, matrix in (("inertia", self.inertia), ("stiffness", self.stiffness)):
             diagonal = matrix.diagonal()
             root = scipy.sparse.diags_array(1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
-            if diagonal.min() < 0 or _least_eigenvalue(scipy.sparse.csc_array(root @ matrix @ root)) < -_NEGATIVE:
+            if diagonal.min() < 0 or _spectrum_ends(scipy.sparse.csc_array(root @ matrix @ root))[0] < -_NEGATIVE:
                 return f"the {name} is indefinite"
         return None
 
@@ -251,8 +258,8 @@ def _check(
         raise NotHeldError(f"mode {worst + 1} has a residual of {missing[worst]:.3g}, more than {allowed[worst]:.3g}")
 
 
-def _least_eigenvalue(matrix: scipy.sparse.csc_array) -> float:
-    """Estimate the least eigenvalue from inside by some steps of Lanczos iteration."""
+def _spectrum_ends(matrix: scipy.sparse.csc_array) -> tuple[float, float]:
+    """Estimate the ends of the spectrum from inside by some steps of Lanczos iteration."""
     vector = _start(matrix.shape[0])
     vector /= np.linalg.norm(vector)
     before, beside = np.zeros_like(vector), 0.0
@@ -267,4 +274,5 @@ def _least_eigenvalue(matrix: scipy.sparse.csc_array) -> float:
         off.append(beside)
         vector = new / beside
     beside_each = np.array(off[: len(diagonal) - 1])
-    return float(np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside_each, 1) + np.diag(beside_each, -1))[0])
+    ritz_values = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside_each, 1) + np.diag(beside_each, -1))
+    return float(ritz_values[0]), float(ritz_values[-1])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -56,13 +55,7 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     UnusableMatricesError
         The file, or the study's choice from it, does not describe a structure.
     """
-    return _assembled(parameters, parameters.file.place)
-
-
-@lru_cache(maxsize=1)
-def _assembled(parameters: Parameters, place: str) -> Matrices | Sparse:
-    """Return the structure of a file; the last one is cached, as a large one takes seconds and is assembled often."""
-    entries = in_si(read_entries(Path(place)), parameters.units)
+    entries = in_si(read_entries(Path(parameters.file.place)), parameters.units)
     if parameters.file.shaken != 0:
         entries = shaken(entries, parameters.file.shaken)
     chosen = Chosen(parameters.contact, parameters.thermal_contact, parameters.tangent)

@@ -128,6 +128,7 @@ def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> An
                 title=axis["title"] + unit,
                 categories=axis["texts"],
                 value=axis["texts"][0],
+                tooltips=False,  # they would take a text as markup; the title has it
                 stylesheets=[wrapped],
             )
         )

@@ -92,7 +92,7 @@ def _mesh(cases: CaseSpace) -> Iterator[Fault]:
     model, depth, deepest = cases.scene.model, cases.output.temperature_depth, math.inf
     for parameters in _meshes(cases) if depth is not None or hasattr(cases.scene.parameters, "tip_cell") else ():
         try:
-            deepest = min(deepest, float(np.sum(getattr(models.load(model).assemble(parameters), "lengths", 0.0))))
+            deepest = min(deepest, float(np.sum(getattr(models.structure_of(model, parameters), "lengths", 0.0))))
         except models.UnusableMatricesError as error:
             yield ("scene", model, "tip_cell"), error.problem, error.remedy
             return
