@@ -199,8 +199,8 @@ def ended(said: Path, *words: str | Path) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", range(8))
-def test_two_hundred_spoilt_archives(part: int, sound: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("part", range(4))
+def test_hundred_spoilt_archives(part: int, sound: Path, tmp_path: Path) -> None:
     """Commands end, soon and with words, and say nothing of what lies beside an archive."""
     chance, page, said = random.Random(part), tmp_path / "page.html", tmp_path / "said"
     told("report", sound, "-o", page)  # libraries are loaded, once
@@ -214,8 +214,8 @@ def test_two_hundred_spoilt_archives(part: int, sound: Path, tmp_path: Path) -> 
             seal(path)
         else:
             spoilt(sound, path, change, chance)
-        other = chance.choice([("verify", path, "--sample", "1"), ("recommend", path)])
-        for words in (("show", path), ("report", path, "-o", page), other):
+        others = [("verify", path, "--sample", "1"), ("recommend", path), ("report", path, "-o", page)]
+        for words in (("show", path), chance.choice(others)):
             page.unlink(missing_ok=True)
             status = ended(said, *words)
             assert status in (0, 1, 2, *([3] if change in SHOWN else [])), (part, number, words, change, status)

@@ -24,7 +24,7 @@ def require_own_data(path: Path, file: Any) -> None:
     ArchiveError
         It is such a file.
     """
-    from h5py import h5d, h5l, h5o
+    from h5py import h5d, h5l, h5o, h5t
 
     seen, size = {h5o.get_info(file.id).addr: b"/"}, file.id.get_filesize()
 
@@ -40,8 +40,11 @@ def require_own_data(path: Path, file: Any) -> None:
             if made.get_layout() == h5d.VIRTUAL or made.get_external_count():
                 odd = name
                 break
-            count = math.prod(entry.shape)
-            most = size if name == STATUS.encode() else _MOST_DEFLATED * size / entry.get_type().get_size()
+            kind, count = entry.get_type(), math.prod(entry.shape)
+            is_text = isinstance(kind, h5t.TypeStringID) and (kind.is_variable_str() or kind.get_size() == 1)
+            if not (is_text or isinstance(kind, h5t.TypeIntegerID | h5t.TypeFloatID)):
+                raise ArchiveError(f"{path}: `{name.decode()}` has neither numbers nor texts; get a sound copy")
+            most = size if name == STATUS.encode() else _MOST_DEFLATED * size / kind.get_size()
             if count > most:  # a case takes its hash, which is not compressed
                 raise ArchiveError(f"{path}: `{name.decode()}` has more values than there are bytes; restore a copy")
     if odd is not None:
