@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -21,10 +21,15 @@ Values = float | tuple[float, ...]
 Rows = tuple[tuple[float, ...], ...]
 """Rows of a table."""
 
+NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+"""A number as C, Python and spreadsheets write it, as a regular expression."""
+
 
 _LONGEST_UNIT = 40
 _UNIT_FACTOR = re.compile(r"([A-Za-zµμΩ_]+)(?:(?:\*\*|\^)?([-+]?[0-9]{1,2}(?:\.[0-9]{1,2})?)(?![0-9]))?|1(?![0-9])")
-_UNIT_JOINT = re.compile(r"\s*(?:\*(?!\*)|·|(/))\s*|\s+")
+_UNIT_JOINT = re.compile(r"\s*(?:(?<!\*)\*(?!\*)|·|(/))\s*|\s+")
+_UNDER = re.compile(r"/\s*\(\s*([^()]*?)\s*\)(?=\s*(?:[*/·](?!\*)|$))")
+_RAISED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
 class UnitError(ValueError):
@@ -32,7 +37,7 @@ class UnitError(ValueError):
 
 
 def unit_factors(unit: str) -> list[tuple[str, float]]:
-    """Split a unit into names and exponents: ``N/m**1.5`` is N, m^-1.5; ``1`` has none.
+    """Split a unit into names and exponents: ``N/m**1.5`` is N, m^-1.5, ``J/(kg K)`` J/kg/K; ``1`` has none.
 
     Raises
     ------
@@ -41,18 +46,30 @@ def unit_factors(unit: str) -> list[tuple[str, float]]:
     """
     powers: list[tuple[str, float]] = []
     position, sign = 0, 1
-    while len(unit) <= _LONGEST_UNIT and (factor := _UNIT_FACTOR.match(unit, position)):
+    flat = "" if len(unit) > _LONGEST_UNIT else _UNDER.sub(_each_under, unit).translate(_RAISED)
+    while factor := _UNIT_FACTOR.match(flat, position):
         if factor[1]:
             powers.append((factor[1], sign * float(factor[2] or 1)))
         elif position:
             break  # a one stands first or not at all: 1/s, not um/1
-        if factor.end() == len(unit):
+        if factor.end() == len(flat):
             return powers
-        joint = _UNIT_JOINT.match(unit, factor.end())
+        joint = _UNIT_JOINT.match(flat, factor.end())
         if joint is None:
             break
         position, sign = joint.end(), -1 if joint[1] else 1
     raise UnitError(f"`{unit if len(unit) <= _LONGEST_UNIT else unit[:37] + '...'}` is not a unit")
+
+
+def _each_under(group: re.Match[str]) -> str:
+    return "/" + _UNIT_JOINT.sub(lambda joint: "*" if joint[1] else "/", group[1])
+
+
+def measure(value: float, unit: str, digits: int = 12) -> str:
+    """Return a number with its unit as it is written by hand: lengths below a millimetre in µm."""
+    if unit == "m" and 0 < abs(value) < 1e-3:
+        value, unit = 1e6 * value, "µm"
+    return f"{value:.{digits}g} {unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -122,9 +139,9 @@ class File:
     name
         As the study writes it.
     place
-        Where it lies now.
-    parts
-        Places of all files that its content is.
+        Where it lies; while a model assembles, where what was read lies.
+    contents
+        What was read, by file name: of a directory or of files that belong together that of each.
     shaken
         Share by which a model changes the numbers that it reads from it, to see what rounding makes of results; 0 in
         every study.
@@ -133,8 +150,17 @@ class File:
     digest: str
     name: str = field(compare=False)
     place: str = field(compare=False)
-    parts: tuple[str, ...] = field(default=(), compare=False)
+    contents: Mapping[str, bytes] = field(default_factory=dict, compare=False, repr=False)
     shaken: float = 0.0
+
+
+def files_of(declared: Any) -> Iterator[File]:
+    """Yield the files that declared values name."""
+    if isinstance(declared, File):
+        yield declared
+    elif dataclasses.is_dataclass(declared):
+        for entry in dataclasses.fields(declared):
+            yield from files_of(getattr(declared, entry.name))
 
 
 @dataclass(frozen=True)

@@ -266,3 +266,51 @@ def test_each_coordinate_of_a_zip_selects(tmp_path: Path) -> None:
             for names in ({"mechanical_modes": 19}, {"thermal_modes": 19}):
                 np.testing.assert_array_equal(dataset["impacts"].sel(names).values, results["impacts"][:, 1])
             assert set(dataset.xindexes) >= {"e", "mechanical_modes", "thermal_modes"}
+
+
+@pytest.fixture(scope="module")
+def zipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    template = sample_template((("e", 3), ("model", 3)))
+    return make_archive(tmp_path_factory.mktemp("zip") / "a.nc", template, sample_results(template))
+
+
+POINTS = xr.DataArray([2, 0], dims="point")
+TURNED: dict[str, Callable[[xr.Dataset], xr.Dataset]] = {
+    "transposed": lambda a: a.transpose("model", ...),
+    "turned and picked": lambda a: a.transpose("model", "e", ...).isel(e=slice(1, None)).isel(model=1),
+    "stacked": lambda a: a.stack(case=["e", "model"]),
+    "stacked, one dimension": lambda a: a.stack(case=["model"]),
+    "points by place": lambda a: a.isel(e=POINTS, model=POINTS),
+    "points by label": lambda a: a.sel(e=a["e"][[2, 0]].drop_vars("e").rename(e="point")),
+    "lists": lambda a: a.isel(e=[2, 0], model=[1]),
+    "behind each other": lambda a: xr.concat([a.isel(model=[2]), a.isel(model=[0, 1])], "model"),
+    "other names": lambda a: a.rename(model="run", mechanical_modes="modes").sel(modes=[19]),
+    "a grid of more": lambda a: a.expand_dims("again").transpose(..., "again"),
+}
+
+
+@pytest.mark.parametrize("kind", TURNED)
+def test_an_archive_is_turned_and_stacked_as_numbers_are(kind: str, zipped: Path) -> None:
+    """Whatever is done lazily gives what it gives of the loaded dataset, texts and the coordinates of a zip too."""
+    with archive.open_archive(zipped) as whole:
+        expected = TURNED[kind](whole.load())
+    for chunks in (None, {}):
+        with archive.open_archive(zipped, chunks=chunks) as lazy:
+            assert TURNED[kind](lazy).load().identical(expected)
+
+
+def test_texts_are_read_when_they_are_used(zipped: Path) -> None:
+    with archive.open_archive(zipped) as dataset:
+        turned = dataset["message"].transpose("model", ...)
+        assert not turned.variable._in_memory
+        assert turned.values[0, 2] == "case 6 diverged: ρ = 1.2"
+
+
+def test_numbers_along_a_zip_are_aligned_by_its_coordinates(zipped: Path) -> None:
+    with archive.open_archive(zipped) as dataset:
+        numbers = dataset["impacts"].fillna(0)
+        assert not (numbers - numbers.isel(model=slice(None, None, -1))).values.any()
+        assert (numbers - numbers.isel(model=[1])).sizes["model"] == 1
+        assert numbers.sel(mechanical_modes=[19]).equals(numbers.sel(thermal_modes=[19]))
+        with pytest.raises(ValueError, match="mechanical_modes, thermal_modes lie along one dimension"):
+            numbers.sel(mechanical_modes=19, thermal_modes=19)

@@ -13,7 +13,7 @@ import h5py
 import pytest
 
 from hostile import changed
-from studies import SINGLE, parsed, written
+from studies import FALLING_BALL, SINGLE, parsed, written
 from terminal import typed, workflow
 from workflow.run import run_study
 
@@ -152,3 +152,25 @@ def test_a_defect_exits_with_three_and_no_traceback(tmp_path: Path) -> None:
         assert ended.returncode == 3
         assert "a defect of this program: KeyError" in ended.stderr
         assert ("Traceback" in ended.stderr) == detailed
+
+
+@pytest.mark.parametrize("name", ["MPLBACKEND", "BOKEH_MINIFIED", "BOKEH_LOG_LEVEL"])
+def test_what_a_shell_asks_of_windows_and_servers_changes_no_page(name: str, sound: Path, tmp_path: Path) -> None:
+    ended = typed("report", sound, "-o", "page.html", cwd=tmp_path, env={**os.environ, name: "nonsense"})
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_a_free_mass_has_no_stiffness_that_a_contact_spring_could_follow(tmp_path: Path) -> None:
+    """Neither alone nor as the reference of others."""
+    for part in (
+        "axes: {scheme: [penalty, moreau], h: 1e-3}",
+        "axes: {h: 1e-3}\nreference: {scheme: penalty, h: 1e-4}",
+    ):
+        study = written(f"study: free\n{FALLING_BALL}{part}\n", tmp_path)
+        planned = workflow("plan", study, cwd=tmp_path)
+        assert planned.returncode == 0, planned.stderr
+        assert ("penalty fails, as a free mass has no stiffness" in planned.stdout) == ("moreau" in part)
+        assert (
+            workflow("plan", study, "-s", "schemes.penalty={method: penalty, stiffness: 1e6}", cwd=tmp_path).returncode
+            == 0
+        )

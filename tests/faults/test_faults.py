@@ -137,6 +137,45 @@ def test_a_second_run_exits_with_two_and_says_who_has_it(tmp_path: Path) -> None
     assert told("run", text, "-o", archive)[0] == 0
 
 
+@pytest.mark.parametrize("number", [errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL])
+def test_a_file_system_without_locks_is_said_to_be_one(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As Lustre is where it is mounted without them: no other run has anything."""
+
+    def flock(*_: Any) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("fcntl.flock", flock)
+    with pytest.raises(
+        ArchiveError, match=r"its file system has no locks .*; choose an archive on another one with -o"
+    ):
+        run_study(STUDY, tmp_path / "a.nc")
+
+
+@pytest.mark.slow
+def test_a_user_without_a_home_runs_and_verifies(tmp_path: Path) -> None:
+    """As in containers: no HOME, and no entry among the users; nothing is left of the home that the command made."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import pwd\n\ndef getpwuid(uid):\n    raise KeyError(uid)\n\npwd.getpwuid = getpwuid\n"
+    )
+    (tmp_path / "temporary").mkdir()
+    kept = {name: value for name, value in os.environ.items() if name not in ("HOME", "XDG_CACHE_HOME", "MPLCONFIGDIR")}
+    environment = kept | {"PYTHONPATH": str(tmp_path), "TMPDIR": str(tmp_path / "temporary")}
+    text = written(quick({"e": 0.5}).text, tmp_path)
+    for command in (
+        ["run", text, "-o", "a.nc"],
+        ["verify", "a.nc"],
+        ["plan", text],
+        ["report", "a.nc", "-o", "a.html"],
+    ):
+        call = [sys.executable, "-c", "import sys; from workflow.cli import main; main()", *map(str, command)]
+        done = subprocess.run(call, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "home" not in done.stdout + done.stderr
+    assert list((tmp_path / "temporary").iterdir()) == []
+
+
 def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     interrupted(STUDY, archive, 2)

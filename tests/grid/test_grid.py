@@ -220,7 +220,7 @@ output: {interval: 1 ms}
     assert 0 < figures.fastest < figures.slowest
     warnings = "\n".join(planned.warnings)
     assert "moreau damps the first mode (1090 Hz) more than its own 0.0014 of critical" in warnings
-    assert "0.32 at h = 0.0001 s" in warnings
+    assert "0.3 at h = 0.0001 s, 0.8 at h = 0.001 s" in warnings
     assert "early diverges, its free step grows" in warnings
     assert planned.bytes > 8 * 301 * 3 * 8
 
@@ -262,7 +262,7 @@ def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
 
 def test_a_mode_that_does_not_swing_is_not_said_to_be_damped_numerically() -> None:
     """Beyond critical damping the factor of a step is real: the ratio was infinite."""
-    for ratio, expected in ((0.9, 1), (5, 0)):
+    for ratio, expected in ((0.3, 1), (5, 0)):
         text = SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", f"damping: {{ratio: {ratio}}}")
         warnings = plan_study(parsed(f"study: a\n{text}axes: {{h: 1e-4}}\n")).warnings
         assert sum("damps the first mode" in line for line in warnings) == expected

@@ -30,7 +30,7 @@ def test_a_plausible_scene_has_nothing_to_say() -> None:
 def test_a_gap_in_metres_cannot_be_reached() -> None:
     """``gap: 20`` was meant as 20 um: 24 N on 1e6 N/m move the tip by 24 um."""
     (warning,) = warnings(BLADE.replace("20 um", "20") + "axes: {scheme: event_driven}\n")
-    assert warning.startswith("the tip cannot reach the casing at gap = 20 m: without contact it stays below 2.4e-05 m")
+    assert warning.startswith("the tip cannot reach the casing at gap = 20 m: without contact it stays below 24 µm")
 
 
 @pytest.mark.filterwarnings("ignore:overflow")

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import pwd
 from typing import Any, NamedTuple
 
+import pytest
+
+from workflow.grid._speed import factor
+from workflow.kernels import cache
 from workflow.kernels.compiled import by_type, defines, inlined, kernel
 
 
@@ -49,3 +54,15 @@ def both(law: Any, x: float) -> float:
 def test_a_part_is_linked_where_its_first_caller_is_left_out() -> None:
     """Without it the kernel would call nothing at an address of 0."""
     assert both(Never(0.0), 2.0) == 18.0
+
+
+def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    def getpwuid(user: int) -> Any:
+        raise KeyError(user)
+
+    monkeypatch.setattr(pwd, "getpwuid", getpwuid)
+    monkeypatch.setattr(cache, "__file__", "/proc/none/cache.py")  # an installation of someone else
+    for name in ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    assert cache.directory_of.__wrapped__("workflow.kernels") is None
+    assert factor() is None

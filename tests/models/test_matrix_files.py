@@ -20,6 +20,7 @@ from workflow.models._matrix_entries import in_si
 CALCULIX = Path(__file__).parent / "calculix"
 CHAIN = heavy_chain(nodes=5)
 ENTRIES = matrices_of(CHAIN)
+E00 = np.diag([1.0, 0, 0, 0, 0])
 
 
 def assembled(path: Path, **parameters: Any) -> Matrices:
@@ -106,6 +107,19 @@ BROKEN = {
     "shares": ({**ENTRIES, "thermal_contact": np.full(5, 0.5)}, "2.5 in sum"),
     "labels": ({**ENTRIES, "labels": np.array(["a", "b"])}, "2 labels"),
     "label twice": ({**ENTRIES, "labels": np.array(list("abcda"))}, "twice"),
+    "shares that round to one": ({**ENTRIES, "thermal_contact": np.full(5, 0.2 + 1e-9)}, r"are 1\.00000000\d+ in sum"),
+    "asymmetric by rounding": (
+        changed("stiffness", lambda m: m * (1 + 1e-9 * np.triu(np.ones((5, 5)), 1))),
+        r"-20000000\.0 at \(1, 0\), -20000000\.02\d* across: write both halves alike: \(K \+ K\.T\)/2 if",
+    ),
+    "free by seven digits": (
+        changed("stiffness", lambda m: (m - m[0, 0] / 2 * E00) * (1 - 1e-7 * np.eye(5))),
+        "stiffness is indefinite by .e-07 of its diagonal, which rounding of the numbers in its file does: write them",
+    ),
+    "dense and sparse": (
+        {**ENTRIES, **{f"mass_{part}": np.ones(1, int) for part in ("data", "row", "col", "shape")}},
+        "`mass` is there twice, dense and sparse",
+    ),
 }
 
 
@@ -153,14 +167,6 @@ def later_mat(tmp_path: Path) -> Path:
     return path
 
 
-def large_file(tmp_path: Path) -> Path:
-    """Two gigabytes that take no room on the disk."""
-    path = tmp_path / "blade.npz"
-    with path.open("wb") as opened:
-        opened.truncate(2**31)
-    return path
-
-
 def other_text(tmp_path: Path) -> Path:
     path = tmp_path / "blade.sti"
     for suffix, text in ((".sti", "a line of words\n"), (".mas", "1 1 1.0\n"), (".dof", "1.1\n")):
@@ -168,14 +174,92 @@ def other_text(tmp_path: Path) -> Path:
     return path
 
 
+def head_of(name: str, text: str) -> Callable[[Path], Path]:
+    """Return what writes a directory of which one file is a text."""
+
+    def write(tmp_path: Path) -> Path:
+        path = as_directory(ENTRIES, tmp_path)
+        (path / "mass.mtx").unlink()
+        (path / name).write_text(text)
+        return path
+
+    return write
+
+
+def calculix(stiffness: str, mass: str = "1 1 1.0\n2 2 1.0\n") -> Callable[[Path], Path]:
+    """Return what writes CalculiX's files of two freedoms."""
+
+    def write(tmp_path: Path) -> Path:
+        path = tmp_path / "blade.sti"
+        for suffix, text in ((".sti", stiffness), (".mas", mass), (".dof", "1.1\n1.2\n")):
+            path.with_suffix(suffix).write_text(text)
+        return path
+
+    return write
+
+
+def output4(*names: str) -> Callable[[Path], Path]:
+    """Return what writes matrices of OUTPUT4 by these names, with 1 to n on their diagonals."""
+
+    def write(tmp_path: Path) -> Path:
+        from pyyeti.nastran import op4
+
+        path = tmp_path / "blade.op4"
+        op4.write(str(path), list(names), [(k + 1.0) * np.eye(5) for k in range(len(names))])
+        return path
+
+    return write
+
+
+MARKET = "%%MatrixMarket matrix coordinate "
+BOEING = (
+    f"{'a':72}b\n{4:14}{1:14}{1:14}{2:14}{0:14}\n{{}}{2:25}{2:14}{2:14}{0:14}\n{'(16I5)':16}{'(16I5)':16}{{}}\n{{}}"
+)
 HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
     "pickle": (pickled, "no NPZ file, or damaged: Object arrays cannot be loaded"),
     "NPZ header that lies": (lying_npz, "no NPZ file, or damaged"),
     "Matrix Market header that lies": (market("5 5 100000000000"), "no MTX file, or damaged"),
     "Matrix Market header of a giant": (market("4000000000 4000000000 1"), "at most"),
     "MATLAB 7.3": (later_mat, "-v7"),
-    "too large": (large_file, "at most"),
-    "text of another kind": (other_text, "no STI file, or damaged"),
+    "pattern": (
+        head_of("mass.mtx", MARKET + "pattern general\n2 2 1\n1 1\n"),
+        "mass.mtx` begins with .* pattern general`",
+    ),
+    "complex": (head_of("mass.mtx", MARKET + "complex general\n1 1 1\n1 1 1 0\n"), "begins with .* complex general`"),
+    "cut behind E": (
+        head_of("mass.mtx", MARKET + "real general\n1 1 1\n1 1 1E"),
+        "line 3: `1 1 1E` is not row, column",
+    ),
+    "cut in a number": (
+        head_of("mass.mtx", MARKET + "real general\n1 1 1\n1 1 20"),
+        "`mass.mtx`, line 3: `1 1 20` is not row, column and value and the end of a line",
+    ),
+    "four words": (head_of("mass.mtx", MARKET + "real general\n1 1 1\n1 1 1 500\n"), "line 3: `1 1 1 500` is not"),
+    "index with a point": (head_of("mass.mtx", MARKET + "real general\n1 1 1\n1.0 1 1\n"), "line 3: `1.0 1 1` is"),
+    "fraction of an integer": (
+        head_of("mass.mtx", MARKET + "integer general\n% one\n2 2 1\n1 1 1,5\n"),
+        "`mass.mtx`, line 4: `1 1 1,5` is not",
+    ),
+    "Harwell-Boeing pattern": (head_of("mass.rua", BOEING.format("PUA", "", "1 2 3\n1 2\n")), "of the type PUA"),
+    "Harwell-Boeing with multiples": (
+        head_of("mass.rua", BOEING.format("RUA", "(1P,4F20.12)", "1 2 3\n1 2\n 1.0 1.0\n")),
+        r"in the format \(16I5\) \(16I5\) \(1P,4F20.12\): write",
+    ),
+    "Harwell-Boeing without gaps": (
+        head_of("mass.rua", BOEING.format("RUA", "(4E20.12)", "    1    2    3\n12\n 1.0 1.0\n")),
+        r"has 6 numbers with gaps between in the format \(16I5\)",
+    ),
+    "Harwell-Boeing, a row with a point": (
+        head_of("mass.rua", BOEING.format("RUA", "(4E20.12)", "1 2 3\n1.5 2\n 1.0 1.0\n")),
+        "has 7 numbers with gaps .*: write 3 column pointers and 2 rows, which are whole",
+    ),
+    "two of Nastran": (output4("KAA", "MAA", "KGG"), "`stiffness` is there twice, as KAA, MAA, KGG: keep one"),
+    "one name twice": (output4("mass", "KAA", "mass"), "`mass` is there twice"),
+    "CalculiX, empty": (calculix(""), "`blade.sti` has 0 rows for the 2 labels of `blade.dof`: take"),
+    "CalculiX, cut off": (calculix("1 1 1.0\n"), "`blade.sti` has 1 rows for the 2 labels"),
+    "CalculiX, a cyclic sector": (calculix("1 1 1.0\n4 4 1.0\n"), "has 4 rows .* a cyclic sector, which is not taken"),
+    "CalculiX, decimal comma": (calculix("1 1 1,0\n2 2 1,0\n"), "`blade.sti`, line 1: `1 1 1,0` is not"),
+    "text of another kind": (other_text, "`blade.sti`, line 1: `a line of words` is not row, column and value"),
 }
 
 
@@ -214,3 +298,42 @@ def test_what_would_be_refused_is_not_written(name: str, changed: dict[str, Any]
     with pytest.raises(UnusableMatricesError, match=problem):
         write_matrices(tmp_path / name, **{**ENTRIES, **changed})
     assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize("suffix", ["rua", "rsa"])
+def test_harwell_boeing_is_read_by_any_format_with_gaps(suffix: str, tmp_path: Path) -> None:
+    """D exponents, a scale factor, and the lower triangle of a symmetric matrix."""
+    formats = {"(4D20.12)": "D", "(1P,3E24.16)": "E", "(3(1P,E24.16))": "e", "(5F16.8)": ""}
+    matrix = scipy.sparse.csc_array(np.tril(ENTRIES["mass"]) if suffix == "rsa" else ENTRIES["mass"])
+    for number, (form, letter) in enumerate(formats.items()):
+        values = (f"{x:.16e}".replace("e", letter) if letter else f"{x:.16f}" for x in matrix.data)
+        cards = (matrix.indptr + 1, matrix.indices + 1, values)
+        text = "".join("".join(f" {each}\n" for each in part) for part in cards)
+        path = tmp_path / str(number)
+        as_directory(ENTRIES, tmp_path).rename(path)
+        (path / "mass.mtx").unlink()
+        head = f"{'a':72}b\n{17:14}{6:14}{5:14}{5:14}{0:14}\n{suffix.upper()}{5:25}{5:14}{matrix.nnz:14}{0:14}\n"
+        (path / f"mass.{suffix}").write_text(f"{head}{'(I5)':16}{'(I5)':16}{form:20}\n{text}")
+        assert np.abs(assembled(path).mass - ENTRIES["mass"]).max() <= 1e-15
+
+
+@pytest.mark.parametrize("value", [np.array([]), np.zeros((0, 0)), np.array("")[None][:0]])
+def test_an_empty_contact_is_one_message(value: Any, tmp_path: Path) -> None:
+    for path in (as_npz({**ENTRIES, "contact": value}, tmp_path), tmp_path / "a.mat"):
+        if path.suffix == ".mat":
+            scipy.io.savemat(path, {**ENTRIES, "contact": value})
+        with pytest.raises(UnusableMatricesError, match="`contact` is empty: write a label, an index or a vector"):
+            assembled(path, contact=None)
+
+
+@pytest.mark.parametrize(
+    "contact", [4, 4.0, np.int16(4), "e", [0, 0, 0, 0, 1], scipy.sparse.csr_array(np.eye(5)[:, 4:])]
+)
+def test_contacts_are_written_as_they_are_given(contact: Any, tmp_path: Path) -> None:
+    others = {"thermal_contact": contact, "tangent": "a", "labels": list("abcde")}
+    structure = assembled(write_matrices(tmp_path / "a.npz", **ENTRIES, contact=contact, **others), contact=None)
+    assert structure.input_contact.tolist() == [0, 0, 0, 0, 1]
+    assert structure.tangent is not None
+    shaken = File("", "a.npz", str(tmp_path / "a.npz"), shaken=1e-9)
+    model = load("matrices")
+    assert model.assemble(model.Parameters(shaken)).input_contact[4] == pytest.approx(1.0, rel=1e-8)

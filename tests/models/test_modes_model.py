@@ -112,7 +112,7 @@ def test_a_head_may_have_units(tmp_path: Path) -> None:
         ("{table: [[1000, 0.01, 1]], coupling: [[1]]}", "without `heat`"),
         ("{table: [[1000, 0.01, 1]], heat: [[1, 1]], coupling: [[1, 2]]}", "1 rows of 2"),
         ("{table: bad.csv}", "has the columns"),
-        ("{table: worse.csv}", "is no table of numbers"),
+        ("{table: worse.csv}", "`worse.csv`, line 2: `1,2,x` is not 3 numbers with commas between"),
         ("{table: kilo.csv}", "`kilo.csv` has `frequency` in kHz; write `frequency [Hz]`"),
     ],
 )

@@ -26,6 +26,7 @@ from workflow.models import (
     structure_from_sparse,
     tip_flexibility,
 )
+from workflow.models._pair import MOST_FULL
 from workflow.models._sparse_from_matrices import _sparse_structure
 from workflow.reduction import names, projection_residual, reduce_structure
 
@@ -159,6 +160,30 @@ REFUSED = {
 def test_what_is_no_structure_is_refused(name: str, matrix: Any, problem: str) -> None:
     with pytest.raises(UnusableMatricesError, match=problem):
         structure_from_sparse(long_chain(2001, **{name: csc_array(matrix)}))
+
+
+@pytest.mark.parametrize(
+    "cut", [{"isolated": 100}, {"two pieces": 150}, {"all apart": None}], ids=lambda c: next(iter(c))
+)
+def test_a_loose_piece_of_heat_is_dense_or_refused(chain: Structure, cut: dict[str, int | None]) -> None:
+    """Conductances at random, so that rounding leaves no pivot of the piece exactly zero."""
+    for nodes in (NODES, 2001):
+        ((kind, place),) = cut.items()
+        conductances = np.random.default_rng(3).uniform(0.3, 3, nodes)  # the first to the root, where nothing is
+        conductances[0] = 0.0
+        conductances[slice(None) if place is None else slice(place, place + 1 + (kind == "isolated"))] = 0.0
+        beyond = np.append(conductances[1:], 0.1 if kind == "two pieces" else 0.0)
+        matrix = diags_array([conductances + beyond, *2 * [-conductances[1:]]], offsets=[0, 1, -1])
+        given = long_chain(nodes, conductance=csc_array(matrix), coupling=csc_array((nodes, nodes)))
+        if nodes > MOST_FULL:
+            with pytest.raises(
+                UnusableMatricesError, match="heat cannot leave some temperatures, nor reach the contact's: hold it"
+            ):
+                structure_from_sparse(given)
+            continue
+        structure = structure_from_sparse(given)
+        assert not isinstance(structure, Sparse)
+        assert int((rates(structure) == 0).sum()) == {"isolated": 3, "two pieces": 1, "all apart": nodes}[kind]
 
 
 def test_a_small_free_structure_is_dense(chain: Structure) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from browser import chromium
+from browser import DEEP, chromium, opened, window
 from hostile import ESCAPES, SCRIPT, changed, crafted
 from studies import SMALL, parsed
 from workflow.cli import app
@@ -107,6 +107,7 @@ def test_a_page_runs_its_own_scripts_and_connects_to_nothing(pages: list[str]) -
         assert policy["default-src"] == "'none'"
         assert policy["connect-src"] == "'none'"
         assert policy["img-src"] == "data:"
+        assert policy["form-action"] == "'none'"
         assert len(tags.scripts) == scripts
         assert set(policy.get("script-src", "").split()) == tags.hashes
 
@@ -127,6 +128,17 @@ def test_a_browser_runs_nothing_of_a_crafted_archive(pages: list[str], tmp_path:
         assert "b" not in tags.tags
         if tags.scripts:
             assert 'data-ready="yes"' in shown.stdout
+
+
+def test_labels_are_no_markup_in_what_a_library_draws(sound: Path, tmp_path: Path) -> None:
+    """Nor in shadow trees, where sliders and menus are."""
+    text = "<form action=http://127.0.0.1/><i id=planted>x</i>"
+    page = write_report(changed(sound, tmp_path / "a.nc", crafted(text))).page
+    with window(1366) as driver:
+        opened(driver, page)
+        shown = driver.execute_script(DEEP + "return deep(document, '*').map((one) => one.textContent).join(' ')")
+        assert text in shown
+        assert driver.execute_script(DEEP + "return deep(document, 'form, #planted').length") == 0
 
 
 @pytest.mark.parametrize("command", ["show", "verify", "report"])

@@ -96,6 +96,6 @@ def test_a_click_on_a_point_of_a_branch_shows_its_orbit(driver: Any, tmp_path: P
         assert here == pytest.approx([float(one["alpha"]), float(one["steady_max_temperature"])])
         assert_is_orbit(shown(driver), one)
         about = driver.execute_script("return document.getElementById('orbit-about').textContent")
-        assert about.startswith(f"gap {float(one['gap']):g} m: ")
+        assert about.startswith(f"gap {1e6 * float(one['gap']):g} µm: ")
         assert "fold. Phase plane" in about
     assert errors(driver) == []

@@ -205,3 +205,27 @@ def test_an_answer_without_contact_is_cautioned_on_the_page_and_in_json(tmp_path
     assert "Beware: no case that is ok touches its casing" in write_report(archive).page.read_text(encoding="utf-8")
     done = workflow("recommend", archive, "--json", cwd=tmp_path).stdout
     assert json.loads(done)["cautions"] == ["no case that is ok touches its casing, so only free motion is compared"]
+
+
+def test_what_is_somebody_else_s_is_written_over_only_where_it_is_named(
+    archives: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    archive, page, picture = tmp_path / "a.nc", tmp_path / "a.html", tmp_path / "a.png"
+    archive.write_bytes(archives[0].read_bytes())
+    for foreign in (page, picture):
+        foreign.write_text("mine")
+        with pytest.raises(ArchiveError, match=f"{foreign.name}: is there, and no report wrote it"):
+            write_report(archive)
+        assert foreign.read_text() == "mine"
+        foreign.unlink()
+    page.write_text("mine")
+    picture.write_text("mine")
+    with pytest.raises(ArchiveError, match=r"a\.png: is there"):
+        write_report(archive, page)
+    write_report(archive, picture)
+    write_report(archive, page)  # both are named by now, or a report's
+    assert write_report(archive) == ReportFiles(page, picture)
+    Path("report.html").write_text("mine")
+    with pytest.raises(ArchiveError, match=r"report\.html: is there"):
+        write_report(archives)

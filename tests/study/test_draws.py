@@ -64,6 +64,6 @@ def test_more_points_keep_the_first(sample: str) -> None:
 def test_the_plan_names_ranges() -> None:
     study = design("random", 300)
     texts = {one.path: one.text for one in resolved_values(study, arrange(study).settings(0))}
-    assert texts["scene.casing.gap"] == "1.5e-05 to 2.5e-05 m, drawn"
-    assert texts["alpha"] == "1 to 30 W/N, drawn in the logarithm"
+    assert texts["scene.casing.gap"] == "15 µm to 25 µm, drawn"
+    assert texts["alpha"] == "1 W/N to 30 W/N, drawn in the logarithm"
     assert study.resolved()["dimensions"][0]["drawn"]["sample"] == "random"

@@ -32,7 +32,7 @@ from workflow.analysis._limits import (
     limit_sentence,
     limits,
 )
-from workflow.analysis._notable import exact_partners, is_exact, notable_cases, total_error
+from workflow.analysis._notable import exact_partners, exact_place, is_exact, notable_cases, shown_place, total_error
 from workflow.analysis._phases import contact_phases
 from workflow.analysis._precision import ERRORS, SENSELESS, Line, lines, observed_order
 from workflow.analysis._recommend import (

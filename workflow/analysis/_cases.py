@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.judges.trials import EXACT
 from workflow.run import status_name
 from workflow.schemes import Status
 from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, readable
@@ -52,11 +53,17 @@ def runaways(dataset: xr.Dataset) -> tuple[int, int]:
     return above, int(grows.sum()) - above
 
 
+_ROUNDED = 1e-14
+"""Relative difference of a number from its text: of sums, as in 3.0000000000000004."""
+
+
 def exact(value: object) -> str:
-    """Return a value of a coordinate in the fewest digits that select it with ``.sel``, ``30`` and ``1e-06``."""
+    """Return a value of a coordinate in the digits by which an opened archive finds it, ``30`` and ``1e-06``."""
     if not isinstance(value, float | np.floating):
         return str(value)
-    return next((text for digits in range(4, 17) if float(text := f"{value:.{digits}g}") == value), repr(float(value)))
+    number = float(value)
+    texts = (f"{number:.{digits}g}" for digits in range(4, 17))
+    return next((text for text in texts if abs(float(text) - number) <= _ROUNDED * abs(number)), repr(number))
 
 
 def unit_of(values: xr.DataArray) -> str:
@@ -139,11 +146,12 @@ def place_text(dataset: xr.Dataset, place: Mapping[str, int]) -> str:
 
 
 def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
-    unit = unit_of(coordinate)
+    unit, values = unit_of(coordinate), coordinate.values
+    if unit == "m" and 0 < np.abs(values).max(initial=0.0) < 1e-3:
+        unit, values = "µm", 1e6 * values
     before = f"{coordinate.name} ".replace("_", " ") if named else ""
     after = f" {unit}" if unit else ""
     few = rounded and np.issubdtype(coordinate.dtype, np.floating)
-    values = coordinate.values
     texts = rounded_texts(values) if few else [value_text(coordinate, value) for value in values]
     return [before + text + after for text in texts]
 
@@ -215,8 +223,17 @@ def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
 
 
 def finest(dataset: xr.Dataset) -> dict[str, int]:
-    """Return the position of the case to show first: smallest step, most modes, first of the rest."""
+    """Return the position of the most accurate case: exact scheme, smallest step, most modes; largest α, first rest.
+
+    Where no scheme is labelled as the exact one, the first is taken.
+    """
     place = dict.fromkeys(case_dims(dataset), 0)
+    if (
+        "scheme" in dataset.coords
+        and dataset["scheme"].ndim == 1
+        and EXACT in (names := dataset["scheme"].values.tolist())
+    ):
+        place[str(dataset["scheme"].dims[0])] = names.index(EXACT)
     for name, largest in (("h", False), ("thermal_modes", True), ("mechanical_modes", True), ("alpha", True)):
         if name in dataset.coords and dataset[name].ndim == 1:
             values = mode_counts(dataset, name) if name in MODES else np.asarray(dataset[name].values)

@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis._cases import case_dims, finest, modes_along
-from workflow.analysis._recommend import Choice, is_numerical, numerical_dims
+from workflow.analysis._recommend import Choice, NoReferenceError, is_numerical, numerical_dims, recommend
+from workflow.judges.trials import EXACT
 from workflow.schemes import Status
 from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
-
-EXACT = "event_driven"
-"""Method whose results are the exact solution of a model."""
 
 _EXTREMES = (
     ("error", "largest error of the ok cases"),
@@ -71,7 +69,7 @@ def notable_cases(dataset: xr.Dataset, choice: Choice | None) -> dict[int, str]:
     """
     status = np.asarray(dataset["status"].values).ravel()
     reasons: dict[int, str] = {}
-    worst = None if choice is None else choice.number
+    worst = None if choice is None or choice.worst.status != "ok" else choice.number
     if worst is not None:
         reasons[worst] = "worst case of the choice that is recommended, or of the one that comes nearest"
     extremes = _extremes(dataset, status)
@@ -86,6 +84,29 @@ def notable_cases(dataset: xr.Dataset, choice: Choice | None) -> dict[int, str]:
         reasons.setdefault(case, why)
     reasons.setdefault(int(np.argmax(status == Status.OK)), "the first case")
     return reasons
+
+
+def shown_place(dataset: xr.Dataset) -> dict[str, int]:
+    """Return where the case lies that a figure shows: the worst of the choice that is recommended.
+
+    Without such a choice that ok case whose contact impulse is the median of theirs.
+
+    Raises
+    ------
+    ValueError
+        No case is ok.
+    """
+    status = np.asarray(dataset["status"].values)
+    ok = np.flatnonzero(status == Status.OK)
+    if not ok.size:
+        raise ValueError("no case of the dataset is ok")
+    try:
+        choice = recommend(dataset).choice
+    except NoReferenceError:
+        choice = None
+    impulses = np.asarray(dataset.get("contact_impulse", dataset["status"]).values).ravel()[ok]
+    number = ok[np.argsort(impulses, kind="stable")[ok.size // 2]] if choice is None else choice.number
+    return dict(zip(case_dims(dataset), map(int, np.unravel_index(number, status.shape)), strict=True))
 
 
 def _extremes(dataset: xr.Dataset, status: NDArray[np.int8]) -> list[tuple[str, int, str]]:
@@ -113,6 +134,22 @@ def _exact_labels(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[np
     return np.asarray([methods.get(label, label) == EXACT for label in labels])
 
 
+def exact_place(dataset: xr.Dataset, methods: Mapping[str, str]) -> dict[str, int] | None:
+    """Return where the exact solutions with the most modes lie along the dimensions that change the computation alone.
+
+    ``None`` where no scheme is exact. ``methods`` as in :func:`exact_partners`.
+    """
+    exact = _exact_labels(dataset, methods)
+    if not exact.any():
+        return None
+    place, coords = finest(dataset), dataset.coords.items()
+    changing_scene = {dim for name, values in coords if not is_numerical(dataset, str(name)) for dim in values.dims}
+    at = {dim: place[dim] for dim in numerical_dims(dataset) if dim not in changing_scene}
+    for dim in map(str, dataset["scheme"].dims):
+        at[dim] = int(np.argmax(np.where(exact, modes_along(dataset, dim), -np.inf)))
+    return at
+
+
 def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[np.int64]:
     """Return, for each case, the number of the case that is the exact solution of its scene; -1 where there is none.
 
@@ -134,14 +171,9 @@ def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[n
     import xarray as xr
 
     status = np.asarray(dataset["status"].values)
-    exact = _exact_labels(dataset, methods)
-    if not exact.any():
+    at = exact_place(dataset, methods)
+    if at is None:
         return np.full(status.size, -1, dtype=np.int64)
-    place, coords = finest(dataset), dataset.coords.items()
-    changing_scene = {dim for name, values in coords if not is_numerical(dataset, str(name)) for dim in values.dims}
-    at = {dim: place[dim] for dim in numerical_dims(dataset) if dim not in changing_scene}
-    for dim in map(str, dataset["scheme"].dims):
-        at[dim] = int(np.argmax(np.where(exact, modes_along(dataset, dim), -np.inf)))
     number = xr.DataArray(np.arange(status.size).reshape(status.shape), dims=case_dims(dataset))
     partners = number.isel(at).broadcast_like(number).transpose(*number.dims).values.ravel()
     return np.where(status.ravel()[partners] == Status.OK, partners, -1)

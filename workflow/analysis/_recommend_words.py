@@ -10,6 +10,7 @@ import numpy as np
 
 from workflow.analysis._cases import exact
 from workflow.analysis._recommend import SPREAD, Choice, Recommendation, Worst
+from workflow.declare import measure
 from workflow.schemes import Status, limit_text
 from workflow.study import AUTO, MODES
 from workflow.variables import COMPARED
@@ -73,6 +74,8 @@ def sentence(recommendation: Recommendation) -> str:
     """Return the answer as sentences that can be quoted."""
     tolerance, units = percent(recommendation.tolerance), recommendation.units
     if recommendation.choice is None:
+        if recommendation.next is not None and recommendation.next.worst.status == "not_run":
+            return f"No choice that has run in all its cases meets {tolerance}. Run the study to its end."
         nearest = _nearest(recommendation)
         return f"Nothing in this study meets {tolerance} in {_judged(recommendation, recommendation.next)}. {nearest}"
     choice, worst = recommendation.choice, recommendation.choice.worst
@@ -172,8 +175,8 @@ def percent(share: float) -> str:
 
 
 def _with_unit(name: str, value: Any, units: Mapping[str, str]) -> str:
-    """Return the value of a coordinate, in the digits that select it, with its unit."""
-    return f"{exact(value)} {units.get(name, '')}".rstrip()
+    """Return the value of a coordinate with its unit."""
+    return measure(value, units.get(name, "")) if isinstance(value, float) else str(value)
 
 
 def _cost(choice: Choice) -> str:
@@ -225,8 +228,6 @@ def _nearest(recommendation: Recommendation) -> str:
         return text + "Add a smaller tolerance of `auto`."
     if worst.limited_by == "basis":
         return text + "Add more modes, or `full`."
-    if worst.status == "not_run":
-        return text + "Run the study to its end."
     if worst.limited_by == "status":
         return text + "Add a scheme or a step at which that case ends ok."
     return text + "Add smaller steps and more modes."

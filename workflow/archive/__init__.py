@@ -6,7 +6,7 @@ xarray, netCDF4 and h5py are imported when they are needed, not with this packag
 """
 
 from workflow.archive._content import LEFT_OUT
-from workflow.archive._files import ArchiveError, commit, usable
+from workflow.archive._files import ArchiveError, commit, file_of, usable
 from workflow.archive._gather import gather
 from workflow.archive._open import (
     content_hash,
@@ -18,7 +18,7 @@ from workflow.archive._open import (
     statuses,
     study_text,
 )
-from workflow.archive._parts import Command, file_of, parts_of, read_command, remove_parts, start_parts
+from workflow.archive._parts import Command, parts_of, read_command, remove_parts, start_parts
 from workflow.archive._provenance import (
     COPIED,
     SOFTWARE,
@@ -42,3 +42,4 @@ from workflow.archive._stored import (
     stored_hashes,
     surplus,
 )
+from workflow.archive._trial import require_readable

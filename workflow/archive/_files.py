@@ -51,6 +51,15 @@ def usable(path: str | Path) -> Path:
     return path
 
 
+def file_of(archive: Path) -> tuple[int, int] | None:
+    """Return which file is under an archive's name, ``None`` where none is."""
+    try:
+        about = archive.stat()
+    except FileNotFoundError:
+        return None
+    return about.st_ino, about.st_mtime_ns
+
+
 def _unlike_utf8(path: Path) -> str:
     """Say why a path is no text: its bytes are none, or Python was told of another encoding than theirs."""
     try:

@@ -17,6 +17,7 @@ from workflow.archive._content import hash_content
 from workflow.archive._create import FORMAT, FORMAT_NAME
 from workflow.archive._files import ArchiveError, reading, reason, unreadable, usable, writing
 from workflow.archive._gather import assemble
+from workflow.archive._own_data import require_own_data
 from workflow.archive._parts import COMMAND, Command, parts_of, read_command
 from workflow.archive._provenance import grid_of
 from workflow.archive._seal import is_intact, is_sealed
@@ -173,6 +174,7 @@ def _read(path: Path) -> Iterator[Any]:
     """Open a finished archive with h5py."""
     _look(path)
     with opened(path) as file:
+        require_own_data(path, file)
         _recognise(path, file.attrs)
         yield file
 
@@ -244,6 +246,8 @@ def discard_views() -> None:
 
 def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
     _look(path)
+    with opened(path) as file:
+        require_own_data(named, file)
     try:
         dataset = open_dataset(path, chunks)
     except Warning:  # about the chunks asked for, where warnings are errors

@@ -28,7 +28,7 @@ class Command:
         Which file was under the archive's name, ``None`` where none was: another one may come under it, with the very
         same bytes.
     begun
-        Time at which the run began, in ns.
+        Number of the command; those of later ones are larger.
     retry, recompute, drop, since
         What it does with cases that are stored already.
     """
@@ -51,15 +51,6 @@ class Command:
     def study(self) -> str:
         """Name of the study."""
         return str(json.loads(self.texts["resolved"])["study"])
-
-
-def file_of(archive: Path) -> tuple[int, int] | None:
-    """Return which file is under an archive's name, ``None`` where none is."""
-    try:
-        about = archive.stat()
-    except FileNotFoundError:
-        return None
-    return about.st_ino, about.st_mtime_ns
 
 
 def parts_of(path: str | Path) -> Path:

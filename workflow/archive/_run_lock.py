@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from workflow.archive._files import ArchiveError, require_directory, writing
+from workflow.archive._files import ArchiveError, reason, require_directory, writing
 
 HOLDER = "holder"
 """File in the directory of the shards that the running process keeps locked."""
@@ -58,9 +58,10 @@ def _locked(parts: Path) -> IO[str]:
             file.seek(0)
             who = file.read().strip() or "a process that has not said which"
             file.close()
-            raise ArchiveError(
-                f"{parts}: another run has it ({who}); wait for it or stop it, then try again"
-            ) from error
+            why = f"another run has it ({who}); wait for it or stop it, then try again"
+            if not isinstance(error, BlockingIOError | PermissionError):
+                why = f"its file system has no locks ({reason(error)}); choose an archive on another one with -o"
+            raise ArchiveError(f"{parts}: {why}") from error
         if _same_file(file, parts / HOLDER):
             return file
         file.close()

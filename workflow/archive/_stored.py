@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive._files import reading
+from workflow.archive._files import ArchiveError, file_of, reading
 from workflow.schemes import Status
 from workflow.variables import BY_NAME
 
@@ -116,7 +116,7 @@ def archive_sources(path: Path) -> list[Source]:
     ArchiveError
         It is damaged.
     """
-    hashes = stored_hashes(path)
+    then, hashes = file_of(path), stored_hashes(path)
     with opened(path) as file:
         status, lengths = file[STATUS][...], file[STATUS].chunks or ()
         kinds = {name: (each.dtype, each.shape[status.ndim :]) for name, each in file.items() if hasattr(each, "dtype")}
@@ -124,7 +124,7 @@ def archive_sources(path: Path) -> list[Source]:
     sources = []
     for box in boxes(status.shape, lengths):
         cases = index[box].ravel()
-        sources.append(Source(hashes[cases], status.ravel()[cases], partial(_read, path, box), kinds))
+        sources.append(Source(hashes[cases], status.ravel()[cases], partial(_read, path, then, box), kinds))
     return sources
 
 
@@ -134,10 +134,12 @@ def boxes(shape: Sequence[int], lengths: Sequence[int]) -> Iterator[tuple[slice,
     return product(*sides)
 
 
-def _read(path: Path, box: tuple[slice, ...], name: str) -> NDArray[Any]:
-    """Return a variable of a box of cases, ``(case, …)``."""
+def _read(path: Path, then: tuple[int, int] | None, box: tuple[slice, ...], name: str) -> NDArray[Any]:
+    """Return a variable of a box of cases, ``(case, …)``, of the very file whose hashes were read."""
     with opened(path) as file:
         values = np.asarray(file[name][box])
+    if file_of(path) != then:
+        raise ArchiveError(f"{path}: was replaced while cases are taken from it; give the command again")
     values = values.reshape(-1, *values.shape[len(box) :])
     return np.ascontiguousarray(values).view(f"S{values.shape[1]}")[:, 0] if name == MESSAGE else values
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,14 +20,22 @@ def open_dataset(path: Path, chunks: Any) -> xr.Dataset:
     import xarray as xr
 
     from workflow.archive._lock import LOCK
+    from workflow.archive._numbers import find_near
+    from workflow.archive._xarray_parts import ZipIndex, turnable
 
     open_file = partial(xr.open_dataset, path, engine="netcdf4", decode_timedelta=False, lock=LOCK)
     with LOCK:
         dataset = open_file(chunks=_finest(open_file) if chunks == "auto" else chunks)
-    indexed = dataset  # without the lock: dask reads coordinates in threads
+    texts = {name: each for name, each in dataset.variables.items() if each.dtype.kind == "O" and not each._in_memory}
+    indexed = dataset.assign({name: turnable(each) for name, each in texts.items() if chunks is None})
+    along: dict[Hashable, list[Hashable]] = {}  # without the lock: dask reads coordinates in threads
     for name, coordinate in dataset.coords.items():
         if coordinate.ndim == 1 and name not in dataset.xindexes:
-            indexed = indexed.set_xindex(str(name))
+            along.setdefault(coordinate.dims[0], []).append(name)
+    for names in along.values():
+        indexed = indexed.set_xindex(names, ZipIndex if len(names) > 1 else None)
+    for index in indexed.indexes.values():
+        find_near(index)
     indexed.set_close(dataset._close)
     return indexed
 

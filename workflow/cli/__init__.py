@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import os
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing typing itself would lengthen the time before signals are heeded
@@ -22,7 +23,11 @@ make many objects and leave next to no cycles."""
 
 def main() -> None:
     """Entry point of the command ``workflow``."""
+    if os.path.expanduser("~") == "~":
+        _make_home()
     gc.set_threshold(GARBAGE)
+    for name in [name for name in os.environ if name.startswith(("MPLBACKEND", "BOKEH_"))]:
+        del os.environ[name]  # figures and pages are files here, whatever a shell asks of windows and servers
     atexit.register(gc.freeze)  # or Python looks through all objects for garbage when it ends
     from workflow.cli._stop import heed_signals
     from workflow.pinning import pin
@@ -32,6 +37,15 @@ def main() -> None:
     from workflow.cli._app import run_application
 
     run_application()
+
+
+def _make_home() -> None:
+    """Give a user without a home, as containers have, one for the caches of libraries until the process ends."""
+    import shutil
+    import tempfile
+
+    os.environ["HOME"] = tempfile.mkdtemp(prefix="workflow-")
+    atexit.register(shutil.rmtree, os.environ["HOME"], ignore_errors=True)
 
 
 def __getattr__(name: str) -> Any:

@@ -66,12 +66,14 @@ def _to_be_mended(error: Exception) -> list[str]:
     from workflow.archive import ArchiveError
     from workflow.models import UnusableMatricesError
     from workflow.registry import BrokenModuleError
+    from workflow.schemes import RefusedStructureError
     from workflow.study import StudyError
 
     match error:
         case StudyError():
             return [str(mistake) for mistake in error.mistakes]
-        case UnusableMatricesError() | BrokenModuleError():  # of one value: what is wrong with all is the study's
+        case UnusableMatricesError() | BrokenModuleError() | RefusedStructureError():
+            # of one value: what is wrong with all is the study's
             return [f"a structure of this study cannot be used: {error}"]
         case ArchiveError():
             return [str(error)]

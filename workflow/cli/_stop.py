@@ -57,7 +57,7 @@ def _wait(reading: int) -> None:
 def _end(number: int) -> None:
     try:
         line = _STOP_MESSAGES[-1]() if _STOP_MESSAGES else "stopped"
-        _discard_views()
+        _discard_temporary_files()
     except BaseException:  # in the middle of an import, say
         line = "stopped"
     shown = b"\r\x1b[2K\x1b[?25h" if os.isatty(2) else b""  # a progress bar's line goes, the cursor it hid comes back
@@ -67,11 +67,12 @@ def _end(number: int) -> None:
         os._exit(128 + number)
 
 
-def _discard_views() -> None:
-    """Remove temporary files of unfinished archives that are open."""
-    archive = sys.modules.get("workflow.archive")
-    if archive is not None and hasattr(archive, "discard_views"):
-        archive.discard_views()
+def _discard_temporary_files() -> None:
+    """Remove views of unfinished archives that are open, and files of a study that are being read."""
+    for room, discard in (("archive", "discard_views"), ("models", "discard_files")):
+        module = sys.modules.get(f"workflow.{room}")
+        if module is not None and hasattr(module, discard):
+            getattr(module, discard)()
 
 
 @contextmanager

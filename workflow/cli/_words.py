@@ -10,21 +10,32 @@ import typer
 if TYPE_CHECKING:
     from workflow.study import Study
 
-StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="YAML study, or an archive whose study to repeat.")]
-ArchiveFile = Annotated[Path, typer.Argument(metavar="ARCHIVE", help="Archive that `workflow run` wrote.")]
-ArchiveFiles = Annotated[list[Path], typer.Argument(metavar="ARCHIVE...", help="Archives that `workflow run` wrote.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")]
-
-_HDF5 = b"\x89HDF\r\n\x1a\n"
-
 
 def named(archive: Path) -> Path:
-    """Refuse a path that names no file: nothing, a dot, the root."""
-    from workflow.archive import ArchiveError
+    """Refuse a path that names no file, nothing, a dot, the root, and an archive that libraries cannot read."""
+    from workflow.archive import ArchiveError, require_readable
 
     if not archive.name:
         raise ArchiveError(f"{archive}: a directory, not an archive; name a file")
+    require_readable(archive)
     return archive
+
+
+def _all_named(archives: list[Path]) -> list[Path]:
+    return [named(archive) for archive in archives]
+
+
+StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="YAML study, or an archive whose study to repeat.")]
+ArchiveFile = Annotated[
+    Path, typer.Argument(metavar="ARCHIVE", help="Archive that `workflow run` wrote.", callback=named)
+]
+ArchiveFiles = Annotated[
+    list[Path],
+    typer.Argument(metavar="ARCHIVE...", help="Archives that `workflow run` wrote.", callback=_all_named),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Write JSON instead of text.")]
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 Settings = Annotated[
@@ -40,7 +51,7 @@ def read(path: Path, settings: list[str] | None = None) -> Study:
 
     replaced = _settings(settings or [])
     if _is_hdf5(path):
-        text, files = study_text(path)
+        text, files = study_text(named(path))
         return parse_study(text, path.name, replaced, attached=unpacked(files))
     return read_study(path, replaced)
 

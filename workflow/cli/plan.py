@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workflow.cli._terminal import say, write_json
+from workflow.cli._terminal import console, say, write_json
 from workflow.cli._words import AsJson, Settings, StudyFile, named, read
 from workflow.cli.show import decided_lines
 
@@ -35,7 +35,8 @@ def plan(
     from workflow.run import holdings
 
     requested = read(study, settings)
-    plan = plan_study(requested)
+    with console().status("planning"):
+        plan = plan_study(requested)
     held = None if output is None else holdings(requested, named(output))
     if as_json:
         write_json({**vars(plan), "archive": held})

@@ -76,6 +76,8 @@ def _write_text(recommendation: Recommendation, table: list[Recommendation]) -> 
     from workflow.cli._terminal import clean
 
     say(sentence(recommendation))
+    if recommendation.choice is None and recommendation.next and recommendation.next.worst.status == "not_run":
+        return  # every row would say so
     if recommendation.undecidable:
         say(undecidable(recommendation))
     drawn = Table(box=None, pad_edge=False)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from workflow.cli._terminal import clean, console, say
-from workflow.cli._words import ArchiveFiles, named
+from workflow.cli._words import ArchiveFiles
 
 
 def report(
@@ -25,15 +25,14 @@ def report(
     ] = None,
 ) -> None:
     """Write figures and tables of one archive or several as one self-contained HTML page."""
-    paths = [named(archive) for archive in archives]
-    with console().status(clean(f"reading {', '.join(path.name for path in paths)}, drawing figures and the page")):
+    with console().status(clean(f"reading {', '.join(path.name for path in archives)}, drawing figures and the page")):
         from workflow.archive import require_whole
         from workflow.report import write_report
 
         try:
-            written = write_report(paths, output)
+            written = write_report(archives, output)
         except (LookupError, ValueError):  # of a variable, say, that another program has taken away
-            for path in filter(Path.exists, paths):
+            for path in filter(Path.exists, archives):
                 require_whole(path)
             raise
     if written.figure is not None:

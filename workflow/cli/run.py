@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -102,3 +103,4 @@ def _tell(outcome: Outcome) -> None:
     bad = cases - outcome.counts.get("ok", 0) + outcome.without_error
     if bad > len(outcome.failures):
         say(f"  … and {bad - len(outcome.failures)} more; `workflow show {outcome.archive}` groups them")
+    say(f"next: {shlex.join(('workflow', 'report', str(outcome.archive)))}")

@@ -69,7 +69,7 @@ def _entries(archive: Path, dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
-    from workflow.analysis import case_dims, exact, labels_of, unit_of, value_text
+    from workflow.analysis import case_dims, exact, labels_of
 
     for dim in case_dims(dataset):
         values = labels_of(dataset, dim, named=False)
@@ -77,7 +77,7 @@ def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
         yield f"  {dim} ({len(values)}): {'; '.join(values[:VALUES_SHOWN])}{more}"
     for name in dataset.coords:
         if dataset[name].ndim == 0:
-            yield f"  {name} = {value_text(dataset[name], dataset[name].item())} {unit_of(dataset[name])}".rstrip()
+            yield f"  {name} = {labels_of(dataset.expand_dims(name), str(name), named=False)[0]}"
     if "t" in dataset.sizes:
         t = dataset["t"].values
         yield f"  t: {t.size} samples to {exact(t[-1])} s"

@@ -10,7 +10,6 @@ from functools import lru_cache
 from math import isnan, nan
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from workflow.grid._conditions import conditions
 from workflow.grid._corners import Corner, corner_text, corners_of
@@ -19,6 +18,7 @@ from workflow.grid._waiting_for import TRIALS, waiting_for
 from workflow.judges.least_vectors import FullTrials, LeastVectors, least_vectors, richest
 from workflow.judges.refinement import coarsest, is_refined, refined_vectors
 from workflow.judges.trials import Counts, Problem
+from workflow.models import one_thread
 from workflow.schemes import Sampling
 from workflow.study import CHOSEN, CaseSettings, Dimension
 
@@ -92,7 +92,7 @@ class Setting:
 @lru_cache(maxsize=4096)
 def choose(setting: Setting, tolerance: float) -> ChosenModes:
     """Return the counts of the smallest reduced model that meets a tolerance in all corners."""
-    with threadpool_limits(limits=1, user_api="blas"), waiting_for(TRIALS):
+    with one_thread(), waiting_for(TRIALS):
         corners, trials = _full_trials(setting.with_counts((CHOSEN, CHOSEN)))
         return _choice(least_vectors(trials, setting.requested, tolerance), corners)
 
@@ -103,7 +103,7 @@ def refine(setting: Setting, tolerance: float) -> ChosenModes:
     structure = full_structure(setting.settings)
     if not is_refined(structure):
         return choose(setting, tolerance)
-    with threadpool_limits(limits=1, user_api="blas"), waiting_for(TRIALS):
+    with one_thread(), waiting_for(TRIALS):
         corners, problem = _problem(setting, coarsest(structure, setting.requested))
         return _choice(refined_vectors(problem, setting.requested, tolerance), corners)
 

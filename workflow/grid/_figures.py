@@ -30,7 +30,7 @@ class Figures:
     slowest, fastest
         Longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode.
     critical_alpha
-        α_c, m/s.
+        α_c, W/N.
     """
 
     label: str
@@ -72,11 +72,13 @@ def size_text(settings: CaseSettings) -> str:
 
 
 def _condensed(settings: CaseSettings) -> str:
-    """Return how many degrees of freedom without mass or heat capacity are condensed statically; empty for none."""
+    """Return how many degrees of freedom are condensed statically, or held by their file; empty for none."""
     coordinates = full_structure(settings).coordinates
-    counts = (0, 0) if coordinates is None else coordinates.condensed
-    kinds = zip(counts, ("without mass", "without heat capacity"), strict=True)
-    return "".join(f" + {count} {kind}, condensed" for count, kind in kinds if count)
+    if coordinates is None:
+        return ""
+    kinds = ("without mass, condensed", "without heat capacity, condensed", "held", "held at temperature 0")
+    counts = zip((*coordinates.condensed, *coordinates.held), kinds, strict=True)
+    return "".join(f" + {count} {kind}" for count, kind in counts if count)
 
 
 def distinct_lines(lines: Iterable[str], most: int) -> tuple[str, ...]:

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
-from workflow import models, schemes
+from workflow import schemes
 from workflow.grid._compile import KernelVariant, compile_scheme
 from workflow.judges.blow_ups import mark_blown_up
 from workflow.judges.runaways import Runaways
@@ -23,7 +22,9 @@ from workflow.models import (
     at_rest,
     instantaneous_growth,
     needs_matrices,
+    one_thread,
     static_tip_growth,
+    structure_of,
     tip_flexibility,
 )
 from workflow.reduction import ReducedModel, projection_residual, reduced_model
@@ -32,13 +33,6 @@ from workflow.study import CaseSettings
 
 _MOST_OPERATORS = 16
 """Operators kept per process; tasks run through them in order, so few are alive at a time."""
-
-
-@lru_cache(maxsize=_MOST_OPERATORS)
-def structure_of(model: str, parameters: Any) -> Structure:
-    """Return the full structure of a model, made by one thread of BLAS wherever it is made."""
-    with threadpool_limits(limits=1, user_api="blas"):
-        return models.load(model).assemble(parameters)
 
 
 def full_structure(settings: CaseSettings) -> Structure:
@@ -74,7 +68,7 @@ def reduced(settings: CaseSettings) -> Reduced:
 @lru_cache(maxsize=_MOST_OPERATORS)
 def model_on(by: Reduced) -> ReducedModel:
     """Return the structure of a model as its basis leaves it, and its reduction."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_thread():
         return reduced_model(structure_of(by.model, by.parameters), *by.modes, by.basis, by.duration)
 
 

@@ -18,7 +18,7 @@ from workflow.grid._reference import solution_counts
 from workflow.grid._reference_solutions import reference_settings
 from workflow.grid._tasks import tasks
 from workflow.grid._warnings import looked_at, warnings
-from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod
+from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod, one_thread
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
 _STRUCTURES_SHOWN = 8
@@ -93,9 +93,7 @@ def plan_study(study: StudySource) -> Plan:
 
 def plan(grid: Grid) -> Plan:
     """Return the plan of a study."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices are small
+    with one_thread():  # matrices are small
         return _plan(grid)
 
 
@@ -145,7 +143,7 @@ def _operators(grid: Grid) -> Iterator[str]:
             structure, parts = reduced_structure(settings), []
             if scheme.operator_name is not None:
                 parts.append(scheme.operator_name(structure))
-            if scheme.contact_stiffness_of is not None:
+            if scheme.contact_stiffness_of is not None and not scheme.refusal(structure, settings.scheme.options):
                 stiffness = scheme.contact_stiffness_of(structure, settings.scheme.options)
                 parts.append(f"contact stiffness {stiffness:.4g} N/m")
             if any(parts):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,12 @@ from workflow.study import CaseSettings
 LOST = 1e-3
 """Share of initial states and constant loads that a basis may lose without a word, see ``projection_residual``."""
 
+_SPEEDS = 100.0, 20e3
+"""Least and largest speed of sound of a blade, m/s: of soft rubber and above diamond's."""
+
+_LIGHTEST = 100.0
+"""Density below which nothing is a blade, kg/m³: that of cork or foam."""
+
 MOST_CASES, MOST_OUTER = 500, 64
 """Cases of an outer index and outer indices that are looked at; of more cases a regular choice."""
 
@@ -26,10 +33,11 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
     """Yield what to beware of in springs, structures with the conditions of their cases, and bases."""
     parameters = f"scene.{grid.study.scene.model}."
     for settings in _distinct_settings(grid, "scheme", "schemes.", parameters):
-        stiffness_of = schemes.load(settings.scheme.method).contact_stiffness_of
-        if stiffness_of is not None:
-            stiffness = stiffness_of(reduced_structure(settings), settings.scheme.options)
+        scheme, structure = schemes.load(settings.scheme.method), reduced_structure(settings)
+        if scheme.contact_stiffness_of is not None and not scheme.refusal(structure, settings.scheme.options):
+            stiffness = scheme.contact_stiffness_of(structure, settings.scheme.options)
             yield from soft_spring(full_structure(settings), stiffness, settings.scheme.label)
+    yield from _units([one.scene.parameters for one in _distinct_settings(grid, parameters)])
     for settings in _distinct_settings(grid, parameters):
         structure, duration = full_structure(settings), grid.sampling.duration
         is_static = settings.scene.initial == "static"
@@ -47,6 +55,17 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
                 f"{basis} lose {lost:.2g} of initial states or constant loads (projection_residual): what they cannot "
                 "hold is left out of the reduced model"
             )
+
+
+def _units(every: Sequence[Any]) -> Iterator[str]:
+    """Yield that a density or the speed of sound is that of no blade, of parameters that have them."""
+    density = min((one.density for one in every if hasattr(one, "density")), default=np.inf)
+    if density < _LIGHTEST:
+        yield f"a density of {density:.3g} kg/m3 is that of no blade: check its unit, kg/m3 or e.g. `4.43 g/cm**3`"
+    speeds = [one.wave_speed for one in every if getattr(one, "wave_speed", 0) > 0]
+    for speed in (min(speeds, default=np.inf), max(speeds, default=0.0)):
+        if 0 < speed < _SPEEDS[0] or _SPEEDS[1] < speed < np.inf:
+            yield f"sound would pass at {speed:.3g} m/s: check the units of stiffness, density and lengths"
 
 
 def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:

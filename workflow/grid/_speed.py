@@ -64,7 +64,7 @@ def factor() -> float | None:
     try:
         content = json.loads(speed_file().read_text(encoding="utf-8"))
         model, measured = (float(content[name]) for name in _SUMS)
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):  # it is missing or damaged
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError):  # it is missing or damaged, or there is no home
         return None
     return measured / model if model > 0 and measured > 0 else None
 

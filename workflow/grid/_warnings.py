@@ -20,6 +20,7 @@ from workflow.grid._scene_cautions import basis_text, cautions_of_scene
 from workflow.judges.cautions import FEW, FreeModes, Step, StepCaution, free_modes, listed, step_cautions
 from workflow.judges.reasons import reason_of
 from workflow.judges.trials import EXACT
+from workflow.models import one_thread
 from workflow.study import CaseSettings
 
 _REPEATED = 10
@@ -59,9 +60,7 @@ def _coarse_sections(grid: Grid) -> Iterator[str]:
 
 def warning_lines(grid: Grid) -> tuple[str, ...]:
     """Return what a run repeats of :func:`warnings`: the first of them, and how many more ``workflow plan`` names."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices are small
+    with one_thread():  # matrices are small
         try:
             sentences = warnings(grid)
         except (Exception, SystemExit) as error:  # of a foreign scheme's amplification, say: no run fails by it

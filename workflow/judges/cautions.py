@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from workflow.declare import measure
 from workflow.models import (
     Array,
     Cases,
@@ -94,8 +95,8 @@ def _static_reach(structure: Structure, cases: Cases) -> Iterator[str]:
     if structure.load is None and np.any(far):
         k = int(np.argmax(np.where(far, moved, 0.0)))
         yield (
-            f"the load alone would move the tip by {moved[k]:.3g} m, over a gap of {cases.gap[k]:.3g} m: "
-            "check the units of stiffness and load"
+            f"the load alone would move the tip by {measure(moved[k], 'm', 3)}, over a gap of "
+            f"{measure(cases.gap[k], 'm', 3)}: check the units of stiffness and load"
         )
 
 
@@ -106,8 +107,9 @@ def _without_contact(cases: Cases, reach: Array) -> Iterator[str]:
     if clear:
         most = float(reach[np.isin(cases.gap, clear)].max())
         yield (
-            f"the tip cannot reach the casing at gap = {listed(f'{gap:g} m' for gap in clear)}: without contact it "
-            f"stays below {most:.3g} m (static and harmonic answer, and a bound of what the start adds)"
+            f"the tip cannot reach the casing at gap = {listed(measure(gap, 'm', 6) for gap in clear)}: without "
+            f"contact it stays below {measure(most, 'm', 3)} (static and harmonic answer, and a bound of what "
+            "the start adds)"
         )
 
 
@@ -217,15 +219,18 @@ def step_cautions(step: Step) -> Iterator[StepCaution]:
 
 
 def _numerical_damping(scheme: Scheme, step: Step) -> Iterator[StepCaution]:
-    """Yield the numerical damping of an underdamped first mode, -ln|z|/|arg z|, where it exceeds the physical one."""
+    """Yield the numerical damping of an underdamped first mode, where it exceeds the physical one.
+
+    A step multiplies the mode by z = exp(s h) and damps it by ζ = -Re s/|s| of critical; z = 0 stops it at once.
+    """
     assert scheme.amplification is not None
     omega, damping = step.modes.omega[:1], step.modes.damping[:1]
     if not (0 < omega[0] < np.inf and damping[0] < 2 * omega[0]):
         return
     z = complex(scheme.amplification(omega, damping, step.h, step.options)[0, 0])
-    turn = abs(np.angle(z))
+    exponent = complex(np.log(z)) if z else complex(-1.0)
     physical = float(damping[0] / (2 * omega[0]))
-    numerical = (float(-np.log(abs(z)) / turn) if abs(z) > 0 and turn > 0 else float("inf")) - physical
+    numerical = (-exponent.real / abs(exponent) if exponent else 0.0) - physical
     if numerical > physical + _GROWS:
         own = f"more than its own {physical:.2g} of critical" if physical else "which has no damping of its own"
         what = f"damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) {own}, numerically by"

@@ -46,11 +46,11 @@ def directory_of(module: str) -> Path | None:
         return None
     state = _DIGEST, source, sys.version_info[:3], version("numba"), bool(os.environ.get(PLAIN))
     name = hashlib.sha256(repr(state).encode()).hexdigest()[:16]
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    of_user = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
     chosen = os.environ.get("NUMBA_CACHE_DIR")
-    for parent in [Path(chosen)] if chosen else [Path(__file__).parent / "__pycache__", home]:
-        directory = parent / "rotor-stator-workflow" / name
-        with suppress(OSError):
+    for parent in [Path(chosen)] if chosen else [Path(__file__).parent / "__pycache__", of_user]:
+        with suppress(OSError, RuntimeError):  # it cannot be written, or the user has no home
+            directory = parent.expanduser() / "rotor-stator-workflow" / name
             directory.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=directory):
                 os.utime(directory)

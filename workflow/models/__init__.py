@@ -5,8 +5,11 @@ The module ``NAME`` is the model ``NAME`` in ``scene:`` of a study; to add a mod
 
 from __future__ import annotations
 
-from functools import lru_cache
+from contextlib import AbstractContextManager
+from functools import cache, lru_cache
 from typing import Any, Protocol, cast
+
+from threadpoolctl import ThreadpoolController
 
 from workflow.kernels import Array
 from workflow.models._bounds import free_reach
@@ -17,6 +20,7 @@ from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFa
 from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
 from workflow.models._growth import growth, growth_rate, in_contact
 from workflow.models._harmonics import Harmonics
+from workflow.models._laid_out import discard_files, files_laid_out
 from workflow.models._modes import (
     coupled_damping,
     couples_free_modes,
@@ -60,6 +64,9 @@ class Model(Protocol):
         ...
 
 
+_MOST_STRUCTURES = 16
+"""Structures kept per process; a large one from files takes seconds to assemble."""
+
 _MODELS = Registry(__name__, ("Parameters", "assemble"))
 names, fault = _MODELS.names, _MODELS.fault
 
@@ -69,14 +76,35 @@ def load(name: str) -> Model:
     return cast(Model, _MODELS.load(name))
 
 
+@cache
+def _libraries() -> ThreadpoolController:
+    """Return the libraries whose threads are limited: to find them takes longer than a small structure."""
+    return ThreadpoolController()
+
+
+def one_thread() -> AbstractContextManager[Any]:
+    """Limit BLAS to one thread: results do not depend on their number."""
+    return cast(AbstractContextManager[Any], _libraries().limit(limits=1, user_api="blas"))
+
+
+@lru_cache(maxsize=_MOST_STRUCTURES)
+def structure_of(name: str, parameters: Any) -> Structure:
+    """Return the full structure of a model, made by one thread of BLAS wherever it is made.
+
+    Its files are what was read of them, whatever lies at their places by now.
+    """
+    with one_thread(), files_laid_out(parameters) as own:
+        return load(name).assemble(own)
+
+
 @lru_cache(maxsize=1024)
 def sizes(name: str, parameters: Any) -> tuple[int, int]:
     """Return the numbers of mechanical and thermal coordinates of a model's structure, the tip's included."""
-    structure = load(name).assemble(parameters)
+    structure = structure_of(name, parameters)
     return structure.mechanical_size, structure.thermal_size
 
 
 def most_modes(name: str, parameters: Any) -> int | None:
     """Return the largest number of modes of each kind of a structure too large to be kept full, else ``None``."""
-    structure = load(name).assemble(parameters)
+    structure = structure_of(name, parameters)
     return None if structure.has_matrices else structure.mechanical.most_modes

@@ -176,10 +176,10 @@ def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str)
     inertial, loose, null = _without_inertia(inertia, names[0])
     share = contact @ null
     if np.abs(share).max(initial=0.0) > _UNBALANCED * np.abs(contact).max():
-        raise UnusableMatricesError(
-            f"the contact moves without {names[0].replace('_', ' ')}: there is no impact law for it",
-            "choose a degree of freedom that has some",
-        )
+        problem = "the contact moves without mass: there is no impact law for it"
+        if names[0] != "mass":
+            problem = "the contact heats what has no heat capacity, and an impact would heat it without bound"
+        raise UnusableMatricesError(problem, f"choose a degree of freedom that has {names[0].replace('_', ' ')}")
     own = contact[inertial]
     tip = int(np.argmax(np.abs(own)))
     others = np.delete(np.arange(inertial.size), tip)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._from_matrices import COLD, GivenMatrices
-from workflow.models._matrix_files import LABELS, MATRICES, Entries
+from workflow.models._matrix_files import LABELS, MATRICES, VECTORS, Entries
 from workflow.models._semidefinite import UnusableMatricesError
 from workflow.models._structure import Rayleigh
 
@@ -117,7 +118,7 @@ def _thermal_contact(
     shares = _direction(chosen, "thermal_contact", entries, own, count)
     if abs(shares.sum() - 1) > _WHOLE:
         raise UnusableMatricesError(
-            f"the shares of `thermal_contact` are {shares.sum():g} in sum", "they must be 1 in sum"
+            f"the shares of `thermal_contact` are {float(shares.sum())!r} in sum", "they must be 1 in sum"
         )
     return shares
 
@@ -144,15 +145,20 @@ def _direction(chosen: str | int | None, name: str, entries: Entries, labels: Se
             remedy = "write a label, an index or a vector"
             raise UnusableMatricesError(f"`{name}` is given neither in the study nor in the file", remedy)
         value = entries[name].toarray() if hasattr(entries[name], "toarray") else np.asarray(entries[name])
+        if value.size == 0:
+            raise UnusableMatricesError(f"`{name}` is empty", "write a label, an index or a vector, or leave it out")
         if value.size > 1 or (size == 1 and value.dtype.kind == "f"):
             return _nonzero(name, _vector(name, entries, size))
-        chosen = int(value.item()) if value.dtype.kind in "iu" else str(value.item())
+        is_index = value.dtype.kind in "iu" or (value.dtype.kind == "f" and float(value.item()).is_integer())
+        chosen = int(value.item()) if is_index else str(value.item())
     if isinstance(chosen, str):
         if chosen not in labels:
             vectors = [entry for entry in entries if entry not in (*MATRICES, *LABELS)]
             if chosen in vectors:
                 return _nonzero(chosen, _vector(chosen, entries, size))
-            some = ", ".join(f"`{text}`" for text in (*vectors, *labels[:5])) + ", …" * (len(labels) > 5)
+            own = [entry for entry in vectors if entry == name or entry not in VECTORS]
+            near = get_close_matches(chosen, labels, 5) or labels[:5]
+            some = ", ".join(f"`{text}`" for text in (*own, *near)) + ", …" * (len(labels) > len(near))
             remedy = f"write {some + ' or ' if some else ''}an index from 0 to {size - 1}"
             raise UnusableMatricesError(f"`{name}: {chosen}` is neither a label nor a vector of the file", remedy)
         chosen = list(labels).index(chosen)
@@ -194,8 +200,9 @@ def _symmetric(entries: Entries, name: str, size: int | None = None) -> scipy.sp
     wrong = np.flatnonzero(apart.data > ASYMMETRY * np.maximum(largest[apart.row], largest[apart.col]))
     if wrong.size:
         row, column = int(apart.row[wrong[0]]), int(apart.col[wrong[0]])
-        both = f"{matrix[row, column]:g} at ({row}, {column}), {matrix[column, row]:g} across"
-        raise UnusableMatricesError(f"`{name}` is not symmetric: {both}", "write both halves alike")
+        both = f"{float(matrix[row, column])!r} at ({row}, {column}), {float(matrix[column, row])!r} across"
+        remedy = "write both halves alike: (K + K.T)/2 if rounding is all that they differ by"
+        raise UnusableMatricesError(f"`{name}` is not symmetric: {both}", remedy)
     return scipy.sparse.csc_array((matrix + across) / 2)
 
 

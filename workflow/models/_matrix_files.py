@@ -16,16 +16,17 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from workflow.declare import NUMBER
+from workflow.models._numerals import GAP, INDEX, in_c
 from workflow.models._semidefinite import UnusableMatricesError
-
-MOST_BYTES = 2**30
-"""Largest size of a file: 1e5 degrees of freedom with 300 entries in each row of M and K1."""
 
 MOST_COORDINATES = 200_000
 """Largest number of rows of a matrix."""
@@ -39,6 +40,11 @@ Entries = Mapping[str, Any]
 
 _CALCULIX = (".sti", ".mas", ".dof")
 _NASTRAN = {"maa": "mass", "mgg": "mass", "kaa": "stiffness", "kgg": "stiffness", "baa": "damping", "bgg": "damping"}
+_COORDINATES = rf"{INDEX}{GAP}{INDEX}{GAP}{NUMBER}"
+_MARKET = re.compile(
+    r"%%MatrixMarket\s+matrix\s+(coordinate|array)\s+(real|integer)\s.*\n(?:[ \t]*(?:%.*)?\n)*.*\n", re.I
+)
+_OUTPUT4 = re.compile(r"[-\d\s]{32,48}[A-Z]\w*\s*(?:(?:1P,)?\d+[ED](\d+)\.\d+)?\s*(?:\|I16)?\s*", re.I)
 _PART = re.compile(rf"({'|'.join(MATRICES)})[._](data|indices|indptr|shape|row|col|format)")
 
 
@@ -75,10 +81,9 @@ def read_entries(place: Path) -> dict[str, Any]:
     """
     if not place.is_dir():
         return _read(place, _WHOLE)
-    entries: dict[str, Any] = {}
-    for path in files_of(place):
-        if path.stem in entries:
-            raise UnusableMatricesError(f"`{path.stem}` is there twice", "keep one file of it")
+    files, entries = files_of(place), dict[str, Any]()
+    _refuse_twice([path.stem for path in files], f"in {', '.join(path.name for path in files)}")
+    for path in files:
         entries |= _read(path, _ENTRY)
     return entries
 
@@ -90,9 +95,6 @@ def _read(place: Path, readers: Mapping[str, Callable[[Path], dict[str, Any]]]) 
         remedy = f"name a file {', '.join(readers)} or a directory of .mtx files"
         raise UnusableMatricesError(f"`{place.name}` is of no kind that is known", remedy)
     try:
-        size = place.stat().st_size
-        if size > MOST_BYTES:
-            raise UnusableMatricesError(f"`{place.name}` has {size >> 20} MB", f"at most {MOST_BYTES >> 20} are read")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return {name: _of_rows(name, value) for name, value in readers[kind](place).items()}
@@ -119,9 +121,12 @@ def _npz(place: Path) -> dict[str, Any]:
 
     with np.load(place, allow_pickle=False) as arrays:
         entries = dict(arrays)
+        found = [(name, _PART.fullmatch(name)) for name in arrays]
+    _refuse_twice([".".join(part.groups()) if part else name for name, part in found], "as a part")
     parts: dict[str, dict[str, Any]] = {}
-    for match in filter(None, map(_PART.fullmatch, tuple(entries))):
+    for match in filter(None, (part for _, part in found)):
         parts.setdefault(match[1], {})[match[2]] = entries.pop(match[0])
+    _refuse_twice([*entries, *parts], "dense and sparse")
     for name, of in parts.items():
         try:
             shape = tuple(map(int, of["shape"]))
@@ -137,9 +142,10 @@ def _npz(place: Path) -> dict[str, Any]:
 
 
 def _mat(place: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
 
     try:
+        _refuse_twice([name for name, *_ in whosmat(place, appendmat=False)], "under one name")
         variables = loadmat(place, appendmat=False, spmatrix=False)
     except NotImplementedError:
         raise UnusableMatricesError(f"`{place.name}` is of version 7.3 (HDF5)", "save it with -v7") from None
@@ -161,13 +167,40 @@ def _plain(name: str, value: Any) -> Any:
 def _mtx(place: Path) -> dict[str, Any]:
     from scipy.io import mmread
 
-    return {place.stem: mmread(place, spmatrix=False)}
+    text = place.read_text(encoding="latin-1")
+    head = _MARKET.match(text)
+    if head is None:
+        problem = f"`{place.name}` begins with `{text.partition(chr(10))[0][:80]}`"
+        raise UnusableMatricesError(problem, "write `%%MatrixMarket matrix coordinate real general`, and all values")
+    row, what = (NUMBER, "a number") if head[1].lower() == "array" else (_COORDINATES, "row, column and value")
+    body = in_c(text[head.end() :], row, what, place.name, 1 + head[0].count("\n"))
+    sizes = head[0].replace(head[2], "real", 1).lower().removeprefix("%%matrixmarket")
+    return {place.stem: mmread(BytesIO(f"%%MatrixMarket{sizes}{body}".encode("latin-1")), spmatrix=False)}
 
 
 def _rua(place: Path) -> dict[str, Any]:
-    from scipy.io import hb_read
+    """Return a matrix of Harwell-Boeing: column pointers, rows and values in cards, with gaps between the numbers.
 
-    return {place.stem: hb_read(place, spmatrix=False)}
+    Source: Duff, Grimes and Lewis, Users' guide for the Harwell-Boeing sparse matrix collection (1992), section 2.
+    """
+    from scipy import sparse
+
+    *_, sizes, formats, cards = place.read_text(encoding="latin-1").split("\n", 4)
+    kind, form = sizes[:3].upper(), " ".join(formats.upper().split())
+    rows, columns, entries = (int(sizes[at : at + 14]) for at in (14, 28, 42))
+    if not re.fullmatch("[RI][URS]A", kind) or re.search("P.*[FG]", form):  # with P Fortran's F are multiples
+        problem = f"`{place.name}` is of the type {kind} in the format {form}"
+        raise UnusableMatricesError(problem, "write an assembled matrix of real values (RUA), with exponents")
+    row, what = rf"{NUMBER}(?:{GAP}{NUMBER})*", f"numbers with gaps between, as they are read of the format {form}"
+    numbers = np.fromstring(in_c(cards, row, what, place.name, 5), sep=" ")
+    starts, ends = columns + 1, columns + 1 + entries
+    if numbers.size != ends + entries or np.any(numbers[:ends] % 1):
+        problem = f"`{place.name}` has {numbers.size} numbers with gaps between in the format {form}"
+        remedy = f"write {starts} column pointers and {entries} rows, which are whole, and {entries} values"
+        raise UnusableMatricesError(problem, remedy)
+    pointers, indices = (part.astype(np.int64) - 1 for part in np.split(numbers[:ends], [starts]))
+    matrix = sparse.csc_array((numbers[ends:], indices, pointers), shape=(rows, columns))
+    return {place.stem: matrix + sparse.tril(matrix, -1).T if kind[1] == "S" else matrix}
 
 
 def _txt(place: Path) -> dict[str, Any]:
@@ -181,9 +214,16 @@ def _calculix(place: Path) -> dict[str, Any]:
     labels = np.array(place.with_suffix(".dof").read_text(encoding="ascii", errors="replace").split())
     entries: dict[str, Any] = {"labels": labels}
     for name, suffix in (("stiffness", ".sti"), ("mass", ".mas")):
-        row, column, values = np.loadtxt(place.with_suffix(suffix), ndmin=2).reshape(-1, 3).T
+        part = place.with_suffix(suffix)
+        text = in_c(part.read_text(encoding="latin-1"), _COORDINATES, "row, column and value", part.name)
+        row, column, values = np.fromstring(text, sep=" ").reshape(-1, 3).T
+        size, count = int(max(row.max(initial=0), column.max(initial=0))), labels.size
+        if size != count:
+            cyclic = ", as of a cyclic sector, which is not taken" if size == 2 * count else ""
+            problem = f"`{part.name}` has {size} rows for the {count} labels of `{place.stem}.dof`{cyclic}"
+            raise UnusableMatricesError(problem, "take the three files of one run of CalculiX, of a whole structure")
         places = row.astype(np.int64) - 1, column.astype(np.int64) - 1
-        upper = sparse.coo_array((values, places), shape=(labels.size, labels.size)).tocsr()
+        upper = sparse.coo_array((values, places), shape=(count, count)).tocsr()
         entries[name] = upper + sparse.triu(upper, 1).T
     return entries
 
@@ -196,13 +236,37 @@ def _op4(place: Path) -> dict[str, Any]:
             "OUTPUT4 files are read through pyyeti, which is not installed",
             "install `rotor-stator-workflow[output4]`, or write NPZ or Matrix Market files",
         ) from None
+    _check_output4(place)
     names = _NASTRAN | {name[:8]: name for name in (*MATRICES, *VECTORS)}
-    entries = {}
-    for short, (value, *_) in op4.OP4().dctload(str(place), sparse=True).items():
-        name = names.get(short.strip().lower(), short.strip().lower())
-        entries[name] = value.toarray() if name in VECTORS else value
-    return entries
+    written, values, *_ = op4.OP4().listload(str(place), sparse=True)
+    read = [names.get(short, short) for short in written]
+    _refuse_twice(read, f"as {', '.join(written).upper()}")
+    return {name: value.toarray() if name in VECTORS else value for name, value in zip(read, values, strict=True)}
+
+
+def _check_output4(place: Path) -> None:
+    """Refuse a text of OUTPUT4 in which a line is not fields of one width: pyyeti cuts them without a look."""
+    with place.open("rb") as file:
+        if 0 in file.read(4):
+            return  # it is binary
+    width, number = 16, ""
+    for line, text in enumerate(place.read_text(encoding="latin-1").splitlines(), 1):
+        head = _OUTPUT4.fullmatch(text)
+        if head:
+            width = int(head[1] or 16)
+        elif "." in text:
+            number = number or NUMBER.replace("eE", "D" if "D" in text else "eE")
+            fields = (text[at : at + width] for at in range(0, len(text.rstrip()), width))
+            if not all(len(field) == width and re.fullmatch(rf" *{number}", field) for field in fields):
+                problem = f"`{place.name}`, line {line}: `{text[:60].strip()}` is not numbers of {width} characters"
+                raise UnusableMatricesError(problem, "write them by the format of the matrix's first line, all with E")
+
+
+def _refuse_twice(names: Sequence[str], where: str) -> None:
+    for name, times in Counter(names).items():
+        if times > 1:
+            raise UnusableMatricesError(f"`{name}` is there twice, {where}", "keep one of them")
 
 
 _WHOLE = {".npz": _npz, ".mat": _mat, ".op4": _op4, **dict.fromkeys(_CALCULIX, _calculix)}
-_ENTRY = {".mtx": _mtx, ".rua": _rua, ".hb": _rua, ".txt": _txt}
+_ENTRY = {".mtx": _mtx, **dict.fromkeys((".rua", ".rsa", ".hb"), _rua), ".txt": _txt}

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from workflow.declare import File, Rows
+from workflow.declare import NUMBER, File, Rows
 from workflow.kernels import Array
+from workflow.models._numerals import in_c
 from workflow.models._semidefinite import UnusableMatricesError
 
 COLUMNS = (("frequency", "Hz"), ("damping_ratio", "1"), ("tip", "1/kg**0.5"))
@@ -26,8 +27,10 @@ _SPELLINGS = {
 
 _HEADING = re.compile(r"(\w+)\s*(?:\[\s*(.*?)\s*\])?")
 
+_BLANK = " \t,"
+"""What a line without numbers consists of, such as a spreadsheet writes."""
+
 MOST_MODES = 2000
-_MOST_BYTES = 2**25
 
 
 def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
@@ -43,7 +46,9 @@ def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array
     names = [name for name, _ in columns]
     if not isinstance(source, File):
         return _table("the table", source, len(names))
-    head, *lines = _lines(source)
+    lines = _lines(source)
+    start = next(k for k, line in enumerate(lines) if line.strip(_BLANK))
+    head = lines[start]
     parsed = [_HEADING.fullmatch(word.strip(' "')) for word in head.split(",")]
     written = {match[1]: match[2] for match in parsed if match}
     if sorted(written) != sorted(names) or len(parsed) != len(names):
@@ -52,7 +57,7 @@ def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array
         if written[name] not in (None, *_SPELLINGS[unit]):
             problem = f"`{source.name}` has `{name}` in {written[name]}"
             raise UnusableMatricesError(problem, f"write `{name} [{_SPELLINGS[unit][0]}]`")
-    table = _table(f"`{source.name}`", _numbers(source, lines), len(names))
+    table = _table(f"`{source.name}`", _numbers(source, lines, len(names), start + 1), len(names))
     return _shaken(source, table[:, [list(written).index(name) for name in names]])
 
 
@@ -66,7 +71,7 @@ def read_matrix(source: File | Rows, shape: tuple[int, int]) -> Array:
     """
     if not isinstance(source, File):
         return _table("the coupling", source, shape[1], shape[0])
-    return _shaken(source, _table(f"`{source.name}`", _numbers(source, _lines(source)), shape[1], shape[0]))
+    return _shaken(source, _table(f"`{source.name}`", _numbers(source, _lines(source), shape[1]), shape[1], shape[0]))
 
 
 def _shaken(file: File, table: Array) -> Array:
@@ -75,27 +80,24 @@ def _shaken(file: File, table: Array) -> Array:
 
 
 def _lines(file: File) -> list[str]:
-    """Return the lines of a file that are not empty."""
-    path = Path(file.place)
-    if path.stat().st_size > _MOST_BYTES:
-        raise UnusableMatricesError(f"`{file.name}` has {path.stat().st_size >> 20} MB", f"at most {_MOST_BYTES >> 20}")
+    """Return the lines of a file, of which one at least is not empty."""
     try:
-        lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip(" \t,")]
+        lines = Path(file.place).read_text(encoding="utf-8-sig").split("\n")
     except UnicodeDecodeError as error:
         raise UnusableMatricesError(
             f"`{file.name}` is no CSV file: {error}", "write values with commas between"
         ) from None
-    if not lines:
+    if not any(line.strip(_BLANK) for line in lines):
         raise UnusableMatricesError(f"`{file.name}` is empty", "write a row for each mode")
     return lines
 
 
-def _numbers(file: File, lines: list[str]) -> Array:
-    """Return lines as rows of numbers, all of one length."""
-    try:
-        return np.loadtxt(lines, delimiter=",", quotechar='"', comments=None, ndmin=2) if lines else np.zeros((0, 0))
-    except ValueError as error:
-        raise UnusableMatricesError(f"`{file.name}` is no table of numbers: {error}", "write numbers") from None
+def _numbers(file: File, lines: list[str], width: int, start: int = 0) -> Array:
+    """Return lines from one on as rows of so many numbers."""
+    cell = rf'"?[ \t]*{NUMBER}[ \t]*"?'
+    row = rf"{cell}(?:[ \t]*,[ \t]*{cell}){{{width - 1}}}|,[{_BLANK}]*"
+    text = in_c("\n".join([*lines[start:], ""]), row, f"{width} numbers with commas between", file.name, start + 1)
+    return np.fromstring(text.translate({ord(mark): " " for mark in '",'}), sep=" ").reshape(-1, width)
 
 
 def _table(name: str, rows: Rows | Array, width: int, height: int | None = None) -> Array:

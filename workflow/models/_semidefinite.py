@@ -13,6 +13,9 @@ from workflow.kernels import Array
 _INDEFINITE = 1e3
 """Negative part of a matrix, over its rounding, above which the matrix is indefinite."""
 
+_ROUNDED_IN_FILES = 1e-4
+"""Negative part of a matrix with unit diagonal up to which numbers of five digits or more may have made it."""
+
 
 class UnusableMatricesError(ValueError):
     """Matrices do not describe a structure, or one that a basis can reduce: ``problem`` and ``remedy`` for the user."""
@@ -82,7 +85,13 @@ def pivots(matrix: Array, name: str, scale: Array) -> Factor:
     upper = np.triu(whole)[:rank]
     order = np.asarray(order, dtype=np.int64) - 1
     rest = scaled[np.ix_(order[rank:], order[rank:])] - upper[:, rank:].T @ upper[:, rank:]
-    if not np.abs(rest).max(initial=0.0) <= _INDEFINITE * least:
+    negative = float(np.abs(rest).max(initial=0.0))
+    if _INDEFINITE * least < negative <= _ROUNDED_IN_FILES:
+        raise UnusableMatricesError(
+            f"{name} is indefinite by {negative:.0e} of its diagonal, which rounding of the numbers in its file does",
+            "write them with 16 digits, or hold the body that is free",
+        )
+    if not negative <= _INDEFINITE * least:
         raise UnusableMatricesError(
             f"{name} is not positive semi-definite", "check signs and that it was assembled in full"
         )

@@ -29,7 +29,7 @@ def shaken(entries: Entries, share: float) -> dict[str, Any]:
             own = share if k % 2 == 0 else -share
             changed[name] = _changed(changed[name], 1 + own, float(np.copysign(ROUNDED, own)))
     for name in VECTORS:
-        if name in changed and np.asarray(changed[name]).dtype.kind == "f":
+        if np.size(changed.get(name, 0)) > 1 and np.asarray(changed[name]).dtype.kind == "f":  # one is an index
             changed[name] = changed[name] * (
                 1 + share * _signs(np.size(changed[name])).reshape(np.shape(changed[name]))
             )

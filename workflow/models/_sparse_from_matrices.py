@@ -25,6 +25,9 @@ from workflow.models._structure import Coordinates, Matrices, Rayleigh
 _SINGULAR = 1e-10
 """Smallest pivot of an inertia with unit diagonal above which it is definite: consistent masses have 1e-2."""
 
+_SUMMED = 1e-13
+"""Sum of a piece's conductances over that of their magnitudes up to which it is the rounding of zero."""
+
 MOST_SHARES = 300
 """Largest number of degrees of freedom of a contact: it fills as many rows of the matrices."""
 
@@ -49,7 +52,7 @@ def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
         if not is_small:
             raise UnusableMatricesError(
                 f"a structure of {size} degrees of freedom must be held and have definite matrices: {error}",
-                "hold it, or check signs and that it was assembled in full",
+                "hold it and let its heat leave, or check signs and that it was assembled in full",
             ) from None
         return structure_from_matrices(matrices)
 
@@ -76,6 +79,8 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
         fault = pair.fault()
         if fault is not None:
             raise NotHeldError(f"{fault}, among {kind}")
+    if _is_loose(thermal.stiffness):
+        raise NotHeldError("heat cannot leave some temperatures, nor reach the contact's")
     if mechanical.tip_stiffness == 0:
         raise NotHeldError("nothing holds the part that the contact acts on")
     damping, damper = matrices.damping, None
@@ -96,6 +101,15 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
         damper=damper,
         coordinates=Coordinates(basis, projection, heat_basis, heat_projection, *given),
     )
+
+
+def _is_loose(conductance: scipy.sparse.csc_array) -> bool:
+    """Tell whether a piece without the last temperature conducts to nothing: the sum of its entries is 0."""
+    links = conductance.copy()
+    links.eliminate_zeros()
+    pieces, piece = scipy.sparse.csgraph.connected_components(links, directed=False)
+    beyond, largest = (np.bincount(piece, each.sum(axis=0), pieces) for each in (links, abs(links)))
+    return bool(np.any(np.delete(beyond <= _SUMMED * largest, piece[-1])))
 
 
 def _instantaneous_rise(matrices: GivenMatrices) -> Array:

@@ -13,6 +13,7 @@ Source: Ericsson and Ruhe, Math. Comp. 35 (1980) 1251-1268; Lehoucq, Sorensen an
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -39,6 +40,9 @@ has 1e-5."""
 
 _LANCZOS = 30
 """Lanczos steps for the ends of a spectrum, which converge first."""
+
+_ITERATIONS, _BLOCK = 40, 4
+"""Iterations and vectors for the largest eigenvalue: of a mesh of 36 000 nodes of bricks it is then 4 % low."""
 
 _NEGATIVE = 1e-10
 """Magnitude of a negative eigenvalue of the matrix with unit diagonal above which it is indefinite: rounding of
@@ -163,13 +167,25 @@ class SparsePair(Pair):
 
     def spectrum(self) -> Array:
         lowest = float(self.modes(1).values[0])
-        return np.array([lowest, max(self._largest(), lowest)])
+        return np.array([lowest, max(self._highest(), lowest)])
 
-    def _largest(self) -> float:
-        """Estimate the largest eigenvalue of the pair with the inertia lumped on its diagonal, some percent too low."""
+    def largest(self) -> float:
+        """Estimate the largest eigenvalue with the inertia lumped on its diagonal: its size, for shifts."""
         lumped = np.asarray(abs(self.inertia).sum(axis=0))
         root = scipy.sparse.diags_array(np.where(lumped > 0, 1 / np.sqrt(np.where(lumped > 0, lumped, 1.0)), 0.0))
-        return _spectrum_ends(scipy.sparse.csc_array(root @ self.stiffness @ root))[1]
+        most = _spectrum_ends(scipy.sparse.csc_array(root @ self.stiffness @ root))[1]
+        return max(most, float(self.modes(1).values[0]))
+
+    def _highest(self) -> float:
+        """Estimate the largest eigenvalue of the pair from inside, some percent too low."""
+        carried = np.flatnonzero(self.inertia.diagonal() > 0)
+        stiffness, inertia = (matrix[carried][:, carried] for matrix in (self.stiffness, self.inertia))
+        scale = scipy.sparse.diags_array(1 / inertia.diagonal())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that it has not converged
+            start = np.random.default_rng(0).standard_normal((carried.size, min(_BLOCK, carried.size)))
+            found = scipy.sparse.linalg.lobpcg(stiffness, start, inertia, scale, maxiter=_ITERATIONS, largest=True)
+        return float(np.max(found[0]))
 
     def fault(self) -> str | None:
         """Return why the pair cannot be used: a tip without inertia, an indefinite matrix; or ``None``."""

@@ -37,7 +37,7 @@ def static_tip_growth(structure: Structure) -> Array:
 
 
 def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
-    """Return α_c = S/β above which a tip in permanent contact runs away, m/s; 0 where it is never stable there.
+    """Return α_c = S/β above which a tip in permanent contact runs away, W/N; 0 where it is never stable there.
 
     S = e_nᵀ K1⁻¹ (e_n - µ t), see :mod:`workflow.models._sliding`, and β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. With the steady
     temperatures χ for 1 K at the tip and the conductance σ of the tip K2⁻¹ e_n = χ/σ. Singular cases are decided by

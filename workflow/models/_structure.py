@@ -44,6 +44,8 @@ class Coordinates:
         Constant loads [N] and heat loads [W] of the source, ``(given,)``.
     expansive
         Constant force by heat loads on temperatures without heat capacity, N, ``(given,)``.
+    held
+        Numbers of displacements and temperatures that the source holds at 0.
     """
 
     displacement_basis: Array
@@ -53,6 +55,7 @@ class Coordinates:
     steady: Array
     heating: Array
     expansive: Array
+    held: tuple[int, int] = (0, 0)
 
     def transformed(self, cases: Cases) -> Cases:
         """Transform cases from these coordinates to the structure's, and add the constant loads of the source."""
@@ -69,7 +72,7 @@ class Coordinates:
     def condensed(self) -> tuple[int, int]:
         """Numbers of displacements and temperatures condensed statically, without mass or heat capacity."""
         mechanical, thermal = self.displacement_basis.shape, self.temperature_basis.shape
-        return mechanical[0] - mechanical[1], thermal[0] - thermal[1]
+        return mechanical[0] - mechanical[1] - self.held[0], thermal[0] - thermal[1] - self.held[1]
 
 
 def _brought(matrix: Any, states: Array) -> Array:

@@ -26,8 +26,8 @@ def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: An
         M and K1, dense arrays or SciPy's sparse ones, (displacement, displacement).
     entries
         ``damping`` C1, ``heat_capacity`` C2, ``conductance`` K2, ``coupling`` K12 (displacement, temperature), the
-        vectors ``contact``, ``thermal_contact``, ``load``, ``steady``, ``heating``, ``tangent``, and texts ``labels``
-        and ``thermal_labels``.
+        vectors ``contact``, ``thermal_contact``, ``load``, ``steady``, ``heating``, ``tangent``, the contacts and the
+        tangent also as an index or a label, and texts ``labels`` and ``thermal_labels``.
 
     Raises
     ------
@@ -43,11 +43,12 @@ def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: An
     _check(given)
     arrays: dict[str, Any] = {}
     for name, value in given.items():
-        if hasattr(value, "tocsr"):
+        if hasattr(value, "tocsr") and name in MATRICES:
             rows = value.tocsr()
             arrays |= {f"{name}.{part}": getattr(rows, part) for part in ("data", "indices", "indptr", "shape")}
-        else:
-            arrays[name] = np.asarray(value, dtype=str if name in LABELS else np.float64)
+        else:  # a contact may be an index or a label
+            plain = np.asarray(value.toarray() if hasattr(value, "toarray") else value)
+            arrays[name] = plain.astype(str) if name in LABELS else plain if plain.size == 1 else plain.astype(float)
     np.savez_compressed(place, **arrays)
     return place
 

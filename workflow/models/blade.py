@@ -56,6 +56,11 @@ class Parameters:
         assert self.youngs_modulus is not None, "one of the two is given, see EITHER"
         return self.youngs_modulus * self.width * self.thickness / self.length
 
+    @property
+    def wave_speed(self) -> float:
+        """Speed of sound along a rod of this stiffness, m/s."""
+        return float(np.sqrt(self.stiffness * self.length / (self.density * self.width * self.thickness)))
+
 
 EITHER = ("tip_stiffness", "youngs_modulus")
 """Parameters of which a study gives exactly one."""

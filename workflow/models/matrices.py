@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
 from workflow.declare import File, file, label
 from workflow.kernels.algebra import MOST_BY_JACOBI
-from workflow.models._from_matrices import structure_from_matrices
+from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
+from workflow.models._held_freedoms import with_held_left_out
 from workflow.models._matrix_entries import Chosen, checked_matrices, in_si
 from workflow.models._matrix_files import files_of, read_entries
 from workflow.models._shaken_entries import shaken
@@ -55,16 +55,13 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     UnusableMatricesError
         The file, or the study's choice from it, does not describe a structure.
     """
-    return _assembled(parameters, parameters.file.place)
-
-
-@lru_cache(maxsize=1)
-def _assembled(parameters: Parameters, place: str) -> Matrices | Sparse:
-    """Return the structure of a file; the last one is cached, as a large one takes seconds and is assembled often."""
-    entries = in_si(read_entries(Path(place)), parameters.units)
+    entries = in_si(read_entries(Path(parameters.file.place)), parameters.units)
     if parameters.file.shaken != 0:
         entries = shaken(entries, parameters.file.shaken)
     chosen = Chosen(parameters.contact, parameters.thermal_contact, parameters.tangent)
-    matrices = checked_matrices(entries, chosen, parameters.damping)
-    large = max(matrices.mass.shape[0], matrices.heat_capacity.shape[0]) > MOST_BY_JACOBI
-    return structure_from_sparse(matrices) if large else structure_from_matrices(matrices)
+    return with_held_left_out(checked_matrices(entries, chosen, parameters.damping), _dense_or_sparse)
+
+
+def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:
+    large = max(given.mass.shape[0], given.heat_capacity.shape[0]) > MOST_BY_JACOBI
+    return structure_from_sparse(given) if large else structure_from_matrices(given)

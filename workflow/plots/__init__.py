@@ -13,4 +13,4 @@ from workflow.plots._maps import map_dims, middle, scene_map, single_maps
 from workflow.plots._precision import convergence, work_precision
 from workflow.plots._response import HISTORIES, Curve, histories, tip_response
 from workflow.plots._sobol import sobol_indices
-from workflow.plots._style import COLOURS, save, write_figure
+from workflow.plots._style import COLOURS, MADE_BY, save, write_figure

@@ -11,10 +11,10 @@ from workflow.analysis import (
     case_dims,
     casing_motion,
     contact_phases,
-    finest,
     labels_of,
     place_text,
     shown_dim,
+    shown_place,
     unit_of,
 )
 from workflow.plots._style import COLOURS, legend_below, new_figure, trim
@@ -32,6 +32,12 @@ MOST_SHADED = 40
 
 _LINE = 0.09
 """Share of a panel's height that a line of text takes."""
+
+_LETTERS = 105
+"""Letters of a line of the legend; a sample takes eight."""
+
+_LAST, _BESIDE, _WIDEST = 1.2, 1.8, 5.0
+"""Points of the last curve, by how many more each one before it is wider, and all: those that coincide are seen."""
 
 HISTORIES = {
     "displacement": "tip displacement",
@@ -68,6 +74,8 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     """
     first = curves[0].case
     names = [name for name in HISTORIES if name in first]
+    moving = [name for name in names if any(np.any(curve.case[name].values) for curve in curves)]
+    names = moving or names[:1]  # what stays 0, as the temperature of a cold blade, needs no panel
     figure = new_figure(9.0, 2.3 * len(names) + 0.9)
     axes = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
     for panel, name in zip(axes, names, strict=True):
@@ -92,7 +100,8 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.08 * (high - low))
     axes[-1].set_xlabel("time [s]")
-    legend_below(figure, axes[0].get_legend_handles_labels(), min(4, len(curves)))
+    columns = _LETTERS // (8 + max(len(curve.label) for curve in curves))
+    legend_below(figure, axes[0].get_legend_handles_labels(), max(1, min(4, len(curves), columns)))
     if title:
         figure.suptitle(title, fontsize=11)
     return figure
@@ -128,8 +137,9 @@ def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> N
 def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
     """Draw the histories of the cases along one dimension below each other: select what else is shown before.
 
-    Of all other dimensions the smallest step, the most modes and the largest α are shown. Cases that are not ok are
-    left out; contact phases of the last case are shaded.
+    Of all other dimensions the place of that case is shown which :func:`~workflow.recommend` names, the worst of its
+    choice; without a choice that of the ok case whose contact impulse is the median. Cases that are not ok are left
+    out; contact phases of the last case are shaded.
 
     Parameters
     ----------
@@ -145,22 +155,20 @@ def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
     """
     if not any(name in dataset for name in HISTORIES):
         raise ValueError("the dataset keeps no histories; name them under `output.histories` of the study")
-    if not bool((dataset["status"] == 0).any()):
-        raise ValueError("no case of the dataset is ok")
     if along is not None and along not in case_dims(dataset):
         raise ValueError(f"`{along}` is no dimension of the cases; they lie along {', '.join(case_dims(dataset))}")
-    place = finest(dataset)
+    place = shown_place(dataset)
     dim = along or shown_dim(dataset)
     compared = [{**place, dim: k} for k in range(dataset.sizes[dim])] if dim else [place]
     shown = [at for at in compared if int(dataset["status"].isel(at)) == 0]
-    if not shown:  # the finest is lost: whatever is ok
-        first = np.argwhere(np.asarray(dataset["status"].values) == 0)[0]
-        shown = [dict(zip(map(str, dataset["status"].dims), map(int, first), strict=True))]
-        place, dim = shown[0], None
     if dim is None:
         curves = [Curve(dataset.isel(shown[0]), "the case shown")]
     else:
         labels = labels_of(dataset, dim, rounded=True)
-        curves = [Curve(dataset.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)]) for at in shown]
+        widths = np.linspace(_LAST + min(_BESIDE * (len(shown) - 1), _WIDEST), _LAST, len(shown))
+        curves = [
+            Curve(dataset.isel(at), labels[at[dim]], COLOURS[at[dim] % len(COLOURS)], width=float(width))
+            for at, width in zip(shown, widths, strict=True)
+        ]
     rest = place_text(dataset, {name: k for name, k in place.items() if name != dim})
     return tip_response(curves, title=rest, phases_of=len(curves) - 1)

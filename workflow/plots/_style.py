@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's palette: told apart by colour-blind readers and in print. Yellow last, grey for what is beside.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#B8A800")
+MADE_BY = "rotor-stator-workflow"
+"""What figures and pages say of their origin: only such are written over unasked."""
+
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 GREY = "#8a8a8a"
 
@@ -64,7 +67,7 @@ def write_figure(figure: Figure, file: IO[bytes], dpi: int, form: str = "png") -
         if form == "png":  # savefig draws twice
             figure.dpi = dpi
             canvas: Any = FigureCanvasAgg(figure)
-            canvas.print_png(file)
+            canvas.print_png(file, metadata={"Source": MADE_BY})
         else:
             figure.savefig(file, dpi=dpi, format=form)
 

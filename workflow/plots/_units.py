@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis import exact, naming, rounded_texts, value_text
-from workflow.study import readable
+from workflow.study import POINT, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,7 +57,7 @@ def selector(coordinate: xr.DataArray, k: int) -> str:
 
 
 def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
-    """Describe a dimension: title, unit, texts of its values, and what selects them."""
+    """Describe a dimension: title, unit, texts of its values, what selects them, and the numbers drawn along it."""
     names = naming(part, dim)
     size, has_labels = part.sizes[dim], dim in part.coords and part[dim].dims == (dim,)
     if not names:
@@ -67,6 +67,7 @@ def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
         texts = [" + ".join(row) for row in zip(*columns, strict=True)]
         unit = units[0] if len(names) == 1 else ""
         title = _joint([n + (f" [{u}]" if u and len(names) > 1 else "") for n, u in zip(names, units, strict=True)])
+    drawn = map(in_units, (part[n] for n in names)) if POINT in part.coords and part[POINT].dims == (dim,) else ()
     selected = [selector(part[dim], k) if has_labels else f"{dim}={k}" for k in range(size)]
     return {
         "name": dim,
@@ -75,6 +76,7 @@ def axis_of(part: xr.Dataset, dim: str) -> dict[str, Any]:
         "texts": texts if len(set(texts)) == size else [f"{text} ({k})" for k, text in enumerate(texts)],
         "selectors": selected,
         "by_label": has_labels,
+        "numbers": [{"values": values.tolist(), "title": title} for values, title in drawn],
     }
 
 

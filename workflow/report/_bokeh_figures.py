@@ -107,7 +107,7 @@ def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> An
     from bokeh.models import CategoricalSlider, InlineStyleSheet, Select
 
     wrapped = InlineStyleSheet(css=".bk-slider-title { white-space: normal; overflow-wrap: anywhere; }")
-    names = [(axis["name"], axis["title"]) for axis in axes]
+    names = [pair for axis in axes for pair in _sides(axis)]
     first, second = map_axes(description)
     metrics = [("status", "status")] + [(metric["name"], metric["title"]) for metric in description["metrics"]]
     varied = [metric["name"] for metric in description["metrics"] if metric["varies"]]
@@ -128,6 +128,7 @@ def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> An
                 title=axis["title"] + unit,
                 categories=axis["texts"],
                 value=axis["texts"][0],
+                tooltips=False,  # they would take a text as markup; the title has it
                 stylesheets=[wrapped],
             )
         )
@@ -136,11 +137,20 @@ def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> An
     return column(*widgets, sizing_mode="stretch_width", name="widgets")
 
 
-def map_axes(description: dict[str, Any]) -> tuple[str, str]:
-    """Return the names of the axes of the map at first: scheme and h where they have three values, else the longest.
+def _sides(axis: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return names and titles of what an axis puts along a side of the map: itself, or each number drawn along it."""
+    numbers = [(f"{axis['name']}:{k}", number["title"]) for k, number in enumerate(axis["numbers"])]
+    return numbers or [(axis["name"], axis["title"])]
 
-    Of two axes h or α lies across.
+
+def map_axes(description: dict[str, Any]) -> tuple[str, str]:
+    """Return the names of the sides of the map at first: scheme and h where they have three values, else the longest.
+
+    Of two axes h or α lies across; drawn numbers come before all axes.
     """
+    drawn = [name for axis in description["dims"] if axis["numbers"] for name, _ in _sides(axis)]
+    if drawn:
+        return (drawn[0], drawn[1]) if len(drawn) > 1 else (drawn[0], "")
     sizes = {axis["name"]: len(axis["texts"]) for axis in description["dims"] if len(axis["texts"]) > 1}
     ranked = sorted(sizes, key=lambda name: (name not in ("h", "scheme") or sizes[name] < 3, -sizes[name]))
     first = ranked[0]
@@ -167,13 +177,18 @@ def _map(status_names: Sequence[str], state_names: Sequence[str]) -> Any:
     for name, mapper in mappers.items():  # an image for each scale: one cannot change its own
         cells = ColumnDataSource(name=f"cells_{name}", data=blank)
         panel.image("image", x="x", y="y", dw="dw", dh="dh", source=cells, color_mapper=mapper, name=f"image_{name}")
+    points = source_of("points", "x", "y", "value")
+    for name, mapper in mappers.items():
+        colour = {"field": "value", "transform": mapper}
+        panel.scatter("x", "y", source=points, size=8, fill_color=colour, line_color=None, name=f"points_{name}")
     bad = source_of("bad", "x", "y")
     panel.scatter("x", "y", source=bad, marker="x", size=9, line_color="black", line_width=1.5)
     panel.text(
         "x", "y", "text", source=source_of("values", "x", "y", "text", "colour"), text_color="colour",
         text_align="center", text_baseline="middle", text_font_size="11px",
     )  # fmt: skip
-    panel.rect("x", "y", 1, 1, source=source_of("cell", "x", "y"), fill_color=None, line_color=SELECTED, line_width=3.5)
+    cell = source_of("cell", "x", "y", "w", "h")
+    panel.rect("x", "y", "w", "h", source=cell, fill_color=None, line_color=SELECTED, line_width=3.5)
     for name, mapper in mappers.items():
         ticks: dict[str, Any] = {}
         if name in words:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from workflow.analysis import json_value
-from workflow.plots import write_figure
+from workflow.plots import MADE_BY, write_figure
 
 STYLE = files("workflow.report").joinpath("page.css").read_text(encoding="utf-8")
 
@@ -31,7 +31,10 @@ TIGHT = 20
 VERDICTS = ("accurate", "rough", "wrong", "gains", "diverged", "ill-posed", "failed", "stable")
 
 
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; connect-src 'none'; base-uri 'none'"
+_POLICY = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; connect-src 'none'; base-uri 'none'; "
+    "form-action 'none'"
+)
 """Content-Security-Policy: nothing is fetched, pictures and styles stand in the page, no script runs but by its hash.
 
 Bokeh needs no ``unsafe-eval``: it makes functions of texts only where a figure carries code, and none here does. It
@@ -93,7 +96,7 @@ def page(title: str, body: Sequence[str], scripts: Sequence[str] = ()) -> str:
     policy = _POLICY + ("; script-src " + " ".join(f"'sha256-{one}'" for one in hashes) if hashes else "")
     return (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}"><meta name="generator" content="{MADE_BY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"{tag('title', title)}<style>{STYLE}</style></head><body>"
         + "\n".join(map(escaped, body))

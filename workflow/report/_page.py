@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from workflow.analysis import RULE, ranges
 from workflow.archive import ArchiveError, commit, open_archive, usable
-from workflow.plots import HISTORIES, histories, save
+from workflow.plots import HISTORIES, MADE_BY, histories, save
 from workflow.report import _sections as sections
 from workflow.report._answer import answer
 from workflow.report._branches import along_branches, interactive_branches, where_it_settles
@@ -23,6 +23,9 @@ from workflow.run import warnings_of
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
+
+_HEAD = 4096
+"""Bytes of a page or figure that name its maker."""
 
 _MARGIN = 20_000
 """Bytes of a page beside its parts."""
@@ -70,9 +73,14 @@ def write_report(archive: Path | Sequence[Path], output: Path | None = None) -> 
         _refuse_place(output, len(archives))
         if output.suffix.lower() in _FIGURES:
             return _write_figure(archives[0], output)
+    written = output or (archives[0].with_suffix(".html") if len(archives) == 1 else Path("report.html"))
+    picture = written.with_suffix(".png")
+    unnamed = [*([] if output else [written]), *([picture] if len(archives) == 1 else [])]
+    _refuse_overwriting(archives, written, *unnamed)
+    _refuse_foreign(unnamed)
     if len(archives) > 1:
-        return _write_joint(archives, output or Path("report.html"))
-    return _write_single(archives[0], output or archives[0].with_suffix(".html"))
+        return _write_joint(archives, written)
+    return _write_single(archives[0], written, picture)
 
 
 def _refuse_place(written: Path, archives: int) -> None:
@@ -98,9 +106,15 @@ def _refuse_overwriting(archives: Sequence[Path], *written: Path) -> None:
                 )
 
 
-def _write_single(archive: Path, written: Path) -> ReportFiles:
-    picture = written.with_suffix(".png")
-    _refuse_overwriting([archive], written, picture)
+def _refuse_foreign(unnamed: Sequence[Path]) -> None:
+    """Refuse to write over what no report has written and nobody has named."""
+    for place in filter(Path.exists, unnamed):
+        with open(place, "rb") as file:
+            if MADE_BY.encode() not in file.read(_HEAD):
+                raise ArchiveError(f"{place}: is there, and no report wrote it; move it away, or choose a page with -o")
+
+
+def _write_single(archive: Path, written: Path, picture: Path) -> ReportFiles:
     with open_archive(archive) as dataset:
         precision, maps, branches, drawn = (section(dataset) for section in _DRAWN)
         figure = _response(dataset) or precision.figure or maps.figure or branches.figure or drawn.figure
@@ -122,7 +136,7 @@ def _write_single(archive: Path, written: Path) -> ReportFiles:
             rest += [
                 *sections.standing(dataset),
                 *precision.body,
-                *(drawn.body or sections.effects(dataset)),
+                *(drawn.body or sections.effects(dataset, methods)),
                 *sections.errors(dataset),
             ]
         rest += origin(dataset, archive)
@@ -158,7 +172,6 @@ def _write_figure(archive: Path, written: Path) -> ReportFiles:
 
 
 def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
-    _refuse_overwriting(archives, written)
     rows, new = [], []
     parts: list[str] = []
     for number, archive in enumerate(archives):

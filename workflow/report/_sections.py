@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ from workflow.analysis import (
     case_dims,
     decided,
     effect,
+    exact_place,
     failures,
     finest,
     hidden,
@@ -134,8 +135,11 @@ def maps(dataset: xr.Dataset) -> Section:
     return Section(body, scene_map(dataset, *dims))
 
 
-def effects(dataset: xr.Dataset) -> list[str]:
-    """Tell what each axis does, and which axes of the scene do less than the schemes err."""
+def effects(archive: xr.Dataset, methods: Mapping[str, str]) -> list[str]:
+    """Tell what each axis does, to the exact solutions where there are any, and which do less than the schemes err."""
+    exact = exact_place(archive, methods) or {}
+    dataset = archive.isel(exact)
+    of_exact = place_text(archive, {dim: k for dim, k in exact.items() if dim != "h"})
     dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
     if not dims or not any_ok(dataset):
         return []
@@ -144,9 +148,12 @@ def effects(dataset: xr.Dataset) -> list[str]:
     shown = place_text(dataset, finest(dataset))
     return [
         tag("h2", "What the axes do"),
-        paragraph("Largest change along each axis, all others fixed, as a share of the largest value of all cases."),
+        paragraph(
+            "Largest change along each axis, all others fixed, as a share of the largest value of all cases"
+            + (f": the exact solutions, {of_exact}." if of_exact else ".")
+        ),
         table(["axis", *(name.replace("_", " ") for name in names)], rows),
-        *_hidden(dataset),
+        *_hidden(archive),
         paragraph(f"Grey: from the least to the largest ok case. The line changes one axis of {shown}."),
         image(metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
         image(metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),

@@ -134,7 +134,13 @@
   }
 
   // The map of two axes.
-  const axisNamed = (name) => dims.findIndex((dim) => dim.name === name);
+  const titleOf = (dim) => dim.title + (dim.unit ? ` [${dim.unit}]` : "");
+  function sideOf(menu) { // what lies along a side of the map: the cells of a dimension, or a number that is drawn along it
+    const [name, k] = model(menu).value.split(":"), axis = dims.findIndex((dim) => dim.name === name);
+    return axis < 0 ? null : { axis, title: titleOf(dims[axis]), ...(k ? dims[axis].numbers[k] : {}) };
+  }
+  const spotOn = (side, at) => (side ? side.values?.[at[side.axis]] ?? at[side.axis] + 0.5 : 0.5);
+  const drawnPlaces = (sides) => placesAlong([...new Set(sides.filter(Boolean).map((side) => side.axis))]);
   function ticks(name, texts, pixels, wide) { // as many labels as do not collide
     const room = wide ? 7 * Math.max(...texts.map((text) => text.length)) + 12 : 18;
     const every = Math.max(1, Math.ceil(texts.length * room / Math.max(pixels, 50)));
@@ -146,10 +152,13 @@
   function drawMap() {
     const figure = model("map");
     if (!figure) return;
-    const [x, y] = [axisNamed(model("across").value), axisNamed(model("up").value)];
+    const sides = ["across", "up"].map(sideOf), [x, y] = sides.map((side) => side?.axis ?? -1);
     const [nx, ny] = [shape[x], y < 0 || y === x ? 1 : shape[y]];
     const at = (i, j) => numberOf(moved(place, ny > 1 ? { [x]: i, [y]: j } : { [x]: i }));
     const metric = metrics.get(model("metric").value);
+    say("map-about", metric ? `${titleOf(metric)}: ${metric.about}. Grey with a cross: not ok.` : "How each case ended.");
+    if (sides.some((side) => side?.values)) return drawPoints(figure, sides, metric);
+    fill("points", { x: [], y: [], value: [] });
     const shown = new Float32Array(nx * ny), bad = { x: [], y: [] };
     for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
       const number = at(i, j);
@@ -163,16 +172,34 @@
     Object.assign(figure.x_range, { start: 0, end: nx });
     Object.assign(figure.y_range, { start: 0, end: ny });
     figure.height = Math.min(470, Math.max(290, 170 + 36 * ny));
-    fill("cell", { x: [place[x] + 0.5], y: [(ny > 1 ? place[y] : 0) + 0.5] });
-    const title = (axis) => dims[axis].title + (dims[axis].unit ? ` [${dims[axis].unit}]` : "");
-    model("map_x").axis_label = title(x);
-    model("map_y").axis_label = ny > 1 ? title(y) : "";
+    fill("cell", { x: [place[x] + 0.5], y: [(ny > 1 ? place[y] : 0) + 0.5], w: [1], h: [1] });
+    model("map_x").axis_label = sides[0].title;
+    model("map_y").axis_label = ny > 1 ? sides[1].title : "";
     const width = figure.inner_width ?? 400;
     ticks("map_x", dims[x].texts, width, true);
     ticks("map_y", ny > 1 ? dims[y].texts : [""], figure.inner_height ?? 300, false);
     writeValues(shown, metric, scale, nx, ny, width);
-    say("map-about", metric ? `${metric.title}${metric.unit ? ` [${metric.unit}]` : ""}: ${metric.about}. Grey with a cross: not ok.`
-      : "How each case ended.");
+  }
+  function drawPoints(figure, sides, metric) { // a point for each case, where its drawn numbers are
+    const places = drawnPlaces(sides), numbers = places.map(numberOf);
+    const value = numbers.map((number) => (metric ? valueOf(metric, number) : status[number]));
+    const scale = colourScale(value, metric), bad = places.filter((_, k) => metric && status[numbers[k]] !== 0);
+    model(`image_${scale.name}`).visible = false;
+    const [x, y] = sides.map((side) => places.map((at) => spotOn(side, at)));
+    fill("points", { x, y, value });
+    fill("bad", { x: bad.map((at) => spotOn(sides[0], at)), y: bad.map((at) => spotOn(sides[1], at)) });
+    fill("values", { x: [], y: [], text: [], colour: [] });
+    figure.height = 420;
+    const spans = sides.map((side, k) => {
+      const name = "xy"[k], [low, high] = side?.values ? [Math.min(...side.values), Math.max(...side.values)] : [0, side ? shape[side.axis] : 1];
+      const margin = side?.values ? 0.04 * (high - low) || 1 : 0, axis = model(`map_${name}`);
+      Object.assign(figure[`${name}_range`], { start: low - margin, end: high + margin });
+      axis.axis_label = side?.title ?? "";
+      if (!side?.values) ticks(`map_${name}`, side ? dims[side.axis].texts : [""], 300, k === 0);
+      else axis.ticker.ticks = [0, 1, 2, 3, 4].map((part) => Number((low + part / 4 * (high - low)).toPrecision(3)));
+      return high - low + 2 * margin;
+    });
+    fill("cell", { x: [spotOn(sides[0], place)], y: [spotOn(sides[1], place)], w: [0.03 * spans[0]], h: [0.04 * spans[1]] });
   }
   function colourScale(shown, metric) { // logarithmic where values are positive and span more than a factor of 30
     let [low, high, least] = [Infinity, -Infinity, Infinity];
@@ -186,7 +213,7 @@
     const to = high > from ? high : from + (Math.abs(from) || 1);
     if (name === "log" || name === "linear") Object.assign(model(name), Number.isFinite(from) ? { low: from, high: to } : { low: 0, high: 1 });
     for (const other of ["statuses", "states", "log", "linear"]) {
-      model(`bar_${other}`).visible = model(`image_${other}`).visible = other === name;
+      for (const part of ["bar", "image", "points"]) model(`${part}_${other}`).visible = other === name;
     }
     const share = (value) => (logarithmic ? Math.log(value / from) / Math.log(to / from) : (value - from) / (to - from));
     return { name, share };
@@ -202,7 +229,12 @@
     fill("values", data);
   }
   function cellAt(event) {
-    const [x, y] = [axisNamed(model("across").value), axisNamed(model("up").value)];
+    const sides = ["across", "up"].map(sideOf), [x, y] = sides.map((side) => side?.axis ?? -1);
+    if (sides.some((side) => side?.values)) {
+      const { x_range, y_range } = model("map"), far = (at) => ((spotOn(sides[0], at) - event.x) / (x_range.end - x_range.start)) ** 2
+        + ((spotOn(sides[1], at) - event.y) / (y_range.end - y_range.start)) ** 2;
+      return drawnPlaces(sides).reduce((nearest, at) => (far(at) < far(nearest) ? at : nearest));
+    }
     const [i, j] = [Math.floor(event.x), Math.floor(event.y)];
     const flat = y < 0 || y === x;
     if (!(i >= 0 && i < shape[x] && j >= 0 && j < (flat ? 1 : shape[y]))) return null;

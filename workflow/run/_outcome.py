@@ -82,10 +82,13 @@ def status_counts(dataset: xr.Dataset) -> dict[str, int]:
 
 
 def labels_of_case(dataset: xr.Dataset, number: int) -> str:
-    """Return the coordinates that identify a case, given by its number, as ``sel`` takes them: all digits, no units."""
+    """Return the coordinates that identify a case, given by its number, as ``sel`` takes them: no units."""
     dims, case = dataset["status"].dims, case_of(dataset, number)
     return ", ".join(
-        f"{name} = {case[name].item()}" for dim in dims for name in dataset.coords if dataset[name].dims == (dim,)
+        f"{name} = {value:.12g}" if isinstance(value := case[name].item(), float) else f"{name} = {value}"
+        for dim in dims
+        for name in dataset.coords
+        if dataset[name].dims == (dim,)
     )
 
 

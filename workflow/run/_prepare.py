@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -28,7 +27,7 @@ from workflow.archive import (
 )
 from workflow.grid import Grid, case_hashes, warning_lines
 from workflow.run._reuse import Reuse, in_archive, in_shards
-from workflow.run._task import Job, not_ok, shard_prefix
+from workflow.run._task import Job, next_command, not_ok, shard_prefix
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +81,9 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
         They hold another study, or cases that this one no longer asks for; they are damaged or cannot be written.
     """
     parts, texts = parts_of(archive), {**provenance_of(grid), **({} if here else {"pinned": "false"})}
-    job = Job(grid, parts, time.time_ns(), "\n".join(warning_lines(grid)))
     earlier, there = read_command(parts), file_of(archive)
+    begun = next_command(parts, 0 if earlier is None else earlier.begun)
+    job = Job(grid, parts, begun, "\n".join(warning_lines(grid)))
     if earlier is not None and earlier.study != grid.study.name:
         raise ArchiveError(
             f"{parts}: holds unfinished results of another study, {earlier.study!r}; finish that one, remove the "

@@ -53,7 +53,7 @@ class Reuse:
     drop
         Leave out stored cases that the study no longer asks for.
     since
-        Time, in ns, at which this was first asked for: shards that were written later are results of it.
+        Number of the command that first asked for this: its shards and those of later ones are results of it.
     """
 
     retry: bool = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -21,9 +22,22 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+_DIGITS = 20
+"""Of the number of a command, with which the names of its shards begin."""
+
+
 def shard_prefix(begun: int) -> str:
     """Return how the names of the shards of a command begin; those of earlier commands sort before it."""
-    return f"{begun:020d}"
+    return f"{begun:0{_DIGITS}d}"
+
+
+def next_command(parts: Path, earlier: int) -> int:
+    """Return the number of a command that begins: larger than an earlier one's and those of all shards there are.
+
+    It is the time in ns, by which workers tell commands apart, unless the clock was set back since.
+    """
+    stored = [path.name[:_DIGITS] for path in parts.glob("*.npz")]
+    return max(time.time_ns(), earlier + 1, *(int(number) + 1 for number in stored if number.isdecimal()))
 
 
 @dataclass(frozen=True, eq=False)

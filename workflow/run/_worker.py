@@ -5,13 +5,12 @@ from __future__ import annotations
 import importlib.metadata
 import threading
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
-from workflow.archive import ArchiveError, Command, code_revision, grid_of, read_command
+from workflow.archive import ArchiveError, Command, code_revision, grid_of, read_command, study_key
 from workflow.grid import Block, ReferenceSolution, Task, compute_block, solutions_of
-from workflow.models import FACTORISING, has_cholmod
+from workflow.models import FACTORISING, has_cholmod, one_thread
 from workflow.run._task import Job, Report, store_task
 from workflow.schemes import SOLVER_VERSION
 
@@ -34,7 +33,7 @@ class Session:
     parts
         Directory of the shards, which workers and the run itself share.
     begun
-        When the run began, as its command there says.
+        Number of the run's command, as it stands there.
     software
         Name and version of what decides the bits of a result.
     """
@@ -82,7 +81,7 @@ def join(session: Session) -> Command:
 
 def run_block(session: Session, block: Block) -> list[ReferenceSolution]:
     """Compute a block of solutions that tasks need."""
-    with _single_threaded_blas().limit(limits=1, user_api="blas"):
+    with one_thread():
         return compute_block(_job(session).grid, block)
 
 
@@ -96,7 +95,7 @@ def run_task(session: Session, task: Task, blocks: list[Block], solutions: list[
     ClusterError
         This worker may not work for the run; it came after the run had asked all workers.
     """
-    with _single_threaded_blas().limit(limits=1, user_api="blas"):
+    with one_thread():
         job = _job(session)
         return store_task(job, task, solutions_of(job.grid, dict(zip(blocks, solutions, strict=True))))
 
@@ -115,11 +114,9 @@ def _prepared(session: Session) -> Job:
     except ClusterError as error:
         raise ClusterError(f"worker {get_worker().address}: {error}") from None
     grid = grid_of(command.texts)
+    if study_key(grid.study) != command.key:  # as of large files, which do not travel
+        raise ClusterError(
+            f"worker {get_worker().address}: files or modules that the study names are others there than when the run "
+            "read them; bring them back and give the command again"
+        )
     return Job(grid, Path(session.parts), command.begun)
-
-
-@cache
-def _single_threaded_blas() -> Any:
-    from threadpoolctl import ThreadpoolController
-
-    return ThreadpoolController()

@@ -307,7 +307,14 @@ class Scheme:
             return "it does not record the temperature over a depth"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"
-        return self.massless_tip(options) if structure.has_massless_tip else None
+        if structure.has_massless_tip and (reason := self.massless_tip(options)) is not None:
+            return reason
+        try:
+            if self.contact_stiffness_of is not None:
+                self.contact_stiffness_of(structure, options)
+        except RefusedStructureError as error:
+            return str(error)
+        return None
 
     def cannot_take(self, load: bool, casing: bool) -> str | None:
         """Return why the scheme refuses a scene with harmonics of load or casing, ``None`` where it takes them."""

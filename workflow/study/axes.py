@@ -177,6 +177,9 @@ def mode_count(source: Source, place: Place, modes: Value, counts: Counts, sizes
         if len(set(counts)) == 1:
             return most
         source.report(place, "has `full` where the number of nodes varies", "write counts, or zip it with the nodes")
+    elif not most and place[-1] == "thermal_modes":
+        problem = f"{quoted(modes)} is too many: the tip has the only temperature; without matrices of heat all is cold"
+        source.report(place, problem, "write 0 or `full`, or give the structure heat_capacity and conductance")
     elif int(modes) > most:
         problem = f"{quoted(modes)} is more than the {most} interior modes of {min(counts)} nodes"
         source.report(place, problem, f"write at most {most}, or `full`")

@@ -92,7 +92,7 @@ def _mesh(cases: CaseSpace) -> Iterator[Fault]:
     model, depth, deepest = cases.scene.model, cases.output.temperature_depth, math.inf
     for parameters in _meshes(cases) if depth is not None or hasattr(cases.scene.parameters, "tip_cell") else ():
         try:
-            deepest = min(deepest, float(np.sum(getattr(models.load(model).assemble(parameters), "lengths", 0.0))))
+            deepest = min(deepest, float(np.sum(getattr(models.structure_of(model, parameters), "lengths", 0.0))))
         except models.UnusableMatricesError as error:
             yield ("scene", model, "tip_cell"), error.problem, error.remedy
             return
@@ -207,8 +207,8 @@ def _start(cases: CaseSpace, sizes: Sizes, source: Source) -> Iterator[Fault]:
     inside = np.argmax(tips - place)
     x, begins, gap = (float(array.ravel()[inside]) for array in (tips, place, gaps))
     if x > begins:
-        problem = f"the tip starts inside the casing, at {x:g} m with a gap of {gap:g} m"
-        problem += "" if begins == gap else f" and the casing at {begins:g} m"
+        problem = f"the tip starts inside the casing, at {x!r} m with a gap of {gap!r} m"
+        problem += "" if begins == gap else f" and the casing at {begins!r} m"
         yield source.place_of(*paths), problem, "start at or below the gap, or write `initial: static`"
 
 
@@ -253,8 +253,8 @@ def _extent(cases: CaseSpace, source: Source) -> Iterator[Fault]:
         problem = f"{shortest:g} s makes {duration / shortest:.3g} steps of a duration of {duration:g} s"
         yield place, problem, f"write at least {duration / MOST_STEPS:.3g} s"
     elif longest > duration:
-        problem = f"{longest:g} s is longer than the duration of {duration:g} s"
-        yield place, problem, f"write at most {duration:g} s"
+        problem = f"{longest!r} s is longer than the duration of {duration!r} s"
+        yield place, problem, f"write at most {duration!r} s"
 
 
 def _frequencies(cases: CaseSpace, values: Mapping[str, tuple[Any, ...]]) -> Iterator[tuple[str, float]]:
@@ -284,10 +284,10 @@ def _interval(cases: CaseSpace) -> Iterator[Fault]:
         problem = f"gives {float(min(ratio, Fraction(10) ** 300)):.3g} samples of every history"
         yield place, problem, f"write at least {duration / MOST_SAMPLES * 1.001:.3g} s"
     elif ratio < Fraction(1, 2):
-        problem = f"{quoted(interval)} s is longer than the duration of {duration:g} s"
+        problem = f"{quoted(interval)} s is longer than the duration of {duration!r} s"
         yield place, problem, f"write at most {duration!r} s"
     elif abs(ratio - max(1, round(ratio))) > Fraction(1, 10**9):
         tidy = (digit * 10**power for power in range(7) for digit in (1, 2, 5))
         count = min(tidy, key=lambda intervals: abs(math.log(intervals / ratio)))
-        problem = f"{quoted(interval)} s does not divide the duration of {duration:g} s"
+        problem = f"{quoted(interval)} s does not divide the duration of {duration!r} s"
         yield place, problem, f"write e.g. {float(Decimal(repr(duration)) / count)!r}, for {count} intervals"

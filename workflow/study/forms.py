@@ -11,7 +11,7 @@ from pydantic_core import ValidationError, core_schema
 
 from workflow.declare import quantity_of, word_of
 from workflow.study.kinds import FLAG, Kind, Schema, keyword, list_of, number, text
-from workflow.study.mistakes import Fault, faults_of, nearest, one_of, quoted, refusal, wrong
+from workflow.study.mistakes import UNKNOWN, Fault, faults_of, nearest, one_of, quoted, refusal, wrong
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,9 @@ def record(
         ]
         for key in unknown:
             elsewhere = (moved or {}).get(key)
-            problem = "does not belong here" if elsewhere else f"{quoted(key)} is not known here"
-            faults.append(((key,), problem, elsewhere or one_of(key, entries)))
+            problem = "does not belong here" if elsewhere else f"{quoted(key)} {UNKNOWN}"
+            comma = "write a point, not a comma, before decimals" if str(key)[:1].isdigit() else None
+            faults.append(((key,), problem, elsewhere or comma or one_of(key, entries)))
         try:
             given = read_known(value)
         except ValidationError as error:
@@ -121,7 +122,7 @@ def no_mapping(value: Any) -> int:
 
 def summary(described: object) -> str:
     """Return the first paragraph of a docstring in one line."""
-    return " ".join((described.__doc__ or "").split("\n\n")[0].split())
+    return " ".join((described.__doc__ or "").split("\n\n")[0].replace("``", "`").split())
 
 
 def record_of(declared: Any) -> Record:

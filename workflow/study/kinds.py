@@ -10,9 +10,9 @@ from typing import Any
 
 from pydantic_core import CoreSchema, core_schema
 
-from workflow.declare import File, Quantity, Word
+from workflow.declare import NUMBER, File, Quantity, Word
 from workflow.study.mistakes import one_of, quoted, wrong
-from workflow.study.quantities import NUMBER, admissible, read_quantity, udunits
+from workflow.study.quantities import admissible, read_quantity, udunits
 
 Schema = dict[str, Any]
 LONGEST_TEXT = 1000

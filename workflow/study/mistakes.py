@@ -57,6 +57,8 @@ class StudyError(Exception):
         return "\n".join(map(str, self.mistakes))
 
 
+UNKNOWN = "is not known here"
+
 Fault = tuple[Place, str, str]
 """Where something is wrong, what, and what would be right."""
 
@@ -102,7 +104,7 @@ def one_of(word: str, choices: Iterable[str]) -> str:
     """Return a remedy that names the nearest known word and the others there are."""
     words = list(choices)
     guess = nearest(word, words)
-    listed = ", ".join(f"`{choice}`" for choice in words[:20]) or "nothing: there is none"
+    listed = ", ".join(f"`{choice}`" for choice in words[:20]) + ", …" * (len(words) > 20) or "nothing: there is none"
     return f"did you mean `{guess}`?" if guess else f"what can stand here: {listed}"
 
 

@@ -14,13 +14,17 @@ from decimal import Context, Decimal
 from functools import cache, lru_cache
 from typing import Any
 
-from workflow.declare import Quantity, UnitError, unit_factors
+from workflow.declare import NUMBER, Quantity, UnitError, unit_factors
 from workflow.study.mistakes import quoted, wrong
 
-NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-"""A number at the start of a string, as a regular expression."""
-
 _NUMBER = re.compile(NUMBER)
+_NOT_WHOLE = re.compile(r"[dDqQ][-+]?[0-9]|[-+,'_][0-9]")
+"""What follows a number in other notations: ``1.0d1`` are no days, and a comma is no point."""
+
+_DEGREES = "°º˚"
+_DEGREE = re.compile(rf"[{_DEGREES}](?![A-Za-z])")
+"""An angle's, also as keyboards write it; a scale of temperature follows another's."""
+
 _EXACT = Context(prec=60, traps=[])
 
 _SPOKEN = {
@@ -165,6 +169,8 @@ def read_quantity(value: Any, declared: Quantity, whole: bool = False) -> float 
     remedy = "write a whole number" if whole else expected(declared)
     if value is None:
         raise wrong("has no value", remedy)
+    if isinstance(value, list):
+        raise wrong(f"a list is not {kind}", "write one value here, and several under `axes`, by the path of this one")
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise wrong(f"{quoted(value)} is not {kind}", remedy)
     number = _converted(value, declared, kind, remedy) if isinstance(value, str) else value
@@ -187,10 +193,12 @@ def _converted(text: str, declared: Quantity, kind: str, remedy: str) -> float:
     number = _NUMBER.match(stripped)
     if number is None:
         raise wrong(f"{quoted(text)} is not {kind}", remedy)
-    unit = stripped[number.end() :].strip()
+    if _NOT_WHOLE.match(stripped, number.end()):
+        raise wrong(f"{quoted(text)} is no number as YAML writes it", "write a point and an e, as in 1500 or -1.5e-3")
+    unit = _DEGREE.sub("deg", stripped[number.end() :].strip())
     if not unit and declared.unit != "1":
         raise wrong(f"{quoted(text)} is a string without a unit", remedy)
-    if "°" in unit:
+    if any(sign in unit for sign in _DEGREES):
         raise wrong(f"the unit {quoted(unit)} has an offset", remedy)
     try:
         worth, roots = parse_unit({"": "1", "%": "percent"}.get(unit, unit))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from functools import lru_cache
 from typing import Any
@@ -20,7 +20,7 @@ from workflow.study.document import SCENE_KEYS, study_form
 from workflow.study.files import Files
 from workflow.study.forms import Entry
 from workflow.study.kinds import LONGEST_LIST
-from workflow.study.mistakes import Place, StudyError, faults_of, one_of, place_of_path
+from workflow.study.mistakes import UNKNOWN, Place, StudyError, faults_of, one_of, place_of_path
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice
 from workflow.study.sizes import Sizes, sizes_of
 from workflow.study.source import Source, mapping, written_axes
@@ -47,9 +47,20 @@ def read_fields(source: Source, files: Files) -> tuple[Mapping[str, Any], Mappin
         for place, problem, remedy in faults_of(error):
             follows = not model and place[:1] in (("axes",), ("zip",)) and str(place[-1]).startswith("scene.")
             if place not in supplied and not follows:
-                source.report(place, problem, remedy)
+                source.report(place, problem, _home(str(place[-1]), varied, remedy) if UNKNOWN in problem else remedy)
     source.refuse()
     return sections, varied
+
+
+def _home(key: str, varied: Iterable[str], remedy: str) -> str:
+    """Return what to write for a word that is known elsewhere; the remedy of others, and of a part of a word."""
+    if remedy.startswith("did you mean") and key in remedy:
+        return remedy
+    for path in (path if "." in path else f"axes.{path}" for path in varied):
+        words = path.split(".")
+        if key in words[1:]:
+            return f"write it as `{'.'.join(words[: words.index(key) + 1])}`"
+    return remedy
 
 
 @lru_cache(maxsize=32)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from workflow.declare import File, word_of
+from workflow.declare import File, measure, word_of
 from workflow.study.addresses import MODES, TOLERANCE, addresses
 from workflow.study.quantities import readable
 from workflow.study.ranges import Range
@@ -33,11 +33,16 @@ class ResolvedValue:
         """The values as a line: a few of them, of many the ends; the range of drawn ones."""
         if self.drawn is not None:
             law = {"lin": "drawn", "log": "drawn in the logarithm", "branch": "followed as a branch"}[self.drawn.law]
-            return f"{self.drawn.low:.12g} to {self.drawn.high:.12g} {readable(self.unit)}".rstrip() + f", {law}"
-        texts = [f"{value:.12g}" if isinstance(value, float) else str(value) for value in self.values]
+            low, high = (measure(end, readable(self.unit)) for end in (self.drawn.low, self.drawn.high))
+            return f"{low} to {high}, {law}"
+        values, unit = self.values, readable(self.unit)
+        if any(isinstance(value, str) for value in values):  # `static` has no unit
+            unit = ""
+        elif unit == "m" and 0 < max(map(abs, values)) < 1e-3:
+            values, unit = tuple(1e6 * value for value in values), "µm"
+        texts = [f"{value:.12g}" if isinstance(value, float) else str(value) for value in values]
         few = texts if len(texts) <= 6 else [texts[0], texts[1], "…", f"{texts[-1]} ({len(texts)} values)"]
-        words = any(isinstance(value, str) for value in self.values)  # `static` has no unit
-        return f"{', '.join(few)} {'' if words else readable(self.unit)}".rstrip()
+        return f"{', '.join(few)} {unit}".rstrip()
 
 
 def resolved_values(study: Study, cell: CaseSettings) -> tuple[ResolvedValue, ...]:

@@ -50,7 +50,7 @@ def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
         inputs = dict.fromkeys(("node", "spring", "temperature"), nodes)
         return Sizes(inputs, dict.fromkeys(MODES, nodes), models.MOST_FULL, models.MOST_ONE_BY_ONE)
     try:
-        structure = models.load(scene.model).assemble(scene.parameters)
+        structure = models.structure_of(scene.model, scene.parameters)
         both = structure.mechanical_size, structure.thermal_size
         displacements, temperatures = ((size,) for size in structure.input_sizes)
         most = models.most_modes(scene.model, scene.parameters)

@@ -11,7 +11,7 @@ from typing import Any
 from workflow.declare import plain
 from workflow.study.case_space import CaseSpace
 from workflow.study.edits import OPTION, plain_tree, replaced, text_of
-from workflow.study.files import Files
+from workflow.study.files import Attached, Files
 from workflow.study.reader import read_fields, resolve
 from workflow.study.source import compose, read_text
 
@@ -27,7 +27,7 @@ class Study(CaseSpace):
     license
         Under which the archive may be used, empty where the study states none.
     attached
-        Places of files that came with the study's text, by the names that it gives them.
+        Files that came with the study's text.
     given
         Dotted paths of what the text gives.
     """
@@ -37,7 +37,7 @@ class Study(CaseSpace):
     text: str
     file: str
     license: str = ""
-    attached: Mapping[str, Path] = field(default_factory=dict)
+    attached: Attached = field(default_factory=dict)
     given: frozenset[str] = frozenset()
 
     def gives(self, path: str) -> bool:
@@ -136,7 +136,7 @@ def parse_study(
     file: str,
     settings: Mapping[str, Any] | None = None,
     option: str = OPTION,
-    attached: Mapping[str, Path] | None = None,
+    attached: Attached | None = None,
 ) -> Study:
     """Read a study from its text.
 
@@ -149,7 +149,7 @@ def parse_study(
     option
         What names these values in messages, before their key.
     attached
-        Places of files that came with the text, by the names that it gives them.
+        Files that came with the text.
 
     Raises
     ------

@@ -26,6 +26,7 @@ import numpy as np
 from workflow.models import Structure, mechanical_modes
 from workflow.schemes._fixed.contact import Contact, Response, Tip
 from workflow.schemes._fixed.march import contact_law
+from workflow.schemes._interface import RefusedStructureError
 
 _TIMES_STATIC = 10.0
 """The default κ over the static stiffness of the tip: the spring deflects a tenth as far as the structure."""
@@ -76,14 +77,15 @@ def default_stiffness(structure: Structure) -> float:
 
     Raises
     ------
-    ValueError
+    RefusedStructureError
         The structure is a free mass.
     """
     modes = mechanical_modes(structure)
     elastic = modes.values > 0
     flexibility = np.sum((modes.tip[elastic] / modes.values[elastic]) ** 2)
     if flexibility == 0:
-        raise ValueError("a free mass has no stiffness to take ten times of; give the scheme's `stiffness` in N/m")
+        text = "a free mass has no stiffness to take ten times of; give the scheme's `stiffness` in N/m"
+        raise RefusedStructureError(text)
     return _TIMES_STATIC / flexibility
 
 

@@ -1,0 +1,223 @@
+"""Archives from elsewhere: nothing outside their file is read, whatever they hold, and every command ends."""
+
+from __future__ import annotations
+
+import os
+import random
+import resource
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from studies import SMALL, parsed
+from terminal import told
+from workflow.archive import ArchiveError, open_archive, provenance
+from workflow.archive._seal import seal
+from workflow.run import run_study
+
+SECRET = "do-not-tell"
+"""What stands in files beside the archive."""
+
+LONGEST = 10
+"""Processor seconds that a command may take; the imports alone take one."""
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("own")
+    run_study(parsed(SMALL), directory / "a.nc")
+    (directory / "raw").write_text(SECRET * 1000)
+    with h5py.File(directory / "other.nc", "w") as file:
+        file["texts"] = np.frombuffer(SECRET.encode() * 100, "S1")
+        file["numbers"] = np.arange(1000.0)
+        file.create_group("provenance").attrs["study"] = SECRET
+        file.attrs["archive_format"] = "2"
+    os.mkfifo(directory / "pipe")  # what opens it waits for ever
+    return directory / "a.nc"
+
+
+def dataset_of(file: Any, chance: random.Random) -> str:
+    return chance.choice([name for name in file if isinstance(file[name], h5py.Dataset)])
+
+
+def external_link(file: Any, beside: Path, chance: random.Random) -> None:
+    name, there = chance.choice([(dataset_of(file, chance), "/numbers"), ("provenance", "/provenance")])
+    del file[name]
+    file[name] = h5py.ExternalLink(str(beside / chance.choice(["other.nc", "pipe"])), there)
+
+
+def link_to_root(file: Any, beside: Path, chance: random.Random) -> None:
+    file["provenance/study_as_written"] = h5py.ExternalLink(str(beside / "other.nc"), "/")
+
+
+def soft_link(file: Any, beside: Path, chance: random.Random) -> None:
+    place = chance.choice(["/", "/provenance/"])
+    file[f"{place}more"] = h5py.SoftLink(chance.choice(["/nowhere", f"{place}more", "/status", "/"]))
+
+
+def raw(file: Any, beside: Path, chance: random.Random) -> None:
+    place = str(beside / chance.choice(["raw", "pipe"]))
+    if chance.random() < 0.5:
+        file["provenance"].create_dataset("platform_text", (90,), "S1", external=[(place, 0, 90)])
+        return
+    name = dataset_of(file, chance)
+    shape = file[name].shape
+    del file[name]
+    file.create_dataset(name, shape, "u1", external=[(place, 0, h5py.h5f.UNLIMITED)])
+
+
+def virtual(file: Any, beside: Path, chance: random.Random) -> None:
+    layout = h5py.VirtualLayout((900,), "S1")
+    layout[:] = h5py.VirtualSource(str(beside / chance.choice(["other.nc", "pipe"])), "texts", (900,))
+    file["provenance"].create_virtual_dataset("files", layout)
+
+
+def circle(file: Any, beside: Path, chance: random.Random) -> None:
+    group = chance.choice(["provenance", "provenance/deeper/still"])
+    file.require_group(group)["up"] = file[chance.choice(["/", "provenance"])]
+
+
+def second_name(file: Any, beside: Path, chance: random.Random) -> None:
+    file["again"] = file[dataset_of(file, chance)]
+
+
+def immense(file: Any, beside: Path, chance: random.Random) -> None:
+    name = dataset_of(file, chance)
+    shape = (2**30, 2**20) if chance.random() < 0.5 else (2**40,)
+    del file[name]
+    file.create_dataset(name, shape, "i1", chunks=(2**20,) if len(shape) == 1 else (2**10, 2**10))
+
+
+REFUSED: tuple[Callable[[Any, Path, random.Random], None], ...] = (
+    external_link,
+    link_to_root,
+    soft_link,
+    raw,
+    virtual,
+    circle,
+    second_name,
+    immense,
+)
+
+
+def wrong_type(file: Any, beside: Path, chance: random.Random) -> None:
+    name = dataset_of(file, chance)
+    values = np.zeros(file[name].shape, chance.choice(["f8", "S5", "i8", "c16", "u1"]))
+    scales = [list(dim.values()) for dim in file[name].dims] if chance.random() < 0.5 else []
+    del file[name]
+    file[name] = values
+    for dim, own in zip(file[name].dims, scales, strict=False):
+        for one in own:
+            dim.attach_scale(one)
+
+
+def without(file: Any, beside: Path, chance: random.Random) -> None:
+    del file[dataset_of(file, chance)]
+
+
+def cut_chunk(file: Any, beside: Path, chance: random.Random) -> None:
+    name = chance.choice([name for name in file if getattr(file[name], "chunks", None)])
+    file[name].id.write_direct_chunk((0,) * file[name].ndim, chance.randbytes(chance.randrange(40)))
+
+
+def odd_attribute(file: Any, beside: Path, chance: random.Random) -> None:
+    value = chance.choice([np.arange(5.0), "x" * 60_000, np.zeros(0), b"\xff\xfe", h5py.Empty("f")])
+    file[chance.choice(["/", dataset_of(file, chance)])].attrs[chance.choice(["units", "title", "coordinates"])] = value
+
+
+SHOWN = (wrong_type, without, cut_chunk, odd_attribute)
+"""Changes of an archive of which something can be shown; what a forger has sealed again may end as a defect."""
+
+
+def damaged_bytes(image: bytearray, chance: random.Random) -> None:
+    """Change pointers and lengths of the kinds that lead in circles."""
+    for _ in range(chance.choice([1, 2, 5, 20])):
+        marks = [b"TREE", b"GCOL", b"FRHP", b"FHDB", b"OHDR", b"OCHK", b"BTLF", b"BTHD", b"SNOD", b"HEAP"]
+        mark = chance.choice([one for one in marks if one in image])
+        places = [k for k in range(len(image) - 200) if image.startswith(mark, k)]
+        at = chance.choice(places) + chance.randrange(4, 160)
+        image[at : at + 8] = chance.choice([chance.choice(places).to_bytes(8, "little"), bytes(8), chance.randbytes(8)])
+
+
+def spoilt(sound: Path, path: Path, change: Callable[[Any, Path, random.Random], None], chance: random.Random) -> Path:
+    shutil.copy(sound, path)
+    with h5py.File(path, "r+") as file:
+        change(file, sound.parent, chance)
+    seal(path)
+    return path
+
+
+@pytest.mark.parametrize("change", REFUSED)
+def test_what_leads_out_of_an_archive_is_refused(
+    change: Callable[[Any, Path, random.Random], None], sound: Path, tmp_path: Path
+) -> None:
+    for seed in range(4):
+        path = spoilt(sound, tmp_path / f"{seed}.nc", change, random.Random(seed))
+        for use in (open_archive, provenance):
+            with pytest.raises(ArchiveError, match=r"leads to other data|more values than there are bytes"):
+                use(path)
+
+
+@pytest.mark.parametrize("words", [("show",), ("report",), ("verify",), ("recommend",), ("limits",), ("plan",)])
+def test_no_command_reads_what_lies_outside(words: tuple[str, ...], sound: Path, tmp_path: Path) -> None:
+    """A pipe that is opened would not let it end."""
+
+    def both(file: Any, beside: Path, chance: random.Random) -> None:
+        raw(file, beside, random.Random(1))
+        file["provenance/more"] = h5py.ExternalLink(str(beside / "pipe"), "/")
+
+    path = spoilt(sound, tmp_path / "a.nc", both, random.Random(0))
+    status, said = told(*words, path)
+    assert (status, said.count("leads to other data")) == (2, 1), said
+
+
+def test_an_archive_of_a_group_that_holds_itself_is_told_by_name(sound: Path, tmp_path: Path) -> None:
+    status, said = told("show", spoilt(sound, tmp_path / "a.nc", circle, random.Random(0)))
+    assert status == 2
+    assert f"{tmp_path / 'a.nc'}: `provenance/" in " ".join(said.split())
+
+
+def ended(said: Path, *words: str | Path) -> int:
+    """Return the exit status of a command in a process of its own, and write what it says to a file."""
+    process = os.fork()
+    if not process:
+        status = 99
+        try:
+            resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))
+            signal.alarm(10 * LONGEST)  # of one that waits for something
+            status, output = told(*words)
+            said.write_text(output)
+        finally:
+            os._exit(status)
+    return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(4))
+def test_hundred_spoilt_archives(part: int, sound: Path, tmp_path: Path) -> None:
+    """Commands end, soon and with words, and say nothing of what lies beside an archive."""
+    chance, page, said = random.Random(part), tmp_path / "page.html", tmp_path / "said"
+    told("report", sound, "-o", page)  # libraries are loaded, once
+    for number in range(25):
+        path = tmp_path / f"{number}.nc"
+        change = chance.choice([*REFUSED, *SHOWN, *SHOWN, *[None] * 8])
+        if change is None:
+            image = bytearray(sound.read_bytes()[:-72])
+            damaged_bytes(image, chance)
+            path.write_bytes(image)
+            seal(path)
+        else:
+            spoilt(sound, path, change, chance)
+        others = [("verify", path, "--sample", "1"), ("recommend", path), ("report", path, "-o", page)]
+        for words in (("show", path), chance.choice(others)):
+            page.unlink(missing_ok=True)
+            status = ended(said, *words)
+            assert status in (0, 1, 2, *([3] if change in SHOWN else [])), (part, number, words, change, status)
+            assert SECRET not in said.read_text()
+            assert not page.exists() or SECRET not in page.read_text()

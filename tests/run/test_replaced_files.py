@@ -1,0 +1,212 @@
+"""Files that a study names are replaced while it runs: what was hashed is what is assembled."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from matrix_files import WRITERS, as_directory, matrices_of
+from scenes import heavy_chain
+from studies import written
+from workflow import models
+from workflow.archive import content_hash, provenance
+from workflow.run import run_study, verify
+from workflow.study import Study, StudyError, attached, files, read_study
+
+STUDY = """study: replaced
+scene:
+  {model}
+  casing: {{gap: 5e-5}}
+  load: {{amplitude: 400, frequency: 200}}
+  duration: 2e-3
+axes: {{scheme: {schemes}, h: 1e-5, e: [0, 0.5], alpha: [0, 0.5]}}
+{more}output: {{interval: 1e-4}}
+"""
+
+
+def calculix(entries: Mapping[str, Any], directory: Path) -> Path:
+    for name, suffix in (("stiffness", "sti"), ("mass", "mas")):
+        matrix = np.asarray(entries[name])
+        rows = [f"{i + 1} {j + 1} {matrix[i, j]:.16e}\n" for j in range(len(matrix)) for i in range(j + 1)]
+        (directory / f"blade.{suffix}").write_text("".join(rows))
+    (directory / "blade.dof").write_text("".join(f"{k + 1}.1\n" for k in range(len(matrix))))
+    return directory / "blade.sti"
+
+
+def given_matrices(write: Callable[[Mapping[str, Any], Path], Path]) -> Callable[[Path, float], str]:
+    """Return what writes a chain, some times as stiff, and names it."""
+
+    def give(directory: Path, times: float) -> str:
+        entries = matrices_of(heavy_chain(nodes=4))
+        place = write({**entries, "stiffness": times * entries["stiffness"]}, directory)
+        return f"matrices: {{file: {place.name}, contact: 3}}"
+
+    return give
+
+
+def given_modes(directory: Path, times: float) -> str:
+    (directory / "modes.csv").write_text(
+        f"frequency [Hz],damping_ratio,tip\n{300 * times},0.01,9\n{900 * times},0.01,-7\n"
+    )
+    (directory / "heat.csv").write_text(f"rate [1/s],tip\n{20 * times},0.9\n")
+    (directory / "coupling.csv").write_text("-30\n20\n")
+    return "modes: {table: modes.csv, heat: heat.csv, coupling: coupling.csv}"
+
+
+KINDS: dict[str, Callable[[Path, float], str]] = {
+    **{write.__name__: given_matrices(write) for write in (*WRITERS, calculix)},
+    "modes": given_modes,
+}
+
+
+def read(directory: Path, give: Callable[[Path, float], str], schemes: str = "moreau", more: str = "") -> Study:
+    return read_study(written(STUDY.format(model=give(directory, 1.0), schemes=schemes, more=more), directory))
+
+
+def swapped(directory: Path, give: Callable[[Path, float], str]) -> None:
+    """Replace the files of a structure by those of a stiffer one."""
+    give(directory, 3.0)
+
+
+def touched(directory: Path, give: Callable[[Path, float], str]) -> None:
+    for path in directory.rglob("*.*"):
+        if path.suffix != ".yaml" and path.is_file():
+            os.utime(path)
+
+
+def cut(directory: Path, give: Callable[[Path, float], str]) -> None:
+    """Cut off the second half of all files of a structure."""
+    for path in directory.rglob("*.*"):
+        if path.suffix != ".yaml" and path.is_file():
+            os.truncate(path, path.stat().st_size // 2)
+
+
+def gone(directory: Path, give: Callable[[Path, float], str]) -> None:
+    for path in directory.iterdir():
+        if path.suffix != ".yaml":
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+@pytest.fixture
+def forgetful() -> None:
+    """Have structures assembled anew."""
+    models.structure_of.cache_clear()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_was_hashed_is_what_is_assembled(kind: str, tmp_path: Path, forgetful: None) -> None:
+    places = tmp_path / "kept", tmp_path / "changed"
+    studies = []
+    for place in places:
+        place.mkdir()
+        studies.append(read(place, KINDS[kind]))
+    swapped(places[1], KINDS[kind])
+    models.structure_of.cache_clear()  # as in another process
+    run_study(studies[1], tmp_path / "changed.nc", threads=1)
+    models.structure_of.cache_clear()
+    run_study(studies[0], tmp_path / "kept.nc", threads=1)
+    assert content_hash(tmp_path / "changed.nc") == content_hash(tmp_path / "kept.nc")
+    assert provenance(tmp_path / "changed.nc")["files"] == provenance(tmp_path / "kept.nc")["files"]
+    models.structure_of.cache_clear()
+    assert all(check.holds for check in verify(tmp_path / "changed.nc", 2))
+
+
+@pytest.mark.parametrize("change", [cut, gone])
+def test_references_and_auto_need_no_file_any_more(
+    change: Callable[..., None], tmp_path: Path, forgetful: None
+) -> None:
+    more = "reference: {scheme: event_driven}\n"
+    schemes = "[moreau, event_driven], mechanical_modes: auto, thermal_modes: auto, tolerance: 0.1"
+    study = read(tmp_path, KINDS["as_npz"], schemes, more)
+    change(tmp_path, KINDS["as_npz"])
+    models.structure_of.cache_clear()
+    assert run_study(study, tmp_path / "a.nc", threads=1).ok
+
+
+def test_files_lie_nowhere_when_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forgetful: None) -> None:
+    room = tmp_path / "room"
+    room.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(room))
+    study = read(tmp_path, KINDS["as_directory"])
+    run_study(study, tmp_path / "a.nc", threads=1)
+    attached.unpacked(provenance(tmp_path / "a.nc")["files"])
+    assert list(room.iterdir()) == []
+    room.rmdir()
+    models.structure_of.cache_clear()
+    with pytest.raises(FileNotFoundError):
+        models.structure_of("matrices", study.scene.parameters)
+
+
+def test_a_file_too_large_to_hold_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "MOST_BYTES", 100)
+    with pytest.raises(StudyError, match=r"blade\.npz has \d{3,} bytes, and at most 100 are read"):
+        read(tmp_path, KINDS["as_npz"])
+
+
+MANY = STUDY.replace("e: [0, 0.5]", "e: {{lin: [0, 1, 21]}}").replace("2e-3", "0.02")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(5))
+def test_files_change_at_random_moments(part: int, tmp_path: Path) -> None:
+    """Ten runs: the archive is that of the files it holds, or messages say what is wrong."""
+    chance = random.Random(part)
+    for number in range(10):
+        kind = chance.choice(["as_npz", "as_directory", "calculix", "modes"])
+        give, change = KINDS[kind], chance.choice([swapped, swapped, touched, cut, gone])
+        place = tmp_path / f"{number}"
+        place.mkdir()
+        written(MANY.format(model=give(place, 1.0), schemes="moreau", more=""), place)
+        words = ["--workers", "2"] if chance.random() < 0.2 else []
+        command = [sys.executable, "-m", "workflow", "run", "study.yaml", "-o", "a.nc", *words]
+        with subprocess.Popen(command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            time.sleep(chance.uniform(0.2, 4.0 if words else 1.5))
+            change(place, give)
+            _, said = process.communicate(timeout=120)
+        if process.returncode == 0:
+            models.structure_of.cache_clear()
+            assert all(check.holds for check in verify(place / "a.nc", 3)), (number, kind, change)
+        else:
+            assert process.returncode == 2, said
+            assert all(line.startswith("study.yaml:3: scene.") for line in said.splitlines()), said
+            assert not (place / "a.nc").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_command_that_is_stopped_leaves_no_files(number: signal.Signals, tmp_path: Path) -> None:
+    """Stopped at moments of a whole run of an archive that brings its matrices, large enough to take a while."""
+    entries = matrices_of(heavy_chain(nodes=250))
+    as_directory(entries, tmp_path)
+    model = "matrices: {file: blade, contact: 249}"
+    text = STUDY.format(model=model, schemes="moreau", more="zip: {m: {mechanical_modes: [2], thermal_modes: [2]}}\n")
+    run_study(read_study(written(text, tmp_path)), tmp_path / "a.nc")
+    room = tmp_path / "room"
+    room.mkdir()
+    seen = 0
+    for k in range(12):
+        command = [sys.executable, "-m", "workflow", "run", "a.nc", "-o", "b.nc"]
+        there = {**os.environ, "TMPDIR": str(room)}
+        with subprocess.Popen(
+            command, cwd=tmp_path, env=there, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+        ) as run:
+            until = time.monotonic() + 0.15 * k
+            while time.monotonic() < until or (k > 5 and run.poll() is None and not any(room.iterdir())):
+                time.sleep(1e-3)
+            seen += any(room.iterdir())
+            run.send_signal(number)
+            run.wait(timeout=60)
+        assert list(room.iterdir()) == []
+        (tmp_path / "b.nc").unlink(missing_ok=True)
+    assert seen
