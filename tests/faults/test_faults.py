@@ -200,7 +200,7 @@ def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
         "cases": "ok",
         "sample": "DIFFERS",
     }
-    assert "e = 0.2, alpha = 5.0: contact_impulse is" in output
+    assert "e = 0.2, alpha = 5: contact_impulse is" in output
     archive.write_bytes(archive.read_bytes()[:3000])
     status, output = told("verify", archive)
     assert status == 2

@@ -196,7 +196,9 @@ def _by_clusters(A: Array, near: float, change: float = 0.0) -> RealBlocks:
     V = np.hstack(spaces)
     V = V @ _refinement(np.linalg.solve(V, balanced @ V), [space.shape[1] for space in spaces])
     moved = np.linalg.solve(V, balanced @ V)
-    blocks, rates, firsts = [], [], []
+    blocks: list[_Block] = []
+    rates: list[float] = []
+    firsts: list[Array] = []
     for is_real, place in places:
         M, space = moved[np.ix_(place, place)], V[:, place]
         if is_real:
