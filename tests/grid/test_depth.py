@@ -24,6 +24,7 @@ DEEP = f"study: deep\n{SCENE}{AXES}output: {{interval: 2 ms, temperature_depth: 
 TWO_MESHES = DEEP.split("zip")[0].replace("alpha: [0, 30]", "scene.chain.nodes: [4, 2]") + DEEP.splitlines()[-1]
 
 
+@pytest.mark.slow
 def test_an_archive_holds_the_mean_over_the_depth_in_every_scheme_and_basis(tmp_path: Path) -> None:
     """The mean lies below the tip of a blade that is heated there, and schemes agree on it as on the tip."""
     run_study(parsed(DEEP), tmp_path / "deep.nc")

@@ -75,6 +75,7 @@ def check_all(seeds: range, counts: tuple[int, ...]) -> dict[str, int]:
     return total
 
 
+@pytest.mark.slow
 def test_branches_of_one_impact_are_those_of_the_closed_form() -> None:
     """Scenes whose grazing turns back (5) and goes on (13)."""
     total = check_all(range(5, 6), (12,))
