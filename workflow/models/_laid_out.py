@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import shutil
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,8 @@ from workflow.declare import File, files_of
 from workflow.models._semidefinite import UnusableMatricesError
 
 _DIRECTORIES: set[Path] = set()
+_MAKING = threading.RLock()
+"""Held while a directory is made, and for good once the process is about to end."""
 
 
 @contextmanager
@@ -28,8 +31,9 @@ def files_laid_out(parameters: Any) -> Iterator[Any]:
     if not any(file.contents for file in files_of(parameters)):
         yield parameters
         return
-    directory = Path(tempfile.mkdtemp(prefix="workflow-"))
-    _DIRECTORIES.add(directory)
+    with _MAKING:
+        directory = Path(tempfile.mkdtemp(prefix="workflow-"))
+        _DIRECTORIES.add(directory)
     try:
         try:
             own = _laid_out(parameters, directory)
@@ -44,6 +48,7 @@ def files_laid_out(parameters: Any) -> Iterator[Any]:
 
 def discard_files() -> None:
     """Remove what is laid out, also while it is being written; the process is about to end."""
+    _MAKING.acquire()
     for directory in tuple(_DIRECTORIES):
         while directory.exists():
             shutil.rmtree(directory, ignore_errors=True)
