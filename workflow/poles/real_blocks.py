@@ -40,7 +40,6 @@ _NEAR = 1e-3
 _SINGULAR = 1e-13
 """Singular values of A - s, over the largest, up to which they are 0: s is a pole."""
 
-
 _ROUNDING = float(np.finfo(float).eps)
 _SOUND, _KEPT = 2.5e-10, 1e-7
 """Error of a separation up to which no other is looked for: a condition of 1e6; up to which it is taken."""

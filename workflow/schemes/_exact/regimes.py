@@ -25,10 +25,10 @@ from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, sta
 from workflow.schemes._interface import RefusedStructureError
 
 INSEPARABLE = (
-    "leaves three poles with one eigenvector, which event_driven cannot separate; change it by a trifle, or take "
-    "a scheme with a fixed step"
+    "leaves poles that coincide and share an eigenvector, which event_driven cannot separate; change it by a trifle, "
+    "or take a scheme with a fixed step"
 )
-"""Why a structure with three poles of one eigenvector is refused."""
+"""Why a structure is refused whose poles no method separates."""
 
 
 class InseparablePolesError(RefusedStructureError):
