@@ -115,6 +115,18 @@ def test_an_unfinished_run_is_ended_before_it_is_retried(
     assert not parts_of(archive).exists()
 
 
+def stopped(again: dict[str, bool], place: Path, broken: set[float], monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return an archive that a second command, in which no case fails any more, was stopped at."""
+    cut_finely(monkeypatch, 1 if "retry" in again else None)
+    archive = place / "a.nc"
+    run_study(quick(), archive)
+    before = archive.read_bytes()
+    broken.clear()
+    interrupted(quick(), archive, 2, **again)
+    assert archive.read_bytes() == before
+    return archive
+
+
 @pytest.mark.parametrize("same", [True, False], ids=["the same command", "a plain run"])
 @pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])
 def test_what_was_stopped_goes_on(
@@ -125,13 +137,7 @@ def test_what_was_stopped_goes_on(
     solved: list[int],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    cut_finely(monkeypatch, 1 if "retry" in again else None)
-    archive = tmp_path / "a.nc"
-    run_study(quick(), archive)
-    before = archive.read_bytes()
-    broken.clear()
-    interrupted(quick(), archive, 2, **again)
-    assert archive.read_bytes() == before
+    archive = stopped(again, tmp_path, broken, monkeypatch)
     solved.clear()
     assert run_study(quick(), archive, threads=1, **(again if same else {})).counts == {"ok": 9}  # type: ignore[arg-type]
     assert len(solved) == (1 if "retry" in again else 3)
@@ -212,11 +218,7 @@ def test_a_clock_that_was_set_back_changes_nothing(
     solved: list[int],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    cut_finely(monkeypatch, 1 if "retry" in again else None)
-    archive = tmp_path / "a.nc"
-    run_study(quick(), archive)
-    broken.clear()
-    interrupted(quick(), archive, 2, **again)
+    archive = stopped(again, tmp_path, broken, monkeypatch)
     monkeypatch.setattr(running.time, "time_ns", lambda: -(10**18))
     if lost:
         (parts_of(archive) / "command.json").unlink()
