@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from workflow.archive._seal import is_intact, is_sealed, seal
+from workflow.archive._seal import has_sound_head, is_intact, is_sealed, seal
 
 
 def sealed(path: Path, image: bytes) -> Path:
@@ -17,7 +17,8 @@ def sealed(path: Path, image: bytes) -> Path:
     assert not is_intact(path)
     seal(path)
     assert path.read_bytes().startswith(image)
-    assert path.read_bytes().endswith(hashlib.sha256(image).hexdigest().encode())
+    sealed, digest = path.read_bytes().rsplit(b"\nsha256 ", 1)
+    assert digest == hashlib.sha256(sealed).hexdigest().encode()
     return path
 
 
@@ -40,3 +41,13 @@ def test_files_of_any_length(tmp_path: Path, size: int) -> None:
     for image in (path.read_bytes() + b"\0", path.read_bytes()[:-1], path.read_bytes()[1:]):
         path.write_bytes(image)
         assert not is_intact(path)
+
+
+def test_the_head_ends_where_chunks_begin(tmp_path: Path) -> None:
+    path = sealed(tmp_path / "file", b"a" * 100 + b"TREE" + b"b" * 100)
+    image = path.read_bytes()
+    for place, sound in ((0, False), (99, False), (100, True), (203, True)):
+        path.write_bytes(image[:place] + b"c" + image[place + 1 :])
+        assert has_sound_head(path) == sound
+    path.write_bytes(b"a" * 100)
+    assert has_sound_head(path)  # of another program, or of an earlier version of this one

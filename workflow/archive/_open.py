@@ -20,7 +20,7 @@ from workflow.archive._gather import assemble
 from workflow.archive._own_data import require_own_data
 from workflow.archive._parts import COMMAND, Command, parts_of, read_command
 from workflow.archive._provenance import grid_of
-from workflow.archive._seal import is_intact, is_sealed
+from workflow.archive._seal import has_sound_head, is_intact, is_sealed
 from workflow.archive._shard import find_shards
 from workflow.archive._stored import MESSAGE, PROVENANCE, STATUS, Stored, opened
 from workflow.archive._with_xarray import open_dataset
@@ -270,6 +270,7 @@ def _look(path: Path) -> None:
     try:
         with open(path, "rb") as file:
             signature = file.read(len(HDF5_SIGNATURE))
+        sound = has_sound_head(path)
     except FileNotFoundError as error:
         if _unfinished(path) is not None:
             text = f"{path}: unfinished, only its shards are there; run the study to its end first"
@@ -285,6 +286,8 @@ def _look(path: Path) -> None:
         raise ArchiveError(f"{path}: cannot be read: {reason(error)}") from error
     if signature != HDF5_SIGNATURE:
         raise ArchiveError(f"{path}: not a NetCDF-4 file; {_expected(path)}")
+    if not sound:
+        raise ArchiveError(f"{path}: damaged, what describes its variables has changed; restore a copy")
 
 
 def _expected(path: Path) -> str:
