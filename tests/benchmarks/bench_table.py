@@ -42,15 +42,15 @@ def table(size: Size, processes: bool = True) -> str:
     """
     with threadpool_limits(limits=1, user_api="blas"):
         lines = bench_limits.lines(size) + bench_workflow.lines(size)
-        return markdown(lines + (bench_workflow.command_lines(size) if processes else []))
+        command = "python tests/benchmarks/bench_table.py" + " --quick" * ("--quick" in sys.argv)
+        return markdown(lines + (bench_workflow.command_lines(size) if processes else []), command)
 
 
-def markdown(lines: list[Line]) -> str:
-    """Return the table with date and machine."""
+def markdown(lines: list[Line], command: str) -> str:
+    """Return the table with date, machine and the command that measured it."""
     machine = (
         f"{processor()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, Python {platform.python_version()}"
     )
-    command = "python tests/benchmarks/bench_table.py" + " --quick" * ("--quick" in sys.argv)
     rows = [f"*{date.today()}, {machine}; `{command}`*\n"]
     rows += ["| what | asked for | measured | ratio |", "|---|---|---|---|"]
     rows += [
