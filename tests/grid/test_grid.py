@@ -77,19 +77,19 @@ def test_tasks_cover_every_case_once(text: str, longest: float, monkeypatch: pyt
         assert np.all(seen == (1 if missing is None else missing))
 
 
-@pytest.mark.parametrize("h", [1e-5, 1e-6])
-@pytest.mark.parametrize("threads", [2, 4])
-def test_threads_end_together(threads: int, h: float) -> None:
-    """Whenever they begin: each takes the next task as soon as it is free, as dask's threads do."""
-    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: {h}").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 4000]}")
-    grid = arrange(parsed(text))
-    cut = list(tasks(grid))
-    assert cut[-1].seconds < 1.5 * cutting.SHORTEST
-    for offset in (0.25, 0.5, 0.75):
-        free = [k / threads * offset * cut[0].seconds for k in range(threads)]
-        for task in cut:
-            free[free.index(min(free))] += task.seconds
-        assert max(free) - min(free) < 1.5 * cutting.SHORTEST
+@pytest.mark.parametrize("h", ["1e-5", "1e-6", "[1e-5, 3e-6, 1e-6]"])
+@pytest.mark.parametrize("missing", [1.0, 0.3])
+@pytest.mark.parametrize("threads", [1, 2, 16])
+def test_threads_end_together(threads: int, missing: float, h: str) -> None:
+    """Tasks are enough for each thread, and cost the same, whether all of a study is missing or some of it."""
+    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: {h}").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 8000]}")
+    grid = arrange(parsed(text.replace("interval: 1 ms", "interval: 20 ms")))
+    mask = np.random.default_rng(0).random((grid.outer_count, grid.inner_count)) < missing
+    seconds = [task.seconds for task in tasks(grid, mask, threads)]
+    assert max(seconds) < 2 * min(seconds)
+    assert max(seconds) < 1.5 * cutting.LONGEST
+    assert len(seconds) >= 0.9 * min(8 * threads, sum(seconds) / cutting.SHORTEST)
+    assert sum(seconds) == pytest.approx(cutting.model_seconds(grid, mask))
 
 
 @pytest.mark.parametrize("alphas", [3, 40, 2000])

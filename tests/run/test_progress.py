@@ -68,14 +68,14 @@ def test_a_damaged_shard_is_not_counted(tmp_path: Path, many_tasks: None) -> Non
 
 
 def test_work_counts_what_cases_cost(tmp_path: Path, many_tasks: None) -> None:
-    """Two steps, one a hundredth of the other: half of the cases are a small part of the work."""
+    """Two steps, one a hundredth of the other: the longer half of the cases, which begins, is most of the work."""
     reported: list[Advance] = []
     axes = {"h": [1e-4, 1e-6], "e": [0.0, 0.5], "alpha": [0.0]}
     study = quick(axes, scene={"duration": 0.4}, output={"histories": [], "interval": 4e-3})
     run_study(study, tmp_path / "a.nc", 1, reported.append)
     half = next(advance for advance in reported if advance.stored >= 2)
     assert half.stored == 2
-    assert half.work < 0.25
+    assert half.work > 0.7
 
 
 def test_a_run_that_goes_on_begins_where_it_stopped(tmp_path: Path, many_tasks: None) -> None:

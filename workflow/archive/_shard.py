@@ -64,12 +64,15 @@ def write_shard(
         The disk is full, or the directory missing or not writable.
     """
     parts, image = Path(parts), io.BytesIO()
-    texts = [truncated_message(messages.get(k, "")).encode() for k in range(len(hashes))] if messages else []
+    encoded = {k: truncated_message(text).encode() for k, text in messages.items()}
+    texts = np.zeros(len(hashes), f"S{max([1, *map(len, encoded.values())])}")
+    for k, text in encoded.items():
+        texts[k] = text
     np.savez(
         image,
         allow_pickle=False,
         **{str(name): _as_stored(values[str(name)], template.variables[name].dtype) for name in template.data_vars},
-        **{MESSAGE: np.array(texts, "S") if texts else np.zeros(len(hashes), "S1"), CASE_HASH: hashes},
+        **{MESSAGE: texts, CASE_HASH: hashes},
     )
     path = parts / f"{name}{SUFFIX}"
     with writing("a shard", parts):

@@ -7,9 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from workflow.grid import _speed
 from workflow.grid._ahead import kernel_variants
 from workflow.grid._arrangement import Grid
@@ -19,7 +16,7 @@ from workflow.grid._frequencies import longest_period_count
 from workflow.grid._operators import full_structure, reduced_structure
 from workflow.grid._reference import distinct_solutions
 from workflow.grid._reference_solutions import solution_seconds
-from workflow.grid._tasks import MOST_KINDS, steady_bytes, tasks
+from workflow.grid._tasks import MOST_KINDS, model_seconds, steady_bytes, tasks
 
 
 @dataclass(frozen=True)
@@ -67,22 +64,17 @@ def result_bytes(grid: Grid) -> int:
 def estimate(grid: Grid, threads: int | None = None) -> Time:
     """Return how long a study will take; ``threads`` is one for each processor where not given."""
     threads, factor = threads or len(os.sched_getaffinity(0)), _speed.factor()
-    scale, seconds = factor or 1.0, [task.seconds for task in tasks(grid)]
-    work = (sum(seconds) + reference_seconds(grid)) * scale
+    scale, longest = factor or 1.0, max(task.seconds for task in tasks(grid, threads=threads))
+    work = (model_seconds(grid) + reference_seconds(grid)) * scale
     beside = beside_seconds(grid.outer_count * grid.inner_count, result_bytes(grid))
     beside += LOADING * len(kernel_variants(grid))
     return Time(
-        seconds=max(work / threads, max(seconds) * scale) + beside,
+        seconds=max(work / threads, longest * scale) + beside,
         threads=threads,
         core_seconds=work + beside,
         compiling=time_to_compile(grid, threads),
         measured=factor is not None,
     )
-
-
-def model_seconds(grid: Grid, missing: NDArray[np.bool_] | None = None) -> float:
-    """Return what a study's cases, or those ``missing``, cost by the model, without references."""
-    return sum(task.seconds for task in tasks(grid, missing))
 
 
 def machine_factor(grid: Grid, seconds: float) -> float:

@@ -52,12 +52,13 @@ def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
     """
     settings = grid.settings(outer)
     prefix = hashlib.sha256(json.dumps(_shared(grid, outer, settings), sort_keys=True).encode())
-    digests = []
-    for row in _rows(grid, outer, settings, grid.inner_values(inner), inner.size):
-        digest = prefix.copy()
-        digest.update(row.data)
-        digests.append(digest.digest()[:HASH_BYTES])
-    return np.frombuffer(b"".join(digests), np.uint8).reshape(-1, HASH_BYTES)
+    rows = _rows(grid, outer, settings, grid.inner_values(inner), inner.size)
+    content, size, copied, digests = rows.tobytes(), rows.strides[0], prefix.copy, bytearray()
+    for begin in range(0, len(content), size):
+        digest = copied()
+        digest.update(content[begin : begin + size])
+        digests += digest.digest()[:HASH_BYTES]
+    return np.frombuffer(digests, np.uint8).reshape(-1, HASH_BYTES)
 
 
 def _shared(grid: Grid, outer: int, settings: CaseSettings) -> dict[str, Any]:

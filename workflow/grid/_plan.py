@@ -107,7 +107,8 @@ def _plan(grid: Grid) -> Plan:
         steps += distinct * grid.sampling.steps(settings.h) if "h" in schemes.load(settings.scheme.method).READS else 0
     structures = grid.kinds(lambda path: path.startswith(f"scene.{model}."))
     shown = [grid.settings(outer) for outer in structures[:_STRUCTURES_SHOWN]]
-    batches = [len(task.batches) for task in tasks(grid)]
+    time = estimate(grid)
+    batches = [len(task.batches) for task in tasks(grid, threads=time.threads)]
     cases = grid.outer_count * grid.inner_count
     references, exact = solution_counts(grid)
     return Plan(
@@ -122,7 +123,7 @@ def _plan(grid: Grid) -> Plan:
         batches=sum(batches),
         tasks=len(batches),
         steps=steps,
-        time=estimate(grid),
+        time=time,
         bytes=result_bytes(grid),
         stored=tuple(grid.study.output.sampled),
         structures=tuple(map(figures, shown)),

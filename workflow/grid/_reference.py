@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._operators import run_batch
@@ -13,7 +14,7 @@ from workflow.grid._perturbation import Perturbation, cases_of
 from workflow.grid._reference_solutions import (
     BASIS,
     Kind,
-    ReferenceSolution,
+    ReferenceSolutions,
     Solutions,
     compared_values,
     exact_settings,
@@ -58,12 +59,12 @@ def against_reference(
         return {}, {}
     compared = [_in_order(grid, kind, inner, solutions) for kind in needed_kinds(grid, outer)]
     references, exact = compared[0], compared[-1]
-    errors: dict[str, Array] = {"predictability": np.array([one.predictability for one in references])}
+    errors: dict[str, Array] = {"predictability": references.predictability}
     chosen = grid.reference_choice(outer)
     if chosen is not None:
         errors["reference_basis_error"] = np.full(inner.size, chosen.error)
     for name in COMPARED:
-        truth, reduced = _histories(references, name), _histories(exact, name)
+        truth, reduced = references.histories[name], exact.histories[name]
         size = norms(truth)
         errors[f"{name}_error"] = relative(norms(results[name] - truth), size)
         errors[f"{name}_scheme_error"] = relative(norms(results[name] - reduced), size)
@@ -71,28 +72,25 @@ def against_reference(
     return errors, _messages(references, exact, errors, results["status"] == Status.OK)
 
 
-def _in_order(grid: Grid, kind: Kind, inner: Indices, solutions: Solutions) -> list[ReferenceSolution]:
+def _in_order(grid: Grid, kind: Kind, inner: Indices, solutions: Solutions) -> ReferenceSolutions:
     """Return the solutions of a kind for the conditions of some cases."""
-    return [solutions[kind][first] for first in grid.inner_alike(inner, is_compared(grid, kind[0])).tolist()]
-
-
-def _histories(solutions: Sequence[ReferenceSolution], name: str) -> Array:
-    return np.stack([one.histories[name] for one in solutions])
+    return solutions[kind].of(grid.inner_alike(inner, is_compared(grid, kind[0])))
 
 
 def _messages(
-    references: Sequence[ReferenceSolution], exact: Sequence[ReferenceSolution], errors: Mapping[str, Array], ok: Array
+    references: ReferenceSolutions, exact: ReferenceSolutions, errors: Mapping[str, Array], ok: NDArray[np.bool_]
 ) -> dict[int, str]:
     """Say of each ok case which errors cannot be formed, and why."""
     remarks: dict[int, str] = {}
-    for case in map(int, np.flatnonzero(ok)):
+    formed = [np.isfinite(errors[f"{name}_{part}"]) for name in COMPARED for part in ("error", "scheme_error")]
+    for case in np.flatnonzero(ok & ~np.all(formed, axis=0)).tolist():
         zero = [name for name in COMPARED if np.isnan(errors[f"{name}_error"][case])]
-        if references[case].failure:
-            remarks[case] = f"{REFERENCE}{references[case].failure}"
+        if case in references.failures:
+            remarks[case] = f"{REFERENCE}{references.failures[case]}"
         elif zero:
             remarks[case] = f"{REFERENCE}its {' and '.join(zero)} is identically zero, that of the case is not"
-        elif exact[case].failure:
-            remarks[case] = f"{PARTS}{EXACT} on the reduced model of the case: {exact[case].failure}"
+        elif case in exact.failures:
+            remarks[case] = f"{PARTS}{EXACT} on the reduced model of the case: {exact.failures[case]}"
     return remarks
 
 
@@ -114,7 +112,7 @@ def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbat
     if perturbation is None:
         kind = needed_kinds(grid, outer)[-1]  # the reference itself where that is exact
         solutions = _in_order(grid, kind, inner, solutions_for(grid, Batch(outer, inner)))
-        return {name: _histories(solutions, name) for name in COMPARED}
+        return dict(solutions.histories)
     settings, cases = cases_of(settings, compared_values(grid, inner), inner.size, perturbation)
     results = run_batch(settings, cases, replace(grid.sampling, balances=False))
     ended = (results.status == Status.OK)[:, None]

@@ -6,9 +6,11 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import count
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, reads
@@ -17,7 +19,7 @@ from workflow.grid._frequencies import fastest
 from workflow.grid._operators import compile_for, judged, reduced_structure, run_batch
 from workflow.grid._perturbation import cases_of
 from workflow.grid._speed import timed
-from workflow.grid._tasks import Batch
+from workflow.grid._tasks import TASK_BYTES, Batch, unit
 from workflow.grid._waiting_for import REFERENCES, waiting_for
 from workflow.judges.perturbations import predictability
 from workflow.judges.reasons import reason_of
@@ -27,8 +29,8 @@ from workflow.schemes import Results, Status
 from workflow.study import CaseSettings, SchemeChoice
 from workflow.variables import COMPARED
 
-MOST_CASES = 64
-"""Solutions that are computed at a time: a couple of kernel blocks, and a few milliseconds."""
+BLOCK_SECONDS = 0.05
+"""Seconds of solutions that are computed at a time: many share what a batch costs, no thread waits long."""
 
 HELD_BYTES = 256 * 2**20
 """Bytes of histories that are held for later tasks; what is needed after them is computed again."""
@@ -41,29 +43,58 @@ BASIS = frozenset({"mechanical_modes", "thermal_modes", "reduction"})
 
 
 @dataclass(frozen=True, eq=False)
-class ReferenceSolution:
-    """The solution of one case.
+class ReferenceSolutions:
+    """The solutions of some cases.
 
     Attributes
     ----------
+    inner
+        First inner indices that have them, ascending, ``(case,)``.
     histories
-        ``(t,)`` by name, NaN where it did not end ok.
+        ``(case, t)`` by name, NaN where one did not end ok.
     predictability
-        NaN where it was not computed.
-    failure
-        Why it did not end ok; empty where it did.
+        ``(case,)``, NaN where it was not computed.
+    failures
+        Why those did not end ok that did not, by position.
     """
 
+    inner: Indices
     histories: Mapping[str, Array]
-    predictability: float
-    failure: str
+    predictability: Array
+    failures: Mapping[int, str]
+
+    def of(self, inner: Indices) -> ReferenceSolutions:
+        """Return the solutions of these inner indices, in their order; some may be there more than once."""
+        return self.take(np.searchsorted(self.inner, inner))
+
+    def take(self, rows: Indices) -> ReferenceSolutions:
+        """Return the solutions in some rows."""
+        histories = {name: values[rows] for name, values in self.histories.items()}
+        failures = texts_of(self.failures, rows)
+        return ReferenceSolutions(self.inner[rows], histories, self.predictability[rows], failures)
+
+
+def texts_of(texts: Mapping[int, str], rows: Indices) -> dict[int, str]:
+    """Return what is said of rows by their place among some, which have or repeat them."""
+    said = np.flatnonzero(np.isin(rows, list(texts))).tolist() if texts else []
+    return {k: texts[int(rows[k])] for k in said}
+
+
+def _together(parts: Sequence[ReferenceSolutions]) -> ReferenceSolutions:
+    """Return the solutions of all parts, by ascending inner index."""
+    first = np.cumsum([0, *(part.inner.size for part in parts)]).tolist()
+    inner = np.concatenate([part.inner for part in parts])
+    histories = {name: np.concatenate([part.histories[name] for part in parts]) for name in COMPARED}
+    failures = {first[n] + k: text for n, part in enumerate(parts) for k, text in part.failures.items()}
+    whole = ReferenceSolutions(inner, histories, np.concatenate([part.predictability for part in parts]), failures)
+    return whole.take(np.argsort(inner))
 
 
 @dataclass(frozen=True)
 class Block:
     """Solutions that are computed together: references, or exact solutions of reduced models, of an outer index.
 
-    ``inner`` are the first inner indices that have these solutions, see :func:`is_compared`.
+    ``inner`` are the first inner indices that have these solutions, ascending, see :func:`is_compared`.
     """
 
     outer: int
@@ -76,8 +107,8 @@ Begun = TypeVar("Begun")
 Kind = tuple[CaseSettings, bool]
 """Settings of solutions, and whether they are exact ones beside the reference."""
 
-Solutions = Mapping[Kind, Mapping[int, ReferenceSolution]]
-"""Solutions by kind and first inner index."""
+Solutions = Mapping[Kind, ReferenceSolutions]
+"""Solutions by kind."""
 
 
 def _replaced(grid: Grid) -> Mapping[str, Any]:
@@ -140,36 +171,52 @@ class References(Generic[Begun]):
 
     def __init__(self, grid: Grid, begin: Callable[[Block], Begun]) -> None:
         self._grid, self._begin = grid, begin
-        self._held: OrderedDict[Block, Begun] = OrderedDict()
-        self._block_of: dict[Kind, dict[int, Block]] = {}
-        self._most = max(1, HELD_BYTES // (8 * grid.sampling.count * len(COMPARED)))
+        self._held: OrderedDict[int, tuple[Block, Begun]] = OrderedDict()
+        self._number_of: dict[Kind, NDArray[np.int32]] = {}
+        self._numbers = count()
+        self._most = max(1, HELD_BYTES // _bytes_of_solution(grid))
 
     def of(self, batches: Iterable[Batch]) -> dict[Block, Begun]:
         """Return the blocks that the cases of some batches are compared with."""
         if self._grid.study.reference is None:
             return {}
-        needed = dict.fromkeys(block for batch in batches for block in self._blocks_of(batch))
-        for block in needed:
-            self._held.move_to_end(block)
-        count = sum(len(block.inner) for block in self._held)
-        while count > self._most and (oldest := next(iter(self._held))) not in needed:
-            del self._held[oldest]
-            for inner in oldest.inner:
-                del self._block_of[_kind_of(self._grid, oldest)][inner]
-            count -= len(oldest.inner)
-        return {block: self._held[block] for block in needed}
+        needed = dict.fromkeys(number for batch in batches for number in self._blocks_of(batch))
+        for number in needed:
+            self._held.move_to_end(number)
+        held = sum(len(block.inner) for block, _ in self._held.values())
+        while held > self._most and (oldest := next(iter(self._held))) not in needed:
+            block, _ = self._held.pop(oldest)
+            self._number_of[_kind_of(self._grid, block)][list(block.inner)] = -1
+            held -= len(block.inner)
+        return dict(self._held[number] for number in needed)
 
-    def _blocks_of(self, batch: Batch) -> Iterator[Block]:
-        """Yield the blocks of a batch, after new ones are begun where none is held."""
+    def _blocks_of(self, batch: Batch) -> Iterator[int]:
+        """Yield the numbers of the blocks of a batch, after new ones are begun where none is held."""
         for kind in needed_kinds(self._grid, batch.outer):
-            held = self._block_of.setdefault(kind, {})
-            first_alike = np.unique(self._grid.inner_alike(batch.inner, is_compared(self._grid, kind[0]))).tolist()
-            new = [inner for inner in first_alike if inner not in held]
-            for first in range(0, len(new), MOST_CASES):
-                block = Block(batch.outer, kind[1], tuple(new[first : first + MOST_CASES]))
-                self._held[block] = self._begin(block)
-                held.update(dict.fromkeys(block.inner, block))
-            yield from (held[inner] for inner in first_alike)
+            if kind not in self._number_of:
+                self._number_of[kind] = np.full(self._grid.inner_count, -1, np.int32)
+            numbers = self._number_of[kind]
+            first_alike = np.unique(self._grid.inner_alike(batch.inner, is_compared(self._grid, kind[0])))
+            new = first_alike[numbers[first_alike] < 0]
+            most = _block_size(self._grid, *kind)
+            for first in range(0, new.size, most):
+                inner, number = new[first : first + most], next(self._numbers)
+                block = Block(batch.outer, kind[1], tuple(inner.tolist()))
+                self._held[number], numbers[inner] = (block, self._begin(block)), number
+            yield from np.unique(numbers[first_alike]).tolist()
+
+
+def _bytes_of_solution(grid: Grid) -> int:
+    return 8 * grid.sampling.count * len(COMPARED)
+
+
+@lru_cache(maxsize=256)
+def _block_size(grid: Grid, settings: CaseSettings, is_exact: bool) -> int:
+    """Return how many solutions are computed at a time: as many as take a fair time, whole packs, and little memory."""
+    each = solution_seconds(grid, settings, is_exact)
+    least = unit(grid, each, schemes.load(settings.scheme.method).TOGETHER)
+    most = max(1, TASK_BYTES // _bytes_of_solution(grid))
+    return min(most, least * max(1, round(BLOCK_SECONDS / (least * each))))
 
 
 def solutions_for(grid: Grid, batch: Batch) -> Solutions:
@@ -177,12 +224,12 @@ def solutions_for(grid: Grid, batch: Batch) -> Solutions:
     return solutions_of(grid, References(grid, lambda block: compute_block(grid, block)).of([batch]))
 
 
-def solutions_of(grid: Grid, computed: Mapping[Block, Sequence[ReferenceSolution]]) -> Solutions:
-    """Return what blocks hold by kind and first inner index."""
-    solutions: dict[Kind, dict[int, ReferenceSolution]] = {}
-    for block, each in computed.items():
-        solutions.setdefault(_kind_of(grid, block), {}).update(zip(block.inner, each, strict=True))
-    return solutions
+def solutions_of(grid: Grid, computed: Mapping[Block, ReferenceSolutions]) -> Solutions:
+    """Return what blocks hold, by kind."""
+    parts: dict[Kind, list[ReferenceSolutions]] = {}
+    for block, solutions in computed.items():
+        parts.setdefault(_kind_of(grid, block), []).append(solutions)
+    return {kind: _together(some) for kind, some in parts.items()}
 
 
 def _kind_of(grid: Grid, block: Block) -> Kind:
@@ -190,7 +237,7 @@ def _kind_of(grid: Grid, block: Block) -> Kind:
     return settings, block.is_exact
 
 
-def compute_block(grid: Grid, block: Block) -> list[ReferenceSolution]:
+def compute_block(grid: Grid, block: Block) -> ReferenceSolutions:
     """Return the solutions of a block."""
     settings, _ = _kind_of(grid, block)
     with timed(len(block.inner) * solution_seconds(grid, settings, block.is_exact)):
@@ -203,7 +250,7 @@ def solution_seconds(grid: Grid, settings: CaseSettings, is_exact: bool) -> floa
     return (1 if is_exact else REFERENCE_RUNS) * case_seconds(settings, reduced_structure(settings), sampling, periods)
 
 
-def _computed_or_lost(grid: Grid, settings: CaseSettings, inner: Indices, *, is_exact: bool) -> list[ReferenceSolution]:
+def _computed_or_lost(grid: Grid, settings: CaseSettings, inner: Indices, *, is_exact: bool) -> ReferenceSolutions:
     """Return solutions, references with their predictability.
 
     One that raises is NaN, which harms neither its neighbours nor its cases.
@@ -213,12 +260,12 @@ def _computed_or_lost(grid: Grid, settings: CaseSettings, inner: Indices, *, is_
             return _computed(grid, settings, inner, is_exact)
     except (Exception, SystemExit) as error:  # whatever a model or scheme raises
         if inner.size > 1:
-            return [one for k in inner for one in _computed_or_lost(grid, settings, np.array([k]), is_exact=is_exact)]
-        lost = np.full(grid.sampling.count, np.nan)
-        return [ReferenceSolution(dict.fromkeys(COMPARED, lost), np.nan, reason_of(error))]
+            return _together([_computed_or_lost(grid, settings, np.array([k]), is_exact=is_exact) for k in inner])
+        lost = np.full((1, grid.sampling.count), np.nan)
+        return ReferenceSolutions(inner, dict.fromkeys(COMPARED, lost), np.full(1, np.nan), {0: reason_of(error)})
 
 
-def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool) -> list[ReferenceSolution]:
+def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool) -> ReferenceSolutions:
     _, cases = cases_of(settings, compared_values(grid, inner), inner.size)
     compile_for(settings, balances=False)
     sampling = replace(grid.sampling, balances=False)
@@ -233,8 +280,5 @@ def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool
     if not is_exact and sound.size:
         displacement, is_static = histories["displacement"][sound], settings.scene.initial == "static"
         change[sound] = predictability(run, cases.take(sound), displacement, is_static=is_static)
-    failures = ["" if ok[k] else results.messages.get(k, "it did not end ok") for k in range(inner.size)]
-    return [
-        ReferenceSolution({name: values[k] for name, values in histories.items()}, float(change[k]), failures[k])
-        for k in range(inner.size)
-    ]
+    failures = {k: results.messages.get(k, "it did not end ok") for k in np.flatnonzero(~ok).tolist()}
+    return ReferenceSolutions(inner, histories, change, failures)

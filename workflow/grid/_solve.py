@@ -16,7 +16,7 @@ from workflow.grid._frequencies import longest_period_count
 from workflow.grid._operators import compile_for, judged, projection_residual_of, run_batch, runaways_of
 from workflow.grid._perturbation import Perturbation, cases_of
 from workflow.grid._reference import against_reference, tells_basis_error
-from workflow.grid._reference_solutions import Solutions, solutions_for
+from workflow.grid._reference_solutions import Solutions, solutions_for, texts_of
 from workflow.grid._steady import blank, branch_values, steady_values
 from workflow.grid._tasks import Batch
 from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
@@ -65,17 +65,16 @@ def solve(
     with np.errstate(all="ignore"):
         errors, remarks = against_reference(grid, outer, inner, values, solutions)
         values |= _basis(grid, outer, inner.size, errors)
-    own = {k: solved.messages.get(source, "") for k, source in enumerate(where.tolist())}
-    choice = grid.choice(outer)
-    unconfirmed = "" if choice is None or choice.is_confirmed else f"basis_error: {choice.against}"
-    messages = _joined_messages(remarks, own, dict.fromkeys(range(inner.size), unconfirmed))
+    choice, unconfirmed = grid.choice(outer), dict[int, str]()
+    if choice is not None and not choice.is_confirmed:
+        unconfirmed = dict.fromkeys(range(inner.size), f"basis_error: {choice.against}")
+    messages = _joined_messages(remarks, texts_of(solved.messages, where), unconfirmed)
     return Solved({**values, **errors}, messages)
 
 
 def _joined_messages(*every: Mapping[int, str]) -> dict[int, str]:
     """Return what several say of cases, by position, of those of which any says something."""
-    joined = {k: "; ".join(filter(None, (texts.get(k) for texts in every))) for k in set().union(*every)}
-    return {k: text for k, text in joined.items() if text}
+    return {k: "; ".join(texts[k] for texts in every if k in texts) for k in set().union(*every)}
 
 
 def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> dict[str, Array]:
@@ -141,7 +140,7 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Pertur
     }
     lost = np.flatnonzero(np.isnan(values["growth_rate"])).tolist()
     unconverged = dict.fromkeys(lost, "growth_rate: the eigenvalues of the tip in contact did not converge")
-    return Solved(values, _joined_messages(results.messages, dict(enumerate(remarks)), unconverged))
+    return Solved(values, _joined_messages(results.messages, remarks, unconverged))
 
 
 def _followed(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:

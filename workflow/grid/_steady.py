@@ -46,17 +46,17 @@ def blank(study: Study, count: int) -> Values:
     }
 
 
-def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Values, list[str]]:
-    """Return the steady rubs of cases given on the nodes, and what is said of each; nothing where none is asked for."""
+def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Values, dict[int, str]]:
+    """Return the steady rubs of cases given on the nodes, and what is said of some; nothing where none is asked for."""
     asked = grid.study.output.steady
     if asked is None or settings.scheme.method != EXACT:
-        return blank(grid.study, cases.count), [""] * cases.count
+        return blank(grid.study, cases.count), {}
     from workflow.orbits import Options, steady_rubs
 
     structure, projected = as_run(settings, cases)
     options = Options(asked.periods, asked.samples)
     values, messages = steady_rubs(structure, projected, options)
-    return _with_instantaneous_growth(settings, values), messages
+    return _with_instantaneous_growth(settings, values), {k: text for k, text in enumerate(messages) if text}
 
 
 def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> tuple[Values, str]:

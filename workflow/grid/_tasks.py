@@ -25,12 +25,12 @@ from workflow.grid._frequencies import fastest, longest_period_count
 from workflow.grid._operators import full_structure, reduced_structure
 from workflow.kernels.lanes import PACK
 
-SHORTEST, LONGEST = 0.1, 5.0
-"""Seconds of work of a task: below, the cost of dask and of a shard on the disk would show; above, the end of a run
-waits for single tasks."""
+SHORTEST, LONGEST = 0.03, 5.0
+"""Seconds of work of a task: below, the cost of dask and of a shard on the disk would show; above, much is lost where a
+run is stopped."""
 
-SHARE = 1 / 32
-"""A task is at most this share of what is left of a study, so that threads end together."""
+EACH = 8
+"""Tasks of each thread where there are cases enough, so that threads end together."""
 
 UNBROKEN = 60.0
 """Seconds up to which cases that are stepped together stay together: fewer of them cost as much, but a task that is
@@ -142,34 +142,51 @@ def steady_bytes(grid: Grid) -> int:
     return 0 if steady is None else 8 * (3 * steady.samples + 16) * (1 if branch is None else branch.points)
 
 
-def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None) -> Iterator[Task]:
+def model_seconds(grid: Grid, missing: NDArray[np.bool_] | None = None) -> float:
+    """Return what a study's cases, or those ``missing``, cost by the model, without references."""
+    setup, each, _ = costs(grid)
+    counts = _counts(grid, missing)
+    return float(np.sum(setup * (counts > 0) + each * counts))
+
+
+def _counts(grid: Grid, missing: NDArray[np.bool_] | None) -> NDArray[np.int64]:
+    """Return how many cases are computed of each outer index that is computed."""
+    inner = map(grid.inner_computed, grid.computed.tolist())
+    if missing is None:
+        return np.array([every.size for every in inner])
+    return np.array([np.count_nonzero(missing[k, every]) for k, every in zip(grid.computed, inner, strict=True)])
+
+
+def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None, threads: int = 1) -> Iterator[Task]:
     """Yield the tasks of a study in archive order, one at a time; only distinct results are computed.
 
-    Each is a fair share of the work that is left. A pack of cases that are stepped together is not split: a part of it
+    They cost the same, as far as cases that are stepped together allow: a pack of them is not split, a part of it
     would cost as much.
 
     Parameters
     ----------
     missing
         Whether each case is to be computed, ``(outer, inner)``; all of them where not given.
+    threads
+        Those that share the tasks.
     """
-    if missing is None:
-        missing = np.broadcast_to(np.True_, (grid.outer_count, grid.inner_count))
-    outer, (setup, each, together) = grid.computed.tolist(), costs(grid)
-    counts = np.array([np.count_nonzero(missing[k, grid.inner_computed(k)]) for k in outer])
-    left, most = float(np.sum(setup * (counts > 0) + each * counts)), max(1, TASK_BYTES // bytes_per_case(grid))
+    outer, (setup, each, together), counts = grid.computed.tolist(), costs(grid), _counts(grid, missing)
+    left, cases_left, most = model_seconds(grid, missing), int(counts.sum()), max(1, TASK_BYTES // bytes_per_case(grid))
     units = [min(most, unit(grid, *of_scheme)) for of_scheme in zip(each.tolist(), together.tolist(), strict=True)]
+    length = min(max(left / (EACH * threads), SHORTEST), LONGEST)
     number, batches, seconds, cases = 0, list[Batch](), 0.0, 0
     for k, once, one, least in zip(outer, setup.tolist(), each.tolist(), units, strict=True):
         due = grid.inner_computed(k)
-        due = due[missing[k, due]]
+        due = due if missing is None else due[missing[k, due]]
         while due.size:
-            fair = min(max(SHARE * left, SHORTEST), LONGEST)
+            fair = left / max(1, round(left / length), -(-cases_left // most))
             if batches and (seconds + once + least * one / 2 > fair or cases + least > most):
                 yield Task(number, tuple(batches), seconds)
-                number, left, batches, seconds, cases = number + 1, left - seconds, [], 0.0, 0
+                number, left, cases_left = number + 1, left - seconds, cases_left - cases
+                batches, seconds, cases = [], 0.0, 0
                 continue
             count = least * max(1, min(round((fair - seconds - once) / (least * one)), (most - cases) // least))
+            count = due.size if 2 * (due.size - count) < least else count  # less than a pack costs as much as one
             inner, due = due[:count], due[count:]
             batches.append(Batch(k, inner))
             seconds, cases, once = seconds + once + inner.size * one, cases + inner.size, 0.0

@@ -8,19 +8,17 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import chain, count, islice
+from functools import partial
 from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from workflow.archive import Command
-from workflow.grid import Block, References, Task
+from workflow.grid import Task, tasks
+from workflow.run._graph import MOST, graphs
+from workflow.run._prepare import Prepared
 from workflow.run._task import Job, Report, store_lost
 from workflow.run._worker import ClusterError, Session, join, run_block, run_task, software
-
-_IN_FLIGHT = 512
-"""Tasks that the scheduler knows of at a time, so that the graph of a large study is never there at
-once, and yet a few for each thread of a large cluster; a task takes a tenth of a second or more."""
 
 _ANSWER, _FIRST_WORKER = 10.0, 60.0
 """Seconds to wait for a scheduler to answer, and for its first worker."""
@@ -135,8 +133,8 @@ def _while_it_lives(scheduler: str) -> Iterator[None]:
         raise ClusterError(f"{scheduler}: {_GONE}") from None
 
 
-def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Report], None], client: Any) -> None:
-    """Run tasks, a bounded number of them at a time; ``stored`` is called with each when its shards are written.
+def run_on_cluster(prepared: Prepared, stored: Callable[[Report], None], client: Any) -> None:
+    """Run the tasks that are missing; ``stored`` is called with each when its shard is written.
 
     dask blames a worker's death on every task that the worker had been given. A task that has been
     blamed too often is therefore tried again alone, when all others are done; one that then kills its
@@ -149,51 +147,44 @@ def run_on_cluster(job: Job, missing: Iterator[Task], stored: Callable[[Report],
     ArchiveError
         A shard could not be written.
     """
-    first = list(islice(missing, 1))
-    if not first:
+    if not prepared.missing.any():
         return
-    session = _opened(job, client)
-    suspects = []
-    for task, result in _results(client, session, job, chain(first, missing), _IN_FLIGHT):
+    job, session = prepared.job, _opened(prepared.job, client)
+    suspects, cut = [], tasks(job.grid, prepared.missing, sum(client.nthreads().values()))
+    for task, result in _results(client, session, prepared, cut, MOST):
         if result is None:
             suspects.append(task)
         else:
             stored(result)
-    for task, result in _results(client, session, job, iter(suspects), 1):
-        stored(store_lost(job, task, LOST) if result is None else result)
+    for task, result in _results(client, session, prepared, iter(suspects), 1):
+        stored(store_lost(job, task, prepared.hashes_of(task), LOST) if result is None else result)
 
 
 def _results(
-    client: Any, session: Session, job: Job, tasks: Iterator[Task], limit: int
+    client: Any, session: Session, prepared: Prepared, cut: Iterator[Task], most: int
 ) -> Iterator[tuple[Task, Report | None]]:
     """Yield tasks as they end, with ``None`` where dask has given up; their futures are let go.
 
-    The blocks of reference solutions that a task needs are submitted before it.
+    They are handed over in graphs of so many, the next when half of one is done.
     """
+    from dask import config
+
     ended: SimpleQueue[Any] = SimpleQueue()
     under_way: dict[str, Task] = {}
-    name = f"workflow-{session.begun}-{'alone' if limit == 1 else 'all'}"  # a task that is tried again has another
-
-    def begin(block: Block) -> Any:
-        return client.submit(run_block, session, block, key=f"{name}-reference-{next(numbers)}", pure=False)
-
-    references, numbers = References(job.grid, begin), count()
-
-    def submit(number: int) -> None:
-        for task in islice(tasks, number):
-            needed, key = references.of(task.batches), f"{name}-{task.number}"
-            future = client.submit(run_task, session, task, list(needed), list(needed.values()), key=key, pure=False)
-            under_way[future.key] = task
-            future.add_done_callback(ended.put)
-
-    submit(limit)
-    while under_way:
+    name = f"workflow-{session.begun}-{'alone' if most == 1 else 'all'}-"  # a task that is tried again has another
+    pieces = graphs(prepared, cut, partial(run_block, session), partial(run_task, session), name, most)
+    while True:
+        if len(under_way) <= most // 2 and (graph := next(pieces, None)) is not None:
+            under_way |= graph.tasks
+            with config.set({"distributed.admin.large-graph-warning-threshold": 2**40}):
+                for future in client.get(graph.nodes, list(graph.tasks), sync=False):
+                    future.add_done_callback(ended.put)
+        if not under_way:
+            return
         future = _patiently(lambda seconds: ended.get(timeout=seconds), client)
-        task = under_way.pop(future.key)
         result = _result(future, client)
         future.release()
-        submit(1)
-        yield task, result
+        yield under_way.pop(future.key), result
 
 
 def _patiently(wait: Callable[[float], Any], client: Any) -> Any:

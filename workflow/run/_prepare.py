@@ -25,7 +25,7 @@ from workflow.archive import (
     read_command,
     start_parts,
 )
-from workflow.grid import Grid, case_hashes, warning_lines
+from workflow.grid import Grid, Task, case_hashes, warning_lines
 from workflow.run._reuse import Reuse, in_archive, in_shards
 from workflow.run._task import Job, next_command, not_ok, shard_prefix
 
@@ -56,6 +56,11 @@ class Prepared:
     reuse: Reuse
     hashes: Hashes
     missing: NDArray[np.bool_]
+
+    def hashes_of(self, task: Task) -> Hashes:
+        """Return the identity of each case of a task."""
+        cases = np.concatenate([batch.outer * self.missing.shape[1] + batch.inner for batch in task.batches])
+        return np.asarray(self.hashes[cases])
 
     def stored(self) -> Stored:
         """Return what is stored by now."""

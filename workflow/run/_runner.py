@@ -7,13 +7,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 
-from workflow.grid import Task
 from workflow.run._cluster import connected, run_on_cluster
-from workflow.run._task import Job, Report
+from workflow.run._prepare import Prepared
+from workflow.run._task import Report
 from workflow.run._threads import available_threads, run_on_threads
 
-RunTasks = Callable[[Job, Iterator[Task], Callable[[Report], None]], None]
-"""Runs tasks; the last argument hears of each when its shards are safe."""
+RunTasks = Callable[[Prepared, Callable[[Report], None]], None]
+"""Runs the tasks that are missing; the last argument hears of each when its shard is safe."""
 
 
 @dataclass(frozen=True)

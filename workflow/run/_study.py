@@ -33,7 +33,6 @@ from workflow.grid import (
     measured_run,
     model_seconds,
     read_choices,
-    tasks,
     time_to_compile,
     waiting_for,
 )
@@ -124,7 +123,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
         Thread(target=import_module, args=("xarray",), daemon=True).start()  # what comes after cases begins beside them
         with waiting_for(CASES):
             try:
-                run_tasks(job, tasks(grid, missing), counter.add)
+                run_tasks(prepared, counter.add)
             except ClusterError:  # a worker may have stored what it died before it could say so
                 counter.set(*prepared.progress())
                 raise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive import STATUS, Hashes, write_shard
-from workflow.grid import Batch, Grid, Solutions, Solved, Task, hashes_of, solve, template
+from workflow.grid import Batch, Block, Grid, ReferenceSolutions, Solved, Task, solutions_of, solve, template
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
 
@@ -80,12 +80,15 @@ def not_ok(status: NDArray[Any], times: int = 1) -> Counter[str]:
     return Counter({status_name(int(v)): times * int(n) for v, n in zip(values, numbers, strict=True)})
 
 
-def store_task(job: Job, task: Task, solutions: Solutions) -> Report:
-    """Compute the cases of a task, which are compared with some solutions, and store them."""
-    return _store(job, task, lambda batch: solve(job.grid, batch.outer, batch.inner, solutions=solutions))
+def store_task(
+    job: Job, task: Task, hashes: Hashes, blocks: Sequence[Block], computed: Sequence[ReferenceSolutions]
+) -> Report:
+    """Compute the cases of a task, with these hashes, and store them; they are compared with what blocks hold."""
+    solutions = solutions_of(job.grid, dict(zip(blocks, computed, strict=True)))
+    return _store(job, task, hashes, lambda batch: solve(job.grid, batch.outer, batch.inner, solutions=solutions))
 
 
-def store_lost(job: Job, task: Task, text: str) -> Report:
+def store_lost(job: Job, task: Task, hashes: Hashes, text: str) -> Report:
     """Store a task that cannot be computed: its cases fail with the message ``text``."""
 
     def lost(batch: Batch) -> Solved:
@@ -95,22 +98,21 @@ def store_lost(job: Job, task: Task, text: str) -> Report:
         values[STATUS][...] = Status.FAILED
         return Solved(values, dict.fromkeys(range(count), text))
 
-    return _store(job, task, lost)
+    return _store(job, task, hashes, lost)
 
 
-def _store(job: Job, task: Task, results_of: Callable[[Batch], Solved]) -> Report:
+def _store(job: Job, task: Task, hashes: Hashes, results_of: Callable[[Batch], Solved]) -> Report:
     """Store the results of the batches of a task in one shard."""
-    hashes, parts, messages = list[Hashes](), [], dict[int, str]()
+    parts, messages = [], dict[int, str]()
     count, cases, endings = 0, 0, Counter[str]()
     for batch in task.batches:
         solved = results_of(batch)
         messages |= {count + k: text for k, text in solved.messages.items()}
-        hashes.append(hashes_of(job.grid, *batch))
         parts.append(solved.values)
         times = job.grid.times(batch.outer)
         count, cases = count + batch.inner.size, cases + batch.inner.size * times
         endings += not_ok(solved.values[STATUS], times)
     arrays = {name: np.concatenate([values[name] for values in parts]) for name in map(str, job.template.data_vars)}
     name = f"{shard_prefix(job.begun)}-{task.number:08d}"
-    write_shard(job.parts, name, np.concatenate(hashes), arrays, messages, job.template)
+    write_shard(job.parts, name, hashes, arrays, messages, job.template)
     return Report(task.seconds, cases, endings)

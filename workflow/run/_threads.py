@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections import deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from collections.abc import Callable
 from functools import partial
-from itertools import islice
+from typing import Any
 
-from workflow.grid import Block, References, ReferenceSolution, Task, compute_block, solutions_of, timed
-from workflow.run._task import Job, Report, store_task
-
-_GRAPH = 512
-"""Tasks given to dask at a time, so that the graph of a large study is never there at once."""
+from workflow.grid import Task, compute_block, tasks, timed
+from workflow.run._graph import graphs
+from workflow.run._prepare import Prepared
+from workflow.run._task import Report, store_task
 
 
 def available_threads() -> int:
@@ -21,36 +18,19 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def run_on_threads(job: Job, missing: Iterator[Task], stored: Callable[[Report], None], threads: int) -> None:
-    """Run tasks, a bounded number of them in a graph at a time; ``stored`` hears of each when its shards are safe.
-
-    Tasks begin in their order, which dask alone would not keep: those that follow each other share operators and
-    references. The blocks of reference solutions that a task needs begin before it.
-    """
+def run_on_threads(prepared: Prepared, stored: Callable[[Report], None], threads: int) -> None:
+    """Run the tasks that are missing; ``stored`` hears of each when its shard is safe."""
     from dask.threaded import get
     from threadpoolctl import threadpool_limits
 
-    due = deque[Callable[[], None]]()
+    grid = prepared.job.grid
 
-    def begin(block: Block) -> Future[list[ReferenceSolution]]:
-        solutions = Future[list[ReferenceSolution]]()
-        due.append(lambda: solutions.set_result(compute_block(job.grid, block)))
-        return solutions
-
-    def run_task(task: Task, needed: dict[Block, Future[list[ReferenceSolution]]]) -> None:
-        solutions = solutions_of(job.grid, {block: begun.result() for block, begun in needed.items()})
+    def store(task: Task, *words: Any) -> None:
         with timed(task.seconds):
-            result = store_task(job, task, solutions)
-        stored(result)
+            report = store_task(prepared.job, task, *words)
+        stored(report)
 
-    def next_one() -> None:
-        due.popleft()()
-
-    references = References(job.grid, begin)
+    cut = tasks(grid, prepared.missing, threads)
     with threadpool_limits(limits=1, user_api="blas"):
-        while some := list(islice(missing, _GRAPH)):
-            for task in some:
-                needed = references.of(task.batches)
-                due.append(partial(run_task, task, needed))
-            graph = {f"task-{k}": (next_one,) for k in range(len(due))}  # a tenth of the time that `delayed` takes
-            get(graph, list(graph), num_workers=threads)
+        for graph in graphs(prepared, cut, partial(compute_block, grid), store):
+            get(graph.nodes, list(graph.tasks), num_workers=threads)

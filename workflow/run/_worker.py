@@ -7,9 +7,10 @@ import threading
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from workflow.archive import ArchiveError, Command, code_revision, grid_of, read_command, study_key
-from workflow.grid import Block, ReferenceSolution, Task, compute_block, solutions_of
+from workflow.grid import Block, ReferenceSolutions, Task, compute_block
 from workflow.models import FACTORISING, has_cholmod, one_thread
 from workflow.run._task import Job, Report, store_task
 from workflow.schemes import SOLVER_VERSION
@@ -79,14 +80,14 @@ def join(session: Session) -> Command:
     return command
 
 
-def run_block(session: Session, block: Block) -> list[ReferenceSolution]:
+def run_block(session: Session, block: Block) -> ReferenceSolutions:
     """Compute a block of solutions that tasks need."""
     with one_thread():
         return compute_block(_job(session).grid, block)
 
 
-def run_task(session: Session, task: Task, blocks: list[Block], solutions: list[list[ReferenceSolution]]) -> Report:
-    """Compute a task on this worker and store it; ``solutions`` are those of the blocks that its cases need.
+def run_task(session: Session, task: Task, *words: Any) -> Report:
+    """Compute a task on this worker and store it, as :func:`store_task`.
 
     Raises
     ------
@@ -96,8 +97,7 @@ def run_task(session: Session, task: Task, blocks: list[Block], solutions: list[
         This worker may not work for the run; it came after the run had asked all workers.
     """
     with one_thread():
-        job = _job(session)
-        return store_task(job, task, solutions_of(job.grid, dict(zip(blocks, solutions, strict=True))))
+        return store_task(_job(session), task, *words)
 
 
 def _job(session: Session) -> Job:

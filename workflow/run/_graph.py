@@ -1,0 +1,62 @@
+"""Tasks and the references that they need as graphs of dask, the same for threads and for workers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import count, islice
+from typing import Any
+
+from workflow.grid import Block, References, Task
+from workflow.run._prepare import Prepared
+
+MOST = 4096
+"""Tasks of a graph, so that the graph of a large study is never there at once; 8 for each of 500 threads."""
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """A graph as dask takes it, each node a function and its arguments by key, and which of them are tasks."""
+
+    nodes: Mapping[str, tuple[Any, ...]]
+    tasks: Mapping[str, Task]
+
+
+def graphs(
+    prepared: Prepared,
+    tasks: Iterator[Task],
+    compute: Callable[[Block], Any],
+    store: Callable[..., Any],
+    name: str = "",
+    most: int = MOST,
+) -> Iterator[Graph]:
+    """Yield graphs of so many tasks at most, and of the blocks of reference solutions that these need.
+
+    Of tasks that could begin dask takes those first whose key is last by name: the longest, in archive order where they
+    are as long up to a factor of two. Solutions go when the last task that needs them has ended.
+
+    Parameters
+    ----------
+    compute
+        Computes a block.
+    store
+        Called with a task, the hashes of its cases, its blocks and their solutions.
+    name
+        What keys begin with.
+    """
+    numbers = count()
+    while some := sorted(islice(tasks, most), key=lambda task: -math.frexp(task.seconds)[1]):
+        nodes: dict[str, tuple[Any, ...]] = {}
+
+        def begin(block: Block, nodes: dict[str, tuple[Any, ...]] = nodes) -> str:
+            key = f"{name}reference-{next(numbers)}"
+            nodes[key] = (compute, block)
+            return key
+
+        references, named = References(prepared.job.grid, begin), dict[str, Task]()
+        for place, task in enumerate(some):
+            needed, key = references.of(task.batches), f"{name}task-{most - place:06d}-{task.number}"
+            nodes[key] = (store, task, prepared.hashes_of(task), list(needed), list(needed.values()))
+            named[key] = task
+        yield Graph(nodes, named)
