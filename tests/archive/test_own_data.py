@@ -123,7 +123,7 @@ def without(file: Any, beside: Path, chance: random.Random) -> None:
 
 def cut_chunk(file: Any, beside: Path, chance: random.Random) -> None:
     name = chance.choice([name for name in file if getattr(file[name], "chunks", None)])
-    file[name].id.write_direct_chunk((0,) * file[name].ndim, chance.randbytes(chance.randrange(40)))
+    file[name].id.write_direct_chunk((0,) * file[name].ndim, chance.randbytes(chance.randrange(1, 40)))
 
 
 def odd_attribute(file: Any, beside: Path, chance: random.Random) -> None:
@@ -132,7 +132,7 @@ def odd_attribute(file: Any, beside: Path, chance: random.Random) -> None:
 
 
 SHOWN = (wrong_type, without, cut_chunk, odd_attribute)
-"""Changes of an archive of which something can be shown; what a forger has sealed again may end as a defect."""
+"""Changes of an archive of which something can be shown."""
 
 
 def damaged_bytes(image: bytearray, chance: random.Random) -> None:
@@ -200,15 +200,15 @@ def ended(said: Path, *words: str | Path) -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(4))
-def test_hundred_spoilt_archives(part: int, sound: Path, tmp_path: Path) -> None:
+def test_two_hundred_spoilt_archives(part: int, sound: Path, tmp_path: Path) -> None:
     """Commands end, soon and with words, and say nothing of what lies beside an archive."""
     chance, page, said = random.Random(part), tmp_path / "page.html", tmp_path / "said"
     told("report", sound, "-o", page)  # libraries are loaded, once
-    for number in range(25):
+    for number in range(50):
         path = tmp_path / f"{number}.nc"
         change = chance.choice([*REFUSED, *SHOWN, *SHOWN, *[None] * 8])
         if change is None:
-            image = bytearray(sound.read_bytes()[:-72])
+            image = bytearray(sound.read_bytes().rsplit(b"\nhead ")[0])
             damaged_bytes(image, chance)
             path.write_bytes(image)
             seal(path)
@@ -218,6 +218,6 @@ def test_hundred_spoilt_archives(part: int, sound: Path, tmp_path: Path) -> None
         for words in (("show", path), chance.choice(others)):
             page.unlink(missing_ok=True)
             status = ended(said, *words)
-            assert status in (0, 1, 2, *([3] if change in SHOWN else [])), (part, number, words, change, status)
+            assert status in (0, 1, 2), (part, number, words, change, status)
             assert SECRET not in said.read_text()
             assert not page.exists() or SECRET not in page.read_text()

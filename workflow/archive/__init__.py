@@ -14,6 +14,7 @@ from workflow.archive._open import (
     is_whole,
     open_archive,
     provenance,
+    require_own_content,
     require_whole,
     statuses,
     study_text,

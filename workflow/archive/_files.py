@@ -126,7 +126,7 @@ def reading(path: Path) -> Iterator[None]:
     """Turn what libraries raise on a damaged archive into an :class:`ArchiveError`."""
     try:
         yield
-    except (OSError, RuntimeError, LookupError, ValueError, TypeError) as error:
+    except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError) as error:
         raise unreadable(path, error) from error
 
 

@@ -169,6 +169,19 @@ def require_whole(path: str | Path) -> None:
         )
 
 
+def require_own_content(path: str | Path) -> None:
+    """Refuse an archive whose bytes or values are not those that were written.
+
+    Raises
+    ------
+    ArchiveError
+        As :func:`require_whole` and :func:`content_hash`, or they are not.
+    """
+    require_whole(path)
+    if content_hash(path) != provenance(path).get("content_hash"):
+        raise ArchiveError(f"{path}: another program has changed what it holds; restore a copy")
+
+
 @contextmanager
 def _read(path: Path) -> Iterator[Any]:
     """Open a finished archive with h5py."""

@@ -26,14 +26,14 @@ def report(
 ) -> None:
     """Write figures and tables of one archive or several as one self-contained HTML page."""
     with console().status(clean(f"reading {', '.join(path.name for path in archives)}, drawing figures and the page")):
-        from workflow.archive import require_whole
+        from workflow.archive import require_own_content
         from workflow.report import write_report
 
         try:
             written = write_report(archives, output)
         except (LookupError, ValueError):  # of a variable, say, that another program has taken away
             for path in filter(Path.exists, archives):
-                require_whole(path)
+                require_own_content(path)
             raise
     if written.figure is not None:
         say(f"figure {written.figure}")

@@ -90,9 +90,12 @@ def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
 
 def _static_reach(structure: Structure, cases: Cases) -> Iterator[str]:
     """Yield that the load, applied statically, would move the tip by more than :data:`_FAR` gaps."""
-    moved = tip_flexibility(structure) * (np.abs(cases.mean) + np.abs(cases.amplitude))
-    far = np.isfinite(moved) & (moved > _FAR * cases.gap) & (cases.gap > 0)
-    if structure.load is None and np.any(far):
+    flexibility = tip_flexibility(structure)
+    if structure.load is not None or not np.isfinite(flexibility):
+        return
+    moved = flexibility * (np.abs(cases.mean) + np.abs(cases.amplitude))
+    far = (moved > _FAR * cases.gap) & (cases.gap > 0)
+    if np.any(far):
         k = int(np.argmax(np.where(far, moved, 0.0)))
         yield (
             f"the load alone would move the tip by {measure(moved[k], 'm', 3)}, over a gap of "

@@ -210,7 +210,7 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
 
 
 def _title(dataset: xr.Dataset, archive: Path) -> str:
-    return str(dataset.attrs.get("title") or archive.name)
+    return str(dataset.attrs.get("title", "")) or archive.name
 
 
 def _warnings(dataset: xr.Dataset) -> list[str]:

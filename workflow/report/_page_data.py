@@ -168,9 +168,8 @@ def page_data(
 
 def _place_of(part: xr.Dataset, name: str) -> int | None:
     """Return the position among the dimensions of the one along which a coordinate lies."""
-    if name not in part.coords or part[name].ndim != 1:
-        return None
-    return case_dims(part).index(str(part[name].dims[0]))
+    dims, along = case_dims(part), part[name].dims if name in part.coords else ()
+    return dims.index(str(along[0])) if len(along) == 1 and along[0] in dims else None
 
 
 def _values(part: xr.Dataset, name: str) -> list[float]:
