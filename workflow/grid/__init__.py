@@ -9,7 +9,7 @@ from workflow.grid._encoding import CHUNK_BYTES, COMPRESSED, LEVEL, encode
 from workflow.grid._estimate import Time, estimate, machine_factor, measured_run, time_to_compile
 from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._identity import case_hashes, hashes_of
+from workflow.grid._identity import case_hashes
 from workflow.grid._mesh_cautions import too_thick
 from workflow.grid._operators import reduced_structure, structure_of
 from workflow.grid._perturbation import Perturbation
