@@ -15,7 +15,7 @@ _MARK = b"\nsha256 "
 _LENGTH = len(_MARK) + 64
 
 _HEAD = re.compile(rb"\nhead +(\d+) ([0-9a-f]{64})$")
-_HEAD_LENGTH = 87
+_HEAD_LENGTH = len(b"\nhead %16d " % 0) + 64
 
 _FIRST_CHUNKS = b"TREE"
 """Signature of an index of chunks; the file's head ends at the first."""
@@ -50,9 +50,7 @@ def is_sealed(path: Path) -> bool:
     OSError
         The file cannot be read.
     """
-    with open(path, "rb") as file:
-        file.seek(max(0, path.stat().st_size - _LENGTH))
-        return file.read(len(_MARK)) == _MARK
+    return _end(path, _LENGTH).startswith(_MARK)
 
 
 def has_sound_head(path: Path) -> bool:
@@ -63,11 +61,18 @@ def has_sound_head(path: Path) -> bool:
     OSError
         The file cannot be read.
     """
+    found = _HEAD.match(_end(path, _LENGTH + _HEAD_LENGTH)[:_HEAD_LENGTH])
+    if not found:
+        return True
     with open(path, "rb") as file:
-        file.seek(max(0, path.stat().st_size - _LENGTH - _HEAD_LENGTH))
-        found = _HEAD.match(file.read(_HEAD_LENGTH))
-        file.seek(0)
-        return not found or hashlib.sha256(file.read(int(found[1]))).hexdigest().encode() == found[2]
+        return hashlib.sha256(file.read(int(found[1]))).hexdigest().encode() == found[2]
+
+
+def _end(path: Path, length: int) -> bytes:
+    """Return the last bytes of a file."""
+    with open(path, "rb") as file:
+        file.seek(max(0, path.stat().st_size - length))
+        return file.read(length)
 
 
 def is_intact(path: Path) -> bool:

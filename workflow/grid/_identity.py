@@ -53,9 +53,9 @@ def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
     settings = grid.settings(outer)
     prefix = hashlib.sha256(json.dumps(_shared(grid, outer, settings), sort_keys=True).encode())
     rows = _rows(grid, outer, settings, grid.inner_values(inner), inner.size)
-    content, size, copied, digests = rows.tobytes(), rows.strides[0], prefix.copy, bytearray()
+    content, size, digests = rows.tobytes(), rows.strides[0], bytearray()
     for begin in range(0, len(content), size):
-        digest = copied()
+        digest = prefix.copy()
         digest.update(content[begin : begin + size])
         digests += digest.digest()[:HASH_BYTES]
     return np.frombuffer(digests, np.uint8).reshape(-1, HASH_BYTES)

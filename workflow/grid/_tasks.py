@@ -29,8 +29,8 @@ SHORTEST, LONGEST = 0.03, 5.0
 """Seconds of work of a task: below, the cost of dask and of a shard on the disk would show; above, much is lost where a
 run is stopped."""
 
-EACH = 8
-"""Tasks of each thread where there are cases enough, so that threads end together."""
+TASKS_PER_THREAD = 8
+"""Where there are cases enough, so that threads end together."""
 
 UNBROKEN = 60.0
 """Seconds up to which cases that are stepped together stay together: fewer of them cost as much, but a task that is
@@ -173,13 +173,13 @@ def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None, threads: int = 1
     outer, (setup, each, together), counts = grid.computed.tolist(), costs(grid), _counts(grid, missing)
     left, cases_left, most = model_seconds(grid, missing), int(counts.sum()), max(1, TASK_BYTES // bytes_per_case(grid))
     units = [min(most, unit(grid, *of_scheme)) for of_scheme in zip(each.tolist(), together.tolist(), strict=True)]
-    length = min(max(left / (EACH * threads), SHORTEST), LONGEST)
+    usual = min(max(left / (TASKS_PER_THREAD * threads), SHORTEST), LONGEST)
     number, batches, seconds, cases = 0, list[Batch](), 0.0, 0
     for k, once, one, least in zip(outer, setup.tolist(), each.tolist(), units, strict=True):
         due = grid.inner_computed(k)
         due = due if missing is None else due[missing[k, due]]
         while due.size:
-            fair = left / max(1, round(left / length), -(-cases_left // most))
+            fair = left / max(1, round(left / usual), -(-cases_left // most))
             if batches and (seconds + once + least * one / 2 > fair or cases + least > most):
                 yield Task(number, tuple(batches), seconds)
                 number, left, cases_left = number + 1, left - seconds, cases_left - cases

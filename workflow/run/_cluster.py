@@ -15,7 +15,7 @@ from typing import Any
 
 from workflow.archive import Command
 from workflow.grid import Task, tasks
-from workflow.run._graph import MOST, graphs
+from workflow.run._graph import MOST_TASKS, graphs
 from workflow.run._prepare import Prepared
 from workflow.run._task import Job, Report, store_lost
 from workflow.run._worker import ClusterError, Session, join, run_block, run_task, software
@@ -151,7 +151,7 @@ def run_on_cluster(prepared: Prepared, stored: Callable[[Report], None], client:
         return
     job, session = prepared.job, _opened(prepared.job, client)
     suspects, cut = [], tasks(job.grid, prepared.missing, sum(client.nthreads().values()))
-    for task, result in _results(client, session, prepared, cut, MOST):
+    for task, result in _results(client, session, prepared, cut, MOST_TASKS):
         if result is None:
             suspects.append(task)
         else:
@@ -176,7 +176,9 @@ def _results(
     while True:
         if len(under_way) <= most // 2 and (graph := next(pieces, None)) is not None:
             under_way |= graph.tasks
-            with config.set({"distributed.admin.large-graph-warning-threshold": 2**40}):
+            with config.set(
+                {"distributed.admin.large-graph-warning-threshold": 2**40}
+            ):  # of 10 MB, which users cannot mend
                 for future in client.get(graph.nodes, list(graph.tasks), sync=False):
                     future.add_done_callback(ended.put)
         if not under_way:

@@ -11,7 +11,7 @@ from typing import Any
 from workflow.grid import Block, References, Task
 from workflow.run._prepare import Prepared
 
-MOST = 4096
+MOST_TASKS = 4096
 """Tasks of a graph, so that the graph of a large study is never there at once; 8 for each of 500 threads."""
 
 
@@ -29,7 +29,7 @@ def graphs(
     compute: Callable[[Block], Any],
     store: Callable[..., Any],
     name: str = "",
-    most: int = MOST,
+    most: int = MOST_TASKS,
 ) -> Iterator[Graph]:
     """Yield graphs of so many tasks at most, and of the blocks of reference solutions that these need.
 

@@ -25,9 +25,9 @@ def run_on_threads(prepared: Prepared, stored: Callable[[Report], None], threads
 
     grid = prepared.job.grid
 
-    def store(task: Task, *words: Any) -> None:
+    def store(task: Task, *arguments: Any) -> None:
         with timed(task.seconds):
-            report = store_task(prepared.job, task, *words)
+            report = store_task(prepared.job, task, *arguments)
         stored(report)
 
     cut = tasks(grid, prepared.missing, threads)
