@@ -176,9 +176,7 @@ def _results(
     while True:
         if len(under_way) <= most // 2 and (graph := next(pieces, None)) is not None:
             under_way |= graph.tasks
-            with config.set(
-                {"distributed.admin.large-graph-warning-threshold": 2**40}
-            ):  # of 10 MB, which users cannot mend
+            with config.set({"distributed.admin.large-graph-warning-threshold": 2**40}):
                 for future in client.get(graph.nodes, list(graph.tasks), sync=False):
                     future.add_done_callback(ended.put)
         if not under_way:
