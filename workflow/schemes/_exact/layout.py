@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflow.kernels.algebra import Complex
-from workflow.kernels.compiled import kernel, part
+from workflow.kernels.compiled import part, uncounted
 from workflow.models import Array
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
@@ -169,7 +169,7 @@ def unpacked(row: Array) -> Regime:
 in_row = part(unpacked)
 
 
-@kernel
+@uncounted
 def tabulate(
     row: Array,
     damping: Array,
@@ -193,9 +193,13 @@ def tabulate(
     row[4], row[5], row[6], row[7] = source.shape[0], source.shape[1], exit_.shape[1], entry.shape[1]
     regime = in_row(row)
     b, f = regime.block, regime.first
-    b[:], f[:] = 0.0, 0.0
-    regime.source[:], regime.inward[:], regime.outward[:] = source, inward, outward
-    regime.entry[:], regime.exit[:] = entry, exit_
+    for i in range(_HEAD, _HEAD + b.size + f.size):
+        row[i] = 0.0
+    _copy(source, regime.source)
+    _copy(inward, regime.inward)
+    _copy(outward, regime.outward)
+    _copy(entry, regime.entry)
+    _copy(exit_, regime.exit)
     growth, fastest, warms = 0.0, 0.0, False
     filled = max(1.0, stiffness[blocks - 1]) if blocks > 0 else 1.0
     for k in range(b.shape[1]):
@@ -217,6 +221,14 @@ def tabulate(
         f[first.RATE, j], f[first.SIGNAL, j], f[first.TEMPERATURE, j] = mu, signal[own], temperature[own]
         growth, fastest = max(growth, -mu), max(fastest, abs(mu))
     row[_GROWTH], row[_FASTEST], row[_WARMS], row[_IS_MODAL] = growth, fastest, warms, _is_identity(inward)
+
+
+@part
+def _copy(source: Array, target: Array) -> None:
+    """Copy a table."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
 
 
 @part
