@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes import blade, blade_rub, cases, chain, sampling
+from scenes import blade, blade_rub, cases, chain
 from workflow.models import Cases, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes._exact.advance import Trajectory, advance
-from workflow.schemes._exact.batch import BatchRun, make_operator
-from workflow.schemes._exact.outcome import Budget
+from workflow.schemes._exact.advance import Trajectory, advance, one_case
+from workflow.schemes._exact.batch import make_operator
+from workflow.schemes._exact.layout import Budget
 
 
 def advanced(structure: Structure, batch: Cases, span: float, kept: int, events: int = 10**5) -> Trajectory:
-    one = BatchRun(make_operator(structure, Budget(events, 10**6)), batch, sampling(1.0, 1.0)).march_input(0)
-    return advance(one, one.case.modal, False, 0.0, span, kept=kept)
+    one = one_case(make_operator(structure, Budget(events, 10**6)), batch, 1.0)
+    return advance(one, one.own.modal, False, 0.0, span, kept=kept)
 
 
 def test_more_events_than_are_guessed_are_kept() -> None:

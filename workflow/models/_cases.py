@@ -113,7 +113,7 @@ class Cases:
         return np.asarray((self.alpha != 0) | warm)
 
 
-def distinct_rows(*tables: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def distinct_rows(*tables: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the first index of each distinct row of tables side by side, and the distinct row that each row equals.
 
     Tables are ``(row, …)``. Constant columns, in most studies all, are skipped.

@@ -12,7 +12,6 @@ from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit, has_converged, longest
 from workflow.schemes._exact.advance import Trajectory
-from workflow.schemes._exact.batch import heat_acts
 
 Problem = Callable[[float], tuple[Structure, Cases]]
 """Structure and one case at a value of the parameter."""
@@ -64,7 +63,7 @@ class Curve:
         self.first: Structure | None = None
         self.shared: AnalysedStructure | None = None
         self.charts: tuple[Structure, Array, Array] | None = None
-        self.heated = any(heat_acts(problem(self.value(q))[1], 0) for q in (0.0, 0.5, 1.0))
+        self.heated = any(problem(self.value(q))[1].heated.any() for q in (0.0, 0.5, 1.0))
 
     def value(self, q: float) -> float:
         """Return the value of the parameter at q."""

@@ -19,18 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._exact import outcome
-from workflow.schemes._exact.advance import Trajectory, advance
-from workflow.schemes._exact.batch import BatchRun, make_operator
-from workflow.schemes._exact.layout import Regime
+from workflow.schemes._exact.advance import Trajectory, advance, one_case
+from workflow.schemes._exact.batch import make_operator
+from workflow.schemes._exact.layout import Budget, Regime
 from workflow.schemes._exact.linear import Linear, linear, propagators
 from workflow.schemes._exact.record import RELEASE, TOUCH
-from workflow.schemes._interface import Sampling
 
 MOST_LOAD_PERIODS = 64
 """Largest number of load periods in the common period of all sinusoids."""
 
-_BUDGET = outcome.Budget(events=10**6, steps=10**8)
+_BUDGET = Budget(events=10**6, steps=10**8)
 """Limits of one march."""
 
 
@@ -71,9 +69,11 @@ class Flow:
         if self.is_constant:
             vibrating = basis.free.frequency[basis.free.frequency > 0]
             self.period = 2 * np.pi / float(vibrating.min()) if vibrating.size else 1.0
-        self.march_input = BatchRun(self.operator, cases, Sampling(1.0, 1.0, 2)).march_input(0, heated=heated)
-        self.start, n = self.march_input.case.modal, basis.tip.size
-        self.modes, self.load, size = n, self.march_input.case.load, self.start.size
+        self.one = one_case(self.operator, cases, self.period, heated=heated)
+        self.load, self.modes = self.one.own, basis.tip.size
+        self.is_heated, n = bool(self.load.free), self.modes
+        size = self.load.modal.size if self.is_heated else 2 * n
+        self.start = self.load.modal[:size]
         self.tip = np.zeros((2, size))
         self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.tip
         heat = self.alpha * basis.free.heat_tip[: size - 2 * n]
@@ -81,7 +81,7 @@ class Flow:
 
     def regime(self, held: bool) -> Regime:
         """Return the regime of the held or the free tip."""
-        return self.march_input.held if held else self.march_input.free
+        return self.one.regime(held)
 
     @cached_property
     def free(self) -> Linear:
@@ -113,11 +113,6 @@ class Flow:
         """Return the quasi-static tip growth of a state, m."""
         return float(self.operator.basis.closing[: X.size - 2 * self.modes] @ X[2 * self.modes :])
 
-    @property
-    def is_heated(self) -> bool:
-        """Whether it has thermal states."""
-        return self.start.size > 2 * self.modes
-
     def balanced(self, X: Array, force: float) -> Array:
         """Return a state with temperatures in balance with a mean contact force λ [N], μ τ = χᵀq + α χ_n λ.
 
@@ -142,7 +137,7 @@ class Flow:
 
     def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Trajectory:
         """Return the exact motion from X at ``begin`` [s] over ``span`` [s], as :func:`advance` does."""
-        return advance(self.march_input, X, contact, begin, span, kept, samples)
+        return advance(self.one, X, contact, begin, span, kept, samples)
 
     def derivative(self, motion: Trajectory) -> Array:
         """Return the derivative of a motion's final state with respect to its initial state, ``(N, N)``."""

@@ -25,7 +25,7 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure, couples_free_modes, poles
 from workflow.schemes._exact.batch import Operator, make_operator, run_batch
-from workflow.schemes._exact.outcome import Budget
+from workflow.schemes._exact.layout import Budget
 from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"e", "alpha"})

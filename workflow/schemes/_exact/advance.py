@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array
+from workflow.models import Array, Cases
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.batch import MarchInput
+from workflow.schemes._exact.batch import Operator
+from workflow.schemes._exact.layout import Case, Regime, scratch, unpacked
 from workflow.schemes._exact.march import march
 from workflow.schemes._exact.record import TALLY, TOUCH, Record
+from workflow.schemes._exact.regimes import InseparablePolesError
+from workflow.schemes._exact.tables import wave
 from workflow.schemes._interface import HISTORIES
 
 
@@ -59,35 +62,76 @@ class Trajectory:
         return ends, np.concatenate([[self.was_held], self.kinds == TOUCH])
 
 
+class OneCase(NamedTuple):
+    """A batch of one case, with its regimes as rows of :func:`~workflow.schemes._exact.layout.tabulate`."""
+
+    free: Array
+    """Without and with thermal modes, ``(2, number)``."""
+    held: Array
+    """``(1, number)``."""
+    conditions: Case
+    tip: Array
+    """φ_n, ``(mode,)``."""
+
+    @property
+    def own(self) -> Case:
+        """The conditions of the case."""
+        first: Any = (value[0] if isinstance(value, np.ndarray) else value for value in self.conditions)
+        return Case(*first)
+
+    def regime(self, held: bool) -> Regime:
+        """Return the regime of the held or the free tip."""
+        return unpacked(self.held[0] if held else self.free[self.own.free])
+
+
+def one_case(operator: Operator, cases: Cases, duration: float, *, heated: bool = False) -> OneCase:
+    """Return a case over a time [s], with thermal states where heat acts or ``heated`` is set.
+
+    Raises
+    ------
+    InseparablePolesError
+        Three poles coincide.
+    """
+    warm = cases.heated | heated
+    free, held = operator.free, operator.held.at(cases.alpha, cases.friction, warm)
+    if not (free.separable[warm.astype(int)].all() and held.separable.all()):
+        raise InseparablePolesError
+    conditions = operator.conditions(cases, duration)._replace(free=warm.astype(np.int64))
+    return OneCase(free.rows, held.rows, conditions, operator.basis.tip)
+
+
 def advance(
-    march_input: MarchInput, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1
+    case: OneCase, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1
 ) -> Trajectory:
     """Return the exact motion from X at ``begin`` [s] over ``span`` [s].
 
     ``kept`` is a guess of the number of events; 0 leaves them out.
     """
-    free, held, case, memories, tip = march_input
-    waves = case.load.waves.copy()
-    omega, phase, _, amplitude = case.load.waves.T
-    waves[:, 1] = turn = phase + begin * omega
-    apart = case.load.gap + np.sin(turn) @ amplitude - tip @ X[: tip.size]
+    conditions, tip = case.conditions, case.tip
+    waves = conditions.waves.copy()
+    omega, phase, _, amplitude = conditions.waves[0].T
+    waves[0, :, wave.PHASE] = turn = phase + begin * omega
+    apart = conditions.gap + np.sin(turn) @ amplitude - tip @ X[: tip.size]
     speed = tip @ X[tip.size : 2 * tip.size] - np.cos(turn) @ (omega * amplitude)
-    moving = case.tip._replace(distance=float(apart), speed=float(speed))
-    case = case._replace(load=case.load._replace(waves=waves, duration=span), tip=moving, modal=X.copy())
-    due = np.linspace(0.0, span, samples + 1)
+    memory = scratch(X.size, waves.shape[1])
+    due, ended = np.linspace(0.0, span, samples + 1), np.zeros(1, dtype=np.int64)
     while True:
-        tally, events = np.zeros(1, dtype=TALLY)[0], np.zeros((kept, 3 + X.size))
-        histories = np.full((len(HISTORIES), due.size), np.nan)
+        moving: dict[str, Any] = {"distance": apart, "speed": np.array([speed]), "modal": X[None].copy()}
+        given = conditions._replace(waves=waves, duration=float(span), **moving)
+        tally, events = np.zeros(1, dtype=TALLY), np.zeros((kept, 3 + X.size))
+        histories = np.full((1, len(HISTORIES), due.size), np.nan)
         tally["held"] = contact
-        record = Record(due, np.zeros(0), histories, np.zeros((7, 0)), tally, events)
-        ended = int(march(free, held, case, record, memories))
-        count = int(tally["events"])
+        record = Record(due, np.zeros((1, 0)), histories, np.zeros((1, 7, 0)), tally, events)
+        march(case.free, case.held, given, np.zeros(1, dtype=np.int64), record, memory, ended)
+        count = int(tally["events"][0])
         if count <= kept or not kept:
             break
         kept = count
-    done = ended == outcome.COMPLETED
-    end = memories[0].modal[: X.size].copy() if done else np.full(X.size, np.nan)
-    failure = "" if done else outcome.failure(ended, tally, case.budget, case.tip.e)
+    done = ended[0] == outcome.COMPLETED
+    end = given.modal[0] if done else np.full(X.size, np.nan)
+    failure = "" if done else outcome.failure(int(ended[0]), tally[0], conditions.budget, float(conditions.e[0]))
     times, kinds, impulses = events[:count, :3].T
-    at_end, states = bool(tally["held"]), events[:count, 3:]
-    return Trajectory(begin, span, X, contact, end, at_end, times, kinds, impulses, states, histories, tally, failure)
+    at_end, states = bool(tally["held"][0]), events[:count, 3:]
+    return Trajectory(
+        begin, span, X, contact, end, at_end, times, kinds, impulses, states, histories[0], tally[0], failure
+    )

@@ -1,28 +1,28 @@
-"""A batch of the event-driven scheme: cases are marched one by one, and those of one α share a held regime."""
+"""A batch of the event-driven scheme: its cases as rows, held regimes by distinct α, and one kernel for all."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, Cases, Structure, project
+from workflow.models import Array, Cases, Structure, distinct_rows, project
 from workflow.schemes._exact import outcome
-from workflow.schemes._exact.conditions import load_of, penetration, tip_of
+from workflow.schemes._exact.conditions import conditions_of, penetration
 from workflow.schemes._exact.held_regime import HeldRegimes
-from workflow.schemes._exact.impacts import Case, Thresholds
-from workflow.schemes._exact.layout import Memory, Regime, memory
+from workflow.schemes._exact.layout import Budget, Case, Thresholds, row_length, scratch
 from workflow.schemes._exact.march import march
-from workflow.schemes._exact.modal_system import ModalBasis, analyse
-from workflow.schemes._exact.outcome import Budget
+from workflow.schemes._exact.modal_system import ModalBasis, analyse, signal_inputs
 from workflow.schemes._exact.record import TALLY, Record
-from workflow.schemes._exact.regimes import InseparablePolesError, regime_of
+from workflow.schemes._exact.regimes import InseparablePolesError, Rows, fill_row
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods, sections_of
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
+
+_REGIME_BYTES = 2**24
+"""Memory of the held regimes that are known at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,18 +31,20 @@ class Operator:
 
     basis: ModalBasis
     held: HeldRegimes
+    length: int
+    """Numbers of the row of a regime, see :func:`~workflow.schemes._exact.layout.tabulate`."""
     budget: Budget
     thresholds: Thresholds = THRESHOLDS
 
     @cached_property
-    def heated(self) -> Regime:
-        """The regime of a free tip with thermal modes."""
-        return regime_of(self.basis.free)
+    def free(self) -> Rows:
+        """The regimes of a free tip without and with thermal modes."""
+        rows, free = np.empty((2, self.length)), self.basis.free
+        return Rows(rows, np.array([fill_row(rows[0], free.unheated), fill_row(rows[1], free)]))
 
-    @cached_property
-    def unheated(self) -> Regime:
-        """The regime of a free tip without thermal modes."""
-        return regime_of(self.basis.free.unheated)
+    def conditions(self, cases: Cases, duration: float) -> Case:
+        """Return the conditions of cases over a time, s."""
+        return conditions_of(cases, self.basis, duration, self.budget, self.thresholds)
 
 
 def make_operator(structure: Structure, budget: Budget) -> Operator:
@@ -54,100 +56,51 @@ def make_operator(structure: Structure, budget: Budget) -> Operator:
         Three poles coincide with the tip free.
     """
     basis = analyse(structure)
-    operator = Operator(basis, HeldRegimes(basis.held), budget)
-    _ = operator.unheated
+    size, inputs = 2 * basis.tip.size + basis.free.rate.size, signal_inputs(basis.free).size
+    length = row_length(size, basis.tip.size, inputs)
+    operator = Operator(basis, HeldRegimes(basis.held, length), length, budget)
+    if not operator.free.separable[0]:
+        raise InseparablePolesError
     return operator
 
 
 def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Run all cases in the order of α, so that those of one α share its held regime."""
+    """Run all cases that are finite; held regimes are made for as many α at a time as memory is bounded for."""
     batch = BatchRun(operator, cases, sampling)
-    for i in np.argsort(cases.alpha, kind="stable"):
-        batch.run(int(i))
+    free, conditions, finite = operator.free, batch.conditions, np.flatnonzero(cases.finite)
+    memory = scratch(conditions.modal.shape[1], conditions.waves.shape[1])
+    alpha, friction, heated = cases.alpha[finite], cases.friction[finite], cases.heated[finite]
+    first, regime = distinct_rows(alpha[:, None], friction[:, None], heated[:, None])
+    order, most = np.argsort(regime, kind="stable"), max(1, _REGIME_BYTES // (8 * operator.length))
+    for begin in range(0, first.size, most):
+        some = first[begin : begin + most]
+        held = operator.held.at(alpha[some], friction[some], heated[some])
+        those = order[slice(*np.searchsorted(regime[order], (begin, begin + most)))]
+        which, own = finite[those], regime[those] - begin
+        conditions.held[which] = own
+        separable = held.separable[own] & free.separable[conditions.free[which]]
+        batch.ended[which[~separable]] = outcome.INSEPARABLE_POLES
+        march(free.rows, held.rows, conditions, which[separable], batch.record, memory, batch.ended)
     return batch.results()
 
 
-def heat_acts(cases: Cases, i: int) -> bool:
-    """Tell whether thermal states can act in case ``i``."""
-    sources = cases.alpha[i], cases.friction[i], cases.heating[i], cases.temperature[i]
-    return any(np.any(source != 0) for source in sources)
-
-
-class MarchInput(NamedTuple):
-    """Arguments of the march, without the record."""
-
-    free: Regime
-    held: Regime
-    case: Case
-    memories: tuple[Memory, Memory]
-    tip: Array
-    """φ_n, ``(mode,)``."""
-
-
 class BatchRun:
-    """The cases of a batch and the arrays of their results."""
+    """The conditions of the cases of a batch and the arrays of their results."""
 
     def __init__(self, operator: Operator, cases: Cases, sampling: Sampling):
-        count, basis = cases.count, operator.basis
         self.operator, self.cases, self.sampling = operator, cases, sampling
-        self.times = sampling.times
+        self.conditions = operator.conditions(cases, sampling.duration)
         self.frequency = cases.period_frequency
         self.periods = complete_periods(self.frequency, sampling)
-        self.finite = cases.finite
-        moving = (project(basis.to_modes, states) for states in (cases.displacement, cases.velocity))
-        self.modal = np.hstack([*moving, project(basis.to_thermal, cases.temperature)])
-        self.held: tuple[tuple[float, float, bool], Regime] | None = None
-        self.memory: dict[tuple[int, int, int, bool, bool], Memory] = {}
-        self.histories = np.full((count, len(HISTORIES), sampling.count), np.nan)
-        self.period_values = np.full((count, 7, int(self.periods.max(initial=0))), np.nan)
-        self.tally = np.zeros(count, dtype=TALLY)
-        self.ended = np.full(count, outcome.INVALID)
-
-    def run(self, i: int) -> None:
-        """Run case ``i``."""
-        if not self.finite[i]:
-            return
-        try:
-            self.ended[i] = self._march(i)
-        except InseparablePolesError:
-            self.ended[i] = outcome.INSEPARABLE_POLES
-
-    def _held(self, alpha: float, friction: float, heated: bool) -> Regime:
-        """Return the held regime at α and µ; the last one is kept for the next case."""
-        key = alpha, friction, heated
-        if self.held is None or self.held[0] != key:
-            self.held = key, self.operator.held.at(alpha, friction, heated=heated)
-        return self.held[1]
-
-    def _memory(self, regime: Regime, waves: int, *, is_free: bool) -> Memory:
-        """Return the memory that cases with regimes of one size use in turn."""
-        key = regime.blocks, regime.firsts, waves, regime.is_modal, is_free
-        if key not in self.memory:
-            self.memory[key] = memory(regime, waves)
-        return self.memory[key]
-
-    def _march(self, i: int) -> int:
-        """March case ``i`` and return how it ended."""
-        free, held, case, memories, _ = self.march_input(i)
-        n, frequency = int(self.periods[i]), float(self.frequency[i])
-        ends = np.arange(1, n + 1) / frequency if n else np.zeros(0)
+        numbers = np.arange(1, int(self.periods.max(initial=0)) + 1)
+        with np.errstate(divide="ignore", invalid="ignore"):  # of constant loads
+            ends = np.where(numbers <= self.periods[:, None], numbers / self.frequency[:, None], np.inf)
+        self.histories = np.full((cases.count, len(HISTORIES), sampling.count), np.nan)
+        self.period_values = np.full((cases.count, 7, numbers.size), np.nan)
+        self.tally = np.zeros(cases.count, dtype=TALLY)
+        self.ended = np.full(cases.count, outcome.INVALID)
         none = np.zeros((0, 0))
-        record = Record(self.times, ends, self.histories[i], self.period_values[i], self.tally[i], none)
-        return int(march(free, held, case, record, memories))
-
-    def march_input(self, i: int, *, heated: bool = False) -> MarchInput:
-        """Return the arguments of the march of case ``i``, with thermal states where heat acts or ``heated`` is set."""
-        cases, operator, basis = self.cases, self.operator, self.operator.basis
-        heated = heated or heat_acts(cases, i)
-        free = operator.heated if heated else operator.unheated
-        held = self._held(float(cases.alpha[i]), float(cases.friction[i]), heated)
-        load, size = load_of(cases, i, self.sampling.duration), free.inward.shape[0]
-        closing = basis.closing[: size - 2 * basis.tip.size]
-        tip = tip_of(cases, i, basis, free, load)
-        case = Case(load, tip, self.modal[i, :size], closing, operator.budget, operator.thresholds)
-        waves = load.waves.shape[0]
-        memories = self._memory(free, waves, is_free=True), self._memory(held, waves, is_free=False)
-        return MarchInput(free, held, case, memories, basis.tip)
+        self.record = Record(sampling.times, ends, self.histories, self.period_values, self.tally, none)
 
     def results(self) -> Results:
         """Return the results of the batch."""
@@ -169,20 +122,22 @@ class BatchRun:
 
     def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:
         """Return the metrics; those of cases that did not complete are NaN, except ``steps``."""
-        names = ("impacts", "contact_time", "max_temperature", "thermal_closing", "releases")
+        names = ("impacts", "contact_time", "max_temperature", "releases")
         residuals = ("energy_residual", "heat_residual") if self.sampling.balances else ()
         metrics = {name: np.where(completed, self.tally[name], np.nan) for name in names}
         metrics["steps"] = np.where(self.tally["steps"] > 0, self.tally["steps"], np.nan)
         metrics |= {name: np.full(completed.size, np.nan) for name in residuals}  # residuals of steps; there are none
-        metrics["max_penetration"] = penetration(self.cases, displacement, self.times)
+        basis, modal = self.operator.basis, self.conditions.modal
+        metrics["thermal_closing"] = np.where(completed, project(basis.closing, modal[:, 2 * basis.tip.size :]), np.nan)
+        metrics["max_penetration"] = penetration(self.conditions, displacement, self.sampling.times)
         return metrics
 
     def _messages(self) -> dict[int, str]:
         """Return the messages of cases that did not complete or were extrapolated."""
         budget, messages = self.operator.budget, {}
-        for i, tally in enumerate(self.tally):
+        for i in np.flatnonzero((self.ended != outcome.COMPLETED) | (self.tally["summed_speed"] > 0)).tolist():
             if self.ended[i] != outcome.COMPLETED:
-                messages[i] = outcome.failure(int(self.ended[i]), tally, budget, float(self.cases.e[i]))
-            elif tally["summed_speed"] > 0:
-                messages[i] = outcome.extrapolation(tally, budget)
+                messages[i] = outcome.failure(int(self.ended[i]), self.tally[i], budget, float(self.cases.e[i]))
+            else:
+                messages[i] = outcome.extrapolation(self.tally[i], budget)
         return messages

@@ -1,4 +1,4 @@
-"""The held regimes of a batch at all α; with friction heat and uncoupled modes they are computed by one kernel.
+"""The held regimes of a batch at all α; with friction heat and uncoupled modes one kernel computes them.
 
 With the response R of the modes to thermal modes subtracted, z - R τ, and each mode split by its two poles, the matrix
 of the held tip without friction heat is diagonal, and the heat a rank-one term
@@ -10,14 +10,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import kernel, part
 from workflow.models import Array
-from workflow.schemes._exact.layout import Regime, tabulated
+from workflow.schemes._exact.layout import tabulate
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.rank_one import RankOne, Zeros, fill_vectors, find_zeros, reciprocal, square
-from workflow.schemes._exact.regimes import observable, regime_of, thermal_response
+from workflow.schemes._exact.regimes import Rows, fill_row, observable, thermal_response
 
 _CRITICAL = 1e-2
 """Relative distance of the two poles of a mode, or of a pole and a thermal rate, below which the general solver is
@@ -42,22 +43,27 @@ class Heated(NamedTuple):
 
 
 class HeldRegimes:
-    """The held regimes of a structure."""
+    """The held regimes of a structure; ``length`` is that of their rows."""
 
-    def __init__(self, held: ModalSystem):
-        self._held, self._observable = held, observable(held)
+    def __init__(self, held: ModalSystem, length: int):
+        self._held, self._observable, self._length = held, observable(held), length
         self._heated = None if held.is_coupled else _heated(self._observable)
 
-    def at(self, alpha: float, friction: float, *, heated: bool) -> Regime:
-        """Return the regime at α [W/N], and µ along the tangent, without thermal modes where no heat acts."""
-        system = self._held.sliding(friction)
-        if system is not self._held:
-            return regime_of(observable(system), alpha)
-        if alpha > 0 and self._heated is not None:
-            is_sound, regime = _regime_at(self._heated, alpha)
-            if is_sound:
-                return regime
-        return regime_of(self._observable if alpha > 0 else self._held if heated else self._held.unheated, alpha)
+    def at(self, alpha: Array, friction: Array, heated: NDArray[np.bool_]) -> Rows:
+        """Return the regimes at some α [W/N] and µ along the tangent, without thermal modes where no heat acts."""
+        rows, found = np.empty((alpha.size, self._length)), np.zeros(alpha.size, dtype=np.bool_)
+        slides = (friction != 0) & (self._held.tangent is not None)
+        if self._heated is not None:
+            _fill_rows(self._heated, np.where(slides, 0.0, alpha), rows, found)
+        for k in np.flatnonzero(~found):
+            found[k] = fill_row(rows[k], self._system(slides[k] * friction[k], alpha[k] > 0, heated[k]), alpha[k])
+        return Rows(rows, found)
+
+    def _system(self, friction: float, heats: bool, heated: bool) -> ModalSystem:
+        """Return the system of the held tip, of observable modes where friction or its heat links them."""
+        if friction != 0:
+            return observable((self._held if heated else self._held.unheated).sliding(friction))
+        return self._observable if heats else self._held if heated else self._held.unheated
 
 
 def _heated(held: ModalSystem) -> Heated | None:
@@ -80,8 +86,16 @@ def _heated(held: ModalSystem) -> Heated | None:
 
 
 @kernel
-def _regime_at(h: Heated, alpha: float) -> tuple[bool, Regime]:
-    """Return whether the spectrum at α is accurate, and the regime, whose blocks are complex pairs of eigenvalues.
+def _fill_rows(h: Heated, alpha: Array, rows: Array, found: NDArray[np.bool_]) -> None:
+    """Store the regimes at those α > 0 at which the spectrum is accurate, and which these are."""
+    for i in range(alpha.size):
+        if alpha[i] > 0.0:
+            found[i] = _fill_row(h, alpha[i], rows[i])
+
+
+@kernel
+def _fill_row(h: Heated, alpha: float, row: Array) -> bool:
+    """Store the regime at α, whose blocks are complex pairs of eigenvalues; return whether the spectrum is accurate.
 
     A pair s = σ ± iν with right and left eigenvectors x and ξ = l X has the real coordinates η = Re ξ
     and u = Re(s ξ), so that η' = u, u' = 2σ u - |s|² η and X = 2 Re(x ξ).
@@ -129,7 +143,8 @@ def _regime_at(h: Heated, alpha: float) -> tuple[bool, Regime]:
                 for k in range(wide):
                     source[i, k] += per * inward[modes + n, k]
         source[i, size] = h.inputs[i]
-    return sound, tabulated(damping, stiffness, rate, signal, temperature, source, inward, outward, h.entry, h.exit)
+    tabulate(row, damping, stiffness, rate, signal, temperature, source, inward, outward, h.entry, h.exit)
+    return bool(sound)
 
 
 @part

@@ -2,68 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from workflow.kernels.compiled import part
-from workflow.models import Array
 from workflow.schemes._exact.accumulation import Bounces, end_of_chattering
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.layout import CaseLoads
-from workflow.schemes._exact.outcome import Budget
+from workflow.schemes._exact.layout import Case
 from workflow.schemes._exact.passage import Motions, enter_contact
 from workflow.schemes._exact.propagation import apply_impulse, copy_state
 from workflow.schemes._exact.tables import expansion
-
-
-class Thresholds(NamedTuple):
-    """Internal tolerances, varied by tests only."""
-
-    height: float
-    """Height of flights v²/(2|a|), over the displacement scale, below which chattering is summed: its error is of this
-    size."""
-    speed: float
-    """Impact speed, over the largest one, below which chattering is summed: at 5e-3 the error of the heavy
-    chain was 4e-10, and it falls about quadratically."""
-    force: float
-    """Contact force, over the rounding of its terms, below which it is zero when a contact begins."""
-
-
-class TipData(NamedTuple):
-    """Impact law and initial state of the tip of one case."""
-
-    e: float
-    alpha: float
-    """α, W/N."""
-    mobility: float
-    """e_nᵀ M⁻¹ (e_n - µ t), 1/kg: the Delassus operator of an impact."""
-    heat_jump: float
-    """Rise of the tip temperature per heat at the tip, e_nᵀ C2⁻¹ e_n, K/J."""
-    drag: float
-    """γ of :mod:`workflow.schemes._exact.accumulation`, 1/s."""
-    jump: Array
-    """Change of [η, u, ξ] of a free tip by an impulse of 1 N s along e_n - µ t with its friction heat, ``(N,)``."""
-    distance: float
-    """d(0) - x_n(0), m."""
-    speed: float
-    """v_n(0) - d'(0), m/s."""
-    reach: float
-    """|d0| plus the amplitudes of the casing, m."""
-
-
-class Case(NamedTuple):
-    """Conditions of one case."""
-
-    load: CaseLoads
-    tip: TipData
-    modal: Array
-    """Initial [y, y', τ], without τ where no heat acts."""
-    closing: Array
-    """Quasi-static tip growth per τ, m, ``(thermal mode,)``."""
-    budget: Budget
-    thresholds: Thresholds
-
 
 _LOOSE = 1e3
 """Factor of the threshold of height once half the budget of events is spent: chattering up to 1e-7 of the displacement
@@ -73,16 +22,16 @@ scale is summed then, and the message of the case says so."""
 @part
 def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
     """Apply an impact at the speed ``tally.speed``; return whether the tip then stays in contact, and since when."""
-    tip, free, speed = case.tip, motions.free, tally.speed
-    p = (1.0 + tip.e) * speed / tip.mobility
+    free, speed = motions.free, tally.speed
+    p = (1.0 + case.e) * speed / case.mobility
     tally.max_speed = max(tally.max_speed, speed)
     apply_impulse(free, p)
     expand(free, free.now, tally.time)
-    stays, since = speed <= 0.0 or tip.e == 0.0, tally.time
+    stays, since = speed <= 0.0 or case.e == 0.0, tally.time
     if not stays:
         end = _end_of_chattering(motions, case, tally)
         if not np.isnan(end):  # p and all later impulses add up to m v⁻ and the impulse of the contact force
-            stays, since, p = True, end, speed / tip.mobility
+            stays, since, p = True, end, speed / case.mobility
     if speed > 0.0:
         tally.impacts += 1
         tally.impulse += p
@@ -97,7 +46,7 @@ def _end_of_chattering(motions: Motions, case: Case, tally: Any) -> float:
     contact force falls before. Flights no higher than the rounding of the tip's displacement are small whatever the
     largest impact was: only the rounding of a force near zero has lifted the tip.
     """
-    tip, free, speed, thresholds = case.tip, motions.free, tally.speed, case.thresholds
+    free, speed, thresholds = motions.free, tally.speed, case.thresholds
     pressing = -free.expansion.sums[expansion.D2, free.blocks]
     rounding = SUM_ROUNDING * free.expansion.sums[expansion.SIZE, 0]
     if speed >= thresholds.speed * tally.max_speed:
@@ -111,11 +60,11 @@ def _end_of_chattering(motions: Motions, case: Case, tally: Any) -> float:
     if height >= most and not (left < tally.events and height < _LOOSE * most):
         return np.nan
     copy_state(free.now, free.between)
-    apply_impulse(free, -tip.e * speed / tip.mobility)
+    apply_impulse(free, -case.e * speed / case.mobility)
     end, leaving, count = np.nan, 0.0, 0.0
     if enter_contact(motions, thresholds.force, tally.time) == 0:
-        bounces = Bounces(tip.e, tip.mobility, tip.drag, 4.0 * max(height, most), case.load.duration)
-        end, leaving, count = end_of_chattering(motions.held, tally.time, tip.e * speed, bounces)
+        bounces = Bounces(case.e, case.mobility, case.drag, 4.0 * max(height, most), case.duration)
+        end, leaving, count = end_of_chattering(motions.held, tally.time, case.e * speed, bounces)
     else:  # the force is rounding, which would press the tip back for ever
         end = tally.time
     if height < most and np.isfinite(end):

@@ -1,16 +1,17 @@
-"""Arguments of the compiled kernel: the loads of a case, its regimes as tables, and its working memory.
+"""Arguments of the compiled kernel: the conditions of cases, regimes as tables, and the working memory of a case.
 
-Regimes are packed into few arrays, because each array costs compile time in every function that it passes through.
+A kernel takes the cases of a batch as rows. A regime is one row of numbers there, which holds its tables one after the
+other: those of one batch differ in size.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workflow.kernels.algebra import Complex
-from workflow.kernels.compiled import kernel, part
+from workflow.kernels.compiled import part, uncounted
 from workflow.models import Array
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
@@ -21,21 +22,71 @@ TAYLOR_SPAN = 0.6
 """Largest |pole| · time at which they are used: the remainder is below 0.6^18/18! = 2e-20."""
 
 
-class CaseLoads(NamedTuple):
-    """Loads and casing of one case: F0 + Σ A sin ψ on the tip, positive towards the casing, at d = d0 + Σ a sin ψ."""
+class Budget(NamedTuple):
+    """Largest number of events and of certified steps of a case."""
 
-    mean: float
+    events: int
+    steps: int
+
+
+class Thresholds(NamedTuple):
+    """Internal tolerances, varied by tests only."""
+
+    height: float
+    """Height of flights v²/(2|a|), over the displacement scale, below which chattering is summed: its error is of this
+    size."""
+    speed: float
+    """Impact speed, over the largest one, below which chattering is summed: at 5e-3 the error of the heavy
+    chain was 4e-10, and it falls about quadratically."""
+    force: float
+    """Contact force, over the rounding of its terms, below which it is zero when a contact begins."""
+
+
+class Case(NamedTuple):
+    """Conditions of one case, or those of a batch, where every array has one more axis before, ``(case, …)``.
+
+    The load on the tip is F0 + Σ A sin ψ, positive towards the casing, which lies at d = d0 + Σ a sin ψ.
+    """
+
+    free: Any
+    """Row of the regime of the free tip: 0 without thermal modes, where no heat acts, else 1."""
+    held: Any
+    """Row of the regime of the held tip."""
+    e: Any
+    alpha: Any
+    """α, W/N."""
+    mean: Any
     """F0, N."""
-    waves: Array
-    """Ω, φ, A and a of each wave, ``(wave, GIVEN)``, see :mod:`workflow.schemes._exact.tables.wave`."""
-    gap: float
+    gap: Any
     """d0, m."""
-    duration: float
-    """End of the case, s."""
+    waves: Array
+    """Ω, φ, A and a of each wave, ``(wave, GIVEN)``, see :mod:`workflow.schemes._exact.tables.wave` …"""
+    acting: Any
+    """… of which so many act, the first ones."""
     steady: Array
     """Constant load per mechanical coordinate, N."""
     heating: Array
     """Constant heat load per thermal coordinate, W."""
+    mobility: Any
+    """e_nᵀ M⁻¹ (e_n - µ t), 1/kg: the Delassus operator of an impact."""
+    drag: Any
+    """γ of :mod:`workflow.schemes._exact.accumulation`, 1/s."""
+    jump: Array
+    """Change of [y, y', τ] of a free tip by an impulse of 1 N s along e_n - µ t with its friction heat, ``(N,)``."""
+    distance: Any
+    """d(0) - x_n(0), m."""
+    speed: Any
+    """v_n(0) - d'(0), m/s."""
+    reach: Any
+    """|d0| plus the amplitudes of the casing, m."""
+    modal: Array
+    """[y, y', τ] at the beginning; the march leaves there the state at the end, ``(N,)``."""
+    heat_jump: float
+    """Rise of the tip temperature per heat at the tip, e_nᵀ C2⁻¹ e_n, K/J."""
+    duration: float
+    """End of the case, s."""
+    budget: Budget
+    thresholds: Thresholds
 
 
 class Regime(NamedTuple):
@@ -74,8 +125,53 @@ class Regime(NamedTuple):
     """Whether the coordinates are those of the modes, [z, z', τ]."""
 
 
-@kernel
-def tabulated(
+_HEAD = 12
+"""Numbers of a regime's row before its tables: its sizes, then what it has besides tables."""
+
+_GROWTH, _FASTEST, _WARMS, _IS_MODAL = 8, 9, 10, 11
+
+
+def row_length(size: int, modes: int, inputs: int) -> int:
+    """Return the length of rows of regimes with up to ``size`` coordinates, of ``modes`` free modes."""
+    tables = block.ROWS * block.padded(size // 2) + first.ROWS * block.padded(size) + size * size
+    return _HEAD + tables + (inputs + size) * block.padded(size + 1) + 2 * modes * (modes + 1)
+
+
+def unpacked(row: Array) -> Regime:
+    """Return the regime that is stored in a row; its tables are views."""
+    blocks, firsts, size, wide = int(row[0]), int(row[1]), int(row[2]), int(row[3])
+    inputs, broad, free_modes, modes = int(row[4]), int(row[5]), int(row[6]), int(row[7])
+    columns, slow = 8 * ((blocks + 7) // 8), 8 * ((firsts + 7) // 8)
+    a = _HEAD + block.ROWS * columns
+    b = a + first.ROWS * slow
+    c = b + inputs * broad
+    d = c + size * wide
+    e = d + size * size
+    f = e + (free_modes + 1) * modes
+    return Regime(
+        blocks,
+        firsts,
+        row[_HEAD:a].reshape((block.ROWS, columns)),
+        row[a:b].reshape((first.ROWS, slow)),
+        row[b:c].reshape((inputs, broad)),
+        row[c:d].reshape((size, wide)),
+        row[d:e].reshape((size, size)),
+        row[e:f].reshape((free_modes + 1, modes)),
+        row[f : f + (modes + 1) * free_modes].reshape((modes + 1, free_modes)),
+        row[_GROWTH],
+        row[_FASTEST],
+        row[_WARMS] != 0.0,
+        size > 2 * modes,
+        row[_IS_MODAL] != 0.0,
+    )
+
+
+in_row = part(unpacked)
+
+
+@uncounted
+def tabulate(
+    row: Array,
     damping: Array,
     stiffness: Array,
     rate: Array,
@@ -86,14 +182,24 @@ def tabulated(
     outward: Array,
     entry: Array,
     exit_: Array,
-) -> Regime:
-    """Return a regime from c and ascending ω² of blocks, μ of first-order states, and outputs per coordinate, ``(N,)``.
+) -> None:
+    """Store a regime in a row, from c and ascending ω² of blocks, μ of first-order states, and outputs per coordinate.
 
-    Outputs are the signal, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`, and the temperature of the
-    tip, K.
+    Outputs ``(N,)`` are the signal, see :class:`~workflow.schemes._exact.modal_system.ModalSystem`, and the temperature
+    of the tip, K.
     """
     blocks, firsts = damping.size, rate.size
-    b, f = np.zeros((block.ROWS, 8 * ((blocks + 7) // 8))), np.zeros((first.ROWS, 8 * ((firsts + 7) // 8)))
+    row[0], row[1], row[2], row[3] = blocks, firsts, inward.shape[0], inward.shape[1]
+    row[4], row[5], row[6], row[7] = source.shape[0], source.shape[1], exit_.shape[1], entry.shape[1]
+    regime = in_row(row)
+    b, f = regime.block, regime.first
+    for i in range(_HEAD, _HEAD + b.size + f.size):
+        row[i] = 0.0
+    _copy(source, regime.source)
+    _copy(inward, regime.inward)
+    _copy(outward, regime.outward)
+    _copy(entry, regime.entry)
+    _copy(exit_, regime.exit)
     growth, fastest, warms = 0.0, 0.0, False
     filled = max(1.0, stiffness[blocks - 1]) if blocks > 0 else 1.0
     for k in range(b.shape[1]):
@@ -114,22 +220,15 @@ def tabulated(
         mu, own = rate[j], 2 * blocks + j
         f[first.RATE, j], f[first.SIGNAL, j], f[first.TEMPERATURE, j] = mu, signal[own], temperature[own]
         growth, fastest = max(growth, -mu), max(fastest, abs(mu))
-    return Regime(
-        blocks,
-        firsts,
-        b,
-        f,
-        source,
-        inward,
-        outward,
-        entry,
-        exit_,
-        growth,
-        fastest,
-        warms,
-        inward.shape[0] > 2 * entry.shape[1],
-        _is_identity(inward),
-    )
+    row[_GROWTH], row[_FASTEST], row[_WARMS], row[_IS_MODAL] = growth, fastest, warms, _is_identity(inward)
+
+
+@part
+def _copy(source: Array, target: Array) -> None:
+    """Copy a table."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
 
 
 @part
@@ -160,7 +259,7 @@ class Expansion(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Arrays for the motion of a case in a regime; cases may use them in turn."""
+    """Arrays for the motion of a case in a regime."""
 
     block: Array
     first: Array
@@ -180,23 +279,46 @@ class Memory(NamedTuple):
     expansion: Expansion
 
 
-def memory(regime: Regime, waves: int) -> Memory:
-    """Return memory for a regime under a number of waves."""
-    columns, wide = block.padded(regime.blocks), block.padded(regime.firsts)
-    coordinates = np.zeros(regime.inward.shape[0])
-    return Memory(
-        block=np.zeros((block.ROWS + block.WAVE * waves, columns)),
-        first=np.zeros((first.ROWS + first.WAVE * waves, wide)),
-        coordinates=coordinates,
-        modal=coordinates if regime.is_modal else coordinates.copy(),
-        states=np.zeros((4, state.ROWS, max(columns, wide))),
-        outputs=np.zeros(2),
-        waves=np.zeros((waves, wave.COLUMNS)),
-        differences=np.zeros((9, 4), dtype=np.complex128),
-        expansion=Expansion(
-            np.zeros((expansion.ROWS, regime.blocks + 1)),
-            np.zeros((expansion.ROWS, columns)),
-            np.zeros(ORDER + 1),
-            np.zeros(ORDER + 2),
-        ),
-    )
+class Scratch(NamedTuple):
+    """Working memory of a march, which cases use in turn."""
+
+    numbers: Array
+    """Of the motions with the tip free and held, ``(2, number)``."""
+    differences: Complex
+
+
+def scratch(size: int, waves: int) -> Scratch:
+    """Return memory for regimes of up to ``size`` coordinates under up to so many waves."""
+    columns, wide = block.padded(size // 2), block.padded(size)
+    tables = (block.ROWS + block.WAVE * waves) * columns + (first.ROWS + first.WAVE * waves) * wide
+    states = 2 * size + 4 * state.ROWS * wide + wave.COLUMNS * waves
+    expanded = expansion.ROWS * (2 * columns + 1) + 2 * ORDER + 3
+    return Scratch(np.zeros((2, tables + states + expanded + 2)), np.zeros((9, 4), dtype=np.complex128))
+
+
+@part
+def table(numbers: Array, at: int, rows: int, columns: int) -> tuple[Array, int]:
+    """Return a table that begins at a place of a row of numbers, and the place behind it."""
+    return numbers[at : at + rows * columns].reshape((rows, columns)), at + rows * columns
+
+
+@part
+def memory_of(regime: Regime, waves: int, numbers: Array, differences: Complex) -> Any:
+    """Return memory of zeros for a regime under so many waves."""
+    size, columns, wide = regime.outward.shape[0], regime.block.shape[1], regime.first.shape[1]
+    for i in range(numbers.size):
+        numbers[i] = 0.0
+    blocks, at = table(numbers, 0, block.ROWS + block.WAVE * waves, columns)
+    firsts, at = table(numbers, at, first.ROWS + first.WAVE * waves, wide)
+    own, at = table(numbers, at, waves, wave.COLUMNS)
+    sums, at = table(numbers, at, expansion.ROWS, regime.blocks + 1)
+    terms, at = table(numbers, at, expansion.ROWS, columns)
+    states = numbers[at : at + 16 * max(columns, wide)].reshape((4, state.ROWS, max(columns, wide)))
+    at += states.size
+    derivatives, explicit = numbers[at : at + ORDER + 1], numbers[at + ORDER + 1 : at + 2 * ORDER + 3]
+    at += 2 * ORDER + 3
+    outputs, coordinates = numbers[at : at + 2], numbers[at + 2 : at + 2 + size]
+    at += 2 if regime.is_modal else 2 + size
+    modal = numbers[at : at + size]
+    memory = Expansion(sums, terms, derivatives, explicit)
+    return Memory(blocks, firsts, coordinates, modal, states, outputs, own, differences, memory)

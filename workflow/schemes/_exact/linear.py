@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workflow.models import Array
-from workflow.schemes._exact.layout import CaseLoads, Regime
+from workflow.schemes._exact.layout import Case, Regime
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.tables import block, first
 
@@ -55,7 +55,7 @@ class Linear:
     place: Array
     """… and per d and d' of the casing, ``(N, 2)``."""
 
-    def steady(self, load: CaseLoads, t: float) -> tuple[Array, float]:
+    def steady(self, case: Case, t: float) -> tuple[Array, float]:
         """Return X and the signal of the steady response to the loads at t.
 
         Raises
@@ -63,9 +63,9 @@ class Linear:
         numpy.linalg.LinAlgError
             There is none: a pole is that of a load.
         """
-        sources = [(0.0, np.concatenate([load.steady, load.heating, [load.mean, load.gap, 0.0, 0.0]]), 1.0 + 0.0j)]
-        still = np.zeros(load.steady.size + load.heating.size)
-        for omega, phase, force, casing in load.waves:
+        sources = [(0.0, np.concatenate([case.steady, case.heating, [case.mean, case.gap, 0.0, 0.0]]), 1.0 + 0.0j)]
+        still = np.zeros(case.steady.size + case.heating.size)
+        for omega, phase, force, casing in case.waves:
             rates = casing * np.array([1.0, 1j * omega, -(omega**2)])
             sources.append((omega, np.concatenate([still, [force], rates]), -1j * np.exp(1j * (omega * t + phase))))
         Z, w = np.zeros(self.A.shape[0]), np.zeros(still.size + 4)

@@ -1,16 +1,18 @@
-"""The event loop of the event-driven scheme: one case from its start to its end."""
+"""The event loop of the event-driven scheme: cases from their start to their end, one after the other."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from workflow.kernels.compiled import part, uncounted
+from workflow.kernels.compiled import of_case, part, uncounted
+from workflow.models import Array
 from workflow.schemes._exact import outcome
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.impacts import Case, impact
-from workflow.schemes._exact.layout import Memory, Regime
+from workflow.schemes._exact.impacts import impact
+from workflow.schemes._exact.layout import Case, Scratch, in_row
 from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, motions_of, release, set_free, set_held
 from workflow.schemes._exact.propagation import Observed, advance, copy_state, integral, observe
@@ -38,14 +40,38 @@ _FIRST_STEP = 0.1
 
 
 @uncounted
-def march(free: Regime, held: Regime, case: Case, record: Record, memories: tuple[Memory, Memory]) -> int:
-    """Run one case and return how it ended, see :mod:`workflow.schemes._exact.outcome`; never raises."""
-    motions = motions_of(free, held, case.load, case.tip.jump, memories)
-    tally, T = record.tally, case.load.duration
+def march(
+    free: Array,
+    held: Array,
+    cases: Case,
+    which: NDArray[np.int64],
+    record: Record,
+    scratch: Scratch,
+    ended: NDArray[np.int64],
+) -> None:
+    """Run some cases of a batch and fill how they ended, see :mod:`workflow.schemes._exact.outcome`; never raises.
+
+    ``free`` and ``held`` are the regimes with the tip free and held, ``(regime, number)``, as
+    :func:`~workflow.schemes._exact.layout.tabulate` stores them.
+    """
+    for k in range(which.size):
+        i = which[k]
+        own = Record(
+            record.times, record.period_ends[i], record.histories[i], record.periods[i], record.tally[i], record.events
+        )
+        case = of_case(cases, i)
+        motions = motions_of(in_row(free[case.free]), in_row(held[case.held]), case, scratch)
+        ended[i] = _march_case(motions, case, own)
+
+
+@part
+def _march_case(motions: Motions, case: Case, record: Record) -> int:
+    """Run one case and return how it ended."""
+    tally, T = record.tally, case.duration
     ended, event, start, observed = _begin(motions, case, record)
     while ended == outcome.RUNNING:
         if event:
-            if case.tip.mobility <= 0.0:
+            if case.mobility <= 0.0:
                 return outcome.NO_IMPACT_LAW
             tally.events += 1
             if tally.events > case.budget.events:
@@ -88,10 +114,10 @@ def _note_event(motions: Motions, record: Record, was_held: bool, before: float)
 @part
 def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Start, Observed]:
     """Set the initial state; return the outcome so far, whether an event is due at t = 0, the start and the outputs."""
-    free, tip, tally = motions.free, case.tip, record.tally
-    for i in range(case.modal.size):
+    free, tally = motions.free, record.tally
+    for i in range(free.modal.size):
         motions.free.modal[i] = case.modal[i]
-    start = Start(0, -1.0, False, case.load.duration)
+    start = Start(0, -1.0, False, case.duration)
     tally.contact_begin = np.inf
     if tally.held:
         set_held(motions, 0.0)
@@ -104,32 +130,32 @@ def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Sta
     if not (np.isfinite(observed.signal) and np.isfinite(observed.signal_rate) and np.isfinite(observed.temperature)):
         return outcome.NOT_FINITE, False, start, observed
     tally.max_temperature = tally.period_temperature = observed.temperature
-    given = Observed(tip.distance, -tip.speed, observed.temperature, 0.0, observed.place, observed.speed)
+    given = Observed(case.distance, -case.speed, observed.temperature, 0.0, observed.place, observed.speed)
     write(record, 0.0, given, 0.0)
     expand(free, free.now, 0.0)
-    tally.length = tip.reach + abs(observed.place - tip.distance)
-    touches = abs(tip.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.expansion.sums[expansion.SIZE, 0])
-    if tip.distance < 0.0 and not touches:
+    tally.length = case.reach + abs(observed.place - case.distance)
+    touches = abs(case.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.expansion.sums[expansion.SIZE, 0])
+    if case.distance < 0.0 and not touches:
         return outcome.INSIDE_CASING, False, start, observed
-    event = touches and tip.speed >= 0.0
+    event = touches and case.speed >= 0.0
     if touches:
-        tally.speed = tip.speed
-        start = Start(2 if event else 1, -1.0, False, case.load.duration)
+        tally.speed = case.speed
+        start = Start(2 if event else 1, -1.0, False, case.duration)
     return outcome.RUNNING, event, start, observed
 
 
 @part
 def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) -> tuple[Start, Observed]:
     """End a contact, or apply an impact and begin a contact if the tip stays; return the start of the next step."""
-    free, tip, t = motions.free, case.tip, tally.time
-    guess = _FIRST_STEP / free.fastest if free.fastest > 0.0 else case.load.duration
+    free, t = motions.free, tally.time
+    guess = _FIRST_STEP / free.fastest if free.fastest > 0.0 else case.duration
     if tally.held:
         release(motions, tally)
         return Start(3, -1.0, False, guess), observe(free, free.now, t)
-    before, speed = tally.impulse, tip.e * tally.speed
+    before, speed = tally.impulse, case.e * tally.speed
     stays, since = impact(motions, case, tally)
     if tally.speed > 0.0:
-        temperature = observed.temperature + tip.alpha * (tally.impulse - before) * tip.heat_jump
+        temperature = observed.temperature + case.alpha * (tally.impulse - before) * case.heat_jump
         observed = Observed(0.0, speed, temperature, 0.0, observed.place, observed.speed)
         note_temperature(tally, temperature)
     if not stays:
@@ -167,10 +193,10 @@ def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed)
 @part
 def _finish(motions: Motions, case: Case, record: Record, observed: Observed) -> None:
     """Write the samples and periods that are due at the end, after any event there."""
-    tally, modal, T = record.tally, motions.free.modal, case.load.duration
+    tally, modal, T = record.tally, motions.free.modal, case.duration
     fill_modal(motions, tally.held != 0, tally.time)
     while next_due(record) <= T * (1.0 + _LATE):
         write(record, T, observed, tally.impulse)
-    for j in range(case.closing.size):
-        tally.thermal_closing += case.closing[j] * modal[modal.size - case.closing.size + j]
+    for i in range(modal.size):
+        case.modal[i] = modal[i]
     tally.contact_time = contact_time(tally, T)

@@ -20,7 +20,7 @@ from workflow.kernels import elementary
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import part
 from workflow.models import Array
-from workflow.schemes._exact.layout import CaseLoads, Expansion, Memory, Regime
+from workflow.schemes._exact.layout import Case, Expansion, Memory, Regime
 from workflow.schemes._exact.tables import block, first, state, wave
 from workflow.schemes._exact.waves import wave_phase
 
@@ -78,15 +78,15 @@ class Motion(NamedTuple):
 
 
 @part
-def prepare(regime: Regime, load: CaseLoads, memory: Memory) -> Any:
+def prepare(regime: Regime, case: Case, memory: Memory) -> Any:
     """Return the motion of a case in a regime, before its states are set, and complete the tables of its memory."""
     b, f, outputs, waves = memory.block, memory.first, memory.outputs, memory.waves
-    _clear(regime, load, memory)
-    _fill_sources(regime, load, memory)
+    _copy_tables(regime, case, memory)
+    _fill_sources(regime, case, memory)
     explicits, aperiodics = 0, 0
     for k in range(regime.blocks):
-        _fill_force(regime, load, k, memory)
-        if _is_explicit(b, k, load):
+        _fill_force(regime, case, k, memory)
+        if _is_explicit(b, k, waves, case.duration):
             b[block.EXPLICIT_COLUMNS, explicits] = k
             explicits += 1
         else:
@@ -122,7 +122,7 @@ def prepare(regime: Regime, load: CaseLoads, memory: Memory) -> Any:
         regime.is_modal,
         regime.inward,
         regime.outward,
-        load.gap,
+        case.gap,
         regime.growth,
         fastest,
         regime.heated,
@@ -131,71 +131,70 @@ def prepare(regime: Regime, load: CaseLoads, memory: Memory) -> Any:
 
 
 @part
-def _clear(regime: Regime, load: CaseLoads, memory: Memory) -> None:
-    """Reset the memory to the tables of the regime and the waves of the case."""
-    for row in range(memory.block.shape[0]):
+def _copy_tables(regime: Regime, case: Case, memory: Memory) -> None:
+    """Copy the tables of the regime and the waves of the case to memory of zeros."""
+    for row in range(block.ROWS):
         for k in range(memory.block.shape[1]):
-            memory.block[row, k] = regime.block[row, k] if row < block.ROWS else 0.0
-    for row in range(memory.first.shape[0]):
+            memory.block[row, k] = regime.block[row, k]
+    for row in range(first.ROWS):
         for j in range(memory.first.shape[1]):
-            memory.first[row, j] = regime.first[row, j] if row < first.ROWS else 0.0
-    memory.outputs[SIGNAL], memory.outputs[TEMPERATURE] = 0.0, 0.0
+            memory.first[row, j] = regime.first[row, j]
     for i in range(memory.waves.shape[0]):
-        for column in range(wave.COLUMNS):
-            memory.waves[i, column] = load.waves[i, column] if column < wave.GIVEN else 0.0
+        for column in range(wave.GIVEN):
+            memory.waves[i, column] = case.waves[i, column]
         memory.waves[i, wave.TIME] = memory.waves[i, wave.TIME_BEFORE] = np.nan
 
 
 @part
-def _source(regime: Regime, load: CaseLoads, row: int) -> float:
+def _source(regime: Regime, case: Case, row: int) -> float:
     """Return the constant source of a coordinate, or of the signal in the last row."""
-    steady, heating = load.steady.size, load.heating.size
+    steady, heating = case.steady.size, case.heating.size
     at = steady + heating
-    source = regime.source[at, row] * load.mean + regime.source[at + 1, row] * load.gap
+    source = regime.source[at, row] * case.mean + regime.source[at + 1, row] * case.gap
     for i in range(steady):
-        source += regime.source[i, row] * load.steady[i]
+        source += regime.source[i, row] * case.steady[i]
     for i in range(heating):
-        source += regime.source[steady + i, row] * load.heating[i]
+        source += regime.source[steady + i, row] * case.heating[i]
     return float(source)
 
 
 @part
-def _wave_source(regime: Regime, load: CaseLoads, row: int, i: int) -> tuple[float, float]:
+def _wave_source(regime: Regime, case: Case, row: int, i: int) -> tuple[float, float]:
     """Return the coefficients of cos ψ and sin ψ of wave ``i`` in a source, by its load, d, d' and d''."""
-    at, omega = load.steady.size + load.heating.size, load.waves[i, wave.OMEGA]
+    at, omega = case.steady.size + case.heating.size, case.waves[i, wave.OMEGA]
     push, place = regime.source[at, row], regime.source[at + 1, row]
     speed, acceleration = regime.source[at + 2, row], regime.source[at + 3, row]
-    amplitude = load.waves[i, wave.CASING]
-    sin = push * load.waves[i, wave.LOAD] + (place - acceleration * omega * omega) * amplitude
+    amplitude = case.waves[i, wave.CASING]
+    sin = push * case.waves[i, wave.LOAD] + (place - acceleration * omega * omega) * amplitude
     return speed * omega * amplitude, sin
 
 
 @part
-def _fill_sources(regime: Regime, load: CaseLoads, memory: Memory) -> None:
+def _fill_sources(regime: Regime, case: Case, memory: Memory) -> None:
     """Fill the sources of the signal and of first-order states."""
     f, outputs, waves, signal = memory.first, memory.outputs, memory.waves, 2 * regime.blocks + regime.firsts
-    outputs[SIGNAL] = _source(regime, load, signal)
+    outputs[SIGNAL] = _source(regime, case, signal)
     for i in range(waves.shape[0]):
-        waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, load, signal, i)
+        waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, case, signal, i)
     for j in range(regime.firsts):
         own = 2 * regime.blocks + j
-        f[first.SOURCE, j] = _source(regime, load, own)
+        f[first.SOURCE, j] = _source(regime, case, own)
         for i in range(waves.shape[0]):
             row = i * first.WAVE
-            f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = _wave_source(regime, load, own, i)
+            f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = _wave_source(regime, case, own, i)
 
 
 @part
-def _fill_force(regime: Regime, load: CaseLoads, k: int, memory: Memory) -> None:
+def _fill_force(regime: Regime, case: Case, k: int, memory: Memory) -> None:
     """Fill the force F on a block, and -β."""
     b, waves = memory.block, memory.waves
-    beta, gamma = _source(regime, load, k), _source(regime, load, regime.blocks + k)
+    beta, gamma = _source(regime, case, k), _source(regime, case, regime.blocks + k)
     c = b[block.DAMPING, k]
     b[block.PARTICULAR_SLOPE, k], b[block.FORCE, k] = -beta, gamma + c * beta
     for i in range(waves.shape[0]):
         row, omega = i * block.WAVE, waves[i, wave.OMEGA]
-        beta_cos, beta_sin = _wave_source(regime, load, k, i)
-        gamma_cos, gamma_sin = _wave_source(regime, load, regime.blocks + k, i)
+        beta_cos, beta_sin = _wave_source(regime, case, k, i)
+        gamma_cos, gamma_sin = _wave_source(regime, case, regime.blocks + k, i)
         b[block.PARTICULAR_SLOPE_COS + row, k], b[block.PARTICULAR_SLOPE_SIN + row, k] = -beta_cos, -beta_sin
         b[block.FORCE_COS + row, k] = omega * beta_sin + gamma_cos + c * beta_cos
         b[block.FORCE_SIN + row, k] = gamma_sin + c * beta_sin - omega * beta_cos
@@ -209,19 +208,19 @@ def forced(b: Array, k: int, i: int) -> bool:
 
 
 @part
-def _is_explicit(b: Array, k: int, load: CaseLoads) -> bool:
+def _is_explicit(b: Array, k: int, waves: Array, duration: float) -> bool:
     """Whether the response of a block to the loads cannot be subtracted without losing digits."""
     w2, half = b[block.STIFFNESS, k], abs(b[block.HALF_DAMPING, k])
     square = w2 - half * half
     slow = np.sqrt(w2) if square >= 0.0 else w2 / (half + np.sqrt(-square))
-    if slow * load.duration < _SLOW_POLE:
+    if slow * duration < _SLOW_POLE:
         return True
     if square < 0.0:
         return False
-    for i in range(load.waves.shape[0]):
-        beside = load.waves[i, wave.OMEGA] - np.sqrt(square)
+    for i in range(waves.shape[0]):
+        beside = waves[i, wave.OMEGA] - np.sqrt(square)
         distance = np.sqrt(half * half + beside * beside)
-        if forced(b, k, i) and distance * load.duration < _RESONANT_POLE:
+        if forced(b, k, i) and distance * duration < _RESONANT_POLE:
             return True
     return False
 

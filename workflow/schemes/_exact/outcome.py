@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from workflow.schemes._exact.layout import Budget
 from workflow.schemes._exact.regimes import INSEPARABLE
 from workflow.schemes._interface import EXTRAPOLATED
-
-
-class Budget(NamedTuple):
-    """Largest number of events and of certified steps of a case."""
-
-    events: int
-    steps: int
-
 
 COMPLETED = 0
 OUT_OF_EVENTS = 1

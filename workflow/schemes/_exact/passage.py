@@ -9,7 +9,7 @@ import numpy as np
 from workflow.kernels.compiled import part
 from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.layout import CaseLoads, Memory, Regime
+from workflow.schemes._exact.layout import Case, Regime, Scratch, memory_of
 from workflow.schemes._exact.motion import (
     Motion,
     casing_at,
@@ -32,10 +32,16 @@ class Motions(NamedTuple):
 
 
 @part
-def motions_of(free: Regime, held: Regime, load: CaseLoads, jump: Array, memories: tuple[Memory, Memory]) -> Any:
-    """Return both motions of a case, before their states are set; ``jump`` is that of a free tip's coordinates."""
-    motions = Motions(prepare(free, load, memories[0]), prepare(held, load, memories[1]), held.entry, held.exit)
-    jump_from_coordinates(motions.free, jump, motions.free.jump)
+def motions_of(free: Regime, held: Regime, case: Case, scratch: Scratch) -> Any:
+    """Return both motions of a case, before their states are set."""
+    memory = memory_of(free, case.acting, scratch.numbers[0], scratch.differences)
+    other = memory_of(held, case.acting, scratch.numbers[1], scratch.differences)
+    motions = Motions(prepare(free, case, memory), prepare(held, case, other), held.entry, held.exit)
+    if free.is_modal:
+        jump_from_coordinates(motions.free, case.jump, motions.free.jump)
+    else:
+        multiply(free.inward, case.jump[: memory.modal.size], memory.coordinates)
+        jump_from_coordinates(motions.free, memory.coordinates, motions.free.jump)
     return motions
 
 

@@ -37,7 +37,6 @@ TALLY = np.dtype(
         ("summed_speed", "f8"),  # of chattering that is summed because it exceeds the budget: largest speed, m/s
         ("summed_height", "f8"),  # … largest height above the casing, m
         ("leaving_speed", "f8"),  # … largest speed with which the tip then leaves, if it does not come to rest, m/s
-        ("thermal_closing", "f8"),  # quasi-static growth of the tip at the end, m
     ]
 )
 """Scalars of a case, all 0 at the beginning."""
@@ -55,12 +54,12 @@ impulse)."""
 
 
 class Record(NamedTuple):
-    """Output arrays of one case."""
+    """Output arrays of one case, or those of a batch: all but sample times and events have one more axis before."""
 
     times: Array
     """Sample times, s."""
     period_ends: Array
-    """Ends of complete load periods, s."""
+    """Ends of complete load periods, s; inf beyond them."""
     histories: Array
     """m, m/s, K, N s, ``(4, t)``."""
     periods: Array

@@ -15,12 +15,14 @@ rank-one term), friction along a tangent (another such term with the same row), 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.models import Array
 from workflow.poles import real_blocks
-from workflow.schemes._exact.layout import Regime, tabulated
+from workflow.schemes._exact.layout import tabulate
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._interface import RefusedStructureError
 
@@ -55,54 +57,42 @@ def thermal_response(system: ModalSystem, near: float) -> Array | None:
     return -np.divide(system.coupling, polynomial, out=np.zeros_like(polynomial), where=driven)
 
 
-def regime_of(system: ModalSystem, alpha: float = 0.0) -> Regime:
-    """Return the regime of a structure with its tip free, or held at α [W/N].
+class Rows(NamedTuple):
+    """Regimes of a batch."""
 
-    At α > 0 or with friction along t ``system`` is one of :func:`observable` modes.
+    rows: Array
+    """See :func:`~workflow.schemes._exact.layout.tabulate`, ``(regime, number)``."""
+    separable: NDArray[np.bool_]
+    """Whether their poles can be separated, ``(regime,)``; the row of others is not filled."""
 
-    Raises
-    ------
-    InseparablePolesError
-        Three poles coincide.
+
+def fill_row(row: Array, system: ModalSystem, alpha: float = 0.0) -> bool:
+    """Store the regime of a structure with its tip free, or held at α [W/N]; return whether its poles can be separated.
+
+    At α > 0 or with friction along t ``system`` is one of :func:`observable` modes. Three poles that coincide cannot be
+    separated.
     """
     is_apart = alpha == 0 and system.friction_force is None and not system.is_coupled
     response = thermal_response(system, NEAR_RATE) if is_apart else None
-    return _in_blocks(system, alpha) if response is None else _in_modes(system, response)
-
-
-def _in_modes(system: ModalSystem, response: Array) -> Regime:
-    """Return the regime whose blocks are the modes of the system, less their response R to thermal modes."""
-    _, row, source = state_space(system, 0.0)
-    modes = system.frequency.size
-    inward = np.eye(row.size)
-    inward[:modes, 2 * modes :], inward[modes : 2 * modes, 2 * modes :] = -response, response * system.rate
-    outward = 2 * np.eye(row.size) - inward
-    poles = system.damping, system.frequency**2, system.rate
-    return _regime(system, poles, row @ outward, inward @ source, inward, outward)
-
-
-def _in_blocks(system: ModalSystem, alpha: float) -> Regime:
-    """Return the regime whose blocks are pairs of poles."""
-    A, row, source = state_space(system, alpha)
+    A, signal, source = state_space(system, alpha)
     try:
-        damping, stiffness, rate, inward, outward = real_blocks(A)
-    except ValueError as error:  # poles that coincide, entries that are not finite
-        raise InseparablePolesError from error
-    return _regime(system, (damping, stiffness, rate), row @ outward, inward @ source, inward, outward)
-
-
-def _regime(
-    system: ModalSystem, poles: tuple[Array, Array, Array], signal: Array, source: Array, inward: Array, outward: Array
-) -> Regime:
-    """Return the regime of a system in given blocks.
-
-    ``poles`` are c and ω² of blocks and μ of first-order states, ``signal`` and ``source`` those of the coordinates.
-    Columns of ``inward`` and rows of ``outward`` are X.
-    """
-    source = np.concatenate([source, signal_inputs(system)[None]])
+        damping, stiffness, rate, inward, outward = real_blocks(A) if response is None else _in_modes(system, response)
+    except ValueError:  # poles that coincide, entries that are not finite
+        return False
+    source = np.concatenate([inward @ source, signal_inputs(system)[None]])
     temperature = system.observed @ outward[2 * system.frequency.size :]
-    arrays = *poles, signal, temperature, source.T, inward.T, outward.T, system.entry, system.exit
-    return tabulated(*(np.ascontiguousarray(values, dtype=np.float64) for values in arrays))
+    outputs = damping, stiffness, rate, signal @ outward, temperature
+    arrays = *outputs, source.T, inward.T, outward.T, system.entry, system.exit
+    tabulate(row, *(np.ascontiguousarray(values, dtype=np.float64) for values in arrays))
+    return True
+
+
+def _in_modes(system: ModalSystem, response: Array) -> tuple[Array, ...]:
+    """Return the blocks that are the modes of the system less their response R to thermal modes, as ``real_blocks``."""
+    modes = system.frequency.size
+    inward = np.eye(2 * modes + system.rate.size)
+    inward[:modes, 2 * modes :], inward[modes : 2 * modes, 2 * modes :] = -response, response * system.rate
+    return system.damping, system.frequency**2, system.rate, inward, 2 * np.eye(len(inward)) - inward
 
 
 def observable(held: ModalSystem) -> ModalSystem:

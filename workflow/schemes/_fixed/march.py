@@ -202,14 +202,15 @@ def step_batch(
     if balances is not None:
         rows, fillings = rows + balances.rows, fillings + balances.filled
         state = state._replace(dense=balances.dense)
-    closing, growth = begun.closing + begun.closing_rate * sampling.duration, modal.static_growth / modal.heat_scale
+    heat = np.empty(begun.heat.shape)  # at the end
     for part, block in stepping.blocks(watched, stepping.block_lanes(rows), *fillings):
         KERNELS[type(law)](free, law, state, block, None if balances is None else balances.account)
         if balances is not None:
             balances.close(part, state)
         count = part.stop - part.start
         rows_of_cases[:, part] = lanes[0][:, :count]
-        reached = watched.reached(state.tau_before, state.tau)
-        closing[part] += project(growth, reached.T)[:count]
+        heat[:, part] = watched.reached(state.tau_before, state.tau)[:, :count]
+    closing = begun.closing + begun.closing_rate * sampling.duration
+    closing += project(modal.static_growth / modal.heat_scale, heat.T)
     rebounds = effective_restitution(own) if contact.rebounds else {}
     return Ended(watched, closing, rebounds, None if balances is None else balances.result(watched.elapsed))
