@@ -101,8 +101,8 @@ class InContact:
         omega, damping, participation, drag = self.modes[:, :, None]
         decay, tip, static = self.heat
         s = self.poles[: 2 * omega.size].reshape(-1, 2)
-        driven = ((self.coupling * tip)[:, None] / (s[:, :, None] + decay)).sum(axis=2)
-        with np.errstate(divide="ignore", invalid="ignore"):  # of critical damping
+        with np.errstate(divide="ignore", invalid="ignore"):  # of a pole at a thermal rate, of critical damping
+            driven = ((self.coupling * tip)[:, None] / (s[:, :, None] + decay)).sum(axis=2)
             moved = np.nan_to_num(s * (participation * s + drag) * driven / (2 * s + damping))
         rest = decay * (decay - damping) + omega**2
         follows = np.divide(decay * (participation * decay - drag), rest, out=np.zeros_like(rest), where=rest != 0)
