@@ -1,4 +1,4 @@
-"""Central differences with plain matrices, by Carpenter's law or a spring: what modal kernels must reproduce."""
+"""Central differences with plain matrices, by three laws of contact: what modal kernels must reproduce."""
 
 from __future__ import annotations
 
@@ -18,9 +18,24 @@ def carpenter(
     structure: Structure, batch: Cases, h: float, steps: int, *, lagged: bool = False, implicit: bool = False
 ) -> Trajectory:
     """Step the first case of a batch; the tip ends no step beyond its casing."""
+    return paoli_schatzman(structure, batch, h, steps, e=0.0, lagged=lagged, implicit=implicit)
+
+
+def paoli_schatzman(
+    structure: Structure,
+    batch: Cases,
+    h: float,
+    steps: int,
+    *,
+    e: float,
+    lagged: bool = False,
+    implicit: bool = False,
+) -> Trajectory:
+    """Step the first case of a batch; from an impact the tip is e times as far from its casing as two steps before."""
 
     def law(k: int, before: float, now: float, free: float, give: float) -> float:
-        return max(0.0, (free - plain_casing.place(batch, (k + 1) * h)) / give)
+        behind, ahead = (plain_casing.place(batch, (k + i) * h) for i in (-1, 1))
+        return max(0.0, (free - ahead + e * (before - behind)) / give)
 
     return _march(structure, batch, h, steps, law, lagged, implicit)
 

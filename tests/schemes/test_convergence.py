@@ -46,6 +46,14 @@ def test_moreau(theta: float, e: float) -> None:
     assert orders(steps, largest) > (0.85 if theta == 0.5 else 0.3)
 
 
+def test_paoli_schatzman_at_an_impact() -> None:
+    """Newton's law between positions: at e = 0.5 the error is a fraction of that of carpenter, which has no e."""
+    steps = (1e-5, 1e-6, 1e-7)
+    found = errors(steps, 0.5, "paoli_schatzman", lambda h: {})
+    assert np.all(orders(steps, found) > 0.8)
+    assert found[-1].max() < 1e-5
+
+
 @pytest.mark.parametrize(
     ("method", "options", "least", "most"),
     [

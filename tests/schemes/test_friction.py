@@ -33,6 +33,7 @@ FIXED: dict[str, tuple[str, dict[str, Any]]] = {
     "implicit_euler": ("moreau", {"theta": 1.0}),
     "midpoint": ("moreau", {"theta": 0.5}),
     "carpenter": ("carpenter", {}),
+    "paoli_schatzman": ("paoli_schatzman", {}),
     "spring": ("penalty", {"stiffness": 2e4, "damping": 3.0}),
     "implicit_spring": ("penalty", {"stiffness": 2e4, "damping": 3.0, "theta": 0.5, "integration": "implicit"}),
 }
@@ -40,7 +41,7 @@ SLOW = {name: pytest.param(name, marks=pytest.mark.slow) for name in FIXED if na
 """Each scheme compiles a kernel of its own for friction."""
 
 EVERY = ["implicit_euler", *SLOW.values()]
-RIGID = ["implicit_euler", SLOW["midpoint"], SLOW["carpenter"], "event_driven"]
+RIGID = ["implicit_euler", SLOW["midpoint"], SLOW["carpenter"], SLOW["paoli_schatzman"], "event_driven"]
 
 
 def ran(structure: Any, batch: Cases, scheme: str, h: float, over: Sampling) -> Results:

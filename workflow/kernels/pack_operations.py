@@ -245,18 +245,6 @@ def _flag(context, builder, sig, args):
     builder.store(builder.zext(args[2], _FLAG), _address(context, builder, sig.args, args, _FLAG))
 
 
-@_implements(packs.align_stack, lambda: types.none)
-def _align_stack(context, builder, sig, args):
-    builder.function.attributes.add("nounwind")  # without it the next attribute is not written
-    builder.function.attributes.alignstack = 8 * PACK
-
-
-@_implements(packs.prefetch, lambda array, at: types.none)
-def _prefetch(context, builder, sig, args):
-    how = [ir.Constant(ir.IntType(32), k) for k in (1, 3, 1)]
-    _call(builder, "llvm.prefetch.p0", ir.VoidType(), [_address(context, builder, sig.args, args), *how])
-
-
 @_implements(packs.magnitude, lambda numbers: numbers)
 def _magnitude(context, builder, sig, args):
     return _call(builder, f"llvm.fabs.v{sig.return_type.width}f64", sig.return_type.content, args)

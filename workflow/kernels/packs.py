@@ -59,14 +59,6 @@ At = Lane | tuple[int | Lane, ...]
 """Index of a pack in a row, or in an array of rows."""
 
 
-def align_stack() -> None:
-    """Align the calling kernel's stack to cache lines, for packs that are spilled from registers.
-
-    Otherwise they straddle two lines, at an offset that depends on the caller.
-    """
-    _only_in_kernels()
-
-
 def narrow(first: int) -> Lane:
     """Return the lane of a pack of :data:`workflow.kernels.lanes.PACK` lanes."""
     _only_in_kernels()
@@ -106,11 +98,6 @@ def shared(array: Array, at: tuple[int, ...], lane: Lane) -> Pack:
     Nothing may write to the array while the kernel runs: the number is read once and stays in a register if one is
     free.
     """
-    _only_in_kernels()
-
-
-def prefetch(array: Array, at: tuple[int, ...]) -> None:
-    """Prefetch the cache line of a number of an array for a later write."""
     _only_in_kernels()
 
 

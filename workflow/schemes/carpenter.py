@@ -12,13 +12,13 @@ with none. Stable below h = 2/ω_max and, with explicit heat, 2/μ_max: see :mod
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import NamedTuple
 
 from workflow.kernels.lanes import FEWEST_LANES
-from workflow.models import Array, Structure
+from workflow.models import Structure
 from workflow.schemes._fixed import central, decoupled
-from workflow.schemes._fixed.central import NEEDS_MASS, Differences, Operator
+from workflow.schemes._fixed.central import Operator
+from workflow.schemes._fixed.central import Options as Options
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._fixed.contact import Contact, Response, Tip
 from workflow.schemes._fixed.march import contact_law
@@ -31,27 +31,6 @@ HARMONICS = frozenset({"load", "casing"})
 
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.3e-10
-
-
-@dataclass(frozen=True)
-class Options:
-    """Options of the scheme.
-
-    Attributes
-    ----------
-    damping
-        Velocity in the damping force: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h.
-    heat
-        Temperature in conduction: ``implicit`` T_k+1 or ``explicit`` T_k, which has a stability limit of its own.
-    """
-
-    damping: Literal["central", "lagged"] = "central"
-    heat: Literal["explicit", "implicit"] = "implicit"
-
-    @property
-    def differences(self) -> Differences:
-        """Difference formulas of damping and heat."""
-        return Differences(lagged=self.damping == "lagged", implicit_heat=self.heat == "implicit")
 
 
 class Multiplier(NamedTuple):
@@ -78,20 +57,6 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     return central.init(structure, float(h), options.differences, CONTACT)
 
 
-compute = central.compute
+compute, massless_tip = central.compute, central.massless_tip
+amplification, thermal_amplification = central.amplification, central.thermal_amplification
 operator_name = decoupled.operator_name
-
-
-def massless_tip(options: Options) -> str | None:
-    """Return why a tip without mass cannot be stepped."""
-    return NEEDS_MASS
-
-
-def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
-    """Return the eigenvalues of the free step of each mode."""
-    return options.differences.amplification(frequency, damping, h)
-
-
-def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
-    """Return 1 - hμ of each thermal mode, 1/(1 + hμ) where heat is implicit."""
-    return options.differences.decay(h, rate)

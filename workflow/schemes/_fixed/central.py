@@ -1,4 +1,4 @@
-"""Central differences: the step that carpenter and explicit penalty share.
+"""Central differences: the step that carpenter, paoli_schatzman and explicit penalty share.
 
 With half-step velocities w_k+½ = (x_k+1 - x_k)/h a mode steps by
 
@@ -20,7 +20,7 @@ A contact law is given x_n,k, w_k-½ and w_free, the tip's velocity w_k+½ witho
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +83,42 @@ class Differences:
         if not self.implicit_heat:
             limits.append(float(np.max(rate, initial=0.0)) / 2)
         return 1 / max(limits) if max(limits) > 0 else float("inf")
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a scheme by central differences.
+
+    Attributes
+    ----------
+    damping
+        Velocity in the damping force: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h.
+    heat
+        Temperature in conduction: ``implicit`` T_k+1 or ``explicit`` T_k, which has a stability limit of its own.
+    """
+
+    damping: Literal["central", "lagged"] = "central"
+    heat: Literal["explicit", "implicit"] = "implicit"
+
+    @property
+    def differences(self) -> Differences:
+        """Difference formulas of damping and heat."""
+        return Differences(lagged=self.damping == "lagged", implicit_heat=self.heat == "implicit")
+
+
+def massless_tip(options: Options) -> str | None:
+    """Return why a tip without mass cannot be stepped."""
+    return NEEDS_MASS
+
+
+def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
+    """Return the eigenvalues of the free step of each mode."""
+    return options.differences.amplification(frequency, damping, h)
+
+
+def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
+    """Return 1 - hμ of each thermal mode, 1/(1 + hμ) where heat is implicit."""
+    return options.differences.decay(h, rate)
 
 
 @dataclass(frozen=True, eq=False)

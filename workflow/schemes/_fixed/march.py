@@ -13,7 +13,7 @@ import numpy as np
 
 from workflow.kernels.compiled import by_type, defines, inlined, uncounted
 from workflow.kernels.lanes import PACK, lane_rows, named_rows, rows_in
-from workflow.kernels.packs import Lane, align_stack, broad, broadest, narrow, pack, spread, store
+from workflow.kernels.packs import Lane, broad, broadest, narrow, pack, spread, store
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import free_motion, stepping
 from workflow.schemes._fixed.balance import Account, count_work, lay_out_account
@@ -146,7 +146,6 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
 
     def add(law: R) -> R:
         def march_cases(step: FreeStep, law: Law, state: State, block: Block, account: Account | None) -> None:
-            align_stack()
             march(step, law, state, block, account)
 
         march_cases.__module__ = law.__module__  # the key of the cache: the machine code depends on that source too

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import PACK
-from workflow.kernels.packs import narrow, pack, prefetch, store
+from workflow.kernels.packs import narrow, pack, store
 from workflow.models import Array
 from workflow.schemes._fixed.drive import Drive
 from workflow.schemes._fixed.rows import Tips
@@ -103,16 +103,9 @@ def _close_periods(step: int, block: Block) -> None:
 
 @part
 def _sample(k: int, share: float, block: Block) -> None:
-    """Interpolate sample k at a fraction ``share`` of the step; write ``WAITING`` samples at a time.
-
-    Each sample prefetches some of the cache lines that will be written: all at once they would stall the kernel.
-    """
+    """Interpolate sample k at a fraction ``share`` of the step; write ``WAITING`` samples at a time."""
     tip, waiting, histories = block.tip, block.record.samples, block.record.histories
     slot = (k - 1) % WAITING
-    last = min(k - slot + WAITING, histories.shape[2]) - 1
-    for case in range(slot, histories.shape[0], WAITING):
-        for j in range(histories.shape[1]):
-            prefetch(histories, (case, j, last))
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
         impulse = pack(tip.impulse, lane)
