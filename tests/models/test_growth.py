@@ -101,6 +101,18 @@ def test_other_structures_against_their_matrices(kind: str, alpha: float) -> Non
     assert friction or (exact > 0) == (alpha > critical_alpha(structure))
 
 
+@pytest.mark.parametrize("kind", OTHERS)
+def test_bits_of_a_case_do_not_depend_on_the_others(kind: str) -> None:
+    """From couplings that shift no pole to those that shift all, more than are computed at a time."""
+    contact, rng = in_contact(OTHERS[kind]()), np.random.default_rng(0)
+    alpha = np.append([0.0, 0.0], 10 ** rng.uniform(-15, 6, 1000))
+    friction = np.where(rng.random(alpha.size) < 0.5, 0.0, 0.4) if contact.slid is not None else np.zeros(alpha.size)
+    together = growth(contact, alpha, friction)
+    for k in range(0, alpha.size, 20):
+        alone = growth(contact, alpha[k : k + 1], friction[k : k + 1])
+        assert (alone.rate[0], alone.uncertainty[0]) == (together.rate[k], together.uncertainty[k])
+
+
 @pytest.mark.parametrize(
     ("alpha", "rate"),
     [(0.0, -0.0152162027129), (30.0, 0.0069057596171550), (2000.0, 1.00813994579), (1e6, 113462.166558176)],
@@ -166,8 +178,9 @@ def test_zero_eigenvalues_are_no_growth() -> None:
     )  # fmt: skip
     for alpha in (0.0, 0.1, 10.0):
         for form in (structure, structure.matrices(), reduce_structure(structure, 4, 4).structure):
-            assert growth(in_contact(form), alpha).rate == 0.0
-            assert not growth(in_contact(form), alpha).is_positive
+            found = growth(in_contact(form), np.array([alpha]), np.zeros(1))
+            assert found.rate == 0.0
+            assert not found.is_positive
 
 
 def test_one_node_at_its_critical_coupling() -> None:
@@ -176,5 +189,5 @@ def test_one_node_at_its_critical_coupling() -> None:
         rng = np.random.default_rng(seed)
         heat = {"heat_capacity": 10 ** rng.uniform(-9, 0), "conductance": 10 ** rng.uniform(-3, 6)}
         one = chain(nodes=1, mass=1e-3, stiffness=10 ** rng.uniform(3, 9), spacing=1e-2, expansion=1e-5, **heat)
-        fastest = growth(in_contact(one), critical_alpha(one))
+        fastest = growth(in_contact(one), np.array([critical_alpha(one)]), np.zeros(1))
         assert abs(fastest.rate) <= fastest.uncertainty

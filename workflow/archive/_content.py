@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -33,11 +34,21 @@ def hash_content(path: Path) -> str:
     OSError, RuntimeError
         The file, or one of its chunks, cannot be read.
     """
+    digest, pieces = hashlib.sha256(), _pieces(path)
+    with ThreadPoolExecutor(1) as thread:
+        due = thread.submit(next, pieces, None)
+        while (piece := due.result()) is not None:
+            due = thread.submit(next, pieces, None)  # the next one is decoded meanwhile
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def _pieces(path: Path) -> Iterator[Any]:
+    """Yield the bytes that are hashed."""
     import netCDF4
 
     from workflow.archive._lock import LOCK
 
-    digest = hashlib.sha256()
     with LOCK:
         file = netCDF4.Dataset(path.absolute())  # see _create
         file.set_auto_mask(False)
@@ -54,16 +65,15 @@ def hash_content(path: Path) -> str:
                 kind = "text" if text else np.dtype(variable.dtype).newbyteorder("<").str
                 head = [name, variable.dimensions, kind, variable.shape]
                 chunks = variable.chunking() if variable.chunking() != "contiguous" else variable.shape
-            digest.update(json.dumps(head).encode() + b"\n")
+            yield json.dumps(head).encode() + b"\n"
             size = 16 if text else np.dtype(kind).itemsize
             for block in boxes(head[3], lengths(head[3], chunks, BLOCK // size)):
                 with LOCK:
                     values = variable[block]
-                digest.update(_texts(values) if text else np.ascontiguousarray(values, kind).data)
+                yield _texts(values) if text else np.ascontiguousarray(values, kind).data
     finally:
         with LOCK:
             file.close()
-    return digest.hexdigest()
 
 
 def lengths(shape: Sequence[int], chunks: Sequence[int], limit: int) -> list[int]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import os
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,11 +29,19 @@ _VARIABLE_BYTES, _CHUNK_BYTES, _CASE_BYTES = 5000, 100, 16
 
 Index = NDArray[np.int64] | slice
 
+Part = tuple[int, Index, Index]
+"""Number of a source, which cases of a box it holds, and in which rows."""
+
+Box = tuple[slice, ...]
+
+Chunks = list[tuple[tuple[int, ...], Any]]
+"""Encoded chunks by their offsets; a number where a variable has no dimensions."""
+
 _HELD = 8
 """Sources of which the values of one variable are held at a time."""
 
 _AHEAD = 2 * (os.cpu_count() or 1)
-"""Chunks that are being encoded while others are read and written."""
+"""Boxes of cases of a variable that are being read and encoded while others are written."""
 
 
 def gather(
@@ -90,7 +98,7 @@ def assemble(
 ) -> None:
     """Write the results of stored cases to a new file; others have status ``not_run``.
 
-    Chunks are encoded in threads and written past HDF5's filters. ``places`` are those of the hashes.
+    Chunks are read and encoded in threads and written past HDF5's filters. ``places`` are those of the hashes.
 
     Raises
     ------
@@ -102,30 +110,39 @@ def assemble(
     from workflow.archive._lock import LOCK
 
     create(template, texts, path, _messages(stored, *places), hashes)
-    with LOCK, h5py.File(path, "r+") as archive, ThreadPoolExecutor() as threads:
-        # looked up once: it takes as long as writing a chunk
-        variables = {str(name): archive[name] for name in template.data_vars}
-        encoded = deque[tuple[str, tuple[int, ...], Future[bytes]]]()
-        for name, offset, values in _chunks(template, stored, *places):
-            if not offset:  # a single case without t
-                variables[name][()] = values[()]
-                continue
-            encoded.append((name, offset, threads.submit(encode_chunk, values)))
-            if len(encoded) > _AHEAD:
-                _write_first(variables, encoded)
-        while encoded:
-            _write_first(variables, encoded)
+    with LOCK:
+        archive = h5py.File(path, "r+")
+        variables = {str(name): archive[name] for name in template.data_vars}  # once: it takes as long as a chunk
+    try:
+        with ThreadPoolExecutor() as threads:
+            encoded = deque[tuple[Any, Future[Chunks]]]()
+            for name, encode in _boxes(template, stored, *places):
+                encoded.append((variables[name], threads.submit(encode)))
+                if len(encoded) > _AHEAD:
+                    _write_first(encoded)
+            while encoded:
+                _write_first(encoded)
+    finally:
+        with LOCK:
+            archive.close()
 
 
-def _write_first(variables: Mapping[str, Any], encoded: deque[tuple[str, tuple[int, ...], Future[bytes]]]) -> None:
-    name, offset, chunk = encoded.popleft()
-    variables[name].id.write_direct_chunk(offset, chunk.result())
+def _write_first(encoded: deque[tuple[Any, Future[Chunks]]]) -> None:
+    from workflow.archive._lock import LOCK
+
+    variable, chunks = encoded.popleft()
+    for offset, chunk in chunks.result():
+        with LOCK:  # never for long: threads that read an archive wait for it
+            if offset:
+                variable.id.write_direct_chunk(offset, chunk)
+            else:  # a single case without t
+                variable[()] = chunk
 
 
-def _chunks(
+def _boxes(
     template: xr.Dataset, stored: Stored, source: NDArray[np.int64], row: NDArray[np.int64]
-) -> Iterator[tuple[str, tuple[int, ...], NDArray[Any]]]:
-    """Yield the chunks of all variables: name, offset and values."""
+) -> Iterator[tuple[str, Callable[[], Chunks]]]:
+    """Yield for boxes of cases of all variables the name and what encodes their chunks."""
     status = template.variables[STATUS]
     index = np.arange(status.size).reshape(status.shape)
     cut = [
@@ -134,25 +151,30 @@ def _chunks(
     ]
     for name in map(str, template.data_vars):
         held = lru_cache(_HELD)(lambda number, name=name: stored.sources[number].read(name))
-        blank, shape = template.variables[name].values, template.variables[name].encoding.get("chunksizes", ())
-        tail = blank.shape[status.ndim :]
-        pieces = list(boxes(tail, shape[status.ndim :]))
         for box, parts in cut:
-            values = np.array(blank[box], blank.dtype.newbyteorder("<"), order="C")
-            for number, where, rows in parts:
-                if name in stored.sources[number].kinds:
-                    _put(values.reshape(-1, *tail), where, held(number)[rows])
-            for piece in pieces:
-                chunk = values[status.ndim * (slice(None),) + piece]
-                if chunk.shape != shape:
-                    part, chunk = chunk, np.full(shape, blank.flat[0], values.dtype)
-                    chunk[tuple(map(slice, part.shape))] = part
-                yield name, tuple(side.start for side in (*box, *piece)), chunk
+            there = [part for part in parts if name in stored.sources[part[0]].kinds]
+            yield name, partial(_encoded, template.variables[name], box, there, held)
 
 
-def _by_source(
-    cases: NDArray[np.int64], source: NDArray[np.int64], row: NDArray[np.int64]
-) -> list[tuple[int, Index, Index]]:
+def _encoded(variable: xr.Variable, box: Box, parts: list[Part], held: Callable[[int], NDArray[Any]]) -> Chunks:
+    """Return the chunks of a box of cases, blank where no source ``held`` has them."""
+    blank, shape = variable.values, variable.encoding.get("chunksizes", ())
+    values, tail = np.array(blank[box], blank.dtype.newbyteorder("<"), order="C"), blank.shape[len(box) :]
+    for number, where, rows in parts:
+        _put(values.reshape(-1, *tail), where, held(number)[rows])
+    if not shape:
+        return [((), values[()])]
+    chunks: Chunks = []
+    for piece in boxes(tail, shape[len(box) :]):
+        chunk = values[len(box) * (slice(None),) + piece]
+        if chunk.shape != shape:
+            part, chunk = chunk, np.full(shape, blank.flat[0], values.dtype)
+            chunk[tuple(map(slice, part.shape))] = part
+        chunks.append((tuple(side.start for side in (*box, *piece)), encode_chunk(chunk)))
+    return chunks
+
+
+def _by_source(cases: NDArray[np.int64], source: NDArray[np.int64], row: NDArray[np.int64]) -> list[Part]:
     """Return by the sources that hold some cases which of the cases they are, and in which rows."""
     places = [(int(k), np.flatnonzero(source[cases] == k)) for k in np.unique(source[cases]) if k >= 0]
     return [(number, _as_slice(where), _as_slice(row[cases[where]])) for number, where in places]

@@ -69,20 +69,24 @@ class Stored:
     """Cases that sources hold, the earliest first; of two with one hash that of the later source counts."""
 
     def __init__(self, sources: Iterable[Source] = ()) -> None:
+        import pandas as pd
+
         self.sources = tuple(sources)
         sizes = [each.status.size for each in self.sources]
-        self._row = np.concatenate([np.empty(0, np.int64), *map(np.arange, sizes)])
-        self._source = np.repeat(np.arange(len(sizes)), sizes)
-        self.hashes: Hashes = np.concatenate([np.empty((0, 16), np.uint8), *(each.hashes for each in self.sources)])
-        order = np.argsort(_keys(self.hashes), kind="stable")
-        self._row, self._source, self.hashes = self._row[order], self._source[order], self.hashes[order]
+        row = np.concatenate([np.empty(0, np.int64), *map(np.arange, sizes)])
+        hashes: Hashes = np.concatenate([np.empty((0, 16), np.uint8), *(each.hashes for each in self.sources)])
+        keys = pd.Index(_keys(hashes))
+        last = ~keys.duplicated(keep="last")
+        self._source, self._row = np.repeat(np.arange(len(sizes)), sizes)[last], row[last]
+        self._keys, self.hashes = keys[last], hashes[last]
 
     def find(self, hashes: Hashes) -> Places:
         """Return which source holds each hash, in which row."""
         if not self._row.size:
             return np.full(len(hashes), -1), np.full(len(hashes), -1)
-        place = np.maximum(np.searchsorted(_keys(self.hashes), _keys(hashes), side="right") - 1, 0)
-        is_held = np.all(self.hashes[place].view(np.uint64) == np.ascontiguousarray(hashes).view(np.uint64), axis=1)
+        place = self._keys.get_indexer(_keys(hashes))
+        held = self.hashes[place].view(np.uint64) == np.ascontiguousarray(hashes).view(np.uint64)
+        is_held = (place >= 0) & held[:, 0] & held[:, 1]
         return np.where(is_held, self._source[place], -1), np.where(is_held, self._row[place], -1)
 
     def holds(self, hashes: Hashes) -> NDArray[np.bool_]:
@@ -104,7 +108,7 @@ def are_among(hashes: Hashes, others: Hashes) -> NDArray[np.bool_]:
 
 
 def _keys(hashes: Hashes) -> NDArray[np.uint64]:
-    """Return the first eight bytes of hashes, by which they are sorted."""
+    """Return the first eight bytes of hashes, by which they are looked up."""
     return np.ascontiguousarray(hashes[:, :8]).view(np.uint64).ravel()
 
 

@@ -66,7 +66,7 @@ def modes_seconds(structure: Structure) -> float:
 
 def growth_seconds(structure: Structure) -> float:
     """Return what the growth rate at one α costs: the eigenvalues of a structure, of a large one those of few modes."""
-    return 1e-4 + 1.5e-9 * min(_states(structure), _DENSE) ** 3 + _few_modes_seconds(structure)
+    return 5e-5 + 1.5e-9 * min(_states(structure), _DENSE) ** 3 + _few_modes_seconds(structure)
 
 
 def _few_modes_seconds(structure: Structure) -> float:

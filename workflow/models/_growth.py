@@ -17,20 +17,25 @@ system, 1 = α G(s), with G(s) the transfer function from a heat load at the tip
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels import Array
-from workflow.kernels.algebra import Complex, eigenvalues
+from workflow.kernels.algebra import Complex
 from workflow.models._modes import held_damping, is_rayleigh, poles
 from workflow.models._pair import Modes
 from workflow.models._structure import Structure
 
 _ALL_STATES = 600
 """States up to which all eigenvalues are computed."""
+
+_TOGETHER = 2**17
+"""Entries of the matrices whose eigenvalues are computed at a time: 1 MiB."""
 
 _STRONGEST = 100
 """Modes of each kind of a larger structure whose eigenvalues are computed."""
@@ -52,13 +57,13 @@ _ROUNDING = 1e-13
 
 
 class Growth(NamedTuple):
-    """Largest real part of the eigenvalues with the tip in permanent contact, and its uncertainty, 1/s."""
+    """Largest real part of the eigenvalues with the tip in permanent contact, and its uncertainty, 1/s, ``(α,)``."""
 
-    rate: float
-    uncertainty: float
+    rate: Array
+    uncertainty: Array
 
     @property
-    def is_positive(self) -> bool:
+    def is_positive(self) -> NDArray[np.bool_]:
         """Whether it is positive by more than its uncertainty."""
         return self.rate > self.uncertainty
 
@@ -109,16 +114,23 @@ class InContact:
         moved, size = np.append(moved, tip * (static + (follows * self.coupling).sum(axis=0))), np.abs(self.poles)
         return np.asarray(np.abs(moved) / np.maximum(size, size[size > 0].min(initial=np.inf)))
 
-    def shifted_modes(self, alpha: float) -> tuple[InContact, Complex]:
-        """Return the system of modes with poles that contact heat shifts, at most the strongest, and the others."""
+    def shifted_modes(self, alpha: Array) -> Iterator[tuple[InContact, Complex, NDArray[np.intp]]]:
+        """Yield systems of modes with poles that contact heat shifts, at most the strongest, the others, and which α.
+
+        A larger α shifts the same modes and weaker ones: so many of each kind say which they are.
+        """
         count, each = self.modes.shape[1], self.relative_shifts
         most = _STRONGEST if self.poles.size > _ALL_STATES else self.poles.size
         kinds = each[: 2 * count].reshape(count, 2).max(axis=1), each[2 * count :]
-        order = (np.argsort(-kind, kind="stable")[:most] for kind in kinds)
-        modes, heats = (np.sort(o[alpha * kind[o] > _ROUNDING]) for o, kind in zip(order, kinds, strict=True))
-        coupling = self.coupling[np.ix_(modes, heats)]
-        part = replace(self, modes=self.modes[:, modes], heat=self.heat[:, heats], coupling=coupling)
-        return part, np.delete(self.poles, np.concatenate([2 * modes, 2 * modes + 1, 2 * count + heats]))
+        orders = [np.argsort(-kind, kind="stable")[:most] for kind in kinds]
+        shifted = [alpha[:, None] * kind[o] > _ROUNDING for kind, o in zip(kinds, orders, strict=True)]
+        numbers, group = np.unique([each.sum(axis=1) for each in shifted], axis=1, return_inverse=True)
+        for k, some in enumerate(numbers.T):
+            modes, heats = (np.sort(order[:number]) for order, number in zip(orders, some, strict=True))
+            coupling = self.coupling[np.ix_(modes, heats)]
+            part = replace(self, modes=self.modes[:, modes], heat=self.heat[:, heats], coupling=coupling, slid=None)
+            others = np.delete(self.poles, np.concatenate([2 * modes, 2 * modes + 1, 2 * count + heats]))
+            yield part, others, np.flatnonzero(group == k)
 
     def contact_force(self, s: Complex) -> tuple[Complex, Complex]:
         """Return the transfer function G(s) from a heat load at the tip to the contact force, and dG/ds; ``(s,)`` each.
@@ -128,30 +140,35 @@ class InContact:
         omega, damping, participation, drag = self.modes
         decay, tip, static = self.heat
         s = s[:, None]
-        warmth = tip / (s + decay)
-        rest = s * (s + damping) + omega**2
-        share = s * (participation * s + drag) / rest
-        slope = (2 * participation * s + drag - share * (2 * s + damping)) / rest
-        driven = static + share @ self.coupling
-        turned = slope @ self.coupling - driven / (s + decay)
+        cooling = 1 / (s + decay)
+        warmth = tip * cooling
+        rest = 1 / (s * (s + damping) + omega**2)
+        share = s * (participation * s + drag) * rest
+        slope = (2 * participation * s + drag - share * (2 * s + damping)) * rest
+        driven, turned = (np.matmul(each[:, None], self.coupling + 0j)[:, 0] for each in (share, slope))
+        driven += static
+        turned -= driven * cooling
         return (driven * warmth).sum(axis=1), (turned * warmth).sum(axis=1)
 
-    def matrix(self, alpha: float, friction: float = 0.0) -> Array:
-        """Return A of X' = A X, X = [ω η, η', τ], 1/s."""
+    def matrices(self, alpha: Array, friction: Array) -> Array:
+        """Return A of X' = A X, X = [ω η, η', τ], 1/s, ``(α, state, state)``."""
         omega, own, participation, drag = self.modes
         decay, tip, static = self.heat
+        count = omega.size
         damping = np.diag(own) if self.damping is None else self.damping
-        zero, row = np.zeros((omega.size, omega.size)), np.zeros((omega.size, decay.size))
-        speeds = np.block([[-np.diag(omega), -damping, -self.coupling]])  # η''
-        force = -participation @ speeds
-        force += np.concatenate([np.zeros(omega.size), -drag, static])
-        if friction != 0 and self.slid is not None:
+        speeds = np.hstack([-np.diag(omega), -damping, -self.coupling])  # η''
+        force = np.concatenate([np.zeros(count), -drag, static]) - participation @ speeds
+        every = np.zeros((alpha.size, force.size, force.size))
+        every[:, :count, count : 2 * count] = np.diag(omega)
+        every[:, count : 2 * count] = speeds
+        forces = np.broadcast_to(force, (alpha.size, 1, force.size))
+        if self.slid is not None:
             slid, along = self.slid[:-1], self.slid[-1]
-            force /= 1 - friction * (along - participation @ slid)
-            speeds += friction * slid[:, None] * force
-        warming = alpha * tip[:, None] * force
-        warming[:, 2 * omega.size :] -= np.diag(decay)
-        return np.vstack([np.hstack([zero, np.diag(omega), row]), speeds, warming])
+            forces = forces / (1 - friction * (along - participation @ slid))[:, None, None]
+            every[:, count : 2 * count] += (friction[:, None] * slid)[:, :, None] * forces
+        every[:, 2 * count :] = (alpha[:, None] * tip)[:, :, None] * forces
+        every[:, 2 * count :, 2 * count :] -= np.diag(decay)
+        return every
 
 
 def in_contact(structure: Structure) -> InContact:
@@ -179,49 +196,66 @@ def in_contact(structure: Structure) -> InContact:
     )
 
 
-def growth(contact: InContact, alpha: float, friction: float = 0.0) -> Growth:
-    """Return the largest real part of the eigenvalues of a structure in permanent contact, 1/s; stable where negative.
+def growth(contact: InContact, alpha: Array, friction: Array) -> Growth:
+    """Return the largest real parts of the eigenvalues of a structure in permanent contact, 1/s; stable where negative.
 
-    Where damping or friction couples the modes no eigenvalue is refined. NaN where none of a larger structure could be
-    refined; flutter of modes that contact heat shifts little may be missed there.
+    ``alpha`` and ``friction`` are ``(case,)``; the bits of a case do not depend on the others. Where damping or
+    friction couples the modes no eigenvalue is refined. NaN where none of a larger structure could be refined; flutter
+    of modes that contact heat shifts little may be missed there.
     """
-    if contact.damping is not None or (contact.slid is not None and friction != 0):
-        values = eigenvalues(contact.matrix(alpha, friction))
-        rates = values.real
-    else:
-        part, others = contact.shifted_modes(alpha)
-        values = np.append(eigenvalues(part.matrix(alpha)), contact.poles)
-        rates = np.append(_refined(contact, alpha, values[: -contact.poles.size]), others.real)
-    rate = float(rates.max(initial=0.0 if contact.has_rigid else -np.inf)) + 0.0
-    return Growth(rate if np.isfinite(rate) else np.nan, _UNCERTAIN * float(np.abs(values).max(initial=0.0)))
+    most = max(1, _TOGETHER // contact.poles.size**2)
+    slices = (slice(first, first + most) for first in range(0, alpha.size, most))
+    return Growth(*np.hstack([_growth(contact, alpha[some], friction[some]) for some in slices]))
 
 
-def _refined(contact: InContact, alpha: float, spectrum: Complex) -> Array:
-    """Return the real parts of the rightmost eigenvalues, refined by Newton's method on 1/G(s) = α.
+def _growth(contact: InContact, alpha: Array, friction: Array) -> Growth:
+    """Return the growth rates of cases whose matrices are made at a time."""
+    rate, largest = np.empty((2, alpha.size))
+    couples = (contact.damping is not None) | ((contact.slid is not None) & (friction != 0))
+    if couples.any():
+        values = np.linalg.eigvals(contact.matrices(alpha[couples], friction[couples]))
+        rate[couples], largest[couples] = values.real.max(axis=1), np.abs(values).max(axis=1)
+    uncoupled = np.flatnonzero(~couples)
+    for part, others, group in contact.shifted_modes(alpha[uncoupled]):
+        some = uncoupled[group]
+        values = np.linalg.eigvals(part.matrices(alpha[some], friction[some])).astype(np.complex128)
+        rate[some] = np.maximum(_refined(contact, alpha[some], values), others.real.max(initial=-np.inf))
+        largest[some] = np.abs(values).max(axis=1, initial=np.abs(contact.poles).max())
+    rate = np.maximum(rate, 0.0 if contact.has_rigid else -np.inf) + 0.0
+    return Growth(np.where(np.isfinite(rate), rate, np.nan), _UNCERTAIN * largest)
+
+
+def _refined(contact: InContact, alpha: Array, spectrum: Complex) -> Array:
+    """Return the largest real part of each spectrum, refined by Newton's method on 1/G(s) = α, ``(case,)``.
 
     An eigenvalue from which it comes to a root nearer to another one is kept: contact heat cannot shift it, so it is no
     root. Where it does not converge they are kept if the spectrum is that of all modes, else left out; NaN if none is
     left.
     """
-    above = spectrum[spectrum.imag >= 0]
-    starts = above[np.argsort(-above.real, kind="stable")[:_REFINED]]
-    roots, left = starts.copy(), np.full(starts.size, np.inf)
+    order = np.argsort(np.where(spectrum.imag >= 0, -spectrum.real, np.inf), axis=1, kind="stable")[:, :_REFINED]
+    starts = np.take_along_axis(spectrum, order, axis=1)
+    above = starts.imag >= 0
+    roots, left, moving = starts.copy(), np.full(starts.shape, np.inf), above.copy()
+    coupling = np.broadcast_to(alpha[:, None], starts.shape)
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):
-            force, slope = contact.contact_force(roots)
-            step = force * (alpha * force - 1) / slope
+            force, slope = contact.contact_force(roots[moving])
+            step = force * (coupling[moving] * force - 1) / slope
             step[~np.isfinite(step)] = 0.0
-            roots, left = roots - step, np.abs(step)
-            if np.all(left <= _ROUNDING * np.abs(roots)):
+            roots[moving] -= step
+            left[moving] = np.abs(step)
+            moving &= left > _ROUNDING * np.abs(roots)
+            if not moving.any():
                 break
-    rounding = _UNCERTAIN * np.abs(spectrum).max(initial=0.0)
+    rounding = _UNCERTAIN * np.abs(spectrum).max(axis=1, initial=0.0)[:, None]
     found = left <= np.maximum(_CONVERGED * np.abs(roots), rounding)
-    nearest = np.abs(roots[:, None] - spectrum).min(axis=1, initial=np.inf)
+    nearest = np.abs(roots[:, :, None] - spectrum[:, None]).min(axis=2, initial=np.inf)
     refined = found & (np.abs(roots - starts) <= nearest + rounding)
-    known = found | (contact.poles.size <= _ALL_STATES)
-    return np.where(refined, roots, starts).real[known] if known.any() or not known.size else np.full(1, np.nan)
+    known = above & (found | (contact.poles.size <= _ALL_STATES))
+    rates = np.where(known, np.where(refined, roots, starts).real, -np.inf).max(axis=1, initial=-np.inf)
+    return np.where(known.any(axis=1) | ~above.any(axis=1), rates, np.nan)
 
 
 def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:
     """Return the growth rate of a structure at ``alpha``, 1/s, see :func:`growth`."""
-    return growth(in_contact(structure), alpha, friction).rate
+    return float(growth(in_contact(structure), np.array([alpha]), np.array([friction])).rate[0])

@@ -163,6 +163,8 @@ def in_archive(archive: Path, job: Job, now: Mapping[str, str], hashes: Hashes, 
 def in_shards(job: Job, hashes: Hashes) -> Found:
     """Return what of a study the shards of an unfinished run hold."""
     shards, command = find_shards(job.parts), read_command(job.parts)
+    if not shards:
+        return Found()
     every = Stored(shards).hashes
     wider = Stored([each for each in shards if lacking(job.template, each.kinds) or surplus(job.template, each.kinds)])
     gone = int(np.sum(~are_among(every, hashes) | wider.holds(every)))
