@@ -185,7 +185,7 @@ def _has(kinds: Kinds, name: str, variable: xr.Variable, cases: int) -> bool:
 def surplus(template: xr.Dataset, kinds: Kinds) -> list[str]:
     """Return what is stored that a template has no place for: histories, depths, balances, sections, digits of them."""
     names = []
-    for name, (dtype, _) in kinds.items():
+    for name, (dtype, _) in sorted(kinds.items()):  # libraries list a file's variables in orders of their own
         about = BY_NAME.get(name)
         if about is None or not (about.shape == "history" or about.condition in ("depth", "balances", "sections")):
             continue
