@@ -220,9 +220,10 @@ def _limit(
     dims: Sequence[str],
     places: Sequence[tuple[int, ...]],
 ) -> Limit:
-    """Return the longest range of values without fault, of a mild axis from its first.
+    """Return the longest range of neighbouring values without fault; of the axes of ``_MILD`` it begins at the first.
 
-    ``words`` has the fault of each value, ``places`` the case that has it along some ``dims``.
+    ``words`` are the faults of the values, empty where there is none, ``places`` the indices along ``dims`` of the case
+    that has each.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[1], [word != "" for word in words], [1]])))
     runs = [(int(first), int(stop) - 1) for first, stop in edges.reshape(-1, 2) if first == 0 or name not in _MILD]

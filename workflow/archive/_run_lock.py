@@ -17,9 +17,9 @@ HOLDER = "holder"
 
 @contextmanager
 def run_lock(parts: Path) -> Iterator[None]:
-    """Hold the directory of an archive's shards, which is made if need be; the system lets go at a crash.
+    """Lock the directory of an archive's shards against other runs, and make it where it is missing.
 
-    Where nothing else has come into it, as of a run that is refused, it goes again.
+    The operating system unlocks it where a process crashes. A directory that is empty at the end is removed.
 
     Raises
     ------

@@ -220,7 +220,10 @@ class Grid:
 
     @cached_property
     def sharing(self) -> Indices:
-        """How many outer indices have the results of each, ``(outer,)``; 0 of one that is not computed."""
+        """For each outer index the number of outer indices that its results are for, ``(outer,)``.
+
+        Of those that differ in nothing that their scheme reads the first is computed; of the others the number is 0.
+        """
         first = np.arange(self.outer_count, dtype=np.int64)
         of_scheme = self.alike(first, lambda path: path == "scheme")
         for one in np.unique(of_scheme).tolist():

@@ -177,7 +177,10 @@ def inlined(function: F) -> F:
 
 
 _CHOICES: dict[Callable[..., Any], Callable[..., Any]] = {}
-"""Functions dispatched by the types of their arguments, with the function that returns their code, until registered."""
+"""For each function that is dispatched by the types of its arguments the function that returns its code.
+
+An entry is removed when numba has it.
+"""
 
 
 def _extend_numba() -> None:

@@ -116,7 +116,7 @@ def named(key: Kind, kind: Kind) -> Kind:
 
 
 def no_mapping(value: Any) -> int:
-    """Choose the second of two kinds for what is no mapping."""
+    """Return 0 for a mapping and 1 for any other value: the number of a kind in :func:`~workflow.study.kinds.either`."""
     return int(not isinstance(value, dict))
 
 

@@ -57,7 +57,10 @@ def many(item: Kind, **limits: Any) -> Kind:
 
 
 def either(choose: Callable[[Any], int], *kinds: Kind) -> Kind:
-    """Return the kind of what is one of several, chosen by its form, so that one mistake gives one message."""
+    """Return the kind of a value that is of one of several kinds.
+
+    ``choose(value)`` is the number of the kind that the value's form means: a mistake is one of that kind alone.
+    """
 
     def judged(value: Any) -> Any:  # an error of the discriminator itself would lose its place
         choose(value)

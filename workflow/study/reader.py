@@ -112,7 +112,10 @@ def _harmonics(tree: Any) -> tuple[int, int]:
 
 
 def _supplied(source: Source, axes: list[tuple[Place, str, Any]]) -> tuple[Any, set[Place]]:
-    """Return the tree with the first value of an axis where the scene has none of its own, and where that is."""
+    """Return the study's tree with the first value of each axis in the place that the axis varies, and these places.
+
+    A value that the study itself has there stays.
+    """
     tree: Any = copy.deepcopy(source.tree)
     supplied = set[Place]()
     for place, path, content in axes:

@@ -40,11 +40,12 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
 
 @part
 def _end_of_chattering(motions: Motions, case: Case, tally: Any) -> float:
-    """Stop the tip after an impact if its chattering is summed; return the end of the chattering, NaN if it is not.
+    """Return the time at which the chattering after an impact ends, and stop the tip; NaN where it is not summed.
 
-    It is summed as well where it has more impacts than the budget of events has left, with an infinite end if the
-    contact force falls before. Flights no higher than the rounding of the tip's displacement are small whatever the
-    largest impact was: only the rounding of a force near zero has lifted the tip.
+    It is summed where its flights are low and its impacts weak, see :class:`~workflow.schemes._exact.layout.Thresholds`,
+    and where they are more than the budget of events has left; then the end is infinite if the contact force falls
+    before. Flights no higher than the rounding of the tip's displacement are low whatever the largest impact was: only
+    the rounding of a force near zero has lifted the tip.
     """
     free, speed, thresholds = motions.free, tally.speed, case.thresholds
     pressing = -free.expansion.sums[expansion.D2, free.blocks]
