@@ -116,7 +116,7 @@ def named(key: Kind, kind: Kind) -> Kind:
 
 
 def no_mapping(value: Any) -> int:
-    """Return 0 for a mapping and 1 for any other value: the number of a kind in :func:`~workflow.study.kinds.either`."""
+    """Return 0 for a mapping and 1 for any other value: the number of its kind in :func:`.either`."""
     return int(not isinstance(value, dict))
 
 
