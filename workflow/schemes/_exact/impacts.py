@@ -42,8 +42,8 @@ def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
 def _end_of_chattering(motions: Motions, case: Case, tally: Any) -> float:
     """Return the time at which the chattering after an impact ends, and stop the tip; NaN where it is not summed.
 
-    It is summed where its flights are low and its impacts weak (:class:`~workflow.schemes._exact.layout.Thresholds`), and
-    where they are more than the budget of events has left; then the end is infinite if the contact force falls
+    It is summed where its flights are low and its impacts weak (:class:`~workflow.schemes._exact.layout.Thresholds`),
+    and where they are more than the budget of events has left; then the end is infinite if the contact force falls
     before. Flights no higher than the rounding of the tip's displacement are low whatever the largest impact was: only
     the rounding of a force near zero has lifted the tip.
     """
