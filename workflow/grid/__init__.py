@@ -27,5 +27,5 @@ from workflow.grid._solve import Solved, metrics_of, solve
 from workflow.grid._speed import timed
 from workflow.grid._tasks import Batch, Task, model_seconds, seconds_per_case, tasks
 from workflow.grid._template import HARMONIC, WARNINGS, template
-from workflow.grid._waiting_for import CASES, COMPILING, GATHERING, waited_for, waiting_for
+from workflow.grid._waiting_for import CASES, COMPILING, GATHERING, WORKERS, waited_for, waiting_for
 from workflow.grid._warnings import warning_lines

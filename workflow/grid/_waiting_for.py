@@ -11,9 +11,10 @@ COMPILING = "compiling (once)"
 TRIALS = "trials of `auto`"
 REFERENCES = "references"
 CASES = "cases"
+WORKERS = "workers start"
 GATHERING = "gathering"
 
-_ORDER = (COMPILING, TRIALS, REFERENCES, CASES, GATHERING)
+_ORDER = (COMPILING, WORKERS, TRIALS, REFERENCES, CASES, GATHERING)
 """Of several at once the first is named: the others wait for it."""
 
 _UNDER_WAY: Counter[str] = Counter()

@@ -7,14 +7,14 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from workflow.archive import Command
-from workflow.grid import Task, tasks
+from workflow.grid import WORKERS, Task, tasks, waiting_for
 from workflow.run._graph import MOST_TASKS, graphs
 from workflow.run._prepare import Prepared
 from workflow.run._task import Job, Report, store_lost
@@ -67,7 +67,10 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         if _QUIETLY not in sys.warnoptions:
             sys.warnoptions.append(_QUIETLY)
         preload = [*config.get("distributed.worker.preload", []), _BEGINNING]
+        start = ExitStack()
+        start.enter_context(waiting_for(WORKERS))
         with (
+            start,
             config.set({"distributed.worker.preload": preload}),
             _without_interrupts(),
             distributed.LocalCluster(
@@ -80,6 +83,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             ) as cluster,
             distributed.Client(cluster) as client,
         ):
+            start.close()
             yield client
         return
 
