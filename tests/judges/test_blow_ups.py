@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from scenes import cases, chain, sampling, step
 from studies import HEAVY_SCENE, parsed, solve_all
 from workflow.grid import Solved, arrange, structure_of
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import judged, run_batch
+from workflow.judges.blow_ups import mark_blown_up
+from workflow.models import tip_flexibility
 from workflow.schemes import Status
 
 ONE = """
@@ -208,3 +212,28 @@ output: {{interval: 0.1 ms}}
 """)
     assert run.values["displacement"].min() < -5e-4
     assert run.values["status"][0] == Status.OK
+
+
+ACCOUNTED: dict[str, tuple[dict[str, Any], float]] = {
+    "gap": ({"gap": 3e-3}, 3e-3),
+    "casing": ({"gap": 1e-3, "casing_harmonics": [[2e-3, 5.0, 0.0]]}, 3e-3),
+    "speed": ({"velocity": [0.0, 0.0, 2.0]}, 2.0 * np.sqrt(3e-6 * 1e-3)),
+    "stretch": ({"displacement": [-1e-4, 2e-4, 0.0]}, 1e-4 * np.sqrt(3e-6 * (1.0 + 9.0 + 4.0) * 1e6)),
+    "load": ({"mean": 2.0, "amplitude": 5.0, "load_harmonics": [[3.0, 7.0, 0.0]], "steady": [0, 0, 4.0]}, 14.0 * 3e-6),
+}
+"""Conditions of a chain of three springs of 1e6 N/m, S = 3e-6 m/N, and what they account for: v √(S m), √(S Σ k δ²)."""
+
+
+@pytest.mark.parametrize("name", ACCOUNTED)
+def test_a_tip_may_reach_a_thousand_times_what_accounts_for_it(name: str) -> None:
+    conditions, length = ACCOUNTED[name]
+    structure, quiet = chain(nodes=3, mass=1e-3, stiffness=1e6), np.zeros(2)
+    for share, status in ((0.999, Status.OK), (1.001, Status.DIVERGED)):
+        batch, over = cases(structure, 2, **conditions), sampling(1e-3, 1e-3)
+        results = step(structure, batch, 1e-5, over)
+        histories = {**results.histories, "displacement": np.tile([0.0, -1000.0 * share * length], (2, 1))}
+        statics = tip_flexibility(structure), np.zeros(3)
+        reached = replace(results, histories=histories, status=0 * results.status, messages={})
+        judge = partial(mark_blown_up, structure, lambda given=statics: given, lambda _: quiet, batch, reached, 1e-3)
+        assert np.all(judge(is_stepped=True).status == status)
+        assert np.all(judge(is_stepped=False).status == Status.OK)

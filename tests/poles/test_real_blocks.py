@@ -126,4 +126,5 @@ def test_random_matrices(seed: int) -> None:
     A = rng.normal(size=(n := int(rng.integers(1, 15)), n))
     blocks = real_blocks(A)
     assert 2 * blocks.damping.size + blocks.rate.size == n
+    assert np.all(np.diff(blocks.stiffness) >= 0.0)
     assert relative_residual(A, blocks) < 1e-12
