@@ -120,6 +120,20 @@ def test_without_heat_nothing_is_warm(method: str) -> None:
         assert np.all(results.metrics[name][~cold] > 0)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_a_tip_that_stays_pressed_is_in_contact_in_the_whole_of_each_load_period(method: str) -> None:
+    """At rest under its load, which the casing carries; periods end within steps."""
+    lump, rigid = chain(nodes=1, mass=1.0, stiffness=0.0), schemes.load(method).rigid
+    options = {} if rigid is None else asdict(rigid(lump, 1e-2))
+    depth = 3.0 / options.get("stiffness", np.inf)
+    batch = cases(lump, 9, mean=3.0, frequency=np.linspace(7.0, 8.0, 9), displacement=depth)
+    results = step(lump, batch, 1e-2, sampling(1.0, 0.25), method, **options)
+    contact, force = results.period_contact, results.period_impulse * batch.frequency[:, None]
+    assert np.all(np.sum(~np.isnan(contact), axis=1) >= 7)
+    np.testing.assert_allclose(contact[~np.isnan(contact)], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(force[~np.isnan(contact)], 3.0, rtol=1e-12 if rigid is None else 1e-3)
+
+
 ORDERS = {"moreau": (0.9, 1.1, 2e-3), "moreau 1/2": (1.9, 2.1, 2e-6)}
 """Least and largest order, and the largest error at 2.5e-4 s; of other schemes one at least."""
 
