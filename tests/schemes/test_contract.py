@@ -134,6 +134,17 @@ def test_a_tip_that_stays_pressed_is_in_contact_in_the_whole_of_each_load_period
     np.testing.assert_allclose(force[~np.isnan(contact)], 3.0, rtol=1e-12 if rigid is None else 1e-3)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_a_load_period_is_as_warm_as_at_its_warmer_end(method: str) -> None:
+    """A lump that is heated, and one that is cooled, far from its casing; periods end within steps."""
+    lump = chain(nodes=1, mass=1.0, stiffness=1.0, heat_capacity=2.0, conductance=0.0, spacing=1.0, expansion=0.0)
+    heat = {"heating": [[3.0], [-3.0]], "temperature": [[1.0], [9.0]]}
+    results = step(lump, cases(lump, 2, gap=1.0, frequency=7.3, **heat), 1e-2, sampling(1.0, 0.25), method)
+    bounds = 1.5 * np.arange(8) / 7.3
+    np.testing.assert_allclose(results.period_temperature, [1.0 + bounds[1:], 9.0 - bounds[:-1]], rtol=1e-12)
+    np.testing.assert_allclose(results.metrics["max_temperature"], [2.5, 9.0], rtol=1e-12)
+
+
 ORDERS = {"moreau": (0.9, 1.1, 2e-3), "moreau 1/2": (1.9, 2.1, 2e-6)}
 """Least and largest order, and the largest error at 2.5e-4 s; of other schemes one at least."""
 
