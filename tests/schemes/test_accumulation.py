@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
+from bare_motion import BareMotion, add_decay, bare_motion
 from numpy.polynomial.polynomial import polyder, polyval
 from plain_bounces import follow
 
@@ -15,7 +16,6 @@ from workflow.kernels.compiled import uncounted
 from workflow.models import Rayleigh
 from workflow.schemes import Results, Status
 from workflow.schemes._exact.accumulation import Bounces, end_of_chattering
-from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
 DURATION, INTERVAL = 0.1, 1e-4
 
@@ -103,43 +103,8 @@ def test_bounces_end_where_the_load_only_just_presses() -> None:
     assert least <= between <= most <= least + 1e-3
 
 
-class Sums(NamedTuple):
-    """Memory of an expansion."""
-
-    sums: Array
-    terms: Array
-    explicit: Array
-
-
-class Fading(NamedTuple):
-    """What the sum of chattering reads of a held motion without blocks or waves."""
-
-    blocks: int
-    firsts: int
-    explicits: int
-    aperiodics: int
-    block: Array
-    first: Array
-    outputs: Array
-    waves: Array
-    differences: Array
-    expansion: Sums
-    now: Array
-    between: Array
-    growth: float
-
-
-def fading(steady: float, share: float, rate: float) -> Fading:
-    """Return the motion of a contact force of ``steady`` N and ``share`` N that decays with a rate."""
-    f, now = np.zeros((first.ROWS, 8)), np.zeros((state.ROWS, 8))
-    f[first.RATE, 0], f[first.SIGNAL, 0], now[state.FIRST, 0], now[state.FIRST_SLOPE, 0] = rate, share, 1.0, -rate
-    sums = Sums(np.zeros((expansion.ROWS, 1)), np.zeros((expansion.ROWS, 0)), np.zeros(20))
-    tables = np.zeros((block.ROWS, 0)), f, np.array([steady, 0.0]), np.zeros((0, wave.COLUMNS))
-    return Fading(0, 1, 0, 0, *tables, np.zeros((9, 4), complex), sums, now, np.zeros_like(now), max(0.0, -rate))
-
-
 @uncounted
-def _end(m: Fading, u: float, bounces: Bounces, ends: Array) -> None:
+def _end(m: BareMotion, u: float, bounces: Bounces, ends: Array) -> None:
     ends[0] = end_of_chattering(m, 0.0, u, bounces)[0]
 
 
@@ -166,6 +131,9 @@ def test_the_sum_of_all_bounces_is_of_second_order(force: tuple[float, float, fl
     """Over what they last, with drag, under a force that fades or grows: without the first corrections it is of one."""
     bounces, ends = Bounces(e, mobility=2.0, drag=3.0, height=1.0, end=10.0), np.zeros(1)
     u = 0.5 * lasts * (1 - e) * bounces.mobility * (force[0] + force[1])
-    _end(fading(*force), u, bounces, ends)
+    held = bare_motion(0, firsts=1, growth=max(0.0, -force[2]))
+    held.outputs[0] = force[0]
+    add_decay(held, *force[1:])
+    _end(held, u, bounces, ends)
     exact = bounced(bounces, u, *force)
     assert abs(ends[0] - exact) < 8.0 * lasts**2 * exact

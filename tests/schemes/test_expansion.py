@@ -6,38 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from bare_motion import BareMotion, add_decay, bare_motion
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
 from workflow.schemes._exact.expansion import accumulate, bounds, expand, growth_bound
-from workflow.schemes._exact.tables import block, expansion, first, state, wave
-
-
-class Sums(NamedTuple):
-    """Memory of an expansion."""
-
-    sums: Array
-    terms: Array
-    explicit: Array
-
-
-class Motion(NamedTuple):
-    """What an expansion reads of a motion."""
-
-    blocks: int
-    firsts: int
-    explicits: int
-    block: Array
-    first: Array
-    outputs: Array
-    waves: Array
-    expansion: Sums
-    growth: float
+from workflow.schemes._exact.tables import block, state, wave
 
 
 @uncounted
-def _bound(m: Motion, y: Array, k: int, h: float, found: Array) -> None:
-    expand(m, y, 0.0)
+def _bound(m: BareMotion, k: int, h: float, found: Array) -> None:
+    expand(m, m.now, 0.0)
     accumulate(m)
     s = bounds(m, k, h)
     found[0], found[1], found[2], found[3] = s.d0, s.d1, s.d2, s.d3
@@ -72,16 +51,16 @@ class Parts(NamedTuple):
 
 def bounded(parts: Parts, k: int, h: float) -> Array:
     """Return the bounds over a step with ``k`` blocks expanded."""
-    n, b, f, y = parts.c.size, np.zeros((block.ROWS, 8)), np.zeros((first.ROWS, 8)), np.zeros((state.ROWS, 8))
-    b[[block.DAMPING, block.OMEGA], :n] = parts.c, parts.omega
-    b[[block.STIFFNESS, block.INVERSE_OMEGA], :n] = parts.omega**2, 1 / parts.omega
-    b[[block.UNFORCED_VALUE, block.UNFORCED_SLOPE], :n] = parts.p, parts.q
-    y[[state.VALUE, state.SLOPE], :n] = parts.eta, parts.rate
-    f[first.RATE, 0], f[first.SIGNAL, 0], y[state.FIRST, 0], y[state.FIRST_SLOPE, 0] = parts.mu, 1.0, 1.0, -parts.mu
-    waves, sums = np.zeros((1, wave.COLUMNS)), Sums(*(np.zeros((expansion.ROWS, k)) for k in (n + 1, 8)), np.zeros(20))
-    waves[0, [wave.OMEGA, wave.SIGNAL_COS, wave.TIME, wave.TIME_BEFORE]] = parts.turn, 1.0, np.nan, np.nan
-    growth, found = max(0.0, -parts.c.min(), -parts.mu), np.zeros(7)
-    _bound(Motion(n, 1, 0, b, f, np.zeros(2), waves, sums, growth), y, k, h, found)
+    n, found = parts.c.size, np.zeros(7)
+    m = bare_motion(n, firsts=1, waves=1, growth=max(0.0, -parts.c.min(), -parts.mu))
+    b, y = m.block[:, :n], m.now[:, :n]
+    b[block.DAMPING], b[block.OMEGA], b[block.STIFFNESS] = parts.c, parts.omega, parts.omega**2
+    b[block.INVERSE_OMEGA], b[block.UNFORCED_VALUE], b[block.UNFORCED_SLOPE] = 1 / parts.omega, parts.p, parts.q
+    y[state.VALUE], y[state.SLOPE] = parts.eta, parts.rate
+    add_decay(m, 1.0, parts.mu)
+    m.waves[0, : wave.TIME], m.waves[0, wave.SIGNAL_COS :] = 0.0, 0.0
+    m.waves[0, wave.OMEGA], m.waves[0, wave.SIGNAL_COS] = parts.turn, 1.0
+    _bound(m, k, h, found)
     return found
 
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from bare_motion import BareMotion, bare_motion
 from numpy.polynomial.polynomial import polyval
 from scipy.interpolate import BPoly, PPoly
 
@@ -27,22 +28,6 @@ LOW = -1e3
 """A temperature below all others."""
 
 
-class Sums(NamedTuple):
-    """What searches read of an expansion."""
-
-    sums: Array
-
-
-class Signal(NamedTuple):
-    """What searches read of a motion."""
-
-    expansion: Sums
-    block: Array
-    blocks: int
-    growth: float
-    cooling: bool
-
-
 class Found(NamedTuple):
     """Answers on (0, 1]."""
 
@@ -55,7 +40,7 @@ class Found(NamedTuple):
 
 
 @uncounted
-def _search(m: Signal, zeros: int, level: float, found: Array) -> None:
+def _search(m: BareMotion, zeros: int, level: float, found: Array) -> None:
     found[0], found[1] = longest_without_zero(m, zeros, 1.0, 1.0), zeros < 2 and _falls_through(m, zeros, 1.0)
     found[2], found[3] = zero_crossing(m, zeros, 1.0)
     found[4], found[5] = _peaks_at_an_end(m, 1.0, level), _bend(m, 1.0)
@@ -66,14 +51,14 @@ def searched(a: Array, zeros: int = 0, tail: float = 0.0, level: float = LOW, gr
 
     With ``growth`` half of the remainder's bound grows with τ, and all bounds e^growth-fold until τ = 1.
     """
-    sums, found, begun = np.zeros((expansion.ROWS, 2)), np.zeros(6), np.exp(-growth)
+    m, found, begun = bare_motion(int(tail > 0), growth=growth, cooling=tail == 0), np.zeros(6), np.exp(-growth)
+    m.block[block.OMEGA], sums = FAST, m.expansion.sums
     fourth = (12.0 if growth > 0.0 else 24.0) * abs(a[4]) * begun
     sums[[expansion.D0, expansion.D1, expansion.D2, expansion.D3]] = (a[:4] * [1.0, 1.0, 2.0, 6.0])[:, None]
-    sums[expansion.FOURTH] = fourth, fourth + FAST**4 * tail
+    sums[expansion.FOURTH], sums[expansion.FOURTH, -1] = fourth, fourth + FAST**4 * tail
     sums[expansion.FOURTH_GROWTH, 0] = fourth if growth > 0.0 else 0.0
     sums[expansion.TAIL, 0], sums[expansion.TAIL_SLOPE, 0] = tail * begun, FAST * tail * begun
-    signal = Signal(Sums(sums), np.full((block.ROWS, 1), FAST), int(tail > 0), growth, tail == 0)
-    _search(signal, zeros, level, found)
+    _search(m, zeros, level, found)
     return Found(*found)
 
 
