@@ -135,6 +135,17 @@ def test_a_tip_that_stays_pressed_is_in_contact_in_the_whole_of_each_load_period
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_load_periods_add_up_to_the_whole(method: str) -> None:
+    batch = rubs(heavy_chain(), 8)
+    results = step(heavy_chain(), batch, H, OVER, method)
+    whole = results.metrics
+    assert whole["impacts"].min() > 1
+    assert np.array_equal(results.sections["period_impacts"].sum(axis=1), whole["impacts"])
+    np.testing.assert_allclose(results.period_contact.sum(axis=1) / batch.frequency, whole["contact_time"], rtol=1e-12)
+    np.testing.assert_allclose(results.period_impulse.sum(axis=1), results.histories["impulse"][:, -1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_a_load_period_is_as_warm_as_at_its_warmer_end(method: str) -> None:
     """A lump that is heated, and one that is cooled, far from its casing; periods end within steps."""
     lump = chain(nodes=1, mass=1.0, stiffness=1.0, heat_capacity=2.0, conductance=0.0, spacing=1.0, expansion=0.0)
