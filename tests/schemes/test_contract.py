@@ -148,7 +148,7 @@ def test_load_periods_add_up_to_the_whole(method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_load_periods_that_end_within_steps(method: str) -> None:
-    """Each is as warm as at its warmer end, of a lump that is heated, and of one that is cooled; both are in flight, colder than the root."""
+    """Each is as warm as at its warmer end, of lumps in flight that are heated and cooled, colder than the root."""
     lump = chain(nodes=1, mass=1.0, stiffness=0.0, heat_capacity=2.0, conductance=0.0, spacing=1.0, expansion=0.0)
     batch = cases(lump, 2, mean=-3.0, frequency=7.3, heating=[[3.0], [-3.0]], temperature=[[-4.0], [-1.0]])
     options = {} if schemes.load(method).rigid is None else {"stiffness": 1.0}
