@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scenes import cases, chain, sampling, step
 from studies import HEAVY_SCENE, parsed, solve_all
 from workflow.grid import Solved, arrange, structure_of
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import judged, run_batch
+from workflow.judges.blow_ups import mark_blown_up
+from workflow.models import tip_flexibility
 from workflow.schemes import Status
 
 ONE = """
@@ -208,3 +211,41 @@ output: {{interval: 0.1 ms}}
 """)
     assert run.values["displacement"].min() < -5e-4
     assert run.values["status"][0] == Status.OK
+
+
+ACCOUNTED: dict[str, tuple[dict[str, Any], float]] = {
+    "gap": ({"gap": 3e-3}, 3e-3),
+    "casing": ({"gap": 1e-3, "casing_harmonics": [[2e-3, 5.0, 0.0]]}, 3e-3),
+    "speed": ({"velocity": [0.0, 0.0, 2.0]}, 2.0 * np.sqrt(3e-6 * 1e-3)),
+    "stretch": ({"displacement": [-1e-4, 2e-4, 0.0]}, 1e-4 * np.sqrt(3e-6 * (1.0 + 9.0 + 4.0) * 1e6)),
+    "load": ({"mean": 2.0, "amplitude": 5.0, "load_harmonics": [[3.0, 7.0, 0.0]], "steady": [0, 0, 4.0]}, 14.0 * 3e-6),
+    "warmth": ({"temperature": [0.0, 3.0, -2.0]}, 1.0 * 2e-6),
+    "heating": ({"heating": [0.0, 3.0, -2.0]}, 5.0 * 1e-3 * 2e-6),
+}
+"""Conditions of a chain of three springs of 1e6 N/m, S = 3e-6 m/N, over 1 ms, and what they account for: v √(S m),
+√(S Σ k δ²), 2e-6 m/K of 1 J/K at each node."""
+
+
+@pytest.mark.parametrize("name", ACCOUNTED)
+def test_a_tip_may_reach_a_thousand_times_what_accounts_for_it(name: str) -> None:
+    """Of an exact motion no more is judged; energy that is created is judged wherever the tip is more than rounding."""
+    conditions, length = ACCOUNTED[name]
+    structure, over = chain(nodes=3, mass=1e-3, stiffness=1e6), sampling(1e-3, 1e-3)
+    batch, still, statics = (
+        cases(structure, 2, **conditions),
+        np.zeros(2),
+        (tip_flexibility(structure), np.full(3, 2e-6)),
+    )
+    results = step(structure, batch, 1e-5, over)
+
+    def judged_at(reach: float, created: float, is_stepped: bool) -> set[int]:
+        far = {**results.histories, "displacement": np.tile([0.0, -reach * length], (2, 1))}
+        metrics = {**results.metrics, "energy_residual": np.full(2, created), "max_penetration": still}
+        found = replace(results, histories=far, metrics=metrics)
+        given = structure, lambda: statics, lambda _: still, batch, found, over.duration
+        return set(mark_blown_up(*given, is_stepped=is_stepped).status.tolist())
+
+    assert judged_at(999.0, 0.5, True) == judged_at(1001.0, 0.5, False) == {Status.OK}
+    assert judged_at(1001.0, 0.5, True) == {Status.DIVERGED}
+    assert judged_at(0.5, 1.5, True) == judged_at(0.5, 1.5, False) == {Status.DIVERGED}
+    assert judged_at(1e-13, 1.5, True) == {Status.OK}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import mpmath
 import numpy as np
 import pytest
@@ -91,8 +93,13 @@ def test_a_slow_pole_beside_fast_ones_has_its_own_accuracy() -> None:
     A[2], A[3], A[4] = [-4e9, 1e9, -20.0, 1.0, 3e4], [1e9, -9e9, 1.0, -50.0, 1e4], [7e3, 5e3, 0.0, 0.0, -0.3]
     with mpmath.workdps(40):
         exact = np.array([complex(s) for s in mpmath.eig(mpmath.matrix(A.tolist()), left=False, right=False)])
-    poles = poles_of(A)
-    assert (np.abs(poles[:, None] - exact).min(1) / np.abs(poles)).max() < 1e-14
+    for order in permutations(range(5)):  # which coordinate comes first is no matter
+        B = A[np.ix_(order, order)]
+        poles, blocks = poles_of(B), real_blocks(B)
+        assert (np.abs(poles[:, None] - exact).min(1) / np.abs(poles)).max() < 1e-14
+        rate, right, left = blocks.rate[0], blocks.outward[:, -1], blocks.inward[-1]
+        assert np.all(np.abs(B @ right + rate * right) < 1e-13 * (np.abs(B) @ np.abs(right)))
+        assert np.all(np.abs(left @ B + rate * left) < 1e-13 * (np.abs(left) @ np.abs(B)))
 
 
 @pytest.mark.parametrize("drag", [0.0, 1e-20, 1e-9, 1e-3, 30.0])
@@ -126,4 +133,5 @@ def test_random_matrices(seed: int) -> None:
     A = rng.normal(size=(n := int(rng.integers(1, 15)), n))
     blocks = real_blocks(A)
     assert 2 * blocks.damping.size + blocks.rate.size == n
+    assert np.all(np.diff(blocks.stiffness) >= 0.0)
     assert relative_residual(A, blocks) < 1e-12

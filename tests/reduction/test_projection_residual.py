@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,16 @@ def test_the_largest_share_counts_case_by_case() -> None:
     alone = projection_residual(structure, reduction, cases(structure, 3, temperature=hot))
     assert alone[0] == pytest.approx(expected(structure, reduction, "temperature", spot(10, 1.0)), rel=1e-9)
     assert alone[2] == 0.0
+
+
+@pytest.mark.parametrize("force", [3.0, -3.0])
+def test_a_mean_load_is_a_constant_load_on_its_direction(force: float) -> None:
+    """It is lost beside another constant load as their sum is, wherever the load acts."""
+    along, beside = spot(19, 0.2) + spot(7, 1.0), spot(10, 1.0)
+    structure = replace(blade().matrices(), load=along)
+    reduction = reduce_structure(structure, 3, 12)
+    lost = projection_residual(structure, reduction, cases(structure, steady=beside, mean=force))
+    assert lost == pytest.approx(expected(structure, reduction, "steady", beside + force * along), rel=1e-9)
 
 
 def test_parts_that_nothing_holds() -> None:

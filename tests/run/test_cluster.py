@@ -12,13 +12,15 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import dask
 import numpy as np
 import pytest
+from distributed import KilledWorker
 
 from processes import PATIENCE, alive, until
 from scripts import script
@@ -320,3 +322,44 @@ def test_the_workers_of_the_example_for_slurm_leave_before_their_walltime() -> N
     assert walltime is not None
     assert lifetime is not None
     assert int(lifetime[1]) + int(lifetime[2]) < minutes(walltime[1])
+
+
+class Blamed(NamedTuple):
+    """A future of dask that has ended."""
+
+    key: str
+    value: Any
+
+    def add_done_callback(self, done: Callable[[Any], None]) -> None:
+        done(self)
+
+    def result(self, timeout: float) -> Any:
+        if self.value is None:
+            raise KilledWorker(self.key, None, 0)
+        return self.value
+
+    def release(self) -> None: ...
+
+
+class Blaming:
+    """A client of dask on which a task kills its worker, which has been given all tasks of a graph."""
+
+    deadly = 3
+
+    def nthreads(self) -> dict[str, int]:
+        return {"here": 1}
+
+    def run(self, function: Callable[..., Any], *words: Any, on_error: str) -> dict[str, Any]:
+        return {"here": function(*words)}
+
+    def get(self, nodes: dict[str, tuple[Any, ...]], keys: list[str], sync: bool) -> list[Blamed]:
+        dies = any(nodes[key][1].number == self.deadly for key in keys)
+        return [Blamed(key, None if dies else dask.get(nodes, key)) for key in keys]
+
+
+def test_only_the_task_that_kills_its_worker_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All are blamed, and each is tried again alone."""
+    monkeypatch.setattr("workflow.grid._tasks.LONGEST", 1e-9)
+    monkeypatch.setattr("workflow.grid._tasks.unit", lambda grid, *_: grid.inner_shape[-1])
+    monkeypatch.setattr("workflow.run._runner.connected", lambda *_: nullcontext(Blaming()))
+    assert run_study(parsed(STUDY), tmp_path / "many.nc", workers=1).counts == {"ok": 150, "failed": 10}

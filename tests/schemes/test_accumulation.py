@@ -6,11 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bare_motion import BareMotion, add_decay, bare_motion
+from numpy.polynomial.polynomial import polyder, polyval
 from plain_bounces import follow
 
 from scenes import cases, chain, relative, sampling, step
+from workflow.kernels import Array
+from workflow.kernels.compiled import uncounted
 from workflow.models import Rayleigh
 from workflow.schemes import Results, Status
+from workflow.schemes._exact.accumulation import Bounces, end_of_chattering
 
 DURATION, INTERVAL = 0.1, 1e-4
 
@@ -96,3 +101,39 @@ def test_bounces_end_where_the_load_only_just_presses() -> None:
     assert np.all(results.status == Status.OK)
     least, between, most = results.metrics["contact_time"]
     assert least <= between <= most <= least + 1e-3
+
+
+@uncounted
+def _end(m: BareMotion, u: float, bounces: Bounces, ends: Array) -> None:
+    ends[0] = end_of_chattering(m, 0.0, u, bounces)[0]
+
+
+def bounced(bounces: Bounces, u: float, steady: float, share: float, rate: float) -> float:
+    """Return the time in which all bounces end, each flight by its Taylor series."""
+    t, tau, s = 0.0, 1.0, np.zeros(12)
+    while tau > 1e-16 * t:
+        s[1], push = u, bounces.mobility * share * np.exp(-rate * t)
+        s[2] = -0.5 * (bounces.drag * u + bounces.mobility * steady + push)
+        for n in range(3, s.size):
+            push *= -rate / (n - 2)
+            s[n] = -(bounces.drag * (n - 1) * s[n - 1] + push) / (n * (n - 1))
+        tau = -u / s[2]
+        for _ in range(4):
+            tau -= polyval(tau, s[1:]) / polyval(tau, polyder(s[1:]))
+        t, u = t + tau, -bounces.e * polyval(tau, polyder(s))
+    return t
+
+
+@pytest.mark.parametrize("lasts", [1e-4, 1e-2])
+@pytest.mark.parametrize("e", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("force", [(0.4, 0.6, 2.0), (0.4, 0.6, -2.0), (0.6, -0.2, 5.0)])
+def test_the_sum_of_all_bounces_is_of_second_order(force: tuple[float, float, float], e: float, lasts: float) -> None:
+    """Over what they last, with drag, under a force that fades or grows: without the first corrections it is of one."""
+    bounces, ends = Bounces(e, mobility=2.0, drag=3.0, height=1.0, end=10.0), np.zeros(1)
+    u = 0.5 * lasts * (1 - e) * bounces.mobility * (force[0] + force[1])
+    held = bare_motion(0, firsts=1, growth=max(0.0, -force[2]))
+    held.outputs[0] = force[0]
+    add_decay(held, *force[1:])
+    _end(held, u, bounces, ends)
+    exact = bounced(bounces, u, *force)
+    assert abs(ends[0] - exact) < 8.0 * lasts**2 * exact

@@ -120,6 +120,44 @@ def test_without_heat_nothing_is_warm(method: str) -> None:
         assert np.all(results.metrics[name][~cold] > 0)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_a_tip_that_stays_pressed_is_in_contact_in_the_whole_of_each_load_period(method: str) -> None:
+    """At rest under its load, which the casing carries; periods end within steps."""
+    lump, rigid = chain(nodes=1, mass=1.0, stiffness=0.0), schemes.load(method).rigid
+    options = {} if rigid is None else asdict(rigid(lump, 1e-2))
+    depth = 3.0 / options.get("stiffness", np.inf)
+    batch = cases(lump, 9, mean=3.0, frequency=np.linspace(7.0, 8.0, 9), displacement=depth)
+    results = step(lump, batch, 1e-2, sampling(1.0, 0.25), method, **options)
+    contact, force = results.period_contact, results.period_impulse * batch.frequency[:, None]
+    assert np.all(np.sum(~np.isnan(contact), axis=1) >= 7)
+    np.testing.assert_allclose(contact[~np.isnan(contact)], 1.0, rtol=1e-12)
+    assert np.all(np.nansum(results.sections["period_impacts"], axis=1) <= results.metrics["impacts"])
+    np.testing.assert_allclose(force[~np.isnan(contact)], 3.0, rtol=1e-12 if rigid is None else 1e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_load_periods_add_up_to_the_whole(method: str) -> None:
+    batch = rubs(heavy_chain(), 8)
+    results = step(heavy_chain(), batch, H, OVER, method)
+    whole = results.metrics
+    assert whole["impacts"].min() > 1
+    assert np.array_equal(results.sections["period_impacts"].sum(axis=1), whole["impacts"])
+    np.testing.assert_allclose(results.period_contact.sum(axis=1) / batch.frequency, whole["contact_time"], rtol=1e-12)
+    np.testing.assert_allclose(results.period_impulse.sum(axis=1), results.histories["impulse"][:, -1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_load_periods_that_end_within_steps(method: str) -> None:
+    """Each is as warm as at its warmer end, of lumps in flight that are heated and cooled, colder than the root."""
+    lump = chain(nodes=1, mass=1.0, stiffness=0.0, heat_capacity=2.0, conductance=0.0, spacing=1.0, expansion=0.0)
+    batch = cases(lump, 2, mean=-3.0, frequency=7.3, heating=[[3.0], [-3.0]], temperature=[[-4.0], [-1.0]])
+    options = {} if schemes.load(method).rigid is None else {"stiffness": 1.0}
+    results, ends = step(lump, batch, 1e-2, sampling(1.0, 0.25), method, **options), np.arange(8) / 7.3
+    np.testing.assert_allclose(results.sections["section_velocity"][:, :7], [-3.0 * ends[:7]] * 2, atol=1e-12)
+    np.testing.assert_allclose(results.period_temperature, [1.5 * ends[1:] - 4.0, -1.5 * ends[:-1] - 1.0], rtol=1e-12)
+    np.testing.assert_allclose(results.metrics["max_temperature"], [-2.5, -1.0], rtol=1e-12)
+
+
 ORDERS = {"moreau": (0.9, 1.1, 2e-3), "moreau 1/2": (1.9, 2.1, 2e-6)}
 """Least and largest order, and the largest error at 2.5e-4 s; of other schemes one at least."""
 

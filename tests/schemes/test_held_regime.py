@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from test_event_driven_random import against_reference
 
-from scenes import cases, chain, held_matrix, sampling, with_dashpot
+from scenes import cases, chain, heavy_chain, held_matrix, sampling, with_dashpot
 from workflow.models import Rayleigh, Structure
+from workflow.schemes._exact.held_regime import _heated, _regime_at
+from workflow.schemes._exact.modal_system import held_system
+from workflow.schemes._exact.regimes import observable
+from workflow.schemes._exact.tables import block, first
 
 HEAT = {"spacing": 1e-2, "expansion": 1e-4, "heat_capacity": 1e-3, "conductance": 1.0}
 
@@ -34,3 +38,19 @@ def test_real_poles_that_meet(beside: float, dashpot: float) -> None:
         structure, alpha=high * (1 + beside), displacement=[1e-5, -2e-5, 0.0], velocity=[0.3, 0.1, 0.0], **pressed
     )
     assert against_reference(structure, case, sampling(3e-3, 1e-4)) <= 1e-10
+
+
+@pytest.mark.parametrize("alpha", [1e-3, 10.0, 100.0])
+def test_blocks_are_the_poles_of_the_held_tip_in_the_order_of_their_size(alpha: float) -> None:
+    """Searches for events take the slowest blocks first."""
+    structure = heavy_chain(nodes=9)
+    heated = _heated(observable(held_system(structure)))
+    is_sound, regime = _regime_at(heated, alpha)
+    assert is_sound
+    c, w2 = regime.block[[block.DAMPING, block.STIFFNESS], : regime.blocks]
+    rates = regime.first[first.RATE, : regime.firsts]
+    assert np.all(np.diff(w2) > 0.0)
+    assert np.all(np.diff(np.abs(rates)) > 0.0)
+    exact = np.linalg.eigvals(held_matrix(structure, alpha))
+    np.testing.assert_allclose(np.sqrt(w2), np.sort(np.abs(exact[exact.imag > 0])), rtol=1e-9)
+    np.testing.assert_allclose(c.sum() + rates.sum(), -exact.sum().real, rtol=1e-7)

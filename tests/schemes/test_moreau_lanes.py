@@ -12,10 +12,15 @@ from hypothesis import strategies as st
 from plain_theta import march
 
 from scenes import alone, cases, chain, heavy_chain, rubs, same_bits, sampling, step, taken
-from workflow.kernels.lanes import LANES, PACK
+from workflow.kernels import Array
+from workflow.kernels.compiled import uncounted
+from workflow.kernels.lanes import LANES, PACK, lane_rows, named_rows, rows_in
 from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
 from workflow.schemes import Sampling, schedule
+from workflow.schemes._fixed.drive import drive_of
+from workflow.schemes._fixed.stepping import blocks, watch
+from workflow.schemes._fixed.tip_load import TipLoads, start_load
 
 COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, BROAD + PACK, LANES - BROAD, LANES - 1, LANES + 1, 2 * LANES + PACK]
 
@@ -72,3 +77,37 @@ def test_samples_are_placed_exactly(interval: float, h: float, count: int) -> No
         whole, rest = divmod(k * ratio, 1)
         due, weight = (whole, 1.0) if rest == 0 else (whole + 1, float(rest))
         assert (samples.due[k], samples.weight[k]) == ((due, weight) if due <= samples.steps else (samples.steps, 1.0))
+
+
+def test_idle_lanes_are_at_rest_far_from_their_casing() -> None:
+    """Whatever stood in them before, so that they never make a pack look for contact."""
+    structure = heavy_chain()
+    batch = rubs(structure, LANES + 3, displacement=1e-5, casing_harmonics=[[1e-6, 300.0, 0.0]])
+    drive, batch = drive_of(batch, 1e-4, 0.5)
+    idle = []
+    for part, block in blocks(watch(structure, batch, sampling(1e-3, 1e-3), 1e-4, drive), LANES):
+        unused = slice(part.stop - part.start, LANES)
+        still = block.tip.displacement, block.tip.velocity, block.tip.temperature, block.load.amplitude
+        assert not np.any([row[unused] for row in still])
+        assert block.drive is not None
+        assert np.all(block.tip.gap[unused] > 1.0)
+        assert np.all(block.drive.state.apart[unused] <= -1.0)
+        idle.append(LANES - unused.start)
+    assert idle == [0, LANES - 3]
+
+
+@uncounted
+def _start(load: TipLoads, lanes: int, leader: Array) -> None:
+    leader[0] = start_load(1e-3, load, lanes)
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "frequency", "leader"),
+    [([0, 0, 2, 3], [0, 7, 5, 5], 2), ([0, 0, 2, 3], [0, 7, 5, 6], -1), ([0, 0, 2, 3], [0, np.nan, 5, 5], -1)],
+)
+def test_lanes_whose_loads_are_alike_share_one_sine(amplitude: list, frequency: list, leader: int) -> None:
+    """Lanes without a load, idle or not, are no hindrance; a poisoned one has a sine of its own."""
+    load, found = named_rows(TipLoads, lane_rows(rows_in(TipLoads))), np.zeros(1)
+    load.amplitude[:4], load.frequency[:4] = amplitude, frequency
+    _start(load, PACK, found)
+    assert found[0] == leader

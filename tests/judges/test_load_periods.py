@@ -1,0 +1,41 @@
+"""Forces and extremes of load periods from samples, against each sample's place in them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from scenes import cases, chain, sampling, step
+from workflow.judges.load_periods import contact_force, largest_per_period, sections
+
+
+def test_forces_are_those_of_the_intervals_whose_middle_lies_in_a_period() -> None:
+    """Where a period has none, that of the interval around its own middle."""
+    over, frequency = sampling(3.0, 0.3), np.array([0.5, 1.0, 2.0, 6.7, 0.0])
+    impulse = np.cumsum(np.random.default_rng(0).uniform(size=(5, over.count)), axis=1)
+    force = contact_force(impulse, over.interval)[:, 1:]
+    np.testing.assert_allclose(force * over.interval, np.diff(impulse, axis=1), rtol=1e-14)
+    middle = (over.times[:-1] + over.times[1:]) / 2
+    largest = largest_per_period(force, frequency, over, 21)
+    for case, f in enumerate(frequency):
+        for k in range(21):
+            own = force[case, (middle * f >= k) & (middle * f < k + 1)]
+            if own.size == 0 and k + 1 <= 3.0 * f:
+                own = force[case, np.abs(middle * f - k - 0.5) <= 0.5 * f * over.interval]
+            assert np.isnan(largest[case, k]) == (k + 1 > 3.0 * f)
+            assert k + 1 > 3.0 * f or largest[case, k] == own.max()
+
+
+@pytest.mark.parametrize("method", ["event_driven", "moreau"])
+def test_extremes_of_a_period_are_at_both_of_its_ends(method: str) -> None:
+    """Half a cosine to a period, between whose ends no sample is as large; and another case has shorter periods."""
+    lump, over = chain(nodes=1, mass=1.0, stiffness=np.pi**2), sampling(4.0, 0.4)
+    batch = cases(lump, 2, gap=9.0, displacement=1.0, frequency=[1.0, 2.0])
+    options = {} if method == "event_driven" else {"theta": 0.5}
+    found = sections(step(lump, batch, 1e-3, over, method, **options), batch, over, 9)
+    for case, f in enumerate([1.0, 2.0]):
+        ends = np.cos(np.pi * np.arange(int(4 * f) + 1) / f)
+        for name, extreme in (("", np.maximum), ("_min", np.minimum)):
+            values = found[f"period_displacement{name}"][case]
+            np.testing.assert_allclose(values[: ends.size - 1], extreme(ends[:-1], ends[1:]), atol=1e-4)
+            assert np.isnan(values[ends.size - 1 :]).all()

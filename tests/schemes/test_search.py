@@ -1,0 +1,151 @@
+"""Searches for zeros and peaks: what they say is true of every signal within bounds, and due by its coefficients.
+
+Each bound is a polynomial on (0, 1] one of whose Bernstein coefficients is all but zero, or negative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from bare_motion import BareMotion, bare_motion
+from numpy.polynomial.polynomial import polyval
+from scipy.interpolate import BPoly, PPoly
+
+from workflow.kernels import Array
+from workflow.kernels.compiled import uncounted
+from workflow.schemes._exact.peak_temperature import _bend, _peaks_at_an_end
+from workflow.schemes._exact.search import _falls_through, longest_without_zero, zero_crossing
+from workflow.schemes._exact.tables import block, expansion
+
+TIMES = np.linspace(0.0, 1.0, 501)
+EDGE = 1e-9
+FAST = 1e4
+"""ω of modes that are bounded as a group, 1/s."""
+LOW = -1e3
+"""A temperature below all others."""
+
+
+class Found(NamedTuple):
+    """Answers on (0, 1]."""
+
+    without_zero: float
+    falls: float
+    zero: float
+    end: float
+    peaks_at_an_end: float
+    bend: float
+
+
+@uncounted
+def _search(m: BareMotion, zeros: int, level: float, found: Array) -> None:
+    found[0], found[1] = longest_without_zero(m, zeros, 1.0, 1.0), zeros < 2 and _falls_through(m, zeros, 1.0)
+    found[2], found[3] = zero_crossing(m, zeros, 1.0)
+    found[4], found[5] = _peaks_at_an_end(m, 1.0, level), _bend(m, 1.0)
+
+
+def searched(a: Array, zeros: int = 0, tail: float = 0.0, level: float = LOW, growth: float = 0.0) -> Found:
+    """Search Σ a_n τ^n, n < 4, with a remainder up to |a_4| τ⁴ and fast modes whose magnitudes sum up to ``tail``.
+
+    With ``growth`` half of the remainder's bound grows with τ, and all bounds e^growth-fold until τ = 1.
+    """
+    m, found, begun = bare_motion(int(tail > 0), growth=growth, cooling=tail == 0), np.zeros(6), np.exp(-growth)
+    m.block[block.OMEGA], sums = FAST, m.expansion.sums
+    fourth = (12.0 if growth > 0.0 else 24.0) * abs(a[4]) * begun
+    sums[[expansion.D0, expansion.D1, expansion.D2, expansion.D3]] = (a[:4] * [1.0, 1.0, 2.0, 6.0])[:, None]
+    sums[expansion.FOURTH], sums[expansion.FOURTH, -1] = fourth, fourth + FAST**4 * tail
+    sums[expansion.FOURTH_GROWTH, 0] = fourth if growth > 0.0 else 0.0
+    sums[expansion.TAIL, 0], sums[expansion.TAIL_SLOPE, 0] = tail * begun, FAST * tail * begun
+    _search(m, zeros, level, found)
+    return Found(*found)
+
+
+def members(a: Array, tail: float) -> Array:
+    """Return signals within the bounds, ``(signal, time)``, the lowest and the highest among them."""
+    smooth = polyval(TIMES, [*a[:4], 0.0]) + np.linspace(-1.0, 1.0, 3)[:, None] * a[4] * TIMES**4
+    fast = tail * np.sin(FAST * TIMES + np.arange(4)[:, None] * np.pi / 2)
+    return np.asarray((smooth[:, None] + fast).reshape(-1, TIMES.size))
+
+
+def lowest(size: int) -> Iterator[tuple[Array, Array]]:
+    """Yield Bernstein coefficients and powers of lower bounds, whose last power is not positive."""
+    rng, made = np.random.default_rng(size), 0
+    while made < 200:
+        b = rng.choice([EDGE, 1.0], size) * rng.uniform(1, 2, size)
+        b[rng.integers(size)] = rng.choice([EDGE, -rng.uniform(0, 2)])
+        powers = np.asarray(PPoly.from_bernstein_basis(BPoly(b[:, None], [0.0, 1.0])).c[::-1, 0])
+        if powers[-1] <= 0.0:
+            made += 1
+            yield b, powers
+
+
+def integrated(powers: Array) -> Array:
+    """Return the integral of a polynomial, 1 at 0."""
+    return np.append(1.0, powers / np.arange(1, powers.size + 1))
+
+
+@pytest.mark.parametrize(("zeros", "tail"), [(0, 0.0), (0, 0.3), (1, 0.0), (2, 0.0), (3, 0.0)])
+def test_a_step_without_a_zero(zeros: int, tail: float) -> None:
+    """Of the lowest signal, its zero at 0 divided out."""
+    for b, powers in lowest(5 - zeros):
+        if b[0] > tail:
+            a = np.append(np.zeros(zeros), powers)
+            a[0] += tail
+            h = searched(a, zeros, tail).without_zero
+            assert polyval(h * TIMES, powers).min() > -1e-12
+            assert h == 1.0 or b.min() < 0.0, b
+
+
+@pytest.mark.parametrize("ends", [-1.0, -EDGE, EDGE])
+@pytest.mark.parametrize(("zeros", "tail"), [(0, 0.0), (0, 1e-5), (1, 0.0)])
+def test_a_step_with_one_zero(zeros: int, tail: float, ends: float) -> None:
+    """Where the highest signal, its zero at 0 divided out, falls and ends below zero."""
+    for b, rate in lowest(4 - zeros):
+        q = -integrated(rate)
+        q[1] -= FAST * tail
+        q[0] += ends - q.sum()
+        a = np.append(np.zeros(zeros), q)
+        a[0] -= tail
+        found = searched(a, zeros, tail)
+        assert not found.falls or (ends < 0.0 and polyval(TIMES, rate).min() > -1e-12)
+        assert found.falls or ends > 0.0 or b.min() < 0.0, b
+        if found.end > 0.0:
+            assert polyval(found.zero, a[zeros:4]) == pytest.approx(0.0, abs=1e-8)
+            assert polyval(found.end * TIMES, rate).min() > -1e-12
+            assert q[0] > 0.0 > polyval(found.end, q)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("tail", [0.0, 1e-5])
+def test_a_peak_at_an_end(tail: float, sign: float) -> None:
+    """Where the rate has one sign."""
+    for b, rate in lowest(4):
+        rate[0] += FAST * tail
+        a = sign * integrated(rate)
+        found, tops = searched(a, tail=tail, growth=1.0).peaks_at_an_end, members(a, tail)
+        assert not found or np.all(tops.max(axis=1) <= np.maximum(tops[:, 0], tops[:, -1]) + 1e-8)
+        assert found or b.min() < 0.0, b
+
+
+@pytest.mark.parametrize("above", [EDGE, -0.1])
+@pytest.mark.parametrize("tail", [0.0, 0.3])
+def test_a_temperature_that_stays_below_a_level(tail: float, above: float) -> None:
+    """Where the highest one does, which is above the level less the lower bounds."""
+    for b, powers in lowest(5):
+        level = above + tail - b.min()
+        found, tops = searched(-powers, tail=tail, level=level, growth=1.0).peaks_at_an_end, members(-powers, tail)
+        most = np.maximum(np.maximum(tops[:, 0], tops[:, -1]), level)
+        assert not found or np.all(tops.max(axis=1) <= most + 1e-8)
+        assert found or above < 0.0, b
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_bend_of_one_sign(sign: float) -> None:
+    """Where the second derivative has one."""
+    for b, second in lowest(3):
+        bend = searched(sign * integrated(integrated(second)), growth=1.0).bend
+        assert bend in (0, sign)
+        assert bend == 0 or polyval(TIMES, second).min() > -1e-12
+        assert bend == sign or b.min() < 0.0, b
