@@ -26,8 +26,6 @@ def main() -> None:
     if os.path.expanduser("~") == "~":
         _make_home()
     gc.set_threshold(GARBAGE)
-    for name in [name for name in os.environ if name.startswith(("MPLBACKEND", "BOKEH_"))]:
-        del os.environ[name]  # figures and pages are files here, whatever a shell asks of windows and servers
     atexit.register(gc.freeze)  # or Python looks through all objects for garbage when it ends
     from workflow.cli._stop import heed_signals
     from workflow.pinning import pin
