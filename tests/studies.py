@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from workflow.archive import provenance
 from workflow.grid import Solved, arrange, solve
 from workflow.grid import _tasks as cutting
 from workflow.pinning import is_pinned
+from workflow.run import _verify
 from workflow.study import Study, parse_study
 
 pinned = pytest.mark.skipif(not is_pinned(), reason="the environment chooses other machine code, or there is no choice")
@@ -114,3 +117,11 @@ def cut_finely(patch: pytest.MonkeyPatch, cases: int | None = None) -> None:
     """Make a task of so many cases that are missing, else of as many as a row along the innermost dimension has."""
     patch.setattr(cutting, "LONGEST", 1e-9)
     patch.setattr(cutting, "unit", lambda grid, *_: cases or (grid.inner_shape[-1] if grid.inner else 1))
+
+
+def judged_within_rounding(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have an archive verified as one of the packages and code here, on another processor."""
+    texts = provenance(path)
+    monkeypatch.setattr(_verify, "code_revision", lambda: texts["code_revision"])
+    monkeypatch.setattr(_verify, "versions", lambda: json.loads(texts["versions"]))
+    monkeypatch.setattr(_verify, "is_pinned", lambda: False)

@@ -1,10 +1,9 @@
-"""Paths, terminals and limits that no command likes: one clear line, exit status 2, nothing lost."""
+"""Paths and texts that no command likes: one clear line, exit status 2, nothing lost."""
 
 from __future__ import annotations
 
 import os
 import re
-import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -122,25 +121,11 @@ def test_a_page_of_an_archive_that_lacks_a_variable_says_that_its_bytes_have_cha
     assert f"{path}: damaged, its bytes are not those that were written" in ended.stderr
 
 
-def test_a_terminal_that_knows_ascii_only(tmp_path: Path) -> None:
-    study = written(SINGLE.replace("study: single", "study: single\ntitle: Schaufel spürt 5 µm…"), tmp_path)
-    plain = {"env": {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, "cwd": tmp_path}
-    planned, schema, shown = (typed(*words, **plain) for words in (("plan", study), ("schema",), ("show", "spürt.nc")))
-    for completed in (planned, schema):
-        assert completed.returncode == 0, completed.stderr
-        assert completed.stdout.isascii()
-    assert "Schaufel sp\\xfcrt 5 um..." in planned.stdout
-    assert "its name is UTF-8, but this process reads names as ascii; set PYTHONUTF8=1" in shown.stderr
-
-
-@pytest.mark.parametrize("megabytes", [300, 600])
-def test_too_little_memory_is_said(megabytes: int, tmp_path: Path) -> None:
-    limit = (megabytes * 10**6,) * 2
-    study = written(SINGLE, tmp_path)
-    completed = typed("run", study, cwd=tmp_path, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, limit))
-    assert completed.returncode == 2
-    assert completed.stderr.startswith("there is not enough memory")
-    assert completed.stderr.count("\n") == 1
+def test_characters_that_the_output_lacks_are_written_as_codes(tmp_path: Path) -> None:
+    study = written(SINGLE.replace("study: single", "study: single\ntitle: 5 µm"), tmp_path)
+    planned = typed("plan", study, cwd=tmp_path, env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert planned.returncode == 0, planned.stderr
+    assert "5 \\xb5m" in planned.stdout
 
 
 def test_a_defect_exits_with_three_and_no_traceback(tmp_path: Path) -> None:

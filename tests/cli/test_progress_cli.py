@@ -18,7 +18,7 @@ from workflow.cli import _progress, app
 from workflow.cli._progress import following
 from workflow.run import Advance, Follower, run_study
 
-SLOW = Advance(540, 204, {"diverged": 2}, 0.349, 12.4, 125.0)
+SLOW = Advance(540, 204, {"diverged": 2}, 0.349, 12.4, 16.45, 125.0)
 
 
 def test_a_line_comes_again_and_again_without_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,13 +44,13 @@ def test_a_line_comes_again_and_again_without_a_terminal(tmp_path: Path, monkeyp
     assert result.exit_code == 0
     assert "34 %" not in result.stdout
     line = next(line for line in lines if "34 %" in line)
-    assert re.fullmatch(r"a\.nc: 34 %, \d:\d\d elapsed, [012]:\d\d left; 204 of 540 cases, 2 diverged", line)
+    assert re.fullmatch(r"a\.nc: 34 %, \d:\d\d elapsed, [012]:\d\d left; 204 of 540 cases, 16/s, 2 diverged", line)
 
 
 def test_a_bar_fits_in_a_terminal_and_shows_the_time_before_anything_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     for told, line in (
         ([], "0:00 elapsed"),
-        ([SLOW], "34 %, 0:00 elapsed, 2:0[45] left; 204 of 540 cases, 2 diverged"),
+        ([SLOW], "34 %, 0:00 elapsed, 2:0[45] left; 204 of 540 cases, 16/s, 2 diverged"),
     ):
         screen, follower = io.StringIO(), Follower()
         console = Console(file=screen, force_terminal=True, width=80, markup=False)

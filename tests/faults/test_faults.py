@@ -196,7 +196,7 @@ def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
     assert checks_in(output) == {
         "bytes": "ok",
         "content": "DIFFERS",
-        "solver": "ok",
+        "versions": "ok",
         "cases": "ok",
         "sample": "DIFFERS",
     }

@@ -80,5 +80,4 @@ def test_what_is_asked_enters_the_identity_of_exact_cases_alone() -> None:
 def test_the_plan_counts_them() -> None:
     plain, asked = (plan_study(quick({"scheme": "event_driven"}, output=output)) for output in ({}, {"steady": True}))
     assert asked.bytes - plain.bytes > 9 * 3 * 8 * 100
-    assert asked.time.core_seconds > plain.time.core_seconds
     assert {"output.steady.periods", "output.steady.samples"} <= {value.path for value in asked.scene}

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from workflow.grid._speed import factor
 from workflow.kernels import cache
 from workflow.kernels.compiled import by_type, defines, inlined, kernel
 
@@ -65,4 +64,3 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> 
     for name in ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"):
         monkeypatch.delenv(name, raising=False)
     assert cache.directory_of.__wrapped__("workflow.kernels") is None
-    assert factor() is None

@@ -1,8 +1,9 @@
-"""How far a run is: by work, not by cases; how cases ended by name; the time left from estimate and speed."""
+"""How far a run is: by work, not by cases; how cases ended by name; throughput and the time left as measured."""
 
 from __future__ import annotations
 
 import threading
+import time
 from collections import Counter
 from pathlib import Path
 from zipfile import ZipFile
@@ -16,10 +17,10 @@ from nbclient import NotebookClient
 from quick import interrupted, quick
 from studies import ILL, cut_finely, parsed
 from workflow.archive import parts_of
-from workflow.grid import _waiting_for, waiting_for
-from workflow.run import Advance, Outcome, in_words, run_study
+from workflow.grid import _waiting_for, seconds_compiled, waiting_for
+from workflow.run import Advance, Outcome, _progress, in_words, run_study
 from workflow.run import _notebook as notebook_lines
-from workflow.run._progress import ProgressCounter, time_left
+from workflow.run._progress import ProgressCounter
 from workflow.run._task import Report
 
 
@@ -40,7 +41,7 @@ def test_progress_counts_every_case_by_its_status(tmp_path: Path, many_tasks: No
     for name in ("stored", "work", "elapsed"):
         values = [getattr(advance, name) for advance in reported]
         assert values == sorted(values)
-    assert all(advance.left >= 0 for advance in reported)
+    assert all(advance.left >= 0 and advance.rate > 0 for advance in reported[1:])
 
 
 def test_cases_that_share_results_are_counted_each(tmp_path: Path) -> None:
@@ -97,44 +98,44 @@ def test_a_run_that_goes_on_begins_where_it_stopped(tmp_path: Path, many_tasks: 
     assert reported[-1].work == pytest.approx(1)
 
 
-def test_a_tally_tells_shares_and_times() -> None:
-    now, reported = [10.0], []
-    counter = ProgressCounter(100, 8.0, 2.0, 4.0, 0.0, 5.0, reported.append, lambda: now[0])
+def test_a_tally_tells_shares_throughput_and_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Throughput is of the cases of this run, the time left of its work, both without compilation."""
+    now, compiled, reported = [10.0], [50.0], []
+    monkeypatch.setattr(_progress, "seconds_compiled", lambda: compiled[0])
+    counter = ProgressCounter(100, 8.0, 2.0, 5.0, reported.append, lambda: now[0])
     counter.set(20, {})
-    now[0] = 14.0
+    now[0], compiled[0] = 24.0, 60.0
     counter.add(Report(6.0, 60, {"diverged": 2}))
-    now[0] = 15.0
+    now[0] = 25.0
     counter.add(Report(2.0, 20, {"diverged": 1, "failed": 1}))
     assert [advance.stored for advance in reported] == [20, 80, 100]
     assert [advance.work for advance in reported] == pytest.approx([0.2, 0.8, 1.0])
-    assert [advance.elapsed for advance in reported] == [5.0, 9.0, 10.0]
-    assert [advance.left for advance in reported] == pytest.approx([4.0, 0.25 * (0.25 * 4.0 + 4.0), 0.0])
+    assert [advance.elapsed for advance in reported] == [5.0, 19.0, 20.0]
+    assert [advance.rate for advance in reported] == pytest.approx([np.nan, 60 / 4, 80 / 5], nan_ok=True)
+    assert [advance.left for advance in reported] == pytest.approx([np.nan, 4.0 / 3, 0.0], nan_ok=True)
     assert reported[-1].endings == {"diverged": 3, "failed": 1}
 
 
-def test_the_time_left_goes_from_the_estimate_to_the_speed() -> None:
-    assert time_left(0.0, 3.0, 10.0, 5.0) == 12.0
-    assert time_left(0.0, 20.0, 10.0) == 0.0
-    assert time_left(0.5, 5.0, 10.0) == pytest.approx(5.0)
-    assert time_left(0.5, 8.0, 10.0, 3.0) == pytest.approx(5.0)  # compiling is no speed
-    assert time_left(0.9, 18.0, 10.0) == pytest.approx(1.9)  # twice as slow as estimated: 2 s
-    assert time_left(1.0, 18.0, 10.0) == 0.0
-    assert np.isnan(time_left(0.0, 3.0, np.nan))
-    assert time_left(0.25, 3.0, np.nan) == pytest.approx(9.0)
+def test_what_compiles_is_timed_once() -> None:
+    """Of two threads that wait for the same kernels the time is not twice theirs."""
+    before, begun = seconds_compiled(), time.perf_counter()
+    with waiting_for("compiling (once)"), waiting_for("compiling (once)"):
+        time.sleep(0.02)
+    assert 0.02 <= seconds_compiled() - before <= time.perf_counter() - begun
 
 
 def test_words() -> None:
-    advance = Advance(540, 204, {"ill_posed": 1, "diverged": 2}, 0.349, 12.4, 3725.0)
+    advance = Advance(540, 204, {"ill_posed": 1, "diverged": 2}, 0.349, 12.4, 16.45, 3725.0)
     assert in_words(None, 0.4) == "0:00 elapsed"
-    line = "34 %, 0:12 elapsed, 1:02:04 left; 204 of 540 cases, 1 ill-posed, 2 diverged"
+    line = "34 %, 0:12 elapsed, 1:02:04 left; 204 of 540 cases, 16/s, 1 ill-posed, 2 diverged"
     assert in_words(advance, 12.9, 0.5) == line
-    unknown = Advance(5, 0, {}, 0.0, 61.0, float("nan"))
+    unknown = Advance(5, 0, {}, 0.0, 61.0, float("nan"), float("nan"))
     assert in_words(unknown, 61.0) == "0 %, 1:01 elapsed; 0 of 5 cases"
-    assert in_words(Advance(5, 4, {}, 0.8, 61.0, 2.0), 64.0, 3.0) == "80 %, 1:04 elapsed, 0:00 left; 4 of 5 cases"
-    late = in_words(Advance(5, 4, {}, 0.8, 61.0, 2.0), 121.0, 60.0)
-    assert late == "80 %, 2:01 elapsed, longer than estimated; 4 of 5 cases"
+    late = Advance(5, 4, {}, 0.8, 61.0, 0.0656, 2.0)
+    assert in_words(late, 64.0, 3.0) == "80 %, 1:04 elapsed, 0:00 left; 4 of 5 cases, 0.066/s"
     with waiting_for("compiling (once)"):
-        assert in_words(advance, 60.0, 47.0).startswith("compiling (once); 34 %, 1:00 elapsed; 204 of 540 cases")
+        compiling = "compiling (once); 34 %, 1:00 elapsed; 204 of 540 cases, 1 ill-posed, 2 diverged"
+        assert in_words(advance, 60.0, 47.0) == compiling
 
 
 @pytest.mark.parametrize("what", ["compiling (once)", "references", "trials of `auto`", "cases", "gathering"])

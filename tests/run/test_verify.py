@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ import pytest
 
 from hostile import write
 from quick import quick
-from studies import CHAOS, parsed, pinned
+from studies import CHAOS, judged_within_rounding, parsed, pinned
+from terminal import told
 from workflow import schemes
 from workflow.archive import ArchiveError, _provenance, content_hash, provenance
 from workflow.archive._seal import seal
@@ -61,8 +63,8 @@ def resealed(path: Path) -> None:
 @pinned
 def test_a_fresh_archive_passes(whole: Path) -> None:
     checks = list(verify(whole, 18))
-    assert [check.name for check in checks] == ["bytes", "content", "solver", "cases", "sample"]
-    assert all(check.holds for check in checks)
+    assert [check.name for check in checks] == ["bytes", "content", "versions", "cases", "sample"]
+    assert all(check.holds and check.judged for check in checks)
     assert checks[-1].detail == "18 cases run again, the same bit for bit"
 
 
@@ -76,11 +78,35 @@ def test_a_sample_has_each_scheme_and_status(whole: Path) -> None:
 
 
 @pytest.mark.parametrize("path", KEPT, ids=lambda path: path.name)
-def test_every_kept_archive_passes(path: Path) -> None:
-    assert [check for check in verify(path, 2) if not check.holds] == []
+def test_every_kept_archive_passes(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    judged_within_rounding(path, monkeypatch)
+    assert [check for check in verify(path, 2) if not (check.holds and check.judged)] == []
 
 
-def test_an_unfinished_run_that_other_software_began_is_compared_within_rounding(
+def test_what_other_versions_made_is_repeated_and_not_judged(copied: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its bytes are judged, and its content hash; what its cases differ by is said."""
+    edit("contact_impulse", (0, 1, 1), lambda x: 2 * x)(copied)
+    resealed(copied)
+    assert wrong(copied) == {"sample"}
+    monkeypatch.setattr(_verify, "versions", lambda: {**_provenance.versions(), "numpy": "0.1"})
+    status, text = told("verify", copied, "--sample", "18")
+    assert status == 0
+    assert re.search(r"^  versions not judged: numpy [0-9.]+, here 0\.1$", text, re.MULTILINE)
+    assert re.search(r"^  sample   not judged: .*: contact_impulse is \S+ in the archive, \S+ now$", text, re.MULTILINE)
+    edit("contact_impulse", (0, 1, 1), lambda x: 2 * x)(copied)
+    assert told("verify", copied)[0] == 1
+    seal(copied)
+    assert wrong(copied) == {"content"}
+
+
+def test_what_cannot_be_repeated_by_other_versions_is_not_judged(whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_verify, "code_revision", lambda: "another")
+    monkeypatch.setattr(_verify, "solve", lambda *_: {}["displacement"])
+    *_, last = verify(whole)
+    assert (last.name, last.holds, last.judged) == ("values", True, False)
+
+
+def test_cases_of_other_software_in_an_unfinished_run_are_not_judged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The archive said that the software which ended the run had run all of its cases."""
@@ -92,9 +118,8 @@ def test_an_unfinished_run_that_other_software_began_is_compared_within_rounding
             with pytest.raises(ArchiveError, match="stopped"):
                 run_study(STUDY, archive)
     run_study(STUDY, archive)
-    [sample] = [check for check in verify(archive, 18) if check.name == "sample"]
-    assert sample.holds
-    assert "origin of some cases" in sample.detail
+    [found] = [check for check in verify(archive, 0) if check.name == "versions"]
+    assert (found.judged, found.detail) == (False, "some cases by others")
 
 
 def edit(name: str, place: tuple[int, ...], change: Callable[[float], float]) -> Callable[[Path], None]:

@@ -8,9 +8,8 @@ from test_event_driven_random import against_reference
 
 from scenes import cases, chain, heavy_chain, held_matrix, sampling, with_dashpot
 from workflow.models import Rayleigh, Structure
-from workflow.schemes._exact.held_regime import _heated, _regime_at
-from workflow.schemes._exact.modal_system import held_system
-from workflow.schemes._exact.regimes import observable
+from workflow.schemes._exact.batch import make_operator
+from workflow.schemes._exact.layout import Budget, unpacked
 from workflow.schemes._exact.tables import block, first
 
 HEAT = {"spacing": 1e-2, "expansion": 1e-4, "heat_capacity": 1e-3, "conductance": 1.0}
@@ -44,9 +43,9 @@ def test_real_poles_that_meet(beside: float, dashpot: float) -> None:
 def test_blocks_are_the_poles_of_the_held_tip_in_the_order_of_their_size(alpha: float) -> None:
     """Searches for events take the slowest blocks first."""
     structure = heavy_chain(nodes=9)
-    heated = _heated(observable(held_system(structure)))
-    is_sound, regime = _regime_at(heated, alpha)
-    assert is_sound
+    held = make_operator(structure, Budget(1, 1)).held.at(np.array([alpha]), np.zeros(1), np.ones(1, dtype=bool))
+    assert held.separable.all()
+    regime = unpacked(held.rows[0])
     c, w2 = regime.block[[block.DAMPING, block.STIFFNESS], : regime.blocks]
     rates = regime.first[first.RATE, : regime.firsts]
     assert np.all(np.diff(w2) > 0.0)

@@ -25,6 +25,7 @@ from workflow.archive._provenance import (
     SOFTWARE,
     code_revision,
     grid_of,
+    json_in,
     processor,
     provenance_of,
     study_key,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import stat
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,8 +39,10 @@ def usable(path: str | Path) -> Path:
             )
         kind = stat.S_IFMT(path.stat().st_mode)
     except UnicodeEncodeError:
-        whole = path.absolute()
-        raise ArchiveError(f"{whole}: {_unlike_utf8(whole)}, or choose another archive with -o") from None
+        raise ArchiveError(
+            f"{path.absolute()}: its name is not UTF-8, which NetCDF files need; rename it, or choose another archive "
+            "with -o"
+        ) from None
     except (FileNotFoundError, NotADirectoryError):
         return path
     except (OSError, ValueError) as error:  # ValueError: a null character
@@ -58,16 +59,6 @@ def file_of(archive: Path) -> tuple[int, int] | None:
     except FileNotFoundError:
         return None
     return about.st_ino, about.st_mtime_ns
-
-
-def _unlike_utf8(path: Path) -> str:
-    """Say why a path is no text: its bytes are none, or Python was told of another encoding than theirs."""
-    try:
-        os.fsencode(path).decode()
-    except UnicodeDecodeError:
-        return "its name is not UTF-8, which NetCDF files need; rename it"
-    encoding = sys.getfilesystemencoding()
-    return f"its name is UTF-8, but this process reads names as {encoding}; set PYTHONUTF8=1 or a UTF-8 locale"
 
 
 def require_directory(parts: Path) -> None:

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import workflow
 from workflow.grid import Grid, arrange, choices_text, read_choices
@@ -23,7 +24,7 @@ SOFTWARE = ("code_revision", "processor", "versions", "pinned")
 """Texts of the provenance group that decide whether two runs must agree bit for bit."""
 
 COPIED = "copied"
-"""Text of the provenance group of an archive that was extended: some of its cases were run elsewhere."""
+"""Text of the provenance group of an archive some of whose cases were run elsewhere: what of SOFTWARE differed."""
 
 
 def study_key(study: Study) -> str:
@@ -61,6 +62,15 @@ def grid_of(texts: Mapping[str, str]) -> Grid:
     """
     study = parse_study(texts["study"], "study", attached=unpacked(texts.get("files", "")))
     return arrange(study, read_choices(texts.get("choices", "{}")))
+
+
+def json_in(texts: Mapping[str, str], name: str) -> dict[str, Any]:
+    """Return what a text of a provenance group holds as JSON; empty where it is no mapping."""
+    try:
+        value = json.loads(texts.get(name, ""))
+    except (ValueError, RecursionError):
+        return {}
+    return value if isinstance(value, dict) else {}
 
 
 def provenance_of(grid: Grid) -> dict[str, str]:

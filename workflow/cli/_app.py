@@ -8,9 +8,9 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from workflow.cli._failures import judge_memory, tell, warnings_in_words
+from workflow.cli._failures import tell, warnings_in_words
 from workflow.cli._stop import ignore_signals
-from workflow.cli._terminal import clean, forgive, say
+from workflow.cli._terminal import clean, say, write_anything
 from workflow.cli.limits import limits
 from workflow.cli.plan import plan
 from workflow.cli.recommend import recommend
@@ -71,9 +71,8 @@ for command in (run, plan, show, recommend, limits, verify, report, schema):
 
 def run_application() -> None:
     """Run the command that was called and exit with its status."""
-    forgive()
+    write_anything()
     try:
-        judge_memory()
         app()
     except Exception as error:
         sys.exit(tell(error))

@@ -27,34 +27,9 @@ _PLACE = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, er
 _PLACE |= {errno.EISDIR, errno.ELOOP, errno.EFBIG}
 """What another place cures."""
 
-_NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread", "unable to allocate")
-"""How the system, the loader, Python's threads and NumPy say that there is no memory."""
-
-
-LEAST_MEMORY = 2**30
-"""Bytes of address space below which the linear algebra library that NumPy loads waits for ever, or ends the process:
-measured at 300 and 600 MB; loading alone takes 400 MB."""
-
-
-def judge_memory() -> None:
-    """Refuse a limit of the address space (``ulimit -v``) under which libraries cannot be loaded."""
-    import resource
-
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if limit != resource.RLIM_INFINITY:
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # each further thread takes 32 MB
-        if limit < LEAST_MEMORY:
-            raise MemoryError
-
 
 def tell(error: Exception) -> int:
     """Print what an error means for whoever called the command; return the exit status."""
-    if lacks_memory(error):
-        print_error(
-            "there is not enough memory; allow this process more of it (ulimit -v, at least 1 GiB), or run a smaller "
-            "study on fewer threads"
-        )
-        return WRONG
     lines = _to_be_mended(error)
     for line in lines:
         print_error(line)
@@ -77,6 +52,8 @@ def _to_be_mended(error: Exception) -> list[str]:
             return [f"a structure of this study cannot be used: {error}"]
         case ArchiveError():
             return [str(error)]
+        case MemoryError():
+            return ["there is not enough memory; run a smaller study, or on fewer threads"]
         case UnicodeDecodeError():
             return ["a text in the archive is not UTF-8, as `workflow run` writes it; restore a copy"]
         case RuntimeError() if any(word in str(error) for word in ("NetCDF", "HDF")):
@@ -103,18 +80,6 @@ def _tell_defect(error: Exception) -> int:
         f"they are. Please report it with the study and this line; {TRACEBACK}=1 in the environment shows the traceback"
     )
     return DEFECT
-
-
-def lacks_memory(error: BaseException) -> bool:
-    """Tell whether an error, or one that led to it, says that there is no memory."""
-    chain: BaseException | None = error
-    while chain is not None:
-        text = str(chain).lower()
-        no_memory = isinstance(chain, OSError) and chain.errno == errno.ENOMEM
-        if isinstance(chain, MemoryError) or no_memory or any(words in text for words in _NO_MEMORY):
-            return True
-        chain = chain.__cause__ or chain.__context__
-    return False
 
 
 def _innermost(error: BaseException) -> str:

@@ -6,7 +6,6 @@ would obey are taken out.
 
 from __future__ import annotations
 
-import codecs
 import io
 import json
 import os
@@ -24,30 +23,16 @@ _BREAKS = re.compile("[\t\n\v\f\r\x1c-\x1e\x85\u2028\u2029]+")
 _OBEYED = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 """C0 and C1 control characters, delete, and what changes the order of writing (Unicode Annex 9)."""
 
-_PLAIN = {"×": "x", "…": "...", "–": "-", "→": "->", "µ": "u", "°": "deg ", "·": "*", "∞": "inf", "α": "alpha"}
-"""What stands for characters of our own where a terminal lacks them."""
-
 
 def clean(text: str) -> str:
     """Return text as one line without the characters that a terminal obeys; a break becomes a space."""
     return _OBEYED.sub("", _BREAKS.sub(" ", text))
 
 
-def forgive() -> None:
-    """Have both streams write characters that their encoding lacks as the nearest plain ones, or as their codes."""
-    codecs.register_error("workflow", _plainly)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="workflow")
-
-
-def _plainly(error: UnicodeError) -> tuple[str, int]:
-    """Replace characters that cannot be encoded, as :func:`codecs.register_error` asks."""
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    lost = error.object[error.start : error.end]
-    text = "".join(_PLAIN.get(character, ascii(character)[1:-1]) for character in lost)
-    return text, error.end
+def write_anything() -> None:
+    """Have characters that the encoding of the standard output lacks written as their codes."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def say(line: str) -> None:

@@ -13,7 +13,7 @@ from workflow.cli._words import AsJson, Settings, StudyFile, named, read
 from workflow.cli.show import decided_lines
 
 if TYPE_CHECKING:
-    from workflow.grid import Figures, Plan, Time
+    from workflow.grid import Figures, Plan
 
 
 def plan(
@@ -65,7 +65,7 @@ def _lines(plan: Plan) -> Iterator[str]:
     if plan.references:
         yield f"  references   {plan.references}, and {plan.exact} exact solutions of reduced models to split errors"
     yield f"  work         {plan.batches} batches in {plan.tasks} tasks, {plan.steps:.4g} steps"
-    yield f"  time         {_time(plan.time)}"
+    yield f"  time         {plan.time}"
     yield f"  stored       metrics{''.join(f', {name}' for name in plan.stored)}"
     yield f"  size         at most {_size(plan.bytes)} before compression"
     yield from map(_structure, plan.structures)
@@ -84,19 +84,6 @@ def _structure(figures: Figures) -> str:
     by = f" by {figures.stiffness_by}" if figures.stiffness_by else ""
     stiffness = f"tip stiffness {figures.tip_stiffness:.4g} N/m{by}"
     return f"  {figures.label}: f1 {first}, {stiffness}, {times}, critical alpha {alpha}"
-
-
-def _time(time: Time) -> str:
-    several = f"{time.threads} threads ({_duration(time.core_seconds)} of one core)"
-    duration = f"about {_duration(time.seconds)} on {several if time.threads > 1 else 'one core'}"
-    compiling = f", + {_duration(time.compiling)} compiling once" if time.compiling else ""
-    return duration + compiling + ("" if time.measured else "; not measured on this machine")
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 120:
-        return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
 def _size(size: int) -> str:

@@ -6,7 +6,6 @@ from workflow.grid._choice import Choices, ChosenModes, choices_text, read_choic
 from workflow.grid._compile import compiled_ahead
 from workflow.grid._conditions import FRICTION
 from workflow.grid._encoding import CHUNK_BYTES, COMPRESSED, LEVEL, encode
-from workflow.grid._estimate import Time, estimate, machine_factor, measured_run, time_to_compile
 from workflow.grid._figures import Figures
 from workflow.grid._frequencies import longest_period_count
 from workflow.grid._identity import case_hashes
@@ -24,8 +23,15 @@ from workflow.grid._reference_solutions import (
     solutions_of,
 )
 from workflow.grid._solve import Solved, metrics_of, solve
-from workflow.grid._speed import timed
 from workflow.grid._tasks import Batch, Task, model_seconds, seconds_per_case, tasks
 from workflow.grid._template import HARMONIC, WARNINGS, template
-from workflow.grid._waiting_for import CASES, COMPILING, GATHERING, WORKERS, waited_for, waiting_for
+from workflow.grid._waiting_for import (
+    CASES,
+    COMPILING,
+    GATHERING,
+    WORKERS,
+    seconds_compiled,
+    waited_for,
+    waiting_for,
+)
 from workflow.grid._warnings import warning_lines

@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 
 from workflow import models
-from workflow.grid._speed import untimed
 from workflow.grid._waiting_for import COMPILING, waiting_for
 from workflow.kernels.cache import directory_of
 from workflow.models import Cases, Harmonics
@@ -64,7 +63,7 @@ def compile_scheme(variant: KernelVariant) -> None:
 
     What the helper compiles of the scheme is waited for.
     """
-    with waiting_for(COMPILING), untimed():
+    with waiting_for(COMPILING):
         for process, variants in _HELPER:
             same = [helped for helped in variants if helped.method == variant.method]
             while process.poll() is None and any(map(is_missing, same)):

@@ -1,4 +1,4 @@
-"""Cost model of a run, in processor seconds: it cuts tasks and, times one measured factor, predicts a run's time."""
+"""Cost model of a run, in processor seconds: it cuts tasks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from workflow.study import CaseSettings, Study
 _UNMEASURED = 1e-7
 """Seconds of a step over the blocks of a structure, of a scheme that nobody has measured."""
 
-_ALWAYS, _EACH_PERIOD = 400, 30
+_ALWAYS, _EACH_PERIOD = 250, 30
 """Steps of a scheme that finds its own: to set an α up, and in each period of the fastest load or casing."""
 
 _TIP = 10
@@ -22,12 +22,6 @@ _RUB = 5e-5
 
 _DENSE = 600
 """States of a structure up to which its growth rate comes from all of them."""
-
-_COMPILING, _COMPILING_EVENTS = 7.0, 18.0
-"""Seconds that compiling the kernels of a scheme takes, and those of event_driven."""
-
-LOADING = 0.05
-"""Seconds that loading a scheme's compiled kernels takes."""
 
 
 def case_seconds(settings: CaseSettings, structure: Structure, sampling: Sampling, periods: float) -> float:
@@ -74,19 +68,9 @@ def _few_modes_seconds(structure: Structure) -> float:
     return 1e-6 * states if states > _DENSE else 0.0
 
 
-def compiling_seconds(method: str) -> float:
-    """Return what compiling the kernels of a scheme costs."""
-    return _COMPILING_EVENTS if method == EXACT else _COMPILING
-
-
 def handling_seconds(samples: int, histories: int) -> float:
     """Return what a case costs beside its scheme: conditions, metrics, compression."""
     return 1e-5 + samples * (4.5e-8 + 8e-8 * histories)
-
-
-def beside_seconds(cases: int, size: int) -> float:
-    """Return what a run costs beside its tasks, for so many cases and bytes: libraries, gathering, reading back."""
-    return 0.4 + 3e-6 * cases + 8e-9 * size
 
 
 def _states(structure: Structure) -> int:

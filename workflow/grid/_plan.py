@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -10,18 +11,21 @@ import numpy as np
 from workflow import schemes
 from workflow.grid._arrangement import Grid, arrange
 from workflow.grid._choice_words import choice_lines
-from workflow.grid._estimate import Time, estimate, result_bytes
 from workflow.grid._figures import Figures, distinct_lines, figures
+from workflow.grid._frequencies import longest_period_count
 from workflow.grid._mesh_cautions import coarse_tip
 from workflow.grid._operators import full_structure, reduced_structure
-from workflow.grid._reference import solution_counts
-from workflow.grid._reference_solutions import reference_settings
-from workflow.grid._tasks import tasks
+from workflow.grid._reference import distinct_solutions, solution_counts
+from workflow.grid._reference_solutions import reference_settings, solution_seconds
+from workflow.grid._tasks import MOST_KINDS, model_seconds, steady_bytes, tasks
 from workflow.grid._warnings import looked_at, warnings
 from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod, one_thread
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
 _STRUCTURES_SHOWN = 8
+
+_ORDERS = {"seconds": 60.0, "minutes": 3600.0, "hours": 86400.0, "days": float("inf")}
+"""Orders of time, each up to so many seconds."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class Plan:
     steps
         Steps of all cases together (0 for a scheme without steps).
     time
-        How long it will take here.
+        The order of time that it takes on all processors here: seconds, minutes, hours or days.
     bytes
         Size of the results before compression.
     stored
@@ -73,7 +77,7 @@ class Plan:
     batches: int
     tasks: int
     steps: int
-    time: Time
+    time: str
     bytes: int
     stored: tuple[str, ...]
     structures: tuple[Figures, ...]
@@ -107,8 +111,8 @@ def _plan(grid: Grid) -> Plan:
         steps += distinct * grid.sampling.steps(settings.h) if "h" in schemes.load(settings.scheme.method).READS else 0
     structures = grid.kinds(lambda path: path.startswith(f"scene.{model}."))
     shown = [grid.settings(outer) for outer in structures[:_STRUCTURES_SHOWN]]
-    time = estimate(grid)
-    batches = [len(task.batches) for task in tasks(grid, threads=time.threads)]
+    threads = len(os.sched_getaffinity(0))
+    batches = [len(task.batches) for task in tasks(grid, threads=threads)]
     cases = grid.outer_count * grid.inner_count
     references, exact = solution_counts(grid)
     return Plan(
@@ -123,8 +127,8 @@ def _plan(grid: Grid) -> Plan:
         batches=sum(batches),
         tasks=len(batches),
         steps=steps,
-        time=time,
-        bytes=result_bytes(grid),
+        time=order_of_time((model_seconds(grid) + _reference_seconds(grid)) / threads),
+        bytes=_result_bytes(grid),
         stored=tuple(grid.study.output.sampled),
         structures=tuple(map(figures, shown)),
         more_structures=len(structures) - len(shown),
@@ -132,6 +136,27 @@ def _plan(grid: Grid) -> Plan:
         operators=(*distinct_lines(_operators(grid), _STRUCTURES_SHOWN), *_factors(shown)),
         warnings=(*coarse_tip(grid), *warnings(grid)),
     )
+
+
+def order_of_time(seconds: float) -> str:
+    """Return the unit in which so many seconds are counted."""
+    return next(name for name, most in _ORDERS.items() if seconds < most)
+
+
+def _reference_seconds(grid: Grid) -> float:
+    """Return model seconds of reference solutions, and of exact solutions beside them."""
+    every = list(distinct_solutions(grid))
+    some = every[:: 1 + len(every) // MOST_KINDS]
+    seconds = sum(count * solution_seconds(grid, settings, is_exact) for settings, is_exact, count in some)
+    return seconds * len(every) / max(len(some), 1)
+
+
+def _result_bytes(grid: Grid) -> int:
+    """Return the size of a study's results before compression."""
+    stored = 8 if grid.study.output.precision == "float64" else 4
+    sampled = stored * len(grid.study.output.sampled) * grid.sampling.count
+    each = 8 * (4 * longest_period_count(grid) + 22) + sampled + steady_bytes(grid)
+    return grid.outer_count * grid.inner_count * each
 
 
 def _operators(grid: Grid) -> Iterator[str]:

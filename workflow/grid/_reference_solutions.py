@@ -18,7 +18,6 @@ from workflow.grid._costs import case_seconds
 from workflow.grid._frequencies import fastest
 from workflow.grid._operators import compile_for, judged, reduced_structure, run_batch
 from workflow.grid._perturbation import cases_of
-from workflow.grid._speed import timed
 from workflow.grid._tasks import TASK_BYTES, Batch, unit
 from workflow.grid._waiting_for import REFERENCES, waiting_for
 from workflow.judges.perturbations import predictability
@@ -240,8 +239,7 @@ def _kind_of(grid: Grid, block: Block) -> Kind:
 def compute_block(grid: Grid, block: Block) -> ReferenceSolutions:
     """Return the solutions of a block."""
     settings, _ = _kind_of(grid, block)
-    with timed(len(block.inner) * solution_seconds(grid, settings, block.is_exact)):
-        return _computed_or_lost(grid, settings, np.array(block.inner, dtype=np.int64), is_exact=block.is_exact)
+    return _computed_or_lost(grid, settings, np.array(block.inner, dtype=np.int64), is_exact=block.is_exact)
 
 
 def solution_seconds(grid: Grid, settings: CaseSettings, is_exact: bool) -> float:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.archive import provenance
+from workflow.archive import json_in, provenance
 from workflow.report._html import tag
 
 if TYPE_CHECKING:
@@ -23,21 +22,12 @@ def study_of(archive: Path) -> tuple[dict[str, str], dict[str, Any]]:
 
     Both are empty where provenance does not hold them.
     """
-    resolved = _stored(provenance(archive), "resolved")
+    resolved = json_in(provenance(archive), "resolved")
     schemes, scene = ({} if not isinstance(part, dict) else part for part in map(resolved.get, ("schemes", "scene")))
     methods = {
         str(k): str(form["method"]) for k, form in schemes.items() if isinstance(form, dict) and "method" in form
     }
     return methods, scene
-
-
-def _stored(texts: Mapping[str, str], name: str) -> dict[str, Any]:
-    """Return what a text of a provenance group holds as JSON; empty where it is no mapping."""
-    try:
-        value = json.loads(texts.get(name, ""))
-    except (ValueError, RecursionError):
-        return {}
-    return value if isinstance(value, dict) else {}
 
 
 def origin(dataset: xr.Dataset, archive: Path) -> list[str]:
@@ -47,9 +37,9 @@ def origin(dataset: xr.Dataset, archive: Path) -> list[str]:
         ["written", str(dataset.attrs.get("history", "")).split(": ", 1)[0]],
         ["processor time", _computing(dataset)],
     ]
-    rows += [["run", _run(_stored(stored, "run"))]]
+    rows += [["run", _run(json_in(stored, "run"))]]
     rows += [[name.replace("_", " "), stored[name]] for name in _FACTS if name in stored]
-    rows += [["versions", ", ".join(f"{name} {version}" for name, version in _stored(stored, "versions").items())]]
+    rows += [["versions", ", ".join(f"{name} {version}" for name, version in json_in(stored, "versions").items())]]
     facts = [tag("tr", tag("th", name, scope="row"), tag("td", text)) for name, text in rows if text]
     return [
         tag("h2", "Where this comes from"),

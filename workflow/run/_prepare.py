@@ -102,13 +102,14 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
             reuse = Reuse(earlier.retry, earlier.recompute, reuse.drop, earlier.since)
     hashes = case_hashes(grid)
     held, unfinished = in_archive(archive, job, texts, hashes, reuse.recompute), in_shards(job, hashes)
-    origins = []
+    elsewhere: set[str] = set()
     for found in (held, unfinished):
         found.require(reuse.drop)
         if found.texts and reuse.taken(found.sources, job).holds(hashes).any():
-            origins.append(found.texts)
-    if any(COPIED in origin or any(origin.get(n) != texts[n] for n in SOFTWARE) for origin in origins):
-        texts[COPIED] = "cases that other software or another processor ran"
+            elsewhere |= {name for name in SOFTWARE if found.texts.get(name) != texts[name]}
+            elsewhere.update(filter(None, found.texts.get(COPIED, "").split(", ")))
+    if elsewhere:
+        texts[COPIED] = ", ".join(sorted(elsewhere))
     sources = (*held.sources, *unfinished.sources)
     start_parts(parts, Command(texts, job.warnings, there, job.begun, **asdict(reuse)))
     missing = ~reuse.taken(sources, job).holds(hashes).reshape(grid.outer_count, grid.inner_count)

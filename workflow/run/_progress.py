@@ -1,4 +1,4 @@
-"""How far a run is: cases stored and how they ended, the share of its computing time, the time left."""
+"""How far a run is: cases stored and how they ended, the share of its work, its throughput, the time left."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event, Lock, Thread
 
-from workflow.grid import COMPILING, waited_for
+from workflow.grid import COMPILING, seconds_compiled, waited_for
 from workflow.run._task import Report
 
 
@@ -25,11 +25,12 @@ class Advance:
     endings
         Number of stored cases that are not ok, by name of their status.
     work
-        Share of the study's computing time that is done, by the estimate of ``workflow plan``.
+        Share of the study's work that is done, by the cost model that cuts its tasks.
     elapsed
         Seconds since the run began.
-    left
-        Seconds that the rest will take, estimated; NaN where nothing is known.
+    rate, left
+        Cases per second of this run so far, and the seconds that the rest takes if its work goes on as fast; NaN until
+        a task has ended. Compilation in this process does not count.
     """
 
     cases: int
@@ -37,6 +38,7 @@ class Advance:
     endings: Mapping[str, int]
     work: float
     elapsed: float
+    rate: float
     left: float
 
 
@@ -54,10 +56,6 @@ class ProgressCounter:
         Cases of the study.
     missing, before
         Seconds of the cost model of the cases that are missing, and of those that were stored before.
-    estimated
-        Seconds that the missing ones will take; NaN where that is not known.
-    compiling
-        Seconds that compiling takes before the first task can end.
     begun
         Time at which the run began, of ``clock``.
     tell
@@ -69,15 +67,13 @@ class ProgressCounter:
     cases: int
     missing: float
     before: float
-    estimated: float
-    compiling: float
     begun: float
     tell: Progress
     clock: Callable[[], float] = time.perf_counter
 
     def __post_init__(self) -> None:
-        self._lock, self._computing = Lock(), self.clock()
-        self._done, self._stored, self._endings = 0.0, 0, Counter[str]()
+        self._lock, self._computing = Lock(), self.clock() - seconds_compiled()
+        self._done, self._new, self._stored, self._endings = 0.0, 0, 0, Counter[str]()
 
     def set(self, stored: int, endings: Mapping[str, int]) -> None:
         """Take what is stored altogether, and report it."""
@@ -89,51 +85,25 @@ class ProgressCounter:
         """Take what a task has stored, and report it."""
         with self._lock:
             self._stored += report.cases
+            self._new += report.cases
             self._endings.update(report.endings)
             self._done += report.seconds
             self.tell(self._advance())
 
     def _advance(self) -> Advance:
         now = self.clock()
+        seconds = now - seconds_compiled() - self._computing
         total = self.before + self.missing
         work = (self.before + self._done) / total if total > 0 else self._stored / max(self.cases, 1)
-        done = self._done / self.missing if self.missing > 0 else 1.0
-        left = time_left(min(done, 1.0), now - self._computing, self.estimated, self.compiling)
-        return Advance(self.cases, self._stored, dict(self._endings), min(work, 1.0), now - self.begun, left)
-
-
-def time_left(done: float, elapsed: float, estimated: float, compiling: float = 0.0) -> float:
-    """Return the seconds that the rest of a run will take.
-
-    ``(1 − done) ((1 − done) estimated + elapsed)``: the estimate to begin with, and the more is done the more the speed
-    of what was done, which would be ``(1 − done) elapsed / done``.
-
-    Parameters
-    ----------
-    done
-        Share of the work that is done.
-    elapsed
-        Seconds that it took.
-    estimated
-        Seconds that all of it was estimated to take; NaN where that is not known.
-    compiling
-        Seconds of compilation beside, which belong to the elapsed time, not to the speed.
-    """
-    if math.isnan(estimated):
-        return (1 - done) * elapsed / done if done > 0 else math.nan
-    if done <= 0:
-        return max(estimated + compiling - elapsed, 0.0)
-    return (1 - done) * ((1 - done) * estimated + max(elapsed - compiling, 0.0))
-
-
-_OVERDUE = 10.0
-"""Seconds beyond the time left after which it is no longer said to be 0."""
+        rate = self._new / seconds if self._new and seconds > 0 else math.nan
+        left = max(self.missing / self._done - 1, 0.0) * seconds if self._done > 0 else math.nan
+        return Advance(self.cases, self._stored, dict(self._endings), min(work, 1.0), now - self.begun, rate, left)
 
 
 def in_words(advance: Advance | None, elapsed: float, waited: float = 0.0) -> str:
     """Return how far a run is, and what this process is waiting for, as one line.
 
-    While kernels compile it says no time that is left: that is the time of the cases.
+    While kernels compile it says no throughput and no time that is left: those are the cases'.
 
     Parameters
     ----------
@@ -149,11 +119,11 @@ def in_words(advance: Advance | None, elapsed: float, waited: float = 0.0) -> st
     if advance is None:
         return f"{what}{clock_time(elapsed)} elapsed"
     endings = "".join(f", {number} {name.replace('_', '-')}" for name, number in advance.endings.items() if number)
-    left = "" if math.isnan(advance.left) else f", {clock_time(max(advance.left - waited, 0.0))} left"
-    left = ", longer than estimated" if waited - advance.left > _OVERDUE else left
-    left = "" if awaited == COMPILING else left
+    is_known = not math.isnan(advance.left) and awaited != COMPILING
+    left = f", {clock_time(max(advance.left - waited, 0.0))} left" if is_known else ""
+    rate = f", {float(f'{advance.rate:.2g}'):g}/s" if is_known else ""
     times = f"{math.floor(100 * advance.work)} %, {clock_time(elapsed)} elapsed{left}"
-    return f"{what}{times}; {advance.stored} of {advance.cases} cases{endings}"
+    return f"{what}{times}; {advance.stored} of {advance.cases} cases{rate}{endings}"
 
 
 class Follower:

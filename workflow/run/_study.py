@@ -6,7 +6,6 @@ import json
 import time
 from dataclasses import replace
 from importlib import import_module
-from math import nan
 from pathlib import Path
 from threading import Thread
 
@@ -29,11 +28,8 @@ from workflow.grid import (
     arrange,
     compiled_ahead,
     kernel_variants,
-    machine_factor,
-    measured_run,
     model_seconds,
     read_choices,
-    time_to_compile,
     waiting_for,
 )
 from workflow.run._notebook import in_notebook, notebook_line
@@ -115,11 +111,10 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
         runner(resources) as run_tasks,
         run_lock(parts),
         compiled_ahead(kernel_variants(grid) if resources.here and resources.computing > 1 else []),
-        measured_run(resources.here),
     ):
         prepared = prepare(grid, archive, reuse, resources.here)
         job, missing = prepared.job, prepared.missing
-        counter = _counter(prepared, resources.computing, begun, progress)
+        counter = _counter(prepared, begun, progress)
         Thread(target=import_module, args=("xarray",), daemon=True).start()  # what comes after cases begins beside them
         with waiting_for(CASES):
             try:
@@ -152,23 +147,16 @@ def _has_work(study: Study, archive: Path, reuse: Reuse) -> bool:
     return reuse.retry and bool(np.any(statuses(archive) != Status.OK))
 
 
-def _counter(prepared: Prepared, computing: int, begun: float, progress: Progress) -> ProgressCounter:
+def _counter(prepared: Prepared, begun: float, progress: Progress) -> ProgressCounter:
     """Return the count of stored cases that ``progress`` is called with, from those that are stored already.
 
-    Parameters
-    ----------
-    computing
-        Threads or workers, 0 where a scheduler has them.
-    begun
-        When the run began, on the clock of :func:`time.perf_counter`.
+    The run began at ``begun`` on the clock of :func:`time.perf_counter`.
     """
     from threadpoolctl import threadpool_limits
 
     grid = prepared.job.grid
     with threadpool_limits(limits=1, user_api="blas"):  # structures are made here as tasks make them
         every, missing = model_seconds(grid), model_seconds(grid, prepared.missing)
-        estimated = missing * machine_factor(grid, every) / computing if computing else nan
-    compiling = time_to_compile(grid, computing) if computing else 0.0
-    counter = ProgressCounter(prepared.missing.size, missing, every - missing, estimated, compiling, begun, progress)
+    counter = ProgressCounter(prepared.missing.size, missing, every - missing, begun, progress)
     counter.set(*prepared.progress())
     return counter

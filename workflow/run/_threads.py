@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from workflow.grid import Task, compute_block, tasks, timed
+from workflow.grid import Task, compute_block, tasks
 from workflow.run._graph import graphs
 from workflow.run._prepare import Prepared
 from workflow.run._task import Report, store_task
@@ -26,9 +26,7 @@ def run_on_threads(prepared: Prepared, stored: Callable[[Report], None], threads
     grid = prepared.job.grid
 
     def store(task: Task, *arguments: Any) -> None:
-        with timed(task.seconds):
-            report = store_task(prepared.job, task, *arguments)
-        stored(report)
+        stored(store_task(prepared.job, task, *arguments))
 
     cut = tasks(grid, prepared.missing, threads)
     with threadpool_limits(limits=1, user_api="blas"):

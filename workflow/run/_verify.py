@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from workflow.archive import (
     content_hash,
     grid_of,
     is_whole,
+    json_in,
     open_archive,
     processor,
     provenance,
@@ -51,11 +51,15 @@ MOST_DIFFERENCES = 10
 
 @dataclass(frozen=True)
 class Check:
-    """One comparison of an archive: whether it holds, and the result in words."""
+    """One comparison of an archive: whether it holds, and the result in words.
+
+    Not judged is what other versions of packages or code make otherwise than those here: it counts as holding.
+    """
 
     name: str
     holds: bool
     detail: str
+    judged: bool = True
 
 
 def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
@@ -79,21 +83,26 @@ def verify(path: Path, sample: int = SAMPLE) -> Iterator[Check]:
         return  # its values may crash the process that reads them
     texts = provenance(path)
     yield _content(path, texts)
-    version = texts.get("solver_version", "none")
-    same_version = version == str(SOLVER_VERSION)
-    yield Check("solver", same_version, f"version {version}" + ("" if same_version else f", this is {SOLVER_VERSION}"))
-    if not same_version:
-        return
+    other = _other_versions(texts)
+    yield Check("versions", True, "; ".join(other) or "of packages and code are those here", judged=not other)
+    for check in _run_again(path, texts, sample, other_versions=bool(other)):
+        yield replace(check, holds=True, judged=False) if other else check
+
+
+def _run_again(path: Path, texts: dict[str, str], sample: int, *, other_versions: bool) -> Iterator[Check]:
+    """Compare an archive with what its study gives here; hashes and choices with those of the same versions only."""
     try:
         grid = grid_of(texts)
     except (StudyError, LookupError, ValueError, TypeError, AttributeError) as error:
         yield Check("study", False, f"cannot be read from the archive: {error}")
         return
     try:
-        yield _identity(path, grid, texts)
-        if grid.decided:
-            yield _choices(grid)
-        yield from _repeat(path, grid, texts, sample)
+        if not other_versions:
+            yield _identity(path, grid, texts)
+            if grid.decided:
+                yield _choices(grid)
+        rounded = [] if other_versions else _other_arithmetic(texts)
+        yield from _repeat(path, grid, texts, sample, rounded)
     except Exception as error:  # what a changed byte makes of the libraries
         yield Check("values", False, f"cannot be compared: that ended with {type(error).__name__}: {error}")
 
@@ -144,11 +153,10 @@ def _agree(stored: ChosenModes, again: ChosenModes) -> bool:
     )
 
 
-def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Iterator[Check]:
-    """Run a sample again and compare it, bit for bit where the same software computes by the same machine code."""
+def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int, other: list[str]) -> Iterator[Check]:
+    """Run a sample again and compare it: bit for bit, or within rounding where the arithmetic is ``other``."""
     from threadpoolctl import threadpool_limits
 
-    other = _other_than_here(texts)
     dtypes = {str(name): variable.dtype for name, variable in template(grid).data_vars.items()}
     differ: list[str] = []
     blurred: list[str] = []
@@ -190,18 +198,32 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int) -> Itera
         yield Check("sample", False, f"and {len(differ) - MOST_DIFFERENCES} more differences in {len(numbers)} cases")
 
 
-def _other_than_here(texts: dict[str, str]) -> list[str]:
-    """Return what an archive was made with that is not what is here, and that may change the bits of its results.
+def _other_versions(texts: dict[str, str]) -> list[str]:
+    """Return the packages and the code that made an archive, where they are not those here."""
+    made = {"solver": texts.get("solver_version", "none"), "code": texts.get("code_revision", "")[:12]}
+    here = {"solver": str(SOLVER_VERSION), "code": code_revision()[:12]}
+    made, here = made | json_in(texts, "versions"), here | versions()
+    names = [name for name in made | here if made.get(name) != here.get(name)]
+    other = [f"{name} {made.get(name, 'none')}, here {here.get(name, 'none')}" for name in names]
+    return other + (["some cases by others"] if {"code_revision", "versions"} & _origins(texts) else [])
+
+
+def _other_arithmetic(texts: dict[str, str]) -> list[str]:
+    """Return what may change the bits of an archive's results here, given the same packages and code.
 
     Of processors it is the architecture alone where both computed with :func:`workflow.pin`: see ``tests/portability``.
     """
-    here = {"code_revision": code_revision(), "versions": json.dumps(versions(), sort_keys=True)}
-    other = [name.replace("_", " ") for name, value in here.items() if texts.get(name) != value]
+    other = []
     if texts.get("processor", "").split(" ")[0] != processor().split(" ")[0]:
         other.append("architecture")
     if texts.get("pinned") != "true" or not is_pinned():
         other.append("linear algebra")
-    return other + (["origin of some cases"] if COPIED in texts else [])
+    return other + (["origin of some cases"] if _origins(texts) else [])
+
+
+def _origins(texts: dict[str, str]) -> set[str]:
+    """Return in what some cases of an archive were run otherwise than those that came last."""
+    return set(filter(None, texts.get(COPIED, "").split(", ")))
 
 
 def _sample(path: Path, grid: Grid, texts: dict[str, str], count: int) -> list[int]:
