@@ -75,16 +75,17 @@ class Stored:
         sizes = [each.status.size for each in self.sources]
         row = np.concatenate([np.empty(0, np.int64), *map(np.arange, sizes)])
         hashes: Hashes = np.concatenate([np.empty((0, 16), np.uint8), *(each.hashes for each in self.sources)])
-        keys = pd.Index(_keys(hashes))
-        last = ~keys.duplicated(keep="last")
+        last = ~pd.Index(_keys(hashes)).duplicated(keep="last")
         self._source, self._row = np.repeat(np.arange(len(sizes)), sizes)[last], row[last]
-        self._keys, self.hashes = keys[last], hashes[last]
+        self.hashes = hashes[last]
 
     def find(self, hashes: Hashes) -> Places:
         """Return which source holds each hash, in which row."""
+        import pandas as pd
+
         if not self._row.size:
             return np.full(len(hashes), -1), np.full(len(hashes), -1)
-        place = self._keys.get_indexer(_keys(hashes))
+        place = pd.Index(_keys(self.hashes)).get_indexer(_keys(hashes))
         held = self.hashes[place].view(np.uint64) == np.ascontiguousarray(hashes).view(np.uint64)
         is_held = (place >= 0) & held[:, 0] & held[:, 1]
         return np.where(is_held, self._source[place], -1), np.where(is_held, self._row[place], -1)
