@@ -10,7 +10,9 @@ import pytest
 
 from studies import CHAOS, SCENE, parsed
 from workflow import schemes
-from workflow.grid import Batch, Block, References, Solved, arrange, solution_counts, solve
+from workflow.grid import Batch, Block, References, Solved, arrange, solution_counts, solve, tasks
+from workflow.grid import _tasks as cutting
+from workflow.grid._reference_solutions import Kind, needed_kinds, solution_seconds
 from workflow.run import run_study
 from workflow.schemes import Status
 
@@ -61,7 +63,11 @@ def test_references_beyond_what_is_held_are_computed_again(monkeypatch: pytest.M
     grid = arrange(parsed(REFERRED))
     monkeypatch.setattr("workflow.grid._reference_solutions.HELD_BYTES", 3 * 8 * grid.sampling.count * 4)
     begun = list[Block]()
-    references, inner = References(grid, begun.append), np.arange(grid.inner_count)
+    monkeypatch.setattr("workflow.grid._tasks.SHORTEST", 1e-9)
+    monkeypatch.setattr("workflow.grid._tasks.LONGEST", 1e-9)
+    monkeypatch.setattr("workflow.grid._reference_solutions.unit", lambda *_: 1)
+    inner = np.arange(grid.inner_count)
+    references = References(grid, [Batch(0, inner)], begun.append)
     first = references.of([Batch(0, inner[:2])])
     assert references.of([Batch(0, inner[:2])]) == first
     assert begun == list(first)
@@ -71,6 +77,30 @@ def test_references_beyond_what_is_held_are_computed_again(monkeypatch: pytest.M
     assert len(begun) == held
     assert references.of([Batch(0, inner[:2])]) == first
     assert begun[held:] == list(first)
+
+
+@pytest.mark.parametrize("scheme", ["event_driven", "moreau, h: 1e-6"])
+@pytest.mark.parametrize("threads", [1, 2, 16])
+def test_blocks_are_cut_as_tasks_are(threads: int, scheme: str) -> None:
+    """All solutions once, in blocks of one cost: eight for each thread, none of a trifle."""
+    few = REFERRED.replace("alpha: [0, 5, 20]", "alpha: {lin: [0, 20, 9000]}").replace(
+        "interval: 1 ms", "interval: 20 ms"
+    )
+    grid = arrange(parsed(few[: few.index("zip:")] + f"reference: {{scheme: {scheme}}}\noutput: {{interval: 20 ms}}\n"))
+    every, begun = list(tasks(grid, threads=threads)), list[Block]()
+    references = References(grid, (batch for task in every for batch in task.batches), begun.append, threads)
+    for task in every:
+        references.of(task.batches)
+    solved: dict[Kind, list[int]] = {}
+    for block in begun:
+        solved.setdefault(needed_kinds(grid, block.outer)[block.is_exact], []).extend(block.inner.tolist())
+    assert sum(map(len, solved.values())) == sum(solution_counts(grid)) == sum(len(set(one)) for one in solved.values())
+    each = [
+        block.inner.size * solution_seconds(grid, *needed_kinds(grid, block.outer)[block.is_exact]) for block in begun
+    ]
+    assert min(8 * threads, sum(each) / cutting.SHORTEST) * 0.9 - len(solved) <= len(begun)
+    assert len(begun) <= max(8 * threads, sum(each) / cutting.LONGEST) * 1.1 + len(solved)
+    assert np.percentile(each, 90) < 2 * np.percentile(each, 10)
 
 
 def test_a_reference_that_raises_harms_no_case() -> None:

@@ -69,25 +69,22 @@ class Stored:
     """Cases that sources hold, the earliest first; of two with one hash that of the later source counts."""
 
     def __init__(self, sources: Iterable[Source] = ()) -> None:
-        import pandas as pd
-
         self.sources = tuple(sources)
-        sizes = [each.status.size for each in self.sources]
-        row = np.concatenate([np.empty(0, np.int64), *map(np.arange, sizes)])
-        hashes: Hashes = np.concatenate([np.empty((0, 16), np.uint8), *(each.hashes for each in self.sources)])
-        keys = pd.Index(_keys(hashes))
-        last = ~keys.duplicated(keep="last")
-        self._source, self._row = np.repeat(np.arange(len(sizes)), sizes)[last], row[last]
-        self._keys, self.hashes = keys[last], hashes[last]
+        self._first = np.cumsum([0, *(each.status.size for each in self.sources)])
+        self.hashes: Hashes = np.concatenate([np.empty((0, 16), np.uint8), *(each.hashes for each in self.sources)])
 
     def find(self, hashes: Hashes) -> Places:
         """Return which source holds each hash, in which row."""
-        if not self._row.size:
+        import pandas as pd
+
+        if not len(self.hashes):
             return np.full(len(hashes), -1), np.full(len(hashes), -1)
-        place = self._keys.get_indexer(_keys(hashes))
-        held = self.hashes[place].view(np.uint64) == np.ascontiguousarray(hashes).view(np.uint64)
-        is_held = (place >= 0) & held[:, 0] & held[:, 1]
-        return np.where(is_held, self._source[place], -1), np.where(is_held, self._row[place], -1)
+        keys = _keys(self.hashes)
+        last = np.flatnonzero(~pd.Index(keys).duplicated(keep="last"))
+        place = last[pd.Index(keys[last]).get_indexer(_keys(hashes))]  # some other one where none is held
+        same = self.hashes[place].view(np.uint64) == np.ascontiguousarray(hashes).view(np.uint64)
+        is_held, source = same[:, 0] & same[:, 1], np.searchsorted(self._first, place, side="right") - 1
+        return np.where(is_held, source, -1), np.where(is_held, place - self._first[source], -1)
 
     def holds(self, hashes: Hashes) -> NDArray[np.bool_]:
         """Tell which hashes some source holds."""

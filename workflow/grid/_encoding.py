@@ -54,7 +54,7 @@ def listed_coordinates(dataset: xr.Dataset, dims: tuple[Any, ...]) -> dict[str, 
     """Return CF's ``coordinates``: the scalar coordinates, those of a zip and the labels that are text."""
     names = [
         str(name)
-        for name, one in dataset.coords.items()
+        for name, one in ((name, dataset.variables[name]) for name in dataset.coords)
         if set(one.dims) <= set(dims) and (one.dtype.kind == "O" or one.dims != (name,))
     ]
     return {"coordinates": " ".join(names)} if names else {}

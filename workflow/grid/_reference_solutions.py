@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import count
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, Indices, reads
@@ -18,7 +15,7 @@ from workflow.grid._costs import case_seconds
 from workflow.grid._frequencies import fastest
 from workflow.grid._operators import compile_for, judged, reduced_structure, run_batch
 from workflow.grid._perturbation import cases_of
-from workflow.grid._tasks import TASK_BYTES, Batch, unit
+from workflow.grid._tasks import TASK_BYTES, Batch, fair_seconds, unit
 from workflow.grid._waiting_for import REFERENCES, waiting_for
 from workflow.judges.perturbations import predictability
 from workflow.judges.reasons import reason_of
@@ -27,9 +24,6 @@ from workflow.models import Array, Cases
 from workflow.schemes import Results, Status
 from workflow.study import CaseSettings, SchemeChoice
 from workflow.variables import COMPARED
-
-BLOCK_SECONDS = 0.05
-"""Seconds of solutions that are computed at a time: many share what a batch costs, no thread waits long."""
 
 HELD_BYTES = 256 * 2**20
 """Bytes of histories that are held for later tasks; what is needed after them is computed again."""
@@ -64,13 +58,9 @@ class ReferenceSolutions:
 
     def of(self, inner: Indices) -> ReferenceSolutions:
         """Return the solutions of these inner indices, in their order; some may be there more than once."""
-        return self.take(np.searchsorted(self.inner, inner))
-
-    def take(self, rows: Indices) -> ReferenceSolutions:
-        """Return the solutions in some rows."""
+        rows = np.searchsorted(self.inner, inner)
         histories = {name: values[rows] for name, values in self.histories.items()}
-        failures = texts_of(self.failures, rows)
-        return ReferenceSolutions(self.inner[rows], histories, self.predictability[rows], failures)
+        return ReferenceSolutions(inner, histories, self.predictability[rows], texts_of(self.failures, rows))
 
 
 def texts_of(texts: Mapping[int, str], rows: Indices) -> dict[int, str]:
@@ -79,17 +69,17 @@ def texts_of(texts: Mapping[int, str], rows: Indices) -> dict[int, str]:
     return {k: texts[int(rows[k])] for k in said}
 
 
-def _together(parts: Sequence[ReferenceSolutions]) -> ReferenceSolutions:
-    """Return the solutions of all parts, by ascending inner index."""
+def _together(parts: Iterable[ReferenceSolutions]) -> ReferenceSolutions:
+    """Return the solutions of parts between whose inner indices no other part has any."""
+    parts = sorted(parts, key=lambda part: int(part.inner[0]))
     first = np.cumsum([0, *(part.inner.size for part in parts)]).tolist()
     inner = np.concatenate([part.inner for part in parts])
     histories = {name: np.concatenate([part.histories[name] for part in parts]) for name in COMPARED}
     failures = {first[n] + k: text for n, part in enumerate(parts) for k, text in part.failures.items()}
-    whole = ReferenceSolutions(inner, histories, np.concatenate([part.predictability for part in parts]), failures)
-    return whole.take(np.argsort(inner))
+    return ReferenceSolutions(inner, histories, np.concatenate([part.predictability for part in parts]), failures)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Block:
     """Solutions that are computed together: references, or exact solutions of reduced models, of an outer index.
 
@@ -98,7 +88,7 @@ class Block:
 
     outer: int
     is_exact: bool
-    inner: tuple[int, ...]
+    inner: Indices
 
 
 Begun = TypeVar("Begun")
@@ -142,6 +132,8 @@ def _only_what_is_read(settings: CaseSettings) -> CaseSettings:
 
 def needed_kinds(grid: Grid, outer: int) -> list[Kind]:
     """Return the kind of the reference of an outer index, and of the exact solution beside it unless that is it."""
+    if grid.study.reference is None:
+        return []
     ours, theirs = reference_settings(grid, outer), exact_settings(grid, outer)
     return [(ours, False)] if theirs == ours else [(ours, False), (theirs, True)]
 
@@ -159,68 +151,77 @@ def compared_values(grid: Grid, inner: Indices) -> dict[str, Array]:
 
 
 class References(Generic[Begun]):
-    """Blocks of solutions that batches are compared with, each begun when the first of them needs it.
+    """Blocks of the solutions that some batches are compared with, each begun when the first of them needs it.
+
+    They are cut as tasks are: to the same cost, with packs whole and within the same memory.
 
     Parameters
     ----------
+    batches
+        All of them.
     begin
         Begins to compute a block, and returns what its solutions will be had from. The latest blocks are held, one
         that is needed again later is begun again.
+    threads
+        Those that share the blocks.
     """
 
-    def __init__(self, grid: Grid, begin: Callable[[Block], Begun]) -> None:
-        self._grid, self._begin = grid, begin
-        self._held: OrderedDict[int, tuple[Block, Begun]] = OrderedDict()
-        self._number_of: dict[Kind, NDArray[np.int32]] = {}
-        self._numbers = count()
-        self._most = max(1, HELD_BYTES // _bytes_of_solution(grid))
+    def __init__(self, grid: Grid, batches: Iterable[Batch], begin: Callable[[Block], Begun], threads: int = 1) -> None:
+        self._grid, self._begin, self._held = grid, begin, dict[Block, Begun]()
+        wanted: dict[Kind, tuple[int, list[Indices]]] = {}
+        for batch in batches:
+            for kind in needed_kinds(grid, batch.outer):
+                wanted.setdefault(kind, (batch.outer, []))[1].append(_first_alike(grid, kind, batch))
+        every = {kind: np.unique(np.concatenate(some)) for kind, (_, some) in wanted.items()}
+        each = {kind: solution_seconds(grid, *kind) for kind in every}
+        fair = fair_seconds(sum(each[kind] * inner.size for kind, inner in every.items()), threads)
+        self._blocks = {
+            kind: [Block(wanted[kind][0], kind[1], part) for part in _cut(grid, kind, inner, each[kind], fair)]
+            for kind, inner in every.items()
+        }
 
     def of(self, batches: Iterable[Batch]) -> dict[Block, Begun]:
         """Return the blocks that the cases of some batches are compared with."""
-        if self._grid.study.reference is None:
-            return {}
-        needed = dict.fromkeys(number for batch in batches for number in self._blocks_of(batch))
-        for number in needed:
-            self._held.move_to_end(number)
-        held = sum(len(block.inner) for block, _ in self._held.values())
-        while held > self._most and (oldest := next(iter(self._held))) not in needed:
-            block, _ = self._held.pop(oldest)
-            self._number_of[_kind_of(self._grid, block)][list(block.inner)] = -1
-            held -= len(block.inner)
-        return dict(self._held[number] for number in needed)
+        needed = dict.fromkeys(block for batch in batches for block in self._blocks_of(batch))
+        for block in needed:
+            begun = self._held.pop(block) if block in self._held else self._begin(block)
+            self._held[block] = begun  # the latest come last
+        held, most = sum(block.inner.size for block in self._held), HELD_BYTES // _bytes_of_solution(self._grid)
+        for block in list(self._held):
+            if held <= most or block in needed:
+                break
+            del self._held[block]
+            held -= block.inner.size
+        return {block: self._held[block] for block in needed}
 
-    def _blocks_of(self, batch: Batch) -> Iterator[int]:
-        """Yield the numbers of the blocks of a batch, after new ones are begun where none is held."""
+    def _blocks_of(self, batch: Batch) -> Iterator[Block]:
         for kind in needed_kinds(self._grid, batch.outer):
-            if kind not in self._number_of:
-                self._number_of[kind] = np.full(self._grid.inner_count, -1, np.int32)
-            numbers = self._number_of[kind]
-            first_alike = np.unique(self._grid.inner_alike(batch.inner, is_compared(self._grid, kind[0])))
-            new = first_alike[numbers[first_alike] < 0]
-            most = _block_size(self._grid, *kind)
-            for first in range(0, new.size, most):
-                inner, number = new[first : first + most], next(self._numbers)
-                block = Block(batch.outer, kind[1], tuple(inner.tolist()))
-                self._held[number], numbers[inner] = (block, self._begin(block)), number
-            yield from np.unique(numbers[first_alike]).tolist()
+            blocks, first = self._blocks[kind], _first_alike(self._grid, kind, batch)
+            after = np.searchsorted([block.inner[0] for block in blocks], first, side="right")
+            yield from (blocks[k - 1] for k in np.unique(after).tolist())
+
+
+def _first_alike(grid: Grid, kind: Kind, batch: Batch) -> Indices:
+    """Return the inner indices that have the solutions of a kind for the cases of a batch, see :func:`is_compared`."""
+    return grid.inner_alike(batch.inner, is_compared(grid, kind[0]))
+
+
+def _cut(grid: Grid, kind: Kind, inner: Indices, each: float, fair: float) -> list[Indices]:
+    """Return inner indices in parts that take about ``fair`` seconds, ``each`` of them so many."""
+    most = max(1, TASK_BYTES // _bytes_of_solution(grid))
+    least = min(most, unit(grid, each, schemes.load(kind[0].scheme.method).TOGETHER))
+    parts = max(1, round(inner.size * each / fair))
+    length = least * min(most // least, -(-inner.size // (parts * least)))
+    return [inner[first : first + length] for first in range(0, inner.size, length)]
 
 
 def _bytes_of_solution(grid: Grid) -> int:
     return 8 * grid.sampling.count * len(COMPARED)
 
 
-@lru_cache(maxsize=256)
-def _block_size(grid: Grid, settings: CaseSettings, is_exact: bool) -> int:
-    """Return how many solutions are computed at a time: as many as take a fair time, whole packs, and little memory."""
-    each = solution_seconds(grid, settings, is_exact)
-    least = unit(grid, each, schemes.load(settings.scheme.method).TOGETHER)
-    most = max(1, TASK_BYTES // _bytes_of_solution(grid))
-    return min(most, least * max(1, round(BLOCK_SECONDS / (least * each))))
-
-
 def solutions_for(grid: Grid, batch: Batch) -> Solutions:
     """Compute the solutions that a batch is compared with."""
-    return solutions_of(grid, References(grid, lambda block: compute_block(grid, block)).of([batch]))
+    return solutions_of(grid, References(grid, [batch], lambda block: compute_block(grid, block)).of([batch]))
 
 
 def solutions_of(grid: Grid, computed: Mapping[Block, ReferenceSolutions]) -> Solutions:
@@ -239,7 +240,7 @@ def _kind_of(grid: Grid, block: Block) -> Kind:
 def compute_block(grid: Grid, block: Block) -> ReferenceSolutions:
     """Return the solutions of a block."""
     settings, _ = _kind_of(grid, block)
-    return _computed_or_lost(grid, settings, np.array(block.inner, dtype=np.int64), is_exact=block.is_exact)
+    return _computed_or_lost(grid, settings, block.inner, is_exact=block.is_exact)
 
 
 def solution_seconds(grid: Grid, settings: CaseSettings, is_exact: bool) -> float:

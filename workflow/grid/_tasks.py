@@ -173,7 +173,7 @@ def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None, threads: int = 1
     outer, (setup, each, together), counts = grid.computed.tolist(), costs(grid), _counts(grid, missing)
     left, cases_left, most = model_seconds(grid, missing), int(counts.sum()), max(1, TASK_BYTES // bytes_per_case(grid))
     units = [min(most, unit(grid, *of_scheme)) for of_scheme in zip(each.tolist(), together.tolist(), strict=True)]
-    usual = min(max(left / (TASKS_PER_THREAD * threads), SHORTEST), LONGEST)
+    usual = fair_seconds(left, threads)
     number, batches, seconds, cases = 0, list[Batch](), 0.0, 0
     for k, once, one, least in zip(outer, setup.tolist(), each.tolist(), units, strict=True):
         due = grid.inner_computed(k)
@@ -192,6 +192,11 @@ def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None, threads: int = 1
             seconds, cases, once = seconds + once + inner.size * one, cases + inner.size, 0.0
     if batches:
         yield Task(number, tuple(batches), seconds)
+
+
+def fair_seconds(every: float, threads: int) -> float:
+    """Return the seconds of a task where all of them take ``every`` seconds and threads share them."""
+    return min(max(every / (TASKS_PER_THREAD * threads), SHORTEST), LONGEST)
 
 
 def unit(grid: Grid, each: float, together: int) -> int:

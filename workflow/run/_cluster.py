@@ -154,18 +154,19 @@ def run_on_cluster(prepared: Prepared, stored: Callable[[Report], None], client:
     if not prepared.missing.any():
         return
     job, session = prepared.job, _opened(prepared.job, client)
-    suspects, cut = [], tasks(job.grid, prepared.missing, sum(client.nthreads().values()))
-    for task, result in _results(client, session, prepared, cut, MOST_TASKS):
+    suspects, threads = [], sum(client.nthreads().values())
+    cut = tasks(job.grid, prepared.missing, threads)
+    for task, result in _results(client, session, prepared, cut, threads, MOST_TASKS):
         if result is None:
             suspects.append(task)
         else:
             stored(result)
-    for task, result in _results(client, session, prepared, iter(suspects), 1):
+    for task, result in _results(client, session, prepared, iter(suspects), threads, 1):
         stored(store_lost(job, task, prepared.hashes_of(task), LOST) if result is None else result)
 
 
 def _results(
-    client: Any, session: Session, prepared: Prepared, cut: Iterator[Task], most: int
+    client: Any, session: Session, prepared: Prepared, cut: Iterator[Task], threads: int, most: int
 ) -> Iterator[tuple[Task, Report | None]]:
     """Yield tasks as they end, with ``None`` where dask has given up; their futures are let go.
 
@@ -176,7 +177,7 @@ def _results(
     ended: SimpleQueue[Any] = SimpleQueue()
     under_way: dict[str, Task] = {}
     name = f"workflow-{session.begun}-{'alone' if most == 1 else 'all'}-"  # a task that is tried again has another
-    pieces = graphs(prepared, cut, partial(run_block, session), partial(run_task, session), name, most)
+    pieces = graphs(prepared, cut, partial(run_block, session), partial(run_task, session), threads, name, most)
     while True:
         if len(under_way) <= most // 2 and (graph := next(pieces, None)) is not None:
             under_way |= graph.tasks

@@ -28,6 +28,7 @@ def graphs(
     tasks: Iterator[Task],
     compute: Callable[[Block], Any],
     store: Callable[..., Any],
+    threads: int,
     name: str = "",
     most: int = MOST_TASKS,
 ) -> Iterator[Graph]:
@@ -42,6 +43,8 @@ def graphs(
         Computes a block.
     store
         Called with a task, the hashes of its cases, its blocks and their solutions.
+    threads
+        Those that share the tasks.
     name
         What keys begin with.
     """
@@ -54,7 +57,8 @@ def graphs(
             nodes[key] = (compute, block)
             return key
 
-        references, named = References(prepared.job.grid, begin), dict[str, Task]()
+        batches, named = (batch for task in some for batch in task.batches), dict[str, Task]()
+        references = References(prepared.job.grid, batches, begin, threads)
         for place, task in enumerate(some):
             needed, key = references.of(task.batches), f"{name}task-{most - place:06d}-{task.number}"
             nodes[key] = (store, task, prepared.hashes_of(task), list(needed), list(needed.values()))

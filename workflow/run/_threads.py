@@ -30,5 +30,5 @@ def run_on_threads(prepared: Prepared, stored: Callable[[Report], None], threads
 
     cut = tasks(grid, prepared.missing, threads)
     with threadpool_limits(limits=1, user_api="blas"):
-        for graph in graphs(prepared, cut, partial(compute_block, grid), store):
+        for graph in graphs(prepared, cut, partial(compute_block, grid), store, threads):
             get(graph.nodes, list(graph.tasks), num_workers=threads)
