@@ -16,7 +16,7 @@ from terminal import workflow
 from workflow import read_study, recommend, run_study, write_matrices
 from workflow.analysis import effect, shown_place
 from workflow.grid import plan_study
-from workflow.judges.cautions import FreeModes, Step, step_cautions
+from workflow.judges.cautions import FreeModes, SchemeStep, step_cautions
 from workflow.models._sparse_pair import SparsePair
 from workflow.plots import histories
 from workflow.plots._units import axis_of
@@ -72,7 +72,7 @@ def test_numerical_damping_is_a_share_of_critical(ratio: float) -> None:
         thermal_amplification=lambda mu, h, options: np.zeros_like(mu),
     )
     modes = FreeModes(np.array([300.0]), np.zeros(1), np.zeros(0))
-    step = Step(scheme, None, 1e-3, None, modes, "full", (0.0, 0.0), 0.0)  # type: ignore[arg-type]
+    step = SchemeStep(scheme, None, 1e-3, None, modes, "full", (0.0, 0.0), 0.0)  # type: ignore[arg-type]
     [said] = step_cautions(step)
     assert said.size == pytest.approx(ratio, rel=1e-12)
     assert said.amount == f"{ratio:.2g}"

@@ -10,7 +10,7 @@ import pytest
 
 from studies import CHAOS, SCENE, parsed
 from workflow import schemes
-from workflow.grid import Batch, Block, References, Solved, arrange, solution_counts, solve, tasks
+from workflow.grid import Batch, ReferenceBlock, References, Solved, arrange, solution_counts, solve, tasks
 from workflow.grid import _tasks as cutting
 from workflow.grid._reference_solutions import Kind, needed_kinds, solution_seconds
 from workflow.run import run_study
@@ -62,7 +62,7 @@ def test_a_case_more_computes_its_own_reference_alone(tmp_path: Path, monkeypatc
 def test_references_beyond_what_is_held_are_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
     grid = arrange(parsed(REFERRED))
     monkeypatch.setattr("workflow.grid._reference_solutions.HELD_BYTES", 3 * 8 * grid.sampling.count * 4)
-    begun = list[Block]()
+    begun = list[ReferenceBlock]()
     monkeypatch.setattr("workflow.grid._tasks.SHORTEST", 1e-9)
     monkeypatch.setattr("workflow.grid._tasks.LONGEST", 1e-9)
     monkeypatch.setattr("workflow.grid._reference_solutions.unit", lambda *_: 1)
@@ -87,7 +87,7 @@ def test_blocks_are_cut_as_tasks_are(threads: int, scheme: str) -> None:
         "interval: 1 ms", "interval: 20 ms"
     )
     grid = arrange(parsed(few[: few.index("zip:")] + f"reference: {{scheme: {scheme}}}\noutput: {{interval: 20 ms}}\n"))
-    every, begun = list(tasks(grid, threads=threads)), list[Block]()
+    every, begun = list(tasks(grid, threads=threads)), list[ReferenceBlock]()
     references = References(grid, (batch for task in every for batch in task.batches), begun.append, threads)
     for task in every:
         references.of(task.batches)

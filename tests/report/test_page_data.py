@@ -14,7 +14,7 @@ from workflow.analysis import exact_partners, notable_cases, recommend
 from workflow.plots._units import scaled
 from workflow.report._bokeh_figures import explorer
 from workflow.report._page_data import page_data, shown_part
-from workflow.report._thinned import Pack, levels, rounded, thinned, thinned_times
+from workflow.report._thinned import PackedArrays, levels, rounded, thinned, thinned_times
 from workflow.study import readable
 
 RNG = np.random.default_rng(1)
@@ -71,7 +71,7 @@ def test_thinning_keeps_the_least_and_the_largest_of_every_piece() -> None:
 def test_levels_hold_curves_to_a_part_in_sixty_thousand() -> None:
     values = np.array([1.0, -2.0, np.nan, 1e-3, np.inf, 3.0])
     steps, low, high = levels(values)
-    pack = Pack()
+    pack = PackedArrays()
     pack.add(np.arange(3, dtype=np.int8))
     entry = {**pack.add(steps), "low": low, "high": high}
     decoded = curve(entry, pack.text())

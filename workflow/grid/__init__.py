@@ -15,7 +15,7 @@ from workflow.grid._perturbation import Perturbation
 from workflow.grid._plan import Plan, plan, plan_study
 from workflow.grid._reference import exact_motion, solution_counts
 from workflow.grid._reference_solutions import (
-    Block,
+    ReferenceBlock,
     References,
     ReferenceSolutions,
     Solutions,

@@ -80,7 +80,7 @@ def _together(parts: Iterable[ReferenceSolutions]) -> ReferenceSolutions:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class ReferenceBlock:
     """Solutions that are computed together: references, or exact solutions of reduced models, of an outer index.
 
     ``inner`` are the first inner indices that have these solutions, ascending, see :func:`is_compared`.
@@ -166,8 +166,10 @@ class References(Generic[Begun]):
         Those that share the blocks.
     """
 
-    def __init__(self, grid: Grid, batches: Iterable[Batch], begin: Callable[[Block], Begun], threads: int = 1) -> None:
-        self._grid, self._begin, self._held = grid, begin, dict[Block, Begun]()
+    def __init__(
+        self, grid: Grid, batches: Iterable[Batch], begin: Callable[[ReferenceBlock], Begun], threads: int = 1
+    ) -> None:
+        self._grid, self._begin, self._held = grid, begin, dict[ReferenceBlock, Begun]()
         wanted: dict[Kind, tuple[int, list[Indices]]] = {}
         for batch in batches:
             for kind in needed_kinds(grid, batch.outer):
@@ -176,11 +178,11 @@ class References(Generic[Begun]):
         each = {kind: solution_seconds(grid, *kind) for kind in every}
         fair = fair_seconds(sum(each[kind] * inner.size for kind, inner in every.items()), threads)
         self._blocks = {
-            kind: [Block(wanted[kind][0], kind[1], part) for part in _cut(grid, kind, inner, each[kind], fair)]
+            kind: [ReferenceBlock(wanted[kind][0], kind[1], part) for part in _cut(grid, kind, inner, each[kind], fair)]
             for kind, inner in every.items()
         }
 
-    def of(self, batches: Iterable[Batch]) -> dict[Block, Begun]:
+    def of(self, batches: Iterable[Batch]) -> dict[ReferenceBlock, Begun]:
         """Return the blocks that the cases of some batches are compared with."""
         needed = dict.fromkeys(block for batch in batches for block in self._blocks_of(batch))
         for block in needed:
@@ -194,7 +196,7 @@ class References(Generic[Begun]):
             held -= block.inner.size
         return {block: self._held[block] for block in needed}
 
-    def _blocks_of(self, batch: Batch) -> Iterator[Block]:
+    def _blocks_of(self, batch: Batch) -> Iterator[ReferenceBlock]:
         for kind in needed_kinds(self._grid, batch.outer):
             blocks, first = self._blocks[kind], _first_alike(self._grid, kind, batch)
             after = np.searchsorted([block.inner[0] for block in blocks], first, side="right")
@@ -224,7 +226,7 @@ def solutions_for(grid: Grid, batch: Batch) -> Solutions:
     return solutions_of(grid, References(grid, [batch], lambda block: compute_block(grid, block)).of([batch]))
 
 
-def solutions_of(grid: Grid, computed: Mapping[Block, ReferenceSolutions]) -> Solutions:
+def solutions_of(grid: Grid, computed: Mapping[ReferenceBlock, ReferenceSolutions]) -> Solutions:
     """Return what blocks hold, by kind."""
     parts: dict[Kind, list[ReferenceSolutions]] = {}
     for block, solutions in computed.items():
@@ -232,12 +234,12 @@ def solutions_of(grid: Grid, computed: Mapping[Block, ReferenceSolutions]) -> So
     return {kind: _together(some) for kind, some in parts.items()}
 
 
-def _kind_of(grid: Grid, block: Block) -> Kind:
+def _kind_of(grid: Grid, block: ReferenceBlock) -> Kind:
     settings = exact_settings(grid, block.outer) if block.is_exact else reference_settings(grid, block.outer)
     return settings, block.is_exact
 
 
-def compute_block(grid: Grid, block: Block) -> ReferenceSolutions:
+def compute_block(grid: Grid, block: ReferenceBlock) -> ReferenceSolutions:
     """Return the solutions of a block."""
     settings, _ = _kind_of(grid, block)
     return _computed_or_lost(grid, settings, block.inner, is_exact=block.is_exact)

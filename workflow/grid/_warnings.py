@@ -17,7 +17,7 @@ from workflow.grid._frequencies import fastest
 from workflow.grid._mesh_cautions import fast_samples
 from workflow.grid._operators import Reduced, model_on, reduced, reduced_structure
 from workflow.grid._scene_cautions import basis_text, cautions_of_scene
-from workflow.judges.cautions import FEW, FreeModes, Step, StepCaution, free_modes, listed, step_cautions
+from workflow.judges.cautions import FEW, FreeModes, SchemeStep, StepCaution, free_modes, listed, step_cautions
 from workflow.judges.reasons import reason_of
 from workflow.judges.trials import EXACT
 from workflow.models import one_thread
@@ -101,7 +101,7 @@ def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
         friction = friction_of(settings, structure, grid.inner_values(np.arange(grid.inner_count)), grid.inner_count)
         ends = float(friction.min()), float(friction.max())
         modes = _free_modes(reduced(settings))
-        step = Step(scheme, options, settings.h, structure, modes, settings.reduction, ends, fastest(grid))
+        step = SchemeStep(scheme, options, settings.h, structure, modes, settings.reduction, ends, fastest(grid))
         said = list(step_cautions(step))
     else:
         basis = f" with {settings.reduction}" if structure.has_massless_tip else ""

@@ -164,7 +164,7 @@ def free_modes(structure: Structure) -> FreeModes:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class SchemeStep:
     """A step of a scheme on a structure.
 
     Attributes
@@ -197,7 +197,7 @@ class StepCaution(NamedTuple):
     size: float
 
 
-def step_cautions(step: Step) -> Iterator[StepCaution]:
+def step_cautions(step: SchemeStep) -> Iterator[StepCaution]:
     """Yield the cautions about a step: it diverges, or it rings, is unstable in contact, damps or is coarse."""
     scheme, modes, h = step.scheme, step.modes, step.h
     if "h" not in scheme.READS or scheme.amplification is None or scheme.thermal_amplification is None:
@@ -221,7 +221,7 @@ def step_cautions(step: Step) -> Iterator[StepCaution]:
         yield StepCaution("takes few steps per load period,", f"{1 / (step.frequency * h):.3g}", step.frequency * h)
 
 
-def _numerical_damping(scheme: Scheme, step: Step) -> Iterator[StepCaution]:
+def _numerical_damping(scheme: Scheme, step: SchemeStep) -> Iterator[StepCaution]:
     """Yield the numerical damping of an underdamped first mode, where it exceeds the physical one.
 
     A step multiplies the mode by z = exp(s h) and damps it by ζ = -Re s/|s| of critical; z = 0 stops it at once.

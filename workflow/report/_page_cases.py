@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from workflow.analysis import case_dims, casing_motion, period_frequency
 from workflow.plots import HISTORIES
 from workflow.plots._units import scaled
-from workflow.report._thinned import BUCKETS, Pack, levels, thinned, thinned_times
+from workflow.report._thinned import BUCKETS, PackedArrays, levels, thinned, thinned_times
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,7 +34,7 @@ _LONGEST_MESSAGE = 300
 
 
 def append_cases(
-    part: xr.Dataset, pack: Pack, order: Iterator[int], scene: Mapping[str, Any], room: int
+    part: xr.Dataset, pack: PackedArrays, order: Iterator[int], scene: Mapping[str, Any], room: int
 ) -> dict[str, Any] | None:
     """Take in histories and impulses of load periods of cases in order, while there is room.
 
@@ -106,7 +106,7 @@ def _history(part: xr.Dataset, name: str) -> dict[str, Any]:
     return {"name": name, "title": HISTORIES[name], "unit": shown, "factor": factor}
 
 
-def _curve(pack: Pack, values: NDArray[np.float64]) -> dict[str, Any]:
+def _curve(pack: PackedArrays, values: NDArray[np.float64]) -> dict[str, Any]:
     """Take in a curve as levels between its ends."""
     steps, low, high = levels(values)
     return {**pack.add(steps), "low": low, "high": high}
@@ -115,7 +115,7 @@ def _curve(pack: Pack, values: NDArray[np.float64]) -> dict[str, Any]:
 def _entry(
     case: Mapping[str, Any],
     coordinates: xr.Dataset,
-    pack: Pack,
+    pack: PackedArrays,
     names: list[str],
     buckets: int,
     scene: Mapping[str, Any],

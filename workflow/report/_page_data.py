@@ -20,7 +20,7 @@ from workflow.analysis import (
 )
 from workflow.plots._units import axis_of, coordinate_texts, scaled
 from workflow.report._page_cases import MOST_READ, append_cases
-from workflow.report._thinned import Pack, rounded
+from workflow.report._thinned import PackedArrays, rounded
 from workflow.study import MODES
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def page_data(
     room
         Characters that the block may take.
     """
-    pack = Pack()
+    pack = PackedArrays()
     status = np.asarray(part["status"].values).ravel().astype(np.int8)
     described: dict[str, Any] = {
         "dims": [axis_of(part, dim) for dim in case_dims(part)],
@@ -176,7 +176,9 @@ def _values(part: xr.Dataset, name: str) -> list[float]:
     return [float(value) for value in np.atleast_1d(part[name].values)] if name in part.coords else []
 
 
-def _metrics(part: xr.Dataset, pack: Pack, ok: NDArray[np.bool_], room: int) -> tuple[list[dict[str, Any]], list[str]]:
+def _metrics(
+    part: xr.Dataset, pack: PackedArrays, ok: NDArray[np.bool_], room: int
+) -> tuple[list[dict[str, Any]], list[str]]:
     """Take in the metrics of all cases, the most useful first, while there is room; return those left out too."""
     dims = part["status"].dims
     there = [str(name) for name in part.data_vars if part[name].dims == dims and part[name].dtype.kind == "f"]

@@ -69,7 +69,7 @@ def rounded(values: NDArray[np.float64]) -> NDArray[np.float32]:
     return np.where(np.isnan(single), np.float32(np.nan), kept).astype(np.float32)
 
 
-class Pack:
+class PackedArrays:
     """Arrays one after the other in one compressed block, each described by a plain entry of JSON."""
 
     def __init__(self) -> None:

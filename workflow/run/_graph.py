@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import count, islice
 from typing import Any
 
-from workflow.grid import Block, References, Task
+from workflow.grid import ReferenceBlock, References, Task
 from workflow.run._prepare import Prepared
 
 MOST_TASKS = 4096
@@ -26,7 +26,7 @@ class Graph:
 def graphs(
     prepared: Prepared,
     tasks: Iterator[Task],
-    compute: Callable[[Block], Any],
+    compute: Callable[[ReferenceBlock], Any],
     store: Callable[..., Any],
     threads: int,
     name: str = "",
@@ -52,7 +52,7 @@ def graphs(
     while some := sorted(islice(tasks, most), key=lambda task: -math.frexp(task.seconds)[1]):
         nodes: dict[str, tuple[Any, ...]] = {}
 
-        def begin(block: Block, nodes: dict[str, tuple[Any, ...]] = nodes) -> str:
+        def begin(block: ReferenceBlock, nodes: dict[str, tuple[Any, ...]] = nodes) -> str:
             key = f"{name}reference-{next(numbers)}"
             nodes[key] = (compute, block)
             return key

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive import STATUS, Hashes, write_shard
-from workflow.grid import Batch, Block, Grid, ReferenceSolutions, Solved, Task, solutions_of, solve, template
+from workflow.grid import Batch, Grid, ReferenceBlock, ReferenceSolutions, Solved, Task, solutions_of, solve, template
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
 
@@ -81,7 +81,7 @@ def not_ok(status: NDArray[Any], times: int = 1) -> Counter[str]:
 
 
 def store_task(
-    job: Job, task: Task, hashes: Hashes, blocks: Sequence[Block], computed: Sequence[ReferenceSolutions]
+    job: Job, task: Task, hashes: Hashes, blocks: Sequence[ReferenceBlock], computed: Sequence[ReferenceSolutions]
 ) -> Report:
     """Compute the cases of a task, with these hashes, and store them; they are compared with what blocks hold."""
     solutions = solutions_of(job.grid, dict(zip(blocks, computed, strict=True)))

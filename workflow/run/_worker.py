@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from workflow.archive import ArchiveError, Command, code_revision, grid_of, read_command, study_key
-from workflow.grid import Block, ReferenceSolutions, Task, compute_block
+from workflow.grid import ReferenceBlock, ReferenceSolutions, Task, compute_block
 from workflow.models import FACTORISING, has_cholmod, one_thread
 from workflow.run._task import Job, Report, store_task
 from workflow.schemes import SOLVER_VERSION
@@ -80,7 +80,7 @@ def join(session: Session) -> Command:
     return command
 
 
-def run_block(session: Session, block: Block) -> ReferenceSolutions:
+def run_block(session: Session, block: ReferenceBlock) -> ReferenceSolutions:
     """Compute a block of solutions that tasks need."""
     with one_thread():
         return compute_block(_job(session).grid, block)

@@ -8,7 +8,7 @@ from dataclasses import MISSING
 
 from workflow import models, reduction, schemes
 from workflow.declare import Quantity
-from workflow.study.forms import Entry, Record, entries_of
+from workflow.study.forms import Entry, RecordKind, entries_of
 from workflow.study.kinds import Number, keyword, number
 from workflow.study.settings import (
     AUTO,
@@ -94,7 +94,7 @@ def _values(entries: Mapping[str, Entry], above: str) -> Iterator[tuple[str, Ent
     """Yield the single values among some entries with their paths, those of nested mappings too."""
     for name, entry in entries.items():
         kind, path = entry.kind, f"{above}.{name}"
-        if isinstance(kind, Record):
+        if isinstance(kind, RecordKind):
             yield from _values(kind.entries, path)
         elif kind.varies:
             yield path, dataclasses.replace(entry, kind=kind.single if isinstance(kind, Number) else kind)

@@ -15,7 +15,7 @@ from workflow.study.mistakes import Place, quoted
 from workflow.study.ranges import Content, Followed, Value
 from workflow.study.settings import AUTO, CHOSEN, FULL
 from workflow.study.sizes import Counts, Sizes
-from workflow.study.source import Source
+from workflow.study.source import StudyText
 
 MOST_CASES = 10**8
 
@@ -46,7 +46,7 @@ class _Group:
 class Arrangement:
     """Dimensions in the making, single values and followed axes by path; what is wrong goes to the source."""
 
-    source: Source
+    source: StudyText
     groups: list[_Group] = field(default_factory=list)
     singles: dict[str, Value] = field(default_factory=dict)
     followed: dict[str, Followed] = field(default_factory=dict)
@@ -162,7 +162,7 @@ class Arrangement:
         return tuple(dimensions), scalars, branches[-1] if branches else None
 
 
-def mode_count(source: Source, place: Place, modes: Value, counts: Counts, sizes: Sizes) -> Value:
+def mode_count(source: StudyText, place: Place, modes: Value, counts: Counts, sizes: Sizes) -> Value:
     """Return a count of modes for cases with some numbers of coordinates, of which ``full`` needs one."""
     if modes == AUTO:
         return CHOSEN

@@ -19,7 +19,7 @@ from workflow.study.case_space import CaseSpace
 from workflow.study.mistakes import Fault, Place, place_of_path, quoted
 from workflow.study.settings import CHOSEN, CasingHarmonic, Initial, LoadHarmonic
 from workflow.study.sizes import Sizes
-from workflow.study.source import Source
+from workflow.study.source import StudyText
 
 MOST_SAMPLES = 2_000_000
 """Samples of a history, and load periods of a case: 16 MB of memory for each variable of each case."""
@@ -34,7 +34,7 @@ _ONE_OF_TWO = "write one of the two"
 _CASING_HARMONICS = "scene.casing.harmonics"
 
 
-def faults(cases: CaseSpace, sizes: Sizes, source: Source) -> Iterator[Fault]:
+def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
     """Yield what is wrong between the fields of a study."""
     yield from _auto(cases, source)
     yield from [*_model(cases, source), *_lists(cases, sizes)] or _mesh(cases)
@@ -47,7 +47,7 @@ def faults(cases: CaseSpace, sizes: Sizes, source: Source) -> Iterator[Fault]:
     yield from _interval(cases)
 
 
-def _auto(cases: CaseSpace, source: Source) -> Iterator[Fault]:
+def _auto(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     """Refuse `auto` without a tolerance, which has no default, and one of the reference that decides nothing."""
     problem = "is `auto` without a `tolerance`"
     if cases.reference is not None:
@@ -64,7 +64,7 @@ def _auto(cases: CaseSpace, source: Source) -> Iterator[Fault]:
                 yield source.axes[axis.path], problem, "write e.g. `tolerance: 1e-3` under `axes`"
 
 
-def _model(cases: CaseSpace, source: Source) -> Iterator[Fault]:
+def _model(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     """Refuse parameters of which the model takes one, where there are none or two, and a ratio beside other damping."""
     model, parameters = cases.scene.model, cases.scene.parameters
     either = getattr(models.load(model), "EITHER", None)
@@ -132,7 +132,7 @@ def _lists(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
                 yield ("scene", group, entry.name), problem, remedy
 
 
-def _harmonics(cases: CaseSpace, source: Source) -> Iterator[Fault]:
+def _harmonics(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     """Refuse harmonics without one frequency, and orders without a speed."""
     for group, harmonics in _harmonics_of(cases).items():
         for k, harmonic in enumerate(harmonics):
@@ -148,7 +148,7 @@ def _harmonics_of(cases: CaseSpace) -> dict[str, tuple[LoadHarmonic | CasingHarm
     return {"casing": cases.scene.casing.harmonics, "load": cases.scene.load.harmonics}
 
 
-def _friction(cases: CaseSpace, source: Source) -> Iterator[Fault]:
+def _friction(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     """Refuse an alpha beside the friction that makes it."""
     if cases.scene.friction is not None:
         reference = {} if cases.reference is None else cases.reference.values
@@ -163,7 +163,7 @@ def _labels(cases: CaseSpace) -> tuple[str, ...]:
     return next((tuple(map(str, axis.values)) for axis in cases.axes() if axis.path == "scheme"), ())
 
 
-def _support(cases: CaseSpace, source: Source) -> Iterator[Fault]:
+def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     """Refuse schemes that do not take the harmonics of a scene."""
     casing, load = (bool(harmonics) for harmonics in _harmonics_of(cases).values())
     where = source.axes.get("scheme", ("scene", "casing" if casing else "load", "harmonics"))
@@ -187,7 +187,7 @@ def _branch(cases: CaseSpace) -> Iterator[Fault]:
         yield ("reference",), "stands beside a branch, which has no errors", "leave it out"
 
 
-def _start(cases: CaseSpace, sizes: Sizes, source: Source) -> Iterator[Fault]:
+def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
     """Refuse a tip that starts inside the casing, beyond d(0), in some case."""
     initial, casing = cases.scene.initial, cases.scene.casing
     if not isinstance(initial, Initial):
@@ -236,7 +236,7 @@ def _begins(harmonic: CasingHarmonic, k: int, values: Mapping[str, Any]) -> Any:
     return amplitude * np.sin(phase)
 
 
-def _extent(cases: CaseSpace, source: Source) -> Iterator[Fault]:
+def _extent(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     """Refuse more load periods or steps than any case can have, and steps longer than the duration."""
     duration = cases.scene.duration
     values = {axis.path: axis.values for axis in cases.axes()}

@@ -12,7 +12,7 @@ from workflow import models, schemes
 from workflow.declare import Quantity
 from workflow.study.addresses import OF_SCENE, addresses
 from workflow.study.draws import SAMPLES, drawn
-from workflow.study.forms import Entry, Record, entries_of, named, no_mapping, record, record_of, summary
+from workflow.study.forms import Entry, RecordKind, entries_of, named, no_mapping, record, record_of, summary
 from workflow.study.kinds import FLAG, LINE, Kind, Number, either, keyword, leaf, name, number, usable
 from workflow.study.mistakes import one_of, quoted, wrong
 from workflow.study.ranges import MOST_VALUES, axis_values, between
@@ -46,7 +46,7 @@ def _broken(model: str, value: Any) -> None:
     usable(models.fault(model))
 
 
-def _scene(names: tuple[str, ...]) -> Record:
+def _scene(names: tuple[str, ...]) -> RecordKind:
     """Return the form of a scene: one entry per model, of which a scene has one, and the rest."""
     start = Entry(either(no_mapping, record_of(Initial), _STATIC), summary(Initial))
     entries = entries_of(Scene, OF_SCENE) | {"initial": start}
@@ -68,7 +68,7 @@ def _schemes() -> Kind:
     """Return the form of ``schemes``: methods with their options, by label."""
     names = schemes.names()
 
-    def options(method: str) -> Record:
+    def options(method: str) -> RecordKind:
         if schemes.fault(method) is not None:
             return record("A method that cannot be used.", {"method": Entry(keyword((method,)), "", MISSING)})
         scheme = schemes.load(method)
@@ -92,7 +92,7 @@ def _schemes() -> Kind:
     return named(name("the scheme"), either(choose, *map(options, names)))
 
 
-def _axes(varied: Mapping[str, Entry], zipped: bool = False) -> Record:
+def _axes(varied: Mapping[str, Entry], zipped: bool = False) -> RecordKind:
     """Return the form of ``axes``, or of a zip, for the values that may vary."""
     entries = {path: Entry(axis_values(entry.kind, zipped), entry.described) for path, entry in varied.items()}
 
@@ -131,7 +131,7 @@ def _zip(varied: Mapping[str, Entry]) -> Kind:
     return named(name("the dimension"), either(choose, design, _axes(varied, zipped=True)))
 
 
-def _output() -> Record:
+def _output() -> RecordKind:
     """Return the form of ``output``, read as it is written; ``steady`` is a flag or its options."""
     entries = dict(entries_of(Output, ("steady",)))
     entries["interval"] = dataclasses.replace(entries["interval"], default=None)
@@ -145,7 +145,7 @@ def _output() -> Record:
     return record(summary(Output), entries, build)
 
 
-def study_form(varied: Mapping[str, Entry], names: tuple[str, ...]) -> Record:
+def study_form(varied: Mapping[str, Entry], names: tuple[str, ...]) -> RecordKind:
     """Return the form of a study for some models; ``varied`` is what its axes may vary."""
     of_case = {path: entry for path, entry in varied.items() if "." not in path}
     reference = {path: dataclasses.replace(entry, default=None) for path, entry in of_case.items()}

@@ -11,7 +11,7 @@ from typing import Any
 
 from workflow.study.mistakes import Mistake, Place, StudyError
 from workflow.study.quantities import NUMBER
-from workflow.study.source import Source, compose, dotted, written_axes
+from workflow.study.source import StudyText, compose, dotted, written_axes
 
 OPTION = "-s"
 """How replaced values are named in messages, unless another word is given: the option of the command line."""
@@ -37,7 +37,7 @@ def setting(words: str) -> tuple[str, Any]:
     return key.strip(), source.tree
 
 
-def replaced(source: Source, settings: Mapping[str, Any], option: str = OPTION) -> Source:
+def replaced(source: StudyText, settings: Mapping[str, Any], option: str = OPTION) -> StudyText:
     """Return a study's source with values replaced by their dotted path, as if they had been written in it.
 
     What follows ``axes.`` or ``zip.NAME.`` is one key. ``option`` names the values in messages, before their key.
@@ -48,7 +48,7 @@ def replaced(source: Source, settings: Mapping[str, Any], option: str = OPTION) 
         A path leads nowhere, an axis or a zip varies it, or a value is none that YAML has.
     """
     tree = copy.deepcopy(source.tree)
-    new = Source(source.file, source.text, tree, dict(source.lines), list(source.mistakes))
+    new = StudyText(source.file, source.text, tree, dict(source.lines), list(source.mistakes))
     for key, value in settings.items():
         place, name = _place(key), f"{option} {key}"
         fault = _put(tree, place, _plain(value, name))

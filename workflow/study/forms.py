@@ -36,7 +36,7 @@ class Entry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Record(Kind):
+class RecordKind(Kind):
     """A mapping with known keys."""
 
     entries: Mapping[str, Entry]
@@ -48,7 +48,7 @@ def record(
     build: Callable[[dict[str, Any]], Any] = dict,
     moved: Mapping[str, str] | None = None,
     more: str = "",
-) -> Record:
+) -> RecordKind:
     """Return the kind of a mapping with known keys.
 
     Parameters
@@ -97,7 +97,7 @@ def record(
         "additionalProperties": False,
         **({"patternProperties": {more: {}}} if more else {}),
     }
-    return Record(core, schema, entries=entries)
+    return RecordKind(core, schema, entries=entries)
 
 
 def is_mapping(value: Any) -> dict[str, Any]:
@@ -125,7 +125,7 @@ def summary(described: object) -> str:
     return " ".join((described.__doc__ or "").split("\n\n")[0].replace("``", "`").split())
 
 
-def record_of(declared: Any) -> Record:
+def record_of(declared: Any) -> RecordKind:
     """Return the kind of a mapping that is read into an instance of a declared dataclass."""
     return record(summary(declared), entries_of(declared), lambda given: declared(**given))
 

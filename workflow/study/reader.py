@@ -23,11 +23,11 @@ from workflow.study.kinds import LONGEST_LIST
 from workflow.study.mistakes import UNKNOWN, Place, StudyError, faults_of, one_of, place_of_path
 from workflow.study.settings import FULL, Output, Scene, SchemeChoice
 from workflow.study.sizes import Sizes, sizes_of
-from workflow.study.source import Source, mapping, written_axes
+from workflow.study.source import StudyText, mapping, written_axes
 from workflow.variables import STEADY, reserved_names
 
 
-def read_fields(source: Source, files: Files) -> tuple[Mapping[str, Any], Mapping[str, Entry]]:
+def read_fields(source: StudyText, files: Files) -> tuple[Mapping[str, Any], Mapping[str, Entry]]:
     """Read every field of a study by itself; return its sections, and what its axes may vary.
 
     Raises
@@ -78,7 +78,7 @@ def _form(
     return varied, SchemaValidator(study_form(varied, names).core)
 
 
-def _model(source: Source) -> str:
+def _model(source: StudyText) -> str:
     """Return the scene's one model, empty where there is not exactly one."""
     scene = mapping(source.tree, "scene")
     named = [key for key in scene if key in models.names()]
@@ -90,7 +90,7 @@ def _model(source: Source) -> str:
     return named[0] if len(named) == 1 else ""
 
 
-def _methods(source: Source) -> dict[str, tuple[str, ...]]:
+def _methods(source: StudyText) -> dict[str, tuple[str, ...]]:
     """Return, for each label of a scheme, the methods that it may name."""
     methods = schemes.names()
     defined: dict[str, tuple[str, ...]] = {}
@@ -111,7 +111,7 @@ def _harmonics(tree: Any) -> tuple[int, int]:
     return casing, load
 
 
-def _supplied(source: Source, axes: list[tuple[Place, str, Any]]) -> tuple[Any, set[Place]]:
+def _supplied(source: StudyText, axes: list[tuple[Place, str, Any]]) -> tuple[Any, set[Place]]:
     """Return the study's tree with the first value of each axis in the place that the axis varies, and these places.
 
     A value that the study itself has there stays.
@@ -142,7 +142,7 @@ def _first(content: Any) -> Any:
     return content
 
 
-def resolve(source: Source, sections: Mapping[str, Any], varied: Mapping[str, Entry]) -> CaseSpace:
+def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str, Entry]) -> CaseSpace:
     """Make dimensions of the axes of a study and check its fields against each other.
 
     Raises
@@ -198,7 +198,7 @@ def _reserved(defined: Mapping[str, SchemeChoice], steady: bool) -> frozenset[st
 
 
 def _reference(
-    source: Source, values: dict[str, Any], sizes: Sizes, nodes: str, dimensions: tuple[Dimension, ...]
+    source: StudyText, values: dict[str, Any], sizes: Sizes, nodes: str, dimensions: tuple[Dimension, ...]
 ) -> dict[str, Any]:
     """Return the values of a reference with counts of modes; ``full`` follows the number of nodes where that varies."""
     varied = any(axis.path == nodes for dimension in dimensions for axis in dimension.axes)

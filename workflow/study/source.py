@@ -45,7 +45,7 @@ _OTHER_BASE = re.compile(r"0o[0-7]{1,60}|0x[0-9a-fA-F]{1,60}")
 
 
 @dataclass
-class Source:
+class StudyText:
     """A study as composed from its text.
 
     Attributes
@@ -168,7 +168,7 @@ def read_text(path: str | Path) -> str:
         raise refusal("is not UTF-8 text", "save the study as UTF-8", line) from None
 
 
-def compose(text: str, file: str) -> Source:
+def compose(text: str, file: str) -> StudyText:
     """Return the values of a study's text with their lines; duplicate keys, tags and merge keys are noted as mistakes.
 
     Raises
@@ -180,7 +180,7 @@ def compose(text: str, file: str) -> Source:
     from ruamel.yaml.composer import Composer
     from ruamel.yaml.error import YAMLError
 
-    source = Source(file, text)
+    source = StudyText(file, text)
     if len(text.encode(errors="replace")) > LARGEST:
         raise StudyError([Mistake(file, None, "", *_TOO_LARGE)])
 
@@ -215,7 +215,7 @@ def compose(text: str, file: str) -> Source:
     return source
 
 
-def _value(source: Source, node: Any, place: Place, resolver: Any) -> Any:
+def _value(source: StudyText, node: Any, place: Place, resolver: Any) -> Any:
     """Return the value of a node of YAML and note the line of each entry in it."""
     if len(place) > DEEPEST:
         raise source.refusal(*_TOO_DEEP)
@@ -250,7 +250,7 @@ def _value(source: Source, node: Any, place: Place, resolver: Any) -> Any:
     return values
 
 
-def _characters(source: Source, node: Any, place: Place) -> str:
+def _characters(source: StudyText, node: Any, place: Place) -> str:
     """Return the text of a scalar without halves of surrogate pairs, which are no characters."""
     text = str(node.value)
     sound = text.encode(errors="ignore").decode()

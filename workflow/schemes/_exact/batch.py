@@ -16,7 +16,7 @@ from workflow.schemes._exact.layout import Budget, Case, Thresholds, row_length,
 from workflow.schemes._exact.march import march
 from workflow.schemes._exact.modal_system import ModalBasis, analyse, signal_inputs
 from workflow.schemes._exact.record import TALLY, Record
-from workflow.schemes._exact.regimes import InseparablePolesError, Rows, fill_row
+from workflow.schemes._exact.regimes import InseparablePolesError, Regimes, fill_row
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods, sections_of
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
@@ -37,10 +37,10 @@ class Operator:
     thresholds: Thresholds = THRESHOLDS
 
     @cached_property
-    def free(self) -> Rows:
+    def free(self) -> Regimes:
         """The regimes of a free tip without and with thermal modes."""
         rows, free = np.empty((2, self.length)), self.basis.free
-        return Rows(rows, np.array([fill_row(rows[0], free.unheated), fill_row(rows[1], free)]))
+        return Regimes(rows, np.array([fill_row(rows[0], free.unheated), fill_row(rows[1], free)]))
 
     def conditions(self, cases: Cases, duration: float) -> Case:
         """Return the conditions of cases over a time, s."""

@@ -18,7 +18,7 @@ from workflow.models import Array
 from workflow.schemes._exact.layout import tabulate
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.rank_one import RankOne, Zeros, fill_vectors, find_zeros, reciprocal, square
-from workflow.schemes._exact.regimes import Rows, fill_row, observable, thermal_response
+from workflow.schemes._exact.regimes import Regimes, fill_row, observable, thermal_response
 
 _CRITICAL = 1e-2
 """Relative distance of the two poles of a mode, or of a pole and a thermal rate, below which the general solver is
@@ -49,7 +49,7 @@ class HeldRegimes:
         self._held, self._observable, self._length = held, observable(held), length
         self._heated = None if held.is_coupled else _heated(self._observable)
 
-    def at(self, alpha: Array, friction: Array, heated: NDArray[np.bool_]) -> Rows:
+    def at(self, alpha: Array, friction: Array, heated: NDArray[np.bool_]) -> Regimes:
         """Return the regimes at some α [W/N] and µ along the tangent, without thermal modes where no heat acts."""
         rows, found = np.empty((alpha.size, self._length)), np.zeros(alpha.size, dtype=np.bool_)
         slides = (friction != 0) & (self._held.tangent is not None)
@@ -57,7 +57,7 @@ class HeldRegimes:
             _fill_rows(self._heated, np.where(slides, 0.0, alpha), rows, found)
         for k in np.flatnonzero(~found):
             found[k] = fill_row(rows[k], self._system(slides[k] * friction[k], alpha[k] > 0, heated[k]), alpha[k])
-        return Rows(rows, found)
+        return Regimes(rows, found)
 
     def _system(self, friction: float, heats: bool, heated: bool) -> ModalSystem:
         """Return the system of the held tip, of observable modes where friction or its heat links them."""

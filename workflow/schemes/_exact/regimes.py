@@ -57,7 +57,7 @@ def thermal_response(system: ModalSystem, near: float) -> Array | None:
     return -np.divide(system.coupling, polynomial, out=np.zeros_like(polynomial), where=driven)
 
 
-class Rows(NamedTuple):
+class Regimes(NamedTuple):
     """Regimes of a batch."""
 
     rows: Array
