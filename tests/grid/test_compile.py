@@ -51,7 +51,7 @@ with compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
 from workflow.schemes._exact.march import march
 from workflow.schemes import moreau
 from workflow.schemes._fixed.march import KERNELS
-ours = {f.__name__: n for f, n in Seen.functions.items() if f.__module__.startswith("workflow.schemes.")}
+ours = {f.__name__: n for f, n in Seen.functions.items() if (f.__module__ or "").startswith("workflow.schemes.")}
 step = KERNELS[moreau.Newton].dispatcher
 print(max(ours.values()), "march_cases" in ours, sum(step.stats.cache_hits.values()))
 print(*(len(dispatcher.signatures) for dispatcher in (march.dispatcher, step)))
