@@ -2,53 +2,52 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from workflow.kernels import Array
+from workflow.schemes._exact.layout import ORDER, Expansion
+from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
 
-class Sums(NamedTuple):
-    """Memory of an expansion."""
-
-    sums: Array
-    terms: Array
-    explicit: Array
-
-
-class BareMotion(NamedTuple):
-    """The names that expansions, searches and the sum of chattering read of a motion."""
-
-    blocks: int
-    firsts: int
-    explicits: int
-    aperiodics: int
-    block: Array
-    first: Array
-    outputs: Array
-    waves: Array
-    differences: Array
-    expansion: Sums
-    now: Array
-    between: Array
-    growth: float
-    cooling: bool
-
-
-def bare_motion(blocks: int, firsts: int = 0, waves: int = 0, growth: float = 0.0, cooling: bool = False) -> BareMotion:
+def bare_motion(blocks: int, firsts: int = 0, waves: int = 0, growth: float = 0.0, cooling: bool = False) -> Motion:
     """Return a motion whose tables are 0."""
     columns = block.padded(blocks)
-    return BareMotion(
-        blocks, firsts, 0, 0, np.zeros((block.ROWS, columns)), np.zeros((first.ROWS, 8)), np.zeros(2),
-        np.full((waves, wave.COLUMNS), np.nan), np.zeros((9, 4), complex),
-        Sums(np.zeros((expansion.ROWS, blocks + 1)), np.zeros((expansion.ROWS, columns)), np.zeros(20)),
-        np.zeros((state.ROWS, 8)), np.zeros((state.ROWS, 8)), growth, cooling,
-    )  # fmt: skip
+    now, after, between, jump = np.zeros((4, state.ROWS, 8))
+    none = np.zeros((0, 0))
+    return Motion(
+        blocks,
+        firsts,
+        explicits=0,
+        aperiodics=0,
+        block=np.zeros((block.ROWS, columns)),
+        first=np.zeros((first.ROWS, 8)),
+        outputs=np.zeros(2),
+        waves=np.full((waves, wave.COLUMNS), np.nan),
+        differences=np.zeros((9, 4), complex),
+        expansion=Expansion(
+            np.zeros((expansion.ROWS, blocks + 1)),
+            np.zeros((expansion.ROWS, columns)),
+            np.zeros(ORDER + 1),
+            np.zeros(ORDER + 2),
+        ),
+        now=now,
+        after=after,
+        between=between,
+        jump=jump,
+        coordinates=np.zeros(0),
+        modal=np.zeros(0),
+        is_modal=True,
+        inward=none,
+        outward=none,
+        gap=0.0,
+        growth=growth,
+        fastest=0.0,
+        heated=False,
+        cooling=cooling,
+    )
 
 
-def add_decay(m: BareMotion, share: float, rate: float) -> None:
+def add_decay(m: Motion, share: float, rate: float) -> None:
     """Set the only first-order state, of size 1 at t = 0, and the signal per size."""
     m.first[first.RATE, 0], m.first[first.SIGNAL, 0] = rate, share
     m.now[state.FIRST, 0], m.now[state.FIRST_SLOPE, 0] = 1.0, -rate

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bare_motion import BareMotion, add_decay, bare_motion
+from bare_motion import add_decay, bare_motion
 from numpy.polynomial.polynomial import polyder, polyval
 from plain_bounces import follow
 
@@ -16,6 +16,7 @@ from workflow.kernels.compiled import uncounted
 from workflow.models import Rayleigh
 from workflow.schemes import Results, Status
 from workflow.schemes._exact.accumulation import Bounces, end_of_chattering
+from workflow.schemes._exact.motion import Motion
 
 DURATION, INTERVAL = 0.1, 1e-4
 
@@ -104,7 +105,7 @@ def test_bounces_end_where_the_load_only_just_presses() -> None:
 
 
 @uncounted
-def _end(m: BareMotion, u: float, bounces: Bounces, ends: Array) -> None:
+def _end(m: Motion, u: float, bounces: Bounces, ends: Array) -> None:
     ends[0] = end_of_chattering(m, 0.0, u, bounces)[0]
 
 

@@ -6,16 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from bare_motion import BareMotion, add_decay, bare_motion
+from bare_motion import add_decay, bare_motion
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
 from workflow.schemes._exact.expansion import accumulate, bounds, expand, growth_bound
+from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.tables import block, state, wave
 
 
 @uncounted
-def _bound(m: BareMotion, k: int, h: float, found: Array) -> None:
+def _bound(m: Motion, k: int, h: float, found: Array) -> None:
     expand(m, m.now, 0.0)
     accumulate(m)
     s = bounds(m, k, h)

@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from bare_motion import BareMotion, bare_motion
+from bare_motion import bare_motion
 from numpy.polynomial.polynomial import polyval
 from scipy.interpolate import BPoly, PPoly
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
+from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.peak_temperature import _bend, _peaks_at_an_end
 from workflow.schemes._exact.search import _falls_through, longest_without_zero, zero_crossing
 from workflow.schemes._exact.tables import block, expansion
@@ -40,7 +41,7 @@ class Found(NamedTuple):
 
 
 @uncounted
-def _search(m: BareMotion, zeros: int, level: float, found: Array) -> None:
+def _search(m: Motion, zeros: int, level: float, found: Array) -> None:
     found[0], found[1] = longest_without_zero(m, zeros, 1.0, 1.0), zeros < 2 and _falls_through(m, zeros, 1.0)
     found[2], found[3] = zero_crossing(m, zeros, 1.0)
     found[4], found[5] = _peaks_at_an_end(m, 1.0, level), _bend(m, 1.0)

@@ -67,10 +67,10 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
         if _QUIETLY not in sys.warnoptions:
             sys.warnoptions.append(_QUIETLY)
         preload = [*config.get("distributed.worker.preload", []), _BEGINNING]
-        start = ExitStack()
-        start.enter_context(waiting_for(WORKERS))
+        starting = ExitStack()
+        starting.enter_context(waiting_for(WORKERS))
         with (
-            start,
+            starting,
             config.set({"distributed.worker.preload": preload}),
             _without_interrupts(),
             distributed.LocalCluster(
@@ -83,7 +83,7 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
             ) as cluster,
             distributed.Client(cluster) as client,
         ):
-            start.close()
+            starting.close()
             yield client
         return
 

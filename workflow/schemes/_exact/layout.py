@@ -60,9 +60,9 @@ class Case(NamedTuple):
     gap: Any
     """d0, m."""
     waves: Array
-    """Ω, φ, A and a of each wave, ``(wave, GIVEN)``, see :mod:`workflow.schemes._exact.tables.wave` …"""
+    """Ω, φ, A and a of each wave, ``(wave, GIVEN)``, see :mod:`workflow.schemes._exact.tables.wave`."""
     acting: Any
-    """… of which so many act, the first ones."""
+    """Number of waves: the rows after them are 0."""
     steady: Array
     """Constant load per mechanical coordinate, N."""
     heating: Array
@@ -167,6 +167,7 @@ def unpacked(row: Array) -> Regime:
 
 
 in_row = part(unpacked)
+""":func:`unpacked` in kernels."""
 
 
 @uncounted
