@@ -14,12 +14,12 @@ from plain_theta import march
 from scenes import alone, cases, chain, heavy_chain, rubs, same_bits, sampling, step, taken
 from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
-from workflow.kernels.lanes import LANES, PACK, lane_rows, named_rows, rows_in
+from workflow.kernels.lanes import LANES, PACK, lane_rows, lane_table, named_rows, rows_in
 from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
 from workflow.schemes import Sampling, schedule
 from workflow.schemes._fixed.drive import drive_of
-from workflow.schemes._fixed.stepping import blocks, watch
+from workflow.schemes._fixed.stepping import Batch, batch_of, load_block, rows_of, watch
 from workflow.schemes._fixed.tip_load import TipLoads, start_load
 
 COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, BROAD + PACK, LANES - BROAD, LANES - 1, LANES + 1, 2 * LANES + PACK]
@@ -79,21 +79,27 @@ def test_samples_are_placed_exactly(interval: float, h: float, count: int) -> No
         assert (samples.due[k], samples.weight[k]) == ((due, weight) if due <= samples.steps else (samples.steps, 1.0))
 
 
+@uncounted
+def _load(batch: Batch, first: int) -> None:
+    load_block(batch, first)
+
+
 def test_idle_lanes_are_at_rest_far_from_their_casing() -> None:
     """Whatever stood in them before, so that they never make a pack look for contact."""
     structure = heavy_chain()
-    batch = rubs(structure, LANES + 3, displacement=1e-5, casing_harmonics=[[1e-6, 300.0, 0.0]])
-    drive, batch = drive_of(batch, 1e-4, 0.5)
-    idle = []
-    for part, block in blocks(watch(structure, batch, sampling(1e-3, 1e-3), 1e-4, drive), LANES):
-        unused = slice(part.stop - part.start, LANES)
+    cases = rubs(structure, LANES + 3, displacement=1e-5, casing_harmonics=[[1e-6, 300.0, 0.0]])
+    drive, cases = drive_of(cases, 1e-4, 0.5)
+    watched = watch(structure, cases, sampling(1e-3, 1e-3), 1e-4, drive)
+    batch = batch_of(watched, lane_table(rows_of(watched)), LANES)
+    block = batch.whole
+    assert block.drive is not None
+    for first, used in ((0, LANES), (LANES, 3)):
+        _load(batch, first)
         still = block.tip.displacement, block.tip.velocity, block.tip.temperature, block.load.amplitude
-        assert not np.any([row[unused] for row in still])
-        assert block.drive is not None
-        assert np.all(block.tip.gap[unused] > 1.0)
-        assert np.all(block.drive.state.apart[unused] <= -1.0)
-        idle.append(LANES - unused.start)
-    assert idle == [0, LANES - 3]
+        assert np.all(block.tip.displacement[:used] == 1e-5)
+        assert not np.any([row[used:] for row in still])
+        assert np.all(block.tip.gap[used:LANES] > 1.0)
+        assert np.all(block.drive.state.apart[used:LANES] <= -1.0)
 
 
 @uncounted

@@ -10,7 +10,10 @@ batch.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
+from math import prod
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -83,8 +86,36 @@ def lane_rows(*shape: int) -> Array:
     return raw[first : first + size].reshape(*shape, ROW)
 
 
-def fill_lanes(rows: Array, values: Array) -> None:
-    """Copy values ``(…, case)`` to the first lanes of ``rows``, and set the others to zero."""
-    count = values.shape[-1]
-    rows[..., :count] = values
-    rows[..., count:] = 0.0
+@dataclass(frozen=True, eq=False)
+class LaneTable:
+    """Rows of a batch in two places: those of all cases, and the lanes in which a kernel steps a block of them.
+
+    Attributes
+    ----------
+    values
+        Rows of all cases, ``(row, case)``: a kernel copies a block of them to the lanes and back.
+    buffer
+        The lanes, ``(row, ROW)``.
+    cases, lanes
+        Named parts of both, ``(…, case)`` and ``(…, ROW)``.
+    """
+
+    values: Array
+    buffer: Array
+    cases: dict[str, Array]
+    lanes: dict[str, Array]
+
+
+def lane_table(parts: Mapping[str, Array]) -> LaneTable:
+    """Return the table of named parts ``(…, case)``, whose values it copies."""
+    flat = [part.reshape(prod(part.shape[:-1]), part.shape[-1]) for part in parts.values()]
+    values, sizes = np.concatenate(flat), [len(rows) for rows in flat]
+    buffer, ends = lane_rows(len(values)), np.cumsum(sizes)[:-1]
+    cases, lanes = (
+        {
+            name: rows.reshape(*part.shape[:-1], rows.shape[-1])
+            for (name, part), rows in zip(parts.items(), np.split(whole, ends), strict=True)
+        }
+        for whole in (values, buffer)
+    )
+    return LaneTable(values, buffer, cases, lanes)

@@ -5,6 +5,8 @@ The equations are those of :mod:`workflow.schemes._fixed.balance`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from workflow.kernels.lanes import lane_rows, named_rows, rows_in
@@ -12,8 +14,8 @@ from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed.balance import Account, Dense
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.decoupled import Decoupled, modes_at_tip
-from workflow.schemes._fixed.free_motion import HEAT_INPUT, FreeStep, State
-from workflow.schemes._fixed.rows import Totals
+from workflow.schemes._fixed.free_motion import HEAT_INPUT, FreeStep
+from workflow.schemes._fixed.rows import Own, Totals
 from workflow.schemes._fixed.start import InitialState, contact_heat
 from workflow.schemes._fixed.totals import Balance, Content
 
@@ -23,101 +25,124 @@ roundings."""
 
 
 class Balances:
-    """Balances of a batch: each block starts from :attr:`filled` and ends with :meth:`close`; then :meth:`result`.
+    """Balances of a batch.
 
     Attributes
     ----------
-    account, dense
-        Arguments of the kernel; all blocks of cases share their arrays.
-    filled
-        Rows of lanes, with the initial values of all cases in them.
+    rows
+        Named rows for the march, ``(row, case)``, with their initial values.
     """
 
     def __init__(self, structure: Structure, blocks: Blocks, free: FreeStep, cases: Cases, begun: InitialState) -> None:
         modal, step = blocks.modal, blocks.step
-        self._modal, self._free, self._cases, self._begun = modal, free, cases, begun
+        self._blocks, self._free, self._cases, self._begun = blocks, free, cases, begun
         self._content = structure.content @ modal.heat_shapes
-        loss = self._content * modal.rate
-        settled = project(loss, begun.settled.T)
+        self._loss = self._content * modal.rate
+        self._load_direction = structure.load_direction
+        self._at_tip = np.where(modal.is_coupled, 1.0, modes_at_tip(modal.tip))
+        self._kinetic = modal.mass - modal.frequency**2 * (step.lever - step.energy_lever) ** 2
+        self._kinetic -= 0.5 * step.tip.h * modal.damping if step.lagged else 0.0
+        self._is_dense = modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
 
-        omega2, at_tip = modal.frequency**2, np.where(modal.is_coupled, 1.0, modes_at_tip(modal.tip))
-        kinetic = modal.mass - omega2 * (step.lever - step.energy_lever) ** 2
-        kinetic -= 0.5 * step.tip.h * modal.damping if step.lagged else 0.0
         v, xi = blocks.in_modes(begun.states)
-        eta = xi + step.energy_lever * v
-        energy = 0.5 * (project(at_tip * kinetic, v.T**2) + project(at_tip * omega2, eta.T**2))
-        self._rows, self._ended_heat = np.zeros((rows_in(Totals), cases.count)), np.zeros_like(begun.heat)
-        self._ended = named_rows(Totals, self._rows)
-        self._ended.first_energy = self._ended.last_energy = self._ended.largest_energy = energy
-        unbounded = np.inf if step.energy_lever < 0.5 * step.tip.h else 0.0
-        self._ended.energy_bound = energy + unbounded
-        self._ended.relative = project(modal.tip, v.T)
-        self._ended.settled_loss = settled
-        self._ended.lost = -step.tip.h * step.heat_theta * (settled + project(loss, begun.heat.T))
         massless = modal.mass == 0
         self._moving = 0.5 * project((step.tip.h * modal.frequency[massless]) ** 2, v[massless].T ** 2)
+        inputs, scaled, self._unscale = _energy_rows(blocks, contact_heat(blocks, cases)), self._at_tip, self._at_tip
+        sums = self._first_sums(v, xi, inputs)
+        if self._is_dense:
+            steady = np.zeros((2, blocks.damping.size, cases.count))
+            steady[0, begun.drifting] = begun.steady
+            self.rows = {"constant": _energy_rows(blocks, steady)}
+        else:
+            scaled = self._at_tip * modal.tip
+            self._unscale = self._at_tip / np.where(self._at_tip, modal.tip, 1.0)
+            inputs *= np.tile(self._unscale, 2)[:, None]
+            self.rows = {}
+        self.rows |= {"sums": sums, "velocity_before": scaled[:, None] * v, "contact_inputs": inputs}
 
-        n, scale = modal.tip.size, modal.heat_scale
-        inputs = _energy_rows(blocks, contact_heat(blocks, cases))
+    def _first_sums(self, v: Array, xi: Array, inputs: Array) -> Array:
+        """Return the sums at t = 0 as rows, of modes with v and ξ and the ``inputs`` of a unit impulse of contact."""
+        modal, step, begun, at_tip = self._blocks.modal, self._blocks.step, self._begun, self._at_tip
+        omega2, n = modal.frequency**2, modal.tip.size
+        eta = xi + step.energy_lever * v
+        energy = 0.5 * (project(at_tip * self._kinetic, v.T**2) + project(at_tip * omega2, eta.T**2))
+        rows = np.zeros((rows_in(Totals), self._cases.count))
+        sums = named_rows(Totals, rows)
+        sums.first_energy = sums.last_energy = sums.largest_energy = energy
+        sums.energy_bound = energy + self._unbounded
+        sums.relative = project(modal.tip, v.T)
+        sums.settled_loss = settled = project(self._loss, begun.settled.T)
+        sums.lost = -step.tip.h * step.heat_theta * (settled + project(self._loss, begun.heat.T))
+        if step.heat_counts and not self._is_dense:  # the first step counts the damping of a step that ends at t = 0
+            sums.dissipated = -project(step.tip.h * at_tip * modal.damping, v.T**2)
         impulses, pulls = step.energy_lever * inputs[n:] - 2.0 * inputs[:n], inputs[n:]
-        size2 = project(at_tip / np.maximum(kinetic, np.finfo(float).tiny), impulses.T**2)
+        size2 = project(at_tip / np.maximum(self._kinetic, np.finfo(float).tiny), impulses.T**2)
         size2 += project(2.0 * at_tip * _half_flexibility(modal), pulls.T**2)
-        self._ended.input_size = np.sqrt(size2)
-        self._ended.work_bound = np.sqrt(2.0 * energy * size2)
-        self._ended.square = project(at_tip * _half_flexibility(modal), inputs[n:].T ** 2)
-        self.dense: Dense | None
-        self.dense, filled = _dense(structure, blocks, free, begun) if needs_dense(blocks, begun) else (None, [])
-        scaled, unscale = at_tip, at_tip
-        if self.dense is None:
-            if step.heat_counts:  # the first step of the march counts the damping of a step that ends at t = 0
-                self._ended.dissipated = -project(step.tip.h * at_tip * modal.damping, v.T**2)
-            scaled, unscale = at_tip * modal.tip, at_tip / np.where(at_tip, modal.tip, 1.0)
-            inputs *= np.tile(unscale, 2)[:, None]
-        self._sums = lane_rows(rows_in(Totals))
-        self.account = Account(
-            modes=np.stack([0.25 * step.tip.h * modal.damping, 0.5 * kinetic, 0.5 * omega2], axis=1)
-            * unscale[:, None] ** 2,
-            contact_inputs=lane_rows(2 * n),
-            losses=loss / scale,
-            velocity_before=lane_rows(n),
-            sums=named_rows(Totals, self._sums),
-            energy_lever=step.energy_lever,
-            load_share=float(structure.load_direction[-1]),
-            thermal_velocity=np.sum(blocks.tip * blocks.thermal_response(step.heat_gain[:, None])[..., 0]),
-            heat_loss=np.sum(loss / scale * free.heat_modes[:, HEAT_INPUT]) if step.heat_counts else 0.0,
-            heat_theta=step.heat_theta,
-            unbounded=unbounded,
-        )
-        account = self.account
-        self.filled = [
-            (self._sums, self._rows.copy()),
-            (account.velocity_before, scaled[:, None] * v),
-            (account.contact_inputs, inputs),
-            *filled,
-        ]
+        sums.input_size = np.sqrt(size2)
+        sums.work_bound = np.sqrt(2.0 * energy * size2)
+        sums.square = project(at_tip * _half_flexibility(modal), pulls.T**2)
+        return rows
 
     @property
-    def rows(self) -> int:
-        """Number of rows of lanes that every step reads; contact reads others."""
-        return rows_in(Totals) + len(self.account.velocity_before)
+    def _unbounded(self) -> float:
+        step = self._blocks.step
+        return np.inf if step.energy_lever < 0.5 * step.tip.h else 0.0
 
-    def close(self, part: slice, state: State) -> None:
-        """Store the final values of a block's lanes, which hold the cases of ``part``."""
-        count = part.stop - part.start
-        self._rows[:, part] = self._sums[:, :count]
-        self._ended_heat[:, part] = state.tau[:, :count]
+    def account(self, lanes: Mapping[str, Array]) -> Account:
+        """Return the coefficients and sums for kernels, with the lanes of :attr:`rows`."""
+        blocks, modal, step = self._blocks, self._blocks.modal, self._blocks.step
+        losses = self._loss / modal.heat_scale
+        modes = np.stack([0.25 * step.tip.h * modal.damping, 0.5 * self._kinetic, 0.5 * modal.frequency**2], axis=1)
+        return Account(
+            modes=modes * self._unscale[:, None] ** 2,
+            contact_inputs=lanes["contact_inputs"],
+            losses=losses,
+            velocity_before=lanes["velocity_before"],
+            sums=named_rows(Totals, lanes["sums"]),
+            energy_lever=step.energy_lever,
+            load_share=float(self._load_direction[-1]),
+            thermal_velocity=np.sum(blocks.tip * blocks.thermal_response(step.heat_gain[:, None])[..., 0]),
+            heat_loss=np.sum(losses * self._free.heat_modes[:, HEAT_INPUT]) if step.heat_counts else 0.0,
+            heat_theta=step.heat_theta,
+            unbounded=self._unbounded,
+        )
+
+    def dense(self, lanes: Mapping[str, Array]) -> Dense | None:
+        """Return the matrices for the balances of modes where these are not blocks, are drifting or near resonance."""
+        if not self._is_dense:
+            return None
+        blocks, modal, step, C = self._blocks, self._blocks.modal, self._blocks.step, self._blocks.modal.damping_matrix
+        n, count = modal.tip.size, blocks.damping.size
+        unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=modes_at_tip(blocks.scale))
+        outward = np.eye(2 * n) if blocks.outward is None else blocks.outward.reshape(2 * n, 2 * count)
+        load = np.zeros(n) if modal.load is None else modal.load - self._load_direction[-1] * modal.tip
+        pulls = np.zeros((2, count, len(blocks.pairs)))
+        for pair, (j, k) in enumerate(blocks.pairs):
+            pulls[:, j, pair] = blocks.thermal_load[:, j, k] / modal.heat_scale[k]
+        return Dense(
+            outward=outward * np.tile(unscale, 2),
+            off_diagonal=np.zeros((n, n)) if C is None else step.tip.h * (C - np.diag(modal.damping)),
+            lagged=step.lagged,
+            load=-0.5 * load,
+            half_flexibility=_half_flexibility(modal),
+            pair_inputs=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
+            constant=lanes["constant"],
+            states=lane_rows(2 * count),
+            modal_states=lane_rows(2 * n),
+            inputs=lane_rows(2 * n),
+        )
+
+    def result(self, ended: Mapping[str, Array], elapsed: float) -> Balance:
+        """Return the balances after ``elapsed`` seconds, from the rows of the march at its end."""
+        modal, begun = self._blocks.modal, self._begun
+        sums, own = named_rows(Totals, ended["sums"]), named_rows(Own, ended["own"])
         if not self._free.heat_counts:
-            last = state.own.alpha * state.own.impulse
-            self._ended.friction_heat[part] -= last[:count]
-
-    def result(self, elapsed: float) -> Balance:
-        """Return the balances after ``elapsed`` seconds."""
-        modal, begun = self._modal, self._begun
-        warmed = self._ended_heat / modal.heat_scale[:, None] - begun.heat + elapsed * begun.warming_modes
+            sums.friction_heat -= own.alpha * own.impulse
+        warmed = ended["tau"] / modal.heat_scale[:, None] - begun.heat + elapsed * begun.warming_modes
         initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled).T)
         heating = elapsed * project(self._content, project(modal.heat_shapes.T, self._cases.heating))
         content = Content(project(self._content, warmed.T), initial, heating)
-        return Balance(self._ended, content, self._rest_energy(elapsed) + self._moving)
+        return Balance(sums, content, self._rest_energy(elapsed) + self._moving)
 
     def _rest_energy(self, elapsed: float) -> Array:
         """Return the energy below which the tip is at rest, J, ``(case,)``.
@@ -125,16 +150,11 @@ class Balances:
         It is that of :data:`REST` times a bound of the load's impulse over ``elapsed`` seconds. Where load and contact
         force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
         """
-        modal, cases, begun = self._modal, self._cases, self._begun
+        modal, cases, begun = self._blocks.modal, self._cases, self._begun
         mobility, h = np.sum(modal.mass * modal.tip**2), self._free.tip.h
         drifts = np.abs(begun.steady).sum(axis=0) / h
         impulse = elapsed * (np.abs(cases.mean) + np.abs(cases.amplitude) + cases.load_harmonics.reach)
         return np.asarray(0.5 * mobility * (REST * impulse) ** 2 + 0.5 * (REST * elapsed * drifts) ** 2)
-
-
-def needs_dense(blocks: Blocks, begun: InitialState) -> bool:
-    """Tell whether the balances of modes need matrices."""
-    return blocks.modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
 
 
 def _energy_rows(blocks: Blocks, states: Array) -> Array:
@@ -148,32 +168,3 @@ def _energy_rows(blocks: Blocks, states: Array) -> Array:
 def _half_flexibility(modal: Decoupled) -> Array:
     """Return 1/(2 ω²), 0 of rigid modes, ``(mode,)``."""
     return np.divide(0.5, modal.frequency**2, out=np.zeros_like(modal.frequency), where=modal.frequency > 0)
-
-
-def _dense(
-    structure: Structure, blocks: Blocks, free: FreeStep, begun: InitialState
-) -> tuple[Dense, list[tuple[Array, Array]]]:
-    """Return the matrices for the balances of modes, and their rows of lanes with initial values."""
-    modal, step, C = blocks.modal, blocks.step, blocks.modal.damping_matrix
-    n, count = modal.tip.size, blocks.damping.size
-    unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=modes_at_tip(blocks.scale))
-    outward = np.eye(2 * n) if blocks.outward is None else blocks.outward.reshape(2 * n, 2 * count)
-    load = np.zeros(n) if modal.load is None else modal.load - structure.load_direction[-1] * modal.tip
-    pulls = np.zeros((2, count, len(blocks.pairs)))
-    for pair, (j, k) in enumerate(blocks.pairs):
-        pulls[:, j, pair] = blocks.thermal_load[:, j, k] / modal.heat_scale[k]
-    steady = np.zeros((2, count, begun.steady.shape[1]))
-    steady[0, begun.drifting] = begun.steady
-    dense = Dense(
-        outward=outward * np.tile(unscale, 2),
-        off_diagonal=np.zeros((n, n)) if C is None else step.tip.h * (C - np.diag(modal.damping)),
-        lagged=step.lagged,
-        load=-0.5 * load,
-        half_flexibility=_half_flexibility(modal),
-        pair_inputs=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
-        constant=lane_rows(2 * n),
-        states=lane_rows(2 * count),
-        modal_states=lane_rows(2 * n),
-        inputs=lane_rows(2 * n),
-    )
-    return dense, [(dense.constant, _energy_rows(blocks, steady))]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import elementary, elementwise
 from workflow.kernels.compiled import inlined, part
-from workflow.kernels.lanes import PACK, Rows, fill_lanes, lane_rows, named_rows, rows_in
+from workflow.kernels.lanes import LANES, PACK, Rows, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics
 from workflow.schemes._fixed.rows import Tips
@@ -78,15 +78,15 @@ class Drive(NamedTuple):
 class DriveRows(NamedTuple):
     """The rows of a drive, of all cases or in lanes, ``(harmonic, row, …)`` and ``(row, …)``."""
 
-    load: Array
-    casing: Array
-    state: Array
+    load_waves: Array
+    casing_waves: Array
+    moving: Array
 
     @property
     def named(self) -> Drive:
         """The rows by names, as kernels take them."""
-        load, casing = (cast(Sequence[Wave], named_rows(Wave, rows)) for rows in (self.load, self.casing))
-        return Drive(load, casing, named_rows(Moving, self.state))
+        load, casing = (cast(Sequence[Wave], named_rows(Wave, rows)) for rows in (self.load_waves, self.casing_waves))
+        return Drive(load, casing, named_rows(Moving, self.moving))
 
 
 def drive_of(cases: Cases, h: float, theta: float) -> tuple[DriveRows | None, Cases]:
@@ -152,20 +152,12 @@ def _waves(harmonics: Harmonics, h: float) -> Array:
     return rows
 
 
-def drive_lanes(drive: DriveRows | None) -> DriveRows | None:
-    """Return rows of lanes for a drive, to be filled by :func:`fill_drive`."""
-    return None if drive is None else DriveRows(*(lane_rows(*rows.shape[:-1]) for rows in drive))
-
-
-def fill_drive(lanes: DriveRows | None, drive: DriveRows | None, part: slice) -> Drive | None:
-    """Copy some cases of a drive to the lanes, and return these; tips of idle lanes are off a casing at rest."""
-    if lanes is None or drive is None:
-        return None
-    for rows, values in zip(lanes, drive, strict=True):
-        fill_lanes(rows, values[..., part])
-    named = lanes.named
-    named.state.apart[part.stop - part.start :] = -1.0
-    return named
+@inlined
+def keep_apart(drive: Drive | None, lanes: int) -> None:
+    """Take the tips of idle lanes, from ``lanes`` on, off a casing at rest."""
+    if drive is not None:
+        for lane in range(lanes, LANES):
+            drive.state.apart[lane] = -1.0
 
 
 @part

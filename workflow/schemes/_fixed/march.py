@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from workflow.kernels.compiled import by_type, defines, inlined, uncounted
-from workflow.kernels.lanes import PACK, lane_rows, named_rows, rows_in
+from workflow.kernels.lanes import PACK, cached_lanes, lane_table, named_rows, rows_in
 from workflow.kernels.packs import Lane, broad, broadest, narrow, pack, spread, store
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import free_motion, stepping
@@ -27,7 +27,7 @@ from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.outcome import effective_restitution
 from workflow.schemes._fixed.rows import Own
 from workflow.schemes._fixed.start import drives, first_free, free_step, start
-from workflow.schemes._fixed.stepping import Ended, Now
+from workflow.schemes._fixed.stepping import Batch, Ended, Now
 from workflow.schemes._fixed.tip_load import start_load, turn_load
 from workflow.schemes._interface import Sampling
 
@@ -35,6 +35,9 @@ R = TypeVar("R", bound=Callable[..., tuple[float, float, float]])
 
 KERNELS: dict[type, Callable[..., None]] = {}
 """The march of each contact law, by the type of its parameters."""
+
+READ_EVERY_STEP = ("load", "tip", "motion", "tau", "sums", "velocity_before")
+"""Rows that every step reads; contact reads others."""
 
 FEW_ROWS = 60
 """Rows of lanes up to which a step takes packs of several registers, which share the fixed cost of a step.
@@ -145,20 +148,19 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
     """
 
     def add(law: R) -> R:
-        def march_cases(step: FreeStep, law: Law, state: State, block: Block, account: Account | None) -> None:
-            march(step, law, state, block, account)
+        def march_cases(step: FreeStep, law: Law, state: State, batch: Batch, account: Account | None) -> None:
+            whole = batch.whole
+            for first in range(0, batch.values.shape[1], batch.width):
+                marks, record, lanes = stepping.load_block(batch, first)
+                block = Block(whole.load, whole.tip, marks, record, whole.drive, lanes, whole.steps, whole.h)
+                march(step, law, state, block, account)
+                stepping.store_block(batch, first)
 
         march_cases.__module__ = law.__module__  # the key of the cache: the machine code depends on that source too
         KERNELS[kind] = uncounted(march_cases)
         return defines(respond, kind)(law)
 
     return add
-
-
-def _law_lanes(law: Law) -> tuple[Law, list[tuple[Array, Array]]]:
-    """Return a law with a row of lanes for each parameter that differs between cases, and these rows with values."""
-    lanes = law._make(lane_rows() if isinstance(value, np.ndarray) else float(value) for value in law)
-    return lanes, [(row, values) for row, values in zip(lanes, law, strict=True) if isinstance(values, np.ndarray)]
 
 
 def step_batch(
@@ -176,10 +178,8 @@ def step_batch(
     For central differences that is the velocity half a step before t = 0.
     """
     modal, begun = blocks.modal, start(blocks, cases, velocity)
-    free, watched = (
-        free_step(blocks, contact, begun.drifting),
-        stepping.watch(structure, cases, sampling, blocks.step.tip.h, drive),
-    )
+    free = free_step(blocks, contact, begun.drifting)
+    watched = stepping.watch(structure, cases, sampling, blocks.step.tip.h, drive)
     states, rows_of_cases = begun.states, np.zeros((rows_in(Own), cases.count))
     own = named_rows(Own, rows_of_cases)
     own.alpha, own.mobility = cases.alpha, contact.mobility(free.tip.h, w)
@@ -188,28 +188,41 @@ def step_batch(
         states, own.first, own.thermal_velocity = first_free(blocks, begun)
         own.ahead, own.half = cases.displacement[:, -1], project(modal.tip, velocity)
 
-    law, law_filled = _law_lanes(contact.law(cases))
-    scale = blocks.scale[:, None, None]
-    filled = [rows_of_cases, scale * states.swapaxes(0, 1), scale * drives(blocks, cases).swapaxes(0, 1)]
-    filled += [blocks.scale[begun.drifting, None] * begun.steady, begun.heat * modal.heat_scale[:, None]]
-    lanes, before = [lane_rows(*values.shape[:-1]) for values in filled], lane_rows(len(begun.heat))
-    state = State._make(
-        [named_rows(Own, lanes[0]), *lanes[1:], before, before if free.heat_counts else lanes[-1], None]
-    )
-    rows, fillings = 2 * len(state.motion) + len(state.tau), [*zip(lanes, filled, strict=True), *law_filled]
+    law, scale, tau = contact.law(cases), blocks.scale[:, None, None], begun.heat * modal.heat_scale[:, None]
     balances = Balances(structure, blocks, free, cases, begun) if sampling.balances else None
+    rows = {
+        **stepping.rows_of(watched),
+        "own": rows_of_cases,
+        "motion": scale * states.swapaxes(0, 1),
+        "drives": scale * drives(blocks, cases).swapaxes(0, 1),
+        "steady": blocks.scale[begun.drifting, None] * begun.steady,
+        "tau": tau,
+        "tau_before": np.zeros_like(tau),
+        **{name: values for name, values in law._asdict().items() if isinstance(values, np.ndarray)},
+        **({} if balances is None else balances.rows),
+    }
+    table = lane_table(rows)
+    lanes, account, dense = table.lanes, None, None
     if balances is not None:
-        rows, fillings = rows + balances.rows, fillings + balances.filled
-        state = state._replace(dense=balances.dense)
-    heat = np.empty(begun.heat.shape)  # at the end
-    for part, block in stepping.blocks(watched, stepping.block_lanes(rows), *fillings):
-        KERNELS[type(law)](free, law, state, block, None if balances is None else balances.account)
-        if balances is not None:
-            balances.close(part, state)
-        count = part.stop - part.start
-        rows_of_cases[:, part] = lanes[0][:, :count]
-        heat[:, part] = watched.reached(state.tau_before, state.tau)[:, :count]
+        account, dense = balances.account(lanes), balances.dense(lanes)
+    state = State(
+        own=named_rows(Own, lanes["own"]),
+        motion=lanes["motion"],
+        drives=lanes["drives"],
+        steady=lanes["steady"],
+        tau=lanes["tau"],
+        tau_before=lanes["tau_before"],
+        tau_paired=lanes["tau_before" if free.heat_counts else "tau"],
+        dense=dense,
+    )
+    law = law._make(lanes[name] if name in lanes else float(value) for name, value in law._asdict().items())
+    width = cached_lanes(sum(rows[name].size for name in READ_EVERY_STEP if name in rows) // cases.count)
+    KERNELS[type(law)](free, law, state, stepping.batch_of(watched, table, width), account)
+
+    ended = table.cases
+    watched.tips[:] = ended["tip"]
     closing = begun.closing + begun.closing_rate * sampling.duration
+    heat = watched.reached(ended["tau_before"], ended["tau"])
     closing += project(modal.static_growth / modal.heat_scale, heat.T)
-    rebounds = effective_restitution(own) if contact.rebounds else {}
-    return Ended(watched, closing, rebounds, None if balances is None else balances.result(watched.elapsed))
+    rebounds = effective_restitution(named_rows(Own, ended["own"])) if contact.rebounds else {}
+    return Ended(watched, closing, rebounds, None if balances is None else balances.result(ended, watched.elapsed))

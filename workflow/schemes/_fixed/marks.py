@@ -30,7 +30,8 @@ class Marks(NamedTuple):
     period_weight: Array
     """``(case, period)``."""
     next_mark: NDArray[np.int64]
-    """The next step in which anything is due, the next sample, the next step that ends a load period, ``(3,)``."""
+    """The next step in which anything is due, the next sample, the next step that ends a load period, ``(3,)``; of a
+    batch ``(block, 3)``."""
     next_period: NDArray[np.int64]
     """``(case,)``."""
 

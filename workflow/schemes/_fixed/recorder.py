@@ -11,21 +11,34 @@ import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
-from workflow.kernels.lanes import LANES, lane_rows, rows_in
+from workflow.kernels.lanes import LANES, lane_table, named_rows
 from workflow.models import Cases, Structure, project, static_tip_growth
-from workflow.schemes._fixed.marks import WAITING, Block
+from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.plain_balance import PlainBalance
 from workflow.schemes._fixed.rows import Tips
-from workflow.schemes._fixed.stepping import Ended, block_of, collect, count_stored, parts, watch
-from workflow.schemes._fixed.tip_load import TipLoads
+from workflow.schemes._fixed.stepping import (
+    Batch,
+    Ended,
+    batch_of,
+    collect,
+    count_stored,
+    load_block,
+    rows_of,
+    store_block,
+    watch,
+)
 from workflow.schemes._interface import Results, Sampling
 
 
 @uncounted
-def _count(step: int, block: Block) -> None:
+def _count(step: int, batch: Batch) -> None:
     """Write the samples and load periods of a step, then count impact, contact and maxima at its end."""
-    count_stored(step, block)
+    whole = batch.whole
+    for first in range(0, batch.values.shape[1], batch.width):
+        marks, record, lanes = load_block(batch, first)
+        count_stored(step, Block(whole.load, whole.tip, marks, record, whole.drive, lanes, whole.steps, whole.h))
+        store_block(batch, first)
 
 
 class Recorder:
@@ -52,11 +65,8 @@ class Recorder:
         self._structure, self._cases, self._h = structure, cases, h
         self._watched = watch(structure, cases, sampling, h)
         self.steps = self._watched.schedule.steps
-        self._blocks = []
-        for part in parts(cases.count, LANES):
-            tips = lane_rows(rows_in(Tips))
-            block = block_of(self._watched, part, lane_rows(rows_in(TipLoads)), tips, lane_rows(4 * WAITING))
-            self._blocks.append((part, tips, block))
+        table = lane_table(rows_of(self._watched))
+        self._rows, self._batch = table.cases["tip"], batch_of(self._watched, table, LANES)
         self._growth = static_tip_growth(structure)
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
         self._step = 0
@@ -90,15 +100,11 @@ class Recorder:
             self._balances.add(before, after, impulse, step_load)
         self._step += 1
         self._before, self._states = before, after
-        casing, recorded = self._casing(), self._structure.observed_of(temperature)
-        for part, _, block in self._blocks:
-            count = part.stop - part.start
-            block.tip.gap[:count] = casing[part]
-            block.tip.new_displacement[:count] = displacement[part, -1]
-            block.tip.new_velocity[:count] = velocity[part, -1]
-            block.tip.new_temperature[:count] = recorded[part]
-            block.tip.step_impulse[:count] = impulse[part]
-            _count(self._step, block)
+        tip = named_rows(Tips, self._rows)
+        tip.gap = self._casing()
+        tip.new_displacement, tip.new_velocity = displacement[:, -1], velocity[:, -1]
+        tip.new_temperature, tip.step_impulse = self._structure.observed_of(temperature), impulse
+        _count(self._step, self._batch)
 
     def _casing(self) -> Array:
         """Return the casing's position at the step's end, m, ``(case,)``.
@@ -116,8 +122,7 @@ class Recorder:
     def results(self) -> Results:
         """Return the results of the batch; a case whose tip is not finite is ``diverged``."""
         watched = self._watched
-        for part, tips, _ in self._blocks:
-            watched.tips[:, part] = tips[:, : part.stop - part.start]
+        watched.tips[:] = self._rows
         finite = watched.finite("displacement", "velocity", "temperature")
         left = f"the state left the finite numbers at h = {self._h:.6g} s"
         reached = watched.reached(self._before[2], self._states[2])

@@ -8,7 +8,6 @@ and the impulse in it, an ``End``. If a sample or the end of a load period is du
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,17 +15,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined
-from workflow.kernels.lanes import PACK, cached_lanes, fill_lanes, lane_rows, named_rows, rows_in
+from workflow.kernels.lanes import LANES, PACK, ROW, LaneTable, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import tip_load
 from workflow.schemes._fixed.contact import End
-from workflow.schemes._fixed.drive import DriveRows, cut_gap, drive_lanes, fill_drive, with_harmonics
+from workflow.schemes._fixed.drive import DriveRows, cut_gap, keep_apart, with_harmonics
 from workflow.schemes._fixed.marks import NEVER, WAITING, Block, BlockRecord, Marks, take_marks
 from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._fixed.tip_load import TipLoads
 from workflow.schemes._fixed.totals import Balance
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
+
+
+class Batch(NamedTuple):
+    """All cases of a march, which steps them block by block."""
+
+    values: Array
+    lanes: Array
+    """Rows of all cases, ``(row, case)``, and those of a block, ``(row, ROW)``."""
+    width: int
+    """Largest number of cases of a block."""
+    whole: Block
+    """Names of the lanes, with marks and outputs of all cases."""
 
 
 class Now(NamedTuple):
@@ -118,8 +129,7 @@ def count_stored(step: int, block: Block) -> None:
 class Watch:
     """Loads, tips, samples and load periods of a batch.
 
-    ``loads`` and ``tips`` hold the rows of all cases, ``(row, case)``: the tip at t = 0, and at the end once a case's
-    block is done.
+    ``loads`` and ``tips`` hold the rows of all cases, ``(row, case)``: the tip at t = 0, and at the end after it.
     """
 
     cases: Cases
@@ -130,7 +140,9 @@ class Watch:
     tips: Array
     drive: DriveRows | None
     """Harmonics of load and casing, ``(…, case)``."""
-    record: BlockRecord
+    histories: Array
+    periods: Array
+    """Output arrays, ``(case, 4, t)`` and ``(case, 7, period)``: see :class:`~.marks.BlockRecord`."""
     period_due: NDArray[np.int64]
     period_weight: Array
 
@@ -187,64 +199,78 @@ def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, driv
     tip.gap = casing
     tip.penetration = np.fmax(0.0, tip.displacement - casing) + 0.0  # of two zeros fmax returns either
 
-    record = BlockRecord(
-        np.empty((cases.count, 4, plan.due.size)),  # the march fills it
-        lane_rows(4 * WAITING),
-        np.full((cases.count, 7, longest), np.nan),
-    )
-    record.histories[..., 0] = np.stack([tip.displacement, tip.velocity, tip.temperature, tip.impulse], axis=-1)
-    return Watch(cases, plan, sampling.interval, h, loads, tips, drive, record, due, weight)
+    histories, record = np.empty((cases.count, 4, plan.due.size)), np.full((cases.count, 7, longest), np.nan)
+    histories[..., 0] = np.stack([tip.displacement, tip.velocity, tip.temperature, tip.impulse], axis=-1)
+    return Watch(cases, plan, sampling.interval, h, loads, tips, drive, histories, record, due, weight)
 
 
-def block_lanes(rows: int) -> int:
-    """Return the number of lanes of a block that has ``rows`` besides those of load and tip."""
-    return cached_lanes(rows + rows_in(Tips) + rows_in(TipLoads))
+def rows_of(watched: Watch) -> dict[str, Array]:
+    """Return the rows of a batch that every block has: load, tip, waiting samples and the drive, if any."""
+    rows = {"load": watched.loads, "tip": watched.tips, "samples": np.zeros((4 * WAITING, watched.cases.count))}
+    return rows if watched.drive is None else {**rows, **watched.drive._asdict()}
 
 
-def blocks(watched: Watch, most: int, *filled: tuple[Array, Array]) -> Iterator[tuple[slice, Block]]:
-    """Cut the batch into blocks of ``most`` cases, and copy the counts of each when the next one is asked for.
-
-    All blocks share one set of lane arrays, which stays in the processor's cache. ``filled`` are rows of lanes, each
-    with the values ``(…, case)`` that it takes at the beginning of each block.
-    """
-    loads, tips, samples = lane_rows(rows_in(TipLoads)), lane_rows(rows_in(Tips)), watched.record.samples
-    drive = drive_lanes(watched.drive)
-    for part in parts(watched.cases.count, most):
-        for lanes, values in filled:
-            fill_lanes(lanes, values[..., part])
-        block = block_of(watched, part, loads, tips, samples)
-        yield part, block._replace(drive=fill_drive(drive, watched.drive, part))
-        watched.tips[:, part] = tips[:, : part.stop - part.start]
-
-
-def parts(count: int, most: int) -> Iterator[slice]:
-    """Cut ``count`` cases into ranges of at most ``most``."""
-    for first in range(0, count, most):
-        yield slice(first, min(first + most, count))
-
-
-def block_of(watched: Watch, part: slice, loads: Array, tips: Array, samples: Array) -> Block:
-    """Return a range of cases as a block whose rows lie in the given lane arrays."""
-    schedule, count = watched.schedule, part.stop - part.start
-    fill_lanes(loads, watched.loads[:, part])
-    fill_lanes(tips, watched.tips[:, part])
-    load, tip = named_rows(TipLoads, loads), named_rows(Tips, tips)
-    tip.gap[count:] = np.inf
+def batch_of(watched: Watch, table: LaneTable, width: int) -> Batch:
+    """Return a batch for kernels, which step ``width`` cases at once; ``table`` has the rows of :func:`rows_of`."""
+    lanes, plan, count = table.lanes, watched.schedule, watched.cases.count
     marks = Marks(
-        sample_due=schedule.due,
-        sample_weight=schedule.weight,
-        period_due=watched.period_due[part],
-        period_weight=watched.period_weight[part],
-        next_mark=np.ones(3, dtype=np.int64),  # the first step looks for the first mark
+        sample_due=plan.due,
+        sample_weight=plan.weight,
+        period_due=watched.period_due,
+        period_weight=watched.period_weight,
+        next_mark=np.ones((-(-count // width), 3), dtype=np.int64),  # the first step looks for the first mark
         next_period=np.zeros(count, dtype=np.int64),
     )
-    record = BlockRecord(watched.record.histories[part], samples, watched.record.periods[part])
-    return Block(load, tip, marks, record, None, -(-count // PACK) * PACK, schedule.steps, watched.h)
+    record = BlockRecord(watched.histories, lanes["samples"], watched.periods)
+    drive = None if watched.drive is None else DriveRows(*(lanes[name] for name in DriveRows._fields)).named
+    load, tip = named_rows(TipLoads, lanes["load"]), named_rows(Tips, lanes["tip"])
+    return Batch(
+        table.values, table.buffer, width, Block(load, tip, marks, record, drive, width, plan.steps, watched.h)
+    )
+
+
+@inlined
+def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
+    """Copy up to ``width`` cases from the ``first`` on to the lanes; return what differs between blocks.
+
+    Idle lanes are all zero: at rest, far from their casing.
+    """
+    values, lanes, whole = batch.values, batch.lanes, batch.whole
+    assert lanes.shape[1] == ROW
+    stop = min(first + batch.width, values.shape[1])
+    count = stop - first
+    for row in range(values.shape[0]):
+        for lane in range(count):
+            lanes[row, lane] = values[row, first + lane]
+        for lane in range(count, LANES):
+            lanes[row, lane] = 0.0
+    for lane in range(count, LANES):
+        whole.tip.gap[lane] = np.inf
+    keep_apart(whole.drive, count)
+    marks = Marks(
+        whole.marks.sample_due,
+        whole.marks.sample_weight,
+        whole.marks.period_due[first:stop],
+        whole.marks.period_weight[first:stop],
+        whole.marks.next_mark[first // batch.width],
+        whole.marks.next_period[first:stop],
+    )
+    record = BlockRecord(whole.record.histories[first:stop], whole.record.samples, whole.record.periods[first:stop])
+    return marks, record, -(-count // PACK) * PACK
+
+
+@inlined
+def store_block(batch: Batch, first: int) -> None:
+    """Copy the lanes back to the cases from the ``first`` on."""
+    values, lanes = batch.values, batch.lanes
+    for row in range(values.shape[0]):
+        for lane in range(min(batch.width, values.shape[1] - first)):
+            values[row, first + lane] = lanes[row, lane]
 
 
 def _blank_lost_samples(watched: Watch, case: int) -> None:
     """Set all samples and load periods of a case to NaN from its first non-finite sample on."""
-    histories, periods = watched.record.histories[case], watched.record.periods[case]
+    histories, periods = watched.histories[case], watched.periods[case]
     bad = ~np.isfinite(histories).all(axis=0)
     first = int(np.argmax(bad)) if bad.any() else histories.shape[1] - 1
     histories[:, first:] = np.nan
@@ -254,7 +280,7 @@ def _blank_lost_samples(watched: Watch, case: int) -> None:
 
 def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) -> Results:
     """Return the results of all blocks; a case has NaN from its first non-finite sample on."""
-    watched, tip, record = ended.watched, ended.watched.tip, ended.watched.record
+    watched, tip, record = ended.watched, ended.watched.tip, ended.watched.periods
     metrics = {
         "impacts": tip.impacts,
         "contact_time": tip.contact_time,
@@ -269,15 +295,15 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         values[lost] = np.nan
     for case in np.flatnonzero(lost):
         _blank_lost_samples(watched, int(case))
-    impulse, temperature, contact = record.periods[:, :3].swapaxes(0, 1)
+    impulse, temperature, contact = record[:, :3].swapaxes(0, 1)
     periods = (watched.period_due < NEVER).sum(axis=1)
     return Results(
-        histories=dict(zip(HISTORIES, record.histories.swapaxes(0, 1), strict=True)),
+        histories=dict(zip(HISTORIES, watched.histories.swapaxes(0, 1), strict=True)),
         metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},
         period_impulse=impulse,
         period_temperature=temperature,
         period_contact=contact * watched.cases.period_frequency[:, None],
         status=status,
         messages=messages,
-        sections=sections_of(record.periods[:, 3:], periods, record.histories[:, :3, 0]),
+        sections=sections_of(record[:, 3:], periods, watched.histories[:, :3, 0]),
     )
