@@ -135,8 +135,8 @@ def project(matrix: Array, states: Array) -> Array:
     The bits of a case do not depend on the others, unlike those of a matrix product, which sums in an order that
     changes with the batch size. Coordinates that are 0 in all cases are skipped: most batches start at rest and cold.
     """
-    rows = np.atleast_2d(matrix)
-    result = np.zeros((states.shape[0], rows.shape[0]))
-    for column in np.flatnonzero(states.any(axis=0)):
-        result += rows[:, column] * states[:, column, None]
-    return result if matrix.ndim == 2 else result[:, 0]
+    rows, columns = np.atleast_2d(matrix), np.asfortranarray(states).T  # contiguous, as every operation runs over cases
+    result = np.zeros((rows.shape[0], states.shape[0]))
+    for column in np.flatnonzero(columns.any(axis=1)):
+        result += rows[:, column, None] * columns[column]
+    return np.ascontiguousarray(result.T) if matrix.ndim == 2 else result[0]
