@@ -102,9 +102,10 @@ class Cases:
         """Cases whose numbers are all finite."""
         values = [getattr(self, name) for name in self.__dataclass_fields__]
         rows = [row for value in values for row in (value.rows if isinstance(value, Harmonics) else (value,))]
-        return np.asarray(
-            np.all([np.isfinite(row).reshape(self.count, -1 if row.size else 0).all(axis=1) for row in rows], axis=0)
-        )
+        fine = np.ones(self.count, dtype=bool)
+        for row in rows:
+            fine &= np.isfinite(row) if row.ndim == 1 else np.isfinite(row).all(axis=1)
+        return fine
 
     @property
     def heated(self) -> NDArray[np.bool_]:

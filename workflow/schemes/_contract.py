@@ -95,7 +95,7 @@ def _possible(about: variables.Variable, values: Array, counted: NDArray[np.bool
         fine &= ~(values < 0)
     if about.shape == "period":
         fine = fine[:, : counted.shape[1]] | ~counted
-    return np.asarray(fine.reshape(len(values), -1).all(axis=1))
+    return fine if fine.ndim == 1 else np.asarray(fine.all(axis=1))
 
 
 def _with_failed(results: Results, messages: dict[int, str]) -> Results:
