@@ -13,7 +13,7 @@ from scenes import cases, heavy_chain, sampling, step
 from workflow.models import Cases, Structure, critical_alpha, frequencies, growth_rate, tip_flexibility
 from workflow.schemes import Sampling, Status
 from workflow.schemes._fixed import theta_method
-from workflow.schemes._fixed.stable_steps import largest_step
+from workflow.schemes._fixed.step_limits import largest_step
 
 MOST_STEPS = 2_000_000
 

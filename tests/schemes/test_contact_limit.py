@@ -26,7 +26,7 @@ from workflow.models import Cases, Structure, critical_alpha, frequencies, tip_f
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, Status, penalty
 from workflow.schemes._fixed.central import Differences, delassus
-from workflow.schemes._fixed.spring_limits import lasting_limit, tip_modes
+from workflow.schemes._fixed.step_limits import lasting_limit, tip_modes
 
 CASES, PERIODS, MOST_STEPS = 16, 50, 200_000
 

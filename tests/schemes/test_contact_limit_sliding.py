@@ -21,7 +21,7 @@ from scenes import cases, step
 from sliding import structure
 from workflow.models import Cases, Rayleigh, Structure, critical_friction, frequencies, tip_flexibility
 from workflow.schemes import Sampling, Status, penalty
-from workflow.schemes._fixed.spring_limits import lasting_limit, tip_modes
+from workflow.schemes._fixed.step_limits import lasting_limit, tip_modes
 
 CASES, PERIODS, MOST_STEPS, LENGTH = 16, 50, 200_000, 5e-5
 

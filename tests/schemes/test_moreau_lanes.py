@@ -18,9 +18,8 @@ from workflow.kernels.lanes import LANES, PACK, lane_rows, lane_table, named_row
 from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
 from workflow.schemes import Sampling, schedule
-from workflow.schemes._fixed.drive import drive_of
+from workflow.schemes._fixed.loads import TipLoads, drive_of, start_load
 from workflow.schemes._fixed.stepping import Batch, batch_of, load_block, rows_of, watch
-from workflow.schemes._fixed.tip_load import TipLoads, start_load
 
 COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, BROAD + PACK, LANES - BROAD, LANES - 1, LANES + 1, 2 * LANES + PACK]
 

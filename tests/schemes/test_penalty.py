@@ -13,7 +13,7 @@ from scenes import cases, chain, heavy_chain, relative, sampling, step
 from workflow.models import Rayleigh, tip_flexibility
 from workflow.reduction import reduce_structure
 from workflow.schemes import Status, penalty
-from workflow.schemes._fixed.spring_limits import lasting_limit, tip_modes
+from workflow.schemes._fixed.step_limits import lasting_limit, tip_modes
 
 
 @pytest.mark.parametrize("count", [1, 11])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scenes import cases, chain, step
 from workflow.models import Rayleigh
 from workflow.schemes import Sampling, Status
-from workflow.schemes._fixed.stable_steps import largest_step, limit_text
+from workflow.schemes._fixed.step_limits import largest_step, limit_text
 
 
 @given(st.floats(1e-9, 1.0), st.floats(2e-12, 1.0))

@@ -18,7 +18,7 @@ from typing import Any, Literal
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import central, decoupled, spring, spring_limits, theta_method
+from workflow.schemes._fixed import central, decoupled, spring, step_limits, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._interface import Results, Sampling
 
@@ -71,13 +71,13 @@ def rigid(structure: Structure, h: float) -> Options:
 def contact_limit(structure: Structure, options: Options, friction: float = 0.0) -> float:
     """Return the largest step that is stable in intermittent contact, s: infinite where implicit with θ >= 0.75.
 
-    So it is for a tip without mass. Measured, see :mod:`~workflow.schemes._fixed.spring_limits`; ``friction`` is µ.
+    So it is for a tip without mass. Measured, see :mod:`~workflow.schemes._fixed.step_limits`; ``friction`` is µ.
     """
     if options.integration == "explicit":
-        return spring_limits.switching_limit(structure, contact_stiffness_of(structure, options), friction)
-    if options.theta >= spring_limits.DISSIPATES or structure.has_massless_tip:
+        return step_limits.switching_limit(structure, contact_stiffness_of(structure, options), friction)
+    if options.theta >= step_limits.DISSIPATES or structure.has_massless_tip:
         return float("inf")
-    return spring_limits.implicit_limit(structure, contact_stiffness_of(structure, options), friction)
+    return step_limits.implicit_limit(structure, contact_stiffness_of(structure, options), friction)
 
 
 def init(structure: Structure, h: float, options: Options) -> Operator:

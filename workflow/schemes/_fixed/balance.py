@@ -37,8 +37,14 @@ H = pᵀC2 T less αJ + ∫pᵀq - ∫L dt, with the loss L = pᵀK2 T by the te
 rounding, whether the structure is full or reduced.
 
 A step is counted at the beginning of the next one, which adds load and contact to u and η; the last step, and modes
-with :class:`Dense` balances, are counted in :mod:`~workflow.schemes._fixed.count`. With the weight θ of a step's end
-the loss is summed as h Σ L over all step ends but the last, plus hθ (L_end - L_0).
+with :class:`Dense` balances, are counted in :mod:`~workflow.schemes._fixed.modal_balance`. With the weight θ of a
+step's end the loss is summed as h Σ L over all step ends but the last, plus hθ (L_end - L_0).
+
+With the energy E, dissipation D less the work of loads and contact, heat content H, losses L, friction heat αJ and
+heating Q = ∫pᵀq of a whole march the residuals are, and 0 where the denominator is 0,
+
+    energy residual = (E_end - E_0 + D) / max E
+    heat residual = (H_end - H_0 - αJ - Q + L) / (αJ + |Q| + ∫|dL| + Σ|c T_0|).
 
 The balances run over whole steps: from t = 0 to the end of the last step, which lies at the duration
 or, where the duration is no multiple of h, up to one step beyond it; those of central differences are h/2 longer at
@@ -49,10 +55,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, shared, spread, store
-from workflow.models import Array
+from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed.contact import End, TipInput, TipStep, contact_gain, friction_heat, was_pressed
 from workflow.schemes._fixed.rows import Own, Tips, Totals
 
@@ -101,6 +109,8 @@ class Account(NamedTuple):
     velocity_before: Array
     """v at the last step's end, ``(mode, lane)``."""
     sums: Totals
+    h: float
+    """s."""
     energy_lever: float
     """ℓ, s."""
     load_share: float
@@ -165,6 +175,19 @@ def count_work(
     add_to(sums.dissipated, fused(impulse, -0.5 * (relative + before), gain), lane)
 
 
+class Taken(NamedTuple):
+    """Energy taken from modes in a step, by damping and by a unit of their inputs."""
+
+    dissipated: Pack
+    given: Pack
+
+
+@inlined
+def nothing_taken(lane: Lane) -> Taken:
+    """Return the sums before the first mode."""
+    return Taken(spread(0.0, lane), spread(0.0, lane))
+
+
 @inlined
 def count_mode(
     account: Account | None,
@@ -172,58 +195,47 @@ def count_mode(
     j: int,
     v: Pack,
     xi: Pack,
-    h: float,
     contact: Pack | None,
-    dissipated: Pack,
-    given: Pack,
+    taken: Taken,
     lane: Lane,
-) -> tuple[Pack, Pack]:
+) -> Taken:
     """Add the energy that damping and a unit of contact took from mode j in a step that ends with v and ξ."""
     if account is None or dense is not None:
-        return dissipated, given
-    return count_inputs(account, account.contact_inputs, j, v, xi, h, contact, dissipated, given, lane)
+        return taken
+    return count_inputs(account, account.contact_inputs, j, v, xi, contact, taken, lane)
 
 
 @inlined
 def count_inputs(
-    account: Account,
-    inputs: Array,
-    j: int,
-    v: Pack,
-    xi: Pack,
-    h: float,
-    times: Pack | None,
-    dissipated: Pack,
-    given: Pack,
-    lane: Lane,
-) -> tuple[Pack, Pack]:
+    account: Account, inputs: Array, j: int, v: Pack, xi: Pack, times: Pack | None, taken: Taken, lane: Lane
+) -> Taken:
     """Add the energy that damping and, where ``times`` is given, a unit of ``inputs`` took from mode j in a step."""
     before = pack(account.velocity_before, (j, lane))
     store(account.velocity_before, (j, lane), v)
     twice = v + before
-    dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, dissipated)
+    dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, taken.dissipated)
     if times is None:
-        return dissipated, given
-    given = fused(pack(inputs, (j, lane)), twice, given)
-    between = fused(spread(-0.5 * h, lane), before, xi)
-    return dissipated, fused(pack(inputs, (account.velocity_before.shape[0] + j, lane)), between, given)
+        return Taken(dissipated, taken.given)
+    given = fused(pack(inputs, (j, lane)), twice, taken.given)
+    between = fused(spread(-0.5 * account.h, lane), before, xi)
+    pulls = pack(inputs, (account.velocity_before.shape[0] + j, lane))
+    return Taken(dissipated, fused(pulls, between, given))
 
 
 @inlined
-def add_modes(
-    account: Account | None, dense: Dense | None, dissipated: Pack, given: Pack, contact: Pack | None, lane: Lane
-) -> None:
+def add_modes(account: Account | None, dense: Dense | None, taken: Taken, contact: Pack | None, lane: Lane) -> None:
     """Add the energies of :func:`count_mode`, of all modes, to the sums."""
     if account is None or dense is not None:
         return
-    add_dissipation(account, dissipated, given, contact, lane)
+    add_dissipation(account, taken, contact, lane)
 
 
 @inlined
-def add_dissipation(account: Account, dissipated: Pack, given: Pack, times: Pack | None, lane: Lane) -> None:
+def add_dissipation(account: Account, taken: Taken, times: Pack | None, lane: Lane) -> None:
     """Add the energy that all modes dissipated in a step to the sums, with ``times`` the unit inputs."""
+    dissipated = taken.dissipated
     if times is not None:
-        dissipated += times * (given + times * pack(account.sums.square, lane))
+        dissipated += times * (taken.given + times * pack(account.sums.square, lane))
     add_to(account.sums.dissipated, dissipated, lane)
 
 
@@ -241,3 +253,51 @@ def add_loss(account: Account | None, h: float, loss: Pack, heat: Pack | None, l
     loss = plus(loss + pack(account.sums.settled_loss, lane), spread(account.heat_loss, lane), heat)
     add_to(account.sums.lost, h * loss, lane)
     add_to(account.sums.turned_over, magnitude(h * loss), lane)
+
+
+class Content(NamedTuple):
+    """Heat content of cases [J], ``(case,)``."""
+
+    gained: Array
+    """H_end - H_0."""
+    initial: Array
+    """Σ|c T_0|."""
+    heating: Array
+    """Q = ∫pᵀq."""
+
+
+def row_totals(terms: Array) -> Array:
+    """Return the sum of each row, ``(row,)``, with the same bits for a case alone and among others."""
+    return np.asarray(np.ascontiguousarray(terms).sum(axis=1))
+
+
+def content_of(structure: Structure, cases: Cases, last: Array, elapsed: float) -> Content:
+    """Return the heat content of cases with the temperatures ``last`` after ``elapsed`` seconds, K."""
+    content, heating = structure.content, structure.uniform_rise * cases.heating
+    initial = content * cases.temperature
+    return Content(row_totals(content * last - initial), row_totals(np.abs(initial)), elapsed * row_totals(heating))
+
+
+class Balance(NamedTuple):
+    """Balances of cases after their march."""
+
+    totals: Totals
+    content: Content
+    rest: Array | float = 0.0
+    """Energy below which all is rounding, J: the least value of max E."""
+
+    def residuals(self) -> dict[str, Array]:
+        """Return ``energy_residual`` and ``heat_residual``, ``(case,)``."""
+        totals, content = self.totals, self.content
+        change = totals.last_energy - totals.first_energy + totals.dissipated
+        friction, heating = totals.friction_heat, content.heating
+        gained = content.gained - friction - heating + totals.lost
+        turned = friction + np.abs(heating) + totals.turned_over + content.initial
+        largest = np.maximum(totals.largest_energy, self.rest)
+        return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned)}
+
+
+def ratio(part: Array, whole: Array) -> Array:
+    """Return part/whole, 0 where the whole is 0."""
+    nothing = whole == 0
+    return np.where(nothing, 0.0, part / np.where(nothing, 1.0, whole))

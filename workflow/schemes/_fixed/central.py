@@ -29,10 +29,10 @@ from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed.blocks import Blocks, Step, separate
 from workflow.schemes._fixed.contact import CentralStep, Contact
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
-from workflow.schemes._fixed.drive import drive_of
+from workflow.schemes._fixed.loads import drive_of
 from workflow.schemes._fixed.march import step_batch
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, friction_message, judged
-from workflow.schemes._fixed.stable_steps import limit_text
+from workflow.schemes._fixed.step_limits import limit_text
 from workflow.schemes._fixed.stepping import collect
 from workflow.schemes._interface import Results, Sampling
 

@@ -29,7 +29,7 @@ from workflow.kernels.packs import (
     where,
 )
 from workflow.models import Cases
-from workflow.schemes._fixed.drive import (
+from workflow.schemes._fixed.loads import (
     Drive,
     casing_place,
     gap_ahead,

@@ -14,6 +14,7 @@ step's end. Blocks that are modes are scaled by their component at the tip, whos
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -22,10 +23,11 @@ from numpy.typing import NDArray
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, pack, shared, spread, store
-from workflow.models import Array
+from workflow.models import Array, Cases, project
 from workflow.schemes._fixed import balance
 from workflow.schemes._fixed.balance import Account, Dense, plus
-from workflow.schemes._fixed.contact import TipStep, friction_heat, was_pressed
+from workflow.schemes._fixed.blocks import Blocks
+from workflow.schemes._fixed.contact import Contact, TipStep, friction_heat, was_pressed
 from workflow.schemes._fixed.rows import Own
 
 SPEED, PLACE = range(2)
@@ -142,18 +144,16 @@ def _step_blocks(
 ) -> Pack:
     """Step the blocks, and add their part to the tip's velocity."""
     motion, load = state.motion, pack(state.own.load, lane)
-    dissipated, given = spread(0.0, lane), spread(0.0, lane)
+    taken = balance.nothing_taken(lane)
     for j in range(motion.shape[0]):
         before, place = ended(coupled, step, state, j, load, contact, lane)
-        dissipated, given = balance.count_mode(
-            account, dense, j, before, place, step.tip.h, contact, dissipated, given, lane
-        )
+        taken = balance.count_mode(account, dense, j, before, place, contact, taken, lane)
         u = shared(step.blocks, (j, DECAY), lane) * before + shared(step.blocks, (j, SPRING), lane) * place
         eta = place + step.tip.h * before
         store(motion, (j, SPEED, lane), u)
         store(motion, (j, PLACE, lane), eta)
         velocity += _at_tip(coupled, j, u, eta, lane)
-    balance.add_modes(account, dense, dissipated, given, contact, lane)
+    balance.add_modes(account, dense, taken, contact, lane)
     return velocity
 
 
@@ -267,3 +267,126 @@ def store_heat(step: FreeStep, state: State, into: Array, lanes: int) -> None:
         for lane in range(lanes):
             heat = step.heat_modes[k, HEAT_INPUT] * (own.alpha[lane] * own.impulse[lane])
             into[k, lane] = state.tau[k, lane] + heat if step.heat_counts else state.tau[k, lane]
+
+
+NO_DECAY = 1e-30
+"""Replaces a thermal factor D of exactly 0, by which the contact heat is divided: negligible beside 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class InitialState:
+    """Initial states of a batch, split into the known response to constant loads and the rest.
+
+    Blocks of second order and conducting modes have a static response; an adiabatic mode warms at a constant rate, with
+    a mechanical response to that. So the known part of the tip has the velocity drift, to which blocks of second order
+    contribute, and the temperature warmth + warming · t. Constant loads on blocks of first order, rigid modes among
+    them, act in every step.
+
+    Attributes
+    ----------
+    states
+        Remaining u and η, ``(2, block, case)``.
+    heat
+        Remaining τ, ``(thermal mode, case)``.
+    settled, warming_modes
+        Modal temperatures of the known part, and their rate [1/s], ``(thermal mode, case)``.
+    drift, warmth, warming
+        m/s, K and K/s, ``(case,)``.
+    closing, closing_rate
+        Quasi-static tip growth of the known temperatures, m and m/s, ``(case,)``.
+    drifting, steady
+        Blocks of first order under constant loads, and the increment of u by these in a step, ``(block, case)``.
+    """
+
+    states: Array
+    heat: Array
+    settled: Array
+    warming_modes: Array
+    drift: Array
+    warmth: Array
+    warming: Array
+    closing: Array
+    closing_rate: Array
+    drifting: NDArray[np.int64]
+    steady: Array
+
+
+def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
+    """Return the initial states of cases with a modal ``velocity`` ``(case, mode)``, at -h/2 in central differences."""
+    modal, h, c, k = blocks.modal, blocks.step.tip.h, blocks.damping[:, None], blocks.stiffness[:, None]
+    conducting, elastic = modal.rate > 0, modal.frequency > 0
+    heating = project(modal.heat_shapes.T, cases.heating)
+    settled = np.where(conducting, heating / np.where(conducting, modal.rate, 1.0), 0.0)
+    warming = np.where(conducting, 0.0, heating)
+    heat = project(modal.to_thermal, cases.temperature) - settled
+
+    load = project(modal.shapes.T, cases.steady) - np.where(elastic, project(modal.coupling, settled), 0.0)
+    constant = blocks.of_impulses(h * load.T) + blocks.of_heat(h * warming.T)
+    u = -constant[1] / h
+    known = np.where(k != 0, np.stack([u, (constant[0] / h - c * u) / np.where(k != 0, k, 1.0)]), 0.0)
+    speed, place = blocks.tip
+    drifting = np.flatnonzero((blocks.stiffness == 0) & (blocks.scale != 0) & constant[0].any(axis=1))
+
+    places = project(modal.to_modes, cases.displacement) - blocks.step.lever * velocity
+    states = blocks.of_modes(np.stack([velocity.T, places.T])) - blocks.thermal_response(heat.T) - known
+    return InitialState(
+        states=states,
+        heat=heat.T,
+        settled=settled.T,
+        warming_modes=warming.T,
+        drift=project(speed, known[0].T) + project(place, known[1].T),
+        warmth=project(modal.recorded, settled),
+        warming=project(modal.recorded, warming),
+        closing=project(modal.static_growth, settled),
+        closing_rate=project(modal.static_growth, warming),
+        drifting=drifting,
+        steady=constant[0, drifting],
+    )
+
+
+def first_free(blocks: Blocks, begun: InitialState) -> tuple[Array, Array, Array]:
+    """Return u and η after the first step of central differences without load and contact, and the tip's velocity.
+
+    The third value is the thermal part of that velocity, ``(case,)``.
+    """
+    states = blocks.ahead(begun.states)
+    states[0, begun.drifting] += begun.steady
+    for block, mode in blocks.pairs:
+        states[:, block] += blocks.thermal_load[:, block, mode, None] * begun.heat[mode]
+    thermal_velocity = project(blocks.heat_velocity, begun.heat.T) + begun.drift
+    velocity = sum(project(row, values.T) for row, values in zip(blocks.tip, states, strict=True))
+    return states, velocity + thermal_velocity, thermal_velocity
+
+
+def contact_heat(blocks: Blocks, cases: Cases) -> Array:
+    """Return the changes of u and η by heat and friction of a unit impulse of contact, ``(2, block, case)``."""
+    along, warm = blocks.modal.tangent, blocks.of_heat(blocks.step.heat_gain[:, None]) * cases.alpha
+    return warm if along is None else warm + blocks.of_impulses(along[:, None]) * cases.friction
+
+
+def drives(blocks: Blocks, cases: Cases) -> Array:
+    """Return the changes of u and η by a unit impulse of contact, ``(2, block, case)``."""
+    return contact_heat(blocks, cases) - blocks.of_impulses(blocks.modal.tip[:, None])
+
+
+def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64]) -> FreeStep:
+    """Return the coefficients of a step for kernels."""
+    modal, step, scale = blocks.modal, blocks.step, blocks.modal.heat_scale
+    h, (speed, place), (j, k) = step.tip.h, blocks.tip, blocks.pairs.T
+    load, load_place = blocks.of_impulses((modal.tip if modal.load is None else modal.load)[:, None])[..., 0]
+    pull, decay = blocks.thermal_load[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)
+    tip = contact.with_contact(step.tip)._replace(load_mobility=np.sum(speed * load + place * load_place))
+    return FreeStep(
+        blocks=np.stack([1 - h * blocks.damping, -h * blocks.stiffness, load * blocks.scale], axis=1),
+        coupled=np.stack([load_place, speed, place], axis=1) if modal.is_coupled else None,
+        heat_modes=np.stack(
+            [decay, scale * step.heat_gain / (1.0 if step.heat_counts else decay), blocks.heat_velocity / scale], axis=1
+        ),
+        pair_block=j,
+        pair_heat=k,
+        pair_load=np.stack([*(pull * blocks.scale[j]), speed[j] * pull[0] + place[j] * pull[1]], axis=1),
+        drifting=drifting,
+        tip=tip,
+        heat_counts=step.heat_counts,
+        observed=None if modal.observed is None else modal.observed / scale,
+    )

@@ -17,18 +17,14 @@ from workflow.kernels.packs import Lane, broad, broadest, narrow, pack, spread, 
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import free_motion, stepping
 from workflow.schemes._fixed.balance import Account, count_work, lay_out_account
-from workflow.schemes._fixed.balances import Balances
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.contact import CentralStep, Contact, End, Law, TipInput, TipStep, contact_step, respond
-from workflow.schemes._fixed.count import count_step
-from workflow.schemes._fixed.drive import DriveRows, turn_drive
-from workflow.schemes._fixed.free_motion import FreeStep, FreeTip, State
-from workflow.schemes._fixed.marks import Block
+from workflow.schemes._fixed.free_motion import FreeStep, FreeTip, State, drives, first_free, free_step, start
+from workflow.schemes._fixed.loads import DriveRows, start_load, turn_drive, turn_load
+from workflow.schemes._fixed.modal_balance import Balances, count_step
 from workflow.schemes._fixed.outcome import effective_restitution
 from workflow.schemes._fixed.rows import Own
-from workflow.schemes._fixed.start import drives, first_free, free_step, start
-from workflow.schemes._fixed.stepping import Batch, Ended, Now
-from workflow.schemes._fixed.tip_load import start_load, turn_load
+from workflow.schemes._fixed.stepping import Batch, Block, Ended, Now
 from workflow.schemes._interface import Sampling
 
 R = TypeVar("R", bound=Callable[..., tuple[float, float, float]])

@@ -10,8 +10,8 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.lanes import named_rows, rows_in
 from workflow.models import Cases, Structure, directions, project
+from workflow.schemes._fixed.balance import Balance, content_of, row_totals
 from workflow.schemes._fixed.rows import Totals
-from workflow.schemes._fixed.totals import Balance, content_of, row_totals
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""

@@ -13,12 +13,12 @@ from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
 from workflow.kernels.lanes import LANES, lane_table, named_rows
 from workflow.models import Cases, Structure, project, static_tip_growth
-from workflow.schemes._fixed.marks import Block
 from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.plain_balance import PlainBalance
 from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._fixed.stepping import (
     Batch,
+    Block,
     Ended,
     batch_of,
     collect,

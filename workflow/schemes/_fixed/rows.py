@@ -42,7 +42,7 @@ class Own(Rows):
     drift: Array
     warmth: Array
     warming: Array
-    """Known part of the tip's motion (:class:`~workflow.schemes._fixed.start.InitialState`)."""
+    """Known part of the tip's motion (:class:`~workflow.schemes._fixed.free_motion.InitialState`)."""
     load: Array
     impulse: Array
     """Impulses of the load and of contact in the last step, N s."""

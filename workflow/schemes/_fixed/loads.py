@@ -1,4 +1,8 @@
-"""Harmonics of the load besides its first sinusoid, and a moving casing, in the lanes of a block of cases.
+"""The load at the tip, F0 + F1 sin(2π f t + φ) and harmonics, and a casing that moves, in the lanes of a block.
+
+Lanes of the same f and φ share the sine of F1, which is none of the harmonics: there each lane has a sine of its own,
+which takes longer. Where a scene has no harmonics a kernel's :class:`Drive` is ``None``, and the kernel is compiled
+without it at no cost.
 
 A scheme with a fixed step sees the casing d(t) = d + Σ a_m sin(ω_m t + φ_m) through a discrete velocity
 
@@ -7,8 +11,6 @@ A scheme with a fixed step sees the casing d(t) = d + Σ a_m sin(ω_m t + φ_m) 
 for which h (θ V_{k+1} + (1-θ) V_k) = d_{k+1} - d_k exactly. The tip is stepped relative to the casing, r = x_n - d and
 u = v_n - V, with r_{k+1} = r_k + h (θ u_{k+1} + (1-θ) u_k): a pressed tip, u = 0, follows the casing without drift.
 Central differences take θ = 0: V_k = (d_{k+1} - d_k)/h, the casing's velocity from t_k to t_{k+1}.
-
-Where a scene has no harmonics a kernel's :class:`Drive` is ``None``, and the kernel is compiled without it at no cost.
 """
 
 from __future__ import annotations
@@ -26,7 +28,89 @@ from workflow.kernels.lanes import LANES, PACK, Rows, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics
 from workflow.schemes._fixed.rows import Tips
-from workflow.schemes._fixed.tip_load import EXACT_EVERY
+
+EXACT_EVERY = 64
+"""Steps between evaluations of sin and cos of a load; in between both are rotated by the angle of a step, with a
+rounding below 64 eps = 1.4e-14 of the amplitude."""
+
+
+class TipLoads(Rows):
+    """The loads of a block, F0 + F1 sin(2π f t + φ)."""
+
+    mean: Array
+    amplitude: Array
+    """F0 and F1, N."""
+    frequency: Array
+    phase: Array
+    """f [Hz] and φ [rad]."""
+    sine_before: Array
+    sine: Array
+    cosine: Array
+    """Sine at the beginning of the step, sine and cosine at its end."""
+    turn_sine: Array
+    turn_cosine: Array
+    """Sine and cosine of the angle of a step."""
+    weighed_sine: Array
+    """Weighted sine, where lanes differ in frequency or phase."""
+
+
+@part
+def start_load(h: float, load: TipLoads, lanes: int) -> int:
+    """Set the load to t = 0 and its rotation to one step; return the leader.
+
+    That is a lane whose sine, to the bit, is that of all lanes, as most batches share frequency and phase; -1 where
+    lanes differ in them.
+    """
+    leader = 0
+    for lane in range(lanes):
+        if load.amplitude[lane] != 0.0 and load.amplitude[leader] == 0.0:
+            leader = lane
+    frequency, phase, shared_by_all = load.frequency[leader], load.phase[leader], True
+    for lane in range(lanes):
+        still = load.amplitude[lane] == 0.0 and np.isfinite(load.frequency[lane] + load.phase[lane])
+        shared_by_all &= still or (load.frequency[lane] == frequency and load.phase[lane] == phase)
+    for lane in range(lanes):
+        turn = 2.0 * np.pi * load.frequency[lane] * h
+        load.turn_sine[lane], load.turn_cosine[lane] = elementary.sine_cosine(turn)
+    leader = leader if shared_by_all else -1
+    turn_load(0, h, leader, load, lanes)
+    return leader
+
+
+@inlined
+def turn_load(step: int, h: float, leader: int, load: TipLoads, lanes: int) -> None:
+    """Advance the load to the end of a step, t = step h."""
+    first, last = (leader, leader + 1) if leader >= 0 else (0, lanes)
+    for lane in range(first, last):
+        s, c = load.sine[lane], load.cosine[lane]
+        load.sine_before[lane] = s
+        load.sine[lane] = s * load.turn_cosine[lane] + c * load.turn_sine[lane]
+        load.cosine[lane] = c * load.turn_cosine[lane] - s * load.turn_sine[lane]
+    if step % EXACT_EVERY == 0:
+        for lane in range(first, last):
+            angle = 2.0 * np.pi * (load.frequency[lane] * (step * h)) + load.phase[lane]
+            load.sine[lane], load.cosine[lane] = elementary.sine_cosine(angle)
+
+
+@inlined
+def weigh_load(before: float, after: float, leader: int, load: TipLoads, lanes: int) -> float:
+    """Return the weighted mean of the sine at the step's beginning and end, common to all lanes.
+
+    Without a ``leader`` it returns 0 and stores the mean of each lane in ``weighed_sine``.
+    """
+    if leader >= 0:
+        return float(before * load.sine_before[leader] + after * load.sine[leader])
+    for lane in range(lanes):
+        load.weighed_sine[lane] = before * load.sine_before[lane] + after * load.sine[lane]
+    return 0.0
+
+
+@inlined
+def tip_load(sine: float, leader: int, load: TipLoads, lane: Lane) -> Pack:
+    """Return the load at the tip, N, for the ``sine`` that :func:`weigh_load` returned."""
+    mean, amplitude = pack(load.mean, lane), pack(load.amplitude, lane)
+    return mean + (amplitude * sine if leader >= 0 else amplitude * pack(load.weighed_sine, lane))
+
 
 _ROUNDING = 8 * np.finfo(float).eps
 """Size of r and u at t = 0, relative to the lengths and velocities in them, up to which they are rounding."""
