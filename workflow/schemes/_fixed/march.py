@@ -6,7 +6,7 @@ A scheme gives its step (:class:`~workflow.schemes._fixed.blocks.Step`) and its 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,7 +16,7 @@ from workflow.kernels.lanes import PACK, cached_lanes, lane_table, named_rows, r
 from workflow.kernels.packs import Lane, broad, broadest, narrow, pack, spread, store
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import free_motion, stepping
-from workflow.schemes._fixed.balance import Account, count_work, lay_out_account
+from workflow.schemes._fixed.balance import Account, Dense, count_work, lay_out_account
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.contact import CentralStep, Contact, End, Law, TipInput, TipStep, contact_step, respond
 from workflow.schemes._fixed.free_motion import FreeStep, FreeTip, State, drives, first_free, free_step, start
@@ -159,6 +159,20 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
     return add
 
 
+def _state(lanes: Mapping[str, Array], free: FreeStep, dense: Dense | None) -> State:
+    """Return the state of a block of cases, in named lanes."""
+    return State(
+        own=named_rows(Own, lanes["own"]),
+        motion=lanes["motion"],
+        drives=lanes["drives"],
+        steady=lanes["steady"],
+        tau=lanes["tau"],
+        tau_before=lanes["tau_before"],
+        tau_paired=lanes["tau_before" if free.heat_counts else "tau"],
+        dense=dense,
+    )
+
+
 def step_batch(
     structure: Structure,
     blocks: Blocks,
@@ -194,26 +208,18 @@ def step_batch(
         "steady": blocks.scale[begun.drifting, None] * begun.steady,
         "tau": tau,
         "tau_before": np.zeros_like(tau),
-        **{name: values for name, values in law._asdict().items() if isinstance(values, np.ndarray)},
+        **{f"law.{name}": values for name, values in law._asdict().items() if isinstance(values, np.ndarray)},
         **({} if balances is None else balances.rows),
     }
     table = lane_table(rows)
     lanes, account, dense = table.lanes, None, None
     if balances is not None:
         account, dense = balances.account(lanes), balances.dense(lanes)
-    state = State(
-        own=named_rows(Own, lanes["own"]),
-        motion=lanes["motion"],
-        drives=lanes["drives"],
-        steady=lanes["steady"],
-        tau=lanes["tau"],
-        tau_before=lanes["tau_before"],
-        tau_paired=lanes["tau_before" if free.heat_counts else "tau"],
-        dense=dense,
+    law = law._make(
+        lanes[f"law.{name}"] if f"law.{name}" in lanes else float(value) for name, value in law._asdict().items()
     )
-    law = law._make(lanes[name] if name in lanes else float(value) for name, value in law._asdict().items())
     width = cached_lanes(sum(rows[name].size for name in READ_EVERY_STEP if name in rows) // cases.count)
-    KERNELS[type(law)](free, law, state, stepping.batch_of(watched, table, width), account)
+    KERNELS[type(law)](free, law, _state(lanes, free, dense), stepping.batch_of(watched, table, width), account)
 
     ended = table.cases
     watched.tips[:] = ended["tip"]
