@@ -1,7 +1,8 @@
-"""Compiled kernels: found again by the next process, compiled anew after any change of a source."""
+"""Compiled kernels: found again by the next process, compiled anew after a change of what their module imports."""
 
 from __future__ import annotations
 
+import ast
 import math
 import os
 import shutil
@@ -14,6 +15,7 @@ from typing import NamedTuple
 import pytest
 
 import workflow
+from workflow.kernels import cache
 
 RUN = """
 import sys
@@ -22,7 +24,7 @@ from workflow.kernels import cache, elementwise
 from workflow.schemes import moreau
 value = float(elementwise.sine_cosine(1.0)[0])
 hits = sum(elementwise._sine_cosine.dispatcher.stats.cache_hits.values())
-print(value, hits, cache.directory_of("workflow"))
+print(value, hits, cache.directory_of("workflow.kernels.elementwise"))
 """
 """A kernel that compiles in a few seconds."""
 
@@ -31,7 +33,7 @@ import sys
 sys.path.insert(0, {package!r})
 from workflow.kernels import cache
 from outside.scheme import force
-print(force(1.0), sum(force.dispatcher.stats.cache_hits.values()), cache.directory_of("outside"))
+print(force(1.0), sum(force.dispatcher.stats.cache_hits.values()), cache.directory_of("outside.scheme"))
 """
 
 
@@ -97,10 +99,29 @@ def test_a_change_in_an_inlined_module_is_noticed(ran: tuple[Path, Ran]) -> None
     assert changed.value == pytest.approx(before.value + 2.0, rel=1e-12)
 
 
-def test_a_change_on_the_workflow_floor_compiles_nothing_anew(ran: tuple[Path, Ran]) -> None:
+def test_a_change_in_what_is_not_imported_compiles_nothing_anew(ran: tuple[Path, Ran]) -> None:
     copied, first = ran
-    edit(copied, "cli/__init__", '"""', '"""Another word.\n\n')
+    for module in ("cli/__init__", "kernels/algebra", "schemes/_fixed/march"):
+        edit(copied, module, '"""', '"""Another word.\n\n')
     assert run(copied) == first._replace(hits=1)
+
+
+def test_imports_are_those_of_the_syntax_tree() -> None:
+    for module, source in cache._SOURCES.items():
+        found: set[str] = set()
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.Import):
+                found |= {name.name for name in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0
+                found |= {str(node.module), *(f"{node.module}.{name.name}" for name in node.names)}
+        assert found & cache._SOURCES.keys() == cache._imported(module), module
+
+
+def test_kernels_of_one_scheme_are_no_matter_of_another() -> None:
+    exact, stepped = cache._closure("workflow.schemes._exact.march"), cache._closure("workflow.schemes.moreau")
+    assert "workflow.schemes._exact.expansion" in exact - stepped
+    assert "workflow.schemes._fixed.march" in stepped - exact
 
 
 def test_a_change_in_a_module_from_outside_is_noticed(copied: Path) -> None:

@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflow.kernels import elementary
+from workflow.kernels import Array, elementary
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.packs import magnitude, narrow, pack, store
-from workflow.models import Array
 from workflow.schemes._exact.explicit_blocks import explicit_derivatives
 from workflow.schemes._exact.motion import SIGNAL, Motion
 from workflow.schemes._exact.tables import block, expansion, first, state, wave

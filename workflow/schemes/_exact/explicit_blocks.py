@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.kernels import elementary
+from workflow.kernels import Array, elementary
 from workflow.kernels.compiled import part
-from workflow.models import Array
 from workflow.schemes._exact.motion import Motion, forced
 from workflow.schemes._exact.tables import block, state, wave
 from workflow.schemes._exact.waves import wave_phase

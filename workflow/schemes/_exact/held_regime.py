@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import kernel, part
-from workflow.models import Array
 from workflow.schemes._exact.layout import tabulate
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.rank_one import RankOne, Zeros, fill_vectors, find_zeros, reciprocal, square

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import part, uncounted
-from workflow.models import Array
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
 
 ORDER = 18

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import block_diag
 
-from workflow.models import Array
+from workflow.kernels import Array
 from workflow.schemes._exact.layout import Case, Regime
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.tables import block, first

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from workflow.kernels import Array
 from workflow.kernels.compiled import part
-from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Case, Regime, Scratch, memory_of
 from workflow.schemes._exact.motion import (

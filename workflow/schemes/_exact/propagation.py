@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from workflow.kernels import Array
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.packs import narrow, pack, store
-from workflow.models import Array
 from workflow.schemes._exact.explicit_blocks import advance_explicit, explicit_force
 from workflow.schemes._exact.motion import SIGNAL, TEMPERATURE, Motion, casing_at
 from workflow.schemes._exact.propagators import aperiodic_propagator, block_propagators, first_propagators

@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from workflow.kernels import elementary
+from workflow.kernels import Array, elementary
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.elementary import HALF_PI_1, HALF_PI_2, LN2_HIGH, LN2_LOW, LOG2_E, TO_INTEGER, TWO_OVER_PI
 from workflow.kernels.packs import narrow, pack, store
-from workflow.models import Array
 from workflow.schemes._exact.tables import block, first
 
 _EXPONENT = 4503599627370496.0 + 1023.0

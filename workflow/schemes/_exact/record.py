@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from workflow.kernels import Array
 from workflow.kernels.compiled import part
-from workflow.models import Array
 from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.peak_temperature import peak_temperature
 from workflow.schemes._exact.propagation import Observed, advance, integral, observe

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array
+from workflow.kernels import Array
 from workflow.poles import real_blocks
 from workflow.schemes._exact.layout import tabulate
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space

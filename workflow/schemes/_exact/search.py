@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from workflow.kernels import Array
 from workflow.kernels.compiled import part
-from workflow.models import Array
 from workflow.schemes._exact.expansion import SUM_ROUNDING, bounds, expanded_blocks, growth_bound
 from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.tables import expansion

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from workflow.kernels import elementary
+from workflow.kernels import Array, elementary
 from workflow.kernels.compiled import inlined, part
-from workflow.models import Array
 from workflow.schemes._exact.tables import wave
 
 
