@@ -37,7 +37,7 @@ def test_both_compilers_give_the_same_bits(tmp_path: Path) -> None:
     ours = content(tmp_path / "ours", NUMBA_CACHE_DIR=str(tmp_path))
     assert content(tmp_path / "plain", NUMBA_CACHE_DIR=str(tmp_path), WORKFLOW_PLAIN_NUMBA="1") == ours
     assert (
-        len(list(tmp_path.rglob("march.march-workflow.schemes._exact.march*.nbi"))) == 2
+        len(list(tmp_path.rglob("event_loop.run_cases-workflow.schemes._exact.event_loop*.nbi"))) == 2
     )  # and neither takes machine code from the other
 
 

@@ -31,8 +31,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.linalg import lapack, solve_sylvester
 
+from workflow.kernels import Array
 from workflow.kernels.algebra import Complex, inverse
-from workflow.models import Array
 
 _NEAR = 1e-3
 """Distance of two unit eigenvectors up to which they cost more than three digits."""
