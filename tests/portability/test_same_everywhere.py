@@ -13,7 +13,7 @@ from hashes import main as write
 from portable_studies import FILES, PINNED, SETTINGS, STUDIES
 
 from studies import pinned
-from workflow.kernels.cache import directory_of
+from workflow.kernels.compiled import directory_of
 from workflow.kernels.elementwise import _sine_cosine
 from workflow.schemes._exact.event_loop import run_cases
 from workflow.schemes._exact.regimes import _fill_rows
