@@ -161,22 +161,19 @@ def _whole_program() -> ModuleType | None:
 
 
 def _options(**options: Any) -> dict[str, Any]:
-    """Return numba's options: those given and those of all kernels and parts."""
+    """Return numba's options: those given and those of all kernels and parts, which count no references of arrays."""
     program = _whole_program()
     if program is not None:
         options["pipeline_class"] = program.KernelCompiler
-    return {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
+    return {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False, **options}
 
 
-_PART = {"no_cpython_wrapper": True, "_nrt": False}
-"""Options of functions that only kernels call: no entry from Python, and no reference counts of arrays."""
+_PART = {"no_cpython_wrapper": True}
+"""Options of functions that only kernels call: no entry from Python."""
 
 
 class _CacheLocator:
-    """Cache locator for numba: the location of a kernel's machine code.
-
-    The directory is that of the sources' state, so that its content is never out of date.
-    """
+    """Where numba finds a kernel's machine code, see :func:`directory_of`: it is never out of date."""
 
     def __init__(self, directory: Path, module: str, file: str):
         self._directory, self._module, self._py_file = directory, module, file  # numba names the file in its warnings
@@ -221,11 +218,11 @@ def _cache_type() -> type[FunctionCache]:
     return KeyedCache
 
 
-def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+def _compiled(function: Callable[..., Any]) -> Any:
     """Return a kernel that is compiled at the first call, or loaded from the cache."""
     import numba
 
-    dispatcher = numba.njit(**_options(**options))(function)
+    dispatcher = numba.njit(**_options())(function)
     if directory_of(function.__module__) is not None:
         dispatcher._cache = _cache_type()(function)  # as numba's option `cache`, with our location
     return dispatcher
@@ -240,25 +237,18 @@ def _translated(function: Callable[..., Any], **options: Any) -> Any:
     return translated if program is None else program.translated_once(translated)
 
 
-def kernel(function: F) -> F:
+def uncounted(function: F) -> F:
     """Compile a kernel: cached, without the global interpreter lock, without fastmath and prange.
 
-    Divisions by zero give infinities as in NumPy: a kernel never raises, it sets a status.
+    Divisions by zero give infinities as in NumPy: a kernel never raises, it sets a status. It allocates nothing, and
+    references to its arrays are not counted: the two atomic additions per array and call took longer than the
+    arithmetic on rows of 20.
     """
     return cast(F, Deferred(function, _compiled))
 
 
-def uncounted(function: F) -> F:
-    """Compile a kernel that allocates nothing, without reference counts of its arrays, see :func:`part`."""
-    return cast(F, Deferred(function, lambda f: _compiled(f, _nrt=False)))
-
-
 def part(function: F) -> F:
-    """Translate a part of a kernel that only kernels call, and that allocates nothing.
-
-    References to its arrays are not counted: the two atomic additions per array and call took longer than the
-    arithmetic on rows of 20.
-    """
+    """Translate a part of a kernel, which only kernels call."""
     return cast(F, Deferred(function, _translated))
 
 
@@ -268,10 +258,7 @@ def inlined(function: F) -> F:
 
 
 _CHOICES: dict[Callable[..., Any], Callable[..., Any]] = {}
-"""For each function that is dispatched by the types of its arguments the function that returns its code.
-
-An entry is removed when numba has it.
-"""
+"""What returns the code of each function that is dispatched by type, until numba has it."""
 
 
 def _extend_numba() -> None:
