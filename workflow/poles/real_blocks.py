@@ -163,7 +163,8 @@ def _beside_rigid_motions(A: Array, separate: Callable[[Array], RealBlocks]) -> 
     y, y_slope = slope - c * r / w2, -r / w2
     apart = np.linalg.solve(V, y @ eta + y_slope @ u + decay[:, rest] @ xi[rest])
     into, out, still = np.zeros(A.shape), np.zeros(A.shape), np.zeros((others.size, drifts.size))
-    into[:, others], into[: drifts.size, drifts] = np.concatenate([-apart, eta, xi[most], u, xi[rest]]), np.linalg.inv(V)
+    into[:, others] = np.concatenate([-apart, eta, xi[most], u, xi[rest]])
+    into[: drifts.size, drifts] = np.linalg.inv(V)
     out_eta, out_u, out_xi = np.split(outward, at, axis=1)
     out[others] = np.concatenate([still, out_eta, out_xi[:, most], out_u, out_xi[:, rest]], axis=1)
     out[drifts] = np.concatenate([V, y, np.zeros_like(V), y_slope, decay[:, rest]], axis=1)
