@@ -12,7 +12,6 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
@@ -62,13 +61,9 @@ def source_digest(package: str) -> str | None:
     if spec is None or not spec.has_location or spec.origin is None:
         return None
     file = Path(spec.origin)
-    return digest(file.parent, "**/*.py" if file.name == "__init__.py" else file.name)
-
-
-def digest(package: Path, pattern: str, without: Iterable[str] = ()) -> str:
-    """Return the digest of sources, their names and what is in them, but those in some directories."""
-    names = sorted(each.relative_to(package) for each in package.glob(pattern))
-    sources = [(str(name), (package / name).read_bytes()) for name in names if name.parts[0] not in without]
+    pattern = "**/*.py" if file.name == "__init__.py" else file.name
+    names = sorted(each.relative_to(file.parent) for each in file.parent.glob(pattern))
+    sources = [(str(name), (file.parent / name).read_bytes()) for name in names]
     return hashlib.sha256(repr(sources).encode()).hexdigest()
 
 

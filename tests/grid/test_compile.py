@@ -48,13 +48,13 @@ event.register("numba:compile", Seen())
 with compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
     compile_scheme(variant_of("event_driven"))
     compile_scheme(variant_of("moreau"))
-from workflow.schemes._exact.march import march
+from workflow.schemes._exact.event_loop import run_cases
 from workflow.schemes import moreau
 from workflow.schemes._fixed.march import KERNELS
 ours = {f.__name__: n for f, n in Seen.functions.items() if (f.__module__ or "").startswith("workflow.schemes.")}
 step = KERNELS[moreau.Newton].dispatcher
 print(max(ours.values()), "march_cases" in ours, sum(step.stats.cache_hits.values()))
-print(*(len(dispatcher.signatures) for dispatcher in (march.dispatcher, step)))
+print(*(len(dispatcher.signatures) for dispatcher in (run_cases.dispatcher, step)))
 """
 
 KILLED = """
@@ -134,7 +134,7 @@ def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
         assert alive(helper)
         run.send_signal(signal.SIGKILL)
     until(lambda: not alive(helper))
-    assert not list(tmp_path.rglob("march.march-*.nbc"))  # the kernel that takes long
+    assert not list(tmp_path.rglob("event_loop.run_cases-*.nbc"))  # the kernel that takes long
     assert not list(tmp_path.rglob("*.compiled"))
 
 

@@ -131,30 +131,6 @@ def test_dissipation_never_counts() -> None:
     assert results.values["status"][0] == Status.OK
 
 
-@pytest.mark.parametrize(
-    "start",
-    [
-        "initial: {velocity: 2}",
-        "initial: {displacement: [-1.0e-3, 0, 0]}",
-        "initial: {temperature: [0, 100, 0]}",
-        "load: {steady: [0, 3, 0]}",
-    ],
-)
-def test_what_starts_or_loads_the_other_nodes_counts_too(start: str) -> None:
-    """Gap, tip load and x_n(0) are all zero, and yet the tip moves as it should."""
-    results = one(nodes=3, more=", spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1, conductance: 1", scene=start)
-    assert results.values["status"][0] == Status.OK
-    assert not results.messages
-
-
-def test_heating_that_pushes_the_tip_counts() -> None:
-    """The root is held, the casing far: a tenth of a second of heat moves the tip by what the model says."""
-    heat = ", spacing: 1.0e-2, expansion: 1.0e-5, heat_capacity: 1, conductance: 1, heating: 1.0e5"
-    results = one(nodes=3, more=heat, gap=1e-9, scene="initial: {displacement: 0}", duration=0.1)
-    assert results.values["thermal_closing"][0] > 1000 * 1e-9
-    assert results.values["status"][0] == Status.OK
-
-
 def test_runaway_is_physics() -> None:
     """A pressed tip a hundred times above its critical coupling: it stays ok, with its flag, in every scheme."""
     for scheme in ("moreau", "carpenter", "penalty", "event_driven"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenes import cases, chain
-from workflow.judges.perturbations import perturbed
+from workflow.judges.distances import perturbed
 
 
 @pytest.mark.parametrize("share", [1e-6, -1e-6])

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from workflow.kernels import cache
-from workflow.kernels.compiled import by_type, defines, inlined, kernel
+from workflow.kernels import compiled
+from workflow.kernels.compiled import by_type, defines, inlined, uncounted
 
 
 class Never(NamedTuple):
@@ -40,7 +40,7 @@ def called_later(x: float) -> float:
     return 3.0 * shared_by_both(x)
 
 
-@kernel
+@uncounted
 def both(law: Any, x: float) -> float:
     result = 0.0
     for _ in range(0, turns(law), 1):
@@ -60,7 +60,7 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> 
         raise KeyError(user)
 
     monkeypatch.setattr(pwd, "getpwuid", getpwuid)
-    monkeypatch.setattr(cache, "__file__", "/proc/none/cache.py")  # an installation of someone else
+    monkeypatch.setattr(compiled, "__file__", "/proc/none/compiled.py")  # an installation of someone else
     for name in ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"):
         monkeypatch.delenv(name, raising=False)
-    assert cache.directory_of.__wrapped__("workflow.kernels") is None
+    assert compiled.directory_of.__wrapped__("workflow.kernels") is None

@@ -1,7 +1,8 @@
-"""Compiled kernels: found again by the next process, compiled anew after any change of a source."""
+"""Compiled kernels: found again by the next process, compiled anew after a change of what their module imports."""
 
 from __future__ import annotations
 
+import ast
 import math
 import os
 import shutil
@@ -14,24 +15,25 @@ from typing import NamedTuple
 import pytest
 
 import workflow
+from workflow.kernels import compiled
 
 RUN = """
 import sys
 sys.path.insert(0, {package!r})
-from workflow.kernels import cache, elementwise
+from workflow.kernels import compiled, elementwise
 from workflow.schemes import moreau
 value = float(elementwise.sine_cosine(1.0)[0])
 hits = sum(elementwise._sine_cosine.dispatcher.stats.cache_hits.values())
-print(value, hits, cache.directory_of("workflow"))
+print(value, hits, compiled.directory_of("workflow.kernels.elementwise"))
 """
 """A kernel that compiles in a few seconds."""
 
 OUTSIDE = """
 import sys
 sys.path.insert(0, {package!r})
-from workflow.kernels import cache
+from workflow.kernels import compiled
 from outside.scheme import force
-print(force(1.0), sum(force.dispatcher.stats.cache_hits.values()), cache.directory_of("outside"))
+print(force(1.0), sum(force.dispatcher.stats.cache_hits.values()), compiled.directory_of("outside.scheme"))
 """
 
 
@@ -64,7 +66,7 @@ def copied(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
+def compiled_copy(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
     """Such a copy in which two processes at once have compiled the kernel, and what came of it."""
     directory = copy_of_the_package(tmp_path_factory.mktemp("compiled"))
     with ThreadPoolExecutor() as both:
@@ -74,9 +76,9 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
 
 
 @pytest.fixture
-def ran(compiled: tuple[Path, Ran], tmp_path: Path) -> tuple[Path, Ran]:
+def ran(compiled_copy: tuple[Path, Ran], tmp_path: Path) -> tuple[Path, Ran]:
     """A copy of that one, kernels and all, in its place."""
-    directory, first = compiled
+    directory, first = compiled_copy
     shutil.copytree(directory / "workflow", tmp_path / "workflow")
     return tmp_path, first._replace(directory=tmp_path / first.directory.relative_to(directory))
 
@@ -97,10 +99,32 @@ def test_a_change_in_an_inlined_module_is_noticed(ran: tuple[Path, Ran]) -> None
     assert changed.value == pytest.approx(before.value + 2.0, rel=1e-12)
 
 
-def test_a_change_on_the_workflow_floor_compiles_nothing_anew(ran: tuple[Path, Ran]) -> None:
+def test_a_change_in_what_is_not_imported_compiles_nothing_anew(ran: tuple[Path, Ran]) -> None:
     copied, first = ran
-    edit(copied, "cli/__init__", '"""', '"""Another word.\n\n')
+    for module in ("cli/__init__", "kernels/algebra", "schemes/_fixed/march"):
+        edit(copied, module, '"""', '"""Another word.\n\n')
     assert run(copied) == first._replace(hits=1)
+
+
+def test_imports_are_those_of_the_syntax_tree() -> None:
+    for module, source in compiled._SOURCES.items():
+        found: set[str] = set()
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.Import):
+                found |= {name.name for name in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0
+                found |= {str(node.module), *(f"{node.module}.{name.name}" for name in node.names)}
+        assert found & compiled._SOURCES.keys() == compiled._imported(module), module
+
+
+def test_kernels_of_one_scheme_are_no_matter_of_another() -> None:
+    exact, stepped = (
+        compiled._closure("workflow.schemes._exact.event_loop"),
+        compiled._closure("workflow.schemes.moreau"),
+    )
+    assert "workflow.schemes._exact.expansion" in exact - stepped
+    assert "workflow.schemes._fixed.march" in stepped - exact
 
 
 def test_a_change_in_a_module_from_outside_is_noticed(copied: Path) -> None:
@@ -109,8 +133,8 @@ def test_a_change_in_a_module_from_outside_is_noticed(copied: Path) -> None:
     outside.mkdir()
     (outside / "__init__.py").write_text("")
     (outside / "law.py").write_text("STIFFNESS = 2.0\n")
-    text = "from workflow.kernels.compiled import kernel\nfrom outside import law\n\n\n"
-    (outside / "scheme.py").write_text(text + "@kernel\ndef force(x):\n    return law.STIFFNESS * x\n")
+    text = "from workflow.kernels.compiled import uncounted\nfrom outside import law\n\n\n"
+    (outside / "scheme.py").write_text(text + "@uncounted\ndef force(x):\n    return law.STIFFNESS * x\n")
     assert [run(copied, OUTSIDE)[:2] for _ in range(2)] == [(2.0, 0), (2.0, 1)]
     (outside / "law.py").write_text("STIFFNESS = 3.0\n")
     assert run(copied, OUTSIDE)[:2] == (3.0, 0)

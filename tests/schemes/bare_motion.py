@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from workflow.schemes._exact.layout import ORDER, Expansion
-from workflow.schemes._exact.motion import Motion
-from workflow.schemes._exact.tables import block, expansion, first, state, wave
+from workflow.schemes._exact.motion import ORDER, Expansion, Motion
+from workflow.schemes._exact.tables import block, expansion, first, padded, state, wave
 
 
 def bare_motion(blocks: int, firsts: int = 0, waves: int = 0, growth: float = 0.0, cooling: bool = False) -> Motion:
     """Return a motion whose tables are 0."""
-    columns = block.padded(blocks)
+    columns = padded(blocks)
     now, after, between, jump = np.zeros((4, state.ROWS, 8))
     none = np.zeros((0, 0))
     return Motion(

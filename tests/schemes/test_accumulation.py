@@ -15,7 +15,7 @@ from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
 from workflow.models import Rayleigh
 from workflow.schemes import Results, Status
-from workflow.schemes._exact.accumulation import Bounces, end_of_chattering
+from workflow.schemes._exact.events import Bounces, end_of_chattering
 from workflow.schemes._exact.motion import Motion
 
 DURATION, INTERVAL = 0.1, 1e-4

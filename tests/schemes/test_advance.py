@@ -7,14 +7,14 @@ import numpy as np
 from scenes import blade, blade_rub, cases, chain
 from workflow.models import Cases, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes._exact.advance import Trajectory, advance, one_case
 from workflow.schemes._exact.batch import make_operator
 from workflow.schemes._exact.layout import Budget
+from workflow.schemes._exact.trajectory import Trajectory, one_case, trajectory
 
 
 def advanced(structure: Structure, batch: Cases, span: float, kept: int, events: int = 10**5) -> Trajectory:
     one = one_case(make_operator(structure, Budget(events, 10**6)), batch, 1.0)
-    return advance(one, one.own.modal, False, 0.0, span, kept=kept)
+    return trajectory(one, one.own.modal, False, 0.0, span, kept=kept)
 
 
 def test_more_events_than_are_guessed_are_kept() -> None:

@@ -52,34 +52,7 @@ def test_a_hundred_random_scenes() -> None:
     assert sum(compare_seed(seed) for seed in range(100)) > 500
 
 
-def critical(structure: Matrices, size: int) -> float:
-    """Return the strength of a dashpot to the ground at the first node at which two poles of the first nodes meet."""
-    low, high = 0.5, 10.0
-    while high - low > 1e-15 * high:
-        middle = 0.5 * (low + high)
-        if not low < middle < high:
-            break
-        M, K = structure.mass[:size, :size], structure.stiffness_matrix[:size, :size]
-        C = with_dashpot(structure, 0, None, middle).damping_matrix[:size, :size]
-        A = np.block([[np.zeros((size, size)), np.eye(size)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-        is_real = np.any(np.abs(np.linalg.eigvals(A).imag) == 0)
-        low, high = (low, middle) if is_real else (middle, high)
-    return high
-
-
 HEAT = {"spacing": 1.0, "expansion": 0.1, "conductance": 0.5, "convection": 0.1}
-
-
-@pytest.mark.parametrize("held", [False, True])
-@pytest.mark.parametrize("beside", [0.0, 1e-8, -1e-8])
-def test_poles_that_coincide_and_those_beside_them(held: bool, beside: float) -> None:
-    structure = chain(nodes=3, mass=1.0, stiffness=(1.0, 2.0, 1.5)).matrices()
-    strength = critical(structure, 2 if held else 3)
-    structure = with_dashpot(structure, 0, None, strength * (1 + beside))
-    assert (
-        against_reference(structure, cases(structure, e=0.5, gap=0.2, mean=0.5, amplitude=0.4, frequency=0.1), OVER)
-        <= 1e-10
-    )
 
 
 def branches(stiffness: float, mass: float) -> Matrices:

@@ -162,14 +162,3 @@ def test_a_critically_damped_mode_under_friction_heat(alpha: float, damping: flo
     )
     load = {"mean": 1.0, "amplitude": 0.5, "frequency": 0.1}
     assert against_reference(structure, cases(structure, alpha=alpha, gap=0.1, **load)) <= 1e-10
-
-
-@pytest.mark.parametrize("alpha", [0.0, 0.5])
-def test_a_damping_ratio_on_a_moving_casing(alpha: float) -> None:
-    """Damping couples the modes of the held tip, which feel the casing's velocity by it."""
-    structure = chain(
-        nodes=3, mass=1.0, stiffness=2.0, damping=Rayleigh(ratio=0.1), spacing=1.0, expansion=0.1, conductance=0.5
-    )
-    moves = {"casing_harmonics": [[0.1, 0.2, 1.0], [0.03, 0.5, 0.0]], "load_harmonics": [[0.5, 0.1, 0.0]]}
-    case = cases(structure, alpha=alpha, gap=0.1, mean=1.0, displacement=0.1, temperature=1.0, **moves)
-    assert against_reference(structure, case) <= 1e-10

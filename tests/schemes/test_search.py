@@ -17,8 +17,8 @@ from scipy.interpolate import BPoly, PPoly
 from workflow.kernels import Array
 from workflow.kernels.compiled import uncounted
 from workflow.schemes._exact.motion import Motion
-from workflow.schemes._exact.peak_temperature import _bend, _peaks_at_an_end
-from workflow.schemes._exact.search import _falls_through, longest_without_zero, zero_crossing
+from workflow.schemes._exact.record import _bend, _peaks_at_an_end
+from workflow.schemes._exact.step import _falls_through, longest_without_zero, zero_crossing
 from workflow.schemes._exact.tables import block, expansion
 
 TIMES = np.linspace(0.0, 1.0, 501)

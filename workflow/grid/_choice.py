@@ -15,9 +15,17 @@ from workflow.grid._conditions import conditions
 from workflow.grid._corners import Corner, corner_text, corners_of
 from workflow.grid._operators import full_structure, model_on, reduced
 from workflow.grid._waiting_for import TRIALS, waiting_for
-from workflow.judges.least_vectors import FullTrials, LeastVectors, least_vectors, richest
-from workflow.judges.refinement import coarsest, is_refined, refined_vectors
-from workflow.judges.trials import Counts, Problem
+from workflow.judges.trials import (
+    Counts,
+    FullTrials,
+    LeastVectors,
+    Problem,
+    coarsest,
+    is_refined,
+    least_vectors,
+    refined_vectors,
+    richest,
+)
 from workflow.models import one_thread
 from workflow.schemes import Sampling
 from workflow.study import CHOSEN, CaseSettings, Dimension

@@ -25,7 +25,7 @@ import numpy as np
 
 from workflow import models
 from workflow.grid._waiting_for import COMPILING, waiting_for
-from workflow.kernels.cache import directory_of
+from workflow.kernels.compiled import directory_of
 from workflow.models import Cases, Harmonics
 from workflow.schemes import Sampling, load
 

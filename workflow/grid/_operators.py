@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.grid._compile import KernelVariant, compile_scheme
-from workflow.judges.blow_ups import mark_blown_up
-from workflow.judges.runaways import Runaways
+from workflow.judges.blow_ups import Runaways, mark_blown_up
 from workflow.models import (
     Array,
     Cases,

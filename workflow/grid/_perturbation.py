@@ -9,7 +9,7 @@ from typing import Any
 from workflow.declare import File
 from workflow.grid._conditions import conditions
 from workflow.grid._operators import full_structure
-from workflow.judges.perturbations import perturbed
+from workflow.judges.distances import perturbed
 from workflow.models import Array, Cases
 from workflow.study import CaseSettings
 

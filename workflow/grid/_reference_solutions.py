@@ -17,9 +17,8 @@ from workflow.grid._operators import compile_for, judged, reduced_structure, run
 from workflow.grid._perturbation import cases_of
 from workflow.grid._tasks import TASK_BYTES, Batch, fair_seconds, unit
 from workflow.grid._waiting_for import REFERENCES, waiting_for
-from workflow.judges.perturbations import predictability
-from workflow.judges.reasons import reason_of
-from workflow.judges.trials import EXACT
+from workflow.judges.distances import predictability
+from workflow.judges.trials import EXACT, reason_of
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Status
 from workflow.study import CaseSettings, SchemeChoice

@@ -20,8 +20,7 @@ from workflow.grid._reference_solutions import Solutions, solutions_for, texts_o
 from workflow.grid._steady import blank, branch_values, steady_values
 from workflow.grid._tasks import Batch
 from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
-from workflow.judges.reasons import reason_of
-from workflow.judges.trials import DECIDING
+from workflow.judges.trials import DECIDING, reason_of
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Status
 from workflow.study import CaseSettings, Study

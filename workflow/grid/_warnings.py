@@ -18,8 +18,7 @@ from workflow.grid._mesh_cautions import fast_samples
 from workflow.grid._operators import Reduced, model_on, reduced, reduced_structure
 from workflow.grid._scene_cautions import basis_text, cautions_of_scene
 from workflow.judges.cautions import FEW, FreeModes, SchemeStep, StepCaution, free_modes, listed, step_cautions
-from workflow.judges.reasons import reason_of
-from workflow.judges.trials import EXACT
+from workflow.judges.trials import EXACT, reason_of
 from workflow.models import one_thread
 from workflow.study import CaseSettings
 

@@ -1,4 +1,6 @@
-"""Cases that diverged although their numbers stayed finite: marked ``diverged``.
+"""Cases that diverged although their numbers stayed finite, and runaways, which are physics.
+
+A case is marked ``diverged``:
 
 - In every scheme with balances: ``energy_residual`` is above :data:`CREATED`.
 - In time-stepping where K1 is regular: the largest |x_n| exceeds :data:`EXCESS` times the length accounted for by the
@@ -12,11 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
-from workflow.models import Array, Cases, Structure
+from workflow.models import Array, Cases, Structure, critical_alpha, growth, in_contact
 from workflow.schemes import Results, Status
 
 CREATED = 0.99
@@ -33,6 +37,9 @@ against thermal forces exceeds the energy by the square, and 1e-16 of it is as l
 _AT_REST = 1e-12
 """Largest |x_n|, over the length accounted for, up to which the tip never left a gap of 0: a few thousand roundings.
 The work of load and contact force, which cancel, is then compared with no energy."""
+
+_AT_CRITICAL = 1e-9
+"""Relative excess over the critical coupling up to which there is no runaway: far above its rounding, about 1e-14."""
 
 
 def mark_blown_up(
@@ -156,3 +163,33 @@ def _energy(structure: Structure, cases: Cases) -> Array:
     """Return the initial energy vᵀMv/2 + xᵀK1x/2 of each case, J, ``(case,)``."""
     pair, states = structure.mechanical, zip(cases.displacement, cases.velocity, strict=True)
     return np.array([pair.energies(x).sum() + v @ pair.inertia_of(v) for x, v in states]) / 2
+
+
+class Runaways:
+    """Critical coupling and growth rate of the structure on which cases are run, kept for each pair of α and µ."""
+
+    def __init__(self, structure: Structure) -> None:
+        with threadpool_limits(limits=1, user_api="blas"):
+            self._contact = in_contact(structure)
+        self._critical = cache(lambda friction: critical_alpha(structure, friction))
+        self._known: dict[tuple[float, float], tuple[float, float, float]] = {}
+
+    def of(self, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return critical coupling [m/s], growth rate [1/s] and whether it grows, ``(case,)`` each.
+
+        Above the critical coupling a real eigenvalue is certainly positive, however small beside the largest one:
+        1 - α G(s) is negative at 0 and 1 at infinity.
+        """
+        distinct, where = np.unique(alpha + 1j * friction, return_inverse=True)
+        pairs = list(zip(distinct.real.tolist(), distinct.imag.tolist(), strict=True))
+        if new := [pair for pair in pairs if pair not in self._known]:
+            self._known.update(zip(new, self._computed(*np.transpose(new)), strict=True))
+        critical, rate, grows = np.transpose([self._known[pair] for pair in pairs])[:, where]
+        return critical, rate, grows != 0
+
+    def _computed(self, alpha: Array, friction: Array) -> list[tuple[float, float, float]]:
+        """Return critical coupling, growth rate and whether it grows of each pair of α and µ."""
+        critical = np.array([self._critical(each) for each in friction.tolist()])
+        rates, acts = growth(self._contact, alpha, friction), (alpha > 0) | (friction > 0)
+        grows = acts & (rates.is_positive | (alpha > critical * (1 + _AT_CRITICAL)))
+        return list(zip(critical.tolist(), rates.rate.tolist(), grows.tolist(), strict=True))

@@ -1,10 +1,17 @@
-"""Relative L2 distances of histories."""
+"""How far two histories are apart, and how sensitive they are to rounding."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
-from workflow.kernels import Array
+from workflow.models import Array, Cases
+from workflow.schemes import Results, Status
+
+GAP_SHARE = 1e-12
+"""Change of the gap over a length of the motion, by whose effect ``predictability`` is defined."""
 
 
 def norms(rows: Array) -> Array:
@@ -24,3 +31,48 @@ def relative(distance: Array, size: Array) -> Array:
 def relative_distance(values: Array, truth: Array) -> Array:
     """Return the L2 distance of each row from that of ``truth``, over the norm of ``truth``."""
     return relative(norms(values - truth), norms(truth))
+
+
+def predictability(run: Callable[[Cases], Results], cases: Cases, displacement: Array, *, is_static: bool) -> Array:
+    """Return the larger relative change of the displacement for a slightly wider or narrower gap, ``(case,)``.
+
+    The gap changes by 1e-12 of a length of the motion, the larger of |gap| and the largest |x_n|. Where a narrower gap
+    would put the start inside the casing only the wider one counts; a static start moves with the gap. NaN where no
+    perturbed run ended ok.
+    """
+    trifle = GAP_SHARE * np.maximum(np.abs(cases.gap), np.abs(displacement).max(axis=1))
+    change = np.full(cases.count, np.nan)
+    outside = cases.displacement[:, -1] <= cases.casing_at(0.0) - trifle
+    may_close = np.ones(cases.count, dtype=bool) if is_static else outside
+    for which, sign in ((np.arange(cases.count), 1.0), (np.flatnonzero(may_close), -1.0)):
+        if which.size:
+            part = cases.take(which)
+            results = run(replace(part, gap=part.gap + sign * trifle[which]))
+            moved = np.where((results.status == Status.OK)[:, None], results.histories["displacement"], np.nan)
+            change[which] = np.fmax(change[which], relative_distance(moved, displacement[which]))
+    return change
+
+
+def perturbed(cases: Cases, share: float, reach: float) -> Cases:
+    """Return cases with gap, tip load and initial state perturbed by a share; a tip never starts beyond the casing.
+
+    With ``reach`` the largest displacement of the tip, m, the gap changes by the share of the larger of |gap| and it,
+    the mean load by that of the larger of |mean| and amplitude: rounding decides whether a load presses where its
+    sinusoid is 0. A wider gap comes with a smaller mean: one sign reduces contact, the other increases it.
+    """
+    gap = cases.gap + share * np.maximum(np.abs(cases.gap), reach)
+    displacement = cases.displacement * (1 + share)
+    if displacement.shape[1]:
+        begins, moved = cases.casing_at(0.0), cases.casing_harmonics.added(np.zeros(cases.count), 0.0)
+        least = displacement[:, -1] - moved
+        gap = np.maximum(gap, np.where(cases.displacement[:, -1] <= begins, least, gap))
+    return replace(
+        cases,
+        gap=gap,
+        mean=cases.mean - share * np.maximum(np.abs(cases.mean), np.abs(cases.amplitude)),
+        amplitude=cases.amplitude * (1 - share),
+        displacement=displacement,
+        velocity=cases.velocity * (1 - share),
+        temperature=cases.temperature * (1 + share),
+        load_harmonics=cases.load_harmonics.scaled(1 + share),
+    )

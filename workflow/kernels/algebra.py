@@ -72,17 +72,6 @@ def eigenvalues(matrix: ArrayLike) -> Complex:
     return np.asarray(scipy.linalg.eigvals(_finite(matrix)))
 
 
-def inverse(matrix: Array) -> Array:
-    """Return A⁻¹.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        There is none.
-    """
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-
-
 def _finite(matrix: ArrayLike) -> Array:
     """Return a matrix after a check that its entries are finite, as LAPACK requires."""
     a = np.asarray(matrix, dtype=np.float64)

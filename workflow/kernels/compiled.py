@@ -1,22 +1,33 @@
 """Decorators of kernels: numba is imported at the first call of a kernel, and machine code is cached by its sources.
 
 The decorators return a :class:`Deferred`, which numba compiles when it is first called: reading a study or an archive
-needs no kernel, and importing numba takes longer than either. Machine code is stored in
-:func:`workflow.kernels.cache.directory_of` the kernel's module.
+needs no kernel, and importing numba takes longer than either.
+
+Kernels inline functions, constants and named tuples of other modules, so that machine code is valid as long as none of
+the sources changes that its module imports, directly or not. Its directory is named by a digest of these, and of the
+versions of Python and numba; for a module from outside by all physics packages and its own package. Directories that no
+process has used for a day are removed, so that a switch between two states needs no new compilation.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
+import shutil
+import sys
+import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, update_wrapper
+from importlib.metadata import version
 from pathlib import Path
 from threading import RLock
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
-from workflow.kernels.cache import PLAIN, directory_of
+from workflow.registry import source_digest
 
 if TYPE_CHECKING:
     from numba.core.caching import FunctionCache
@@ -24,10 +35,90 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 N = TypeVar("N", bound=tuple[Any, ...])
 
+PLAIN = "WORKFLOW_PLAIN_NUMBA"
+"""Environment variable that selects numba's own compiler."""
+
 TESTED = ("0.68",)
 """Minor versions of numba with which :mod:`workflow.kernels.whole_program`, which uses its internals, was tested."""
 
+UNUSED_SECONDS = 24 * 3600.0
+
+_WITHOUT_KERNELS = {"judges", "study", "grid", "archive", "run", "analysis", "plots", "report", "cli"}
+"""Directories of the package that no module with kernels imports."""
+
+_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+)?import[ \t]+(\([^)]*\)|.*)", re.MULTILINE)
+"""An import: the package, and the names. A syntax tree of all sources takes a tenth of a second longer."""
+
 _LOADING = RLock()
+
+
+def _read_sources() -> dict[str, str]:
+    """Return the sources of this package by the names of their modules."""
+    root, sources = Path(__file__).parents[1], {}
+    for path in root.rglob("*.py"):
+        place = path.relative_to(root.parent)
+        if place.parts[1] not in _WITHOUT_KERNELS:
+            module = place.parent if place.name == "__init__.py" else place.with_suffix("")
+            sources[".".join(module.parts)] = path.read_text(encoding="utf-8")
+    return sources
+
+
+_SOURCES = _read_sources()
+"""Sources at the start of the process: one that changes later is not the one that was imported."""
+
+
+@cache
+def _imported(module: str) -> frozenset[str]:
+    """Return the modules of this package that a module imports."""
+    found = set()
+    for package, names in _IMPORT.findall(_SOURCES[module]):
+        found |= {package, *(f"{package}.{name}".lstrip(".") for name in re.findall(r"[\w.]+", names))}
+    return frozenset(found & _SOURCES.keys())
+
+
+def _closure(module: str) -> set[str]:
+    """Return the modules of this package that a module imports, directly or not, and itself."""
+    found: set[str] = set()
+    due = {module}
+    while due:
+        found |= due
+        due = {name for each in due for name in _imported(each)} - found
+    return found
+
+
+@cache
+def directory_of(module: str) -> Path | None:
+    """Return the cache directory for the kernels of an imported module; ``None`` where there is none.
+
+    It is below ``NUMBA_CACHE_DIR`` where that is set, else next to the sources or in the user's cache. There is none
+    where the module's source is no file, or no directory can be written.
+    """
+    is_ours = module in _SOURCES
+    source = module if is_ours else source_digest(module.split(".")[0])
+    if source is None:
+        return None
+    used = [(name, _SOURCES[name]) for name in sorted(_closure(module) if is_ours else _SOURCES)]
+    state = used, source, sys.version_info[:3], version("numba"), bool(os.environ.get(PLAIN))
+    name = hashlib.sha256(repr(state).encode()).hexdigest()[:16]
+    of_user = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    for parent in [Path(chosen)] if chosen else [Path(__file__).parent / "__pycache__", of_user]:
+        with suppress(OSError, RuntimeError):  # it cannot be written, or the user has no home
+            directory = parent.expanduser() / "rotor-stator-workflow" / name
+            directory.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=directory):
+                os.utime(directory)
+            _remove_unused(directory.parent)
+            return directory
+    return None
+
+
+def _remove_unused(root: Path) -> None:
+    """Remove the directories that no process has used for :data:`UNUSED_SECONDS`."""
+    for directory in root.iterdir():
+        with suppress(OSError):  # another process removes it
+            if time.time() - directory.stat().st_mtime > UNUSED_SECONDS:
+                shutil.rmtree(directory, ignore_errors=True)
 
 
 class Deferred:
@@ -70,22 +161,19 @@ def _whole_program() -> ModuleType | None:
 
 
 def _options(**options: Any) -> dict[str, Any]:
-    """Return numba's options: those given and those of all kernels and parts."""
+    """Return numba's options: those given and those of all kernels and parts, which count no references of arrays."""
     program = _whole_program()
     if program is not None:
         options["pipeline_class"] = program.KernelCompiler
-    return {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
+    return {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False, **options}
 
 
-_PART = {"no_cpython_wrapper": True, "_nrt": False}
-"""Options of functions that only kernels call: no entry from Python, and no reference counts of arrays."""
+_PART = {"no_cpython_wrapper": True}
+"""Options of functions that only kernels call: no entry from Python."""
 
 
 class _CacheLocator:
-    """Cache locator for numba: the location of a kernel's machine code.
-
-    The directory is that of the sources' state, so that its content is never out of date.
-    """
+    """Where numba finds a kernel's machine code, see :func:`directory_of`: it is never out of date."""
 
     def __init__(self, directory: Path, module: str, file: str):
         self._directory, self._module, self._py_file = directory, module, file  # numba names the file in its warnings
@@ -130,11 +218,11 @@ def _cache_type() -> type[FunctionCache]:
     return KeyedCache
 
 
-def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+def _compiled(function: Callable[..., Any]) -> Any:
     """Return a kernel that is compiled at the first call, or loaded from the cache."""
     import numba
 
-    dispatcher = numba.njit(**_options(**options))(function)
+    dispatcher = numba.njit(**_options())(function)
     if directory_of(function.__module__) is not None:
         dispatcher._cache = _cache_type()(function)  # as numba's option `cache`, with our location
     return dispatcher
@@ -149,25 +237,18 @@ def _translated(function: Callable[..., Any], **options: Any) -> Any:
     return translated if program is None else program.translated_once(translated)
 
 
-def kernel(function: F) -> F:
+def uncounted(function: F) -> F:
     """Compile a kernel: cached, without the global interpreter lock, without fastmath and prange.
 
-    Divisions by zero give infinities as in NumPy: a kernel never raises, it sets a status.
+    Divisions by zero give infinities as in NumPy: a kernel never raises, it sets a status. It allocates nothing, and
+    references to its arrays are not counted: the two atomic additions per array and call took longer than the
+    arithmetic on rows of 20.
     """
     return cast(F, Deferred(function, _compiled))
 
 
-def uncounted(function: F) -> F:
-    """Compile a kernel that allocates nothing, without reference counts of its arrays, see :func:`part`."""
-    return cast(F, Deferred(function, lambda f: _compiled(f, _nrt=False)))
-
-
 def part(function: F) -> F:
-    """Translate a part of a kernel that only kernels call, and that allocates nothing.
-
-    References to its arrays are not counted: the two atomic additions per array and call took longer than the
-    arithmetic on rows of 20.
-    """
+    """Translate a part of a kernel, which only kernels call."""
     return cast(F, Deferred(function, _translated))
 
 
@@ -177,10 +258,7 @@ def inlined(function: F) -> F:
 
 
 _CHOICES: dict[Callable[..., Any], Callable[..., Any]] = {}
-"""For each function that is dispatched by the types of its arguments the function that returns its code.
-
-An entry is removed when numba has it.
-"""
+"""What returns the code of each function that is dispatched by type, until numba has it."""
 
 
 def _extend_numba() -> None:

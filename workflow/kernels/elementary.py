@@ -142,16 +142,3 @@ def sine_cosine(x: float) -> tuple[float, float]:
     if q & 1:
         s, c = c, -s
     return (-s, -c) if q & 2 else (s, c)
-
-
-@inlined
-def quotient(a: complex, b: complex) -> complex:
-    """Return a/b by Smith's division (Communications of the ACM 5 (1962) 435), NaN where b is 0: numba's own raises."""
-    c, d = b.real, b.imag
-    if abs(c) >= abs(d):
-        ratio = d / c
-        size = c + d * ratio
-        return complex((a.real + a.imag * ratio) / size, (a.imag - a.real * ratio) / size)
-    ratio = c / d
-    size = c * ratio + d
-    return complex((a.real * ratio + a.imag) / size, (a.imag * ratio - a.real) / size)

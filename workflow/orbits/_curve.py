@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit, has_converged, longest
-from workflow.schemes._exact.advance import Trajectory
+from workflow.schemes._exact.trajectory import Trajectory
 
 Problem = Callable[[float], tuple[Structure, Cases]]
 """Structure and one case at a value of the parameter."""

@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure
-from workflow.schemes._exact.advance import Trajectory, advance, one_case
 from workflow.schemes._exact.batch import make_operator
 from workflow.schemes._exact.layout import Budget, Regime
-from workflow.schemes._exact.linear import Linear, linear, propagators
 from workflow.schemes._exact.record import RELEASE, TOUCH
+from workflow.schemes._exact.trajectory import Linear, Trajectory, linear, one_case, propagators, trajectory
 
 MOST_LOAD_PERIODS = 64
 """Largest number of load periods in the common period of all sinusoids."""
@@ -136,8 +135,8 @@ class Flow:
         return float(length + warm + abs(self.growth_by_heat(self.start)))
 
     def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Trajectory:
-        """Return the exact motion from X at ``begin`` [s] over ``span`` [s], as :func:`advance` does."""
-        return advance(self.one, X, contact, begin, span, kept, samples)
+        """Return the exact motion from X at ``begin`` [s] over ``span`` [s], as :func:`trajectory` does."""
+        return trajectory(self.one, X, contact, begin, span, kept, samples)
 
     def derivative(self, motion: Trajectory) -> Array:
         """Return the derivative of a motion's final state with respect to its initial state, ``(N, N)``."""

@@ -9,8 +9,7 @@ import numpy as np
 from workflow.kernels.algebra import Complex, eigenvalues
 from workflow.models import Array
 from workflow.orbits._flow import Flow
-from workflow.schemes._exact.advance import Trajectory
-from workflow.schemes._exact.linear import growth
+from workflow.schemes._exact.trajectory import Trajectory, growth
 
 STATES = ("settles", "no_contact", "permanent_contact", "unstable", "runs_away", "not_found", "not_asked")
 """Outcomes of a rub: the names of the values of ``steady_state``. ``unstable`` occurs on branches only."""

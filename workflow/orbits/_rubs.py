@@ -10,7 +10,7 @@ from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit
 from workflow.orbits._settle import Options, Settled, settle
-from workflow.schemes._exact.advance import Trajectory
+from workflow.schemes._exact.trajectory import Trajectory
 from workflow.variables import select
 
 _PER_TURN = 16

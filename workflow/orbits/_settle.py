@@ -11,8 +11,7 @@ from workflow.kernels.algebra import eigenvalues
 from workflow.models import Array
 from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow
 from workflow.orbits._orbit import NOT_FOUND, RUNS_AWAY, Orbit, longest, newton, scale_of, without_events
-from workflow.schemes._exact.advance import Trajectory
-from workflow.schemes._exact.linear import growth, propagators
+from workflow.schemes._exact.trajectory import Trajectory, growth, propagators
 
 MOST_PERIODS = 1000
 """Common periods after which the search in a transient ends."""

@@ -31,8 +31,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.linalg import lapack, solve_sylvester
 
-from workflow.kernels.algebra import Complex, inverse
-from workflow.models import Array
+from workflow.kernels import Array
+from workflow.kernels.algebra import Complex
 
 _NEAR = 1e-3
 """Distance of two unit eigenvectors up to which they cost more than three digits."""
@@ -127,7 +127,7 @@ def _assembled(blocks: list[_Block], rate: Array, firsts: Array, scale: Array) -
     damping, stiffness = (np.array([block[i] for block in blocks]) for i in range(2))
     p, q = (np.array([block[i] for block in blocks]).reshape(len(blocks), scale.size).T for i in (2, 3))
     outward = np.concatenate([p, q, firsts], 1)
-    return RealBlocks(damping, stiffness, rate, inverse(outward) / scale, scale[:, None] * outward)
+    return RealBlocks(damping, stiffness, rate, np.linalg.inv(outward) / scale, scale[:, None] * outward)
 
 
 def _error_of(A: Array, blocks: RealBlocks) -> float:
@@ -163,7 +163,8 @@ def _beside_rigid_motions(A: Array, separate: Callable[[Array], RealBlocks]) -> 
     y, y_slope = slope - c * r / w2, -r / w2
     apart = np.linalg.solve(V, y @ eta + y_slope @ u + decay[:, rest] @ xi[rest])
     into, out, still = np.zeros(A.shape), np.zeros(A.shape), np.zeros((others.size, drifts.size))
-    into[:, others], into[: drifts.size, drifts] = np.concatenate([-apart, eta, xi[most], u, xi[rest]]), inverse(V)
+    into[:, others] = np.concatenate([-apart, eta, xi[most], u, xi[rest]])
+    into[: drifts.size, drifts] = np.linalg.inv(V)
     out_eta, out_u, out_xi = np.split(outward, at, axis=1)
     out[others] = np.concatenate([still, out_eta, out_xi[:, most], out_u, out_xi[:, rest]], axis=1)
     out[drifts] = np.concatenate([V, y, np.zeros_like(V), y_slope, decay[:, rest]], axis=1)

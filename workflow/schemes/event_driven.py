@@ -11,8 +11,8 @@ through zero, a contact where λ does. At an impact with u⁻ > 0, u = v_n - d',
     u⁺ = -e u⁻,   p = (1 + e) u⁻ / (e_nᵀ M⁻¹ e_n),   θ⁺ = θ⁻ + α p C2⁻¹ e_n;
 
 a tip that is pressed on the casing with u = 0 begins a contact, and chattering is summed in closed form
-(:mod:`workflow.schemes._exact.accumulation`). No event is missed: each step is certified by bounds of the Taylor
-remainder (:mod:`workflow.schemes._exact.search`). The only error is rounding. There is no step size: ``h`` is not read.
+(:mod:`workflow.schemes._exact.events`). No event is missed: each step is certified by bounds of the Taylor
+remainder (:mod:`workflow.schemes._exact.step`). The only error is rounding. There is no step size: ``h`` is not read.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure, couples_free_modes, poles
-from workflow.schemes._exact.batch import Operator, make_operator, run_batch
+from workflow.schemes._exact.batch import ExactOperator, make_operator, run_batch
 from workflow.schemes._exact.layout import Budget
 from workflow.schemes._interface import Results, Sampling
 
@@ -47,12 +47,12 @@ _SEPARATING = 4e-9
 """Time to separate the poles over the cube of the number of states, s."""
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator:
+def init(structure: Structure, h: float, options: Options) -> ExactOperator:
     """Diagonalise the structure with its tip free and held; ``h`` is not read."""
     return make_operator(structure, Budget(options.events, options.steps))
 
 
-def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+def compute(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Results:
     """Run a batch, case by case."""
     return run_batch(operator, cases, sampling)
 

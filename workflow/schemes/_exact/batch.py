@@ -4,35 +4,73 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.kernels import elementwise
 from workflow.models import Array, Cases, Structure, distinct_rows, project
-from workflow.schemes._exact import outcome
-from workflow.schemes._exact.conditions import conditions_of, penetration
-from workflow.schemes._exact.held_regime import HeldRegimes
-from workflow.schemes._exact.layout import Budget, Case, Thresholds, row_length, scratch
-from workflow.schemes._exact.march import march
+from workflow.schemes._exact.event_loop import (
+    COMPLETED,
+    INSEPARABLE,
+    INSIDE_CASING,
+    INVALID,
+    NO_IMPACT_LAW,
+    NOT_FINITE,
+    OUT_OF_EVENTS,
+    OUT_OF_STEPS,
+    run_cases,
+)
+from workflow.schemes._exact.layout import Budget, Case, Thresholds, row_length
 from workflow.schemes._exact.modal_system import ModalBasis, analyse, signal_inputs
+from workflow.schemes._exact.motion import scratch
 from workflow.schemes._exact.record import TALLY, Record
-from workflow.schemes._exact.regimes import InseparablePolesError, Regimes, fill_row
-from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods, sections_of
+from workflow.schemes._exact.regimes import HeldRegimes, Regimes, fill_row
+from workflow.schemes._exact.tables import wave
+from workflow.schemes._interface import (
+    EXTRAPOLATED,
+    HISTORIES,
+    RefusedStructureError,
+    Results,
+    Sampling,
+    Status,
+    complete_periods,
+    sections_of,
+)
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
 
 _REGIME_BYTES = 2**24
 """Memory of the held regimes that are known at a time."""
 
+_ROUNDING = 4.0 * 2.220446049250313e-16
+"""Relative difference of velocities up to which a tip moves with its casing: four roundings."""
+
+_NEARLY_ELASTIC = 0.99
+"""Restitution above which the message on the budget of events states how many impacts it takes to come to rest."""
+
+_INSEPARABLE = (
+    "leaves poles that coincide and share an eigenvector, which event_driven cannot separate; change it by a trifle, "
+    "or take a scheme with a fixed step"
+)
+
+
+class InseparablePolesError(RefusedStructureError):
+    """Poles of a structure with coupled modes are too near each other to be separated."""
+
+    def __init__(self) -> None:
+        super().__init__(f"its damping {_INSEPARABLE}")
+
 
 @dataclass(frozen=True, eq=False)
-class Operator:
+class ExactOperator:
     """Common data of the cases of a batch; ``budget`` limits events and steps of one case."""
 
     basis: ModalBasis
     held: HeldRegimes
     length: int
-    """Numbers of the row of a regime, see :func:`~workflow.schemes._exact.layout.tabulate`."""
+    """Numbers of the row of a regime, see :func:`~workflow.schemes._exact.layout.unpacked`."""
     budget: Budget
     thresholds: Thresholds = THRESHOLDS
 
@@ -42,12 +80,8 @@ class Operator:
         rows, free = np.empty((2, self.length)), self.basis.free
         return Regimes(rows, np.array([fill_row(rows[0], free.unheated), fill_row(rows[1], free)]))
 
-    def conditions(self, cases: Cases, duration: float) -> Case:
-        """Return the conditions of cases over a time, s."""
-        return conditions_of(cases, self.basis, duration, self.budget, self.thresholds)
 
-
-def make_operator(structure: Structure, budget: Budget) -> Operator:
+def make_operator(structure: Structure, budget: Budget) -> ExactOperator:
     """Diagonalise the structure with its tip free and held.
 
     Raises
@@ -58,17 +92,17 @@ def make_operator(structure: Structure, budget: Budget) -> Operator:
     basis = analyse(structure)
     size, inputs = 2 * basis.tip.size + basis.free.rate.size, signal_inputs(basis.free).size
     length = row_length(size, basis.tip.size, inputs)
-    operator = Operator(basis, HeldRegimes(basis.held, length), length, budget)
+    operator = ExactOperator(basis, HeldRegimes(basis.held, length), length, budget)
     if not operator.free.separable[0]:
         raise InseparablePolesError
     return operator
 
 
-def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Results:
     """Run all cases that are finite; held regimes are made for as many α at a time as memory is bounded for."""
     batch = BatchRun(operator, cases, sampling)
     free, conditions, finite = operator.free, batch.conditions, np.flatnonzero(cases.finite)
-    memory = scratch(conditions.modal.shape[1], conditions.waves.shape[1])
+    memory, record = scratch(conditions.modal.shape[1], conditions.waves.shape[1]), batch.record
     alpha, friction, heated = cases.alpha[finite], cases.friction[finite], cases.heated[finite]
     first, regime = distinct_rows(alpha[:, None], friction[:, None], heated[:, None])
     order, most = np.argsort(regime, kind="stable"), max(1, _REGIME_BYTES // (8 * operator.length))
@@ -79,65 +113,183 @@ def run_batch(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         which, own = finite[those], regime[those] - begin
         conditions.held[which] = own
         separable = held.separable[own] & free.separable[conditions.free[which]]
-        batch.ended[which[~separable]] = outcome.INSEPARABLE_POLES
-        march(free.rows, held.rows, conditions, which[separable], batch.record, memory, batch.ended)
+        batch.ended[which[~separable]] = INSEPARABLE
+        run_cases(free.rows, held.rows, conditions, which[separable], record, memory, batch.ended)
     return batch.results()
 
 
 class BatchRun:
     """The conditions of the cases of a batch and the arrays of their results."""
 
-    def __init__(self, operator: Operator, cases: Cases, sampling: Sampling):
+    def __init__(self, operator: ExactOperator, cases: Cases, sampling: Sampling):
         self.operator, self.cases, self.sampling = operator, cases, sampling
-        self.conditions = operator.conditions(cases, sampling.duration)
+        self.conditions, self.ended = conditions_of(operator, cases, sampling.duration), np.full(cases.count, INVALID)
         self.frequency = cases.period_frequency
         self.periods = complete_periods(self.frequency, sampling)
         numbers = np.arange(1, int(self.periods.max(initial=0)) + 1)
         with np.errstate(divide="ignore", invalid="ignore"):  # of constant loads
             ends = np.where(numbers <= self.periods[:, None], numbers / self.frequency[:, None], np.inf)
-        self.histories = np.full((cases.count, len(HISTORIES), sampling.count), np.nan)
-        self.period_values = np.full((cases.count, 7, numbers.size), np.nan)
-        self.tally = np.zeros(cases.count, dtype=TALLY)
-        self.ended = np.full(cases.count, outcome.INVALID)
-        none = np.zeros((0, 0))
-        self.record = Record(sampling.times, ends, self.histories, self.period_values, self.tally, none)
+        self.record = Record(
+            sampling.times,
+            ends,
+            histories=np.full((cases.count, len(HISTORIES), sampling.count), np.nan),
+            periods=np.full((cases.count, 7, numbers.size), np.nan),
+            tally=np.zeros(cases.count, dtype=TALLY),
+            events=np.zeros((0, 0)),
+        )
 
     def results(self) -> Results:
         """Return the results of the batch."""
-        status = np.where(self.ended == outcome.COMPLETED, Status.OK, Status.FAILED).astype(np.int8)
-        status[self.ended == outcome.NO_IMPACT_LAW] = Status.ILL_POSED
-        status[self.ended == outcome.NOT_FINITE] = Status.DIVERGED
-        histories = {name: self.histories[:, k].copy() for k, name in enumerate(HISTORIES)}
-        share = self.period_values[:, 2] * self.frequency[:, None]
+        status = np.where(self.ended == COMPLETED, Status.OK, Status.FAILED).astype(np.int8)
+        status[self.ended == NO_IMPACT_LAW] = Status.ILL_POSED
+        status[self.ended == NOT_FINITE] = Status.DIVERGED
+        histories = {name: self.record.histories[:, k].copy() for k, name in enumerate(HISTORIES)}
+        periods = self.record.periods
         return Results(
             histories=histories,
             metrics=self._metrics(status == Status.OK, histories["displacement"]),
-            period_impulse=self.period_values[:, 0].copy(),
-            period_temperature=self.period_values[:, 1].copy(),
-            period_contact=share,
+            period_impulse=periods[:, 0].copy(),
+            period_temperature=periods[:, 1].copy(),
+            period_contact=periods[:, 2] * self.frequency[:, None],
             status=status,
             messages=self._messages(),
-            sections=sections_of(self.period_values[:, 3:], self.periods, self.histories[:, :3, 0]),
+            sections=sections_of(periods[:, 3:], self.periods, self.record.histories[:, :3, 0]),
         )
 
     def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:
         """Return the metrics; those of cases that did not complete are NaN, except ``steps``."""
+        tally, basis, modal = self.record.tally, self.operator.basis, self.conditions.modal
         names = ("impacts", "contact_time", "max_temperature", "releases")
         residuals = ("energy_residual", "heat_residual") if self.sampling.balances else ()
-        metrics = {name: np.where(completed, self.tally[name], np.nan) for name in names}
-        metrics["steps"] = np.where(self.tally["steps"] > 0, self.tally["steps"], np.nan)
+        metrics = {name: np.where(completed, tally[name], np.nan) for name in names}
+        metrics["steps"] = np.where(tally["steps"] > 0, tally["steps"], np.nan)
         metrics |= {name: np.full(completed.size, np.nan) for name in residuals}  # residuals of steps; there are none
-        basis, modal = self.operator.basis, self.conditions.modal
         metrics["thermal_closing"] = np.where(completed, project(basis.closing, modal[:, 2 * basis.tip.size :]), np.nan)
         metrics["max_penetration"] = penetration(self.conditions, displacement, self.sampling.times)
         return metrics
 
     def _messages(self) -> dict[int, str]:
         """Return the messages of cases that did not complete or were extrapolated."""
-        budget, messages = self.operator.budget, {}
-        for i in np.flatnonzero((self.ended != outcome.COMPLETED) | (self.tally["summed_speed"] > 0)).tolist():
-            if self.ended[i] != outcome.COMPLETED:
-                messages[i] = outcome.failure(int(self.ended[i]), self.tally[i], budget, float(self.cases.e[i]))
+        tally, budget, messages = self.record.tally, self.operator.budget, {}
+        for i in np.flatnonzero((self.ended != COMPLETED) | (tally["summed_speed"] > 0)).tolist():
+            if self.ended[i] != COMPLETED:
+                messages[i] = failure_text(int(self.ended[i]), tally[i], budget, float(self.cases.e[i]))
             else:
-                messages[i] = outcome.extrapolation(self.tally[i], budget)
+                messages[i] = _extrapolation_text(tally[i], budget)
         return messages
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
+def _loads_of(cases: Cases) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+    """Return F0, d0, waves and their number: a sinusoid of frequency 0 is a constant, one of amplitude 0 left out."""
+    given = np.stack([cases.amplitude, cases.frequency, cases.phase])[:, :, None]
+    given = np.concatenate([given, cases.load_harmonics.rows, cases.casing_harmonics.rows], axis=2)
+    amplitude, frequency, phase = given
+    moves = np.arange(amplitude.shape[1]) > cases.load_harmonics.width  # the casing
+    constants = np.where((amplitude != 0) & (frequency == 0), amplitude * elementwise.sine_cosine(phase)[0], 0.0)
+    acts = (amplitude != 0) & (frequency != 0)
+    forces, places = np.where(moves, 0.0, amplitude), np.where(moves, amplitude, 0.0)
+    waves = np.stack([2 * np.pi * frequency, phase, forces, places], axis=2)
+    first = np.argsort(~acts, axis=1, kind="stable")[:, : int(acts.sum(axis=1).max(initial=0))]
+    waves = np.take_along_axis(np.where(acts[:, :, None], waves, 0.0), first[:, :, None], axis=1)
+    mean, gap = (_added(own, constants[:, moves == is_casing]) for is_casing, own in enumerate((cases.mean, cases.gap)))
+    return mean, gap, waves, acts.sum(axis=1)
+
+
+def _added(constant: Array, terms: Array) -> Array:
+    """Return a constant plus the terms ``(case, term)`` in their order, ``(case,)``: bits of a case are its own."""
+    total = np.array(constant, dtype=np.float64)
+    for k in range(terms.shape[1]):
+        total += terms[:, k]
+    return total
+
+
+@np.errstate(over="ignore", divide="ignore", invalid="ignore")  # not finite; a tip without impact law
+def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Case:
+    """Return the conditions of cases over a time [s], without held regimes: an impulse moves modes by φᵀ(e_n - µ t)."""
+    basis, alpha, friction = operator.basis, cases.alpha[:, None], cases.friction[:, None]
+    mean, gap, waves, acting = _loads_of(cases)
+    struck, casing = basis.tip - friction * basis.tangent, waves[:, :, wave.CASING]
+    sin, cos = elementwise.sine_cosine(waves[:, :, wave.PHASE])
+    turning = waves[:, :, wave.OMEGA] * (casing * cos)
+    speed = cases.velocity[:, -1] - _added(np.zeros(cases.count), turning)
+    bound = np.abs(waves[:, :, wave.OMEGA] * casing)
+    states = [project(basis.to_modes, cases.displacement), project(basis.to_modes, cases.velocity)]
+    return Case(
+        free=np.where(cases.heated, 1, 0),
+        held=np.zeros(cases.count, dtype=np.int64),
+        e=np.array(cases.e),
+        alpha=np.array(cases.alpha),
+        mean=mean,
+        gap=gap,
+        waves=waves,
+        acting=acting,
+        steady=np.array(cases.steady, order="C"),
+        heating=np.array(cases.heating, order="C"),
+        mobility=basis.mobility - cases.friction * basis.tangential,
+        drag=project(basis.damped_tip, struck) / project(basis.tip, struck),
+        jump=np.hstack([np.zeros_like(struck), -struck, alpha * basis.free.heat_tip]),
+        distance=_added(gap, casing * sin) - cases.displacement[:, -1],
+        speed=np.where(np.abs(speed) <= _ROUNDING * _added(np.zeros(cases.count), bound), 0.0, speed),
+        reach=_added(np.abs(gap), np.abs(casing)),
+        modal=np.hstack([*states, project(basis.to_thermal, cases.temperature)]),
+        heat_jump=basis.heat_jump,
+        duration=duration,
+        budget=operator.budget,
+        thresholds=operator.thresholds,
+    )
+
+
+def penetration(loads: Case, displacement: Array, times: Array) -> Array:
+    """Return the largest penetration of the samples of each case ``(case, t)``, m, summed in the event loop's order."""
+    place = loads.gap[:, None]
+    for omega, phase, _, amplitude in loads.waves.transpose(1, 2, 0)[..., None]:
+        if amplitude.any():
+            place = place + amplitude * elementwise.sine_cosine(omega * times + phase)[0]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.maximum(0.0, np.max(displacement - place, axis=1)))
+
+
+def failure_text(ended: int, tally: Any, budget: Budget, e: float) -> str:
+    """Return the message of a case that did not complete, from its :data:`~workflow.schemes._exact.record.TALLY`."""
+    at = f"at t = {tally['time']:.6g} s" if np.isfinite(tally["time"]) else "in its first steps"
+    speed = tally["speed"] if tally["impacts"] else 0.0
+    return {
+        INVALID: "a value of the case is not a finite number",
+        OUT_OF_EVENTS: f"stopped {at} after {budget.events} contact events, its budget; "
+        f"the last of {tally['impacts']} impacts had a speed of {speed:.3g} m/s; {_more_events(e)}",
+        OUT_OF_STEPS: f"stopped {at} after {budget.steps} steps between contact events, its budget; "
+        "raise the scheme's option `steps`",
+        NO_IMPACT_LAW: f"contact has no unique solution {at} (W <= 0 as the step vanishes): friction pushes the "
+        "tip into the casing more than the contact force pushes it out; lower the friction coefficient",
+        INSEPARABLE: f"with the tip held, the damping of the structure {_INSEPARABLE}",
+        INSIDE_CASING: "the tip starts beyond the casing: x_n(0) > d",
+        NOT_FINITE: f"the state left the finite numbers {at}",
+    }[ended]
+
+
+def _extrapolation_text(tally: Any, budget: Budget) -> str:
+    """Return the message of a case whose chattering was summed because it exceeds the budget of events."""
+    leaves = (
+        f"; while it does not rest it is in no contact, and it leaves with at most {tally['leaving_speed']:.3g} m/s"
+    )
+    return (
+        f"{EXTRAPOLATED}impacts below {tally['summed_speed']:.3g} m/s, which lift the tip by at most "
+        f"{tally['summed_height']:.3g} m, were summed up: till they end there are more than are left of the "
+        f"{budget.events} of the option `events`" + (f"{leaves}, taken as 0" if tally["leaving_speed"] > 0 else "")
+    )
+
+
+def _more_events(e: float) -> str:
+    """Return the advice for a case that has exhausted its budget of contact events."""
+    if e == 1:
+        return (
+            "with e = 1 impacts of a pressed, damped tip follow each other ever faster without ever ending in contact: "
+            "the scheme's option `events` does not help, lower e"
+        )
+    if e > _NEARLY_ELASTIC:
+        return (
+            f"with e = {e:.9g} the speed of a bouncing tip falls to 37 % in about {1 / (1 - e):.2g} impacts, and to "
+            "rest it takes ten times as many and more: raise the scheme's option `events`, or lower e"
+        )
+    return "raise the scheme's option `events`"

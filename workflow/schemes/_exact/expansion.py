@@ -12,14 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from workflow.kernels import elementary
+from workflow.kernels import Array, elementary
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.packs import magnitude, narrow, pack, store
-from workflow.models import Array
-from workflow.schemes._exact.explicit_blocks import explicit_derivatives
-from workflow.schemes._exact.motion import SIGNAL, Motion
+from workflow.schemes._exact.motion import SIGNAL, Motion, wave_phase
+from workflow.schemes._exact.propagation import explicit_derivatives
 from workflow.schemes._exact.tables import block, expansion, first, state, wave
-from workflow.schemes._exact.waves import wave_phase
 
 SUM_ROUNDING = 4.0 * 2.220446049250313e-16
 """Size of an output, relative to the sum of the magnitudes of its terms, up to which it is rounding: four units in the

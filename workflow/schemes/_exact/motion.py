@@ -1,4 +1,4 @@
-"""The motion of one case in one regime: the free motion that is left when the particular solution is subtracted.
+"""The two motions of a case, with its tip free and held: what is left when the particular solution is subtracted.
 
 Loads and casing are constants and waves of phase ψ = Ω t + φ, pairs of coefficients of cos ψ and sin ψ. Of a block
 
@@ -7,7 +7,7 @@ Loads and casing are constants and waves of phase ψ = Ω t + φ, pairs of coeff
 
 the particular solution η of F and u = η' - β are subtracted: the rest is free motion and costs one exponential. Where
 that would lose digits (slow blocks, resonance with a wave) the block is *explicit*: it keeps its force, see
-:mod:`workflow.schemes._exact.explicit_blocks`, and only -β is subtracted from u, which leaves η'.
+:func:`~workflow.schemes._exact.propagation.advance_explicit`, and only -β is subtracted from u, which leaves η'.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.kernels import elementary
+from workflow.kernels import Array, elementary
 from workflow.kernels.algebra import Complex
-from workflow.kernels.compiled import part
-from workflow.models import Array
-from workflow.schemes._exact.layout import Case, Expansion, Memory, Regime
-from workflow.schemes._exact.tables import block, first, state, wave
-from workflow.schemes._exact.waves import wave_phase
+from workflow.kernels.compiled import inlined, part
+from workflow.schemes._exact.layout import Case, Regime
+from workflow.schemes._exact.tables import block, expansion, first, padded, state, wave
+
+ORDER = 18
+"""Largest order of Taylor polynomials of motions."""
 
 _SLOW_POLE = 0.3
 """Slowest pole times the duration, x, below which a block is explicit: F/ω² would lose digits like x⁻²."""
@@ -34,11 +35,27 @@ SIGNAL, TEMPERATURE = 0, 1
 """Outputs of a regime: the signal that ends it at zero (gap, m, or contact force, N), and the tip temperature, K."""
 
 
-class Motion(NamedTuple):
-    """A regime under the loads of one case, and states in it, see :mod:`~workflow.schemes._exact.tables.state`.
+class Expansion(NamedTuple):
+    """Memory of an expansion, with the rows of ``tables.expansion``.
 
-    Arrays are those of :class:`~workflow.schemes._exact.layout.Regime` and of its
-    :class:`~workflow.schemes._exact.layout.Memory`.
+    :func:`~workflow.schemes._exact.expansion.expand` fills the first and the last column of the sums,
+    :func:`~workflow.schemes._exact.expansion.accumulate` those between.
+    """
+
+    sums: Array
+    """``(9, block + 1)``."""
+    terms: Array
+    """``(9, column)``; scratch."""
+    derivatives: Array
+    """Derivatives of the signal, ``(ORDER + 1,)``; scratch."""
+    explicit: Array
+    """Derivatives of an explicit block, ``(ORDER + 2,)``; scratch."""
+
+
+class Motion(NamedTuple):
+    """A regime under the loads of one case, and states in it, with the rows of ``tables.state``.
+
+    Tables of the regime have further rows here, which depend on the loads.
     """
 
     blocks: int
@@ -49,8 +66,11 @@ class Motion(NamedTuple):
     block: Array
     first: Array
     outputs: Array
+    """Signal and tip temperature by constant loads alone, ``(2,)``."""
     waves: Array
+    """With the columns of ``tables.wave``."""
     differences: Complex
+    """Divided differences of an explicit block, ``(9, 4)``; scratch."""
     expansion: Expansion
     now: Array
     """State at the beginning of the present step."""
@@ -61,7 +81,9 @@ class Motion(NamedTuple):
     jump: Array
     """Change of the state of a free tip by an impulse of 1 N s with its friction heat."""
     coordinates: Array
+    """[η, u, ξ], ``(N,)``."""
     modal: Array
+    """[z, z', τ] of the modes of the regime, ``(N,)``; the array of the coordinates where these are modal."""
     is_modal: bool
     inward: Array
     outward: Array
@@ -77,31 +99,80 @@ class Motion(NamedTuple):
     """Whether the tip temperature is a constant plus decaying exponentials: no blocks, waves or growing states."""
 
 
+class Scratch(NamedTuple):
+    """Working memory of the event loop, which cases use in turn."""
+
+    numbers: Array
+    """Of the motions with the tip free and held, ``(2, number)``."""
+    differences: Complex
+
+
+def scratch(size: int, waves: int) -> Scratch:
+    """Return memory for regimes of up to ``size`` coordinates under up to so many waves, see :func:`motion_of`."""
+    columns, wide = padded(size // 2), padded(size)
+    tables = (block.ROWS + block.WAVE * waves) * columns + (first.ROWS + first.WAVE * waves) * wide
+    states = 2 * size + 4 * state.ROWS * wide + wave.COLUMNS * waves
+    expanded = expansion.ROWS * (2 * columns + 1) + 2 * ORDER + 3
+    return Scratch(np.zeros((2, tables + states + expanded + 2)), np.zeros((9, 4), dtype=np.complex128))
+
+
+class Tables(NamedTuple):
+    """Tables of a motion that depend on loads, see :class:`Motion`."""
+
+    block: Array
+    first: Array
+    outputs: Array
+    waves: Array
+
+
 @part
-def prepare(regime: Regime, case: Case, memory: Memory) -> Any:
-    """Return the motion of a case in a regime, before its states are set, and complete the tables of its memory."""
-    b, f, outputs, waves = memory.block, memory.first, memory.outputs, memory.waves
-    _copy_tables(regime, case, memory)
-    _fill_sources(regime, case, memory)
-    explicits, aperiodics = 0, 0
-    for k in range(regime.blocks):
-        _fill_force(regime, case, k, memory)
-        if _is_explicit(b, k, waves, case.duration):
-            b[block.EXPLICIT_COLUMNS, explicits] = k
-            explicits += 1
-        else:
-            if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
-                b[block.APERIODIC_COLUMNS, aperiodics] = k
-                aperiodics += 1
-            _subtract_particular(b, k, waves)
-        _add_particular_outputs(b, k, waves, outputs)
-    for j in range(regime.firsts):
-        _subtract_harmonics(f, j, waves)
+def _table(numbers: Array, at: int, rows: int, columns: int) -> tuple[Array, int]:
+    """Return a table that begins at a place of a row of numbers, and the place behind it."""
+    return numbers[at : at + rows * columns].reshape((rows, columns)), at + rows * columns
+
+
+@part
+def _evaluate(waves: Array, i: int, t: float) -> None:
+    """Store cosine and sine of the phase Ω t + φ of a wave in its table, and keep those of the last time."""
+    cos, sin = waves[i, wave.COS_BEFORE], waves[i, wave.SIN_BEFORE]
+    if waves[i, wave.TIME_BEFORE] != t:
+        sin, cos = elementary.sine_cosine(waves[i, wave.OMEGA] * t + waves[i, wave.PHASE])
+    waves[i, wave.TIME_BEFORE] = waves[i, wave.TIME]
+    waves[i, wave.COS_BEFORE], waves[i, wave.SIN_BEFORE] = waves[i, wave.COS], waves[i, wave.SIN]
+    waves[i, wave.TIME], waves[i, wave.COS], waves[i, wave.SIN] = t, cos, sin
+
+
+@inlined
+def wave_phase(waves: Array, i: int, t: float) -> tuple[float, float]:
+    """Return cosine and sine of the phase of a wave; those of the last two times are cached."""
+    if waves[i, wave.TIME] != t:
+        _evaluate(waves, i, t)
+    return waves[i, wave.COS], waves[i, wave.SIN]
+
+
+@part
+def motion_of(regime: Regime, case: Case, numbers: Array, differences: Complex) -> Any:
+    """Return the motion of a case in a regime, before its states are set, in memory that is overwritten."""
+    size, columns, wide, waves = regime.outward.shape[0], regime.block.shape[1], regime.first.shape[1], case.acting
+    for i in range(numbers.size):
+        numbers[i] = 0.0
+    b, at = _table(numbers, 0, block.ROWS + block.WAVE * waves, columns)
+    f, at = _table(numbers, at, first.ROWS + first.WAVE * waves, wide)
+    own, at = _table(numbers, at, waves, wave.COLUMNS)
+    sums, at = _table(numbers, at, expansion.ROWS, regime.blocks + 1)
+    terms, at = _table(numbers, at, expansion.ROWS, columns)
+    states = numbers[at : at + 16 * max(columns, wide)].reshape((4, state.ROWS, max(columns, wide)))
+    at += states.size
+    memory = Expansion(sums, terms, numbers[at : at + ORDER + 1], numbers[at + ORDER + 1 : at + 2 * ORDER + 3])
+    at += 2 * ORDER + 3
+    outputs, coordinates = numbers[at : at + 2], numbers[at + 2 : at + 2 + size]
+    at += 2 if regime.is_modal else 2 + size
+    tables = Tables(b, f, outputs, own)
+    explicits, aperiodics = _fill_tables(regime, case, tables)
     fastest, cooling = regime.fastest, regime.growth <= 0.0 and not regime.warms
-    for i in range(waves.shape[0]):
-        fastest = max(fastest, waves[i, wave.OMEGA])
-        cooling &= waves[i, wave.TEMPERATURE_COS] == 0.0 and waves[i, wave.TEMPERATURE_SIN] == 0.0
-    now, after, between, jump = memory.states[0], memory.states[1], memory.states[2], memory.states[3]
+    for i in range(waves):
+        fastest = max(fastest, own[i, wave.OMEGA])
+        cooling &= own[i, wave.TEMPERATURE_COS] == 0.0 and own[i, wave.TEMPERATURE_SIN] == 0.0
     return Motion(
         regime.blocks,
         regime.firsts,
@@ -110,15 +181,15 @@ def prepare(regime: Regime, case: Case, memory: Memory) -> Any:
         b,
         f,
         outputs,
-        waves,
-        memory.differences,
-        memory.expansion,
-        now,
-        after,
-        between,
-        jump,
-        memory.coordinates,
-        memory.modal,
+        own,
+        differences,
+        memory,
+        states[0],
+        states[1],
+        states[2],
+        states[3],
+        coordinates,
+        numbers[at : at + size],
         regime.is_modal,
         regime.inward,
         regime.outward,
@@ -131,18 +202,40 @@ def prepare(regime: Regime, case: Case, memory: Memory) -> Any:
 
 
 @part
-def _copy_tables(regime: Regime, case: Case, memory: Memory) -> None:
-    """Copy the tables of the regime and the waves of the case to memory of zeros."""
+def _fill_tables(regime: Regime, case: Case, tables: Tables) -> tuple[int, int]:
+    """Fill tables of zeros; return the numbers of explicit blocks and of other blocks that do not oscillate."""
+    b, waves, explicits, aperiodics = tables.block, tables.waves, 0, 0
+    _copy_tables(regime, case, tables)
+    _fill_sources(regime, case, tables)
+    for k in range(regime.blocks):
+        _fill_force(regime, case, k, tables)
+        if _is_explicit(b, k, waves, case.duration):
+            b[block.EXPLICIT_COLUMNS, explicits] = k
+            explicits += 1
+        else:
+            if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
+                b[block.APERIODIC_COLUMNS, aperiodics] = k
+                aperiodics += 1
+            _subtract_particular(b, k, waves)
+        _add_particular_outputs(b, k, waves, tables.outputs)
+    for j in range(regime.firsts):
+        _subtract_harmonics(tables.first, j, waves)
+    return explicits, aperiodics
+
+
+@part
+def _copy_tables(regime: Regime, case: Case, tables: Tables) -> None:
+    """Copy the tables of the regime and the waves of the case."""
     for row in range(block.ROWS):
-        for k in range(memory.block.shape[1]):
-            memory.block[row, k] = regime.block[row, k]
+        for k in range(tables.block.shape[1]):
+            tables.block[row, k] = regime.block[row, k]
     for row in range(first.ROWS):
-        for j in range(memory.first.shape[1]):
-            memory.first[row, j] = regime.first[row, j]
-    for i in range(memory.waves.shape[0]):
+        for j in range(tables.first.shape[1]):
+            tables.first[row, j] = regime.first[row, j]
+    for i in range(tables.waves.shape[0]):
         for column in range(wave.GIVEN):
-            memory.waves[i, column] = case.waves[i, column]
-        memory.waves[i, wave.TIME] = memory.waves[i, wave.TIME_BEFORE] = np.nan
+            tables.waves[i, column] = case.waves[i, column]
+        tables.waves[i, wave.TIME] = tables.waves[i, wave.TIME_BEFORE] = np.nan
 
 
 @part
@@ -170,9 +263,9 @@ def _wave_source(regime: Regime, case: Case, row: int, i: int) -> tuple[float, f
 
 
 @part
-def _fill_sources(regime: Regime, case: Case, memory: Memory) -> None:
+def _fill_sources(regime: Regime, case: Case, tables: Tables) -> None:
     """Fill the sources of the signal and of first-order states."""
-    f, outputs, waves, signal = memory.first, memory.outputs, memory.waves, 2 * regime.blocks + regime.firsts
+    f, outputs, waves, signal = tables.first, tables.outputs, tables.waves, 2 * regime.blocks + regime.firsts
     outputs[SIGNAL] = _source(regime, case, signal)
     for i in range(waves.shape[0]):
         waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, case, signal, i)
@@ -185,9 +278,9 @@ def _fill_sources(regime: Regime, case: Case, memory: Memory) -> None:
 
 
 @part
-def _fill_force(regime: Regime, case: Case, k: int, memory: Memory) -> None:
+def _fill_force(regime: Regime, case: Case, k: int, tables: Tables) -> None:
     """Fill the force F on a block, and -β."""
-    b, waves = memory.block, memory.waves
+    b, waves = tables.block, tables.waves
     beta, gamma = _source(regime, case, k), _source(regime, case, regime.blocks + k)
     c = b[block.DAMPING, k]
     b[block.PARTICULAR_SLOPE, k], b[block.FORCE, k] = -beta, gamma + c * beta
@@ -198,6 +291,19 @@ def _fill_force(regime: Regime, case: Case, k: int, memory: Memory) -> None:
         b[block.PARTICULAR_SLOPE_COS + row, k], b[block.PARTICULAR_SLOPE_SIN + row, k] = -beta_cos, -beta_sin
         b[block.FORCE_COS + row, k] = omega * beta_sin + gamma_cos + c * beta_cos
         b[block.FORCE_SIN + row, k] = gamma_sin + c * beta_sin - omega * beta_cos
+
+
+@inlined
+def _quotient(a: complex, b: complex) -> complex:
+    """Return a/b by Smith's division (Communications of the ACM 5 (1962) 435), NaN where b is 0: numba's own raises."""
+    c, d = b.real, b.imag
+    if abs(c) >= abs(d):
+        ratio = d / c
+        size = c + d * ratio
+        return complex((a.real + a.imag * ratio) / size, (a.imag - a.real * ratio) / size)
+    ratio = c / d
+    size = c * ratio + d
+    return complex((a.real * ratio + a.imag) / size, (a.imag * ratio - a.real) / size)
 
 
 @part
@@ -237,7 +343,7 @@ def _subtract_particular(b: Array, k: int, waves: Array) -> None:
         if forced(b, k, i):
             row, omega = i * block.WAVE, waves[i, wave.OMEGA]
             pair = complex(b[block.FORCE_COS + row, k], -b[block.FORCE_SIN + row, k])
-            pair = elementary.quotient(pair, complex(w2 - omega * omega, c * omega))
+            pair = _quotient(pair, complex(w2 - omega * omega, c * omega))
             cos, sin = pair.real, -pair.imag
             b[block.PARTICULAR_COS + row, k], b[block.PARTICULAR_SIN + row, k] = cos, sin
             b[block.PARTICULAR_SLOPE_COS + row, k] += omega * sin
@@ -264,7 +370,7 @@ def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
         row = i * first.WAVE
         cos, sin = f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j]
         if cos != 0.0 or sin != 0.0:
-            pair = elementary.quotient(complex(cos, -sin), complex(f[first.RATE, j], waves[i, wave.OMEGA]))
+            pair = _quotient(complex(cos, -sin), complex(f[first.RATE, j], waves[i, wave.OMEGA]))
             f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = pair.real, -pair.imag
             for o in range(2):
                 waves[i, wave.SIGNAL_COS + 2 * o] += f[first.SIGNAL + o, j] * pair.real
@@ -299,7 +405,7 @@ def _add_particular(m: Motion, t: float, sign: float, value: Array, slope: Array
 
 
 @part
-def jump_from_coordinates(m: Motion, coordinates: Array, y: Array) -> None:
+def _jump_from_coordinates(m: Motion, coordinates: Array, y: Array) -> None:
     """Fill ``y`` with the change of a state for a change of its coordinates [η, u, ξ]."""
     for j in range(m.firsts):
         xi = coordinates[2 * m.blocks + j]
@@ -309,7 +415,7 @@ def jump_from_coordinates(m: Motion, coordinates: Array, y: Array) -> None:
 
 
 @part
-def from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None:
+def _from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None:
     """Fill the state ``y`` of time t from the coordinates [η, u, ξ], less the particular solution."""
     f = m.first
     for j in range(m.firsts):
@@ -325,8 +431,8 @@ def from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None:
 
 
 @part
-def to_coordinates(m: Motion, y: Array, t: float, coordinates: Array) -> None:
-    """Fill the coordinates [η, u, ξ] from the state ``y`` of time t: the inverse of :func:`from_coordinates`."""
+def _to_coordinates(m: Motion, y: Array, t: float, coordinates: Array) -> None:
+    """Fill the coordinates [η, u, ξ] from the state ``y`` of time t: the inverse of :func:`_from_coordinates`."""
     f = m.first
     for j in range(m.firsts):
         xi = y[state.FIRST, j]
@@ -339,3 +445,89 @@ def to_coordinates(m: Motion, y: Array, t: float, coordinates: Array) -> None:
         coordinates[k], coordinates[m.blocks + k] = y[state.VALUE, k], y[state.SLOPE, k]
     value, slope = coordinates[: m.blocks], coordinates[m.blocks : 2 * m.blocks]
     _add_particular(m, t, 1.0, value, slope)
+
+
+class Motions(NamedTuple):
+    """Both motions of a case, and the transforms between their modes."""
+
+    free: Motion
+    held: Motion
+    entry: Array
+    exit: Array
+    """Those of the held :class:`~workflow.schemes._exact.layout.Regime`."""
+
+
+@part
+def motions_of(free: Regime, held: Regime, case: Case, scratch: Scratch) -> Any:
+    """Return both motions of a case, before their states are set."""
+    m = motion_of(free, case, scratch.numbers[0], scratch.differences)
+    if free.is_modal:
+        _jump_from_coordinates(m, case.jump, m.jump)
+    else:
+        _multiply(free.inward, case.jump[: m.modal.size], m.coordinates)
+        _jump_from_coordinates(m, m.coordinates, m.jump)
+    return Motions(m, motion_of(held, case, scratch.numbers[1], scratch.differences), held.entry, held.exit)
+
+
+@part
+def _multiply(matrix: Array, source: Array, target: Array) -> None:
+    """Fill target = source · matrix; rows and columns beyond the sizes of both are not read."""
+    for i in range(target.size):
+        target[i] = 0.0
+    for j in range(source.size):
+        for i in range(target.size):
+            target[i] += source[j] * matrix[j, i]
+
+
+@part
+def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, target: Array) -> None:
+    """Fill displacements and velocities of modes from those of the other regime and the casing; copy thermal modes."""
+    (place, speed), (source_modes, target_modes) = casing, (matrix.shape[0] - 1, matrix.shape[1])
+    for i in range(target_modes):
+        target[i], target[target_modes + i] = matrix[source_modes, i] * place, matrix[source_modes, i] * speed
+    for j in range(source_modes):
+        for i in range(target_modes):
+            target[i] += source[j] * matrix[j, i]
+            target[target_modes + i] += source[source_modes + j] * matrix[j, i]
+    for i in range(2 * target_modes, target.size):
+        target[i] = source[2 * source_modes - 2 * target_modes + i]
+
+
+@part
+def fill_modal(motions: Motions, held: bool, t: float) -> None:
+    """Fill [y, y', τ] of the free tip from the current state of the held or the free motion."""
+    if held:
+        _fill(motions.held, t)
+        _change_modes(motions.exit, casing_at(motions.held, t), motions.held.modal, motions.free.modal)
+    else:
+        _fill(motions.free, t)
+
+
+@part
+def _fill(m: Motion, t: float) -> None:
+    """Fill [z, z', τ] of a motion from its current state."""
+    _to_coordinates(m, m.now, t, m.coordinates)
+    if not m.is_modal:
+        _multiply(m.outward, m.coordinates, m.modal)
+
+
+@part
+def set_free(motions: Motions, t: float) -> None:
+    """Set the free motion from [y, y', τ]."""
+    _set(motions.free, t)
+
+
+@part
+def set_held(motions: Motions, t: float) -> None:
+    """Set the held motion from [y, y', τ]."""
+    held = motions.held
+    _change_modes(motions.entry, casing_at(held, t), motions.free.modal, held.modal)
+    _set(held, t)
+
+
+@part
+def _set(m: Motion, t: float) -> None:
+    """Set a motion from its [z, z', τ]."""
+    if not m.is_modal:
+        _multiply(m.inward, m.modal, m.coordinates)
+    _from_coordinates(m, m.coordinates, t, m.now)

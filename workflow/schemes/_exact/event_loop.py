@@ -1,4 +1,4 @@
-"""The event loop of the event-driven scheme: cases from their start to their end, one after the other."""
+"""The event loop: cases from their start to their end, one after the other."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.kernels import Array
 from workflow.kernels.compiled import of_case, part, uncounted
-from workflow.models import Array
-from workflow.schemes._exact import outcome
+from workflow.schemes._exact.events import enter_contact, impact, release
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.impacts import impact
-from workflow.schemes._exact.layout import Case, Scratch, in_row
-from workflow.schemes._exact.motion import Motion
-from workflow.schemes._exact.passage import Motions, enter_contact, fill_modal, motions_of, release, set_free, set_held
+from workflow.schemes._exact.layout import Case, in_row
+from workflow.schemes._exact.motion import Motion, Motions, Scratch, fill_modal, motions_of, set_free, set_held
 from workflow.schemes._exact.propagation import Observed, advance, copy_state, integral, observe
 from workflow.schemes._exact.record import (
     IMPACT,
@@ -29,6 +27,11 @@ from workflow.schemes._exact.record import (
 from workflow.schemes._exact.step import Start, certified_step
 from workflow.schemes._exact.tables import expansion
 
+COMPLETED, OUT_OF_EVENTS, OUT_OF_STEPS, INSIDE_CASING, NOT_FINITE, RUNNING, INVALID, NO_IMPACT_LAW, INSEPARABLE = range(
+    9
+)
+"""How a case ended; a batch sets :data:`INVALID` where a value of the case is not finite, and :data:`INSEPARABLE`."""
+
 _SAME_TIME = 16.0 * 2.220446049250313e-16
 """Difference of times, over the duration, up to which they are equal: a dozen roundings of sums of steps."""
 
@@ -40,7 +43,7 @@ _FIRST_STEP = 0.1
 
 
 @uncounted
-def march(
+def run_cases(
     free: Array,
     held: Array,
     cases: Case,
@@ -49,10 +52,9 @@ def march(
     scratch: Scratch,
     ended: NDArray[np.int64],
 ) -> None:
-    """Run some cases of a batch and fill how they ended, see :mod:`workflow.schemes._exact.outcome`; never raises.
+    """Run some cases of a batch and fill how they ended; never raises.
 
-    ``free`` and ``held`` are the regimes with the tip free and held, ``(regime, number)``, as
-    :func:`~workflow.schemes._exact.layout.tabulate` stores them.
+    ``free`` and ``held`` are the rows of the regimes with the tip free and held, ``(regime, number)``.
     """
     for k in range(which.size):
         i = which[k]
@@ -61,34 +63,34 @@ def march(
         )
         case = of_case(cases, i)
         motions = motions_of(in_row(free[case.free]), in_row(held[case.held]), case, scratch)
-        ended[i] = _march_case(motions, case, own)
+        ended[i] = _run_case(motions, case, own)
 
 
 @part
-def _march_case(motions: Motions, case: Case, record: Record) -> int:
+def _run_case(motions: Motions, case: Case, record: Record) -> int:
     """Run one case and return how it ended."""
     tally, T = record.tally, case.duration
     ended, event, start, observed = _begin(motions, case, record)
-    while ended == outcome.RUNNING:
+    while ended == RUNNING:
         if event:
             if case.mobility <= 0.0:
-                return outcome.NO_IMPACT_LAW
+                return NO_IMPACT_LAW
             tally.events += 1
             if tally.events > case.budget.events:
-                return outcome.OUT_OF_EVENTS
+                return OUT_OF_EVENTS
             was_held, before = tally.held != 0, tally.impulse
             start, observed = _pass_event(motions, case, tally, observed)
             if tally.events <= record.events.shape[0]:
                 _note_event(motions, record, was_held, before)
         if tally.time >= T:
             _finish(motions, case, record, observed)
-            return outcome.COMPLETED
+            return COMPLETED
         tally.steps += 1
         if tally.steps > case.budget.steps:
-            return outcome.OUT_OF_STEPS
+            return OUT_OF_STEPS
         h, event, observed = _step(motions.held if tally.held else motions.free, record, start, T, observed)
         if not np.isfinite(h):
-            return outcome.NOT_FINITE
+            return NOT_FINITE
         if not tally.held:
             # height of a parabolic flight from impact to impact
             height = 0.25 * h * min(start.speed, -observed.signal_rate)
@@ -113,7 +115,7 @@ def _note_event(motions: Motions, record: Record, was_held: bool, before: float)
 
 @part
 def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Start, Observed]:
-    """Set the initial state; return the outcome so far, whether an event is due at t = 0, the start and the outputs."""
+    """Set the initial state; return RUNNING or how it ended, whether an event is due at t = 0, start and outputs."""
     free, tally = motions.free, record.tally
     for i in range(free.modal.size):
         motions.free.modal[i] = case.modal[i]
@@ -124,11 +126,11 @@ def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Sta
         tally.contact_begin = 0.0
         observed = observe(motions.held, motions.held.now, 0.0)
         tally.max_temperature = observed.temperature
-        return outcome.RUNNING, False, start, observed
+        return RUNNING, False, start, observed
     set_free(motions, 0.0)
     observed = observe(free, free.now, 0.0)
     if not (np.isfinite(observed.signal) and np.isfinite(observed.signal_rate) and np.isfinite(observed.temperature)):
-        return outcome.NOT_FINITE, False, start, observed
+        return NOT_FINITE, False, start, observed
     tally.max_temperature = tally.period_temperature = observed.temperature
     given = Observed(case.distance, -case.speed, observed.temperature, 0.0, observed.place, observed.speed)
     write(record, 0.0, given, 0.0)
@@ -136,12 +138,12 @@ def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Sta
     tally.length = case.reach + abs(observed.place - case.distance)
     touches = abs(case.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.expansion.sums[expansion.SIZE, 0])
     if case.distance < 0.0 and not touches:
-        return outcome.INSIDE_CASING, False, start, observed
+        return INSIDE_CASING, False, start, observed
     event = touches and case.speed >= 0.0
     if touches:
         tally.speed = case.speed
         start = Start(2 if event else 1, -1.0, False, case.duration)
-    return outcome.RUNNING, event, start, observed
+    return RUNNING, event, start, observed
 
 
 @part
