@@ -16,7 +16,7 @@ from pydantic_core import ValidationError
 from workflow.declare import File, Quantity
 from workflow.models import UnusableMatricesError
 from workflow.models._matrix_files import read_entries
-from workflow.models._mode_tables import COLUMNS, read_matrix, read_table
+from workflow.models.modes import COLUMNS, read_matrix, read_table
 from workflow.study.quantities import read_quantity
 
 WHOLE: dict[str, Callable[[float], str]] = {

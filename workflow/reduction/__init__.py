@@ -10,18 +10,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from workflow.models import Array, Sparse, Structure, TooManyCoordinatesError
-from workflow.reduction._bases import fixed_interface_modes, relative_thermal_modes
-from workflow.reduction._friction import with_friction
 from workflow.reduction._reduction import (
     ReducedModel,
     Reduction,
     Vectors,
+    fixed_interface_modes,
     galerkin,
     mechanical_vectors,
+    projection_residual,
+    relative_thermal_modes,
     thermal_vectors,
     unreduced,
+    with_friction,
 )
-from workflow.reduction._residual import projection_residual
 from workflow.registry import BrokenModuleError, Registry
 
 DEFAULT = "craig_bampton"
