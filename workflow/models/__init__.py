@@ -1,6 +1,8 @@
 """Models: each public module of this directory is one, with ``Parameters`` and ``assemble(parameters)``.
 
-The module ``NAME`` is the model ``NAME`` in ``scene:`` of a study; to add a model, add a file.
+The module ``NAME`` is the model ``NAME`` in ``scene:`` of a study; to add a model, add a file. It assembles a
+:class:`Structure`, two pairs of stiffness and inertia with heat between them, which gives static answers, modes and
+growth rates. Others use what is imported here.
 """
 
 from __future__ import annotations

@@ -193,16 +193,9 @@ def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str)
         if names[0] != "mass":
             problem = "the contact heats what has no heat capacity, and an impact would heat it without bound"
         raise UnusableMatricesError(problem, f"choose a degree of freedom that has {names[0].replace('_', ' ')}")
-    own = contact[inertial]
-    tip = int(np.argmax(np.abs(own)))
-    others = np.delete(np.arange(inertial.size), tip)
-    into = np.zeros((inertia.shape[0], inertial.size))
-    into[inertial[others], np.arange(inertial.size - 1)] = 1.0
-    into[inertial[tip], :-1] = -own[others] / own[tip]
-    into[inertial[tip], -1] = 1.0 / own[tip]
-    projection = np.zeros((inertial.size, inertia.shape[0]))
-    projection[np.arange(inertial.size - 1), inertial[others]] = 1.0
-    projection[:-1, loose] = -null[inertial[others]]
+    into, projection = np.zeros((contact.size, inertial.size)), np.zeros((inertial.size, contact.size))
+    into[inertial], projection[:, inertial] = (matrix.toarray() for matrix in _tip_last(contact[inertial]))
+    projection[:, loose] = -projection @ null
     projection[-1] = contact
     if loose.size:
         into -= null @ _static_response(stiffness, null, stiffness @ into, names[1])
@@ -350,8 +343,13 @@ def _is_definite(inertia: Any) -> bool:
 
 
 def _sparse_structure(matrices: GivenMatrices) -> Sparse:
-    basis, projection = _tip_last(matrices.contact, "contact")
-    heat_basis, heat_projection = _tip_last(matrices.thermal_contact, "thermal_contact")
+    for name in ("contact", "thermal_contact"):
+        shares = np.count_nonzero(getattr(matrices, name))
+        if shares > MOST_SHARES:
+            remedy = f"it may act on up to {MOST_SHARES} of a structure this large"
+            raise UnusableMatricesError(f"`{name}` acts on {shares} degrees of freedom", remedy)
+    basis, projection = _tip_last(matrices.contact)
+    heat_basis, heat_projection = _tip_last(matrices.thermal_contact)
     mechanical = SparsePair(_congruent(matrices.stiffness, basis), _congruent(matrices.mass, basis))
     thermal = SparsePair(_congruent(matrices.conductance, heat_basis), _congruent(matrices.heat_capacity, heat_basis))
     for pair, kind in ((mechanical, "displacements"), (thermal, "temperatures")):
@@ -413,15 +411,9 @@ def _as_rayleigh(damper: scipy.sparse.csc_array, pair: SparsePair) -> Rayleigh |
     return Rayleigh(mass=mass, stiffness=stiffness)
 
 
-def _tip_last(contact: Array, name: str) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
+def _tip_last(contact: Array) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
     """Return E, from coordinates with the tip last to the given ones, and its inverse."""
-    size, shares = contact.size, np.flatnonzero(contact)
-    if shares.size > MOST_SHARES:
-        raise UnusableMatricesError(
-            f"`{name}` acts on {shares.size} degrees of freedom",
-            f"it may act on up to {MOST_SHARES} of a structure of {size}",
-        )
-    tip = int(np.argmax(np.abs(contact)))
+    size, tip = contact.size, int(np.argmax(np.abs(contact)))
     others, each = np.delete(np.arange(size), tip), scipy.sparse.eye_array(size, format="csr")
     projection = scipy.sparse.vstack([each[others], scipy.sparse.csr_array(contact[None])], format="csr")
     row = scipy.sparse.csr_array(np.append(-contact[others], 1.0)[None] / contact[tip])

@@ -1,7 +1,8 @@
 """Bases: each public module of this directory is one, with ``mechanical`` and ``thermal``.
 
 The module ``NAME`` is the basis ``reduction: NAME`` of a study, which reduces a structure to one of the same type. To
-add a basis, add a file; entry points of the group ``workflow.reduction`` add those of other distributions.
+add a basis, add a file; entry points of the group ``workflow.reduction`` add those of other distributions. Others use
+what is imported here: :func:`reduce_structure`, and the vectors of which a basis is made.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Studies: read from YAML, checked against the declarations of models and schemes, resolved to SI."""
+"""Studies: read from YAML, checked against the declarations of models and schemes, resolved to SI.
+
+``study`` reads one: ``source`` keeps the line of every entry, ``forms``, ``ranges`` and ``document`` say what may be
+written, ``axes`` makes dimensions and ``checks`` compares fields. Others use what is imported here, first of all
+:func:`read_study` and the :class:`Study` that it returns.
+"""
 
 from __future__ import annotations
 

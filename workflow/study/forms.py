@@ -74,7 +74,7 @@ def either(choose: Callable[[Any], int], *kinds: Kind) -> Kind:
 
 
 def is_list(value: Any) -> int:
-    """Choose the second of two forms for a list."""
+    """Return 1 for a list and 0 for any other value: the number of its kind in :func:`either`."""
     return int(isinstance(value, list))
 
 
