@@ -70,12 +70,6 @@ def test_a_bare_value_is_a_scalar_and_a_list_of_one_a_dimension() -> None:
     assert study.cell(first_values(study)).scene.load.frequency == 5.0
 
 
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=8, unique=True))
-def test_listed_values_keep_order_and_bits(values: list[float]) -> None:
-    (dimension,) = chain(f"axes: {{e: {json.dumps(values)}}}").dimensions
-    assert dimension.axes[0].values == tuple(values)
-
-
 @given(st.floats(1e-9, 1e9), st.floats(1.001, 1e6), st.integers(2, 50))
 def test_spread_values(first: float, ratio: float, count: int) -> None:
     last = first * ratio
