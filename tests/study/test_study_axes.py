@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import itertools
 import json
 import math
@@ -223,36 +222,6 @@ def test_json_is_read_as_it_is_and_every_place_has_its_line(tree: dict) -> None:
             value = value[step]
         start = json.dumps(value)[:1]
         assert written.lstrip().startswith(f'"{place[-1]}"' if isinstance(place[-1], str) else start)
-
-
-def refusal(text: str) -> str | None:
-    """Return what is wrong in a study, ``None`` where nothing is."""
-    try:
-        parse_study(text, "f")
-    except StudyError as refused:
-        return str(refused)
-    return None
-
-
-ODD = st.sampled_from(
-    [None, True, 0, -1, 2.5, "", "full", "static", "2 m", [], [[1]], {}, {"a": 1}, {"lin": [0, 1, 3]}]
-)
-
-
-@given(st.data())
-def test_any_odd_value_anywhere_is_accepted_or_refused(data: st.DataObject) -> None:
-    source = compose(BLADE, "f")
-    for place in data.draw(st.lists(st.sampled_from(sorted(source.lines, key=str)), min_size=1, max_size=3)):
-        owner = source.tree
-        for step in place[:-1]:
-            try:
-                owner = owner[step]
-            except (KeyError, IndexError, TypeError):
-                break
-        if isinstance(owner, dict):
-            owner[place[-1]] = copy.deepcopy(data.draw(ODD))
-    message = refusal(json.dumps(source.tree))
-    assert message is None or message.startswith("f:")
 
 
 def test_importing_needs_no_solver() -> None:
