@@ -244,7 +244,7 @@ HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
     "CalculiX, a cyclic sector": (calculix("1 1 1.0\n4 4 1.0\n"), "has 4 rows .* a cyclic sector, which is not taken"),
     "text of another kind": (
         calculix("a line of words\n"),
-        "`blade.sti`, line 1: `a line of words` is not row, column and value",
+        "line 1: `a line of words` is not row, column and value",
     ),
 }
 
