@@ -44,6 +44,14 @@ class Kind:
     unit: str = ""
     remark: str = ""
 
+    def checked(self, check: Callable[[Any], Any]) -> Kind:
+        """Return this kind, read from what a check makes of a value, or refuses."""
+        return dataclasses.replace(self, core=core_schema.no_info_before_validator_function(check, self.core))
+
+    def built(self, build: Callable[[Any], Any]) -> Kind:
+        """Return the kind of what is built of this one's values."""
+        return dataclasses.replace(self, core=core_schema.no_info_after_validator_function(build, self.core))
+
 
 def leaf(read: Callable[[Any], Any], schema: Schema, varies: bool = False) -> Kind:
     """Return the kind of an entry that a function reads."""
@@ -54,6 +62,13 @@ def many(item: Kind, **limits: Any) -> Kind:
     """Return the kind of a list of entries of one kind, read as a tuple; ``limits`` are keywords of JSON Schema."""
     core = core_schema.tuple_schema([item.core], variadic_item_index=0)
     return Kind(core, {"type": "array", "items": item.schema, **limits})
+
+
+def sequence(*items: Kind) -> Kind:
+    """Return the kind of a list of so many entries, each of its own kind, read as a tuple."""
+    length = {"minItems": len(items), "maxItems": len(items)}
+    schema = {"type": "array", "prefixItems": [item.schema for item in items], **length}
+    return Kind(core_schema.tuple_schema([item.core for item in items]), schema)
 
 
 def either(choose: Callable[[Any], int], *kinds: Kind) -> Kind:
@@ -69,8 +84,7 @@ def either(choose: Callable[[Any], int], *kinds: Kind) -> Kind:
     union = core_schema.tagged_union_schema(
         {-1 - k: kind.core for k, kind in enumerate(kinds)}, discriminator=lambda value: -1 - choose(value)
     )
-    core = core_schema.no_info_before_validator_function(judged, union)
-    return Kind(core, {"anyOf": [kind.schema for kind in kinds]})
+    return Kind(union, {"anyOf": [kind.schema for kind in kinds]}).checked(judged)
 
 
 def is_list(value: Any) -> int:
@@ -146,9 +160,7 @@ def list_of(item: Kind, remedy: str, distinct: bool = False) -> Kind:
             raise wrong("names one twice", "name each once")
         return entries
 
-    listed = many(item, maxItems=LONGEST_LIST, uniqueItems=distinct)
-    core = core_schema.no_info_before_validator_function(check, listed.core)
-    return Kind(core_schema.no_info_after_validator_function(check_distinct, core), listed.schema)
+    return many(item, maxItems=LONGEST_LIST, uniqueItems=distinct).checked(check).built(check_distinct)
 
 
 def text(declared: Word) -> Kind:
@@ -180,10 +192,9 @@ def _row(columns: tuple[tuple[str, str], ...]) -> Kind:
 
     cells = {column: number(Quantity(unit, column)) for column, unit in columns}
     row = many(number(Quantity("1", "number")))
-    core = core_schema.tuple_schema([cell.core for cell in cells.values()]) if cells else row.core
     by_name = {"type": "object", "properties": {name: cell.schema for name, cell in cells.items()}, "required": names}
     forms = [row.schema, *([by_name] if names else [])]
-    return Kind(core_schema.no_info_before_validator_function(in_order, core), {"anyOf": forms})
+    return Kind(sequence(*cells.values()).core if cells else row.core, {"anyOf": forms}).checked(in_order)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -322,9 +333,8 @@ def is_mapping(value: Any) -> dict[str, Any]:
 
 def named(key: Kind, kind: Kind) -> Kind:
     """Return the kind of a mapping whose entries have one kind, and names that the study gives them."""
-    core = core_schema.dict_schema(key.core, kind.core)
     schema = {"type": "object", "propertyNames": key.schema, "additionalProperties": kind.schema}
-    return Kind(core_schema.no_info_before_validator_function(is_mapping, core), schema)
+    return Kind(core_schema.dict_schema(key.core, kind.core), schema).checked(is_mapping)
 
 
 def no_mapping(value: Any) -> int:

@@ -9,10 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic_core import core_schema
 
 from workflow.declare import Quantity
-from workflow.study.forms import Entry, Kind, Number, either, many, no_mapping, number, record
+from workflow.study.forms import Entry, Kind, Number, either, many, no_mapping, number, record, sequence
 from workflow.study.mistakes import quoted, wrong
 
 Value = float | int | str
@@ -70,7 +69,7 @@ def axis_values(kind: Kind, zipped: bool = False) -> Kind:
             raise wrong(f"{quoted(value)} is not a list", "write a list as long as the others of this zip")
         return len(kinds)
 
-    one = Kind(core_schema.no_info_before_validator_function(_single, kind.core), kind.schema)
+    one = kind.checked(_single)
     kinds = [many(one, minItems=1)]
     if isinstance(kind, Number):
         laws = LAWS[:2] if zipped or kind.whole else LAWS
@@ -129,17 +128,13 @@ def between(kind: Number) -> Kind:
 
 def _some(kinds: tuple[Kind, ...], otherwise: str, remedy: str, build: Callable[[Any], Any]) -> Kind:
     """Return the kind of a list of some entries, each of its own kind, of which something is built."""
-    size = len(kinds)
 
     def check(value: Any) -> list[Any]:
-        if not isinstance(value, list) or len(value) != size:
+        if not isinstance(value, list) or len(value) != len(kinds):
             raise wrong(f"{quoted(value)} is {otherwise}", remedy)
         return value
 
-    entries = core_schema.tuple_schema([kind.core for kind in kinds])
-    core = core_schema.no_info_before_validator_function(check, entries)
-    schema = {"type": "array", "prefixItems": [kind.schema for kind in kinds], "minItems": size, "maxItems": size}
-    return Kind(core_schema.no_info_after_validator_function(build, core), schema)
+    return sequence(*kinds).checked(check).built(build)
 
 
 def _under(kinds: Mapping[Law, Kind], remedy: str, others: Mapping[str, str]) -> Kind:
