@@ -18,8 +18,9 @@ from matplotlib.figure import Figure
 
 from workflow import models, plots, reduction, schemes, variables
 from workflow.declare import quantity_of, word_of
-from workflow.study.addresses import TOLERANCE, settings
+from workflow.study.document import settings
 from workflow.study.settings import (
+    TOLERANCE,
     CaseSettings,
     Casing,
     CasingHarmonic,

@@ -11,8 +11,7 @@ from scipy.stats import sobol_indices
 
 from workflow import open_archive, plots, read_study, recommend, run_study, sobol
 from workflow.report import write_report
-from workflow.study.draws import Drawn
-from workflow.study.ranges import Range
+from workflow.study.ranges import Drawn, Range
 
 NUMBERS = ("x", "y", "z")
 

@@ -12,7 +12,6 @@ from workflow import models
 from workflow.models import (
     Chain,
     NoEquilibriumError,
-    Rayleigh,
     TooManyCoordinatesError,
     _chain_pair,
     critical_alpha,
@@ -122,10 +121,3 @@ def test_a_long_chain_has_no_matrices_and_says_so() -> None:
     displacement, temperature = static_equilibrium(structure, load, np.zeros(2001), 1.0)
     assert displacement == pytest.approx(3.0 / 2.0e7 * np.arange(1, 2002), rel=1e-11)
     assert not temperature.any()
-
-
-def test_critical_coupling_of_a_long_uniform_chain() -> None:
-    """Without convection α_c = 2κ/(k a ℓ n)."""
-    n = 30_000
-    structure = heavy_chain(nodes=n, convection=0.0, damping=Rayleigh())
-    assert critical_alpha(structure) == pytest.approx(2 * 0.605 / (2.0e7 * 8.6e-6 * 2.5e-3 * n), rel=1e-10)

@@ -150,27 +150,9 @@ def lying_npz(tmp_path: Path) -> Path:
     return path
 
 
-def market(sizes: str) -> Callable[[Path], Path]:
-    """Return what writes a Matrix Market file whose head tells of so many rows, columns and entries."""
-
-    def write(tmp_path: Path) -> Path:
-        path = as_directory(ENTRIES, tmp_path)
-        (path / "mass.mtx").write_text(f"%%MatrixMarket matrix coordinate real general\n{sizes}\n1 1 1.0\n")
-        return path
-
-    return write
-
-
 def later_mat(tmp_path: Path) -> Path:
     path = tmp_path / "blade.mat"
     path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM" + bytes(600))
-    return path
-
-
-def other_text(tmp_path: Path) -> Path:
-    path = tmp_path / "blade.sti"
-    for suffix, text in ((".sti", "a line of words\n"), (".mas", "1 1 1.0\n"), (".dof", "1.1\n")):
-        path.with_suffix(suffix).write_text(text)
     return path
 
 
@@ -212,29 +194,31 @@ def output4(*names: str) -> Callable[[Path], Path]:
 
 
 MARKET = "%%MatrixMarket matrix coordinate "
+
+
+def sized(sizes: str) -> Callable[[Path], Path]:
+    """Return what writes a Matrix Market file whose head tells of so many rows, columns and entries."""
+    return head_of("mass.mtx", f"{MARKET}real general\n{sizes}\n1 1 1.0\n")
+
+
 BOEING = (
     f"{'a':72}b\n{4:14}{1:14}{1:14}{2:14}{0:14}\n{{}}{2:25}{2:14}{2:14}{0:14}\n{'(16I5)':16}{'(16I5)':16}{{}}\n{{}}"
 )
 HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
     "pickle": (pickled, "no NPZ file, or damaged: Object arrays cannot be loaded"),
     "NPZ header that lies": (lying_npz, "no NPZ file, or damaged"),
-    "Matrix Market header that lies": (market("5 5 100000000000"), "no MTX file, or damaged"),
-    "Matrix Market header of a giant": (market("4000000000 4000000000 1"), "at most"),
+    "Matrix Market header that lies": (sized("5 5 100000000000"), "no MTX file, or damaged"),
+    "Matrix Market header of a giant": (sized("4000000000 4000000000 1"), "at most"),
     "MATLAB 7.3": (later_mat, "-v7"),
     "pattern": (
         head_of("mass.mtx", MARKET + "pattern general\n2 2 1\n1 1\n"),
         "mass.mtx` begins with .* pattern general`",
     ),
     "complex": (head_of("mass.mtx", MARKET + "complex general\n1 1 1\n1 1 1 0\n"), "begins with .* complex general`"),
-    "cut behind E": (
-        head_of("mass.mtx", MARKET + "real general\n1 1 1\n1 1 1E"),
-        "line 3: `1 1 1E` is not row, column",
-    ),
     "cut in a number": (
         head_of("mass.mtx", MARKET + "real general\n1 1 1\n1 1 20"),
         "`mass.mtx`, line 3: `1 1 20` is not row, column and value and the end of a line",
     ),
-    "four words": (head_of("mass.mtx", MARKET + "real general\n1 1 1\n1 1 1 500\n"), "line 3: `1 1 1 500` is not"),
     "index with a point": (head_of("mass.mtx", MARKET + "real general\n1 1 1\n1.0 1 1\n"), "line 3: `1.0 1 1` is"),
     "fraction of an integer": (
         head_of("mass.mtx", MARKET + "integer general\n% one\n2 2 1\n1 1 1,5\n"),
@@ -258,8 +242,10 @@ HOSTILE: dict[str, tuple[Callable[[Path], Path], str]] = {
     "CalculiX, empty": (calculix(""), "`blade.sti` has 0 rows for the 2 labels of `blade.dof`: take"),
     "CalculiX, cut off": (calculix("1 1 1.0\n"), "`blade.sti` has 1 rows for the 2 labels"),
     "CalculiX, a cyclic sector": (calculix("1 1 1.0\n4 4 1.0\n"), "has 4 rows .* a cyclic sector, which is not taken"),
-    "CalculiX, decimal comma": (calculix("1 1 1,0\n2 2 1,0\n"), "`blade.sti`, line 1: `1 1 1,0` is not"),
-    "text of another kind": (other_text, "`blade.sti`, line 1: `a line of words` is not row, column and value"),
+    "text of another kind": (
+        calculix("a line of words\n"),
+        "line 1: `a line of words` is not row, column and value",
+    ),
 }
 
 

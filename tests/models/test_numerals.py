@@ -8,7 +8,6 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic_core import ValidationError
@@ -16,7 +15,7 @@ from pydantic_core import ValidationError
 from workflow.declare import File, Quantity
 from workflow.models import UnusableMatricesError
 from workflow.models._matrix_files import read_entries
-from workflow.models._mode_tables import COLUMNS, read_matrix, read_table
+from workflow.models.modes import COLUMNS, read_matrix, read_table
 from workflow.study.quantities import read_quantity
 
 WHOLE: dict[str, Callable[[float], str]] = {
@@ -152,19 +151,11 @@ def in_every_notation(x: float, path: Path) -> None:
 
 
 quickly = settings(max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-long = settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @quickly
 @given(NUMBERS)
 def test_a_number_in_a_file_is_read_whole_or_refused_with_its_line(tmp_path: Path, x: float) -> None:
-    in_every_notation(x, tmp_path)
-
-
-@pytest.mark.slow
-@long
-@given(NUMBERS)
-def test_many_numbers_in_files_are_read_whole_or_refused(tmp_path: Path, x: float) -> None:
     in_every_notation(x, tmp_path)
 
 

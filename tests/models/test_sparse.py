@@ -26,8 +26,8 @@ from workflow.models import (
     structure_from_sparse,
     tip_flexibility,
 )
+from workflow.models._from_matrices import _sparse_structure
 from workflow.models._pair import MOST_FULL
-from workflow.models._sparse_from_matrices import _sparse_structure
 from workflow.reduction import names, projection_residual, reduce_structure
 
 NODES = 310

@@ -105,11 +105,6 @@ def test_a_blade_that_hits_once_is_as_hot_as_the_continuum() -> None:
     assert fine[1] == pytest.approx(time, rel=0.02)
 
 
-@pytest.mark.slow
-def test_a_blade_that_hits_once_to_a_percent() -> None:
-    assert once(blade(240, 2e-6)) == pytest.approx((15.9, 73e-6), rel=0.01)
-
-
 POINT = chain(nodes=4, mass=1.0, stiffness=1.0, spacing=(0.3, 0.0, 0.1, 0.2))
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenes import blade, cases, chain, finer_chain, heavy_chain, relative, sampling, step
-from workflow import reduction, schemes
+from workflow import reduction
 from workflow.models import Cases, Chain, Structure, critical_alpha
 from workflow.reduction import Reduction, reduce_structure
 from workflow.schemes import HISTORIES, Results, Status
@@ -192,16 +192,6 @@ def test_energy_never_grows_without_load(basis: str, theta: float, structure: Ch
     run = step(reduction.structure, reduction.project(batch), 0.02, BALANCED, "moreau", theta=theta)
     assert np.all(run.status == Status.OK)
     assert np.all(run.metrics["energy_residual"] <= 1e-12)
-
-
-@pytest.mark.parametrize("method", schemes.names())
-@pytest.mark.parametrize("basis", EXACT)
-def test_every_basis_runs_in_every_scheme(basis: str, method: str) -> None:
-    structure = heavy_chain()
-    reduction = built(structure, basis, 3, 5)
-    run = step(reduction.structure, reduction.project(rub(structure)), 5e-6, sampling(0.02, 1e-3), method)
-    assert run.status.tolist() == [Status.OK]
-    assert run.metrics["impacts"].min() > 0
 
 
 @pytest.mark.parametrize("basis", BASES)

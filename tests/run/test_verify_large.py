@@ -18,9 +18,9 @@ from scenes import heavy_chain
 from studies import written
 from workflow.declare import File
 from workflow.models import mechanical_modes, tip_flexibility
-from workflow.models._mode_tables import HEAT_COLUMNS, read_table
-from workflow.models._shaken_entries import ROUNDED, shaken
+from workflow.models._matrix_entries import ROUNDED, shaken
 from workflow.models.matrices import Parameters, assemble
+from workflow.models.modes import HEAT_COLUMNS, read_table
 from workflow.run import _verify, run_study, verify
 from workflow.study import read_study
 

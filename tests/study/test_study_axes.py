@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import itertools
 import json
 import math
@@ -68,12 +67,6 @@ def test_a_bare_value_is_a_scalar_and_a_list_of_one_a_dimension() -> None:
     assert scalars["e"] == (0.5,)
     assert scalars["frequency"] == (5.0,)
     assert study.cell(first_values(study)).scene.load.frequency == 5.0
-
-
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=8, unique=True))
-def test_listed_values_keep_order_and_bits(values: list[float]) -> None:
-    (dimension,) = chain(f"axes: {{e: {json.dumps(values)}}}").dimensions
-    assert dimension.axes[0].values == tuple(values)
 
 
 @given(st.floats(1e-9, 1e9), st.floats(1.001, 1e6), st.integers(2, 50))
@@ -229,36 +222,6 @@ def test_json_is_read_as_it_is_and_every_place_has_its_line(tree: dict) -> None:
             value = value[step]
         start = json.dumps(value)[:1]
         assert written.lstrip().startswith(f'"{place[-1]}"' if isinstance(place[-1], str) else start)
-
-
-def refusal(text: str) -> str | None:
-    """Return what is wrong in a study, ``None`` where nothing is."""
-    try:
-        parse_study(text, "f")
-    except StudyError as refused:
-        return str(refused)
-    return None
-
-
-ODD = st.sampled_from(
-    [None, True, 0, -1, 2.5, "", "full", "static", "2 m", [], [[1]], {}, {"a": 1}, {"lin": [0, 1, 3]}]
-)
-
-
-@given(st.data())
-def test_any_odd_value_anywhere_is_accepted_or_refused(data: st.DataObject) -> None:
-    source = compose(BLADE, "f")
-    for place in data.draw(st.lists(st.sampled_from(sorted(source.lines, key=str)), min_size=1, max_size=3)):
-        owner = source.tree
-        for step in place[:-1]:
-            try:
-                owner = owner[step]
-            except (KeyError, IndexError, TypeError):
-                break
-        if isinstance(owner, dict):
-            owner[place[-1]] = copy.deepcopy(data.draw(ODD))
-    message = refusal(json.dumps(source.tree))
-    assert message is None or message.startswith("f:")
 
 
 def test_importing_needs_no_solver() -> None:

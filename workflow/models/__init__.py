@@ -1,6 +1,8 @@
 """Models: each public module of this directory is one, with ``Parameters`` and ``assemble(parameters)``.
 
-The module ``NAME`` is the model ``NAME`` in ``scene:`` of a study; to add a model, add a file.
+The module ``NAME`` is the model ``NAME`` in ``scene:`` of a study; to add a model, add a file. It assembles a
+:class:`Structure`, two pairs of stiffness and inertia with heat between them, which gives static answers, modes and
+growth rates. Others use what is imported here.
 """
 
 from __future__ import annotations
@@ -12,15 +14,13 @@ from typing import Any, Protocol, cast
 from threadpoolctl import ThreadpoolController
 
 from workflow.kernels import Array
-from workflow.models._bounds import free_reach
-from workflow.models._cases import Cases, distinct_rows, project
+from workflow.models._cases import Cases, Harmonics, distinct_rows, project
 from workflow.models._chain_pair import MOST_ONE_BY_ONE
-from workflow.models._equilibrium import NoEquilibriumError, at_rest, static_equilibrium
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
-from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
+from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
 from workflow.models._growth import growth, growth_rate, in_contact
-from workflow.models._harmonics import Harmonics
 from workflow.models._laid_out import discard_files, files_laid_out
+from workflow.models._matrix_entries import write_matrices
 from workflow.models._modes import (
     coupled_damping,
     couples_free_modes,
@@ -35,21 +35,22 @@ from workflow.models._modes import (
     rates,
     thermal_modes,
 )
-from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
-from workflow.models._semidefinite import UnusableMatricesError
-from workflow.models._sliding import critical_friction, directions
-from workflow.models._sparse import Sparse
-from workflow.models._sparse_from_matrices import structure_from_sparse
+from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError, UnusableMatricesError
 from workflow.models._sparse_pair import MOST_REDUCED
 from workflow.models._static import (
+    NoEquilibriumError,
+    at_rest,
     critical_alpha,
+    critical_friction,
+    directions,
+    free_reach,
     instantaneous_growth,
     rounding_of_flexibility,
+    static_equilibrium,
     static_tip_growth,
     tip_flexibility,
 )
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
-from workflow.models._write_matrices import write_matrices
 from workflow.models.chain import Chain
 from workflow.registry import Registry
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from workflow.declare import File, files_of
-from workflow.models._semidefinite import UnusableMatricesError
+from workflow.models._pair import UnusableMatricesError
 
 _DIRECTORIES: set[Path] = set()
 _MAKING = threading.RLock()

@@ -1,23 +1,20 @@
-"""Check of the entries of a file of matrices and their conversion to SI: shapes, symmetry, numbers, labels, contact."""
+"""Entries of a file of matrices: one table, their check and conversion to SI, perturbed ones, and their writer."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
 from workflow.kernels import Array
-from workflow.models._from_matrices import COLD, GivenMatrices
+from workflow.models._from_matrices import ASYMMETRY, COLD, GivenMatrices
 from workflow.models._matrix_files import LABELS, MATRICES, VECTORS, Entries
-from workflow.models._semidefinite import UnusableMatricesError
+from workflow.models._pair import UnusableMatricesError
 from workflow.models._structure import Rayleigh
-
-ASYMMETRY = 1e-10
-"""Accepted asymmetry, over the largest entry of the row and the column: rounding of assembly in another order, or of
-files with eleven digits. The mean of both halves is used."""
 
 _WHOLE = 1e-9
 """Accepted deviation of a sum of weights from 1: rounding of many of them."""
@@ -233,3 +230,82 @@ def _texts(name: str, entries: Entries, size: int) -> tuple[str, ...]:
         twice = next(label for label in labels if labels.count(label) > 1)
         raise UnusableMatricesError(f"`{name}` has {twice[:40]!r} twice", "name each degree of freedom once")
     return labels
+
+
+ROUNDED = float(np.finfo(float).eps)
+"""Relative perturbation of a single entry."""
+
+
+def shaken(entries: Entries, share: float) -> dict[str, Any]:
+    """Return the entries of a file with matrices and vectors perturbed by a share of either sign, and its labels."""
+    changed = dict(entries)
+    for k, name in enumerate(MATRICES):
+        if name in changed:
+            own = share if k % 2 == 0 else -share
+            changed[name] = _changed(changed[name], 1 + own, float(np.copysign(ROUNDED, own)))
+    for name in VECTORS:
+        if np.size(changed.get(name, 0)) > 1 and np.asarray(changed[name]).dtype.kind == "f":  # one is an index
+            changed[name] = changed[name] * (
+                1 + share * _signs(np.size(changed[name])).reshape(np.shape(changed[name]))
+            )
+    return changed
+
+
+def _changed(matrix: Any, factor: float, rounded: float) -> Any:
+    rows, columns = (_signs(length) for length in np.shape(matrix))
+    if not scipy.sparse.issparse(matrix):
+        return matrix * (factor + rounded * np.multiply.outer(rows, columns))
+    return matrix * factor + scipy.sparse.diags_array(rows * rounded) @ matrix @ scipy.sparse.diags_array(columns)
+
+
+def _signs(size: int) -> Any:
+    return np.random.default_rng(size).choice([-1.0, 1.0], size)
+
+
+def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: Any) -> Path:
+    """Check the matrices of a structure and write them as NPZ, in the units that the study will state.
+
+    M x'' + C1 x' + K1 x + K12 θ = f and C2 θ' + K2 θ = q: where heat lengthens a blade, entries of K12 are negative.
+
+    Parameters
+    ----------
+    path
+        Path of the file; it ends in ``.npz``.
+    mass, stiffness
+        M and K1, dense arrays or SciPy's sparse ones, (displacement, displacement).
+    entries
+        ``damping`` C1, ``heat_capacity`` C2, ``conductance`` K2, ``coupling`` K12 (displacement, temperature), the
+        vectors ``contact``, ``thermal_contact``, ``load``, ``steady``, ``heating``, ``tangent``, the contacts and the
+        tangent also as an index or a label, and texts ``labels`` and ``thermal_labels``.
+
+    Raises
+    ------
+    UnusableMatricesError
+        An entry is wrong; the message says which, and what would be right.
+    """
+    place, known, given = Path(path), (*MATRICES, *VECTORS, *LABELS), {"mass": mass, "stiffness": stiffness, **entries}
+    if place.suffix.lower() != ".npz":
+        raise UnusableMatricesError(f"`{place.name}` is no NPZ file", "end its name in .npz")
+    unknown = sorted(set(given) - set(known))
+    if unknown:
+        raise UnusableMatricesError(f"no entry is called {', '.join(unknown)}", f"entries are {', '.join(known)}")
+    _check(given)
+    arrays: dict[str, Any] = {}
+    for name, value in given.items():
+        if hasattr(value, "tocsr") and name in MATRICES:
+            rows = value.tocsr()
+            arrays |= {f"{name}.{part}": getattr(rows, part) for part in ("data", "indices", "indptr", "shape")}
+        else:  # a contact may be an index or a label
+            plain = np.asarray(value.toarray() if hasattr(value, "toarray") else value)
+            arrays[name] = plain.astype(str) if name in LABELS else plain if plain.size == 1 else plain.astype(float)
+    np.savez_compressed(place, **arrays)
+    return place
+
+
+def _check(given: dict[str, Any]) -> None:
+    """Check the entries as the model does, except contacts, which the study may name."""
+    contact, checked = None, given
+    if "contact" not in given:
+        contact, checked = 0, {name: value for name, value in given.items() if name != "tangent"}
+    heat = None if "thermal_contact" in given or "heat_capacity" not in given else 0
+    checked_matrices(checked, Chosen(contact, heat), Rayleigh())

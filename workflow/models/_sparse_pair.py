@@ -24,8 +24,7 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._factors import NotHeldError, Solver, elimination_order, factorised
-from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
-from workflow.models._semidefinite import factored
+from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError, factored
 
 _RESIDUAL = 1e-8
 """Largest residual K φ - λ M φ of a mode over λ M φ, besides the rounding of K φ: the relative error of the eigenvalue

@@ -1,13 +1,66 @@
-"""Static response of the tip, and the heat coupling above which a tip in permanent contact runs away."""
+"""Static answers of a structure: the tip's compliance and growth, equilibrium, α_c; a bound of motion without contact.
+
+On a casing that slides without reversing the contact force acts along n - µt, and the gap is measured along n:
+
+    M x'' + C1 x' + K1 x + K12 θ = f - λ (e_n - µ t),   x_n <= d
+
+The compliance of the tip to such a force is that to a force along e_n times
+
+    at an impact   nᵀM⁻¹(n - µt) / nᵀM⁻¹n = 1 - µ a,      at standstill   nᵀK1⁻¹(n - µt) / nᵀK1⁻¹n = 1 - µ s,   s = ψᵀt,
+
+with the constraint mode ψ ∝ K1⁻¹ n. Where the first is not positive an impulse pushes the tip into the casing: there is
+no impact law (Painlevé paradox). Where the second is not, a tip at rest on its casing is unstable.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from workflow.kernels import Array
-from workflow.models._sliding import static_share
+from workflow.models._cases import Cases, distinct_rows
+from workflow.models._modes import coupled_damping, mechanical_modes
+from workflow.models._pair import UNBALANCED
 from workflow.models._structure import Structure
+
+
+class CriticalFriction(NamedTuple):
+    """Friction coefficients from which on the tip's compliance to a contact force is not positive; ``inf`` for none."""
+
+    impact: float
+    """1/a: no impact law."""
+    standstill: float
+    """1/s: no stable rest on the casing."""
+
+
+def directions(structure: Structure, friction: Array) -> Array:
+    """Return e_n - µ t for each friction coefficient µ ``(case,)``, ``(case, mechanical)``."""
+    vectors = np.tile(structure.mechanical.unit_tip, (friction.size, 1))
+    if structure.tangent is not None:
+        vectors -= friction[:, None] * structure.tangent
+    return vectors
+
+
+def static_share(structure: Structure) -> float:
+    """Return s = ψᵀt, 1: tangential over normal displacement at standstill by a force along the normal."""
+    if structure.tangent is None:
+        return 0.0
+    return float(structure.mechanical.constraint @ structure.tangent)
+
+
+def critical_friction(structure: Structure) -> CriticalFriction:
+    """Return the critical friction coefficients of a structure."""
+    if structure.tangent is None:
+        return CriticalFriction(np.inf, np.inf)
+    modes = mechanical_modes(structure)
+    inertial = modes.inertia > 0
+    tip, along = modes.tip[inertial], modes.shapes.T[inertial] @ structure.tangent
+    normal, aside, static = np.dot(tip, tip), np.dot(tip, along), static_share(structure)
+    return CriticalFriction(normal / aside if aside > 0 else np.inf, 1 / static if static > 0 else np.inf)
+
 
 _CANCELLED = 1e-13
 """Growth by the tip's heat, over its largest term, up to which it is rounding."""
@@ -39,7 +92,7 @@ def static_tip_growth(structure: Structure) -> Array:
 def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
     """Return α_c = S/β above which a tip in permanent contact runs away, W/N; 0 where it is never stable there.
 
-    S = e_nᵀ K1⁻¹ (e_n - µ t), see :mod:`workflow.models._sliding`, and β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. With the steady
+    S = e_nᵀ K1⁻¹ (e_n - µ t), see :mod:`workflow.models._static`, and β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. With the steady
     temperatures χ for 1 K at the tip and the conductance σ of the tip K2⁻¹ e_n = χ/σ. Singular cases are decided by
     rank: ``inf`` where the root is free or heat at the tip does not push it out (β <= 0), 0 where heat that cannot
     leave the structure (σ = 0) pushes the tip out.
@@ -73,3 +126,136 @@ def rounding_of_flexibility(structure: Structure) -> float:
     row, column = entries.coords
     energies = response[row] * entries.data * response[column]
     return float(np.finfo(float).eps / 2 * np.linalg.norm(energies) / abs(response[-1]))
+
+
+class NoEquilibriumError(ValueError):
+    """A structure has no equilibrium under its constant loads."""
+
+
+def static_equilibrium(
+    structure: Structure, load: Array, heating: Array, gap: float, friction: float = 0.0
+) -> tuple[Array, Array]:
+    """Return displacement and temperature at rest under constant loads, casing included.
+
+    K2 θ = q and K1 x + K12 θ = f - λ (e_n - µ t) with 0 <= gap - x_n ⊥ λ >= 0. At rest contact makes no heat.
+    A pressed tip has x = gap ψ + K1⁻¹ (f + µ λ t - K12 θ), inverted with the tip held, and λ (1 - µ ψᵀt) = ψᵀ (f -
+    K12 θ) - σ gap.
+
+    Parameters
+    ----------
+    structure
+        The full structure.
+    load, heating
+        Constant loads [N] and heat loads [W], ``(node,)``.
+    gap
+        Clearance d, m.
+    friction
+        Friction coefficient µ along the structure's tangent.
+
+    Returns
+    -------
+    displacement, temperature
+        m and K, ``(node,)``.
+
+    Raises
+    ------
+    NoEquilibriumError
+        The loads accelerate a free body, or heat that cannot leave warms the structure for ever.
+    """
+    pair, thermal = structure.mechanical, structure.thermal
+    if thermal.moves(heating):
+        raise NoEquilibriumError("the heat load cannot leave the structure, its temperature has no equilibrium")
+    temperature = thermal.solve(heating)
+    force = load + structure.thermal_forces(temperature)
+    if not pair.moves(force):
+        free = pair.solve(force)
+        if free[-1] <= gap:
+            return free, temperature
+    moved, pressing = pair.constraint * force, pair.tip_stiffness * gap
+    reaction, yields = float(moved.sum()) - pressing, 1.0
+    if structure.tangent is not None:
+        yields = 1 - friction * static_share(structure)
+        force = force + friction * max(reaction, 0.0) / yields * structure.tangent if yields > 0 else force
+    if reaction < -UNBALANCED * (np.abs(moved).sum() + abs(pressing)) or yields <= 0 or pair.moves(force, held=True):
+        raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
+    return gap * pair.constraint + pair.solve(force, held=True), temperature
+
+
+def at_rest(structure: Structure, cases: Cases) -> Cases:
+    """Return cases that start in equilibrium under their constant loads; a pressed tip has the velocity ḋ(0).
+
+    ``structure`` is the one that is run, full or reduced, so that none of its modes is excited.
+
+    Raises
+    ------
+    NoEquilibriumError
+        A case has no equilibrium under its constant loads.
+    """
+    load = cases.steady.copy()
+    load += cases.mean[:, None] * structure.load_direction
+    casing = cases.casing_at(0.0)
+    first, which = distinct_rows(load, cases.heating, casing[:, None], cases.friction[:, None])
+    laws = list(zip(casing.tolist(), cases.friction.tolist(), strict=True))
+    states = [static_equilibrium(structure, load[k], cases.heating[k], *laws[k]) for k in first]
+    displacement = np.stack([x for x, _ in states])[which]
+    temperature = np.stack([theta for _, theta in states])[which]
+    velocity = np.zeros_like(displacement)
+    velocity[:, -1] = np.where(displacement[:, -1] == casing, cases.casing_velocity_at(0.0), 0.0)
+    return replace(cases, displacement=displacement, velocity=velocity, temperature=temperature)
+
+
+def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
+    """Return a bound of the tip's displacement without contact, m, ``(case,)``.
+
+    ``inf`` where a rigid mode moves it, or damping couples modes.
+
+    It sums the responses to constant and harmonic loads, the transient of the initial state, and twice the quasi-static
+    growth by heating and initial temperatures. In modes, x_n = Σ φ_n η, with p̄ the constant load and p the harmonic
+    one, η = p̄/ω² + Im[H e^{i(Ωt + φ)}] + a transient, with H = p/(ω² - Ω² + iΩc). The transient begins with the
+    difference (Δη, Δζ) of the initial state from the first two, and stays below sqrt(Δη² + (Δζ/ω)²), as a free mode
+    gains no energy.
+    """
+    modes = mechanical_modes(structure)
+    omega, tip, damping = modes.values, modes.tip, coupled_damping(structure, modes)
+    moving = (omega == 0) & (np.abs(tip) > 1e-9 * np.abs(tip).max())
+    if np.any(moving) or damping.ndim == 2:
+        return np.full(cases.count, np.inf)
+    elastic = omega > 0
+    omega, tip, damping, shapes = omega[elastic], tip[elastic], damping[elastic], modes.shapes[:, elastic]
+    amplitudes, frequencies, phases = _sinusoids(cases)
+    constant = frequencies == 0
+    mean = cases.mean + np.where(constant, amplitudes * np.sin(phases), 0.0).sum(axis=0)
+    drive = tip if structure.load is None else structure.load @ shapes
+    static = (cases.steady @ shapes + mean[:, None] * drive) / omega**2
+    momenta = structure.mechanical.inertia_of(shapes)
+    offset = cases.displacement @ momenta - static
+    speed = cases.velocity @ momenta
+    harmonic = np.zeros(cases.count)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for amplitude, frequency, phase in zip(np.where(constant, 0.0, amplitudes), frequencies, phases, strict=True):
+            acts, turning = amplitude[:, None], 2 * np.pi * frequency[:, None]
+            response = acts * drive / (omega**2 - turning**2 + 1j * turning * damping)
+            response = np.where(acts == 0, 0.0, response)
+            begins = response * np.exp(1j * phase[:, None])
+            offset, speed = offset - begins.imag, speed - (1j * turning * begins).imag
+            harmonic += np.abs(np.sum(tip * response, axis=1))
+        swing = np.hypot(offset, speed / omega)
+        transient = np.sum(np.abs(tip) * swing, axis=1)
+    growth = 2 * _warmest(structure, cases, duration) @ np.abs(static_tip_growth(structure))
+    return np.asarray(np.sum(tip * static, axis=1) + harmonic + transient + growth)
+
+
+def _sinusoids(cases: Cases) -> tuple[Array, Array, Array]:
+    """Return amplitude, frequency and phase of all sinusoids of the tip load, ``(sinusoid, case)`` each."""
+    first, more = (cases.amplitude, cases.frequency, cases.phase), cases.load_harmonics
+    rows = zip(first, (more.amplitude, more.frequency, more.phase), strict=True)
+    amplitude, frequency, phase = (np.vstack([one, others.T]) for one, others in rows)
+    return amplitude, frequency, phase
+
+
+def _warmest(structure: Structure, cases: Cases, duration: float) -> Array:
+    """Return a bound of the temperatures due to initial ones and heating, K, ``(case, thermal)``."""
+    started = np.abs(cases.temperature).max(axis=1, initial=0.0)[:, None]
+    capacities = structure.thermal.inertia_of(np.ones(structure.thermal_size))
+    heated = duration * (np.abs(cases.heating) / capacities).max(axis=1, initial=0.0)[:, None]
+    return np.broadcast_to(started + heated, cases.temperature.shape)

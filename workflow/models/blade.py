@@ -8,7 +8,7 @@ import numpy as np
 
 from workflow.declare import Values, quantity
 from workflow.kernels import Array
-from workflow.models._semidefinite import UnusableMatricesError
+from workflow.models._pair import UnusableMatricesError
 from workflow.models._structure import Rayleigh
 from workflow.models.chain import MOST_NODES, Chain
 

@@ -5,20 +5,124 @@ With mass-normalised modes x_n = Σ φ_j η_j, θ_n = Σ χ_l τ_l, and equation
     η_j'' + 2 ζ_j ω_j η_j' + ω_j² η_j + Σ G_jl τ_l = φ_j (f - λ),   τ_l' + μ_l τ_l = χ_l α λ.
 
 Its tip is x_n, θ_n (:mod:`workflow.models._from_matrices`). Modes beyond the table are truncated: x_n lacks their
-static response, which a mode of high frequency may replace.
+static response, which a mode of high frequency may replace. Tables are rows of a CSV file or of a study.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from workflow.declare import File, Rows, rows
+from workflow.declare import NUMBER, File, Rows, rows
+from workflow.kernels import Array
 from workflow.models._from_matrices import COLD, GivenMatrices, structure_from_matrices
-from workflow.models._mode_tables import COLUMNS, HEAT_COLUMNS, read_matrix, read_table
-from workflow.models._semidefinite import UnusableMatricesError
+from workflow.models._matrix_files import in_c
+from workflow.models._pair import UnusableMatricesError
 from workflow.models._structure import Matrices, Rayleigh
+
+COLUMNS = (("frequency", "Hz"), ("damping_ratio", "1"), ("tip", "1/kg**0.5"))
+HEAT_COLUMNS = (("rate", "1/s"), ("tip", "K**0.5/J**0.5"))
+
+_SPELLINGS = {
+    "Hz": ("Hz",),
+    "1": ("1", "-"),
+    "1/kg**0.5": ("1/√kg", "1/sqrt(kg)", "1/kg**0.5"),
+    "1/s": ("1/s",),
+    "K**0.5/J**0.5": ("1/√(J/K)", "1/sqrt(J/K)", "(K/J)**0.5"),
+}
+"""Accepted spellings of a column's unit, in brackets after its name; messages use the first one."""
+
+_HEADING = re.compile(r"(\w+)\s*(?:\[\s*(.*?)\s*\])?")
+
+_BLANK = " \t,"
+"""What a line without numbers consists of, such as a spreadsheet writes."""
+
+MOST_MODES = 2000
+
+
+def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
+    """Return a table with a row for each mode and the columns in the given order, ``(mode, column)``.
+
+    The header of a CSV file names them in any order, with or without their units: ``frequency [Hz]``.
+
+    Raises
+    ------
+    UnusableMatricesError
+        A column is missing, unknown, twice or in another unit, or a value is no number.
+    """
+    names = [name for name, _ in columns]
+    if not isinstance(source, File):
+        return _table("the table", source, len(names))
+    lines = _lines(source)
+    start = next(k for k, line in enumerate(lines) if line.strip(_BLANK))
+    head = lines[start]
+    parsed = [_HEADING.fullmatch(word.strip(' "')) for word in head.split(",")]
+    written = {match[1]: match[2] for match in parsed if match}
+    if sorted(written) != sorted(names) or len(parsed) != len(names):
+        raise UnusableMatricesError(f"`{source.name}` has the columns {head[:80]}", f"write {', '.join(names)}")
+    for name, unit in columns:
+        if written[name] not in (None, *_SPELLINGS[unit]):
+            problem = f"`{source.name}` has `{name}` in {written[name]}"
+            raise UnusableMatricesError(problem, f"write `{name} [{_SPELLINGS[unit][0]}]`")
+    table = _table(f"`{source.name}`", _numbers(source, lines, len(names), start + 1), len(names))
+    return _shaken(source, table[:, [list(written).index(name) for name in names]])
+
+
+def read_matrix(source: File | Rows, shape: tuple[int, int]) -> Array:
+    """Return a matrix of numbers from a CSV file without a header, or from rows.
+
+    Raises
+    ------
+    UnusableMatricesError
+        It has another shape.
+    """
+    if not isinstance(source, File):
+        return _table("the coupling", source, shape[1], shape[0])
+    return _shaken(source, _table(f"`{source.name}`", _numbers(source, _lines(source), shape[1]), shape[1], shape[0]))
+
+
+def _shaken(file: File, table: Array) -> Array:
+    """Return a file's numbers perturbed by ``file.shaken``, relatively, with alternating signs along a row."""
+    return np.asarray(table * (1 + file.shaken * (-1.0) ** np.arange(table.shape[1])))
+
+
+def _lines(file: File) -> list[str]:
+    """Return the lines of a file, of which one at least is not empty."""
+    try:
+        lines = Path(file.place).read_text(encoding="utf-8-sig").split("\n")
+    except UnicodeDecodeError as error:
+        raise UnusableMatricesError(
+            f"`{file.name}` is no CSV file: {error}", "write values with commas between"
+        ) from None
+    if not any(line.strip(_BLANK) for line in lines):
+        raise UnusableMatricesError(f"`{file.name}` is empty", "write a row for each mode")
+    return lines
+
+
+def _numbers(file: File, lines: list[str], width: int, start: int = 0) -> Array:
+    """Return lines from one on as rows of so many numbers."""
+    cell = rf'"?[ \t]*{NUMBER}[ \t]*"?'
+    row = rf"{cell}(?:[ \t]*,[ \t]*{cell}){{{width - 1}}}|,[{_BLANK}]*"
+    text = in_c("\n".join([*lines[start:], ""]), row, f"{width} numbers with commas between", file.name, start + 1)
+    return np.fromstring(text.translate({ord(mark): " " for mark in '",'}), sep=" ").reshape(-1, width)
+
+
+def _table(name: str, rows: Rows | Array, width: int, height: int | None = None) -> Array:
+    """Return rows as an array of finite numbers ``(height, width)``, of any height up to the limit where ``None``."""
+    if not 0 < len(rows) <= MOST_MODES:
+        raise UnusableMatricesError(f"{name} has {len(rows)} rows", f"write 1 to {MOST_MODES}")
+    widths = sorted({len(row) for row in rows})
+    if widths != [width] or len(rows) != (height or len(rows)):
+        problem = f"{name} has {len(rows)} rows of {' and '.join(map(str, widths))} numbers"
+        raise UnusableMatricesError(problem, f"write {height or 'rows'} of {width}, one for each mode")
+    table = np.array(rows, dtype=np.float64)
+    if not np.isfinite(table).all():
+        raise UnusableMatricesError(f"{name} has a value that is not finite", "write finite numbers")
+    return table
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Bases: each public module of this directory is one, with ``mechanical`` and ``thermal``.
 
 The module ``NAME`` is the basis ``reduction: NAME`` of a study, which reduces a structure to one of the same type. To
-add a basis, add a file; entry points of the group ``workflow.reduction`` add those of other distributions.
+add a basis, add a file; entry points of the group ``workflow.reduction`` add those of other distributions. Others use
+what is imported here: :func:`reduce_structure`, and the vectors of which a basis is made.
 """
 
 from __future__ import annotations
@@ -10,18 +11,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from workflow.models import Array, Sparse, Structure, TooManyCoordinatesError
-from workflow.reduction._bases import fixed_interface_modes, relative_thermal_modes
-from workflow.reduction._friction import with_friction
 from workflow.reduction._reduction import (
     ReducedModel,
     Reduction,
     Vectors,
+    fixed_interface_modes,
     galerkin,
     mechanical_vectors,
+    projection_residual,
+    relative_thermal_modes,
     thermal_vectors,
     unreduced,
+    with_friction,
 )
-from workflow.reduction._residual import projection_residual
 from workflow.registry import BrokenModuleError, Registry
 
 DEFAULT = "craig_bampton"

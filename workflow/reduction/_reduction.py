@@ -1,14 +1,154 @@
-"""A reduced structure, its bases for the expansion to the nodes, and the Galerkin projection that yields them."""
+"""Vectors of a basis, orthonormal in the inertia and 0 at the tip, and what the Galerkin projection on them yields.
+
+For friction every basis gets one more vector. A contact force acts along n - µt, the gap is measured along n. By its
+constraint mode a basis contains the static response to a force along n at the tip; the response to t with the tip held,
+K_ii⁻¹ t_i, is added, orthonormal to the others in M. With both S = nᵀK1⁻¹(n - µt) is exact for every µ.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from workflow.models import Array, Cases, DensePair, Matrices, Pair, Sparse, Structure, project, static_tip_growth
+from workflow.models import (
+    Array,
+    Cases,
+    DensePair,
+    Matrices,
+    Pair,
+    Sparse,
+    Structure,
+    UnusableMatricesError,
+    distinct_rows,
+    project,
+    static_tip_growth,
+)
 from workflow.models._from_matrices import structure_of_forms
+
+Inertia = Callable[[Array], Array]
+"""Product of an inertia and vectors."""
+
+DEPENDENT = 1e-8
+"""Norm of the new part of a vector, over the vector's, up to which it is linearly dependent: half of the digits, so
+that the new part has the other half before it is orthogonalised again."""
+
+
+def fixed_interface_modes(structure: Structure, count: int) -> Array:
+    """Return the lowest mechanical modes with the tip held, ``(node, mode)``."""
+    return structure.mechanical.modes(count, held=True).shapes
+
+
+def relative_thermal_modes(structure: Structure, count: int) -> Array:
+    """Return the slowest thermal modes of the whole structure relative to its constraint mode, ``(node, mode)``.
+
+    Their span with the constraint mode contains the modes themselves, tip included. For heat this is more accurate than
+    fixed-interface modes, every second of which heat at the tip excites without effect on the tip. A mode that is the
+    constraint mode is skipped.
+
+    Raises
+    ------
+    ValueError
+        Fewer modes are independent of the tip.
+    """
+    shapes = structure.thermal.modes(count + 1).shapes  # one may be the constraint mode
+    return relative(shapes, structure.thermal.constraint, structure.thermal.inertia_of, count)
+
+
+def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> Array:
+    """Return ``count`` vectors relative to the constraint mode, orthonormal in the inertia, ``(node, vector)``.
+
+    Parameters
+    ----------
+    shapes
+        Vectors in their order, ``(node, vector)``; those that depend on the tip's and earlier ones are skipped.
+    constraint
+        Constraint mode, 1 at the tip, ``(node,)``.
+    inertia
+        Product of the inertia and vectors.
+
+    Raises
+    ------
+    ValueError
+        Fewer are independent of the tip and of each other.
+    """
+    span = Orthonormal(shapes.shape[0], count, inertia)
+    for shape in shapes.T:
+        new = shape - shape[-1] * constraint
+        new[-1] = 0.0
+        span.add(new, np.sqrt(np.dot(shape, inertia(shape))))
+    return span.all()
+
+
+class Orthonormal:
+    """Gram–Schmidt orthonormalisation in an inertia, up to a number of vectors.
+
+    Parameters
+    ----------
+    size
+        Entries of a vector.
+    count
+        Number of vectors.
+    inertia
+        Product of the inertia and vectors.
+    """
+
+    def __init__(self, size: int, count: int, inertia: Inertia) -> None:
+        self._vectors = np.zeros((size, count))
+        self._count = 0
+        self._inertia = inertia
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the number of vectors is reached."""
+        return self._count == self._vectors.shape[1]
+
+    def add(self, vector: Array, length: float | None = None) -> Array | None:
+        """Add the new part of a vector and return it normalised, ``None`` where the vector is dependent.
+
+        The new part is compared with ``length``, by default that of the vector.
+        """
+        if self.is_full:
+            return None
+        vectors, count = self._vectors, self._count
+        size = np.sqrt(np.dot(vector, self._inertia(vector))) if length is None else length
+        if size == 0:
+            return None
+        new = self.apart(vector)
+        rest = np.sqrt(np.dot(new, self._inertia(new)))
+        if not rest > DEPENDENT * size:
+            return None
+        vectors[:, count] = new / rest
+        self._count += 1
+        return np.asarray(vectors[:, count])
+
+    def apart(self, vector: Array) -> Array:
+        """Return the part of a vector that is orthogonal to those added so far."""
+        vectors = self._vectors[:, : self._count]
+        for _ in range(2):  # the second pass removes the rounding of the first
+            vector = vector - vectors @ (vectors.T @ self._inertia(vector))
+        return vector
+
+    def add_each(self, vectors: Array) -> None:
+        """Add vectors ``(entry, vector)`` in their order until the number is reached."""
+        for vector in vectors.T:
+            self.add(vector)
+
+    def all(self) -> Array:
+        """Return the vectors, ``(entry, vector)``.
+
+        Raises
+        ------
+        ValueError
+            There are too few.
+        """
+        if not self.is_full:
+            raise ValueError(f"only {self._count} of {self._vectors.shape[1]} vectors are independent of the tip")
+        return self._vectors
+
 
 _ORTHONORMAL = 1e-6
 """Accepted deviation of interiorᵀ · inertia · interior from 1, which is the error of projected initial states."""
@@ -173,3 +313,96 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
         tangent=None if structure.tangent is None else x.T @ structure.tangent,
     )
     return Reduction(reduced, x, theta, mechanical.projection, thermal.projection, carried)
+
+
+def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> Vectors:
+    """Return a basis with the static response to a force along the tangent added, if it is not contained.
+
+    Raises
+    ------
+    UnusableMatricesError
+        The basis leaves the tip without mass.
+    """
+    if mechanical.has_massless_tip:
+        raise UnusableMatricesError(
+            "the basis leaves the tip without mass, and friction acts along a direction of its own",
+            "what that deforms cannot be left without inertia; choose craig_bampton, rubin or krylov",
+        )
+    pair, interior = structure.mechanical, mechanical.shapes[:, :-1]
+    span = Orthonormal(pair.size, min(interior.shape[1] + 1, pair.size - 1), pair.inertia_of)
+    span.add_each(interior)
+    if span.add(pair.solve(tangent, held=True)) is None:
+        return mechanical
+    return mechanical_vectors(structure, span.all())
+
+
+def projection_residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array:
+    """Return the projection residual of cases in the bases of a reduction, 1, shape ``(case,)``.
+
+    It is the largest of these relative norms, 0 where the state is 0:
+
+        initial displacement   |x - Φ x_r - Γ θ_r| / |x|    in strain energy, |x|² = xᵀ K1 x
+        initial velocity       |v - Φ v_r| / |v|    in kinetic energy, |v|² = vᵀ M v
+        initial temperature    |θ - Θ θ_r| / |θ|    |θ|² = θᵀ C2 θ
+        constant loads f̄ + F0 e_n                    static displacement, reduced against full, in strain energy
+        heating q                                    steady temperature, reduced against full, |θ|² = θᵀ K2 θ
+
+    Parameters
+    ----------
+    structure
+        The full structure.
+    reduction
+        Its reduction, with bases Φ (displacement) and Θ (temperature), and Γ (``carried``).
+    cases
+        The cases in the coordinates of the full structure.
+    """
+    first, which = distinct_rows(
+        *(cases.displacement, cases.velocity, cases.temperature, cases.steady, cases.mean[:, None], cases.heating)
+    )
+    return _residual(structure, reduction, cases.take(first))[which]
+
+
+def _residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array:
+    """Return the projection residual of distinct cases."""
+    small = reduction.project(cases)
+    loads = cases.steady + cases.mean[:, None] * structure.load_direction
+    carried = 0.0 if reduction.carried is None else project(reduction.carried, small.temperature)
+    displacements = (
+        (cases.displacement, small.displacement, carried),
+        (
+            structure.mechanical.static_solutions(loads),
+            reduction.structure.mechanical.static_solutions(project(reduction.displacement_basis.T, loads)),
+            0.0,
+        ),
+    )
+    steady = (
+        structure.thermal.static_solutions(cases.heating),
+        reduction.structure.thermal.static_solutions(small.heating),
+    )
+    velocity, temperature = (cases.velocity, small.velocity), (cases.temperature, small.temperature)
+    x, theta = reduction.displacement_basis, reduction.temperature_basis
+    lost = [
+        *(_lost(full, reduced, x, structure.mechanical.energies, beside) for full, reduced, beside in displacements),
+        _lost(*velocity, x, _in_inertia(structure.mechanical)),
+        _lost(*temperature, theta, _in_inertia(structure.thermal)),
+        _lost(*steady, theta, structure.thermal.energies),
+    ]
+    return np.asarray(np.max(lost, axis=0))
+
+
+_Squares = Callable[[Array], Array]
+"""Terms of the squared norm of a state."""
+
+
+def _lost(full: Array, reduced: Array, basis: Array, squares: _Squares, beside: Array | float = 0.0) -> Array:
+    """Return the norm of ``full - basis · reduced - beside`` over that of ``full`` for each case."""
+    shares = np.zeros(full.shape[0])
+    missing = full - project(basis, reduced) - beside
+    for case in np.flatnonzero(full.any(axis=1)):
+        size = math.fsum(squares(full[case]))
+        shares[case] = math.sqrt(math.fsum(squares(missing[case])) / size) if size > 0 else 0.0
+    return shares
+
+
+def _in_inertia(pair: Pair) -> _Squares:
+    return lambda u: u * pair.inertia_of(u)

@@ -11,8 +11,13 @@ Source: Craig and Bampton, AIAA Journal 6 (1968) 1313-1319; Thorin, Guérin, Leg
 from __future__ import annotations
 
 from workflow.models import Structure
-from workflow.reduction._bases import fixed_interface_modes, relative_thermal_modes
-from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
+from workflow.reduction._reduction import (
+    Vectors,
+    fixed_interface_modes,
+    mechanical_vectors,
+    relative_thermal_modes,
+    thermal_vectors,
+)
 
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:

@@ -31,8 +31,7 @@ import numpy as np
 
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models import Array, Pair, Structure
-from workflow.reduction._bases import Orthonormal
-from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
+from workflow.reduction._reduction import Orthonormal, Vectors, mechanical_vectors, thermal_vectors
 
 MOST_MOMENTS = 6
 """Moments at s = 0, the constraint mode included."""

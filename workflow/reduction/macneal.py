@@ -21,8 +21,7 @@ import numpy as np
 
 from workflow.models import Structure
 from workflow.reduction import rubin
-from workflow.reduction._bases import DEPENDENT, Orthonormal
-from workflow.reduction._reduction import Vectors, massless_vectors
+from workflow.reduction._reduction import DEPENDENT, Orthonormal, Vectors, massless_vectors
 from workflow.reduction.rubin import thermal
 
 __all__ = ["mechanical", "thermal"]

@@ -17,8 +17,13 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Structure
-from workflow.reduction._bases import DEPENDENT, fixed_interface_modes
-from workflow.reduction._reduction import Vectors, massless_vectors, mechanical_vectors
+from workflow.reduction._reduction import (
+    DEPENDENT,
+    Vectors,
+    fixed_interface_modes,
+    massless_vectors,
+    mechanical_vectors,
+)
 from workflow.reduction.craig_bampton import thermal
 
 __all__ = ["mechanical", "thermal"]

@@ -15,8 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Structure
-from workflow.reduction._bases import relative, relative_thermal_modes
-from workflow.reduction._reduction import Vectors, mechanical_vectors, thermal_vectors
+from workflow.reduction._reduction import Vectors, mechanical_vectors, relative, relative_thermal_modes, thermal_vectors
 
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:

@@ -1,15 +1,31 @@
-"""Studies: read from YAML, checked against the declarations of models and schemes, resolved to SI."""
+"""Studies: read from YAML, checked against the declarations of models and schemes, resolved to SI.
+
+``study`` reads one: ``source`` keeps the line of every entry, ``forms``, ``ranges`` and ``document`` say what may be
+written, ``axes`` makes dimensions and ``checks`` compares fields. Others use what is imported here, first of all
+:func:`read_study` and the :class:`Study` that it returns.
+"""
 
 from __future__ import annotations
 
-from workflow.study.addresses import MODES
-from workflow.study.attached import packed, unpacked
-from workflow.study.case_space import Axis, Branch, Dimension, Reference
-from workflow.study.document import json_schema
-from workflow.study.draws import MATRIX, POINT, Drawn
-from workflow.study.edits import setting
+from workflow.study.document import MODES, json_schema
+from workflow.study.files import packed, unpacked
 from workflow.study.mistakes import Mistake, StudyError
 from workflow.study.quantities import readable, udunits
-from workflow.study.resolved import ResolvedValue, resolved_values
-from workflow.study.settings import AUTO, CHOSEN, CaseSettings, Initial, Load, Output, Scene, SchemeChoice, Steady
-from workflow.study.study import Study, StudySource, parse_study, read_study
+from workflow.study.ranges import MATRIX, POINT, Drawn
+from workflow.study.settings import (
+    AUTO,
+    CHOSEN,
+    Axis,
+    Branch,
+    CaseSettings,
+    Dimension,
+    Initial,
+    Load,
+    Output,
+    Reference,
+    Scene,
+    SchemeChoice,
+    Steady,
+)
+from workflow.study.source import setting
+from workflow.study.study import ResolvedValue, Study, StudySource, parse_study, read_study, resolved_values

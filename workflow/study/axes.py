@@ -1,4 +1,4 @@
-"""From the axes as read to the dimensions of a study: values, counts of modes, names."""
+"""From the axes as read to the dimensions of a study: values, names, counts of modes that structures can keep."""
 
 from __future__ import annotations
 
@@ -6,16 +6,67 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import inf
 
-from workflow.study.addresses import MODES, TOLERANCE
-from workflow.study.case_space import Axis, Branch, Dimension
-from workflow.study.draws import Drawn
+from workflow import models
+from workflow.models import Array
 from workflow.study.forms import Entry
 from workflow.study.mistakes import Place, quoted
-from workflow.study.ranges import Content, Followed, Value
-from workflow.study.settings import AUTO, CHOSEN, FULL
-from workflow.study.sizes import Counts, Sizes
+from workflow.study.ranges import Content, Drawn, Followed, Value
+from workflow.study.settings import AUTO, CHOSEN, FULL, MODES, TOLERANCE, Axis, Branch, Dimension, Scene
 from workflow.study.source import StudyText
+
+Counts = tuple[int, ...]
+"""Of the cases; empty where they are not known."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of the structures of a study.
+
+    Attributes
+    ----------
+    inputs
+        By what a list has a value for each of, the numbers of values.
+    coordinates
+        Numbers of mechanical and of thermal coordinates, by the setting of their modes.
+    large, most
+        Coordinates above which a structure cannot be kept full, and the most modes of each kind that it then has.
+    contact
+        Weights w of the displacements that a start is given for, x_n = wᵀx; ``None`` where the last one is the tip.
+    """
+
+    inputs: Mapping[str, Counts]
+    coordinates: Mapping[str, Counts]
+    large: float = inf
+    most: int = 0
+    contact: Array | None = None
+
+
+def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
+    """Return the sizes of the structures of all cases; ``nodes`` are the numbers of them where the model has any.
+
+    Raises
+    ------
+    UnusableMatricesError
+        The matrices of the scene are no structure.
+    """
+    if nodes:
+        inputs = dict.fromkeys(("node", "spring", "temperature"), nodes)
+        return Sizes(inputs, dict.fromkeys(MODES, nodes), models.MOST_FULL, models.MOST_ONE_BY_ONE)
+    try:
+        structure = models.structure_of(scene.model, scene.parameters)
+        both = structure.mechanical_size, structure.thermal_size
+        displacements, temperatures = ((size,) for size in structure.input_sizes)
+        most = models.most_modes(scene.model, scene.parameters)
+    except models.UnusableMatricesError:
+        raise
+    except Exception:  # whatever a model from outside raises: its cases say it
+        return Sizes({}, dict.fromkeys(MODES, ()))
+    inputs = {"node": displacements, "spring": displacements, "temperature": temperatures}
+    coordinates = {path: (size,) for path, size in zip(MODES, both, strict=True)}
+    return Sizes(inputs, coordinates, inf if most is None else most + 1, most or 0, structure.input_contact)
+
 
 MOST_CASES = 10**8
 

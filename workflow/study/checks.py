@@ -14,11 +14,9 @@ import numpy as np
 
 from workflow import models, schemes
 from workflow.declare import quantity_of
-from workflow.study.addresses import MODES, TOLERANCE
-from workflow.study.case_space import CaseSpace
+from workflow.study.axes import Sizes
 from workflow.study.mistakes import Fault, Place, place_of_path, quoted
-from workflow.study.settings import CHOSEN, CasingHarmonic, Initial, LoadHarmonic
-from workflow.study.sizes import Sizes
+from workflow.study.settings import CHOSEN, MODES, TOLERANCE, CaseSpace, CasingHarmonic, Initial, LoadHarmonic
 from workflow.study.source import StudyText
 
 MOST_SAMPLES = 2_000_000

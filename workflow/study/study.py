@@ -1,19 +1,54 @@
-"""A study: read from a path, a text or a mapping, checked and resolved to SI."""
+"""A study: read from a path, a text or a mapping, every field by itself, then all checked together, in SI."""
 
 from __future__ import annotations
 
+import copy
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from decimal import Decimal
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from workflow.declare import plain
-from workflow.study.case_space import CaseSpace
-from workflow.study.edits import OPTION, plain_tree, replaced, text_of
+from pydantic_core import SchemaValidator, ValidationError
+
+from workflow import models, reduction, schemes
+from workflow.declare import File, measure, plain, word_of
+from workflow.study.axes import Arrangement, Sizes, mode_count, sizes_of
+from workflow.study.checks import faults
+from workflow.study.document import SCENE_KEYS, addresses, settings, study_form
 from workflow.study.files import Attached, Files
-from workflow.study.reader import read_fields, resolve
-from workflow.study.source import compose, read_text
+from workflow.study.forms import LONGEST_LIST, Entry
+from workflow.study.mistakes import UNKNOWN, Place, StudyError, faults_of, one_of, place_of_path
+from workflow.study.quantities import readable
+from workflow.study.ranges import Range
+from workflow.study.settings import (
+    AUTO,
+    CHOSEN,
+    FULL,
+    MODES,
+    TOLERANCE,
+    CaseSettings,
+    CaseSpace,
+    Dimension,
+    Output,
+    Reference,
+    Scene,
+    SchemeChoice,
+)
+from workflow.study.source import (
+    OPTION,
+    StudyText,
+    compose,
+    mapping,
+    plain_tree,
+    read_text,
+    replaced,
+    text_of,
+    written_axes,
+)
+from workflow.variables import STEADY, reserved_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,3 +206,300 @@ def parse_study(
         attached=files.attached,
         given=source.given,
     )
+
+
+def read_fields(source: StudyText, files: Files) -> tuple[Mapping[str, Any], Mapping[str, Entry]]:
+    """Read every field of a study by itself; return its sections, and what its axes may vary.
+
+    Raises
+    ------
+    StudyError
+        Some cannot be read.
+    """
+    model = _model(source)
+    names = (model,) if model else models.names()
+    methods = tuple(_methods(source).items())
+    varied, form = _form(names, methods, _harmonics(source.tree), reduction.names())
+    tree, supplied = _supplied(source, [axis for axis in written_axes(source.tree) if axis[1] in varied])
+    sections: dict[str, Any] = {}
+    try:
+        sections = form.validate_python(tree, context=files)
+    except ValidationError as error:
+        for place, problem, remedy in faults_of(error):
+            follows = not model and place[:1] in (("axes",), ("zip",)) and str(place[-1]).startswith("scene.")
+            if place not in supplied and not follows:
+                source.report(place, problem, _home(str(place[-1]), varied, remedy) if UNKNOWN in problem else remedy)
+    source.refuse()
+    return sections, varied
+
+
+def _home(key: str, varied: Iterable[str], remedy: str) -> str:
+    """Return what to write for a word that is known elsewhere; the remedy of others, and of a part of a word."""
+    if remedy.startswith("did you mean") and key in remedy:
+        return remedy
+    for path in (path if "." in path else f"axes.{path}" for path in varied):
+        words = path.split(".")
+        if key in words[1:]:
+            return f"write it as `{'.'.join(words[: words.index(key) + 1])}`"
+    return remedy
+
+
+@lru_cache(maxsize=32)
+def _form(
+    names: tuple[str, ...],
+    methods: tuple[tuple[str, tuple[str, ...]], ...],
+    harmonics: tuple[int, int],
+    bases: tuple[str, ...],
+) -> tuple[dict[str, Entry], SchemaValidator]:
+    """Return what may vary and the form of a study, for some models, methods by label and harmonics.
+
+    ``bases`` are those that there are: with others it is made anew.
+    """
+    varied = addresses(names, dict(methods), harmonics)
+    return varied, SchemaValidator(study_form(varied, names).core)
+
+
+def _model(source: StudyText) -> str:
+    """Return the scene's one model, empty where there is not exactly one."""
+    scene = mapping(source.tree, "scene")
+    named = [key for key in scene if key in models.names()]
+    if len(named) > 1:
+        problem = f"is a second model beside `{named[0]}`"
+        source.report(("scene", named[1]), problem, "keep one model per study")
+    elif not named and scene and set(scene) <= set(SCENE_KEYS):  # an unknown key is reported by itself
+        source.report(("scene",), "has no model", one_of("", models.names()))
+    return named[0] if len(named) == 1 else ""
+
+
+def _methods(source: StudyText) -> dict[str, tuple[str, ...]]:
+    """Return, for each label of a scheme, the methods that it may name."""
+    methods = schemes.names()
+    defined: dict[str, tuple[str, ...]] = {}
+    for label in mapping(source.tree, "schemes"):
+        method = mapping(source.tree, "schemes", label).get("method")
+        is_method = isinstance(method, str) and method in methods
+        defined[label] = (str(method),) if is_method else methods
+        if label in methods and is_method and method != label:
+            problem = f"names another method than `{method}`"
+            source.report(("schemes", label), problem, "choose a label that is no method")
+    return defined | {method: (method,) for method in methods if method not in defined}
+
+
+def _harmonics(tree: Any) -> tuple[int, int]:
+    """Return how many harmonics of casing and load a study as written has."""
+    lists = (mapping(tree, "scene", group).get("harmonics") for group in ("casing", "load"))
+    casing, load = (min(len(entries), LONGEST_LIST) if isinstance(entries, list) else 0 for entries in lists)
+    return casing, load
+
+
+def _supplied(source: StudyText, axes: list[tuple[Place, str, Any]]) -> tuple[Any, set[Place]]:
+    """Return the study's tree with the first value of each axis in the place that the axis varies, and these places.
+
+    A value that the study itself has there stays.
+    """
+    tree: Any = copy.deepcopy(source.tree)
+    supplied = set[Place]()
+    for place, path, content in axes:
+        head, *above, last = path.split(".") if "." in path else ("", path)
+        owner: Any = tree.get("scene") if head == "scene" else None
+        for word in above:
+            if isinstance(owner, dict):
+                owner = owner.setdefault(word, {})
+            else:
+                exists = isinstance(owner, list) and word.isdecimal() and int(word) < len(owner)
+                owner = owner[int(word)] if exists else None
+        if owner == "static":
+            source.report(place, "varies a start that is `static`", "leave it out, or write `initial` as a mapping")
+        elif isinstance(owner, dict) and last not in owner:
+            owner[last] = _first(content)
+            supplied.add(place_of_path(path))
+    return tree, supplied
+
+
+def _first(content: Any) -> Any:
+    """Return the first value of an axis as written."""
+    while isinstance(content, dict | list) and content:
+        content = next(iter(content.values())) if isinstance(content, dict) else content[0]
+    return content
+
+
+def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str, Entry]) -> CaseSpace:
+    """Make dimensions of the axes of a study and check its fields against each other.
+
+    Raises
+    ------
+    StudyError
+        They do not go together.
+    """
+    scene: Scene = sections["scene"]
+    defined = {label: dataclasses.replace(c, label=label) for label, c in sections.get("schemes", {}).items()}
+    arrangement = Arrangement(source)
+    arrangement.take(sections.get("axes", {}), sections.get("zip", {}))
+    nodes = f"scene.{scene.model}.nodes"
+    counts = (arrangement.values(nodes) or (scene.parameters.nodes,)) if nodes in varied else ()
+    try:
+        sizes = sizes_of(scene, tuple(map(int, counts)))
+    except models.UnusableMatricesError as error:
+        source.report(("scene", scene.model), error.problem, error.remedy)
+        raise StudyError(source.mistakes) from None
+    arrangement.count_modes(nodes, sizes)
+    arrangement.refuse_repeated()
+    defaults = {path: entry.default for path, entry in settings().items() if path != TOLERANCE}
+    asked = sections.get("output", {})
+    steady = bool(asked.get("steady")) or bool(arrangement.followed)
+    dimensions, scalars, branch = arrangement.named(varied, defaults, _reserved(defined, steady))
+    if scene.friction is not None:  # alpha is what it makes
+        scalars = tuple(axis for axis in scalars if axis.path != "alpha")
+    reference = None
+    if sections.get("reference") is not None:
+        reference = Reference(_reference(source, sections["reference"], sizes, nodes, dimensions))
+    output = _output(asked, scene.duration)
+    cases = CaseSpace(
+        scene=scene,
+        schemes=defined,
+        dimensions=dimensions,
+        scalars=scalars,
+        reference=reference,
+        output=output if branch is None else output.of_branches,
+        branch=branch,
+    )
+    cases = dataclasses.replace(cases, schemes=defined | _bare(cases))
+    for fault in faults(cases, sizes, source):
+        source.report(*fault)
+    source.refuse()
+    return cases
+
+
+def _reserved(defined: Mapping[str, SchemeChoice], steady: bool) -> frozenset[str]:
+    """Return the names of all variables that an archive of the study can have."""
+    bare = {name for name in schemes.names() if name not in defined and schemes.fault(name) is None}
+    methods = bare | {choice.method for choice in defined.values()}
+    names = reserved_names(frozenset(about.name for method in methods for about in schemes.metrics(method)))
+    return names | STEADY if steady else names
+
+
+def _reference(
+    source: StudyText, values: dict[str, Any], sizes: Sizes, nodes: str, dimensions: tuple[Dimension, ...]
+) -> dict[str, Any]:
+    """Return the values of a reference with counts of modes; ``full`` follows the number of nodes where that varies."""
+    varied = any(axis.path == nodes for dimension in dimensions for axis in dimension.axes)
+    for path in MODES:
+        if path in values:
+            follows, counts = varied and values[path] == FULL, sizes.coordinates[path]
+            if follows:
+                counts = (max(counts),)
+            count = mode_count(source, ("reference", path), values[path], counts, sizes)
+            values[path] = FULL if follows else count
+    return values
+
+
+def _bare(cases: CaseSpace) -> dict[str, SchemeChoice]:
+    """Return the methods that a study names without defining them."""
+    used = [str(label) for axis in cases.axes() if axis.path == "scheme" for label in axis.values]
+    used += [axis.path.split(".")[1] for axis in cases.axes() if axis.path.startswith("schemes.")]
+    if cases.reference is not None and "scheme" in cases.reference.values:
+        used.append(str(cases.reference.values["scheme"]))
+    bare = (label for label in used if label not in cases.schemes)
+    return {label: SchemeChoice(label, label, schemes.load(label).Options()) for label in bare}
+
+
+def _output(asked: Mapping[str, Any], duration: float) -> Output:
+    """Return the output; its default interval is a thousandth of the duration."""
+    default = {"interval": float(Decimal(repr(duration)) / 1000)}
+    return Output(**default | {name: value for name, value in asked.items() if value is not None})
+
+
+Origin = Literal["study", "axis", "default"]
+"""Where a value comes from: written once, varied by an axis or a zip, or left to its default."""
+
+
+@dataclass(frozen=True)
+class ResolvedValue:
+    """One value of a study, or the values of its axis, in SI; ``drawn`` is a range in their place."""
+
+    path: str
+    values: tuple[Any, ...]
+    unit: str
+    origin: Origin
+    drawn: Range | None = None
+
+    @property
+    def text(self) -> str:
+        """The values as a line: a few of them, of many the ends; the range of drawn ones."""
+        if self.drawn is not None:
+            law = {"lin": "drawn", "log": "drawn in the logarithm", "branch": "followed as a branch"}[self.drawn.law]
+            low, high = (measure(end, readable(self.unit)) for end in (self.drawn.low, self.drawn.high))
+            return f"{low} to {high}, {law}"
+        values, unit = self.values, readable(self.unit)
+        if any(isinstance(value, str) for value in values):  # `static` has no unit
+            unit = ""
+        elif unit == "m" and 0 < max(map(abs, values)) < 1e-3:
+            values, unit = tuple(1e6 * value for value in values), "µm"
+        texts = [f"{value:.12g}" if isinstance(value, float) else str(value) for value in values]
+        few = texts if len(texts) <= 6 else [texts[0], texts[1], "…", f"{texts[-1]} ({len(texts)} values)"]
+        return f"{', '.join(few)} {unit}".rstrip()
+
+
+def resolved_values(study: Study, cell: CaseSettings) -> tuple[ResolvedValue, ...]:
+    """Return the values of a study: scene, settings, scheme options and output; ``cell`` is one of its cases."""
+    axes = {axis.path: axis for axis in study.axes()}
+    ranges = {path: span for each in study.dimensions if each.drawn for path, span in each.drawn.ranges.items()}
+    if study.branch is not None:
+        axis = study.branch.axis
+        ranges[axis.path] = Range("branch", *map(float, axis.values))
+    single = {axis.path for axis in study.scalars}
+    labels = {label: (choice.method,) for label, choice in study.schemes.items()}
+    harmonics = len(cell.scene.casing.harmonics), len(cell.scene.load.harmonics)
+    units = {path: entry.kind.unit for path, entry in addresses((cell.scene.model,), labels, harmonics).items()}
+    units["scene.duration"] = "s"
+    resolved = list(_files(cell))
+    for path in sorted(units, key=lambda path: not path.startswith("scene.")):  # those of the scene first
+        if path == TOLERANCE and path not in axes:
+            continue
+        values = axes[path].values if path in axes else _values_at(study, cell, path)
+        if values is not None:
+            words = tuple(AUTO if path in MODES and value == CHOSEN else value for value in values)
+            origin: Origin = "study" if study.gives(path) else "default"
+            varied = path in axes and path not in single
+            resolved.append(ResolvedValue(path, words, units[path], "axis" if varied else origin, ranges.get(path)))
+    return (*resolved, *_output_values(study))
+
+
+def _files(cell: CaseSettings) -> Iterator[ResolvedValue]:
+    """Yield the files and tables that the model of a case is read from, a table of the study by its size."""
+    for entry in dataclasses.fields(cell.scene.parameters):
+        word, value = word_of(entry), getattr(cell.scene.parameters, entry.name)
+        if word is not None and word.file and value is not None:
+            text = value.name if isinstance(value, File) else f"{len(value)} rows"
+            yield ResolvedValue(f"scene.{cell.scene.model}.{entry.name}", (text,), "", "study")
+
+
+def _values_at(study: Study, cell: CaseSettings, path: str) -> tuple[Any, ...] | None:
+    """Return the value of a path in a case as a tuple, ``None`` where it has none; a static start is given once."""
+    head, *words = path.split(".")
+    if path == "alpha" or (path == "scene.speed" and not cell.scene.speed):
+        return None  # made by the scene's friction, and given by its factors; none
+    owner: Any = cell.scene
+    if head == "schemes":
+        label, *words = words
+        owner = study.schemes[label].options
+    elif words[0] == cell.scene.model:
+        owner, words = cell.scene.parameters, words[1:]
+    elif words[0] == "initial" and isinstance(cell.scene.initial, str):
+        return (cell.scene.initial,) if words[1] == "displacement" else None
+    for word in words:
+        owner = owner[int(word)] if isinstance(owner, tuple) else getattr(owner, word, None)
+    if owner is None:
+        return None
+    return owner if isinstance(owner, tuple) else (owner,)
+
+
+def _output_values(study: Study) -> Iterator[ResolvedValue]:
+    values = {entry.name: getattr(study.output, entry.name) for entry in dataclasses.fields(Output)}
+    steady = values.pop("steady")
+    values |= {"steady": False} if steady is None else {f"steady.{k}": v for k, v in dataclasses.asdict(steady).items()}
+    units = {"interval": "s", "temperature_depth": "m"}
+    for name, value in ((name, value) for name, value in values.items() if value is not None):
+        listed = (value or ("none",)) if isinstance(value, tuple) else (value,)
+        origin: Origin = "study" if study.gives(f"output.{name}") else "default"
+        yield ResolvedValue(f"output.{name}", listed, units.get(name, ""), origin)
