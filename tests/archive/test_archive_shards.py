@@ -26,7 +26,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from workflow import archive
-from workflow.archive._chunk import fletcher32
+from workflow.archive._gather import fletcher32
 
 TEMPLATE = sample_template()
 RESULTS = sample_results(TEMPLATE)
@@ -59,7 +59,7 @@ def test_all_cases_are_found(parts: Path) -> None:
     source, row = archive.Stored(sources).find(HASHES)
     assert source.tolist() == [0] * 40 + [1] * 10 + [2] * 60 + [3] * 40
     assert row.tolist() == [*range(40), *range(10), *range(60), *range(40)]
-    np.testing.assert_array_equal(archive.Stored(sources).status(HASHES), RESULTS["status"].ravel())
+    np.testing.assert_array_equal(archive.Stored(sources).status_of(HASHES), RESULTS["status"].ravel())
 
 
 def test_a_case_is_told_from_another_by_all_bytes_of_its_hash(parts: Path) -> None:

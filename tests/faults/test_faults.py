@@ -22,7 +22,7 @@ from quick import interrupted, quick
 from studies import cut_finely, written
 from terminal import told
 from workflow.archive import ArchiveError, _files, content_hash, parts_of, run_lock
-from workflow.archive._seal import seal
+from workflow.archive._checksums import seal
 from workflow.run import run_study
 
 STUDY = quick({"e": [0.0, 0.2, 0.5, 0.9], "alpha": [0.0, 5.0, 20.0, 50.0]})

@@ -28,7 +28,7 @@ from studies import SCENE, SMALL, parsed, written
 from terminal import workflow
 from workflow.archive import Command, content_hash, open_archive, parts_of, start_parts
 from workflow.run import ClusterError, _cluster, run_study
-from workflow.run._worker import Session, join, software
+from workflow.run._cluster import Session, join, software
 
 PRELOAD = Path(__file__).with_name("watched_worker.py")
 Process = subprocess.Popen[str]
@@ -361,5 +361,5 @@ def test_only_the_task_that_kills_its_worker_fails(tmp_path: Path, monkeypatch: 
     """All are blamed, and each is tried again alone."""
     monkeypatch.setattr("workflow.grid._tasks.LONGEST", 1e-9)
     monkeypatch.setattr("workflow.grid._tasks.unit", lambda grid, *_: grid.inner_shape[-1])
-    monkeypatch.setattr("workflow.run._runner.connected", lambda *_: nullcontext(Blaming()))
+    monkeypatch.setattr("workflow.run._study.connected", lambda *_: nullcontext(Blaming()))
     assert run_study(parsed(STUDY), tmp_path / "many.nc", workers=1).counts == {"ok": 150, "failed": 10}

@@ -19,7 +19,6 @@ from studies import ILL, cut_finely, parsed
 from workflow.archive import parts_of
 from workflow.grid import _waiting_for, seconds_compiled, waiting_for
 from workflow.run import Advance, Outcome, _progress, in_words, run_study
-from workflow.run import _notebook as notebook_lines
 from workflow.run._progress import ProgressCounter
 from workflow.run._task import Report
 
@@ -178,8 +177,8 @@ class SlowHandle:
 def test_a_line_that_is_being_drawn_does_not_hide_how_the_run_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     handle = SlowHandle()
     monkeypatch.setattr(IPython.display, "display", lambda *shown, **how: handle)
-    monkeypatch.setattr(notebook_lines, "REDRAWN", 1e-3)
-    with notebook_lines.notebook_line("a.nc") as line:
+    monkeypatch.setattr(_progress, "REDRAWN", 1e-3)
+    with _progress.notebook_line("a.nc") as line:
         assert handle.drawing.wait(30)
         line.end(Outcome(Path("a.nc"), {"ok": 8, "diverged": 1}, (), 2.04, 0))
         handle.run_has_ended.set()
