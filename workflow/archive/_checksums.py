@@ -68,17 +68,19 @@ def _pieces(path: Path) -> Iterator[Any]:
 
     with LOCK:
         file = h5py.File(path, "r")
-        names = {name for name, each in file.items() if isinstance(each, h5py.Dataset) and not _is_bare(each)}
+        every = {name: each for name, each in file.items() if name not in LEFT_OUT and hasattr(each, "shape")}
     try:
-        for name in sorted(names - LEFT_OUT):
+        for name, variable in sorted(every.items()):
             with LOCK:
-                variable = file[name]
-                shape, chunks = variable.shape, variable.chunks or variable.shape
-                is_text = h5py.check_string_dtype(variable.dtype) is not None and variable.dtype.kind == "O"
-                kind = "text" if is_text else variable.dtype.newbyteorder("<").str
+                if variable.is_scale and _is_bare(variable):
+                    continue
+                shape, kind = variable.shape, variable.dtype.newbyteorder("<").str
+                is_text = variable.dtype.kind == "O"
                 dims = [name] if variable.is_scale else [dim[0].name[1:] for dim in variable.dims]
-            yield json.dumps([name, dims, kind, shape]).encode() + b"\n"
-            for block in boxes(shape, lengths(shape, chunks, BLOCK // variable.dtype.itemsize)):
+                head = json.dumps([name, dims, "text" if is_text else kind, shape])
+                cut = boxes(shape, lengths(shape, variable.chunks or shape, BLOCK // variable.dtype.itemsize))
+            yield head.encode() + b"\n"
+            for block in cut:
                 with LOCK:
                     values = variable[block]
                 yield _texts(values) if is_text else np.ascontiguousarray(values, kind).data
@@ -87,9 +89,9 @@ def _pieces(path: Path) -> Iterator[Any]:
             file.close()
 
 
-def _is_bare(dataset: Any) -> bool:
-    """Tell whether a dataset is a dimension without a coordinate, which netCDF-C marks so."""
-    return bytes(dataset.attrs.get("NAME", b"")).startswith(b"This is a netCDF dimension but not a netCDF variable")
+def _is_bare(scale: Any) -> bool:
+    """Tell whether a scale is a dimension without a coordinate, which netCDF-C marks so."""
+    return bytes(scale.attrs["NAME"]).startswith(b"This is a netCDF dimension but not a netCDF variable")
 
 
 def _texts(values: Any) -> bytes:
