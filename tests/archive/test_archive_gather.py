@@ -248,7 +248,7 @@ def test_a_write_that_fails_inside_hdf5(tmp_path: Path) -> None:
     gather(tmp_path / "a.nc.parts", template, tmp_path / "a.nc")
 
 
-@pytest.mark.parametrize("name", ["pipe", "pipe.npz"])
+@pytest.mark.parametrize("name", ["pipe", "pipe.shard"])
 def test_a_pipe_among_the_shards_stays_and_is_not_waited_for(name: str, tmp_path: Path) -> None:
     template, messages = TEMPLATES["one cell"], []
     parts = put_all(tmp_path / "a.nc", template, sample_results(template))

@@ -187,7 +187,7 @@ def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_pa
         assert len(workers) == 2
         until(lambda: not any(map(alive, workers)))
     assert not archive.exists()
-    done = len(list(parts_of(archive).glob("*.npz")))
+    done = len(list(parts_of(archive).glob("*.shard")))
     assert done >= 2
     again = tmp_path / "again"
     with started("workflow", "run", study, "--workers", "1", cwd=tmp_path, env=environment(again)) as run:
@@ -229,7 +229,7 @@ def test_a_run_whose_workers_have_all_left_ends_and_the_next_one_goes_on(tmp_pat
             assert run.returncode == 2
         assert f"{address}: all workers of the scheduler have left" in err
         assert "for 1 s none has come" in err
-        stored = len(list(parts_of(archive).glob("*.npz")))
+        stored = len(list(parts_of(archive).glob("*.shard")))
         assert re.search(rf"; (\d+) of 160 cases are stored beside {archive.name}\n", err)[1] == str(10 * stored)
         assert "Traceback" not in err
         again = tmp_path / "again"

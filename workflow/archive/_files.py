@@ -157,8 +157,8 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def commit(path: Path, data: bytes | memoryview) -> None:
-    """Write ``data`` aside as ``*.tmp``, flush it, and rename it to ``path``: all of it or nothing.
+def commit(path: Path, *pieces: Any) -> None:
+    """Write pieces of bytes aside as ``*.tmp``, flush it, and rename it to ``path``: all of it or nothing.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def commit(path: Path, data: bytes | memoryview) -> None:
     aside = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
         with open(aside, "wb") as file:
-            file.write(data)
+            file.writelines(pieces)
             file.flush()
             os.fsync(file.fileno())
         os.replace(aside, path)

@@ -13,7 +13,7 @@ from typing import IO
 
 from workflow.archive._files import ArchiveError, commit, reason, sync, usable, writing
 
-COMMAND, SHARD = "command.json", ".npz"
+COMMAND, SHARD = "command.json", ".shard"
 """File of the command, and suffix of the shards."""
 
 HOLDER = "holder"

@@ -1,16 +1,15 @@
 """Cases that are stored, found by their hashes: in the shards of a run and in the chunks of an archive.
 
-A shard is an ``.npz`` of one array for each variable, ``(case, …)``, with the messages of its cases and their hashes;
-each array has a CRC. It is written aside in one go, flushed and renamed: its presence says that its cases are done. A
-shard of hashes alone takes cases back that were stored before, and they are run again.
+A shard holds an array for each variable, ``(case, …)``, the messages of its cases and their hashes: a line of JSON says
+name, dtype, shape and CRC of each, then their bytes follow. It is written aside in one go, flushed and renamed: its
+presence says that its cases are done. A shard of hashes alone takes cases back that were stored before: they are run
+again.
 """
 
 from __future__ import annotations
 
-import io
-import os
-import struct
-import zipfile
+import json
+import math
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -18,7 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -186,11 +185,11 @@ def take_back(parts: str | Path, name: str, hashes: Hashes) -> Source:
     return Source(hashes, arrays[STATUS], arrays.__getitem__, {})
 
 
-def _write(parts: Path, name: str, arrays: dict[str, NDArray[Any]]) -> Path:
-    image, path = io.BytesIO(), parts / f"{name}{SHARD}"
-    np.savez(image, allow_pickle=False, **arrays)
+def _write(parts: Path, name: str, arrays: Mapping[str, NDArray[Any]]) -> Path:
+    path, pieces = parts / f"{name}{SHARD}", {key: np.ascontiguousarray(array) for key, array in arrays.items()}
+    head = json.dumps({key: [each.dtype.str, each.shape, zlib.crc32(each.data)] for key, each in pieces.items()}).encode()
     with writing("a shard", parts):
-        commit(path, image.getbuffer())
+        commit(path, b"%08x " % zlib.crc32(head), head, b"\n", *pieces.values())
     return path
 
 
@@ -218,55 +217,49 @@ def find_shards(parts: str | Path, begins: str = "", *, check: bool = True) -> l
     """
     sources = []
     for path in sorted(Path(parts).glob(f"{begins}*{SHARD}")):
-        with suppress(Exception):  # whatever changed bytes make of the libraries
-            members = _members(path)
-            for name in members if check else ():
-                _read_member(path, members, name)
-            kinds = {name: (member.dtype, member.shape[1:]) for name, member in members.items()}
-            hashes, status = (_read_member(path, members, name) for name in (CASE_HASH, STATUS))
-            sources.append(Source(hashes, status, partial(_read_member, path, members), kinds))
+        with suppress(Exception):  # whatever changed bytes make of them
+            arrays = _arrays(path)
+            for name in arrays if check else ():
+                _read_array(path, arrays, name)
+            kinds = {name: (array.dtype, array.shape[1:]) for name, array in arrays.items()}
+            hashes, status = (_read_array(path, arrays, name) for name in (CASE_HASH, STATUS))
+            sources.append(Source(hashes, status, partial(_read_array, path, arrays), kinds))
     return sources
 
 
-class _Member(NamedTuple):
-    """An array in a shard: where its bytes begin, header included, their number and CRC, and what they are."""
+class _Array(NamedTuple):
+    """An array in a shard: what it is, the CRC of its bytes, and where they begin."""
 
-    begin: int
-    size: int
-    crc: int
-    header: int
-    shape: tuple[int, ...]
-    order: Literal["C", "F"]
     dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    crc: int
+    begin: int
 
 
-def _members(path: Path) -> dict[str, _Member]:
+def _arrays(path: Path) -> dict[str, _Array]:
     """Return the arrays of a shard by name."""
-    members = {}
-    with open(path, "rb") as file, zipfile.ZipFile(file) as arrays:
-        for info in arrays.infolist():
-            file.seek(info.header_offset + 26)  # of the lengths of name and extra field, which the bytes follow
-            length, extra = struct.unpack("<HH", file.read(4))
-            if file.read(length) != info.filename.encode():
-                raise ValueError(f"{info.filename} has two names")
-            begin = file.seek(extra, os.SEEK_CUR)
-            np.lib.format.read_magic(file)
-            shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(file)
-            about = begin, info.file_size, info.CRC, file.tell() - begin, shape
-            members[info.filename.removesuffix(".npy")] = _Member(*about, "F" if is_fortran else "C", dtype)
-    return members
+    arrays = {}
+    with open(path, "rb") as file:
+        crc, head = file.readline().split(b" ", 1)
+        begin = file.tell()
+    if int(crc, 16) != zlib.crc32(head[:-1]):
+        raise ValueError("checksum")
+    for name, (kind, shape, crc) in json.loads(head).items():
+        arrays[name] = _Array(np.dtype(kind), tuple(shape), crc, begin)
+        begin += math.prod(shape) * arrays[name].dtype.itemsize
+    return arrays
 
 
-def _read_member(path: Path, members: Mapping[str, _Member], name: str) -> NDArray[Any]:
-    """Return an array, read against its checksum: by NumPy and its zip it takes ten times as long."""
+def _read_array(path: Path, arrays: Mapping[str, _Array], name: str) -> NDArray[Any]:
+    """Return an array of a shard, read against its checksum."""
     try:
-        member = members[name]
+        dtype, shape, crc, begin = arrays[name]
         with open(path, "rb") as file:
-            file.seek(member.begin)
-            image = file.read(member.size)
-        if zlib.crc32(image) != member.crc:
+            file.seek(begin)
+            image = file.read(math.prod(shape) * dtype.itemsize)
+        if zlib.crc32(image) != crc:
             raise ValueError(f"checksum of {name}")
-        return np.frombuffer(image, member.dtype, offset=member.header).reshape(member.shape, order=member.order)
+        return np.frombuffer(image, dtype).reshape(shape)
     except Exception as error:
         raise ArchiveError(f"{path}: damaged meanwhile ({reason(error)}); give the command again") from error
 

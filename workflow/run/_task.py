@@ -36,7 +36,7 @@ def next_command(parts: Path) -> int:
 
     It is the time in ns, by which workers tell commands apart, unless the clock was set back since.
     """
-    stored = [path.name[:_DIGITS] for path in parts.glob("*.npz")]
+    stored = [path.name[:_DIGITS] for path in parts.glob("*.shard")]
     return max(time.time_ns(), 1, *(int(number) + 1 for number in stored if number.isdecimal()))
 
 
