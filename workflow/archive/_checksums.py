@@ -2,7 +2,8 @@
 
 HDF5 reads no further than the end that it has noted itself, and cuts off what follows when it writes. It has checksums
 for all that an archive holds but for the references from variables to their dimensions, on which netCDF-C crashes or
-never ends: they lie in the head, which every reader compares before a library reads any.
+never ends: they lie in the head, which every reader compares before a library reads any. Functions raise ``OSError``
+where a file cannot be read.
 """
 
 from __future__ import annotations
@@ -47,11 +48,6 @@ def hash_content(path: Path) -> str:
     dimensions, dtype and shape, then the values in C order: numbers as little-endian bytes, characters
     as they are, each string as its length in UTF-8 (8 bytes, little-endian) and its bytes. Attributes, chunks and
     compression do not enter.
-
-    Raises
-    ------
-    OSError, RuntimeError
-        The file, or one of its chunks, cannot be read.
     """
     digest, pieces = hashlib.sha256(), _pieces(path)
     with ThreadPoolExecutor(1) as thread:
@@ -114,13 +110,7 @@ def lengths(shape: Sequence[int], chunks: Sequence[int], limit: int) -> list[int
 
 
 def seal(path: Path) -> None:
-    """Append the SHA-256 of the head and of the whole of a finished file to it.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read or written.
-    """
+    """Append the SHA-256 of the head and of the whole of a finished file to it."""
     with open(path, "r+b") as file:
         head = file.read(_PIECE).split(_FIRST_CHUNKS)[0]
         file.seek(0, 2)
@@ -132,24 +122,12 @@ def seal(path: Path) -> None:
 
 
 def is_sealed(path: Path) -> bool:
-    """Tell whether a file ends with a checksum, right or wrong.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    """
+    """Tell whether a file ends with a checksum, right or wrong."""
     return _end(path, _LENGTH).startswith(_MARK)
 
 
 def has_sound_head(path: Path) -> bool:
-    """Tell whether the head of a file is the one that was sealed; where there is no checksum of it, it counts as sound.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    """
+    """Tell whether the head of a file is the one that was sealed; without a checksum of it, it counts as sound."""
     found = _HEAD.match(_end(path, _LENGTH + _HEAD_LENGTH)[:_HEAD_LENGTH])
     if not found:
         return True
@@ -165,13 +143,7 @@ def _end(path: Path, length: int) -> bytes:
 
 
 def is_intact(path: Path) -> bool:
-    """Tell whether a file is, byte for byte, the one that was sealed.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    """
+    """Tell whether a file is, byte for byte, the one that was sealed."""
     digest, left = hashlib.sha256(), path.stat().st_size - _LENGTH
     with open(path, "rb") as file:
         while left > 0:

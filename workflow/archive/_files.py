@@ -135,13 +135,7 @@ def reading(path: Path) -> Iterator[None]:
 
 @contextmanager
 def opened(path: Path) -> Iterator[Any]:
-    """Open an archive with h5py, under its lock.
-
-    Raises
-    ------
-    ArchiveError
-        It is damaged.
-    """
+    """Open an archive with h5py, under its lock."""
     import h5py
 
     with LOCK, reading(path), h5py.File(path, "r") as file:

@@ -114,11 +114,6 @@ def assemble(
     """Write the results of stored cases to a new file; others have status ``not_run``.
 
     Chunks are read and encoded in threads and written past HDF5's filters. ``places`` are those of the hashes.
-
-    Raises
-    ------
-    OSError, RuntimeError, ArchiveError
-        A file cannot be read or written.
     """
     import h5py
 
@@ -243,21 +238,7 @@ def create(
 ) -> None:
     """Write everything but the results to a new NetCDF-4 file; chunks stay unallocated.
 
-    Parameters
-    ----------
-    template
-        See :func:`workflow.grid.template`.
-    texts
-        Those of the provenance group.
-    messages
-        In UTF-8, by case; the variable ``message`` is empty elsewhere.
-    hashes
-        Identity of every case, ``(case, byte)``.
-
-    Raises
-    ------
-    OSError, RuntimeError
-        The file cannot be written.
+    ``texts`` are those of the provenance group; ``messages`` are in UTF-8, by case.
     """
     import netCDF4
 

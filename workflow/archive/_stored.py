@@ -187,7 +187,8 @@ def take_back(parts: str | Path, name: str, hashes: Hashes) -> Source:
 
 def _write(parts: Path, name: str, arrays: Mapping[str, NDArray[Any]]) -> Path:
     path, pieces = parts / f"{name}{SHARD}", {key: np.ascontiguousarray(array) for key, array in arrays.items()}
-    head = json.dumps({key: [each.dtype.str, each.shape, zlib.crc32(each.data)] for key, each in pieces.items()}).encode()
+    about = {key: [array.dtype.str, array.shape, zlib.crc32(array.data)] for key, array in pieces.items()}
+    head = json.dumps(about).encode()
     with writing("a shard", parts):
         commit(path, b"%08x " % zlib.crc32(head), head, b"\n", *pieces.values())
     return path

@@ -66,21 +66,14 @@ class ClusterError(Exception):
 
 @dataclass(frozen=True)
 class Session:
-    """What a worker must know of a run and agree with.
-
-    Attributes
-    ----------
-    parts
-        Directory of the shards, which workers and the run itself share.
-    begun
-        Number of the run's command, as it stands there.
-    software
-        Name and version of what decides the bits of a result.
-    """
+    """What a worker must know of a run and agree with."""
 
     parts: str
+    """Directory of the shards, which workers and the run itself share."""
     begun: int
+    """Number of the run's command, as it stands there."""
     software: tuple[tuple[str, str], ...]
+    """Name and version of what decides the bits of a result."""
 
 
 def software() -> tuple[tuple[str, str], ...]:
@@ -126,15 +119,7 @@ def run_block(session: Session, block: ReferenceBlock) -> ReferenceSolutions:
 
 
 def run_task(session: Session, task: Task, *words: Any) -> Report:
-    """Compute a task on this worker and store it, as :func:`store_task`.
-
-    Raises
-    ------
-    ArchiveError
-        A shard could not be written.
-    ClusterError
-        This worker may not work for the run; it came after the run had asked all workers.
-    """
+    """Compute a task on this worker and store it; one that came later may be refused here, see :func:`join`."""
     with one_thread():
         return store_task(_job(session), task, *words)
 
@@ -172,34 +157,45 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     ClusterError
         Workers cannot be started, or no scheduler answers, or it has no workers.
     """
+    for name in _LOGGERS:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is reported here, once
+    with _workers_here(workers) if scheduler is None else _workers_of(scheduler) as client:
+        yield client
+
+
+@contextmanager
+def _workers_here(workers: int | None) -> Iterator[Any]:
+    """Give a client of as many worker processes of this machine."""
     import distributed
     from dask import config
 
-    for name in _LOGGERS:
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is reported here, once
-    if scheduler is None:
-        if _QUIETLY not in sys.warnoptions:
-            sys.warnoptions.append(_QUIETLY)
-        preload = [*config.get("distributed.worker.preload", []), _BEGINNING]
-        starting = ExitStack()
-        starting.enter_context(waiting_for(WORKERS))
-        with (
-            starting,
-            config.set({"distributed.worker.preload": preload}),
-            _without_interrupts(),
-            distributed.LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address=None,
-                memory_limit=0,
-                silence_logs=logging.CRITICAL,
-            ) as cluster,
-            distributed.Client(cluster) as client,
-        ):
-            starting.close()
-            yield client
-        return
+    if _QUIETLY not in sys.warnoptions:
+        sys.warnoptions.append(_QUIETLY)
+    preload = [*config.get("distributed.worker.preload", []), _BEGINNING]
+    starting = ExitStack()
+    starting.enter_context(waiting_for(WORKERS))
+    with (
+        starting,
+        config.set({"distributed.worker.preload": preload}),
+        _without_interrupts(),
+        distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            memory_limit=0,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        starting.close()
+        yield client
+
+
+@contextmanager
+def _workers_of(scheduler: str) -> Iterator[Any]:
+    """Give a client of a scheduler that has workers."""
+    import distributed
 
     class Client(distributed.Client):
         def start(self, **how: Any) -> None:
@@ -307,13 +303,7 @@ def _results(
 
 
 def _patiently(wait: Callable[[float], Any], client: Any) -> Any:
-    """Return what ``wait`` returns, called with a few seconds again and again as long as there are workers.
-
-    Raises
-    ------
-    ClusterError
-        There have been none for :data:`_PATIENCE` seconds.
-    """
+    """Return what ``wait`` returns, called with a few seconds again and again as long as there are workers."""
     last_seen = time.monotonic()
     while True:
         try:

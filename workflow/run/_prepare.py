@@ -49,21 +49,14 @@ from workflow.study import Study, StudyError
 
 @dataclass(frozen=True)
 class Reuse:
-    """What a run does with cases that are stored already; without any of these it keeps them.
-
-    Attributes
-    ----------
-    retry
-        Run the cases again that are not ok.
-    recompute
-        Run all cases again, whatever version of the solver made those that are stored.
-    drop
-        Leave out stored cases that the study no longer asks for.
-    """
+    """What a run does with cases that are stored already; without any of these it keeps them."""
 
     retry: bool = False
+    """Run the cases again that are not ok."""
     recompute: bool = False
+    """Run all cases again, whatever version of the solver made those that are stored."""
     drop: bool = False
+    """Leave out stored cases that the study no longer asks for."""
 
 
 @dataclass(frozen=True)
@@ -90,52 +83,34 @@ class Holdings:
 
 @dataclass(frozen=True)
 class Found:
-    """What an archive, or the shards of its unfinished run, hold under the name of a study.
-
-    Attributes
-    ----------
-    sources
-        Cases that may be taken: with all variables of the study, in no lower precision.
-    texts
-        Of the provenance group.
-    dropped
-        Cases that are not asked for.
-    refused
-        Why none can be taken: a run does not begin.
-    lost
-        What would be lost, cases or variables of them: a run does not begin without ``--drop``.
-    """
+    """What an archive, or the shards of its unfinished run, hold under the name of a study."""
 
     sources: tuple[Source, ...] = ()
+    """Cases that may be taken: with all variables of the study, in no lower precision."""
     texts: Mapping[str, str] = field(default_factory=dict)
+    """Of the provenance group."""
     dropped: int = 0
-    refused: tuple[str, ...] = ()
-    lost: tuple[str, ...] = ()
+    """Cases that are not asked for."""
+    refused: str = ""
+    """Why none can be taken: a run does not begin."""
+    lost: str = ""
+    """What would be lost, cases or variables of them: a run does not begin without ``--drop``."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A run that is ready for its tasks.
-
-    Attributes
-    ----------
-    job
-        What its tasks share.
-    texts
-        Those of the provenance group.
-    before
-        Cases that are not run again.
-    hashes
-        Identity of every case, ``(case, byte)``.
-    missing
-        For each case whether it is to be computed, ``(outer, inner)``.
-    """
+    """A run that is ready for its tasks."""
 
     job: Job
+    """What its tasks share."""
     texts: Mapping[str, str]
+    """Those of the provenance group."""
     before: Stored
+    """Cases that are not run again."""
     hashes: Hashes
+    """Identity of every case, ``(case, byte)``."""
     missing: NDArray[np.bool_]
+    """For each case whether it is to be computed, ``(outer, inner)``."""
 
     def hashes_of(self, task: Task) -> Hashes:
         """Return the identity of each case of a task."""
@@ -183,8 +158,8 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
     hashes = case_hashes(grid)
     found = in_archive(archive, job, texts, hashes, reuse.recompute), in_shards(job, hashes)
     for one in found:
-        if reasons := (*one.refused, *(() if reuse.drop else one.lost)):
-            raise ArchiveError(reasons[0])
+        if reason := one.refused or ("" if reuse.drop else one.lost):
+            raise ArchiveError(reason)
     stored = _kept(found, job, Reuse() if goes_on else reuse)
     if elsewhere := _elsewhere(found, stored.find(hashes)[0], texts):
         texts[COPIED] = ", ".join(sorted(elsewhere))
@@ -227,7 +202,7 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
     job, hashes = Job(grid, parts_of(archive), 0), case_hashes(grid)
     found = in_archive(archive, job, provenance_of(grid), hashes, recompute=False), in_shards(job, hashes)
     stored = int(np.sum(_kept(found, job, Reuse()).holds(hashes)))
-    note = "; ".join(text for one in found for text in (*one.refused, *one.lost))
+    note = "; ".join(text for one in found for text in (one.refused, one.lost) if text)
     return Holdings(stored, len(hashes) - stored, sum(one.dropped for one in found), note)
 
 
@@ -244,15 +219,15 @@ def in_archive(archive: Path, job: Job, now: Mapping[str, str], hashes: Hashes, 
     texts = provenance(archive)
     check_name(job.grid.study, archive, texts)
     dropped, cases = _unasked(archive, texts, hashes)
-    lost = [_unasked_text(archive, dropped, cases, texts, now)] if dropped else []
+    lost = _unasked_text(archive, dropped, cases, texts, now) if dropped else ""
     if recompute:
-        return Found((), texts, dropped, (), tuple(lost))
+        return Found((), texts, dropped, "", lost)
     if (version := texts.get("solver_version")) != str(SOLVER_VERSION):
         refused = (
             f"{archive}: made by version {version} of the solver, this is {SOLVER_VERSION}, whose results differ and "
             "are not mixed with them; --recompute runs all cases again, -o chooses another archive"
         )
-        return Found((), texts, dropped, (refused,), tuple(lost))
+        return Found((), texts, dropped, refused, lost)
     sources = archive_sources(archive)
     missing, wider = lacking(job.template, sources[0].kinds), surplus(job.template, sources[0].kinds)
     if missing:
@@ -260,13 +235,14 @@ def in_archive(archive: Path, job: Job, now: Mapping[str, str], hashes: Hashes, 
             f"{archive}: holds cases of this study, but without {', '.join(missing)}; "
             "--recompute runs all cases again and replaces it, -o chooses another archive"
         )
-        return Found((), texts, dropped, (refused,) if dropped < cases else (), tuple(lost))
+        return Found((), texts, dropped, refused if dropped < cases else "", lost)
     if wider:
-        lost.append(
+        too_wide = (
             f"{archive}: holds {', '.join(wider)} of its cases, which this study no longer keeps; "
             "--drop (in Python drop=True) leaves them out, -o chooses another archive"
         )
-    return Found(tuple(sources), texts, dropped, (), tuple(lost))
+        lost = f"{lost}; {too_wide}" if lost else too_wide
+    return Found(tuple(sources), texts, dropped, "", lost)
 
 
 def in_shards(job: Job, hashes: Hashes) -> Found:
@@ -283,7 +259,7 @@ def in_shards(job: Job, hashes: Hashes) -> Found:
         "--drop leaves them out, -o chooses another archive"
     )
     whole = [each for each in shards if each.takes_back or not lacking(job.template, each.kinds)]
-    return Found(tuple(whole), {} if command is None else command.texts, gone, (), (lost,) if gone else ())
+    return Found(tuple(whole), {} if command is None else command.texts, gone, "", lost if gone else "")
 
 
 def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> Mapping[str, Any]:

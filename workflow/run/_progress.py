@@ -59,28 +59,20 @@ Progress = Callable[[Advance], None]
 
 @dataclass
 class ProgressCounter:
-    """Counts what tasks store and reports how far the run is.
-
-    Attributes
-    ----------
-    cases
-        Cases of the study.
-    missing, before
-        Seconds of the cost model of the cases that are missing, and of those that were stored before.
-    begun
-        Time at which the run began, of ``clock``.
-    tell
-        What hears of it.
-    clock
-        Tells the time in seconds.
-    """
+    """Counts what tasks store and reports how far the run is."""
 
     cases: int
+    """Cases of the study."""
     missing: float
+    """Seconds of the cost model of the cases that are missing."""
     before: float
+    """Those of the cases that were stored before."""
     begun: float
+    """Time at which the run began, of ``clock``."""
     tell: Progress
+    """What hears of it."""
     clock: Callable[[], float] = time.perf_counter
+    """Tells the time in seconds."""
 
     def __post_init__(self) -> None:
         self._lock, self._computing = Lock(), self.clock() - seconds_compiled()

@@ -58,6 +58,10 @@ class Resources:
     workers: int | None = None
     scheduler: str | None = None
 
+    def __post_init__(self) -> None:
+        if sum(choice is not None for choice in (self.threads, self.workers, self.scheduler)) > 1:
+            raise ValueError("choose one of threads, workers and scheduler")
+
     @property
     def here(self) -> bool:
         """Whether they run on threads of this process."""
@@ -65,7 +69,7 @@ class Resources:
 
     @property
     def computing(self) -> int:
-        """Threads or worker processes that compute; 0 where a scheduler has them."""
+        """Threads or worker processes that compute, a thread for each processor if not chosen; 0 of a scheduler."""
         return (self.threads or available_threads()) if self.here else (self.workers or 0)
 
     @property
@@ -78,18 +82,8 @@ class Resources:
 
 
 @contextmanager
-def runner(resources: Resources) -> Iterator[RunTasks]:
-    """Give a function that runs tasks; where nothing is chosen, on a thread for each processor.
-
-    Raises
-    ------
-    ValueError
-        More than one place is chosen.
-    ClusterError
-        The workers cannot be used.
-    """
-    if sum(choice is not None for choice in (resources.threads, resources.workers, resources.scheduler)) > 1:
-        raise ValueError("choose one of threads, workers and scheduler")
+def _runner(resources: Resources) -> Iterator[RunTasks]:
+    """Give a function that runs tasks there."""
     if resources.here:
         yield partial(run_on_threads, threads=resources.computing)
     else:
@@ -169,7 +163,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
     same = earlier if earlier is not None and earlier.key == study_key(study) else None
     grid = arrange(study, None if same is None else read_choices(same.texts.get("choices", "{}")))
     with (
-        runner(resources) as run_tasks,
+        _runner(resources) as run_tasks,
         run_lock(parts),
         compiled_ahead(kernel_variants(grid) if resources.here and resources.computing > 1 else []),
     ):

@@ -57,21 +57,14 @@ class Job:
 
 @dataclass(frozen=True)
 class Report:
-    """What a task has stored, without arrays.
-
-    Attributes
-    ----------
-    seconds
-        Those of the task, by the cost model.
-    cases
-        Cases of the study that have its results.
-    endings
-        Number of those that are not ok, by name of their status.
-    """
+    """What a task has stored, without arrays."""
 
     seconds: float
+    """Those of the task, by the cost model."""
     cases: int
+    """Cases of the study that have its results."""
     endings: Mapping[str, int]
+    """Number of those that are not ok, by name of their status."""
 
 
 def not_ok(status: NDArray[Any], times: int = 1) -> Counter[str]:
