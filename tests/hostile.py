@@ -9,7 +9,7 @@ from typing import Any
 
 import netCDF4
 
-from workflow.archive._seal import seal
+from workflow.archive._checksums import seal
 
 SCRIPT = "<script>document.title='run'</script><b onclick=x>"
 ESCAPES = "\x1b]0;owned\x07\x1b[31mred\x9b2J\x7f\u202eback\u2066"

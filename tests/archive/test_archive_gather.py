@@ -31,7 +31,7 @@ from archive_samples import (
 )
 
 from workflow import archive
-from workflow.archive import _content, _gather, _stored
+from workflow.archive import _checksums, _gather, _stored
 from workflow.grid import _encoding, encode
 
 TEMPLATES = {
@@ -163,7 +163,7 @@ def test_a_value_too_large_for_float32_is_infinite(tmp_path: Path) -> None:
 @pytest.mark.parametrize("chunks", [(1, 1, 10, 7), (1, 1, 25, 2)])
 def test_boxes_that_are_hashed_follow_each_other_in_c_order(limit: int, chunks: tuple[int, ...]) -> None:
     values = np.arange(2 * 3 * 25 * 7).reshape(2, 3, 25, 7)
-    cut = _stored.boxes(values.shape, _content.lengths(values.shape, chunks, limit))
+    cut = _stored.boxes(values.shape, _checksums.lengths(values.shape, chunks, limit))
     boxes = [values[box].ravel() for box in cut]
     assert np.concatenate(boxes).tolist() == values.ravel().tolist()
     assert max(box.size for box in boxes) <= max(limit, chunks[2] * 7)
@@ -248,7 +248,7 @@ def test_a_write_that_fails_inside_hdf5(tmp_path: Path) -> None:
     gather(tmp_path / "a.nc.parts", template, tmp_path / "a.nc")
 
 
-@pytest.mark.parametrize("name", ["pipe", "pipe.npz"])
+@pytest.mark.parametrize("name", ["pipe", "pipe.shard"])
 def test_a_pipe_among_the_shards_stays_and_is_not_waited_for(name: str, tmp_path: Path) -> None:
     template, messages = TEMPLATES["one cell"], []
     parts = put_all(tmp_path / "a.nc", template, sample_results(template))

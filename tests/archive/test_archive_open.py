@@ -121,7 +121,7 @@ def test_nothing_has_run_yet(tmp_path: Path) -> None:
 
 
 def test_a_view_sees_no_damaged_shard(begun: Path) -> None:
-    victim = min(archive.parts_of(begun).glob("*.npz"))
+    victim = min(archive.parts_of(begun).glob("*.shard"))
     victim.write_bytes(victim.read_bytes()[:-10])
     with archive.open_archive(begun) as view:
         assert int((view["status"] != 4).sum()) == 3

@@ -12,7 +12,7 @@ from quick import quick
 from terminal import told
 from workflow.archive import ArchiveError, _provenance, content_hash, open_archive, provenance
 from workflow.grid import _identity
-from workflow.run import _reuse, _verify, holdings, run_study
+from workflow.run import _prepare, _verify, holdings, run_study
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, parse_study
 
@@ -32,7 +32,7 @@ def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def archive(earlier: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for module in (_reuse, _verify, _provenance, _identity):
+    for module in (_prepare, _verify, _provenance, _identity):
         monkeypatch.setattr(module, "SOLVER_VERSION", NOW)
     return Path(shutil.copy(earlier, tmp_path / "quick.nc"))
 

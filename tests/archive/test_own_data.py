@@ -18,7 +18,7 @@ import pytest
 from studies import SMALL, parsed
 from terminal import told
 from workflow.archive import ArchiveError, open_archive, provenance
-from workflow.archive._seal import seal
+from workflow.archive._checksums import seal
 from workflow.run import run_study
 
 SECRET = "do-not-tell"

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from workflow.archive._seal import has_sound_head, is_intact, is_sealed, seal
+from workflow.archive._checksums import has_sound_head, is_intact, is_sealed, seal
 
 
 def sealed(path: Path, image: bytes) -> Path:

@@ -77,7 +77,7 @@ def test_a_name_that_begins_with_a_space(tmp_path: Path) -> None:
     [
         ("", "a.nc.parts: a file, where a run keeps its shards"),
         ("other/thesis.tex", "holds other, which no run left there"),
-        ("other.npz/thesis.tex", "holds other.npz, which no run left there"),
+        ("other.shard/thesis.tex", "holds other.shard, which no run left there"),
     ],
 )
 def test_what_is_somebody_else_s_in_the_place_of_the_shards_stays(name: str, fault: str, tmp_path: Path) -> None:

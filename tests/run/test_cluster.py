@@ -28,7 +28,7 @@ from studies import SCENE, SMALL, parsed, written
 from terminal import workflow
 from workflow.archive import Command, content_hash, open_archive, parts_of, start_parts
 from workflow.run import ClusterError, _cluster, run_study
-from workflow.run._worker import Session, join, software
+from workflow.run._cluster import Session, join, software
 
 PRELOAD = Path(__file__).with_name("watched_worker.py")
 Process = subprocess.Popen[str]
@@ -187,7 +187,7 @@ def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_pa
         assert len(workers) == 2
         until(lambda: not any(map(alive, workers)))
     assert not archive.exists()
-    done = len(list(parts_of(archive).glob("*.npz")))
+    done = len(list(parts_of(archive).glob("*.shard")))
     assert done >= 2
     again = tmp_path / "again"
     with started("workflow", "run", study, "--workers", "1", cwd=tmp_path, env=environment(again)) as run:
@@ -229,7 +229,7 @@ def test_a_run_whose_workers_have_all_left_ends_and_the_next_one_goes_on(tmp_pat
             assert run.returncode == 2
         assert f"{address}: all workers of the scheduler have left" in err
         assert "for 1 s none has come" in err
-        stored = len(list(parts_of(archive).glob("*.npz")))
+        stored = len(list(parts_of(archive).glob("*.shard")))
         assert re.search(rf"; (\d+) of 160 cases are stored beside {archive.name}\n", err)[1] == str(10 * stored)
         assert "Traceback" not in err
         again = tmp_path / "again"
@@ -361,5 +361,5 @@ def test_only_the_task_that_kills_its_worker_fails(tmp_path: Path, monkeypatch: 
     """All are blamed, and each is tried again alone."""
     monkeypatch.setattr("workflow.grid._tasks.LONGEST", 1e-9)
     monkeypatch.setattr("workflow.grid._tasks.unit", lambda grid, *_: grid.inner_shape[-1])
-    monkeypatch.setattr("workflow.run._runner.connected", lambda *_: nullcontext(Blaming()))
+    monkeypatch.setattr("workflow.run._study.connected", lambda *_: nullcontext(Blaming()))
     assert run_study(parsed(STUDY), tmp_path / "many.nc", workers=1).counts == {"ok": 150, "failed": 10}

@@ -119,9 +119,9 @@ def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkey
         there = int((data["status"] != 4).sum())
         of_narrowed = int((data["status"].sel(alpha=5.0) != 4).sum())
     assert 0 < of_narrowed < there < 9
-    shards = sorted(parts_of(archive).glob("*.npz"))
+    shards = sorted(parts_of(archive).glob("*.shard"))
     refused(narrowed, archive, f"holds {there} cases of an unfinished run .*, {there - of_narrowed} of which")
-    assert sorted(parts_of(archive).glob("*.npz")) == shards
+    assert sorted(parts_of(archive).glob("*.shard")) == shards
     holding = holdings(narrowed, archive)
     assert (holding.stored, holding.missing, holding.dropped) == (of_narrowed, 3 - of_narrowed, there - of_narrowed)
     holding = holdings(quick(), archive)
@@ -139,9 +139,9 @@ def test_an_unfinished_run_is_kept_beside_an_archive_that_holds_all_of_an_earlie
     archive, extended = tmp_path / "a.nc", quick({"e": [0.2, 0.4, 0.0, 0.5, 0.9]})
     run_study(quick(), archive, threads=1)
     interrupted(extended, archive, 1)
-    shards = sorted(parts_of(archive).glob("*.npz"))
+    shards = sorted(parts_of(archive).glob("*.shard"))
     refused(quick(), archive, "holds 3 cases of an unfinished run")
-    assert sorted(parts_of(archive).glob("*.npz")) == shards != []
+    assert sorted(parts_of(archive).glob("*.shard")) == shards != []
     assert run_study(extended, archive, threads=1).resumed == 12
 
 

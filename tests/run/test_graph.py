@@ -13,7 +13,7 @@ from quick import quick
 from studies import cut_finely
 from workflow.archive import content_hash
 from workflow.grid import Task
-from workflow.run import _graph, _threads, run_study
+from workflow.run import _threads, run_study
 
 STUDY = quick({"h": [1e-4, 5e-5]}, reference={"scheme": "moreau", "h": 2e-5})
 
@@ -37,7 +37,7 @@ def test_pieces_of_a_graph_make_the_same_archive(tmp_path: Path, monkeypatch: py
     assert sum(computed(monkeypatch, tmp_path / "whole.nc")) == 2 * 9  # references and exact solutions beside them
     cut_finely(monkeypatch)
     assert sum(computed(monkeypatch, tmp_path / "cut.nc")) == 2 * 9
-    monkeypatch.setattr(_threads, "graphs", partial(_graph.graphs, most=3))
+    monkeypatch.setattr(_threads, "graphs", partial(_threads.graphs, most=3))
     assert sum(computed(monkeypatch, tmp_path / "pieces.nc")) == 4 * 9
     assert len({content_hash(tmp_path / f"{name}.nc") for name in ("whole", "cut", "pieces")}) == 1
 

@@ -200,7 +200,7 @@ def test_shards_of_a_run_that_was_killed_before_it_removed_them_are_not_taken_ag
         patch.setattr(studying, "remove_parts", killed)
         with pytest.raises(SystemExit):
             run_study(quick(), archive, **again)  # type: ignore[arg-type]
-    assert list(parts_of(archive).glob("*.npz"))
+    assert list(parts_of(archive).glob("*.shard"))
     broken.clear()
     solved.clear()
     assert run_study(quick(), archive, **again).ok  # type: ignore[arg-type]

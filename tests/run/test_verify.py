@@ -18,10 +18,10 @@ from studies import CHAOS, judged_within_rounding, parsed, pinned
 from terminal import told
 from workflow import schemes
 from workflow.archive import ArchiveError, _provenance, content_hash, provenance
-from workflow.archive._seal import seal
+from workflow.archive._checksums import seal
 from workflow.grid import arrange, solve
 from workflow.run import _study, _verify, run_study, verify
-from workflow.run._compare import sensitivity
+from workflow.run._verify import sensitivity
 
 KEPT = [
     pytest.param(path, marks=pytest.mark.slow if path.stem == "scaling" else ())  # up to 100 000 nodes

@@ -12,8 +12,8 @@ import signal
 import time
 from typing import Any
 
+import workflow.run._cluster as working
 import workflow.run._task as running
-import workflow.run._worker as working
 
 
 def _noted(grid: Any, outer: int, inner: Any, **known: Any) -> Any:

@@ -5,7 +5,7 @@ A run calls :func:`start_parts`, then :func:`write_shard` from any thread or pro
 xarray, netCDF4 and h5py are imported when they are needed, not with this package.
 """
 
-from workflow.archive._content import LEFT_OUT
+from workflow.archive._checksums import LEFT_OUT
 from workflow.archive._files import ArchiveError, commit, file_of, usable
 from workflow.archive._gather import gather
 from workflow.archive._open import (
@@ -15,11 +15,12 @@ from workflow.archive._open import (
     open_archive,
     provenance,
     require_own_content,
+    require_readable,
     require_whole,
     statuses,
     study_text,
 )
-from workflow.archive._parts import Command, parts_of, read_command, remove_parts, start_parts
+from workflow.archive._parts import Command, parts_of, read_command, remove_parts, run_lock, start_parts
 from workflow.archive._provenance import (
     COPIED,
     SOFTWARE,
@@ -31,8 +32,6 @@ from workflow.archive._provenance import (
     study_key,
     versions,
 )
-from workflow.archive._run_lock import run_lock
-from workflow.archive._shard import find_shards, truncated_message, write_shard
 from workflow.archive._stored import (
     STATUS,
     Hashes,
@@ -40,8 +39,11 @@ from workflow.archive._stored import (
     Stored,
     archive_sources,
     are_among,
+    find_shards,
     lacking,
     stored_hashes,
     surplus,
+    take_back,
+    truncated_message,
+    write_shard,
 )
-from workflow.archive._trial import require_readable

@@ -1,4 +1,4 @@
-"""Files that are either there whole or not at all, and the one error of this floor."""
+"""Files that are either there whole or not at all, the lock of the libraries that read them, the error of this room."""
 
 from __future__ import annotations
 
@@ -8,10 +8,34 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 
 class ArchiveError(Exception):
     """An archive or its shards cannot be read or written; the message says where, what and what to do."""
+
+
+class _ArchiveLock:
+    """One per process around netCDF-C and HDF5, wherever it is unpickled; its thread may take it again.
+
+    xarray is given it for lazy reads, and it is held while xarray opens a file: metadata are read without a lock.
+    """
+
+    def __init__(self) -> None:
+        held = threading.RLock()
+        self.acquire, self.release = held.acquire, held.release
+
+    def __enter__(self) -> None:
+        self.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+    def __reduce__(self) -> str:
+        return "LOCK"
+
+
+LOCK = _ArchiveLock()
 
 
 def reason(error: BaseException) -> str:
@@ -61,15 +85,6 @@ def file_of(archive: Path) -> tuple[int, int] | None:
     return about.st_ino, about.st_mtime_ns
 
 
-def require_directory(parts: Path) -> None:
-    """Refuse a file where the directory of the shards must be."""
-    if (parts.exists() or parts.is_symlink()) and not parts.is_dir():
-        raise ArchiveError(
-            f"{parts}: a file, where a run keeps its shards in a directory; move it away, or choose another archive "
-            "with -o"
-        )
-
-
 def free_space(directory: Path) -> int:
     """Return the bytes an ordinary user may still write to the file system of ``directory``."""
     status = os.statvfs(directory)
@@ -104,21 +119,27 @@ def writing(what: str, directory: Path) -> Iterator[None]:
         ) from error
 
 
-def unreadable(path: Path, error: BaseException) -> ArchiveError:
-    """Return what to say of an archive that a library cannot read."""
-    return ArchiveError(
-        f"{path}: damaged, or not a NetCDF-4 file ({reason(error)}); "
-        "restore a copy, or move it away and run its study again"
-    )
-
-
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Turn what libraries raise on a damaged archive into an :class:`ArchiveError`."""
     try:
         yield
-    except (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError) as error:
-        raise unreadable(path, error) from error
+    except (ArchiveError, Warning):  # of chunks that dask is asked for, where warnings are errors
+        raise
+    except Exception as error:  # whatever they make of a file that is not what it was
+        raise ArchiveError(
+            f"{path}: damaged, or not a NetCDF-4 file ({reason(error)}); "
+            "restore a copy, or move it away and run its study again"
+        ) from error
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Any]:
+    """Open an archive with h5py, under its lock."""
+    import h5py
+
+    with LOCK, reading(path), h5py.File(path, "r") as file:
+        yield file
 
 
 def sync(path: Path) -> None:
@@ -130,8 +151,8 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def commit(path: Path, data: bytes | memoryview) -> None:
-    """Write ``data`` aside as ``*.tmp``, flush it, and rename it to ``path``: all of it or nothing.
+def commit(path: Path, *pieces: Any) -> None:
+    """Write pieces of bytes aside as ``*.tmp``, flush it, and rename it to ``path``: all of it or nothing.
 
     Raises
     ------
@@ -141,7 +162,7 @@ def commit(path: Path, data: bytes | memoryview) -> None:
     aside = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
         with open(aside, "wb") as file:
-            file.write(data)
+            file.writelines(pieces)
             file.flush()
             os.fsync(file.fileno())
         os.replace(aside, path)

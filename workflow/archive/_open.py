@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import atexit
 import os
+import signal
 import tempfile
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,17 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive._content import hash_content
-from workflow.archive._create import FORMAT, FORMAT_NAME
-from workflow.archive._files import ArchiveError, reading, reason, unreadable, usable, writing
-from workflow.archive._gather import assemble
+from workflow.archive._checksums import has_sound_head, hash_content, is_intact, is_sealed
+from workflow.archive._files import ArchiveError, opened, reading, reason, usable, writing
+from workflow.archive._gather import FORMAT, FORMAT_NAME, assemble
 from workflow.archive._own_data import require_own_data
 from workflow.archive._parts import COMMAND, Command, parts_of, read_command
 from workflow.archive._provenance import grid_of
-from workflow.archive._seal import has_sound_head, is_intact, is_sealed
-from workflow.archive._shard import find_shards
-from workflow.archive._stored import MESSAGE, PROVENANCE, STATUS, Stored, opened
-from workflow.archive._with_xarray import open_dataset
+from workflow.archive._stored import MESSAGE, PROVENANCE, STATUS, Stored, find_shards
 from workflow.grid import case_hashes, template
 from workflow.study import StudyError
 
@@ -31,6 +29,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+_SECONDS = 4.0
+"""Processor time after which reading counts as endless; archives of 1e5 chunks take a tenth of it."""
 
 
 def open_archive(path: str | Path, chunks: Any = None) -> xr.Dataset:
@@ -258,15 +259,14 @@ def discard_views() -> None:
 
 
 def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
+    """Open a file with xarray; messages name the archive of which it is a view."""
+    from workflow.archive._labels import open_dataset
+
     _look(path)
     with opened(path) as file:
         require_own_data(named, file)
-    try:
+    with reading(named):
         dataset = open_dataset(path, chunks)
-    except Warning:  # about the chunks asked for, where warnings are errors
-        raise
-    except Exception as error:  # whatever xarray makes of a file that is not what it was
-        raise unreadable(named, error) from error
     try:
         _recognise(named, dataset.attrs)
         for name, kinds in ((STATUS, "i"), (MESSAGE, "OSU")):
@@ -311,3 +311,49 @@ def _expected(path: Path) -> str:
                 return f"did you mean {beside}?"
         return "a study is given where an archive that `workflow run` wrote is expected"
     return "an archive that `workflow run` wrote is expected"
+
+
+def require_readable(path: Path) -> None:
+    """Refuse an archive that crashes a process that reads it, or keeps it busy; who opens it tells what else is wrong.
+
+    Libraries may crash, or never end, on a file whose bytes have changed: a process of its own reads it first.
+
+    Raises
+    ------
+    ArchiveError
+        It is such a file.
+    """
+    if not path.is_file():
+        return
+    import h5py  # noqa: F401 - libraries that the new process then has
+    import netCDF4  # noqa: F401
+    import xarray  # noqa: F401
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # about threads, none of which reads archives now
+        process = os.fork()
+    if not process:
+        try:
+            signal.setitimer(signal.ITIMER_PROF, _SECONDS)
+            _try(path)
+        finally:
+            os._exit(0)
+    if os.WIFSIGNALED(os.waitpid(process, 0)[1]):
+        raise ArchiveError(
+            f"{path}: damaged, libraries that read it crash or do not end; restore a copy, or move it away and run its "
+            "study again"
+        )
+
+
+def _try(path: Path) -> None:
+    """Read all that HDF5 follows pointers to; values in chunks have checksums."""
+    silent = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silent, 1)
+    os.dup2(silent, 2)
+    with open_archive(path) as dataset:
+        dataset[[STATUS]].load()
+    provenance(path)
+    with opened(path) as file:
+        for entry in file.values():
+            if getattr(entry, "chunks", None):
+                entry.id.get_num_chunks()

@@ -1,17 +1,23 @@
-"""The directory beside an unfinished archive: the command that its run was given, and what to clear away."""
+"""The directory beside an unfinished archive: its lock, the command that its run was given, what to clear away."""
 
 from __future__ import annotations
 
+import fcntl
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import IO
 
-from workflow.archive._files import ArchiveError, commit, reason, require_directory, sync, usable, writing
-from workflow.archive._run_lock import HOLDER
-from workflow.archive._shard import SUFFIX
+from workflow.archive._files import ArchiveError, commit, reason, sync, usable, writing
 
-COMMAND = "command.json"
+COMMAND, SHARD = "command.json", ".shard"
+"""File of the command, and suffix of the shards."""
+
+HOLDER = "holder"
+"""File that the running process keeps locked."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +35,7 @@ class Command:
         same bytes.
     begun
         Number of the command; those of later ones are larger.
-    retry, recompute, drop, since
+    retry, recompute, drop
         What it does with cases that are stored already.
     """
 
@@ -40,7 +46,6 @@ class Command:
     retry: bool = False
     recompute: bool = False
     drop: bool = False
-    since: int = 0
 
     @property
     def key(self) -> str:
@@ -60,6 +65,69 @@ def parts_of(path: str | Path) -> Path:
     return path.with_name(path.name + ".parts")
 
 
+@contextmanager
+def run_lock(parts: Path) -> Iterator[None]:
+    """Keep other runs from an archive's shards; their directory is made where it is missing.
+
+    The operating system unlocks it where a process crashes. A directory that is empty at the end is removed.
+
+    Raises
+    ------
+    ArchiveError
+        Another run holds it, or it cannot be made.
+    """
+    with _locked(parts) as file:
+        try:
+            with writing("the number of this process", parts):
+                file.truncate(0)
+                os.write(file.fileno(), f"process {os.getpid()}".encode())  # nothing is left to write as it closes
+            yield
+        finally:
+            with suppress(OSError):
+                if [each.name for each in parts.iterdir()] == [HOLDER]:
+                    (parts / HOLDER).unlink()
+                    parts.rmdir()
+
+
+def _locked(parts: Path) -> IO[str]:
+    """Return the file that this process has locked; it is unlocked when it is closed."""
+    if not parts.parent.is_dir():
+        raise ArchiveError(f"{parts.parent}: no such directory; make it, or choose another place with -o")
+    while True:
+        _make(parts)
+        try:
+            file = open(parts / HOLDER, "a+")  # noqa: SIM115 - locked as long as it is open
+        except FileNotFoundError:
+            continue  # the other run just finished and removed the directory
+        except OSError as error:
+            raise ArchiveError(f"{parts}: cannot be written to; make it writable, or choose another archive") from error
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            file.seek(0)
+            who = file.read().strip() or "a process that has not said which"
+            file.close()
+            why = f"another run has it ({who}); wait for it or stop it, then try again"
+            if not isinstance(error, BlockingIOError | PermissionError):
+                why = f"its file system has no locks ({reason(error)}); choose an archive on another one with -o"
+            raise ArchiveError(f"{parts}: {why}") from error
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(file.fileno()), (parts / HOLDER).stat()):
+                return file
+        file.close()  # it was removed before it was locked
+
+
+def _make(parts: Path) -> None:
+    """Make the directory of the shards where it is missing."""
+    if (parts.exists() or parts.is_symlink()) and not parts.is_dir():
+        raise ArchiveError(
+            f"{parts}: a file, where a run keeps its shards in a directory; move it away, or choose another archive "
+            "with -o"
+        )
+    with writing("the directory of the shards", parts.parent):
+        parts.mkdir(exist_ok=True)
+
+
 def start_parts(parts: str | Path, command: Command) -> None:
     """Make the directory for the shards of a command, or take up one that a run left behind.
 
@@ -72,15 +140,13 @@ def start_parts(parts: str | Path, command: Command) -> None:
         The directory holds what no run left there, or cannot be written.
     """
     parts = Path(parts)
-    require_directory(parts)
-    with writing("the directory of the shards", parts.parent):
-        parts.mkdir(exist_ok=True)
-        sync(parts.parent)
+    _make(parts)
     if others := _others(parts):
         raise ArchiveError(
             f"{parts}: holds {others[0]}, which no run left there; move it away, or choose another archive with -o"
         )
     with writing("the command", parts):
+        sync(parts.parent)
         for leftover in parts.glob("*.tmp"):
             leftover.unlink(missing_ok=True)
         commit(parts / COMMAND, json.dumps(asdict(command)).encode())
@@ -88,7 +154,7 @@ def start_parts(parts: str | Path, command: Command) -> None:
 
 def _is_ours(file: Path) -> bool:
     """Tell whether a run may have left a file: only such files go in the end."""
-    named = file.name in (COMMAND, HOLDER) or file.suffix in (".tmp", SUFFIX) or file.name.startswith(".nfs")
+    named = file.name in (COMMAND, HOLDER) or file.suffix in (".tmp", SHARD) or file.name.startswith(".nfs")
     return named and file.is_file()
 
 

@@ -1,19 +1,29 @@
-"""Cases that are stored, by their hashes: in the shards of a run and in the archive of an earlier one."""
+"""Cases that are stored, found by their hashes: in the shards of a run and in the chunks of an archive.
+
+A shard holds an array for each variable, ``(case, …)``, the messages of its cases and their hashes: a line of JSON says
+name, dtype, shape and CRC of each, then their bytes follow. It is written aside in one go, flushed and renamed: its
+presence says that its cases are done. A shard of hashes alone takes cases back that were stored before: they are run
+again.
+"""
 
 from __future__ import annotations
 
+import json
+import math
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.archive._files import ArchiveError, file_of, reading
+from workflow.archive._files import ArchiveError, commit, file_of, opened, reason, writing
+from workflow.archive._parts import SHARD
 from workflow.schemes import Status
 from workflow.variables import BY_NAME
 
@@ -24,6 +34,9 @@ STATUS, MESSAGE = "status", "message"
 
 PROVENANCE, CASE_HASH = "provenance", "case_hash"
 """Group of an archive, and its variable with the identity of every case, ``(…, byte)``."""
+
+LONGEST_MESSAGE = 4000
+"""Bytes of a case's message that are kept; those of this package have a few hundred."""
 
 Hashes = NDArray[np.uint8]
 """Identities of cases, ``(case, byte)``."""
@@ -44,69 +57,212 @@ class Source:
     hashes
         Identity of each case, ``(case, byte)``.
     status
-        Of each case, ``(case,)``.
+        Of each case, ``(case,)``; ``not_run`` of one that is taken back.
     read
         Returns a variable of all of them, ``(case, …)``, by its name; ``message`` as bytes.
     kinds
         What is stored.
-    name
-        Of a shard; empty of an archive, which is earlier than any.
     """
 
     hashes: Hashes
     status: NDArray[np.int8]
     read: Callable[[str], NDArray[Any]]
     kinds: Kinds
-    name: str = ""
 
-    def only_ok(self) -> Source:
-        """Return the cases that are ok."""
-        rows = np.flatnonzero(self.status == Status.OK)
-        return Source(self.hashes[rows], self.status[rows], lambda name: self.read(name)[rows], self.kinds, self.name)
+    @property
+    def takes_back(self) -> bool:
+        """Whether it holds no results, but says which cases of earlier sources are run again."""
+        return MESSAGE not in self.kinds
 
 
 class Stored:
-    """Cases that sources hold, the earliest first; of two with one hash that of the later source counts."""
+    """Cases that sources hold, the earliest first; of two with one hash that of the later source counts.
+
+    Attributes
+    ----------
+    sources
+        They.
+    hashes
+        Of the cases that they hold, ``(case, byte)``.
+    status
+        Of each of these.
+    """
 
     def __init__(self, sources: Iterable[Source] = ()) -> None:
+        import pandas as pd
+
         self.sources = tuple(sources)
         self._first = np.cumsum([0, *(each.status.size for each in self.sources)])
-        self.hashes: Hashes = np.concatenate([np.empty((0, 16), np.uint8), *(each.hashes for each in self.sources)])
+        every = np.concatenate([np.empty((0, 16), np.uint8), *(each.hashes for each in self.sources)])
+        status = np.concatenate([np.empty(0, np.int8), *(each.status for each in self.sources)])
+        is_last = ~pd.Index(_keys(every)).duplicated(keep="last")
+        self._place = np.flatnonzero(is_last & (status != Status.NOT_RUN))
+        self.hashes: Hashes = every[self._place]
+        self.status = status[self._place]
+        self._index = pd.Index(_keys(self.hashes))
 
     def find(self, hashes: Hashes) -> Places:
         """Return which source holds each hash, in which row."""
-        import pandas as pd
-
-        if not len(self.hashes):
-            return np.full(len(hashes), -1), np.full(len(hashes), -1)
-        keys = _keys(self.hashes)
-        last = np.flatnonzero(~pd.Index(keys).duplicated(keep="last"))
-        place = last[pd.Index(keys[last]).get_indexer(_keys(hashes))]  # some other one where none is held
-        same = self.hashes[place].view(np.uint64) == np.ascontiguousarray(hashes).view(np.uint64)
-        is_held, source = same[:, 0] & same[:, 1], np.searchsorted(self._first, place, side="right") - 1
-        return np.where(is_held, source, -1), np.where(is_held, place - self._first[source], -1)
+        found = _found(self._index, self.hashes, hashes)
+        place = np.append(self._place, -1)[found]
+        source = np.where(found < 0, -1, np.searchsorted(self._first, place, side="right") - 1)
+        return source, np.where(found < 0, -1, place - self._first[source])
 
     def holds(self, hashes: Hashes) -> NDArray[np.bool_]:
         """Tell which hashes some source holds."""
-        return self.find(hashes)[0] >= 0
+        return _found(self._index, self.hashes, hashes) >= 0
 
-    def status(self, hashes: Hashes) -> NDArray[np.int8]:
-        """Return the status of the cases that some source holds."""
-        source, row = self.find(hashes)
-        status = np.empty(len(hashes), np.int8)
-        for number in np.unique(source[source >= 0]).tolist():
-            status[source == number] = self.sources[number].status[row[source == number]]
-        return status[source >= 0]
+    def status_of(self, hashes: Hashes) -> NDArray[np.int8]:
+        """Return the status of the cases with some hashes; of one that no source holds it is ``not_run``."""
+        return np.append(self.status, np.int8(Status.NOT_RUN))[_found(self._index, self.hashes, hashes)]
 
 
 def are_among(hashes: Hashes, others: Hashes) -> NDArray[np.bool_]:
     """Tell which hashes are among some others."""
-    return Stored([Source(others, np.zeros(len(others), np.int8), lambda _: others, {})]).holds(hashes)
+    import pandas as pd
+
+    others = others[~pd.Index(_keys(others)).duplicated(keep="last")]
+    return _found(pd.Index(_keys(others)), others, hashes) >= 0
+
+
+def _found(index: Any, held: Hashes, hashes: Hashes) -> NDArray[np.int64]:
+    """Return the places of hashes among those held, by an index of their keys; -1 where one is not held."""
+    if not len(held):
+        return np.full(len(hashes), -1)
+    place = index.get_indexer(_keys(hashes))
+    same = held[place].view(np.uint64) == np.ascontiguousarray(hashes).view(np.uint64)
+    return np.where(same[:, 0] & same[:, 1], place, -1)
 
 
 def _keys(hashes: Hashes) -> NDArray[np.uint64]:
     """Return the first eight bytes of hashes, by which they are looked up."""
     return np.ascontiguousarray(hashes[:, :8]).view(np.uint64).ravel()
+
+
+def write_shard(
+    parts: str | Path,
+    name: str,
+    hashes: Hashes,
+    values: Mapping[str, NDArray[Any]],
+    messages: Mapping[int, str],
+    template: xr.Dataset,
+) -> Path:
+    """Store the results of some cases durably and return the shard's path.
+
+    Threads and processes may write at the same time. When this returns the shard survives a crash;
+    when it does not, there is none.
+
+    Parameters
+    ----------
+    parts
+        The directory that :func:`start_parts` made.
+    name
+        Of the shard; of two that hold the same case the one whose name comes last counts.
+    hashes
+        Identity of each case, ``(case, byte)``.
+    values
+        One array for each variable of the template, ``(case, …)``.
+    messages
+        What a case has to say, by its position.
+
+    Raises
+    ------
+    ArchiveError
+        The disk is full, or the directory missing or not writable.
+    """
+    encoded = {k: truncated_message(text).encode() for k, text in messages.items()}
+    texts = np.zeros(len(hashes), f"S{max([1, *map(len, encoded.values())])}")
+    for k, text in encoded.items():
+        texts[k] = text
+    arrays = {str(name): _as_stored(values[str(name)], template.variables[name].dtype) for name in template.data_vars}
+    return _write(Path(parts), name, arrays | {MESSAGE: texts, CASE_HASH: hashes})
+
+
+def take_back(parts: str | Path, name: str, hashes: Hashes) -> Source:
+    """Say durably that some cases, whatever is stored of them so far, are run again; see :func:`write_shard`."""
+    arrays: dict[str, NDArray[Any]] = {STATUS: np.full(len(hashes), Status.NOT_RUN, np.int8), CASE_HASH: hashes}
+    _write(Path(parts), name, arrays)
+    return Source(hashes, arrays[STATUS], arrays.__getitem__, {})
+
+
+def _write(parts: Path, name: str, arrays: Mapping[str, NDArray[Any]]) -> Path:
+    path, pieces = parts / f"{name}{SHARD}", {key: np.ascontiguousarray(array) for key, array in arrays.items()}
+    about = {key: [array.dtype.str, array.shape, zlib.crc32(array.data)] for key, array in pieces.items()}
+    head = json.dumps(about).encode()
+    with writing("a shard", parts):
+        commit(path, b"%08x " % zlib.crc32(head), head, b"\n", *pieces.values())
+    return path
+
+
+def _as_stored(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    with np.errstate(over="ignore"):  # a diverged float64 is an infinite float32
+        values = np.asarray(values, dtype=dtype.newbyteorder("<"))
+    if values.dtype.kind == "f" and (missing := np.isnan(values)).any():
+        values = np.where(missing, np.array(np.nan, values.dtype), values)  # one NaN, whatever made it
+    return values
+
+
+def truncated_message(text: str) -> str:
+    """Return a case's message cut to :data:`LONGEST_MESSAGE` bytes."""
+    encoded = text.encode(errors="replace")
+    if len(encoded) <= LONGEST_MESSAGE:
+        return encoded.decode()
+    return encoded[: LONGEST_MESSAGE - 3].decode(errors="ignore") + "…"
+
+
+def find_shards(parts: str | Path, begins: str = "", *, check: bool = True) -> list[Source]:
+    """Return the sound shards whose names begin so, in the order of their names.
+
+    Every byte is compared with its checksum now, or without ``check`` when it is used. A damaged shard is left where it
+    is: its cases are run again.
+    """
+    sources = []
+    for path in sorted(Path(parts).glob(f"{begins}*{SHARD}")):
+        with suppress(Exception):  # whatever changed bytes make of them
+            arrays = _arrays(path)
+            for name in arrays if check else ():
+                _read_array(path, arrays, name)
+            kinds = {name: (array.dtype, array.shape[1:]) for name, array in arrays.items()}
+            hashes, status = (_read_array(path, arrays, name) for name in (CASE_HASH, STATUS))
+            sources.append(Source(hashes, status, partial(_read_array, path, arrays), kinds))
+    return sources
+
+
+class _Array(NamedTuple):
+    """An array in a shard: what it is, the CRC of its bytes, and where they begin."""
+
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    crc: int
+    begin: int
+
+
+def _arrays(path: Path) -> dict[str, _Array]:
+    """Return the arrays of a shard by name."""
+    arrays = {}
+    with open(path, "rb") as file:
+        crc, head = file.readline().split(b" ", 1)
+        begin = file.tell()
+    if int(crc, 16) != zlib.crc32(head[:-1]):
+        raise ValueError("checksum")
+    for name, (kind, shape, crc) in json.loads(head).items():
+        arrays[name] = _Array(np.dtype(kind), tuple(shape), crc, begin)
+        begin += math.prod(shape) * arrays[name].dtype.itemsize
+    return arrays
+
+
+def _read_array(path: Path, arrays: Mapping[str, _Array], name: str) -> NDArray[Any]:
+    """Return an array of a shard, read against its checksum."""
+    try:
+        dtype, shape, crc, begin = arrays[name]
+        with open(path, "rb") as file:
+            file.seek(begin)
+            image = file.read(math.prod(shape) * dtype.itemsize)
+        if zlib.crc32(image) != crc:
+            raise ValueError(f"checksum of {name}")
+        return np.frombuffer(image, dtype).reshape(shape)
+    except Exception as error:
+        raise ArchiveError(f"{path}: damaged meanwhile ({reason(error)}); give the command again") from error
 
 
 def archive_sources(path: Path) -> list[Source]:
@@ -125,7 +281,7 @@ def archive_sources(path: Path) -> list[Source]:
     sources = []
     for box in boxes(status.shape, lengths):
         cases = index[box].ravel()
-        sources.append(Source(hashes[cases], status.ravel()[cases], partial(_read, path, then, box), kinds))
+        sources.append(Source(hashes[cases], status.ravel()[cases], partial(_read_box, path, then, box), kinds))
     return sources
 
 
@@ -135,7 +291,7 @@ def boxes(shape: Sequence[int], lengths: Sequence[int]) -> Iterator[tuple[slice,
     return product(*sides)
 
 
-def _read(path: Path, then: tuple[int, int] | None, box: tuple[slice, ...], name: str) -> NDArray[Any]:
+def _read_box(path: Path, then: tuple[int, int] | None, box: tuple[slice, ...], name: str) -> NDArray[Any]:
     """Return a variable of a box of cases, ``(case, …)``, of the very file whose hashes were read."""
     with opened(path) as file:
         values = np.asarray(file[name][box])
@@ -191,20 +347,3 @@ def surplus(template: xr.Dataset, kinds: Kinds) -> list[str]:
         elif dtype.itemsize > template.variables[name].dtype.itemsize:
             names.append(f"{name} as {dtype.name}")
     return names
-
-
-@contextmanager
-def opened(path: Path) -> Iterator[Any]:
-    """Open an archive with what it is read with here, under the lock of that library.
-
-    Raises
-    ------
-    ArchiveError
-        It is damaged.
-    """
-    import h5py
-
-    from workflow.archive._lock import LOCK
-
-    with LOCK, reading(path), h5py.File(path, "r") as file:
-        yield file

@@ -1,24 +1,32 @@
-"""Tasks on a dask cluster: worker processes of this machine, or a scheduler that runs elsewhere."""
+"""Tasks on a dask cluster: worker processes of this machine, or a scheduler that runs elsewhere.
+
+A worker makes a run's grid once, then runs tasks of a few numbers each.
+"""
 
 from __future__ import annotations
 
+import importlib.metadata
 import logging
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from functools import partial
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from multiprocessing import resource_tracker
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from workflow.archive import Command
-from workflow.grid import WORKERS, Task, tasks, waiting_for
-from workflow.run._graph import MOST_TASKS, graphs
+from workflow.archive import ArchiveError, Command, code_revision, grid_of, read_command, study_key
+from workflow.grid import WORKERS, ReferenceBlock, ReferenceSolutions, Task, compute_block, tasks, waiting_for
+from workflow.models import FACTORISING, has_cholmod, one_thread
 from workflow.run._prepare import Prepared
-from workflow.run._task import Job, Report, store_lost
-from workflow.run._worker import ClusterError, Session, join, run_block, run_task, software
+from workflow.run._task import Job, Report, store_lost, store_task
+from workflow.run._threads import MOST_TASKS, graphs
+from workflow.schemes import SOLVER_VERSION
 
 _ANSWER, _FIRST_WORKER = 10.0, 60.0
 """Seconds to wait for a scheduler to answer, and for its first worker."""
@@ -46,6 +54,97 @@ _GONE = (
 _QUIETLY = "ignore:resource_tracker:UserWarning"
 """Option of Python for processes started here: one of them removes semaphores after a signal, and warned of it."""
 
+_MOST_JOBS = 4
+"""Runs whose grids a worker keeps: a cluster may serve several runs in turn."""
+
+_MAKING = threading.Lock()
+
+
+class ClusterError(Exception):
+    """A cluster cannot be used for a run; the message says what is wrong and what would be right."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """What a worker must know of a run and agree with."""
+
+    parts: str
+    """Directory of the shards, which workers and the run itself share."""
+    begun: int
+    """Number of the run's command, as it stands there."""
+    software: tuple[tuple[str, str], ...]
+    """Name and version of what decides the bits of a result."""
+
+
+def software() -> tuple[tuple[str, str], ...]:
+    """Return name and version of what decides the bits of a result in this process."""
+    packages = ((name, importlib.metadata.version(name)) for name in ("numpy", "scipy", "numba"))
+    factors = ((name, importlib.metadata.version(name) if has_cholmod() else "none") for name in FACTORISING)
+    return (("solver", str(SOLVER_VERSION)), ("code", code_revision()[:12]), *packages, *factors)
+
+
+def join(session: Session) -> Command:
+    """Check that a worker may work for a run, and return the run's command.
+
+    Raises
+    ------
+    ClusterError
+        It has other software, or does not share the directory of the shards.
+    """
+    other = [(name, mine, expected) for (name, mine), (_, expected) in zip(software(), session.software, strict=True)]
+    differences = ", ".join(
+        f"{name} {mine} instead of {expected}" for name, mine, expected in other if mine != expected
+    )
+    if differences:
+        raise ClusterError(
+            f"the worker has other software than this run: {differences}; install the same version for both, "
+            "start its workers anew and give the command again"
+        )
+    try:
+        command = read_command(session.parts)
+    except ArchiveError as error:
+        raise ClusterError(str(error)) from None
+    if command is None or command.begun != session.begun:
+        raise ClusterError(
+            f"the worker does not share {session.parts} with this run; put the archive (-o) on a file system that all "
+            "workers see under the same path and can write to"
+        )
+    return command
+
+
+def run_block(session: Session, block: ReferenceBlock) -> ReferenceSolutions:
+    """Compute a block of solutions that tasks need."""
+    with one_thread():
+        return compute_block(_job(session).grid, block)
+
+
+def run_task(session: Session, task: Task, *words: Any) -> Report:
+    """Compute a task on this worker and store it; one that came later may be refused here, see :func:`join`."""
+    with one_thread():
+        return store_task(_job(session), task, *words)
+
+
+def _job(session: Session) -> Job:
+    with _MAKING:  # threads of one worker share one grid
+        return _prepared(session)
+
+
+@lru_cache(maxsize=_MOST_JOBS)
+def _prepared(session: Session) -> Job:
+    from distributed import get_worker
+
+    try:
+        command = join(session)
+    except ClusterError as error:
+        raise ClusterError(f"worker {get_worker().address}: {error}") from None
+    grid = grid_of(command.texts)
+    if study_key(grid.study) != command.key:  # as of large files, which do not travel
+        raise ClusterError(
+            f"worker {get_worker().address}: files or modules that the study names are others there than when the run "
+            "read them; bring them back and give the command again"
+        )
+    return Job(grid, Path(session.parts), command.begun)
+
 
 @contextmanager
 def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
@@ -58,34 +157,45 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     ClusterError
         Workers cannot be started, or no scheduler answers, or it has no workers.
     """
+    for name in _LOGGERS:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is reported here, once
+    with _workers_here(workers) if scheduler is None else _workers_of(scheduler) as client:
+        yield client
+
+
+@contextmanager
+def _workers_here(workers: int | None) -> Iterator[Any]:
+    """Give a client of as many worker processes of this machine."""
     import distributed
     from dask import config
 
-    for name in _LOGGERS:
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is reported here, once
-    if scheduler is None:
-        if _QUIETLY not in sys.warnoptions:
-            sys.warnoptions.append(_QUIETLY)
-        preload = [*config.get("distributed.worker.preload", []), _BEGINNING]
-        starting = ExitStack()
-        starting.enter_context(waiting_for(WORKERS))
-        with (
-            starting,
-            config.set({"distributed.worker.preload": preload}),
-            _without_interrupts(),
-            distributed.LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address=None,
-                memory_limit=0,
-                silence_logs=logging.CRITICAL,
-            ) as cluster,
-            distributed.Client(cluster) as client,
-        ):
-            starting.close()
-            yield client
-        return
+    if _QUIETLY not in sys.warnoptions:
+        sys.warnoptions.append(_QUIETLY)
+    preload = [*config.get("distributed.worker.preload", []), _BEGINNING]
+    starting = ExitStack()
+    starting.enter_context(waiting_for(WORKERS))
+    with (
+        starting,
+        config.set({"distributed.worker.preload": preload}),
+        _without_interrupts(),
+        distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            memory_limit=0,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        starting.close()
+        yield client
+
+
+@contextmanager
+def _workers_of(scheduler: str) -> Iterator[Any]:
+    """Give a client of a scheduler that has workers."""
+    import distributed
 
     class Client(distributed.Client):
         def start(self, **how: Any) -> None:
@@ -193,13 +303,7 @@ def _results(
 
 
 def _patiently(wait: Callable[[float], Any], client: Any) -> Any:
-    """Return what ``wait`` returns, called with a few seconds again and again as long as there are workers.
-
-    Raises
-    ------
-    ClusterError
-        There have been none for :data:`_PATIENCE` seconds.
-    """
+    """Return what ``wait`` returns, called with a few seconds again and again as long as there are workers."""
     last_seen = time.monotonic()
     while True:
         try:

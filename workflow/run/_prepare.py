@@ -1,11 +1,17 @@
-"""What a run does before its tasks: it takes what is stored already, and begins the directory of its shards."""
+"""What a run does before its tasks: it finds what is stored already, refuses to lose any of it, begins its shards.
+
+A case is not run again that is stored under its hash, with all that the study asks for, in the archive or in the shards
+of a run that was stopped. ``--recompute`` takes all of these back as it begins, ``--retry`` those that are not ok.
+"""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,44 +24,93 @@ from workflow.archive import (
     Hashes,
     Source,
     Stored,
+    archive_sources,
+    are_among,
     file_of,
     find_shards,
+    grid_of,
+    lacking,
     parts_of,
+    provenance,
     provenance_of,
     read_command,
+    require_whole,
     start_parts,
+    statuses,
+    stored_hashes,
+    surplus,
+    take_back,
 )
-from workflow.grid import Grid, Task, case_hashes, warning_lines
-from workflow.run._reuse import Reuse, in_archive, in_shards
-from workflow.run._task import Job, next_command, not_ok, shard_prefix
+from workflow.grid import Grid, Task, arrange, case_hashes, read_choices, warning_lines
+from workflow.run._task import Job, next_command, not_ok, shard_name
+from workflow.schemes import SOLVER_VERSION, Status
+from workflow.study import Study, StudyError
+
+
+@dataclass(frozen=True)
+class Reuse:
+    """What a run does with cases that are stored already; without any of these it keeps them."""
+
+    retry: bool = False
+    """Run the cases again that are not ok."""
+    recompute: bool = False
+    """Run all cases again, whatever version of the solver made those that are stored."""
+    drop: bool = False
+    """Leave out stored cases that the study no longer asks for."""
+
+
+@dataclass(frozen=True)
+class Holdings:
+    """What an archive, or what is stored of its unfinished run, holds of a study.
+
+    Attributes
+    ----------
+    stored
+        Cases of the study that a run would take as they are.
+    missing
+        Cases that a run would compute.
+    dropped
+        Stored cases that the study no longer asks for; ``run`` refuses to leave them out without ``--drop``.
+    note
+        Why a run refuses, or what it would leave out; empty where it takes all.
+    """
+
+    stored: int
+    missing: int
+    dropped: int
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What an archive, or the shards of its unfinished run, hold under the name of a study."""
+
+    sources: tuple[Source, ...] = ()
+    """Cases that may be taken: with all variables of the study, in no lower precision."""
+    texts: Mapping[str, str] = field(default_factory=dict)
+    """Of the provenance group."""
+    dropped: int = 0
+    """Cases that are not asked for."""
+    refused: str = ""
+    """Why none can be taken: a run does not begin."""
+    lost: str = ""
+    """What would be lost, cases or variables of them: a run does not begin without ``--drop``."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A run that is ready for its tasks.
-
-    Attributes
-    ----------
-    job
-        What its tasks share.
-    texts
-        Those of the provenance group.
-    sources
-        Cases of the archive and of earlier shards.
-    reuse
-        What is done with them, and with shards of this run.
-    hashes
-        Identity of every case, ``(case, byte)``.
-    missing
-        For each case whether it is to be computed, ``(outer, inner)``.
-    """
+    """A run that is ready for its tasks."""
 
     job: Job
+    """What its tasks share."""
     texts: Mapping[str, str]
-    sources: tuple[Source, ...]
-    reuse: Reuse
+    """Those of the provenance group."""
+    before: Stored
+    """Cases that are not run again."""
     hashes: Hashes
+    """Identity of every case, ``(case, byte)``."""
     missing: NDArray[np.bool_]
+    """For each case whether it is to be computed, ``(outer, inner)``."""
 
     def hashes_of(self, task: Task) -> Hashes:
         """Return the identity of each case of a task."""
@@ -63,13 +118,14 @@ class Prepared:
         return np.asarray(self.hashes[cases])
 
     def stored(self) -> Stored:
-        """Return what is stored by now."""
-        written = find_shards(self.job.parts, since=shard_prefix(self.job.begun))
-        return self.reuse.taken([*self.sources, *written], self.job)
+        """Return what is stored by now, shards of this run with it."""
+        written = find_shards(self.job.parts, shard_name(self.job.begun), check=False)
+        return Stored([*self.before.sources, *written])
 
-    def progress(self) -> tuple[int, Counter[str]]:
-        """Return how many cases are stored by now, and those of them that are not ok by their status."""
-        status = self.stored().status(self.hashes)
+    def count(self, stored: Stored) -> tuple[int, Counter[str]]:
+        """Return how many cases of the study are stored, and those of them that are not ok by their status."""
+        status = stored.status_of(self.hashes)
+        status = status[status != Status.NOT_RUN]
         return status.size, not_ok(status)
 
 
@@ -87,30 +143,169 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
     """
     parts, texts = parts_of(archive), {**provenance_of(grid), **({} if here else {"pinned": "false"})}
     earlier, there = read_command(parts), file_of(archive)
-    begun = next_command(parts, 0 if earlier is None else earlier.begun)
-    job = Job(grid, parts, begun, "\n".join(warning_lines(grid)))
+    job = Job(grid, parts, next_command(parts), "\n".join(warning_lines(grid)))
     if earlier is not None and earlier.study != grid.study.name:
         raise ArchiveError(
             f"{parts}: holds unfinished results of another study, {earlier.study!r}; finish that one, remove the "
             "directory, or choose another archive with -o"
         )
-    reuse = replace(reuse, since=job.begun)
+    goes_on = False
     if earlier is not None and (earlier.key, earlier.archive) == (texts["key"], there):
+        asked, before = (reuse.retry, reuse.recompute), (earlier.retry, earlier.recompute)
+        goes_on = not any(asked) or (asked == before and texts["code_revision"] == earlier.texts.get("code_revision"))
         reuse = replace(reuse, drop=reuse.drop or earlier.drop)
-        asked, code = (reuse.retry, reuse.recompute), earlier.texts.get("code_revision")
-        if not any(asked) or (asked, texts["code_revision"]) == ((earlier.retry, earlier.recompute), code):
-            reuse = Reuse(earlier.retry, earlier.recompute, reuse.drop, earlier.since)
+        reuse = Reuse(*before, reuse.drop) if goes_on else reuse
     hashes = case_hashes(grid)
-    held, unfinished = in_archive(archive, job, texts, hashes, reuse.recompute), in_shards(job, hashes)
-    elsewhere: set[str] = set()
-    for found in (held, unfinished):
-        found.require(reuse.drop)
-        if found.texts and reuse.taken(found.sources, job).holds(hashes).any():
-            elsewhere |= {name for name in SOFTWARE if found.texts.get(name) != texts[name]}
-            elsewhere.update(filter(None, found.texts.get(COPIED, "").split(", ")))
-    if elsewhere:
+    found = in_archive(archive, job, texts, hashes, reuse.recompute), in_shards(job, hashes)
+    for one in found:
+        if reason := one.refused or ("" if reuse.drop else one.lost):
+            raise ArchiveError(reason)
+    stored = _kept(found, job, Reuse() if goes_on else reuse)
+    if elsewhere := _elsewhere(found, stored.find(hashes)[0], texts):
         texts[COPIED] = ", ".join(sorted(elsewhere))
-    sources = (*held.sources, *unfinished.sources)
     start_parts(parts, Command(texts, job.warnings, there, job.begun, **asdict(reuse)))
-    missing = ~reuse.taken(sources, job).holds(hashes).reshape(grid.outer_count, grid.inner_count)
-    return Prepared(job, texts, sources, reuse, hashes, missing)
+    missing = ~stored.holds(hashes).reshape(grid.outer_count, grid.inner_count)
+    return Prepared(job, texts, stored, hashes, missing)
+
+
+def _kept(found: tuple[Found, Found], job: Job, reuse: Reuse) -> Stored:
+    """Return the cases that are not run again; that the others are is written to the directory of the shards."""
+    stored = Stored([source for one in found for source in one.sources])
+    again = stored.hashes if reuse.recompute else stored.hashes[reuse.retry & (stored.status != Status.OK)]
+    if not again.size:
+        return stored
+    return Stored([*stored.sources, take_back(job.parts, shard_name(job.begun, 0), again)])
+
+
+def _elsewhere(found: tuple[Found, Found], taken: NDArray[np.int64], now: Mapping[str, str]) -> set[str]:
+    """Return in what the software that computed cases differs from that of now, by the sources they are taken from."""
+    names: set[str] = set()
+    is_of_archive = taken < len(found[0].sources)
+    for one, cases in zip(found, (is_of_archive, ~is_of_archive), strict=True):
+        if one.texts and np.any(cases & (taken >= 0)):
+            names |= {name for name in SOFTWARE if one.texts.get(name) != now[name]}
+            names.update(filter(None, one.texts.get(COPIED, "").split(", ")))
+    return names
+
+
+def holdings(study: Study, archive: str | Path) -> Holdings:
+    """Return what an archive and its unfinished run hold of a study; nothing is changed.
+
+    Raises
+    ------
+    ArchiveError
+        The archive is another study's, damaged, or cannot be read.
+    """
+    archive, grid = Path(archive), arrange(study)
+    if archive.exists():
+        require_whole(archive)
+    job, hashes = Job(grid, parts_of(archive), 0), case_hashes(grid)
+    found = in_archive(archive, job, provenance_of(grid), hashes, recompute=False), in_shards(job, hashes)
+    stored = int(np.sum(_kept(found, job, Reuse()).holds(hashes)))
+    note = "; ".join(text for one in found for text in (one.refused, one.lost) if text)
+    return Holdings(stored, len(hashes) - stored, sum(one.dropped for one in found), note)
+
+
+def in_archive(archive: Path, job: Job, now: Mapping[str, str], hashes: Hashes, recompute: bool) -> Found:
+    """Return what of a study its archive holds; ``now`` are the texts of the provenance group that a run will write.
+
+    Raises
+    ------
+    ArchiveError
+        The archive is another study's, or it is damaged.
+    """
+    if not archive.exists():
+        return Found()
+    texts = provenance(archive)
+    check_name(job.grid.study, archive, texts)
+    dropped, cases = _unasked(archive, texts, hashes)
+    lost = _unasked_text(archive, dropped, cases, texts, now) if dropped else ""
+    if recompute:
+        return Found((), texts, dropped, "", lost)
+    if (version := texts.get("solver_version")) != str(SOLVER_VERSION):
+        refused = (
+            f"{archive}: made by version {version} of the solver, this is {SOLVER_VERSION}, whose results differ and "
+            "are not mixed with them; --recompute runs all cases again, -o chooses another archive"
+        )
+        return Found((), texts, dropped, refused, lost)
+    sources = archive_sources(archive)
+    missing, wider = lacking(job.template, sources[0].kinds), surplus(job.template, sources[0].kinds)
+    if missing:
+        refused = (
+            f"{archive}: holds cases of this study, but without {', '.join(missing)}; "
+            "--recompute runs all cases again and replaces it, -o chooses another archive"
+        )
+        return Found((), texts, dropped, refused if dropped < cases else "", lost)
+    if wider:
+        too_wide = (
+            f"{archive}: holds {', '.join(wider)} of its cases, which this study no longer keeps; "
+            "--drop (in Python drop=True) leaves them out, -o chooses another archive"
+        )
+        lost = f"{lost}; {too_wide}" if lost else too_wide
+    return Found(tuple(sources), texts, dropped, "", lost)
+
+
+def in_shards(job: Job, hashes: Hashes) -> Found:
+    """Return what of a study the shards of an unfinished run hold."""
+    shards, command = find_shards(job.parts), read_command(job.parts)
+    if not shards:
+        return Found()
+    every, results = Stored(shards).hashes, [each for each in shards if not each.takes_back]
+    other = Stored([each for each in results if lacking(job.template, each.kinds) or surplus(job.template, each.kinds)])
+    gone = int(np.sum(~are_among(every, hashes) | other.holds(every)))
+    lost = (
+        f"{job.parts}: holds {len(every)} cases of an unfinished run of this study as it was, {gone} of which it "
+        "no longer asks for, or not with all that is stored of them; finish that run with the study as it was, "
+        "--drop leaves them out, -o chooses another archive"
+    )
+    whole = [each for each in shards if each.takes_back or not lacking(job.template, each.kinds)]
+    return Found(tuple(whole), {} if command is None else command.texts, gone, "", lost if gone else "")
+
+
+def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> Mapping[str, Any]:
+    """Return the resolved study of which an archive holds an earlier state; refuse the archive of another one.
+
+    Raises
+    ------
+    ArchiveError
+        It has another name, or none.
+    """
+    try:
+        resolved: Mapping[str, Any] = json.loads(texts["resolved"])
+        name = str(resolved["study"])
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
+        raise ArchiveError(
+            f"{archive}: does not say which study it holds; choose another archive with -o, or move it away"
+        ) from error
+    if name != study.name:
+        raise ArchiveError(
+            f"{archive}: holds another study, {name!r} and not {study.name!r}; "
+            "choose another archive with -o, or move this one away"
+        )
+    return resolved
+
+
+def _unasked_text(archive: Path, unasked: int, cases: int, was: Mapping[str, str], now: Mapping[str, str]) -> str:
+    none = "holds another study of the same name: none of its cases is"
+    which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
+    before, after = ({str(one) for one in read_choices(texts.get("choices", "{}")).values()} for texts in (was, now))
+    decided = "" if before <= after else ", as its tolerance decides `auto` by other cases"
+    return (
+        f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "
+        "lost; --drop (in Python drop=True) leaves them out, -o chooses another archive"
+    )
+
+
+def _unasked(archive: Path, texts: Mapping[str, str], hashes: Hashes) -> tuple[int, int]:
+    """Return how many cases of an archive the study with these ``hashes`` does not ask for, and how many it has.
+
+    Cases of another version of the solver are told apart by the settings in the study that the archive keeps; all
+    count where that cannot be read any more.
+    """
+    try:
+        is_same = texts.get("solver_version") == str(SOLVER_VERSION)
+        stored = stored_hashes(archive) if is_same else case_hashes(grid_of(texts))
+    except (ArchiveError, StudyError, LookupError, ValueError, TypeError):  # damaged, where all is computed again
+        cases = statuses(archive).size
+        return cases, cases
+    return int(np.sum(~are_among(stored, hashes))), len(stored)

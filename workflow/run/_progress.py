@@ -1,17 +1,28 @@
-"""How far a run is: cases stored and how they ended, the share of its work, its throughput, the time left."""
+"""How far a run is: cases stored and how they ended, the share of its work, its throughput, the time left.
+
+A notebook shows it as one line with a bar that is drawn anew in its place.
+"""
 
 from __future__ import annotations
 
+import html
 import math
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from importlib import import_module
 from threading import Event, Lock, Thread
+from typing import Any
 
 from workflow.grid import COMPILING, seconds_compiled, waited_for
+from workflow.run._outcome import Outcome
 from workflow.run._task import Report
+
+REDRAWN = 1.0
+"""Seconds after which the line is drawn anew."""
 
 
 @dataclass(frozen=True)
@@ -48,28 +59,20 @@ Progress = Callable[[Advance], None]
 
 @dataclass
 class ProgressCounter:
-    """Counts what tasks store and reports how far the run is.
-
-    Attributes
-    ----------
-    cases
-        Cases of the study.
-    missing, before
-        Seconds of the cost model of the cases that are missing, and of those that were stored before.
-    begun
-        Time at which the run began, of ``clock``.
-    tell
-        What hears of it.
-    clock
-        Tells the time in seconds.
-    """
+    """Counts what tasks store and reports how far the run is."""
 
     cases: int
+    """Cases of the study."""
     missing: float
+    """Seconds of the cost model of the cases that are missing."""
     before: float
+    """Those of the cases that were stored before."""
     begun: float
+    """Time at which the run began, of ``clock``."""
     tell: Progress
+    """What hears of it."""
     clock: Callable[[], float] = time.perf_counter
+    """Tells the time in seconds."""
 
     def __post_init__(self) -> None:
         self._lock, self._computing = Lock(), self.clock() - seconds_compiled()
@@ -166,3 +169,53 @@ def repeating(act: Callable[[], None], seconds: float) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
+
+
+def in_notebook() -> bool:
+    """Tell whether this process is the kernel of a notebook."""
+    ipython = sys.modules.get("IPython")
+    shell = None if ipython is None else ipython.get_ipython()
+    return hasattr(shell, "kernel")
+
+
+class NotebookLine(Follower):
+    """A line in the output of the cell that runs a study; what is drawn follows progress within :data:`REDRAWN`."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        display: Any = import_module("IPython.display").display
+        self._name = name
+        self._outcome: Outcome | None = None
+        self._handle: Any = display(self._shown(), raw=True, display_id=True)
+
+    def draw(self) -> None:
+        """Draw the line as it is now."""
+        with suppress(Exception):  # no run fails because its notebook was closed
+            self._handle.update(self._shown(), raw=True)
+
+    def end(self, outcome: Outcome) -> None:
+        """Take how the run ended, which the line says from the next drawing on."""
+        self._outcome = outcome
+
+    def _shown(self) -> dict[str, str]:
+        if self._outcome is not None:
+            return {"text/plain": _in_words(self._outcome)}
+        text = f"{self._name}: {self.line()}"
+        value = "" if self.advance is None else f' value="{self.advance.work:.4f}"'
+        return {"text/plain": text, "text/html": f'<progress max="1"{value}></progress> {html.escape(text)}'}
+
+
+@contextmanager
+def notebook_line(name: str) -> Iterator[NotebookLine]:
+    """Show a line while a run goes on; what it shows last is drawn after the thread that draws it anew has ended."""
+    line = NotebookLine(name)
+    try:
+        with repeating(line.draw, REDRAWN):
+            yield line
+    finally:
+        line.draw()
+
+
+def _in_words(outcome: Outcome) -> str:
+    counts = ", ".join(f"{number} {name}" for name, number in outcome.counts.items())
+    return f"{outcome.archive.name}: {sum(outcome.counts.values())} cases in {outcome.seconds:.1f} s ({counts})"

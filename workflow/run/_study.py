@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -32,15 +36,67 @@ from workflow.grid import (
     read_choices,
     waiting_for,
 )
-from workflow.run._notebook import in_notebook, notebook_line
+from workflow.models import one_thread
+from workflow.run._cluster import ClusterError, connected, run_on_cluster
 from workflow.run._outcome import Outcome, summarise
-from workflow.run._prepare import Prepared, prepare
-from workflow.run._progress import Progress, ProgressCounter
-from workflow.run._reuse import Reuse, check_name
-from workflow.run._runner import Resources, runner
-from workflow.run._worker import ClusterError
+from workflow.run._prepare import Prepared, Reuse, check_name, prepare
+from workflow.run._progress import Progress, ProgressCounter, in_notebook, notebook_line
+from workflow.run._task import Report
+from workflow.run._threads import available_threads, run_on_threads
 from workflow.schemes import Status
 from workflow.study import Study, StudySource, read_study
+
+RunTasks = Callable[[Prepared, Callable[[Report], None]], None]
+"""Runs the tasks that are missing; the last argument hears of each when its shard is safe."""
+
+
+@dataclass(frozen=True)
+class Resources:
+    """Where tasks run: a number of threads, or of worker processes here, or the address of a dask scheduler."""
+
+    threads: int | None = None
+    workers: int | None = None
+    scheduler: str | None = None
+
+    def __post_init__(self) -> None:
+        if sum(choice is not None for choice in (self.threads, self.workers, self.scheduler)) > 1:
+            raise ValueError("choose one of threads, workers and scheduler")
+
+    @property
+    def here(self) -> bool:
+        """Whether they run on threads of this process."""
+        return self.workers is None and self.scheduler is None
+
+    @property
+    def computing(self) -> int:
+        """Threads or worker processes that compute, a thread for each processor if not chosen; 0 of a scheduler."""
+        return (self.threads or available_threads()) if self.here else (self.workers or 0)
+
+    @property
+    def words(self) -> str:
+        """What computes, as stored in an archive: no addresses."""
+        if self.scheduler is not None:
+            return "the workers of a dask scheduler"
+        kind = "thread" if self.here else "worker process"
+        return f"{self.computing} {kind}{'' if self.computing == 1 else 's' if self.here else 'es'}"
+
+
+@contextmanager
+def _runner(resources: Resources) -> Iterator[RunTasks]:
+    """Give a function that runs tasks there."""
+    if resources.here:
+        yield partial(run_on_threads, threads=resources.computing)
+    else:
+        with connected(resources.workers, resources.scheduler) as client:
+            yield partial(run_on_cluster, client=client)
+
+
+class StoredCases(TypedDict, total=False):
+    """What a run does with cases that are stored already, see :class:`Reuse`."""
+
+    retry: bool
+    recompute: bool
+    drop: bool
 
 
 def run_study(
@@ -51,9 +107,7 @@ def run_study(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
-    retry: bool = False,
-    recompute: bool = False,
-    drop: bool = False,
+    **stored: Unpack[StoredCases],
 ) -> Outcome:
     """Run what is missing of a study and leave its archive.
 
@@ -76,8 +130,9 @@ def run_study(
         Worker processes of dask on this machine, instead of threads.
     scheduler
         Address of a dask scheduler whose workers share the archive's directory, instead of threads.
-    retry, recompute, drop
-        What is done with cases that are stored already, see :class:`Reuse`.
+    stored
+        ``retry=True`` runs cases again that are stored and not ok, ``recompute=True`` all cases; ``drop=True`` leaves
+        out stored cases that the study no longer asks for.
 
     Raises
     ------
@@ -89,7 +144,7 @@ def run_study(
     """
     study = read_study(study)
     archive = Path(f"{study.name}.nc" if archive is None else archive)
-    resources, reuse = Resources(threads, workers, scheduler), Reuse(retry, recompute, drop)
+    resources, reuse = Resources(threads, workers, scheduler), Reuse(**stored)
     if progress is None and in_notebook():
         with notebook_line(archive.name) as line:
             outcome = _run(study, archive, resources, reuse, line)
@@ -108,7 +163,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
     same = earlier if earlier is not None and earlier.key == study_key(study) else None
     grid = arrange(study, None if same is None else read_choices(same.texts.get("choices", "{}")))
     with (
-        runner(resources) as run_tasks,
+        _runner(resources) as run_tasks,
         run_lock(parts),
         compiled_ahead(kernel_variants(grid) if resources.here and resources.computing > 1 else []),
     ):
@@ -120,7 +175,7 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
             try:
                 run_tasks(prepared, counter.add)
             except ClusterError:  # a worker may have stored what it died before it could say so
-                counter.set(*prepared.progress())
+                counter.set(*prepared.count(prepared.stored()))
                 raise
         record = {
             "seconds": round(time.perf_counter() - begun, 3),
@@ -152,11 +207,9 @@ def _counter(prepared: Prepared, begun: float, progress: Progress) -> ProgressCo
 
     The run began at ``begun`` on the clock of :func:`time.perf_counter`.
     """
-    from threadpoolctl import threadpool_limits
-
     grid = prepared.job.grid
-    with threadpool_limits(limits=1, user_api="blas"):  # structures are made here as tasks make them
+    with one_thread():  # structures are made here as tasks make them
         every, missing = model_seconds(grid), model_seconds(grid, prepared.missing)
     counter = ProgressCounter(prepared.missing.size, missing, every - missing, begun, progress)
-    counter.set(*prepared.progress())
+    counter.set(*prepared.count(prepared.before))
     return counter

@@ -26,18 +26,18 @@ _DIGITS = 20
 """Of the number of a command, with which the names of its shards begin."""
 
 
-def shard_prefix(begun: int) -> str:
-    """Return how the names of the shards of a command begin; those of earlier commands sort before it."""
-    return f"{begun:0{_DIGITS}d}"
+def shard_name(begun: int, number: int | None = None) -> str:
+    """Return the name of a shard of a command, or how their names begin; those of earlier commands sort before them."""
+    return f"{begun:0{_DIGITS}d}-" + ("" if number is None else f"{number:08d}")
 
 
-def next_command(parts: Path, earlier: int) -> int:
-    """Return the number of a command that begins: larger than an earlier one's and those of all shards there are.
+def next_command(parts: Path) -> int:
+    """Return the number of a command that begins: larger than those of all shards there are.
 
     It is the time in ns, by which workers tell commands apart, unless the clock was set back since.
     """
-    stored = [path.name[:_DIGITS] for path in parts.glob("*.npz")]
-    return max(time.time_ns(), earlier + 1, *(int(number) + 1 for number in stored if number.isdecimal()))
+    stored = [path.name[:_DIGITS] for path in parts.glob("*.shard")]
+    return max(time.time_ns(), 1, *(int(number) + 1 for number in stored if number.isdecimal()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,21 +57,14 @@ class Job:
 
 @dataclass(frozen=True)
 class Report:
-    """What a task has stored, without arrays.
-
-    Attributes
-    ----------
-    seconds
-        Those of the task, by the cost model.
-    cases
-        Cases of the study that have its results.
-    endings
-        Number of those that are not ok, by name of their status.
-    """
+    """What a task has stored, without arrays."""
 
     seconds: float
+    """Those of the task, by the cost model."""
     cases: int
+    """Cases of the study that have its results."""
     endings: Mapping[str, int]
+    """Number of those that are not ok, by name of their status."""
 
 
 def not_ok(status: NDArray[Any], times: int = 1) -> Counter[str]:
@@ -113,6 +106,6 @@ def _store(job: Job, task: Task, hashes: Hashes, results_of: Callable[[Batch], S
         count, cases = count + batch.inner.size, cases + batch.inner.size * times
         endings += not_ok(solved.values[STATUS], times)
     arrays = {name: np.concatenate([values[name] for values in parts]) for name in map(str, job.template.data_vars)}
-    name = f"{shard_prefix(job.begun)}-{task.number:08d}"
+    name = shard_name(job.begun, task.number + 1)  # 0 is the shard of what is taken back
     write_shard(job.parts, name, hashes, arrays, messages, job.template)
     return Report(task.seconds, cases, endings)
