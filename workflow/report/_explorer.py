@@ -51,6 +51,9 @@ MOST_NUMBERS = 2_000_000
 MOST_SAMPLES = 1_500_000
 """Samples of histories, load periods and orbits that a page holds, each one to two characters."""
 
+MOST_KEPT = 1500
+"""Cases whose histories a page holds at most: beyond, reading them takes longer than anybody looks."""
+
 BUCKETS, MOST_BUCKETS = 300, 2400
 """Pieces of the duration of each of which a thinned history keeps the least and the largest value: of many cases, and
 of few."""
@@ -364,7 +367,7 @@ def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> 
         return None
     dims, samples = case_dims(part), part.sizes.get("t", 0)
     size = len(names) * min(samples, 2 * BUCKETS) + sum(part[name][dict.fromkeys(dims, 0)].size for name in others)
-    kept = list(islice(order, max(1, MOST_SAMPLES // size)))
+    kept = list(islice(order, min(MOST_KEPT, max(1, MOST_SAMPLES // size))))
     buckets = int(np.clip(MOST_SAMPLES // (2 * len(kept) * max(len(names), 1)), BUCKETS, MOST_BUCKETS))
     units = {name: _unit(part, name) for name in [*names, *orbits[:1]]}
     is_small = sum(part[name].nbytes for name in [*names, *others]) <= MOST_READ
