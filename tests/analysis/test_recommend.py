@@ -13,12 +13,12 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic_core import to_json
 
 from studies import SCENE, parsed
 from terminal import workflow
 from workflow.analysis import (
     NoReferenceError,
-    json_value,
     recommend,
     recommendation_cautions,
     recommendation_entries,
@@ -106,10 +106,7 @@ def test_it_is_what_a_brute_search_finds(seed: int, tolerance: float, bad: float
         if recommended.next is not None:
             assert recommended.next.cost < recommended.choice.cost
             assert recommended.next.share < 1
-    assert (
-        json.loads(json.dumps(json_value(recommendation_entries(recommended)), allow_nan=False))["tolerance"]
-        == tolerance
-    )
+    assert json.loads(to_json(recommendation_entries(recommended)))["tolerance"] == tolerance
     assert sentence(recommended).endswith(".")
     assert len(recommendation_row(recommended)) == 6
 

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 import workflow.run
 from studies import ILL, SINGLE, written
-from workflow.cli import _progress, app
-from workflow.cli._progress import following
+from workflow.cli import _terminal, app
+from workflow.cli._terminal import following
 from workflow.run import Advance, Follower, run_study
 
 SLOW = Advance(540, 204, {"diverged": 2}, 0.349, 12.4, 16.45, 125.0)
@@ -36,9 +36,9 @@ def test_a_line_comes_again_and_again_without_a_terminal(tmp_path: Path, monkeyp
         assert twice.wait(60)
         return run_study(study, archive, threads, progress, **others)
 
-    assert _progress.EVERY == 60
-    monkeypatch.setattr(_progress, "EVERY", 0.01)
-    monkeypatch.setattr(_progress, "print_error", print_error)
+    assert _terminal.EVERY == 60
+    monkeypatch.setattr(_terminal, "EVERY", 0.01)
+    monkeypatch.setattr(_terminal, "print_error", print_error)
     monkeypatch.setattr(workflow.run, "run_study", slow_run)
     result = CliRunner().invoke(app, ["run", str(written(SINGLE, tmp_path)), "-o", str(tmp_path / "a.nc")])
     assert result.exit_code == 0
@@ -54,7 +54,7 @@ def test_a_bar_fits_in_a_terminal_and_shows_the_time_before_anything_is_known(mo
     ):
         screen, follower = io.StringIO(), Follower()
         console = Console(file=screen, force_terminal=True, width=80, markup=False)
-        monkeypatch.setattr(_progress, "console", lambda console=console: console)
+        monkeypatch.setattr(_terminal, "console", lambda console=console: console)
         with following(follower, "a.nc", False):
             for advance in told:
                 follower(advance)
@@ -63,7 +63,7 @@ def test_a_bar_fits_in_a_terminal_and_shows_the_time_before_anything_is_known(mo
 
 
 def test_a_quiet_run_shows_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(_progress, "EVERY", 0.0)
+    monkeypatch.setattr(_terminal, "EVERY", 0.0)
     words = ["run", str(written(ILL, tmp_path)), "-q", "-o", str(tmp_path / "a.nc")]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 1

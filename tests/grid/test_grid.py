@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
-from workflow.cli.plan import _lines as plan_lines
+from workflow.cli._studies import _lines as plan_lines
 from workflow.grid import Grid, arrange, plan, plan_study, reads, solve, tasks
 from workflow.grid import _tasks as cutting
 from workflow.schemes import Status

@@ -20,7 +20,7 @@ from workflow.plots import (
     tip_response,
     work_precision,
 )
-from workflow.report._bokeh_figures import SELECTED, STATUS_COLOURS
+from workflow.report._figures import SELECTED, STATUS_COLOURS
 
 SCHEMES = ("implicit_euler", "midpoint", "carpenter", "penalty_10", "penalty_100", "penalty_implicit", "event_driven")
 

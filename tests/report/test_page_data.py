@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import zlib
 from typing import Any
 
 import numpy as np
@@ -12,25 +10,11 @@ import xarray as xr
 
 from workflow.analysis import exact_partners, notable_cases, recommend
 from workflow.plots._units import scaled
-from workflow.report._bokeh_figures import explorer
-from workflow.report._page_data import page_data, shown_part
-from workflow.report._thinned import PackedArrays, levels, rounded, thinned, thinned_times
+from workflow.report._explorer import described, on_screen, shown_part, thinned, thinned_times, three_digits
+from workflow.report._figures import case_figures
 from workflow.study import readable
 
 RNG = np.random.default_rng(1)
-
-
-def unpacked(entry: dict[str, Any], text: str) -> np.ndarray:
-    """The array that a page's script reads."""
-    data = zlib.decompress(base64.b64decode(text))
-    kind = np.dtype({"f4": "f4", "f8": "f8", "u2": "u2", "i1": "i1", "i4": "i4"}[entry["type"]])
-    raw = np.frombuffer(data, np.uint8, entry["n"] * kind.itemsize, entry["at"])
-    return np.ascontiguousarray(raw.reshape(4, -1).T if entry["type"] == "f4" else raw).reshape(-1).view(kind)
-
-
-def curve(entry: dict[str, Any], text: str) -> np.ndarray:
-    level = np.cumsum(unpacked(entry, text), dtype=np.uint16).astype(float)
-    return np.where(level == 0, np.nan, entry["low"] + (level - 1) / 65534 * (entry["high"] - entry["low"]))
 
 
 def archive(**sizes: int) -> xr.Dataset:
@@ -60,41 +44,29 @@ def archive(**sizes: int) -> xr.Dataset:
 def test_thinning_keeps_the_least_and_the_largest_of_every_piece() -> None:
     values = RNG.normal(size=10_007)
     values[5000] = 50
-    thin = thinned(values)
-    assert thin.size == thinned_times(np.linspace(0, 1, values.size)).size == 800
+    thin = thinned(values, 400)
+    assert thin.size == thinned_times(np.linspace(0, 1, values.size), 400).size == 800
     assert (thin.min(), thin.max()) == (values.min(), 50)
     assert np.argmax(thin) / thin.size == pytest.approx(5000 / values.size, abs=2e-3)
-    assert thinned(values[:800]) is not values
-    assert np.array_equal(thinned(values[:800]), values[:800])
+    assert np.array_equal(thinned(values[:800], 400), values[:800])
 
 
-def test_levels_hold_curves_to_a_part_in_sixty_thousand() -> None:
-    values = np.array([1.0, -2.0, np.nan, 1e-3, np.inf, 3.0])
-    steps, low, high = levels(values)
-    pack = PackedArrays()
-    pack.add(np.arange(3, dtype=np.int8))
-    entry = {**pack.add(steps), "low": low, "high": high}
-    decoded = curve(entry, pack.text())
-    finite = np.isfinite(values)
-    assert np.array_equal(np.isnan(decoded), ~finite)
-    assert decoded[finite] == pytest.approx(values[finite], abs=5.0 / 65534)
+def test_curves_keep_a_thousandth_of_their_range() -> None:
+    for scale in (1e-9, 1.0, 3e7):
+        values = scale * np.array([1.0, -2.0, np.nan, 1e-3, np.inf, 3.0, np.pi / 4])
+        finite = np.isfinite(values)
+        kept = on_screen(values)
+        assert np.array_equal(np.isfinite(kept), finite)
+        assert kept[finite] == pytest.approx(values[finite], abs=5e-3 * scale / 2)
+        assert all(len(f"{value:.15g}") < 12 for value in kept[finite])
     for extreme in (np.zeros(4), np.full(4, np.nan), np.array([-1.7e308, 1.7e308])):
-        steps, low, high = levels(extreme)
-        assert np.isfinite([low, high]).all()
+        assert np.array_equal(on_screen(extreme), extreme, equal_nan=True)
 
 
-def test_rounded_numbers_keep_three_digits() -> None:
-    values = np.exp(RNG.uniform(-80, 80, 1000))
-    assert rounded(values) == pytest.approx(values, rel=1e-3)
-    assert np.array_equal(
-        rounded(np.array([0.0, np.inf, np.nan, 1e300])), [0.0, np.nan, np.nan, np.nan], equal_nan=True
-    )
-
-
-def test_rounded_numbers_show_the_digits_of_those_they_stand_for() -> None:
-    """As a page writes them; 2.7556 was cut to 2.7549, and read 2.75."""
-    values = [2.7555631955617828, 9.994, -9.986, 0.9999, *RNG.uniform(1, 10, 1000), *10 ** RNG.uniform(-30, 30, 1000)]
-    assert [f"{value:.3g}" for value in rounded(np.array(values))] == [f"{value:.3g}" for value in values]
+def test_metrics_keep_the_three_digits_that_a_page_shows() -> None:
+    values = [2.7555631955617828, 9.994, -9.986, 0.9999, 0.0, *np.exp(RNG.uniform(-80, 80, 1000))]
+    assert [f"{value:.3g}" for value in three_digits(np.array(values))] == [f"{value:.3g}" for value in values]
+    assert np.isnan(three_digits(np.array([np.inf, np.nan]))).all()
 
 
 def test_units_are_those_of_what_is_small() -> None:
@@ -142,26 +114,32 @@ def test_a_large_archive_is_shown_in_part_and_the_page_says_which() -> None:
         assert dataset["alpha"][whole[1]] == shown.dataset["alpha"][part[1]]
 
 
-def test_a_block_keeps_to_its_room_and_tells_what_it_leaves_out() -> None:
+def test_a_page_holds_as_many_metrics_as_fit_and_tells_which_it_leaves_out() -> None:
     dataset = archive(h=2, alpha=1000, gap=50)
-    for k in range(12):
+    for k in range(20):
         dataset[f"extra_{k}"] = (dataset["status"].dims, RNG.random(dataset["status"].shape))
     notable = notable_cases(dataset, recommend(dataset, 0.0025).choice)
     shown = shown_part(dataset, notable)
-    described, text = page_data(shown.dataset, shown.cases, {}, {}, 3_000_000)
-    assert len(text) < 3_000_000
-    assert described["left_out"]
-    assert described["metrics"][0]["name"] == "error"
-    values = unpacked(described["metrics"][0], text)
-    assert values[:-1] == pytest.approx(np.ravel(dataset["impulse_error"])[:-1], rel=1e-3)
+    about = described(shown.dataset, shown.cases, {}, {})
+    assert len(about["metrics"]) == 20
+    assert about["left_out"][-1] == "extra 19"
+    assert about["metrics"][0]["name"] == "error"
+    values = about["metrics"][0]["values"]
+    assert values[:-1] == pytest.approx(np.ravel(dataset["impulse_error"])[:-1], rel=5e-3)
     assert np.isnan(values[-1])  # it diverged
 
 
 def test_panels_are_there_where_the_archive_has_their_axes() -> None:
-    names = ["ok", "diverged"]
     for dataset, parts in (
         (archive(scheme=3, h=4, gap=5), {"map", "controls", "cost", "order"}),
         (archive(gap=4), {"map", "controls"}),
     ):
-        described, _ = page_data(dataset, (0,), {}, {}, 100_000)
-        assert set(explorer(described, names)) == parts
+        about = described(dataset, (0,), {}, {})
+        assert set(case_figures(about | {"chosen_modes": None})) == parts
+
+
+def test_orders_of_the_page_are_those_of_the_scheme_in_its_scene() -> None:
+    dataset = archive(scheme=3, h=4, gap=5)
+    order = described(dataset, (0,), {}, {})["order"].reshape(3, 4, 5)
+    assert np.isnan(order[1]).all()  # without error
+    assert order[0] == pytest.approx(np.ones((4, 5)))

@@ -18,12 +18,8 @@ from workflow.analysis._cases import (
     unit_of,
     value_text,
 )
-from workflow.analysis._casing import casing_motion, period_frequency
 from workflow.analysis._compare import compare
-from workflow.analysis._decided import decided
-from workflow.analysis._effects import effect, hidden
-from workflow.analysis._growth import impulse_growth
-from workflow.analysis._json import json_value
+from workflow.analysis._effects import drawn_dim, effect, hidden, sobol
 from workflow.analysis._limits import (
     Limits,
     NothingSteadyError,
@@ -33,15 +29,15 @@ from workflow.analysis._limits import (
     limits,
 )
 from workflow.analysis._notable import exact_partners, exact_place, is_exact, notable_cases, shown_place, total_error
-from workflow.analysis._phases import contact_phases
-from workflow.analysis._precision import ERRORS, SENSELESS, Line, lines, observed_order
 from workflow.analysis._recommend import (
     Choice,
     NoReferenceError,
     Recommendation,
+    decided,
     numerical_dims,
     recommend,
     usual_recommendations,
+    work_precision,
 )
 from workflow.analysis._recommend_words import (
     RECOMMENDATION_COLUMNS,
@@ -51,6 +47,5 @@ from workflow.analysis._recommend_words import (
     sentence,
     undecidable,
 )
-from workflow.analysis._sobol import drawn_dim, sobol
-from workflow.analysis._standing import RULE, ranges, standings
-from workflow.analysis._work import work_precision
+from workflow.analysis._scene import casing_motion, contact_phases, impulse_growth, period_frequency
+from workflow.analysis._standing import ERRORS, RULE, SENSELESS, Line, lines, observed_order, ranges, standings

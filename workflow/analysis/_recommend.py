@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, coordinate_units, is_auto
+from workflow.analysis._cases import case_dims, coordinate_units, is_auto, labels_of
 from workflow.schemes import Status
 from workflow.study import MATRIX, MODES, POINT
 from workflow.variables import COMPARED
@@ -352,3 +353,133 @@ class Table:
 def simulated_seconds(dataset: xr.Dataset) -> float:
     """Return the duration of an archive's cases, s; NaN where the archive does not hold it."""
     return float(dataset.attrs.get("duration", np.nan))
+
+
+def work_precision(dataset: xr.Dataset, error: str | None = None) -> xr.Dataset:
+    """Return cost and error of every choice of scheme, step, modes and options of schemes.
+
+    Error and cost are those that :func:`recommend` weighs: its answer is, of ``work_precision(dataset)`` with
+    ``error`` up to a tolerance and ``cost`` at most 25 % above the least, where ``error`` is least.
+
+    Parameters
+    ----------
+    dataset
+        An archive whose study has a reference.
+    error
+        The error that counts, such as ``impulse_error``; the largest of displacement, temperature and impulse error
+        where left out.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over the dimensions that change the computation (scheme, h, modes, options), not the scene: ``error``, the
+        largest over all cases of the scene, NaN where one is not ok or has none; ``cost``, the mean processor time of a
+        case in s; ``cost_per_second``, the same per simulated second; ``efficient``, whether no other choice has at
+        most this error at less cost.
+
+    Raises
+    ------
+    NoReferenceError
+        The archive holds no errors.
+    ValueError
+        It has no such error.
+    """
+    import xarray as xr
+
+    table = Table(dataset) if error is None else Table(dataset, error)
+    worst = np.max(table.error, axis=1)
+    variables = {
+        "error": (worst, "1", f"largest {'error of any history' if error is None else error.replace('_', ' ')}"),
+        "cost": (table.cost, "s", "mean processor time of a case"),
+        "cost_per_second": (table.cost / simulated_seconds(dataset), "1", "mean processor time per simulated time"),
+        "efficient": (_efficient(worst, table.cost), "1", "whether no other choice is as accurate at less cost"),
+    }
+    sizes = [dataset.sizes[dim] for dim in table.rows]
+    coords = {name: dataset[name] for name in dataset.coords if {*dataset[name].dims} <= {*table.rows}}
+    return xr.Dataset(
+        {
+            name: (table.rows, values.reshape(sizes), {"units": unit, "long_name": about})
+            for name, (values, unit, about) in variables.items()
+        },
+        coords,
+    )
+
+
+def _efficient(error: NDArray[np.float64], cost: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which choices have an error that no cheaper one reaches, ``(choice,)``."""
+    efficient = np.zeros(error.size, dtype=bool)
+    least = np.inf
+    for k in np.lexsort((error, cost)):
+        if error[k] < least:
+            efficient[k], least = True, error[k]
+    return efficient
+
+
+_VARIABLES = ("mechanical_modes_used", "thermal_modes_used", "basis_error")
+
+
+@dataclass(frozen=True)
+class AutoModel:
+    """A reduced model whose counts of modes a tolerance decided.
+
+    Attributes
+    ----------
+    where
+        Values of the dimensions along which counts differ, or along which numerics and errors do.
+    mechanical_modes, thermal_modes
+        Vectors beside the tip's own.
+    error
+        Largest known error: in the worst corner of the scene, or in a condition that misses the tolerance, 1.
+    met, conditions
+        Number of its conditions that are not known to miss the tolerance, and of all.
+    """
+
+    where: str
+    mechanical_modes: int
+    thermal_modes: int
+    error: float
+    met: int
+    conditions: int
+
+    @property
+    def text(self) -> str:
+        """Counts and error in words."""
+        modes = f"{self.mechanical_modes} + {self.thermal_modes} modes for {self.where}"
+        met = "" if self.met == self.conditions else f", met in {self.met} of {self.conditions} conditions"
+        return f"{modes}, basis error {self.error:.2g}{met}"
+
+
+def decided(dataset: xr.Dataset) -> list[AutoModel]:
+    """Return the reduced models that tolerances decided, in the archive's order; none where no tolerance did."""
+    if not all(name in dataset for name in _VARIABLES):
+        return []
+    *counts, basis_error = (dataset[name] for name in _VARIABLES)
+    numerical = numerical_dims(dataset)
+    dims = [
+        dim
+        for dim in case_dims(dataset)
+        if any(_varies(count.transpose(dim, ...)) for count in counts)
+        or (dim in numerical and _varies(basis_error.transpose(dim, ...)))
+    ]
+    idle = dict.fromkeys(set(numerical) - set(dims), 0)
+    inside = [dim for dim in case_dims(dataset) if dim not in (*dims, *idle)]
+    misses = (basis_error > dataset["tolerance"]).isel(idle).sum(inside).transpose(*dims)
+    used = [count.isel(idle | dict.fromkeys(inside, 0)).transpose(*dims) for count in counts]
+    worst = basis_error.isel(idle).max(inside).transpose(*dims)
+    conditions = math.prod(dataset.sizes[dim] for dim in inside)
+    labels = {dim: labels_of(dataset, dim) for dim in dims}
+    models = []
+    for place in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
+        error = float(worst.values[place])
+        if np.isfinite(error):
+            where = ", ".join(labels[dim][k] for dim, k in zip(dims, place, strict=True))
+            mechanical, thermal = (int(count.values[place]) for count in used)
+            met = conditions - int(misses.values[place])
+            models.append(AutoModel(where or "all cases", mechanical, thermal, error, met, conditions))
+    return models
+
+
+def _varies(variable: xr.DataArray) -> bool:
+    """Tell whether a variable differs along its first dimension."""
+    values: NDArray[np.float64] = np.asarray(variable.values)
+    return not np.array_equal(values, np.broadcast_to(values[:1], values.shape), equal_nan=True)

@@ -1,20 +1,193 @@
-"""Who stays stable and who is accurate: the standing of every scheme in a study."""
+"""Who stays stable and who is accurate: errors over steps, observed orders and the standing of every scheme."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
 from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.analysis._cases import case_dims, finest, labels_of
+from workflow.analysis._recommend import simulated_seconds
 from workflow.schemes import Status
 from workflow.study import MODES
 
 if TYPE_CHECKING:
     import xarray as xr
+
+ERRORS = {"impulse_error": "impulse", "temperature_error": "temperature", "displacement_error": "displacement"}
+"""Errors of an archive and what they are of; the impulse first, as displacement flatters."""
+
+ASYMPTOTIC = 0.1
+"""Errors above are no longer of the order of a scheme: a tenth of the solution itself."""
+
+SENSELESS = 3.0
+"""Errors above have left the solution by more than its own size and sign: an unstable contact, though ok by
+the theory of the free step."""
+
+UNPREDICTABLE = 10.0
+"""Errors count as a scheme's own above so many times what a gap opened by 1e-12 changes."""
+
+LEAST_STEPS = 3
+"""Steps that an order is fitted to at least: two always lie on a line."""
+
+Array = NDArray[np.float64]
+
+
+def observed_order(dataset: xr.Dataset, error: str = "impulse_scheme_error") -> xr.Dataset:
+    """Return the observed order of convergence of every case: the slope of log error over log h by least squares.
+
+    Steps count whose case is ok and whose error is below a tenth of the solution (:data:`ASYMPTOTIC`) and above ten
+    times (:data:`UNPREDICTABLE`) what a change of the gap by 1e-12 makes of the reference.
+
+    Parameters
+    ----------
+    dataset
+        An archive whose study has a reference and several steps ``h``.
+    error
+        Which error: the scheme's part of ``displacement``, ``temperature`` or ``impulse``, which a reduced model does
+        not hide, or without ``_scheme`` in its name the whole.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``order`` and ``scatter``, the root mean square of log10 error about the line, over all dimensions of the cases
+        but that of ``h``; NaN where fewer than three steps count, and where no step changes the error.
+
+    Raises
+    ------
+    ValueError
+        The dataset has no such error, or one step only.
+    """
+    import xarray as xr
+
+    if error not in dataset:
+        raise ValueError(f"the dataset has no `{error}`; errors need a `reference` in the study")
+    if "h" not in dataset.coords or dataset["h"].ndim != 1:
+        raise ValueError("the dataset has one step h; an order needs three")
+    dim = str(dataset["h"].dims[0])
+    errors = dataset[error].where(dataset["status"] == Status.OK)
+    if "predictability" in dataset:
+        errors = errors.where(errors > UNPREDICTABLE * dataset["predictability"].fillna(0.0))
+    errors = errors.transpose(..., dim)
+    order, scatter = _fitted(np.asarray(dataset["h"].values, dtype=float), np.asarray(errors.values, dtype=float))
+    dims, what = errors.dims[:-1], error.replace("_", " ")
+    about = {"units": "1", "long_name": f"observed order of the {what} in h"}
+    about_scatter = {"units": "1", "long_name": f"root mean square of log10 of the {what} about the line of the order"}
+    variables = {"order": (dims, order, about), "scatter": (dims, scatter, about_scatter)}
+    return xr.Dataset(variables, errors.isel({dim: 0}, drop=True).coords)
+
+
+def _fitted(h: Array, errors: Array) -> tuple[Array, Array]:
+    """Return slope and scatter of log10 error over log10 h by least squares, of errors ``(…, h)``."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        used = (errors > 0) & (errors < ASYMPTOTIC)
+        count = used.sum(axis=-1)
+        x, y = (
+            np.where(used, value - (np.where(used, value, 0.0).sum(axis=-1) / count)[..., None], 0.0)
+            for value in (np.log10(h), np.log10(np.where(used, errors, 1.0)))
+        )
+        slope = (x * y).sum(axis=-1) / (x * x).sum(axis=-1)
+        scatter = np.sqrt(((y - slope[..., None] * x) ** 2).sum(axis=-1) / count)
+    is_line = (count >= LEAST_STEPS) & np.any(errors != errors[..., :1], axis=-1)
+    return np.where(is_line, slope, np.nan), np.where(is_line, scatter, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One scheme through its steps, all other axes fixed.
+
+    Attributes
+    ----------
+    scheme
+        Its label.
+    h
+        Steps in ascending order, s, shape ``(h,)``.
+    errors
+        By name, each ``(h,)``; NaN where the case is not ok.
+    seconds
+        Processor seconds per simulated second, ``(h,)``.
+    penetration, residual
+        Largest penetration, m, and energy residual (NaN without balances), ``(h,)``.
+    ok
+        Whether the case ended ok, ``(h,)``.
+    orders
+        Observed order of each error and its scatter, see :func:`observed_order`.
+    """
+
+    scheme: str
+    h: Array
+    errors: dict[str, Array]
+    seconds: Array
+    penetration: Array
+    residual: Array
+    ok: NDArray[np.bool_]
+    orders: dict[str, tuple[float, float]]
+
+    @property
+    def exact(self) -> bool:
+        """Whether the scheme is its own reference: one cost, no error, whatever h."""
+        return all(bool(np.all(errors == 0.0)) for errors in self.errors.values())
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Whether a step is beyond the scheme's limit: not ok, or an impulse error above :data:`SENSELESS`."""
+        return np.asarray(~self.ok | (self.errors["impulse_error"] > SENSELESS))
+
+    def sane(self, values: Array) -> Array:
+        """Return values at the steps whose impulse error is not :data:`SENSELESS`, NaN at others."""
+        return np.where(self.errors["impulse_error"] < SENSELESS, values, np.nan)
+
+    def stable_steps(self) -> tuple[float, float] | None:
+        """Return the largest step before the first that is lost, and that one, where there are both."""
+        bad = np.flatnonzero(self.lost)
+        if not bad.size or bad[0] == 0:
+            return None
+        return float(self.h[bad[0] - 1]), float(self.h[bad[0]])
+
+
+def lines(dataset: xr.Dataset) -> list[Line]:
+    """Return a line per scheme through all steps, in the case that :func:`finest` shows of all other dimensions.
+
+    Raises
+    ------
+    ValueError
+        The dataset has no errors or one step only.
+    """
+    if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 2:
+        raise ValueError("errors over steps need a `reference` in the study and several steps `h` in the dataset")
+    chosen = dataset.isel({dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")}).sortby("h")
+    if "scheme" not in chosen.dims:
+        chosen = chosen.assign_coords(scheme=chosen.coords.get("scheme", "scheme")).expand_dims("scheme")
+    fits = {error: observed_order(chosen, error) for error in ERRORS}
+    orders = [
+        {error: (float(fit["order"][k]), float(fit["scatter"][k])) for error, fit in fits.items()}
+        for k in range(chosen.sizes["scheme"])
+    ]
+    return [_line(chosen.isel(scheme=k), one) for k, one in enumerate(orders)]
+
+
+def _line(cut: xr.Dataset, orders: dict[str, tuple[float, float]]) -> Line:
+    """Return the line through the steps of one scheme."""
+    ok = np.asarray(cut["status"].values) == Status.OK
+
+    def of_ok(name: str) -> Array:
+        return np.where(ok, np.asarray(cut[name].values, dtype=float) if name in cut else np.nan, np.nan)
+
+    return Line(
+        scheme=str(cut["scheme"].values),
+        h=np.asarray(cut["h"].values, dtype=float),
+        errors={error: of_ok(error) for error in ERRORS},
+        seconds=np.asarray(cut["processor_time"].values, dtype=float) / simulated_seconds(cut),
+        penetration=of_ok("max_penetration"),
+        residual=of_ok("energy_residual"),
+        ok=ok,
+        orders=orders,
+    )
+
 
 ACCURATE, ROUGH = 0.01, 0.1
 """Largest relative error of the impulse of cases that are called accurate, and rough; beyond: wrong."""
@@ -73,51 +246,53 @@ class Standing:
 
 def standings(dataset: xr.Dataset) -> list[Standing]:
     """Return the standing of every scheme at every step, in the archive's order."""
-    sizes = {dim: dataset.sizes[dim] for dim in ("scheme", "h") if dim in case_dims(dataset)}
-    steps = labels_of(dataset, "h", named=False, rounded=True) if "h" in sizes else [""]
-    return [
-        _standing(dataset.isel(dict(zip(sizes, place, strict=True))), steps[place[-1] if "h" in sizes else 0])
-        for place in np.ndindex(*sizes.values())
-    ]
+    rows = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)]
+    shape = [dataset.sizes[dim] for dim in rows]
+
+    def table(values: xr.DataArray) -> Array:
+        return np.asarray(values.transpose(*rows, ...).values, dtype=float).reshape(math.prod(shape), -1)
+
+    def of_ok(part: xr.Dataset, name: str) -> Array:
+        return table(part.get(name, np.nan * part["status"]).where(part["status"] == Status.OK))
+
+    gap = abs(dataset["gap"].astype(float))
+    residuals, restitutions = of_ok(dataset, "energy_residual"), of_ok(dataset, "effective_restitution")
+    in_gaps = dataset.assign(share=dataset["max_penetration"] / gap.where(gap > 0, 1.0))
+    penetrations = _extremes(of_ok(in_gaps, "share"))
+    most = {
+        dim: k for dim, k in finest(dataset).items() if any(dataset.get(name, gap).dims == (dim,) for name in MODES)
+    }
+    parts, wholes = of_ok(dataset, "impulse_scheme_error"), of_ok(dataset.isel(most), "impulse_error")
+    errors = np.where(np.isnan(_extremes(parts)), _extremes(wholes), _extremes(parts))
+    schemes = [str(one) for one in np.atleast_1d(dataset["scheme"].values)]
+    steps = labels_of(dataset, "h", named=False, rounded=True) if "h" in rows else [""]
+    h = np.atleast_1d(dataset["h"].values) if "h" in dataset.coords else [np.nan]
+    found = []
+    for k, place in enumerate(np.ndindex(*shape)):
+        at = dict(zip(rows, place, strict=True))
+        codes, numbers = np.unique(table(dataset["status"])[k], return_counts=True)
+        counts = {Status(int(code)).name.lower(): int(n) for code, n in zip(codes, numbers, strict=True)}
+        known = restitutions[k][~np.isnan(restitutions[k])]
+        found.append(
+            Standing(
+                schemes[at.get("scheme", 0)] if "scheme" in rows or len(schemes) == 1 else "the scheme",
+                steps[at.get("h", 0)],
+                h=float(h[at.get("h", 0)]) if "h" in rows or len(h) == 1 else np.nan,
+                counts=counts,
+                error=float(errors[k]),
+                residual=float(_extremes(residuals)[k]),
+                penetration=float(penetrations[k]),
+                restitution=float(np.median(known)) if known.size else np.nan,
+                verdict=_verdict(counts, float(errors[k]), bool((residuals[k] > GAINS).any())),
+            )
+        )
+    return found
 
 
-def _standing(chosen: xr.Dataset, step: str) -> Standing:
-    codes, numbers = np.unique(chosen["status"].values, return_counts=True)
-    counts = {Status(int(code)).name.lower(): int(n) for code, n in zip(codes, numbers, strict=True)}
-    gap = abs(chosen["gap"].astype(float))
-    residuals = _of_ok(chosen, chosen.get("energy_residual"))
-    restitutions = _of_ok(chosen, chosen.get("effective_restitution"))
-    error = _own_error(chosen)
-    return Standing(
-        str(chosen["scheme"].values) if chosen["scheme"].ndim == 0 else "the scheme",
-        step,
-        h=float(chosen["h"]) if "h" in chosen.coords and chosen["h"].ndim == 0 else np.nan,
-        counts=counts,
-        error=error,
-        residual=_extreme(residuals),
-        penetration=_extreme(_of_ok(chosen, chosen["max_penetration"] / gap.where(gap > 0, 1.0))),
-        restitution=float(np.median(restitutions)) if restitutions else np.nan,
-        verdict=_verdict(counts, error, any(residual > GAINS for residual in residuals)),
-    )
-
-
-def _own_error(chosen: xr.Dataset) -> float:
-    """Return the largest error of the scheme itself: its part, or without parts the whole with the most modes."""
-    parts = _of_ok(chosen, chosen.get("impulse_scheme_error"))
-    if not parts and "impulse_error" in chosen:
-        place = finest(chosen)
-        at = {dim: place[dim] for dim in place if any(chosen[n].dims == (dim,) for n in MODES if n in chosen.coords)}
-        full = chosen.isel(at)
-        parts = _of_ok(full, full["impulse_error"])
-    return max(parts, default=np.nan)
-
-
-def _of_ok(chosen: xr.Dataset, values: xr.DataArray | None) -> list[float]:
-    """Return the values that are not NaN, of the cases that ended ok."""
-    if values is None:
-        return []
-    of_ok = np.asarray(values.where(chosen["status"] == Status.OK).values, dtype=float)
-    return [float(value) for value in of_ok[~np.isnan(of_ok)]]
+def _extremes(values: Array) -> Array:
+    """Return the value of the largest magnitude of each row, with its sign; NaN where there is none."""
+    sizes = np.where(np.isnan(values), -1.0, np.abs(values))
+    return np.take_along_axis(values, sizes.argmax(axis=1)[:, None], axis=1)[:, 0]
 
 
 def _verdict(counts: dict[str, int], error: float, gains: bool) -> str:
@@ -183,15 +358,14 @@ def _range(scheme: str, rows: list[Standing]) -> StepRange:
         accurate=_up_to(rows, [row.ok and row.error <= ACCURATE for row in rows]) if measured else "",
         finest=measured[0].error if measured else np.nan,
         coarsest=measured[-1].error if measured else np.nan,
-        residual=_extreme(row.residual for row in rows),
-        penetration=_extreme(row.penetration for row in rows),
+        residual=_extreme([row.residual for row in rows]),
+        penetration=_extreme([row.penetration for row in rows]),
         verdicts=tuple(verdict for verdict, _ in groupby(row.verdict for row in rows)),
     )
 
 
-def _extreme(values: Iterable[float]) -> float:
-    """Return the value of the largest magnitude, with its sign; NaN where there is none."""
-    return max((value for value in values if not np.isnan(value)), key=abs, default=np.nan)
+def _extreme(values: list[float]) -> float:
+    return float(_extremes(np.array([values]))[0])
 
 
 def _up_to(rows: list[Standing], good: list[bool]) -> str:

@@ -1,4 +1,4 @@
-"""The command line: each command is the module of its name, ``_app`` puts them together.
+"""The command line: ``_studies`` and ``_archives`` hold the commands, ``_app`` puts them together.
 
 ``_words`` describes arguments that several commands share, ``_terminal`` writes to the terminal, ``_failures`` says
 what an error means and which exit status it has, ``_stop`` ends a command at Ctrl-C or SIGTERM. Nothing heavy is

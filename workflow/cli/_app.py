@@ -1,4 +1,4 @@
-"""The application: one command for each module of its name."""
+"""The application with all commands."""
 
 from __future__ import annotations
 
@@ -8,17 +8,11 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from workflow.cli._archives import limits, recommend, report, show, verify
 from workflow.cli._failures import tell, warnings_in_words
 from workflow.cli._stop import ignore_signals
+from workflow.cli._studies import plan, run, schema
 from workflow.cli._terminal import clean, say, write_anything
-from workflow.cli.limits import limits
-from workflow.cli.plan import plan
-from workflow.cli.recommend import recommend
-from workflow.cli.report import report
-from workflow.cli.run import run
-from workflow.cli.schema import schema
-from workflow.cli.show import show
-from workflow.cli.verify import verify
 
 
 class Commands(TyperGroup):

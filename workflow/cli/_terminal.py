@@ -1,4 +1,4 @@
-"""What commands write to the terminal: the one place through which all of it passes.
+"""What commands write to the terminal, the one place through which all of it passes, and how far a run is.
 
 Titles, units, messages, keys and file names come from files. They are data: characters that a terminal
 would obey are taken out.
@@ -7,15 +7,17 @@ would obey are taken out.
 from __future__ import annotations
 
 import io
-import json
 import os
 import re
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from workflow.run import Follower
 
 _BREAKS = re.compile("[\t\n\v\f\r\x1c-\x1e\x85\u2028\u2029]+")
 """Tabs, line feeds and what else ends a line."""
@@ -58,16 +60,16 @@ def write(text: str) -> None:
 
 
 def write_json(value: Any, indent: int | None = None) -> None:
-    """Print a value as JSON; characters that a terminal obeys stand as their codes.
+    """Print a value as JSON; numbers that are not finite are null, characters that a terminal obeys their codes.
 
     Raises
     ------
     OSError
         The standard output cannot be written to.
     """
-    from workflow.analysis import json_value
+    from pydantic_core import to_json
 
-    lines = json.dumps(json_value(value), indent=indent, ensure_ascii=False, allow_nan=False).split("\n")
+    lines = to_json(value, indent=indent, inf_nan_mode="null").decode().split("\n")
     write("\n".join(_OBEYED.sub(lambda match: f"\\u{ord(match[0]):04x}", line) for line in lines))
 
 
@@ -82,3 +84,54 @@ def console() -> Console:
     from rich.console import Console
 
     return Console(highlight=False, soft_wrap=True, markup=False)
+
+
+EVERY = 60.0
+"""Seconds between two lines where there is no terminal."""
+
+_BAR = 12
+"""Characters of the bar, which leave room for the line in a terminal of 80."""
+
+
+@contextmanager
+def following(follower: Follower, name: str, quiet: bool) -> Iterator[None]:
+    """Show how far a run is while the context lasts.
+
+    Parameters
+    ----------
+    follower
+        Keeps the progress that the run reports.
+    name
+        Of the archive, which begins each line where there is no terminal.
+    quiet
+        Show nothing.
+    """
+    terminal = console()
+    if quiet:
+        yield
+    elif terminal.is_terminal:
+        with _bar(follower, terminal):
+            yield
+    else:
+        from workflow.run import repeating
+
+        with repeating(lambda: print_error(f"{name}: {follower.line()}"), EVERY):
+            yield
+
+
+@contextmanager
+def _bar(follower: Follower, terminal: Console) -> Iterator[None]:
+    """Show a bar with what a follower says, drawn anew four times a second."""
+    from rich.progress import BarColumn, Progress, ProgressColumn
+    from rich.text import Text
+
+    class Words(ProgressColumn):
+        def render(self, task: Any) -> Text:
+            if follower.advance is not None:
+                task.total, task.completed = 1.0, follower.advance.work
+            return Text(follower.line(), no_wrap=True, overflow="ellipsis")
+
+    words = Words()
+    with Progress(BarColumn(_BAR), words, console=terminal, transient=True, refresh_per_second=4) as bar:
+        bar.add_task("", total=None)
+        yield

@@ -1,51 +1,119 @@
-"""The interactive part of a report: a map of the cases, the case that is selected, its errors and load periods."""
+"""The interactive part of a report: what its script reads of the cases or branches of an archive.
+
+Numbers stand in the page as JSON, rounded to what a screen shows; so many that a page stays one that goes through the
+mail, about 6 MB.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from importlib.resources import files
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from workflow.analysis import Choice, notable_cases
-from workflow.plots import COLOURS
-from workflow.report._bokeh_figures import MARKS, explorer
-from workflow.report._html import Html, block, note, tag
-from workflow.report._page_data import page_data, shown_part
+from workflow.analysis import (
+    Choice,
+    case_dims,
+    casing_motion,
+    exact_partners,
+    finest,
+    impulse_growth,
+    notable_cases,
+    numerical_dims,
+    observed_order,
+    period_frequency,
+    total_error,
+)
+from workflow.plots import COLOURS, HISTORIES
+from workflow.plots._units import axis_of, coordinate_texts, scaled
+from workflow.report._figures import MARKS, ORBIT, branch_figures, case_figures, drawn
+from workflow.report._html import block
 from workflow.schemes import Status
 from workflow.study import MODES
 
 if TYPE_CHECKING:
     import xarray as xr
 
-PAGE_BYTES = 6_000_000
-"""Size of a page that still goes through the mail."""
+Array = NDArray[np.float64]
 
-_TITLES = {
-    "map": "Map of the cases",
-    "case": "The selected case",
-    "cost": "Error against cost",
-    "order": "Error against step",
-    "modes": "Error of the reduced models",
-    "periods": "Impulse of each load period",
-    "orbit": "The steady rub of the selected case",
-}
+MOST_VALUES = 2000
+"""Values of an axis that a page holds; of a longer one evenly spread ones."""
 
-_NO_SCRIPT = (
-    "The figures below are drawn by a script, which this viewer does not run; save the page and open it in a browser."
+MOST_CASES = 250_000
+
+MOST_NUMBERS = 2_000_000
+"""Metrics of all cases that a page holds, each about half a character."""
+
+MOST_SAMPLES = 1_500_000
+"""Samples of histories, load periods and orbits that a page holds, each one to two characters."""
+
+MOST_KEPT = 1500
+"""Cases whose histories a page holds at most: beyond, reading them takes longer than anybody looks."""
+
+BUCKETS, MOST_BUCKETS = 300, 2400
+"""Pieces of the duration of each of which a thinned history keeps the least and the largest value: of many cases, and
+of few."""
+
+MOST_READ = 64 * 2**20
+"""Bytes of a variable up to which it is read whole; scattered reads take longer."""
+
+ALIKE = 1e-3
+"""Share of the largest by which impulses of periods differ at least for their axis to span their range only."""
+
+_LONGEST_MESSAGE = 300
+"""Characters of a message that a page repeats."""
+
+_FIRST = (
+    "error",
+    "processor_time",
+    "scheme_error",
+    "model_error",
+    "max_temperature",
+    "contact_impulse",
+    "impulse_growth",
+    "runaway",
+    "steady_state",
+    "impacts",
+    "max_penetration",
+    "displacement_error",
+    "temperature_error",
+    "impulse_error",
+    "energy_residual",
+    "predictability",
+    "contact_time",
+    "thermal_closing",
+    "growth_rate",
 )
+"""Metrics that come first where not all fit."""
+
+_DERIVED: dict[str, Callable[[xr.Dataset], NDArray[Any] | None]] = {
+    "error": total_error,
+    "scheme_error": partial(total_error, part="scheme_"),
+    "model_error": partial(total_error, part="model_"),
+    "impulse_growth": impulse_growth,
+}
+"""What a page derives from the variables of an archive; ``None`` where it lacks them."""
+
+_EXPLAINED = {
+    "error": "largest relative L2 distance of displacement, temperature and impulse from the reference",
+    "scheme_error": "largest part of the scheme in the errors: against the exact solution of the same reduced model",
+    "model_error": "largest part of the reduced model in the errors: its exact solution against the reference",
+    "impulse_growth": "impulse of the last complete load period over that of the first",
+    "runaway": "1: in permanent contact the tip grows without bound; it need not touch",
+    "energy_residual": "energy that the scheme itself creates (+) or takes (−), as a share of the largest energy",
+    "effective_restitution": "speed after over speed before an impact, which a scheme without e gives by itself",
+}
+"""Short meanings for a reader of the page, in place of the archive's definitions."""
 
 
-def interactive(
-    dataset: xr.Dataset,
-    archive: str,
-    choice: Choice | None,
-    methods: Mapping[str, str],
-    scene: Mapping[str, Any],
-    room: int,
-) -> tuple[list[str], list[str]]:
-    """Return the interactive part of a report and the scripts it needs.
+def explored_cases(
+    dataset: xr.Dataset, archive: str, choice: Choice | None, methods: Mapping[str, str], scene: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return what the page's template and script need of an archive's cases.
 
     Parameters
     ----------
@@ -57,43 +125,31 @@ def interactive(
         Method of each scheme of its study by label.
     scene
         Of its study as resolved.
-    room
-        Bytes that the part and its scripts may take.
     """
-    scripts = library()
-    script = files("workflow.report").joinpath("explorer.js").read_text(encoding="utf-8")
-    room -= sum(len(one.encode()) for one in [*scripts, script])
     notable = notable_cases(dataset, choice)
     shown = shown_part(dataset, notable)
-    described, packed = page_data(shown.dataset, shown.cases, methods, scene, room)
-    described |= {
-        "archive": repr(archive),
-        "statuses": [status.name.lower().replace("_", "-") for status in Status],
-        "colours": list(COLOURS),
-        "markers": list(MARKS),
-        "scheme": _scheme(dataset),
-        "chosen_modes": _chosen_modes(dataset, choice),
+    about = described(shown.dataset, shown.cases, methods, scene)
+    about |= {"archive": repr(archive), "chosen_modes": _chosen_modes(dataset, choice)}
+    figures = case_figures(about)
+    omitted = list(shown.left_out)
+    if about["left_out"]:
+        omitted.append("metrics that do not fit: " + ", ".join(about["left_out"]))
+    return {
+        "figures": list(figures),
+        "omitted": omitted,
+        "metrics": [metric["name"] for metric in about["metrics"]],
+        "is_auto": "auto" in (about["chosen_modes"] or ()),
+        "worth_a_look": list(_worth_a_look(notable.values(), shown.cases, about["dims"])),
+        "data": block({"about": about, **drawn(figures)}),
     }
-    figures = explorer(described, described["statuses"])
-    body = [
-        *_layout(figures, described, shown.left_out),
-        *_hard(notable.values(), shown.cases, described["dims"]),
-        block("description", described),
-        block("figures", figures),
-        tag("script", Html(packed), id="block", type="text/plain"),
-    ]
-    return body, [*scripts, script]
 
 
-def library() -> list[str]:
-    """Return Bokeh's scripts as they stand in the page."""
-    from bokeh.resources import Resources
-
-    return list(Resources(mode="inline", components=["bokeh", "bokeh-widgets"], log_level="error").js_raw)
-
-
-def _scheme(dataset: xr.Dataset) -> str:
-    return str(dataset["scheme"].values) if "scheme" in dataset.coords and dataset["scheme"].ndim == 0 else "the scheme"
+def explored_branches(dataset: xr.Dataset, variable: str) -> dict[str, Any]:
+    """Return what the page's template and script need of an archive's branches."""
+    figures, orbits = branch_figures(dataset, variable)
+    curves = orbits[..., :: -(-orbits.size // MOST_SAMPLES)]
+    about = {"orbits": [[closed(curve) for curve in orbit] for orbit in curves]}
+    return {"figures": list(figures), "data": block({"about": about, **drawn(figures)})}
 
 
 def _chosen_modes(dataset: xr.Dataset, choice: Choice | None) -> list[str] | None:
@@ -106,97 +162,339 @@ def _chosen_modes(dataset: xr.Dataset, choice: Choice | None) -> list[str] | Non
     return [str(choice.settings[name]) for name in MODES]
 
 
-def _layout(figures: Mapping[str, Any], described: Mapping[str, Any], left_out: Sequence[str]) -> list[str]:
-    """Return the places of the figures, with what stands beside each."""
-    omitted = list(left_out)
-    if described["left_out"]:
-        omitted.append("metrics that do not fit: " + ", ".join(described["left_out"]))
-    remark = "Not all of the archive is in this page: " + "; ".join(omitted) + "."
-    panels = [tag("div", *_map_panel(), kind="panel") if "map" in figures else Html(""), _case_panel(figures)]
-    for name in ("cost", "order", "modes", "periods", "orbit"):
-        if name in figures:
-            about = _about(name, described)
-            key = [tag("p", "", id=f"{name}-key", kind="key")] if name in ("cost", "order") else []
-            text = note(about, id=f"{name}-about")
-            panels.append(tag("div", tag("h3", _TITLES[name]), text, figure_place(name), *key, kind="panel"))
-    return [
-        tag("h2", "Explore", id="explore"),
-        tag("noscript", _NO_SCRIPT),
-        *([note(remark)] if omitted else []),
-        tag("div", *panels, kind="panels"),
-    ]  # fmt: skip
-
-
-def _about(name: str, described: Mapping[str, Any]) -> str:
-    """Return what stands above a panel."""
-    metrics = [metric["name"] for metric in described["metrics"]]
-    if name == "cost":
-        return (
-            "Largest relative error of displacement, temperature and impulse, for the scene of the selected case; "
-            "lines lead through the steps of a scheme. Dotted across: 10 %, 1 %, 0.1 %. A click selects."
-        )
-    if name == "order":
-        split = "scheme_error" in metrics
-        part = "The scheme's part of the error" if split else "The whole error, reduced model's included"
-        return (
-            f"{part}. For the scene of the selected case; order is the slope of log error over log h, where three "
-            "errors or more are below a tenth."
-        )
-    if name == "modes":
-        part = "The reduced model's part of the error" if "model_error" in metrics else "The whole error"
-        star = "choice (auto)" if "auto" in (described["chosen_modes"] or ()) else "choice, as recommended above"
-        return f"{part}. For the scene of the selected case, which is framed. The star is the study's own {star}."
-    return ""
-
-
-def figure_place(name: str) -> Html:
-    return tag("div", "", id=f"figure-{name}", kind="figure")
-
-
-def _map_panel() -> list[str]:
-    return [
-        tag("h3", _TITLES["map"]),
-        note("", id="map-about"),
-        figure_place("map"),
-        note("A click selects a case, a slider moves through the others.", id="map-here"),
-        figure_place("controls"),
-    ]
-
-
-def _case_panel(figures: Mapping[str, Any]) -> Html:
-    """Return the place of the selected case: what it is, its curves, how to read it in Python, its metrics."""
-    curves: list[str] = [note("The archive keeps no histories.")]
-    if "case" in figures:
-        key = [
-            tag("span", tag("i", "—", kind="chosen"), " selected case"),
-            tag("span", tag("i", "━", kind="exact"), " exact solution"),
-            tag("span", tag("i", "╌", kind="gap"), " gap"),
-        ]
-        window = note("", id="case-window")
-        curves = [tag("p", *key, kind="key"), window, figure_place("case"), note("", id="case-exact")]
-    table = tag("table", "", id="case-metrics")
-    return tag(
-        "div",
-        tag("h3", _TITLES["case"]),
-        tag("p", "", id="case-labels"),
-        tag("p", "", id="case-status", kind="bad"),
-        *curves,
-        tag("p", "In Python, after ", tag("code", "from workflow import open_archive"), ":"),
-        tag("pre", "", id="case-command", kind="command"),
-        tag("details", tag("summary", "Its metrics"), table, open="" if "case" in figures else "open"),
-        kind="panel",
-    )  # fmt: skip
-
-
-def _hard(reasons: Iterable[str], cases: Sequence[int], dims: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the cases that are worth a look, with a button that selects each."""
+def _worth_a_look(
+    reasons: Iterable[str], cases: Sequence[int], dims: Sequence[Mapping[str, Any]]
+) -> Iterator[tuple[str, str, int]]:
+    """Yield why each notable case is worth a look, where it lies and its number."""
     shape = [len(dim["texts"]) for dim in dims]
-    rows = []
     for why, case in zip(reasons, cases, strict=True):
         place = np.unravel_index(case, shape) if shape else ()
         named = [f"{d['title']} {d['texts'][k]} {d['unit']}".strip() for d, k in zip(dims, place, strict=True)]
         varied = [text for text, size in zip(named, shape, strict=True) if size > 1]
-        button = tag("button", "show", type="button", **{"data-case": str(case), "aria-label": f"show {why}"})
-        rows.append(tag("tr", tag("td", why), tag("td", ", ".join(varied) or "the only case"), tag("td", button)))
-    head = tag("tr", tag("th", "why"), tag("th", "case"), tag("th", "select"))
-    return [tag("h3", "Cases worth a look"), tag("div", tag("table", head, *rows), kind="wide")]
+        yield why, ", ".join(varied) or "the only case", case
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The part of an archive that a page holds.
+
+    Attributes
+    ----------
+    dataset
+        That part.
+    cases
+        Number of each notable case in it.
+    left_out
+        A sentence for every axis of which values are left out.
+    """
+
+    dataset: xr.Dataset
+    cases: tuple[int, ...]
+    left_out: tuple[str, ...]
+
+
+def shown_part(dataset: xr.Dataset, notable: Iterable[int]) -> Shown:
+    """Return the cases that a page holds: all, or evenly spread values of the longest axes and the notable cases."""
+    dims, shape = case_dims(dataset), dataset["status"].shape
+    places = [np.unravel_index(case, shape) if shape else () for case in notable]
+    most = dict.fromkeys(dims, MOST_VALUES)
+    while np.prod([min(n, most[dim]) for dim, n in zip(dims, shape, strict=True)]) > MOST_CASES:
+        longest = max(dims, key=lambda dim: min(dataset.sizes[dim], most[dim]))
+        most[longest] = 7 * min(dataset.sizes[longest], most[longest]) // 8
+    kept, remarks, first = [np.arange(size) for size in shape], [], finest(dataset)
+    for k, (dim, size) in enumerate(zip(dims, shape, strict=True)):
+        if size > most[dim]:
+            even = np.linspace(0, size - 1, most[dim]).round().astype(int)
+            kept[k] = np.unique([*even, first[dim], *(int(place[k]) for place in places)])
+            remarks.append(f"{dim.replace('_', ' ')}: {len(kept[k])} of its {size} values")
+    part = _part(dataset, dict(zip(dims, kept, strict=True))) if remarks else dataset
+    moved = [tuple(map(np.searchsorted, kept, place)) for place in places]
+    cases = tuple(int(np.ravel_multi_index(place, part["status"].shape)) if place else 0 for place in moved)
+    return Shown(part, cases, tuple(remarks))
+
+
+def _part(dataset: xr.Dataset, kept: Mapping[str, NDArray[np.int64]]) -> xr.Dataset:
+    """Return the kept places of an archive; variables that are small are read whole."""
+    small = [name for name, array in dataset.data_vars.items() if array.dtype.kind != "O" and array.nbytes <= MOST_READ]
+    return dataset.isel(kept).assign({name: dataset[name].compute().isel(kept) for name in small})
+
+
+def described(
+    part: xr.Dataset, first: Sequence[int], methods: Mapping[str, str], scene: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return what the page's script reads of cases, by name.
+
+    Parameters
+    ----------
+    part
+        Of :func:`shown_part`.
+    first
+        Numbers of the cases whose histories come first; the first of all is the one shown.
+    methods
+        Method of each scheme by its label.
+    scene
+        Of its study as resolved.
+    """
+    status = np.asarray(part["status"].values).ravel()
+    partners = exact_partners(part, methods)
+    metrics, left_out = _metrics(part, status == Status.OK)
+    of_cost = next((metric["factor"] for metric in metrics if metric["name"] == "processor_time"), 1.0)
+    schemes = np.atleast_1d(part["scheme"].values).tolist() if "scheme" in part.coords else ["the scheme"]
+    return {
+        "statuses": [status.name.lower().replace("_", "-") for status in Status],
+        "colours": COLOURS,
+        "markers": MARKS,
+        "dims": [axis_of(part, dim) for dim in case_dims(part)],
+        "scheme_dim": (scheme_dim := _place_of(part, "scheme")),
+        "schemes": schemes if scheme_dim is None else axis_of(part, case_dims(part)[scheme_dim])["texts"],
+        "h_dim": _place_of(part, "h"),
+        "numerical": [case_dims(part).index(dim) for dim in numerical_dims(part)],
+        "h": np.atleast_1d(part["h"].values) if "h" in part.coords else np.zeros(0),
+        "cost_unit": of_cost * float(part.attrs.get("duration", 1.0)),
+        "start": first[0],
+        "status": status,
+        "exact": partners,
+        "metrics": metrics,
+        "left_out": left_out,
+        "order": _orders(part),
+        "modes": _modes(part),
+        "cases": _cases(part, _order(part, first, partners), scene),
+    }
+
+
+def _place_of(part: xr.Dataset, name: str) -> int | None:
+    """Return the position among the dimensions of the one along which a coordinate lies."""
+    dims, along = case_dims(part), part[name].dims if name in part.coords else ()
+    return dims.index(str(along[0])) if len(along) == 1 and along[0] in dims else None
+
+
+def three_digits(values: NDArray[Any]) -> Array:
+    """Return numbers with the three digits that a page shows; what is not finite is NaN."""
+    return np.array([float(f"{value:.3g}") if np.isfinite(value) else np.nan for value in values.tolist()])
+
+
+def _metrics(part: xr.Dataset, ok: NDArray[np.bool_]) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return the metrics of all cases, the most useful first, and the names of those for which there is no room."""
+    dims = part["status"].dims
+    there = [str(name) for name in part.data_vars if part[name].dims == dims and part[name].dtype.kind == "f"]
+    there += [name for name in ("runaway", "steady_state") if name in part and part[name].dims == dims]
+    ranked = [name for name in _FIRST if name in there or name in _DERIVED]
+    entries: list[dict[str, Any]] = []
+    left = []
+    for name in [*ranked, *(name for name in there if name not in ranked)]:
+        derived = name in _DERIVED
+        values = _DERIVED[name](part) if derived else np.asarray(part[name].values, dtype=float)
+        if values is None or not np.isfinite(values).any():
+            continue
+        if (len(entries) + 1) * ok.size > MOST_NUMBERS and entries:
+            left.append(name.replace("_", " "))
+            continue
+        values = np.where(ok, values.ravel(), np.nan)
+        unit, factor = scaled("1" if derived else str(part[name].attrs.get("units", "1")), values)
+        shown = three_digits(factor * values)
+        entries.append(
+            {
+                "name": name,
+                "title": name.replace("_", " "),
+                "unit": unit,
+                "factor": factor,
+                "about": _EXPLAINED.get(name) or str(part[name].attrs.get("long_name", "")),
+                "varies": np.unique(shown[np.isfinite(shown)]).size > 1,
+                "words": str(part[name].attrs["flag_meanings"]).split() if name == "steady_state" else None,
+                "values": shown,
+            }
+        )
+    return entries, left
+
+
+def _orders(part: xr.Dataset) -> Array | None:
+    """Return the observed order of the scheme in the scene of each case, of its part of the largest error."""
+    error = total_error(part, "scheme_")
+    error = total_error(part) if error is None else error
+    if error is None or _place_of(part, "h") is None:
+        return None
+    status = part["status"]
+    orders = observed_order(part.assign(error=(status.dims, error)), "error")["order"]
+    return np.asarray(orders.broadcast_like(status).transpose(*status.dims).values).ravel().round(2) + 0.0  # no -0.00
+
+
+def _modes(part: xr.Dataset) -> dict[str, Any] | None:
+    """Describe the reduced models of an archive: the mode counts of every place along the dimensions they lie on."""
+    if not all(name in part.coords for name in MODES) or not any(
+        part[name].ndim and part[name].size > 1 for name in MODES
+    ):
+        return None
+    return {name: {"dim": _place_of(part, name), "texts": coordinate_texts(part[name])[1]} for name in MODES}
+
+
+def _order(part: xr.Dataset, first: Sequence[int], partners: NDArray[np.int64]) -> Iterator[int]:
+    """Yield every case once: notable ones, neighbours of the first along every axis, then the largest errors.
+
+    Before each comes its exact partner. Without errors the cases of the rest are spread evenly, by a fixed shuffle.
+    """
+    yielded: set[int] = set()
+    for case in _ranked(part, first):
+        for one in (int(partners[case]), case):
+            if one >= 0 and one not in yielded:
+                yielded.add(one)
+                yield one
+
+
+def _ranked(part: xr.Dataset, first: Sequence[int]) -> Iterator[int]:
+    shape = part["status"].shape
+    yield from first
+    place = np.unravel_index(first[0], shape) if shape else ()
+    for axis, size in enumerate(shape):
+        for k in range(size):
+            yield int(np.ravel_multi_index([*place[:axis], k, *place[axis + 1 :]], shape))
+    mixed = np.random.default_rng(0).permutation(part["status"].size)
+    error = total_error(part)
+    if error is not None:
+        rank = np.where(np.isfinite(error), error, -1.0).ravel()[mixed]
+        mixed = mixed[np.argsort(-rank, kind="stable")]
+    yield from map(int, mixed)
+
+
+def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return histories, load periods and orbits of the first cases of an order, as many as a page holds.
+
+    ``None`` where the archive keeps none of these.
+    """
+    names = [name for name in HISTORIES if name in part] if "t" in part.coords and part.sizes["t"] > 1 else []
+    orbits = ORBIT if ORBIT[0] in part and "point" not in part.dims else ()
+    others = [*orbits, *(name for name in ("period_impulse", "growth_rate") if name in part)]
+    if not names and not orbits and "period_impulse" not in part:
+        return None
+    dims, samples = case_dims(part), part.sizes.get("t", 0)
+    size = len(names) * min(samples, 2 * BUCKETS) + sum(part[name][dict.fromkeys(dims, 0)].size for name in others)
+    kept = list(islice(order, min(MOST_KEPT, max(1, MOST_SAMPLES // size))))
+    buckets = int(np.clip(MOST_SAMPLES // (2 * len(kept) * max(len(names), 1)), BUCKETS, MOST_BUCKETS))
+    units = {name: _unit(part, name) for name in [*names, *orbits[:1]]}
+    is_small = sum(part[name].nbytes for name in [*names, *others]) <= MOST_READ
+    read = {name: part[name].values if is_small else part.variables[name] for name in [*names, *others]}
+    of_scene, status = _of_scene(part), np.asarray(part["status"].values)
+    t = thinned_times(np.asarray(part["t"].values, dtype=float), buckets) if names else np.zeros(0)
+    entries = {}
+    for case in kept:
+        place = tuple(map(int, np.unravel_index(case, status.shape))) if status.shape else ()
+        here = of_scene.isel(dict(zip(dims, place, strict=True)), missing_dims="ignore")
+        values = {
+            name: np.asarray(array[place], dtype=float) * units.get(name, ("", 1.0))[1] for name, array in read.items()
+        }
+        curves = {name: on_screen(thinned(values[name], buckets)) for name in names}
+        frequency = period_frequency(here, scene)
+        entry: dict[str, Any] = {"curves": curves, "window": _window(t, frequency)}
+        if "displacement" in names:
+            entry["gap"] = _gap(here, units["displacement"][1], buckets)
+        if "period_impulse" in values:
+            entry["periods"] = _periods(values["period_impulse"], float(values.get("growth_rate", np.nan)), frequency)
+        if orbits and np.isfinite(values[ORBIT[0]]).all():
+            entry["orbit"] = [closed(values[name]) for name in orbits]
+        if status[place] != Status.OK and "message" in part:
+            entry["message"] = str(part.variables["message"][place].values)[:_LONGEST_MESSAGE]
+        entries[str(case)] = entry
+    return {
+        "histories": names,
+        "titles": [f"{HISTORIES[name]} [{units[name][0]}]" for name in names],
+        "t": t,
+        "orbit_unit": units[orbits[0]][0] if orbits else None,
+        "thinned": samples > 2 * buckets and bool(names),
+        "entries": entries,
+    }
+
+
+def _of_scene(part: xr.Dataset) -> xr.Dataset:
+    """Return the coordinates on which the motion of load and casing depends."""
+    paths = {name: str(coordinate.attrs.get("study_path", "")) for name, coordinate in part.coords.items()}
+    return part.coords.to_dataset()[[n for n, path in paths.items() if n in ("gap", "t") or path.startswith("scene.")]]
+
+
+def _unit(part: xr.Dataset, name: str) -> tuple[str, float]:
+    """Return the unit of a history and the factor to it; it fits the gap or, without one, the usual case."""
+    if name == ORBIT[0]:
+        return scaled("m", part[name].values)
+    size: Any = part["gap"].values if name == "displacement" and "gap" in part.coords else 1.0
+    if not np.any(size):
+        size = part[name].isel(dict.fromkeys(case_dims(part), 0)).values
+    return scaled(str(part[name].attrs.get("units", "1")), size)
+
+
+def _gap(here: xr.Dataset, factor: float, buckets: int) -> Array | None:
+    """Return where the casing of a case is: two equal numbers, or its motion at the times of the histories."""
+    if "gap" not in here:
+        return None
+    motion = casing_motion(here)
+    return (
+        np.full(2, factor * float(here["gap"])) if motion is None else on_screen(factor * thinned(motion[0], buckets))
+    )
+
+
+def _window(t: Array, frequency: float) -> dict[str, Any] | None:
+    """Return from when on histories of very many load periods are shown, the last of them, and a remark."""
+    periods, shown = frequency * np.ptp(t) if t.size else 0.0, 20
+    if not (periods > 60 and t.size > 6 * periods):
+        return None
+    text = f"The last {shown} of {periods:.0f} load periods; the reset tool shows all."
+    return {"start": t[-1] - shown / frequency, "text": text}
+
+
+def _periods(impulse: Array, growth: float, frequency: float) -> dict[str, Any]:
+    """Return the impulse of the load periods, what the growth rate of permanent contact predicts, and a remark."""
+    impulse = impulse[np.isfinite(impulse)]
+    count = impulse.size
+    if not count:
+        return {"text": "This case has no impulses of load periods."}
+    low, high, largest, text = impulse.min(), impulse.max(), np.abs(impulse).max(), f"{count} load periods."
+    predicted = np.full(count, np.nan)
+    if low < high < low + ALIKE * largest:
+        text += f" They differ by {(high - low) / largest:.1e} of the largest."
+    if count > 1 and np.isfinite(growth) and frequency > 0:
+        with np.errstate(over="ignore", invalid="ignore"):
+            factor, k = np.exp(growth / frequency), np.arange(1.0 - count, 1.0)
+            powers = k if factor == 1 else factor * (factor**k - 1) / (factor - 1)  # Σ factor^j, j = 1 … k
+            predicted = impulse[-1] + (impulse[-1] - impulse[-2]) * powers
+        margin = 0.3 * (high - low or abs(high))
+        predicted[~((predicted > low - margin) & (predicted < high + margin))] = np.nan
+        text += (
+            " Dashed: the last two periods extrapolated as if contact were permanent (changes grow "
+            f"{factor:.3g}-fold per period)."
+        )
+    least, most = np.nanmin([*impulse, *predicted]), np.nanmax([*impulse, *predicted])
+    margin = max(0.06 * (most - least), 0.5 * (ALIKE * largest - (most - least))) or 1.0  # alike: a level line
+    return {"impulse": impulse, "predicted": predicted, "range": [least - margin, most + margin], "text": text}
+
+
+def thinned_times(t: Array, buckets: int) -> Array:
+    """Return the times at which :func:`thinned` values are drawn."""
+    if t.size <= 2 * buckets:
+        return t
+    edges = np.linspace(t[0], t[-1], buckets, endpoint=False)
+    return np.asarray(np.repeat(edges, 2) + np.tile([0.25, 0.75], buckets) * (t[-1] - t[0]) / buckets)
+
+
+def thinned(values: Array, buckets: int) -> Array:
+    """Return the least and the largest value of every piece of a history, in the order in which they occur.
+
+    A history of at most two samples a piece stays as it is. A piece with a sample that is not finite is NaN.
+    """
+    if values.size <= 2 * buckets:
+        return values
+    edges = np.linspace(0, values.size, buckets + 1).round().astype(int)
+    inside = edges[:-1, None] + np.arange(np.diff(edges).max())
+    pieces = np.where(np.isfinite(values), values, np.nan)[np.minimum(inside, edges[1:, None] - 1)]
+    extremes = np.sort(np.stack([pieces.argmin(axis=1), pieces.argmax(axis=1)], axis=1), axis=1)
+    return np.take_along_axis(pieces, extremes, axis=1).ravel()
+
+
+def on_screen(values: Array) -> Array:
+    """Return a curve rounded to a thousandth of its range or less, what a screen shows of it."""
+    finite = values[np.isfinite(values)]
+    span = float(np.max(finite) / 2 - np.min(finite) / 2) if finite.size else 0.0
+    if span == 0 or abs(np.log10(span)) > 290:  # a power of ten beyond would overflow
+        return values
+    return np.round(values, 3 - int(np.floor(np.log10(2 * span))))
+
+
+def closed(curve: Array) -> Array:
+    """Return a curve of a period on a screen, back to its first sample."""
+    return on_screen(np.append(curve, curve[:1]))

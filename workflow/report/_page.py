@@ -6,18 +6,14 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from workflow.analysis import RULE, ranges
 from workflow.archive import ArchiveError, commit, open_archive, usable
 from workflow.plots import HISTORIES, MADE_BY, histories, save
 from workflow.report import _sections as sections
-from workflow.report._answer import answer
-from workflow.report._branches import along_branches, interactive_branches, where_it_settles
-from workflow.report._explorer import PAGE_BYTES, interactive
-from workflow.report._html import THEN, image, note, page, paragraph, short, table, tag
-from workflow.report._origin import origin, study_of
-from workflow.report._shares import shares
+from workflow.report._explorer import explored_branches, explored_cases
+from workflow.report._html import interactive_scripts, page, picture, short
 from workflow.run import warnings_of
 
 if TYPE_CHECKING:
@@ -27,13 +23,9 @@ if TYPE_CHECKING:
 _HEAD = 4096
 """Bytes of a page or figure that name its maker."""
 
-_MARGIN = 20_000
-"""Bytes of a page beside its parts."""
-
 _FIGURES = (".png", ".svg", ".pdf")
 
-
-_DRAWN = (sections.precision, sections.maps, along_branches, shares)
+_DRAWN = (sections.precision, sections.maps, sections.along_branches, sections.shares)
 """Sections with figures; the first that an archive has is its main one where it keeps no histories."""
 
 
@@ -114,39 +106,38 @@ def _refuse_foreign(unnamed: Sequence[Path]) -> None:
                 raise ArchiveError(f"{place}: is there, and no report wrote it; move it away, or choose a page with -o")
 
 
-def _write_single(archive: Path, written: Path, picture: Path) -> ReportFiles:
+def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
     with open_archive(archive) as dataset:
-        precision, maps, branches, drawn = (section(dataset) for section in _DRAWN)
-        figure = _response(dataset) or precision.figure or maps.figure or branches.figure or drawn.figure
-        figure_path = None if figure is None else save(figure, picture)
-        methods, scene = study_of(archive)
-        first_block, choice = answer(dataset, methods)
-        head = [
-            tag("h1", _title(dataset, archive)),
-            note(str(dataset.attrs.get("summary", ""))),
-            *_warnings(dataset),
-            *where_it_settles(dataset),
-            *first_block,
-            *maps.body,
-            *branches.body,
-        ]
+        precision, maps, branches, shares = (section(dataset) for section in _DRAWN)
+        figures = [section["figure"] for section in (precision, maps, branches, shares) if section]
+        figure = next(filter(None, [_response(dataset), *figures]), None)
+        figure_path = None if figure is None else save(figure, beside)
+        methods, scene = sections.study_of(archive)
+        answer, choice = sections.answered(dataset, methods)
         has_transients = "point" not in dataset.dims  # an archive of branches has steady rubs alone
-        rest = [*sections.cases(dataset)]
-        if has_transients:
-            rest += [
-                *sections.standing(dataset),
-                *precision.body,
-                *(drawn.body or sections.effects(dataset, methods)),
-                *sections.errors(dataset),
-            ]
-        rest += origin(dataset, archive)
-        room = PAGE_BYTES - sum(len(part.encode()) for part in [*head, *rest]) - _MARGIN
-        shown, scripts = (
-            interactive(dataset, archive.name, choice, methods, scene, room)
-            if has_transients
-            else interactive_branches(dataset)
+        explore = explored_cases(dataset, archive.name, choice, methods, scene) if has_transients else None
+        if not has_transients and branches:
+            explore = explored_branches(dataset, sections.varied_along_branches(dataset)[0])
+        text = page(
+            archive.name,
+            interactive_scripts() if explore else [],
+            **_about(dataset, archive),
+            summary=str(dataset.attrs.get("summary", "")),
+            limits=sections.where_it_settles(dataset),
+            answer=answer,
+            maps=maps,
+            branches=branches,
+            explore=explore,
+            cases=sections.cases(dataset),
+            rule=RULE,
+            standing=sections.standing(dataset) if has_transients else None,
+            precision=precision if has_transients else None,
+            shares=shares if has_transients else None,
+            effects=sections.effects(dataset, methods) if has_transients and not shares else None,
+            errors=sections.errors(dataset) if has_transients else None,
+            origin=sections.origin(dataset, archive),
         )
-    commit(written, page(archive.name, [*head, *shown, *rest], scripts).encode())
+    commit(written, text.encode())
     return ReportFiles(written, figure_path)
 
 
@@ -162,7 +153,7 @@ def _write_figure(archive: Path, written: Path) -> ReportFiles:
     with open_archive(archive) as dataset:
         figure = _response(dataset)
         for section in _DRAWN:
-            figure = figure or section(dataset).figure
+            figure = figure or (section(dataset) or {}).get("figure")
         if figure is None:
             raise ArchiveError(
                 f"{archive}: has no figure: it keeps no histories, no errors at three steps and no two axes of four "
@@ -172,47 +163,34 @@ def _write_figure(archive: Path, written: Path) -> ReportFiles:
 
 
 def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
-    rows, new = [], []
-    parts: list[str] = []
-    for number, archive in enumerate(archives):
+    rows: list[Any] = []
+    new, parts = [], []
+    for archive in archives:
         with open_archive(archive) as dataset:
-            name, title = str(dataset.attrs.get("study", archive.stem)), _title(dataset, archive)
+            about = _about(dataset, archive)
+            new.append(len(rows))
             for k, row in enumerate(ranges(dataset)):
                 rows.append(
                     [
-                        name if k == 0 else "", row.scheme, f"{row.ok}/{row.cases}", row.stable, row.accurate or "–",
-                        short(row.finest), short(row.coarsest), short(row.residual, "+.1e"), short(row.penetration),
-                        THEN.join(row.verdicts),
+                        about["name"] if k == 0 else "", row.scheme, f"{row.ok}/{row.cases}", row.stable,
+                        row.accurate or "–", short(row.finest), short(row.coarsest), short(row.residual, "+.1e"),
+                        short(row.penetration), row.verdicts,
                     ]
                 )  # fmt: skip
-                new.append(k == 0 and number > 0)
-            parts += [tag("h2", name), paragraph(f"{title}.")]
-            parts += _warnings(dataset) + answer(dataset, study_of(archive)[0])[0]
             response = _response(dataset)
-            parts += [] if response is None else [image(response, "tip response")]
-            parts += sections.standing(dataset)[3:]
-            if dataset.sizes.get("h", 1) > 4:
-                parts += sections.precision(dataset).body
-    head = [
-        "study", "scheme", "ok", "stable up to", "accurate up to", "error at the smallest h", "at the largest stable h",
-        "energy residual", "penetration / gap", "verdict, from small h to large",
-    ]  # fmt: skip
-    body = [
-        tag("h1", f"Who stays stable, who is accurate: {len(archives)} studies"),
-        note(
-            f"{RULE} Errors are the largest of the impulse among ok cases; energy residual and penetration the largest "
-            f"of all ok cases. {sections.TERMS}"
-        ),
-        table(head, rows, new),
-    ]
-    commit(written, page("studies", body + parts).encode())
+            about["response"] = None if response is None else picture(response, "tip response")
+            about["answer"], _ = sections.answered(dataset, sections.study_of(archive)[0])
+            about["standing"] = sections.standing(dataset)
+            about["precision"] = sections.precision(dataset) if dataset.sizes.get("h", 1) > 4 else None
+            parts.append(about)
+    commit(written, page("studies", rule=RULE, archives=parts, rows=rows, new=new[1:]).encode())
     return ReportFiles(written, None)
 
 
-def _title(dataset: xr.Dataset, archive: Path) -> str:
-    return str(dataset.attrs.get("title", "")) or archive.name
-
-
-def _warnings(dataset: xr.Dataset) -> list[str]:
-    """Return what is to be aware of before anything is read off the results."""
-    return [paragraph(f"Beware: {warning}.") for warning in warnings_of(dataset)]
+def _about(dataset: xr.Dataset, archive: Path) -> dict[str, Any]:
+    """Return an archive's name and title, and what is to be aware of before anything is read off the results."""
+    return {
+        "name": str(dataset.attrs.get("study", archive.stem)),
+        "heading": str(dataset.attrs.get("title", "")) or archive.name,
+        "warnings": warnings_of(dataset),
+    }

@@ -1,33 +1,62 @@
-"""Sections of a report: cases, effects of axes, errors, standings, speed against error."""
+"""What the sections of a report say, in plain values for ``page.html``; ``None`` where an archive has nothing to say.
+
+A section with pictures has one that is its main ``figure`` too.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from workflow.analysis import (
     ERRORS,
-    RULE,
+    RECOMMENDATION_COLUMNS,
+    Choice,
     Line,
+    NoReferenceError,
+    NothingSteadyError,
     case_dims,
+    count_sentence,
     decided,
+    drawn_dim,
     effect,
     exact_place,
     failures,
     finest,
+    followed_axis,
     hidden,
+    is_exact,
     labels_of,
+    limit_sentence,
+    limits,
     lines,
     modes_along,
     place_text,
+    recommend,
+    recommendation_cautions,
+    recommendation_row,
     runaways,
+    sentence,
     standings,
+    undecidable,
+    usual_recommendations,
 )
-from workflow.plots import convergence, map_dims, metric_by_axis, middle, scene_map, single_maps, work_precision
-from workflow.report._html import image, note, paragraph, short, table, tag
+from workflow.archive import json_in, provenance
+from workflow.plots import (
+    branches,
+    convergence,
+    map_dims,
+    metric_by_axis,
+    middle,
+    scene_map,
+    single_maps,
+    sobol_indices,
+    work_precision,
+)
+from workflow.report._html import picture, short
 from workflow.run import status_counts
 from workflow.schemes import Status
 from workflow.study import MODES
@@ -35,31 +64,16 @@ from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
+
+Section = dict[str, Any]
 
 METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
+_ALONG_BRANCHES = ("steady_max_temperature", "steady_impulse", "floquet_multiplier")
 _DECIDED_SHOWN = 40
 _FAILURES_SHOWN = 20
 _LABELS_SHOWN = 8
-
-
-@dataclass(frozen=True)
-class Section:
-    """A section of a page and its main figure, ``None`` where there is nothing to draw."""
-
-    body: Sequence[str]
-    figure: Figure | None
-
-
-TERMS = (
-    "Energy residual: energy that the scheme itself creates (+) or takes (−), what loads, damping, heat and impacts do "
-    "aside, as a share of the largest energy of the case. Effective e: speed after over speed before an impact, "
-    "median, of schemes that read no restitution coefficient; 1 keeps the energy of an impact, 0 takes it. "
-    "Penetration / gap: how far the tip passes the casing, in gaps; in metres where the gap is 0."
-)
-"""What the columns of the standings are."""
-
 _STANDINGS_SHOWN = 150
+_FACTS = ("processor", "platform", "solver_version", "code_revision", "content_hash")
 
 
 def any_ok(dataset: xr.Dataset) -> bool:
@@ -67,39 +81,99 @@ def any_ok(dataset: xr.Dataset) -> bool:
     return bool((dataset["status"] == Status.OK).any())
 
 
-def cases(dataset: xr.Dataset) -> list[str]:
+def answered(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[Section, Choice | None]:
+    """Return what an archive recommends at its study's tolerance, or why it holds no answer, and the choice.
+
+    The choice is what comes nearest where nothing meets the tolerance, and ``None`` without a reference. ``methods``
+    holds the method of each scheme.
+    """
+    try:
+        recommendation = recommend(dataset)
+    except (NoReferenceError, ValueError) as error:
+        explanation = (
+            "Every case is the exact solution of its model (event_driven): there is no step to choose. By how much the "
+            "model errs the archive does not say: its study has no `reference`."
+            if is_exact(dataset, methods)
+            else f"Which method, which step: {error}. Run the study with `reference: {{scheme: event_driven}}` to "
+            "another archive, with -o."
+        )
+        return {"explanation": explanation}, None
+    usual = usual_recommendations(dataset, recommendation)
+    answer = {
+        "sentence": sentence(recommendation),
+        "cautions": recommendation_cautions(dataset),
+        "undecidable": list(dict.fromkeys(undecidable(one) for one in usual if one.undecidable)),
+        "columns": RECOMMENDATION_COLUMNS,
+        "rows": [recommendation_row(one) for one in usual],
+    }
+    return answer, recommendation.choice or recommendation.next
+
+
+def where_it_settles(dataset: xr.Dataset) -> Section | None:
+    """Say in which range of each axis every rub settles, as ``workflow limits`` without bounds."""
+    try:
+        found = limits(dataset)
+    except NothingSteadyError:
+        return None
+    return {
+        "sentences": [limit_sentence(limit, dataset, {}) for limit in found.limits],
+        "count": count_sentence(found),
+    }
+
+
+def varied_along_branches(dataset: xr.Dataset) -> list[str]:
+    """Return the variables that are drawn along branches, of an archive with any; heat only where some acts."""
+    if followed_axis(dataset) is None or not any_ok(dataset):
+        return []
+    return [name for name in _ALONG_BRANCHES if np.nanmax(dataset[name].values) > 0]
+
+
+def along_branches(dataset: xr.Dataset) -> Section | None:
+    """Draw the branches of an archive."""
+    names = varied_along_branches(dataset)
+    if not names:
+        return None
+    figures = {name: branches(dataset, name) for name in names}
+    pictures = [picture(one, f"{name.replace('_', ' ')} along the branches") for name, one in figures.items()]
+    return {"pictures": pictures, "figure": branches(dataset, names[0])}
+
+
+def maps(dataset: xr.Dataset) -> Section | None:
+    """Draw maps of a scene over two axes, of archives that hold load periods and no errors."""
+    dims = map_dims(dataset)
+    if dims is None or "impulse_error" in dataset or not any_ok(dataset):
+        return None
+    place = middle(dataset, dims)
+    pictures = [picture(one, "map of the scene over two axes") for one in single_maps(dataset, dims, place)]
+    if not pictures:
+        return None
+    return {"pictures": pictures, "where": place_text(dataset, place), "figure": scene_map(dataset, *dims)}
+
+
+def cases(dataset: xr.Dataset) -> Section:
     """Tell how the cases ended and along which dimensions they lie."""
-    counts = status_counts(dataset)
-    body: list[str] = [tag("h2", "Cases"), table(["status", "cases"], [[name, str(n)] for name, n in counts.items()])]
     above, flutter = runaways(dataset)
+    critical = np.zeros(0)
     if above:
-        limits = dataset["critical_alpha"].where(dataset["status"] == Status.OK)
-        critical = np.unique(limits.where(dataset["alpha"] > limits).values.round(12))
-        text = ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5])
-        body.append(
-            paragraph(
-                f"{above} of the ok cases lie above the critical heat coupling ({text} W/N): in permanent contact "
-                "their tip would run away thermally. That is physics, not a failure."
-            )
-        )
-    if flutter:
-        body.append(
-            paragraph(
-                f"{flutter} of the ok cases would flutter in permanent contact below the critical heat coupling: an "
-                "oscillation grows, at the growth_rate. That is physics, not a failure."
-            )
-        )
-    entries = failures(dataset)
-    if entries:
-        rows = [[f.status, str(f.cases), f.first, f.message] for f in entries[:_FAILURES_SHOWN]]
-        body.append(table(["status", "cases", "the first of them", "what it did"], rows))
-        if len(entries) > _FAILURES_SHOWN:
-            body.append(paragraph(f"… and {len(entries) - _FAILURES_SHOWN} more messages."))
-    body += _decided(dataset)
-    dims = [[dim, str(dataset.sizes[dim]), _listed(labels_of(dataset, dim, False, True))] for dim in case_dims(dataset)]
-    if dims:
-        body.append(table(["dimension", "size", "values"], dims))
-    return body
+        couplings = dataset["critical_alpha"].where(dataset["status"] == Status.OK)
+        critical = np.unique(couplings.where(dataset["alpha"] > couplings).values.round(12))
+    groups = failures(dataset)
+    return {
+        "counts": [[name, str(number)] for name, number in status_counts(dataset).items()],
+        "above": above,
+        "critical": ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5]),
+        "flutter": flutter,
+        "failures": [[f.status, str(f.cases), f.first, f.message] for f in groups[:_FAILURES_SHOWN]],
+        "more_failures": max(len(groups) - _FAILURES_SHOWN, 0),
+        "decided": [
+            [one.where, f"{one.mechanical_modes} + {one.thermal_modes}", _percent(one.error)]
+            for one in decided(dataset)[:_DECIDED_SHOWN]
+        ],
+        "dims": [
+            [dim, str(dataset.sizes[dim]), _listed(labels_of(dataset, dim, named=False, rounded=True))]
+            for dim in case_dims(dataset)
+        ],
+    }
 
 
 def _listed(labels: list[str]) -> str:
@@ -107,77 +181,37 @@ def _listed(labels: list[str]) -> str:
     return "; ".join(labels if len(labels) <= _LABELS_SHOWN else [*labels[: _LABELS_SHOWN - 2], "…", labels[-1]])
 
 
-def _decided(dataset: xr.Dataset) -> list[str]:
-    """Tell which counts of modes tolerances decided, and the errors found with them."""
-    rows = [
-        [one.where, f"{one.mechanical_modes} + {one.thermal_modes}", _percent(one.error)]
-        for one in decided(dataset)[:_DECIDED_SHOWN]
-    ]
-    return [table(["modes that the tolerance decided for", "modes", "largest known error"], rows)] if rows else []
-
-
-def maps(dataset: xr.Dataset) -> Section:
-    """Draw maps of a scene over two axes, of archives that hold load periods and no errors."""
-    dims = map_dims(dataset)
-    if dims is None or "impulse_error" in dataset or not any_ok(dataset):
-        return Section([], None)
-    place = middle(dataset, dims)
-    pictures = [image(one, "map of the scene over two axes") for one in single_maps(dataset, dims, place)]
-    if not pictures:
-        return Section([], None)
-    where = place_text(dataset, place)
-    about = (
-        f"In the middle of all other axes{f' ({where})' if where else ''}; the map below moves through all of them. "
-        "Grey: the tip never touches its casing (growth: not in the first load period), or the case is not ok. Dashed: "
-        "the critical coupling, above which a tip in permanent contact runs away."
-    )
-    body = [tag("h2", "Maps"), note(about), tag("div", *pictures, kind="panels")]
-    return Section(body, scene_map(dataset, *dims))
-
-
-def effects(archive: xr.Dataset, methods: Mapping[str, str]) -> list[str]:
+def effects(archive: xr.Dataset, methods: Mapping[str, str]) -> Section | None:
     """Tell what each axis does, to the exact solutions where there are any, and which do less than the schemes err."""
     exact = exact_place(archive, methods) or {}
     dataset = archive.isel(exact)
-    of_exact = place_text(archive, {dim: k for dim, k in exact.items() if dim != "h"})
     dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
     if not dims or not any_ok(dataset):
-        return []
+        return None
     names = [name for name in METRICS if name in dataset]
-    rows = [[dim, *(_percent(effect(dataset, name, dim)) for name in names)] for dim in dims]
-    shown = place_text(dataset, finest(dataset))
-    return [
-        tag("h2", "What the axes do"),
-        paragraph(
-            "Largest change along each axis, all others fixed, as a share of the largest value of all cases"
-            + (f": the exact solutions, {of_exact}." if of_exact else ".")
-        ),
-        table(["axis", *(name.replace("_", " ") for name in names)], rows),
-        *_hidden(archive),
-        paragraph(f"Grey: from the least to the largest ok case. The line changes one axis of {shown}."),
-        image(metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
-        image(metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),
-    ]
+    return {
+        "of_exact": place_text(archive, {dim: k for dim, k in exact.items() if dim != "h"}),
+        "head": ["axis", *(name.replace("_", " ") for name in names)],
+        "rows": [[dim, *(_percent(effect(dataset, name, dim)) for name in names)] for dim in dims],
+        "hidden": [
+            f"{one.dim} changes the {one.metric.replace('_', ' ')} by {_percent(one.effect)} in the most accurate "
+            "computation, no more than the median error of "
+            + "; ".join(f"{scheme} at {steps}" for scheme, steps in one.within.items())
+            + "."
+            for one in hidden(archive)
+        ],
+        "shown": place_text(dataset, finest(dataset)),
+        "pictures": [
+            picture(metric_by_axis(dataset, "contact_impulse"), "contact impulse along each axis"),
+            picture(metric_by_axis(dataset, "max_temperature"), "largest temperature along each axis"),
+        ],
+    }
 
 
-def _hidden(dataset: xr.Dataset) -> list[str]:
-    entries = []
-    for one in hidden(dataset):
-        who = "; ".join(f"{scheme} at {steps}" for scheme, steps in one.within.items())
-        entries.append(
-            tag(
-                "li",
-                f"{one.dim} changes the {one.metric.replace('_', ' ')} by {_percent(one.effect)} in the most accurate "
-                f"computation, no more than the median error of {who}.",
-            )
-        )
-    return [paragraph("Axes whose effect lies below the error:"), tag("ul", *entries)] if entries else []
-
-
-def standing(dataset: xr.Dataset) -> list[str]:
+def standing(dataset: xr.Dataset) -> Section:
     """Tell who stays stable and who is accurate, by scheme and step."""
-    rows = standings(dataset)
-    body = [
+    found = standings(dataset)
+    rows = [
         [
             row.scheme,
             row.step,
@@ -186,23 +220,18 @@ def standing(dataset: xr.Dataset) -> list[str]:
             short(row.residual, "+.1e"),
             short(row.penetration),
             short(row.restitution, ".2g"),
-            row.verdict,
+            (row.verdict,),
         ]
-        for row in rows[:_STANDINGS_SHOWN]
+        for row in found[:_STANDINGS_SHOWN]
     ]
-    head = [
-        "scheme", "h", "cases", "scheme's impulse error", "energy residual", "penetration / gap", "effective e",
-        "verdict",
-    ]  # fmt: skip
-    new = [k > 0 and row.scheme != rows[k - 1].scheme for k, row in enumerate(rows)]
-    more = [paragraph(f"… and {len(rows) - len(body)} more.")] if len(rows) > len(body) else []
-    return [tag("h2", "Who stays stable, who is accurate"), note(RULE), note(TERMS), table(head, body, new), *more]
+    new = [k for k in range(1, len(rows)) if rows[k][0] != rows[k - 1][0]]
+    return {"rows": rows, "new": new, "more": len(found) - len(rows)}
 
 
-def errors(dataset: xr.Dataset) -> list[str]:
+def errors(dataset: xr.Dataset) -> Section | None:
     """Tell the errors against the reference by scheme and step, median and largest of all other cases."""
     if "impulse_error" not in dataset or not any_ok(dataset):
-        return []
+        return None
     dims, names = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)], [f"{name}_error" for name in COMPARED]
     labels = {dim: labels_of(dataset, dim, named=False, rounded=True) for dim in dims}
     of_ok = dataset[names].where(dataset["status"] == Status.OK)
@@ -213,39 +242,33 @@ def errors(dataset: xr.Dataset) -> list[str]:
         at = dict(zip(dims, place, strict=True))
         pairs = [(float(medians[name].isel(at)), float(largest[name].isel(at))) for name in names]
         rows.append([labels[dim][k] for dim, k in at.items()] + [f"{short(a)} / {short(b)}" for a, b in pairs])
-    about = paragraph(
-        "Relative L2 distance from the reference, median / largest of the ok cases over all other axes; reduced models "
-        f"carry their own error. Predictability of the references: {float(dataset['predictability'].max()):.1e}, the "
-        "change of a reference when its gap changes by 1e-12."
-    )
-    head = [*dims, *(name.replace("_", " ") for name in names)]
-    return [tag("h2", "Errors"), about, table(head, rows)]
+    return {
+        "predictability": f"{float(dataset['predictability'].max()):.1e}",
+        "head": [*dims, *(name.replace("_", " ") for name in names)],
+        "rows": rows,
+    }
 
 
-def precision(dataset: xr.Dataset) -> Section:
+def precision(dataset: xr.Dataset) -> Section | None:
     """Draw speed against error where an archive has both, and name the observed orders."""
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 3 or not any_ok(dataset):
-        return Section([], None)
+        return None
     fewest = _fewest_modes(dataset)
-    shown = place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")})
-    orders = [
-        [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.orders[name]) for name in ERRORS), _limit(line)]
-        for line in lines(dataset)
-        if not line.exact
-    ]
     figure = work_precision(dataset, dataset.isel(fewest) if fewest else None)
-    body = [
-        tag("h2", "Speed against error"),
-        paragraph(
-            f"{shown or 'The only scene'}. Times are those of this run on its machine, with whatever else ran there; "
-            "the share of a case in its batch."
-        ),
-        image(figure, "relative error against processor seconds per simulated second"),
-        image(convergence(dataset), "relative error, penetration and energy residual against the step"),
-        paragraph("Observed orders: slopes of log error over log h of three errors or more below 0.1; rms about them:"),
-        table(["scheme", *(f"{one}: order / scatter" for one in ERRORS.values()), "last stable step [s]"], orders),
-    ]
-    return Section(body, figure)
+    return {
+        "shown": place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")}),
+        "pictures": [
+            picture(figure, "relative error against processor seconds per simulated second"),
+            picture(convergence(dataset), "relative error, penetration and energy residual against the step"),
+        ],
+        "head": ["scheme", *(f"{one}: order / scatter" for one in ERRORS.values()), "last stable step [s]"],
+        "orders": [
+            [line.scheme, *(" / ".join(short(one, "z.2f") for one in line.orders[n]) for n in ERRORS), _limit(line)]
+            for line in lines(dataset)
+            if not line.exact
+        ],
+        "figure": figure,
+    }
 
 
 def _limit(line: Line) -> str:
@@ -259,6 +282,61 @@ def _fewest_modes(dataset: xr.Dataset) -> dict[str, int]:
         str(dim) for name in MODES if name in dataset.coords for dim in dataset[name].dims if dataset.sizes[dim] > 1
     }
     return {dim: int(np.argmin(modes_along(dataset, dim))) for dim in dims}
+
+
+def shares(dataset: xr.Dataset) -> Section | None:
+    """Draw the Sobol' indices of metrics that the drawn numbers change, of an archive with the matrices for it."""
+    design = drawn_dim(dataset)
+    if design is None:
+        return None
+    changing = [name for name in METRICS if name in dataset and effect(dataset, name, design) > 0]
+    figure = sobol_indices(dataset, *changing) if changing else None
+    return {
+        "where": place_text(dataset, {dim: k for dim, k in finest(dataset).items() if dim != design}),
+        "pictures": [] if figure is None else [picture(figure, "Sobol' indices of the drawn numbers")],
+        "figure": figure,
+    }
+
+
+def study_of(archive: Path) -> tuple[dict[str, str], dict[str, Any]]:
+    """Return the method of each scheme of an archive's study by its label, and the scene as resolved.
+
+    Both are empty where provenance does not hold them.
+    """
+    resolved = json_in(provenance(archive), "resolved")
+    schemes, scene = ({} if not isinstance(part, dict) else part for part in map(resolved.get, ("schemes", "scene")))
+    methods = {
+        str(k): str(form["method"]) for k, form in schemes.items() if isinstance(form, dict) and "method" in form
+    }
+    return methods, scene
+
+
+def origin(dataset: xr.Dataset, archive: Path) -> Section:
+    """Tell where an archive comes from: its study, when and where it was run, and by what software."""
+    stored = provenance(archive)
+    facts = {
+        "written": str(dataset.attrs.get("history", "")).split(": ", 1)[0],
+        "processor time": _computing(dataset),
+        "run": _run(json_in(stored, "run")),
+        **{name.replace("_", " "): stored.get(name, "") for name in _FACTS},
+        "versions": ", ".join(f"{name} {version}" for name, version in json_in(stored, "versions").items()),
+    }
+    return {"facts": [fact for fact in facts.items() if fact[1]], "study": stored.get("study", "")}
+
+
+def _computing(dataset: xr.Dataset) -> str:
+    """Return the sum of the cases' times."""
+    seconds = np.asarray(dataset["processor_time"].values, dtype=float) if "processor_time" in dataset else np.zeros(0)
+    finite = seconds[np.isfinite(seconds)]
+    return f"{finite.sum():.3g} s, the sum over {finite.size} cases, references aside" if finite.size else ""
+
+
+def _run(run: Mapping[str, Any]) -> str:
+    """Return seconds, cases and machine of the last run of an archive, as it stored them."""
+    try:
+        return f"{float(run['seconds']):.3g} s for {int(run['cases'])} cases on {run['where']}"
+    except (ValueError, KeyError, TypeError):
+        return ""
 
 
 def _percent(share: float) -> str:

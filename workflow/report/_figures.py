@@ -1,14 +1,24 @@
-"""Figures and widgets of an interactive page, made with Bokeh; their data is filled in by the page's own script.
+"""Figures and widgets of an interactive page, made with Bokeh; the page's script fills them with numbers.
 
 Every part that the script looks for has a name. Figures are as wide as the page lets them be.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import TYPE_CHECKING, Any
 
-from workflow.plots._style import COLOURS, GREY
+import numpy as np
+
+from workflow.analysis import case_dims, followed_axis, labels, labels_of
+from workflow.plots import COLOURS
+from workflow.plots._style import GREY
+from workflow.plots._units import in_units, scaled
+from workflow.study import AUTO, MODES
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MARKS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "plus", "x", "star")
 """Markers of schemes, one for each colour of :data:`COLOURS`."""
@@ -25,34 +35,49 @@ STATE_COLOURS = ("#009E73", "#56B4E9", "#0072B2", "#E69F00", "#CC79A7", "#8a8a8a
 """Of what becomes of rubs, in the order of ``steady_state``."""
 
 
-def explorer(description: dict[str, Any], status_names: Sequence[str]) -> dict[str, Any]:
-    """Return what Bokeh's script draws for the description of :func:`workflow.plots.page_data`, by name of its place.
+ORBIT = ("orbit_displacement", "orbit_velocity", "orbit_temperature")
+
+
+def drawn(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Return figures as the page's script gives them to Bokeh, each for the element ``figure-NAME``."""
+    from bokeh.document import Document
+
+    document = Document()
+    for figure in figures.values():
+        document.add_root(figure)
+    return {
+        "drawn": document.to_json(deferred=False),
+        "roots": {figure.id: f"figure-{name}" for name, figure in figures.items()},
+    }
+
+
+def case_figures(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the figures for what :func:`workflow.report._explorer.described` says, by name of their place.
 
     Parts for which the archive has nothing are left out.
     """
-    from bokeh.embed import json_item
-
-    axes = [axis for axis in description["dims"] if len(axis["texts"]) > 1]
-    metrics = [metric["name"] for metric in description["metrics"]]
-    cases = description["cases"]
-    parts: dict[str, Any] = {}
-    if cases and cases["kept"]:
-        parts["case"] = _histories(cases["histories"])
+    axes = [axis for axis in about["dims"] if len(axis["texts"]) > 1]
+    metrics = [metric["name"] for metric in about["metrics"]]
+    cases = about["cases"]
+    figures: dict[str, Any] = {}
+    if cases and cases["histories"]:
+        figures["case"] = _histories(cases["histories"], cases["titles"])
     if axes:
-        parts["controls"] = _controls(description, axes)
-        parts["map"] = _map(status_names, next((m["words"] for m in description["metrics"] if m["words"]), []))
+        figures["controls"] = _controls(about, axes)
+        states: Sequence[str] = next((m["words"] for m in about["metrics"] if m["words"]), [])
+        figures["map"] = _map({"statuses": (about["statuses"], STATUS_COLOURS), "states": (states, STATE_COLOURS)})
     if "error" in metrics and axes:
-        if "processor_time" in metrics and description["numerical"]:
-            parts["cost"] = _errors("cost", "processor time / simulated time [s/s]")
-        if description["h_dim"] is not None and len(description["h"]) > 1:
-            parts["order"] = _errors("order", "step h [s]")
-        if description["modes"]:
-            parts["modes"] = _modes()
+        if "processor_time" in metrics and about["numerical"]:
+            figures["cost"] = _errors("cost", "processor time / simulated time [s/s]")
+        if about["h_dim"] is not None and len(about["h"]) > 1:
+            figures["order"] = _errors("order", "step h [s]")
+        if about["modes"]:
+            figures["modes"] = _modes(about["modes"], about["chosen_modes"])
     if cases and any("periods" in entry for entry in cases["entries"].values()):
-        parts["periods"] = _periods()
-    if cases and cases["orbit"]:
-        parts["orbit"] = orbit_panels(cases["orbit"]["unit"])
-    return {name: json_item(model) for name, model in parts.items()}
+        figures["periods"] = _periods()
+    if cases and cases["orbit_unit"]:
+        figures["orbit"] = orbit_panels(cases["orbit_unit"])
+    return figures
 
 
 def panel_of(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset,save", **options: Any) -> Any:
@@ -68,7 +93,8 @@ def panel_of(name: str, height: int, tools: str = "pan,box_zoom,wheel_zoom,reset
     panel.axis.axis_label_text_font_style = "normal"
     panel.min_border_right = 12
     for axis in panel.axis:
-        axis.formatter = BasicTickFormatter(power_limit_low=-5)
+        if isinstance(axis.formatter, BasicTickFormatter):
+            axis.formatter.power_limit_low = -5
     return panel
 
 
@@ -78,22 +104,21 @@ def source_of(name: str, *columns: str) -> Any:
     return ColumnDataSource(name=name, data={column: [] for column in columns})
 
 
-def _histories(histories: Sequence[dict[str, Any]]) -> Any:
+def _histories(names: Sequence[str], titles: Sequence[str]) -> Any:
     """Return a figure for each history, below each other, with the exact solution behind the case."""
     from bokeh.layouts import column
     from bokeh.models import Range1d
 
-    names = [history["name"] for history in histories]
     chosen, exact, gap = source_of("chosen", "t", *names), source_of("exact", "t", *names), source_of("gap", "t", "gap")
     time, panels = Range1d(0, 1, name="time"), []
-    for history in histories:
-        last = history is histories[-1]
-        panel = panel_of(f"panel_{history['name']}", 215 if last else 185, x_range=time)
-        panel.line("t", history["name"], source=exact, line_color=EXACT, line_width=4)
-        panel.line("t", history["name"], source=chosen, line_color=CHOSEN, line_width=1.0)
-        if history["name"] == "displacement":
+    for name, title in zip(names, titles, strict=True):
+        last = name == names[-1]
+        panel = panel_of(f"panel_{name}", 215 if last else 185, x_range=time)
+        panel.line("t", name, source=exact, line_color=EXACT, line_width=4)
+        panel.line("t", name, source=chosen, line_color=CHOSEN, line_width=1.0)
+        if name == "displacement":
             panel.line("t", "gap", source=gap, line_color=SELECTED, line_dash="dashed", line_width=1.5)
-        panel.yaxis.axis_label = f"{history['title']} [{history['unit']}]"
+        panel.yaxis.axis_label = title
         panel.yaxis.axis_label_text_font_size = "11px"
         panel.xaxis.visible = last
         panel.xaxis.axis_label = "time [s]"
@@ -101,16 +126,16 @@ def _histories(histories: Sequence[dict[str, Any]]) -> Any:
     return column(*panels, sizing_mode="stretch_width", name="histories")
 
 
-def _controls(description: dict[str, Any], axes: Sequence[dict[str, Any]]) -> Any:
+def _controls(about: Mapping[str, Any], axes: Sequence[dict[str, Any]]) -> Any:
     """Return menus for the metric and the axes of the map, and a slider for each axis."""
     from bokeh.layouts import column
     from bokeh.models import CategoricalSlider, InlineStyleSheet, Select
 
     wrapped = InlineStyleSheet(css=".bk-slider-title { white-space: normal; overflow-wrap: anywhere; }")
     names = [pair for axis in axes for pair in _sides(axis)]
-    first, second = map_axes(description)
-    metrics = [("status", "status")] + [(metric["name"], metric["title"]) for metric in description["metrics"]]
-    varied = [metric["name"] for metric in description["metrics"] if metric["varies"]]
+    first, second = map_axes(about)
+    metrics = [("status", "status")] + [(metric["name"], metric["title"]) for metric in about["metrics"]]
+    varied = [metric["name"] for metric in about["metrics"] if metric["varies"]]
     start = next(
         (name for name in ("error", "steady_state", "max_temperature", "contact_impulse", *varied) if name in varied),
         "status",
@@ -143,25 +168,28 @@ def _sides(axis: dict[str, Any]) -> list[tuple[str, str]]:
     return numbers or [(axis["name"], axis["title"])]
 
 
-def map_axes(description: dict[str, Any]) -> tuple[str, str]:
+def map_axes(about: Mapping[str, Any]) -> tuple[str, str]:
     """Return the names of the sides of the map at first: scheme and h where they have three values, else the longest.
 
     Of two axes h or α lies across; drawn numbers come before all axes.
     """
-    drawn = [name for axis in description["dims"] if axis["numbers"] for name, _ in _sides(axis)]
+    drawn = [name for axis in about["dims"] if axis["numbers"] for name, _ in _sides(axis)]
     if drawn:
         return (drawn[0], drawn[1]) if len(drawn) > 1 else (drawn[0], "")
-    sizes = {axis["name"]: len(axis["texts"]) for axis in description["dims"] if len(axis["texts"]) > 1}
+    sizes = {axis["name"]: len(axis["texts"]) for axis in about["dims"] if len(axis["texts"]) > 1}
     ranked = sorted(sizes, key=lambda name: (name not in ("h", "scheme") or sizes[name] < 3, -sizes[name]))
     first = ranked[0]
     second = next((name for name in ranked[1:]), "")
     return (second, first) if second == "alpha" or (first, second) == ("scheme", "h") else (first, second)
 
 
-def _map(status_names: Sequence[str], state_names: Sequence[str]) -> Any:
-    """Return the map: an image, what is not ok, values where they fit, and the cell that is selected."""
-    import numpy as np
+def _map(words: Mapping[str, tuple[Sequence[str], Sequence[str]]]) -> Any:
+    """Return the map: an image, what is not ok, values where they fit, and the cell that is selected.
+
+    ``words`` has the meanings of whole numbers and their colours for each scale of words.
+    """
     from bokeh.models import ColorBar, ColumnDataSource, FixedTicker, LinearColorMapper, LogColorMapper, Range1d
+    from bokeh.models.labeling import NoOverlap
     from bokeh.palettes import Cividis256
 
     panel = panel_of("map", 420, tools="reset,save", x_range=Range1d(0, 1), y_range=Range1d(0, 1))
@@ -169,10 +197,9 @@ def _map(status_names: Sequence[str], state_names: Sequence[str]) -> Any:
         "linear": LinearColorMapper(palette=Cividis256, nan_color="#dddddd", name="linear"),
         "log": LogColorMapper(palette=Cividis256, nan_color="#dddddd", low=1e-3, high=1, name="log"),
     }
-    words = {"statuses": (status_names, STATUS_COLOURS), "states": (state_names, STATE_COLOURS)}
     for name, (meanings, colours) in words.items():
-        end = len(meanings) - 0.5
-        mappers[name] = LinearColorMapper(palette=colours, low=-0.5, high=max(end, 0.5), nan_color="#dddddd", name=name)
+        high = max(len(meanings) - 0.5, 0.5)
+        mappers[name] = LinearColorMapper(palette=colours, low=-0.5, high=high, nan_color="#dddddd", name=name)
     blank = {"image": [np.zeros((1, 1), np.float32)], "x": [0], "y": [0], "dw": [1], "dh": [1]}
     for name, mapper in mappers.items():  # an image for each scale: one cannot change its own
         cells = ColumnDataSource(name=f"cells_{name}", data=blank)
@@ -196,8 +223,9 @@ def _map(status_names: Sequence[str], state_names: Sequence[str]) -> Any:
             ticks["major_label_overrides"] = {k: word.replace("_", "\n") for k, word in enumerate(words[name][0])}
         panel.add_layout(ColorBar(color_mapper=mapper, name=f"bar_{name}", height=10, padding=4, **ticks), "above")
     panel.grid.visible = False
-    panel.xaxis.name, panel.yaxis.name = "map_x", "map_y"
-    panel.xaxis.ticker, panel.yaxis.ticker = FixedTicker(ticks=[]), FixedTicker(ticks=[])
+    for axis, name in ((panel.xaxis, "map_x"), (panel.yaxis, "map_y")):
+        axis.name, axis.ticker, axis.major_label_policy = name, FixedTicker(ticks=[]), NoOverlap(min_distance=8)
+        axis.major_tick_line_color = None
     return panel
 
 
@@ -225,18 +253,22 @@ def _errors(name: str, label: str) -> Any:
     tips = [("scheme", "@scheme"), ("h", "@h"), (label.split(" [")[0], "@x{0.00e}"), ("error", "@y{0.00e}")]
     panel.add_tools(HoverTool(renderers=[dots], tooltips=tips), TapTool(renderers=[dots]))
     panel.xaxis.axis_label, panel.yaxis.axis_label = label, "relative error [1]"
-    panel.xaxis.name, panel.yaxis.name = f"{name}_x", f"{name}_y"
-    for axis, grid in ((panel.xaxis, panel.xgrid), (panel.yaxis, panel.ygrid)):
+    for side, axis, grid in (("x", panel.xaxis, panel.xgrid), ("y", panel.yaxis, panel.ygrid)):
+        axis.name = f"{name}_{side}"
         axis.ticker = grid.ticker = FixedTicker(ticks=[])
     return panel
 
 
-def _modes() -> Any:
+def _modes(modes: Mapping[str, Any], chosen: Sequence[str] | None) -> Any:
     """Return the error over mechanical and thermal modes, with the choice of the study marked."""
-    from bokeh.models import FixedTicker, HoverTool, LogColorMapper, Range1d
+    from bokeh.models import ColumnDataSource, FactorRange, HoverTool, LogColorMapper
     from bokeh.palettes import Cividis256
 
-    panel = panel_of("modes", 330, tools="reset,save", x_range=Range1d(-0.6, 0.6), y_range=Range1d(-0.6, 0.6))
+    counts = [
+        sorted(set(modes[name]["texts"]), key=lambda text: np.inf if text == AUTO else float(text)) for name in MODES
+    ]
+    x_range, y_range = (FactorRange(*texts) for texts in counts)
+    panel = panel_of("modes", 330, tools="reset,save", x_range=x_range, y_range=y_range)
     points = source_of("modes_points", "x", "y", "error", "text", "colour", "name")
     mapper = LogColorMapper(palette=Cividis256, name="modes_colours", low=1e-3, high=1)
     dots = panel.rect(
@@ -249,13 +281,11 @@ def _modes() -> Any:
     panel.rect(
         "x", "y", 0.9, 0.9, source=source_of("modes_here", "x", "y"), fill_color=None, line_color=SELECTED, line_width=3
     )
-    panel.scatter(
-        "x", "y", marker="star", size=18, source=source_of("modes_chosen", "x", "y"), fill_color="white",
-        line_color="black",
-    )  # fmt: skip
+    if chosen and all(count in texts for count, texts in zip(chosen, counts, strict=True)):
+        corner = [[(count, shift)] for count, shift in zip(chosen, (-0.33, 0.3), strict=True)]
+        star = ColumnDataSource(dict(zip("xy", corner, strict=True)))
+        panel.scatter("x", "y", marker="star", size=18, source=star, fill_color="white", line_color="black")
     panel.add_tools(HoverTool(renderers=[dots], tooltips=[("modes", "@name"), ("error", "@text")]))
-    panel.xaxis.name, panel.yaxis.name = "modes_x", "modes_y"
-    panel.xaxis.ticker, panel.yaxis.ticker = FixedTicker(ticks=[]), FixedTicker(ticks=[])
     panel.xaxis.axis_label, panel.yaxis.axis_label = "mechanical modes", "thermal modes"
     return panel
 
@@ -292,3 +322,39 @@ def _periods() -> Any:
     panel.xaxis.ticker = BasicTicker(min_interval=1, num_minor_ticks=0)
     panel.yaxis.name = "periods_y"
     return panel
+
+
+def branch_figures(dataset: xr.Dataset, variable: str) -> tuple[dict[str, Any], Any]:
+    """Return the branches of an archive, with a panel for the orbit of the point that is clicked, and all orbits.
+
+    Orbits have the shape ``(point, 3, phase)``, in the order of ``branch_points``: displacement, velocity, temperature.
+    """
+    from bokeh.models import HoverTool, TapTool
+
+    along = followed_axis(dataset)
+    assert along is not None
+    (x, x_label), (y, y_label) = (in_units(dataset[name]) for name in (along, variable))
+    states, flags = labels(dataset["steady_state"]).values, labels(dataset["bifurcation"]).values
+    varied = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
+    texts = product(*(labels_of(dataset, dim, rounded=True) for dim in varied))
+    branch_texts = [f"{', '.join(each)}: " if each else "" for each in texts]
+    found, branch = np.isfinite(x), np.arange(dataset["status"].size).reshape(*dataset["status"].shape, 1)
+    colours = np.broadcast_to(np.array(COLOURS)[branch % len(COLOURS)], x.shape)
+    words = states + np.where(flags == "none", "", ", " + flags)
+    panel, points = panel_of("branches", 420), source_of("branch_points")
+    for one in np.ndindex(dataset["status"].shape):
+        panel.line(x[one][found[one]], y[one][found[one]], line_color=colours[one][0], line_width=1.2)
+    columns = {"x": x, "y": y, "colour": colours, "fill": np.where(states == "unstable", "white", colours)}
+    columns |= {"text": np.array(branch_texts, dtype=object)[branch] + words}
+    points.data = {name: list(each[found]) for name, each in columns.items()}
+    dots = panel.scatter(
+        "x", "y", size=7, line_color="colour", fill_color="fill", source=points,
+        nonselection_fill_alpha=1, nonselection_line_alpha=1,
+    )  # fmt: skip
+    here = source_of("branch_here", "x", "y")
+    panel.scatter("x", "y", size=15, fill_color=None, line_color=SELECTED, line_width=2.5, source=here)
+    panel.add_tools(HoverTool(renderers=[dots], tooltips=[("", "@text")]), TapTool(renderers=[dots]))
+    panel.xaxis.axis_label, panel.yaxis.axis_label = x_label, y_label
+    unit, factor = scaled("m", dataset[ORBIT[0]].values)
+    orbits = np.stack([dataset[name].values[found] for name in ORBIT], axis=1) * np.array([factor, 1, 1])[:, None]
+    return {"branches": panel, "orbit": orbit_panels(unit)}, orbits

@@ -1,0 +1,180 @@
+"""A metric along axes and branches: all axes of a study, bifurcations, branches of steady rubs, Sobol' indices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workflow.analysis import case_dims, drawn_dim, effect, finest, followed_axis, labels, labels_of, sobol, unit_of
+from workflow.plots._style import COLOURS, GREY, legend_below, new_figure, trim
+from workflow.plots._units import axis_of, in_units
+from workflow.study import POINT
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+MOST_PANELS = 6
+"""Axes that a picture of a metric shows, those with the largest effect."""
+
+_LETTER = 0.075
+"""Width of a letter of a tick label, inches: 0.62 of its 8 points, and some room."""
+
+_FREE = 0.8
+"""Share of a panel's width that ticks span."""
+
+
+def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
+    """Draw a metric along every dimension through the finest case, the range of all cases behind it."""
+    place = finest(archive)
+    varied = [dim for dim in place if archive.sizes[dim] > 1]
+    strongest = sorted(varied, key=lambda dim: -np.nan_to_num(effect(archive, metric, dim)))[:MOST_PANELS]
+    axes = {dim: axis_of(archive, dim) for dim in varied if dim in strongest}
+    width = min(3.0, 11.4 / max(len(axes), 1))
+    upright = {dim: len(axis["texts"]) * _room(axis["texts"]) > _FREE * width for dim, axis in axes.items()}
+    height = 2.9 + max((_room(axis["texts"]) for dim, axis in axes.items() if upright[dim]), default=0.0)
+    figure = new_figure(max(width * len(axes), 3.0) + 0.6, height)
+    panels: Any = np.atleast_1d(figure.subplots(1, max(len(axes), 1), sharey=True))
+    values = archive[metric].where(archive["status"] == 0)
+    for panel, (dim, axis) in zip(panels, axes.items(), strict=True):
+        others = [name for name in place if name != dim]
+        at = np.arange(archive.sizes[dim])
+        low, high = values.min(others).values, values.max(others).values
+        panel.fill_between(at, low, high, color=GREY, alpha=0.2, lw=0, label="all ok cases")
+        line = values.isel({name: place[name] for name in others}).values
+        form = "o" if POINT in archive.coords and archive[POINT].dims == (dim,) else "o-"  # what is drawn has no order
+        panel.plot(at, line, form, color=COLOURS[0], ms=4, lw=1.2, label="one axis varied, the others fixed")
+        every = int(np.ceil(len(at) * _room([""] if upright[dim] else axis["texts"]) / (_FREE * width)))
+        panel.set_xticks(at[::every], axis["texts"][::every], fontsize=8, rotation=90 if upright[dim] else 0)
+        title = axis["title"] + (f" [{axis['unit']}]" if axis["unit"] else "")
+        panel.set_xlabel(fill(title, int(width / _LETTER)), fontsize=9)
+        trim(panel)
+    panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{unit_of(archive[metric]) or 1}]")
+    legend_below(figure, panels[0].get_legend_handles_labels(), 2)
+    return figure
+
+
+def _room(texts: Sequence[str]) -> float:
+    """Return what the longest of some tick labels takes beside the others, inches."""
+    return _LETTER * (2 + max(map(len, texts)))
+
+
+def bifurcation(dataset: xr.Dataset, along: str, variable: str = "section_displacement") -> Figure:
+    """Draw a value of each load period along an axis, in the later half of the periods: one point where a rub settles.
+
+    Of all other dimensions the smallest step, the most modes and the largest α are shown: select what else is shown
+    before.
+
+    Parameters
+    ----------
+    dataset
+        An archive with ``output: {sections: true}``, or a selection of its cases.
+    along
+        Dimension across the picture, with numbers.
+    variable
+        What is drawn of each load period.
+
+    Raises
+    ------
+    ValueError
+        There is no such dimension with numbers, or no such variable of load periods.
+    """
+    if along not in case_dims(dataset) or along not in dataset.coords or dataset[along].dtype.kind not in "if":
+        raise ValueError(f"`{along}` is no dimension with numbers; they lie along {', '.join(case_dims(dataset))}")
+    if variable not in dataset or "period" not in dataset[variable].dims:
+        raise ValueError(f"`{variable}` is not given per load period; write `output: {{sections: true}}` in the study")
+    place = {dim: k for dim, k in finest(dataset).items() if dim != along}
+    cut = dataset.isel(place).where(dataset["status"].isel(place) == 0).transpose(along, "period", ...)
+    values = np.asarray(cut[variable].values, dtype=float)
+    complete = np.isfinite(values).sum(axis=1, keepdims=True)
+    values = np.where(np.arange(values.shape[1]) >= complete // 2, values, np.nan)
+    figure = new_figure(7.0, 4.2)
+    panel = figure.subplots()
+    (x, x_label), (y, y_label) = in_units(dataset[along]), in_units(cut[variable].copy(data=values))
+    panel.plot(np.repeat(x, values.shape[1]), y.ravel(), ".", color=COLOURS[0], ms=2)
+    panel.set(xlabel=x_label, ylabel=y_label)
+    trim(panel)
+    return figure
+
+
+MARKS = {"fold": "o", "period_doubling": "s", "torus": "D", "grazing": "x"}
+"""Of bifurcations."""
+
+
+def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> Figure:
+    """Draw a variable along all branches of an archive: stable rubs solid, unstable ones dashed, bifurcations marked.
+
+    Raises
+    ------
+    ValueError
+        The archive has no branches, or no such variable along them.
+    """
+    along = followed_axis(dataset)
+    if along is None or variable not in dataset or dataset[variable].dims != dataset[along].dims:
+        raise ValueError(f"there are no branches of `{variable}`; write an axis as `{{branch: [from, to, points]}}`")
+    (x, x_label), (y, y_label) = (in_units(dataset[name]) for name in (along, variable))
+    stable, flags = labels(dataset["steady_state"]).values != "unstable", labels(dataset["bifurcation"]).values
+    dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
+    texts = {dim: labels_of(dataset, dim, rounded=True) for dim in dims}
+    figure = new_figure(7.0, 4.2)
+    panel = figure.subplots()
+    for k, place in enumerate(np.ndindex(dataset["status"].shape)):
+        where = dict(zip(case_dims(dataset), place, strict=True))
+        colour, label = COLOURS[k % len(COLOURS)], ", ".join(texts[dim][where[dim]] for dim in dims)
+        panel.plot(x[place], y[place], "--", color=colour, lw=1.2)
+        panel.plot(x[place], np.where(stable[place], y[place], np.nan), color=colour, lw=1.8, label=label)
+    for name, mark in MARKS.items():
+        at = (flags == name) & np.isfinite(x)
+        if at.any():
+            panel.plot(x[at], y[at], mark, color="black", mfc="white", ms=6, label=name.replace("_", " "), zorder=3)
+    panel.set(xlabel=x_label, ylabel=y_label)
+    if panel.get_legend_handles_labels()[1]:
+        panel.legend(fontsize=8, frameon=False)
+    trim(panel)
+    return figure
+
+
+def sobol_indices(dataset: xr.Dataset, *metrics: str) -> Figure:
+    """Draw the Sobol' indices of metrics with their intervals: what each number does alone, and with the others.
+
+    Of all other dimensions the smallest step, the most modes and the first value are shown: select what else is shown
+    before.
+
+    Parameters
+    ----------
+    dataset
+        An archive of a study that draws ``sample: sobol_indices``, or a selection of its cases.
+    metrics
+        One number for each case; ``contact_impulse`` and ``max_temperature`` where none is named.
+
+    Raises
+    ------
+    ValueError
+        Nothing is drawn for Sobol' indices, or there is no such metric.
+    """
+    metrics = metrics or ("contact_impulse", "max_temperature")
+    place = {dim: k for dim, k in finest(dataset).items() if dim != drawn_dim(dataset)}
+    indices = {metric: sobol(dataset.isel(place), metric) for metric in metrics}
+    figure = new_figure(3.4 * len(metrics) + 0.6, 3.6)
+    panels: Any = np.atleast_1d(figure.subplots(1, len(metrics), sharey=True))
+    for panel, (metric, index) in zip(panels, indices.items(), strict=True):
+        at = np.arange(index.sizes["number"])
+        for k, name in enumerate(("first", "total")):
+            low, high = index[f"{name}_interval"].values.T
+            values, x = index[name].values, at + 0.24 * (k - 0.5)
+            panel.vlines(x, low, high, color=COLOURS[k], lw=1.4)
+            label = ("first-order index: the number alone", "total index: with the others")[k]
+            panel.plot(x, values, ("o", "s")[k], color=COLOURS[k], ms=5, label=label)
+        panel.axhline(0, color="black", lw=0.8)
+        names = [str(name).replace("_", " ") for name in index["number"].values]
+        turned = sum(map(len, names)) > 30
+        panel.set_xticks(at, names, fontsize=9, rotation=30 if turned else 0, ha="right" if turned else "center")
+        panel.set_xlim(-0.5, len(at) - 0.5)
+        panel.set_title(metric.replace("_", " "), fontsize=10)
+        trim(panel, "y")
+    panels[0].set_ylabel("share of the variance")
+    legend_below(figure, panels[0].get_legend_handles_labels(), 2)
+    return figure
