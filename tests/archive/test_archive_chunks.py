@@ -13,7 +13,7 @@ from archive_samples import DIMS, check_dataset, make_archive, sample_results, s
 
 from studies import SCENE, parsed
 from workflow import archive
-from workflow.grid import _encoding
+from workflow.grid import _template
 from workflow.run import run_study
 
 
@@ -28,7 +28,7 @@ MANY = (("model", 3), ("gap", 12), ("e", 5))
 def small_chunks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut archives of some hundred numbers as those of millions are."""
     if request.param == "many":
-        monkeypatch.setattr(_encoding, "CHUNK_BYTES", 7 * 8 * 10)
+        monkeypatch.setattr(_template, "CHUNK_BYTES", 7 * 8 * 10)
 
 
 @pytest.mark.usefixtures("small_chunks")
@@ -72,7 +72,7 @@ def test_a_warning_about_chunks_is_none_about_the_file(tmp_path: Path) -> None:
 
 
 def test_texts_of_a_zip_have_the_chunks_of_the_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_encoding, "CHUNK_BYTES", 8 * 3)
+    monkeypatch.setattr(_template, "CHUNK_BYTES", 8 * 3)
     text = "study: a\n" + SCENE + "axes: {e: [0, 0.5, 0.9]}\n"
     text += "zip: {pair: {scheme: [moreau, carpenter, moreau], h: [1e-4, 1e-4, 2e-4]}}\n"
     run_study(parsed(text + "output: {interval: 20 ms, histories: []}\n"), tmp_path / "a.nc")

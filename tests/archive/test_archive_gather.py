@@ -32,7 +32,7 @@ from archive_samples import (
 
 from workflow import archive
 from workflow.archive import _checksums, _gather, _stored
-from workflow.grid import _encoding, encode
+from workflow.grid import _template, encode
 
 TEMPLATES = {
     "three dimensions, partial edge": sample_template(),
@@ -58,7 +58,7 @@ def test_what_goes_in_comes_out(
     tmp_path: Path, template: xr.Dataset, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In one chunk, in chunks that end within rows, in chunks of one case, and in pieces of one history."""
-    monkeypatch.setattr(_encoding, "CHUNK_BYTES", most)
+    monkeypatch.setattr(_template, "CHUNK_BYTES", most)
     template = encode(template.copy())
     results = sample_results(template)
     path = make_archive(tmp_path / "a.nc", template, results, range(1, template["status"].size, 16))
@@ -70,7 +70,7 @@ def test_what_goes_in_comes_out(
 
 
 def test_chunks_are_what_xarray_would_have_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_encoding, "CHUNK_BYTES", 560)
+    monkeypatch.setattr(_template, "CHUNK_BYTES", 560)
     template = encode(TEMPLATES["three dimensions, partial edge"].copy())
     ours = make_archive(tmp_path / "a.nc", template, sample_results(template), [2, 7])
     theirs = tmp_path / "b.nc"
@@ -101,7 +101,7 @@ def test_content_does_not_depend_on_pieces_chunks_or_processor_time(
     results = sample_results(template)
     first = make_archive(tmp_path / "a.nc", template, results)
     later = results | {name: results[name] + 1}
-    monkeypatch.setattr(_encoding, "CHUNK_BYTES", 560)
+    monkeypatch.setattr(_template, "CHUNK_BYTES", 560)
     for number, cut in enumerate(([], [5], [1, 2, 3, 10], range(1, 150))):
         second = make_archive(tmp_path / f"{number}.nc", encode(template.copy()), later, cut)
         assert archive.content_hash(first) == archive.content_hash(second)

@@ -22,7 +22,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workflow import archive
-from workflow.grid import _encoding, encode
+from workflow.grid import _template, encode
 
 TEMPLATE = sample_template()
 RESULTS = sample_results(TEMPLATE)
@@ -33,7 +33,7 @@ HASHES = sample_hashes(TEMPLATE)
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An archive of 18 chunks."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_encoding, "CHUNK_BYTES", 560)
+        patch.setattr(_template, "CHUNK_BYTES", 560)
         return make_archive(tmp_path_factory.mktemp("stored") / "a.nc", encode(TEMPLATE.copy()), RESULTS)
 
 

@@ -19,8 +19,8 @@ from workflow.analysis import decided, labels_of, recommend, recommendation_entr
 from workflow.archive import open_archive, provenance
 from workflow.cli import app
 from workflow.grid import ChosenModes, arrange, choices_text, plan_study, read_choices, solve, structure_of
+from workflow.grid._choice import corners_of
 from workflow.grid._conditions import conditions
-from workflow.grid._corners import corners_of
 from workflow.judges import trials
 from workflow.models import Structure
 from workflow.reduction import reduce_structure

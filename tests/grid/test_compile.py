@@ -19,8 +19,8 @@ from quick import quick
 from workflow import schemes
 from workflow.grid import _compile as compilation
 from workflow.grid import arrange
-from workflow.grid._ahead import kernel_variants
 from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
+from workflow.grid._solve import kernel_variants
 
 ROOT = Path(workflow.__file__).parents[1]
 

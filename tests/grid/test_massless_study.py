@@ -11,8 +11,8 @@ from studies import SCENE, parsed
 from workflow import schemes
 from workflow.archive import open_archive
 from workflow.grid import Grid, Solved, arrange, plan_study, solve
-from workflow.grid._ahead import kernel_variants
 from workflow.grid._compile import KernelVariant, compile_scheme
+from workflow.grid._solve import kernel_variants
 from workflow.run import run_study
 from workflow.schemes import Status
 from workflow.study import Study, read_study

@@ -12,7 +12,7 @@ from studies import CHAOS, SCENE, parsed
 from workflow import schemes
 from workflow.grid import Batch, ReferenceBlock, References, Solved, arrange, solution_counts, solve, tasks
 from workflow.grid import _tasks as cutting
-from workflow.grid._reference_solutions import Kind, needed_kinds, solution_seconds
+from workflow.grid._reference import Kind, needed_kinds, solution_seconds
 from workflow.run import run_study
 from workflow.schemes import Status
 
@@ -61,11 +61,11 @@ def test_a_case_more_computes_its_own_reference_alone(tmp_path: Path, monkeypatc
 
 def test_references_beyond_what_is_held_are_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
     grid = arrange(parsed(REFERRED))
-    monkeypatch.setattr("workflow.grid._reference_solutions.HELD_BYTES", 3 * 8 * grid.sampling.count * 4)
+    monkeypatch.setattr("workflow.grid._reference.HELD_BYTES", 3 * 8 * grid.sampling.count * 4)
     begun = list[ReferenceBlock]()
     monkeypatch.setattr("workflow.grid._tasks.SHORTEST", 1e-9)
     monkeypatch.setattr("workflow.grid._tasks.LONGEST", 1e-9)
-    monkeypatch.setattr("workflow.grid._reference_solutions.unit", lambda *_: 1)
+    monkeypatch.setattr("workflow.grid._reference.unit", lambda *_: 1)
     inner = np.arange(grid.inner_count)
     references = References(grid, [Batch(0, inner)], begun.append)
     first = references.of([Batch(0, inner[:2])])

@@ -25,7 +25,7 @@ from workflow.archive import (
     provenance,
     stored_hashes,
 )
-from workflow.grid import _encoding, arrange, solve
+from workflow.grid import _template, arrange, solve
 from workflow.run import run_study
 from workflow.study import Study
 
@@ -146,7 +146,7 @@ def test_steps_from_a_study_to_its_next(
     old: dict[str, Any], new: dict[str, Any], chunk: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if chunk:  # partial chunks at the end of rows
-        monkeypatch.setattr(_encoding, "CHUNK_BYTES", 8 * 9 * chunk)
+        monkeypatch.setattr(_template, "CHUNK_BYTES", 8 * 9 * chunk)
     check_extension(quick(**old), quick(**new), tmp_path)
 
 

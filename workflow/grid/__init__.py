@@ -1,30 +1,31 @@
-"""From a study to batches of cases that share their operators, and to the tasks dask runs."""
+"""From a study to batches of cases that share their operators, and to the tasks dask runs.
 
-from workflow.grid._ahead import kernel_variants
+What a study's cases are: ``_choice`` of modes, ``_arrangement``, ``_conditions``, ``_frequencies``, ``_identity``. What
+solves a batch of them: ``_compile``, ``_operators``, ``_tasks``, ``_reference``, ``_solve``. What is said before they
+run, and what holds their results: ``_warnings``, ``_plan``, ``_template``.
+"""
+
 from workflow.grid._arrangement import Grid, arrange, reads
 from workflow.grid._choice import Choices, ChosenModes, choices_text, read_choices
 from workflow.grid._compile import compiled_ahead
-from workflow.grid._conditions import FRICTION
-from workflow.grid._encoding import CHUNK_BYTES, COMPRESSED, LEVEL, encode
-from workflow.grid._figures import Figures
+from workflow.grid._conditions import FRICTION, Perturbation
 from workflow.grid._frequencies import longest_period_count
 from workflow.grid._identity import case_hashes
-from workflow.grid._mesh_cautions import too_thick
-from workflow.grid._operators import reduced_structure, structure_of
-from workflow.grid._perturbation import Perturbation
+from workflow.grid._operators import Figures, reduced_structure, structure_of
 from workflow.grid._plan import Plan, plan, plan_study
-from workflow.grid._reference import exact_motion, solution_counts
-from workflow.grid._reference_solutions import (
+from workflow.grid._reference import (
     ReferenceBlock,
     References,
     ReferenceSolutions,
     Solutions,
     compute_block,
+    exact_motion,
+    solution_counts,
     solutions_of,
 )
-from workflow.grid._solve import Solved, metrics_of, solve
+from workflow.grid._solve import Solved, kernel_variants, metrics_of, solve
 from workflow.grid._tasks import Batch, Task, model_seconds, seconds_per_case, tasks
-from workflow.grid._template import HARMONIC, WARNINGS, template
+from workflow.grid._template import CHUNK_BYTES, COMPRESSED, HARMONIC, LEVEL, WARNINGS, encode, template
 from workflow.grid._waiting_for import (
     CASES,
     COMPILING,
@@ -34,4 +35,4 @@ from workflow.grid._waiting_for import (
     waited_for,
     waiting_for,
 )
-from workflow.grid._warnings import warning_lines
+from workflow.grid._warnings import too_thick, warning_lines

@@ -14,7 +14,7 @@ from workflow.declare import plain
 from workflow.grid._arrangement import TOLERANCE, Grid, Indices
 from workflow.grid._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load
 from workflow.grid._operators import structure_of
-from workflow.grid._reference_solutions import exact_settings, reference_settings
+from workflow.grid._reference import exact_settings, reference_settings
 from workflow.judges.trials import EXACT
 from workflow.reduction import DEFAULT
 from workflow.registry import outside_sources

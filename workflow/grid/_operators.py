@@ -1,7 +1,8 @@
-"""Structures, reductions and operators of a study, each made once and kept while it is in use."""
+"""Structures, reductions and operators of a study, each made once and kept while in use; figures of structures."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow import schemes
+from workflow import models, schemes
 from workflow.grid._compile import KernelVariant, compile_scheme
 from workflow.judges.blow_ups import Runaways, mark_blown_up
 from workflow.models import (
@@ -19,9 +20,12 @@ from workflow.models import (
     Matrices,
     Structure,
     at_rest,
+    critical_alpha,
+    frequencies,
     instantaneous_growth,
     needs_matrices,
     one_thread,
+    rates,
     static_tip_growth,
     structure_of,
     tip_flexibility,
@@ -160,3 +164,78 @@ def run_batch(settings: CaseSettings, cases: Cases, sampling: Sampling, depth: f
     results = schemes.load(method).compute(operator, projected, sampling)
     results.metrics["thermal_closing"] += instantaneous_growth(full_structure(settings))
     return schemes.checked(results, projected, sampling)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Frequencies, stiffness, thermal times and critical coupling of a structure.
+
+    Attributes
+    ----------
+    label
+        Which structure.
+    first_frequency
+        f1, Hz; 0 for a free body.
+    tip_stiffness
+        1/S, N/m; 0 for a free body.
+    stiffness_by
+        Parameter that gives it, of a model that takes one of several; else empty.
+    slowest, fastest
+        Longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode.
+    critical_alpha
+        α_c, W/N.
+    """
+
+    label: str
+    first_frequency: float
+    tip_stiffness: float
+    stiffness_by: str
+    slowest: float
+    fastest: float
+    critical_alpha: float
+
+
+def figures(settings: CaseSettings) -> Figures:
+    """Return the figures of the full structure of a case."""
+    structure = full_structure(settings)
+    with np.errstate(divide="ignore"):
+        times = 1.0 / rates(structure)
+    flexibility = tip_flexibility(structure)
+    return Figures(
+        label=f"{settings.scene.model}, {size_text(settings)}{_condensed(settings)}",
+        first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
+        tip_stiffness=0.0 if np.isinf(flexibility) else 1.0 / flexibility,
+        stiffness_by=_stiffness_by(settings),
+        slowest=float(times.max()),
+        fastest=float(times.min()),
+        critical_alpha=critical_alpha(structure),
+    )
+
+
+def _stiffness_by(settings: CaseSettings) -> str:
+    names = getattr(models.load(settings.scene.model), "EITHER", ())
+    return next((name for name in names if getattr(settings.scene.parameters, name) is not None), "")
+
+
+def size_text(settings: CaseSettings) -> str:
+    """Return the size of a case's structure: nodes of a chain, coordinates of displacement and heat of others."""
+    mechanical, thermal = models.sizes(settings.scene.model, settings.scene.parameters)
+    is_chain = isinstance(full_structure(settings), Chain)
+    return f"{mechanical} nodes" if is_chain else f"{mechanical} + {thermal} coordinates"
+
+
+def _condensed(settings: CaseSettings) -> str:
+    """Return how many degrees of freedom are condensed statically, or held by their file; empty for none."""
+    coordinates = full_structure(settings).coordinates
+    if coordinates is None:
+        return ""
+    kinds = ("without mass, condensed", "without heat capacity, condensed", "held", "held at temperature 0")
+    counts = zip((*coordinates.condensed, *coordinates.held), kinds, strict=True)
+    return "".join(f" + {count} {kind}" for count, kind in counts if count)
+
+
+def distinct_lines(lines: Iterable[str], most: int) -> tuple[str, ...]:
+    """Return distinct lines in their order, at most so many, and how many more there are."""
+    distinct = tuple(dict.fromkeys(lines))
+    more = len(distinct) - most
+    return distinct if more <= 0 else (*distinct[:most], f"… and {more} more")

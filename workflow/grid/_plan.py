@@ -10,15 +10,11 @@ import numpy as np
 
 from workflow import schemes
 from workflow.grid._arrangement import Grid, arrange
-from workflow.grid._choice_words import choice_lines
-from workflow.grid._figures import Figures, distinct_lines, figures
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._mesh_cautions import coarse_tip
-from workflow.grid._operators import full_structure, reduced_structure
-from workflow.grid._reference import distinct_solutions, solution_counts
-from workflow.grid._reference_solutions import reference_settings, solution_seconds
+from workflow.grid._operators import Figures, distinct_lines, figures, full_structure, reduced_structure
+from workflow.grid._reference import distinct_solutions, reference_settings, solution_counts, solution_seconds
 from workflow.grid._tasks import MOST_KINDS, model_seconds, steady_bytes, tasks
-from workflow.grid._warnings import looked_at, warnings
+from workflow.grid._warnings import choice_lines, coarse_tip, looked_at, warnings
 from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod, one_thread
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 

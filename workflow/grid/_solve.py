@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,19 +14,104 @@ from numpy.typing import NDArray
 
 from workflow import schemes, variables
 from workflow.grid._arrangement import TOLERANCE, Grid, Indices
+from workflow.grid._compile import KernelVariant
+from workflow.grid._conditions import Perturbation, cases_of
 from workflow.grid._frequencies import longest_period_count
-from workflow.grid._operators import compile_for, judged, projection_residual_of, run_batch, runaways_of
-from workflow.grid._perturbation import Perturbation, cases_of
-from workflow.grid._reference import against_reference, tells_basis_error
-from workflow.grid._reference_solutions import Solutions, solutions_for, texts_of
-from workflow.grid._steady import blank, branch_values, steady_values
+from workflow.grid._operators import (
+    as_run,
+    compile_for,
+    full_structure,
+    judged,
+    kernel_variant,
+    projection_residual_of,
+    run_batch,
+    runaways_of,
+)
+from workflow.grid._reference import (
+    Solutions,
+    against_reference,
+    exact_settings,
+    reference_settings,
+    solutions_for,
+    tells_basis_error,
+    texts_of,
+)
 from workflow.grid._tasks import Batch
 from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
-from workflow.judges.trials import DECIDING, reason_of
-from workflow.models import Array, Cases
+from workflow.judges.trials import DECIDING, EXACT, reason_of
+from workflow.models import Array, Cases, Structure, instantaneous_growth
 from workflow.schemes import Results, Status
 from workflow.study import CaseSettings, Study
 from workflow.variables import Condition, Variable
+
+Values = dict[str, NDArray[Any]]
+
+NOT_ASKED = 6
+"""Of ``steady_state``."""
+
+
+def steady_of(study: Study) -> Iterator[Variable]:
+    """Yield the variables of steady rubs of a study's archive, along its branch where it has one."""
+    if study.branch is not None:
+        axis = study.branch.axis
+        yield from variables.along_branch(axis.name, axis.unit, axis.description)
+    elif study.output.steady is not None:
+        yield from variables.select(None, None, "steady")
+
+
+def blank(study: Study, count: int) -> Values:
+    """Return the variables of steady rubs of so many cases that have none."""
+    steady, branch, values = study.output.steady, study.branch, Values()
+    points = () if branch is None else (branch.points,)
+    for about in steady_of(study):
+        assert steady is not None
+        shape = (count, *points, *((steady.samples,) if "phase" in about.shape else ()))
+        values[about.name] = np.full(shape, np.nan)
+    flags = {"steady_state": NOT_ASKED, "bifurcation": 0}
+    return values | {
+        name: np.full(values[name].shape, flag, dtype=np.int8) for name, flag in flags.items() if name in values
+    }
+
+
+def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Values, dict[int, str]]:
+    """Return the steady rubs of cases given on the nodes, and what is said of some; nothing where none is asked for."""
+    asked = grid.study.output.steady
+    if asked is None or settings.scheme.method != EXACT:
+        return blank(grid.study, cases.count), {}
+    from workflow.orbits import Options, steady_rubs
+
+    structure, projected = as_run(settings, cases)
+    options = Options(asked.periods, asked.samples)
+    values, messages = steady_rubs(structure, projected, options)
+    return _with_instantaneous_growth(settings, values), {k: text for k, text in enumerate(messages) if text}
+
+
+def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> tuple[Values, str]:
+    """Return the branch of one case, ``(1, point, …)``, and why it has no point, where it has none."""
+    from workflow.orbits import Options, branch
+
+    followed, asked, first = grid.study.branch, grid.study.output.steady, grid.settings(outer)
+    assert followed is not None
+    assert asked is not None
+
+    def problem(value: float) -> tuple[Structure, Cases]:
+        """Return structure and case at a value of the axis."""
+        settings = grid.settings(outer, {followed.axis.path: value})
+        return as_run(*cases_of(settings, grid.inner_values(inner), inner.size, perturbation))
+
+    start, stop = map(float, followed.axis.values)
+    options = Options(asked.periods, asked.samples)
+    values, message = branch(problem, start, stop, followed.points, options)
+    values = _with_instantaneous_growth(first, values)
+    values[followed.axis.name] = values.pop("value")
+    return {name: array[None] for name, array in values.items()}, message
+
+
+def _with_instantaneous_growth(settings: CaseSettings, values: Values) -> Values:
+    """Return steady rubs with the tip growth by heat loads that temperatures without heat capacity follow at once."""
+    structure = full_structure(settings)
+    return values | {"steady_closing": values["steady_closing"] + instantaneous_growth(structure)}
+
 
 SHORT, REPEATS = 2e-3, 3
 """A batch that took less processor time, in seconds, is run up to so many times in all and the least time counts."""
@@ -219,3 +306,22 @@ def _failed(grid: Grid, text: str) -> Solved:
     values |= blank(grid.study, 1)
     values |= {"status": np.full(1, Status.FAILED, dtype=np.int8), "runaway": np.zeros(1, dtype=np.int8)}
     return Solved(values, {0: text})
+
+
+def kernel_variants(grid: Grid) -> list[KernelVariant]:
+    """Return what the first case of each scheme needs, and its references; what others need is compiled for them.
+
+    A case that cannot even be set up needs nothing: it will say so itself.
+    """
+    every: list[tuple[Callable[[], CaseSettings], bool]] = [
+        (partial(grid.settings, outer), grid.sampling.balances) for outer in grid.kinds(lambda path: path == "scheme")
+    ]
+    if grid.study.reference is not None:
+        every += [(partial(reference_settings, grid, 0), False), (partial(exact_settings, grid, 0), False)]
+    variants: dict[object, KernelVariant] = {}
+    for settings, balances in every:
+        with suppress(Exception):
+            variant = kernel_variant(settings(), balances)
+            if variant is not None:
+                variants.setdefault(variant.words, variant)
+    return list(variants.values())

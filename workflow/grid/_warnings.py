@@ -1,26 +1,227 @@
-"""What to beware of in a study, before anything runs: of its axes, its scene, and each scheme at each step."""
+"""What to beware of in a study before anything runs: of axes, scene, mesh, chosen modes, each scheme at each step."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from random import Random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workflow import schemes
-from workflow.grid._arrangement import Grid
-from workflow.grid._choice_words import choice_cautions
-from workflow.grid._conditions import friction_of
+from workflow.grid._arrangement import TOLERANCE, Grid, decides_structure
+from workflow.grid._choice import OF_REFERENCE, ChosenModes, corner_text
+from workflow.grid._conditions import cases_of, friction_of
 from workflow.grid._frequencies import fastest
-from workflow.grid._mesh_cautions import fast_samples
-from workflow.grid._operators import Reduced, model_on, reduced, reduced_structure
-from workflow.grid._scene_cautions import basis_text, cautions_of_scene
-from workflow.judges.cautions import FEW, FreeModes, SchemeStep, StepCaution, free_modes, listed, step_cautions
+from workflow.grid._operators import (
+    Reduced,
+    distinct_lines,
+    full_structure,
+    model_on,
+    projection_residual_of,
+    reduced,
+    reduced_structure,
+    size_text,
+)
+from workflow.grid._reference import reference_settings
+from workflow.judges.cautions import (
+    FEW,
+    FreeModes,
+    SchemeStep,
+    StepCaution,
+    free_modes,
+    listed,
+    scene_cautions,
+    soft_spring,
+    step_cautions,
+)
 from workflow.judges.trials import EXACT, reason_of
-from workflow.models import one_thread
+from workflow.models import Cases, Chain, frequencies, one_thread
+from workflow.reduction import DEFAULT
 from workflow.study import CaseSettings
+
+CONTACT = 0.1
+"""Time of a contact, over the load's period, before a run has told it."""
+
+
+def tip_cells(grid: Grid) -> dict[str, Any]:
+    """Return what an archive says of the tip temperature of blades: depths [m] and diffusivity [m²/s].
+
+    It is the mean over half the cell at the tip; few thermal modes amount to a larger cell, of the capacity
+    1/(e_nᵀ C2⁻¹ e_n) that heat at the tip warms at once.
+    """
+    rows = []
+    for outer in grid.kinds(decides_structure)[:MOST_OUTER] if grid.study.scene.model == "blade" else ():
+        full, structure = (of(grid.settings(outer)) for of in (full_structure, reduced_structure))
+        assert isinstance(full, Chain)
+        half, capacity = full.lengths[-1] / 2, full.heat_capacities[-1]
+        warmed = np.linalg.solve(structure.heat_capacity, structure.thermal.unit_tip)[-1]
+        rows.append((half / (capacity * warmed), half, 2 * full.conduction[-1] * half**2 / capacity))
+    if not rows:
+        return {}
+    depth, mesh, diffusivity = zip(*rows, strict=True)
+    return {"depth": [min(depth), max(depth)], "depth_of_mesh": max(mesh), "thermal_diffusivity": min(diffusivity)}
+
+
+def coarse_tip(grid: Grid) -> Iterator[str]:
+    """Yield that the cell at the tip is thicker than heat enters in a contact of a tenth of the load's period."""
+    about, frequency, scene = tip_cells(grid), fastest(grid), grid.study.scene
+    heated = scene.friction or any(any(axis.values) for axis in grid.study.axes() if axis.path == "alpha")
+    if about and frequency > 0 and heated:
+        yield from too_thick(about, CONTACT / frequency, "a tenth of the load's period")
+
+
+def too_thick(about: Mapping[str, Any], seconds: float, words: str) -> Iterator[str]:
+    """Yield that heat does not enter the whole cell at the tip in some time, by what :func:`tip_cells` returns."""
+    cell, mesh = 2e3 * float(np.max(about["depth"])), 2e3 * float(about["depth_of_mesh"])
+    entered = 1e3 * math.sqrt(float(about["thermal_diffusivity"]) * seconds)
+    if mesh > entered > 0:
+        remedy = f"max_temperature is too low; `tip_cell: {entered / 4:.1g} mm` would do"
+        yield f"the cell at the tip is {mesh:.3g} mm thick, and heat enters {entered:.2g} mm in {words}: {remedy}"
+    elif cell > entered > 0:
+        kept = f"the thermal modes kept amount to a cell of {cell:.3g} mm at the tip"
+        yield f"{kept}, and heat enters {entered:.2g} mm in {words}: max_temperature depends on their number; keep more"
+
+
+def fast_samples(grid: Grid) -> Iterator[str]:
+    """Yield that contact forces are means over less than a wave takes through two cells of a chain, 4/ω_max."""
+    every = (full_structure(grid.settings(outer)) for outer in grid.kinds(decides_structure)[:MOST_OUTER])
+    two = max((4 / frequencies(one)[-1] for one in every if isinstance(one, Chain) and one.springs.all()), default=0.0)
+    if "contact_force" in grid.study.output.histories and grid.sampling.interval < two:
+        mean = f"contact_force is a mean over {grid.sampling.interval:g} s"
+        yield f"{mean}, less than a wave takes through two cells ({two:.2g} s): it shows the cells"
+
+
+LOST = 1e-3
+"""Share of initial states and constant loads that a basis may lose without a word, see ``projection_residual``."""
+
+_SPEEDS = 100.0, 20e3
+"""Least and largest speed of sound of a blade, m/s: of soft rubber and above diamond's."""
+
+_LIGHTEST = 100.0
+"""Density below which nothing is a blade, kg/m³: that of cork or foam."""
+
+MOST_CASES, MOST_OUTER = 500, 64
+"""Cases of an outer index and outer indices that are looked at; of more cases a regular choice."""
+
+
+def cautions_of_scene(grid: Grid) -> Iterator[str]:
+    """Yield what to beware of in springs, structures with the conditions of their cases, and bases."""
+    parameters = f"scene.{grid.study.scene.model}."
+    for settings in _distinct_settings(grid, "scheme", "schemes.", parameters):
+        scheme, structure = schemes.load(settings.scheme.method), reduced_structure(settings)
+        if scheme.contact_stiffness_of is not None and not scheme.refusal(structure, settings.scheme.options):
+            stiffness = scheme.contact_stiffness_of(structure, settings.scheme.options)
+            yield from soft_spring(full_structure(settings), stiffness, settings.scheme.label)
+    yield from _units([one.scene.parameters for one in _distinct_settings(grid, parameters)])
+    for settings in _distinct_settings(grid, parameters):
+        structure, duration = full_structure(settings), grid.sampling.duration
+        is_static = settings.scene.initial == "static"
+        if not isinstance(structure, Chain) or structure.has_matrices:  # of others the modes are not at hand
+            model = model_on(reduced(settings))
+            yield from scene_cautions(structure, model, _cases(grid, settings), duration, is_static=is_static)
+    worst: dict[str, float] = {}
+    for settings in _distinct_settings(grid, "reduction", "mechanical_modes", "thermal_modes", parameters):
+        basis = basis_text(settings)
+        lost = float(np.nanmax(projection_residual_of(settings, _cases(grid, settings)), initial=0.0))
+        worst[basis] = max(worst.get(basis, 0.0), lost)
+    for basis, lost in worst.items():
+        if lost > LOST:
+            yield (
+                f"{basis} lose {lost:.2g} of initial states or constant loads (projection_residual): what they cannot "
+                "hold is left out of the reduced model"
+            )
+
+
+def _units(every: Sequence[Any]) -> Iterator[str]:
+    """Yield that a density or the speed of sound is that of no blade, of parameters that have them."""
+    density = min((one.density for one in every if hasattr(one, "density")), default=np.inf)
+    if density < _LIGHTEST:
+        yield f"a density of {density:.3g} kg/m3 is that of no blade: check its unit, kg/m3 or e.g. `4.43 g/cm**3`"
+    speeds = [one.wave_speed for one in every if getattr(one, "wave_speed", 0) > 0]
+    for speed in (min(speeds, default=np.inf), max(speeds, default=0.0)):
+        if 0 < speed < _SPEEDS[0] or _SPEEDS[1] < speed < np.inf:
+            yield f"sound would pass at {speed:.3g} m/s: check the units of stiffness, density and lengths"
+
+
+def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
+    """Yield the first settings that differ along axes whose path begins so."""
+    for outer in grid.kinds(lambda path: path.startswith(beginnings))[:MOST_OUTER]:
+        yield grid.settings(outer)
+
+
+def _cases(grid: Grid, settings: CaseSettings) -> Cases:
+    """Return cases to look at: all, or a regular choice that has the first and the last."""
+    inner = np.unique(np.linspace(0, grid.inner_count - 1, min(grid.inner_count, MOST_CASES)).round().astype(np.int64))
+    return cases_of(settings, grid.inner_values(inner), inner.size)[1]
+
+
+def basis_text(settings: CaseSettings) -> str:
+    """Name the reduced model of settings."""
+    modes = f"{settings.mechanical_modes} + {settings.thermal_modes} modes"
+    return modes if settings.reduction == DEFAULT else f"{modes} of {settings.reduction}"
+
+
+_SHOWN = 8
+
+_MISSED = "more of the modes that `auto` may choose change less than the tolerance"
+
+_UNTRIED = (
+    "a case there that ends ok and misses the tolerance says so by its own errors",
+    "whether a case there that ends ok meets the tolerance only a `reference` would tell",
+)
+"""What corners that were left out mean for cases with a reference, and without."""
+
+
+def choice_lines(grid: Grid) -> tuple[str, ...]:
+    """Return a line for each count that a tolerance decides, of many the first and how many more there are."""
+    return distinct_lines(
+        (f"{name}: {_counts(choice)}, {_error_text(choice)}" for name, _, choice in _all(grid)), _SHOWN
+    )
+
+
+def choice_cautions(grid: Grid) -> Iterator[str]:
+    """Yield counts of modes that miss their tolerance, that no trial confirms, or that only some corners decided."""
+    for name, tolerance, choice in _all(grid):
+        if choice.untried:
+            yield f"{name}: {_counts(choice)} are decided {choice.untried}; {_UNTRIED[grid.study.reference is None]}"
+        if not choice.is_confirmed:
+            yield f"{name}: {_counts(choice)}, {choice.against}"
+        elif choice.error > tolerance:
+            yield f"{name}: {_counts(choice)} miss it with {choice.error:.2g}; {_MISSED}"
+
+
+def _all(grid: Grid) -> Iterator[tuple[str, float, ChosenModes]]:
+    """Yield what each choice is for, its tolerance, and the choice."""
+    for name, choice in grid.choices.items():
+        outer, reference = int(name.removeprefix(OF_REFERENCE)), grid.study.reference
+        if reference is None or not name.startswith(OF_REFERENCE):
+            tolerance = float(grid.value(outer, TOLERANCE))
+            yield _for(grid.settings(outer), tolerance), tolerance, choice
+        else:
+            tolerance = float(reference.values[TOLERANCE])
+            yield f"reference, {_for(reference_settings(grid, outer), tolerance)}", tolerance, choice
+
+
+def _for(settings: CaseSettings, tolerance: float) -> str:
+    """Return for which tolerance, basis and structure a choice is."""
+    return f"tolerance {tolerance:g}, {settings.reduction}, {size_text(settings)}"
+
+
+def _counts(choice: ChosenModes) -> str:
+    return f"{choice.mechanical_modes} + {choice.thermal_modes} modes"
+
+
+def _error_text(choice: ChosenModes) -> str:
+    """Return the error of a choice, in which case, and against what."""
+    if not choice.is_confirmed:
+        return choice.against
+    case = corner_text(choice.hardest)
+    where = f"in the worst corner ({case})" if case else "in the only case"
+    return f"error {choice.error:.2g} {where}, {choice.against}"
+
 
 _REPEATED = 10
 """Lines of warnings that a run prints and its archive keeps, at most."""
