@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -54,3 +55,27 @@ def crafted(text: str) -> Callable[[Any], None]:
         write(file["message"], first, text)
 
     return change
+
+
+def mutated(seed: int, sound: bytes) -> bytes:
+    """Return the bytes of a file with bits and bytes changed, blocks moved, or the end cut off."""
+    chance = random.Random(seed)
+    content = bytearray(sound)
+    for _ in range(chance.choice((1, 1, 2, 5, 20))):
+        at = chance.randrange(len(content)) if chance.random() < 0.7 else chance.randrange(min(4096, len(content)))
+        match chance.randrange(6):
+            case 0:
+                content[at] ^= 1 << chance.randrange(8)
+            case 1:
+                content[at] = chance.randrange(256)
+            case 2:
+                content[at : at + 8] = chance.choice((b"\xff" * 8, b"\x00" * 8, b"\x7f" + b"\xff" * 7))
+            case 3:
+                length, source = chance.randrange(1, 256), chance.randrange(len(content))
+                content[at : at + length] = content[source : source + length]
+            case 4:
+                content[at : at + 64] = chance.randbytes(64)
+            case 5:
+                if chance.random() < 0.2:
+                    del content[at + 1 :]
+    return bytes(content)

@@ -66,14 +66,6 @@ def test_values_are_read_when_they_are_used(path: Path) -> None:
         assert float(dataset["impacts"].sel(e=0.9, scheme="event_driven")[3]) == RESULTS["impacts"][1, 0, 3]
 
 
-def test_dask_only_when_asked(path: Path) -> None:
-    with archive.open_archive(path) as dataset:
-        assert dataset["displacement"].chunks is None
-    with archive.open_archive(path, chunks={}) as dataset:
-        assert dataset["displacement"].chunks == ((2,), (3,), (25,), (7,))
-        check_dataset(dataset, TEMPLATE, RESULTS)
-
-
 def test_an_opened_archive_can_be_sent_to_a_worker(path: Path) -> None:
     with archive.open_archive(path) as dataset, pickle.loads(pickle.dumps(dataset)) as sent:
         check_dataset(sent, TEMPLATE, RESULTS)
@@ -118,13 +110,6 @@ def test_nothing_has_run_yet(tmp_path: Path) -> None:
         with archive.open_archive(tmp_path / f"{name}.nc") as view:
             assert set(view["status"].values.ravel()) == {4}
             assert bool(view["displacement"].isnull().all())
-
-
-def test_a_view_sees_no_damaged_shard(begun: Path) -> None:
-    victim = min(archive.parts_of(begun).glob("*.shard"))
-    victim.write_bytes(victim.read_bytes()[:-10])
-    with archive.open_archive(begun) as view:
-        assert int((view["status"] != 4).sum()) == 3
 
 
 def test_a_view_leaves_nothing_when_closed(begun: Path) -> None:
@@ -297,13 +282,6 @@ def test_an_archive_is_turned_and_stacked_as_numbers_are(kind: str, zipped: Path
     for chunks in (None, {}):
         with archive.open_archive(zipped, chunks=chunks) as lazy:
             assert TURNED[kind](lazy).load().identical(expected)
-
-
-def test_texts_are_read_when_they_are_used(zipped: Path) -> None:
-    with archive.open_archive(zipped) as dataset:
-        turned = dataset["message"].transpose("model", ...)
-        assert not turned.variable._in_memory
-        assert turned.values[0, 2] == "case 6 diverged: ρ = 1.2"
 
 
 def test_numbers_along_a_zip_are_aligned_by_its_coordinates(zipped: Path) -> None:

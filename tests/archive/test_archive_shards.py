@@ -69,6 +69,16 @@ def test_a_case_is_told_from_another_by_all_bytes_of_its_hash(parts: Path) -> No
     assert archive.are_among(HASHES, np.concatenate([other, HASHES[3:5]])).nonzero()[0].tolist() == [3, 4]
 
 
+def test_cases_that_are_taken_back_are_held_again_when_they_have_been_run(parts: Path) -> None:
+    archive.take_back(parts, "00000005", HASHES[30:70])
+    put_shard(parts, TEMPLATE, RESULTS, 60, 65, task=6)
+    assert held(parts) == [*range(30), *range(60, 65), *range(70, 150)]
+    status = stored_in(parts).status_of(HASHES)
+    assert (status == 4).nonzero()[0].tolist() == [*range(30, 60), *range(65, 70)]
+    with pytest.raises(archive.ArchiveError, match="35 of 150 cases are missing"):
+        gather(parts, TEMPLATE, parts.parent / "a.nc")
+
+
 @pytest.mark.parametrize("damage", ["truncated", "flipped", "emptied", "without hashes"])
 def test_a_damaged_shard_is_noticed(parts: Path, damage: str) -> None:
     victim = sorted(parts.glob("*.shard"))[2]

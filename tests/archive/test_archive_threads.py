@@ -46,30 +46,12 @@ def test_two_hundred_shards_from_four_threads_while_another_opens(tmp_path: Path
         writers = [pool.submit(put_shard, parts, TEMPLATE, RESULTS, k, k + 20) for k in range(0, 4000, 20)]
         try:
             paths = {writer.result() for writer in writers}
+            gather(parts, TEMPLATE, target)
         finally:
             finished.set()
         assert all(reader.result() > 0 for reader in readers)
     assert len(paths) == 200
     assert all(0 <= count <= TEMPLATE["status"].size and count % 20 == 0 for count in seen)
-    gather(parts, TEMPLATE, target)
     with archive.open_archive(target) as dataset:
         check_dataset(dataset, TEMPLATE, RESULTS)
     assert archive.content_hash(target) == archive.content_hash(other)
-
-
-def test_gathering_while_others_read(tmp_path: Path) -> None:
-    template = sample_template()
-    results = sample_results(template)
-    other = make_archive(tmp_path / "other.nc", template, results)
-
-    def read(_: int) -> None:
-        with archive.open_archive(other, chunks={}) as dataset:
-            check_dataset(dataset, template, results)
-
-    def make(number: int) -> None:
-        make_archive(tmp_path / f"{number}.nc", template, results, [number + 1])
-
-    with ThreadPoolExecutor(4) as pool:
-        for future in [pool.submit(task, i) for i in range(8) for task in (make, read)]:
-            future.result()
-    assert len({archive.content_hash(path) for path in tmp_path.glob("*.nc")}) == 1

@@ -177,12 +177,6 @@ def test_no_command_reads_what_lies_outside(words: tuple[str, ...], sound: Path,
     assert (status, said.count("leads to other data")) == (2, 1), said
 
 
-def test_an_archive_of_a_group_that_holds_itself_is_told_by_name(sound: Path, tmp_path: Path) -> None:
-    status, said = told("show", spoilt(sound, tmp_path / "a.nc", circle, random.Random(0)))
-    assert status == 2
-    assert f"{tmp_path / 'a.nc'}: `provenance/" in " ".join(said.split())
-
-
 def ended(said: Path, *words: str | Path) -> int:
     """Return the exit status of a command in a process of its own, and write what it says to a file."""
     process = os.fork()

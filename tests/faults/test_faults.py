@@ -119,18 +119,6 @@ def test_a_disk_without_room_for_the_first_file(small_disk: Path) -> None:
     assert list(small_disk.iterdir()) == [fill]
 
 
-def test_a_disk_that_is_really_full(small_disk: Path, expected: str) -> None:
-    text, archive = written(STUDY.text, small_disk), small_disk / "a.nc"
-    status, output = told("run", text, "-o", archive, "--threads", "1")
-    assert status == 2
-    assert "no space left" in output
-    assert "Finished shards stay" in output
-    assert not archive.exists()
-    subprocess.run(["mount", "-o", "remount,size=20m", small_disk], check=True)
-    assert told("run", text, "-o", archive)[0] == 0
-    assert content_hash(archive) == expected
-
-
 def test_a_second_run_exits_with_two_and_says_who_has_it(tmp_path: Path) -> None:
     text, archive = written(STUDY.text, tmp_path), tmp_path / "a.nc"
     with run_lock(parts_of(archive)):
@@ -208,16 +196,6 @@ def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
     status, output = told("verify", archive)
     assert status == 2
     assert "damaged" in output
-
-
-def test_options_of_run_reach_it(tmp_path: Path) -> None:
-    text, archive = written(STUDY.text, tmp_path), tmp_path / "a.nc"
-    assert told("run", text, "-o", archive)[0] == 0
-    assert "nothing to do, all 16 cases are there" in told("run", text, "-o", archive, "--retry")[1]
-    status, output = told("run", text, "-o", archive, "--recompute")
-    assert status == 0
-    assert "16 cases in" in output
-    assert "stored before" not in output
 
 
 class Trap:

@@ -66,12 +66,11 @@ def _study(seed: int, directory: Path) -> str:
 
 
 def _archive(seed: int, directory: Path, sound: bytes) -> str:
-    import mutants
-
+    from hostile import mutated
     from workflow.archive import ArchiveError, open_archive
 
     path = directory / "archive.nc"
-    path.write_bytes(mutants.archive(seed, sound))
+    path.write_bytes(mutated(seed, sound))
     fault = _command("show", str(path))
     try:
         with open_archive(path) as data:

@@ -1,4 +1,4 @@
-"""Studies and archives with something wrong in them, each made from a seed."""
+"""Studies and files of matrices with something wrong in them, each made from a seed."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import random
 import re
 from collections.abc import Callable
 
+from hostile import mutated
 from studies import SCENE
 from study_samples import BLADE
 
@@ -121,32 +122,8 @@ def matrices(seed: int, sound: bytes) -> bytes:
     try:
         text = sound.decode("ascii")
     except UnicodeDecodeError:
-        return archive(seed, sound)
+        return mutated(seed, sound)
     for _ in range(chance.choice((1, 1, 2, 5))):
         text = chance.choice(MUTATIONS)(text, chance) or "\n"
         text = text if _TOKEN.search(text) else "x 1\n"
     return text.encode("utf-8", "surrogatepass")
-
-
-def archive(seed: int, sound: bytes) -> bytes:
-    """Return the bytes of a mutated archive: bytes and bits changed, blocks moved, the end cut off."""
-    chance = random.Random(seed)
-    content = bytearray(sound)
-    for _ in range(chance.choice((1, 1, 2, 5, 20))):
-        at = chance.randrange(len(content)) if chance.random() < 0.7 else chance.randrange(min(4096, len(content)))
-        match chance.randrange(6):
-            case 0:
-                content[at] ^= 1 << chance.randrange(8)
-            case 1:
-                content[at] = chance.randrange(256)
-            case 2:
-                content[at : at + 8] = chance.choice((b"\xff" * 8, b"\x00" * 8, b"\x7f" + b"\xff" * 7))
-            case 3:
-                length, source = chance.randrange(1, 256), chance.randrange(len(content))
-                content[at : at + length] = content[source : source + length]
-            case 4:
-                content[at : at + 64] = chance.randbytes(64)
-            case 5:
-                if chance.random() < 0.2:
-                    del content[at + 1 :]
-    return bytes(content)

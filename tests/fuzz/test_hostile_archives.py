@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import resource
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import h5py
-import netCDF4
 import numpy as np
 import pytest
 
 from studies import SMALL, parsed
-from terminal import typed, workflow
+from terminal import workflow
 from workflow.run import run_study
-
-MEMORY = 4 * 2**30
 
 
 @pytest.fixture(scope="module")
@@ -25,19 +21,6 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("sound") / "a.nc"
     run_study(parsed(SMALL), path)
     return path
-
-
-def forged(path: Path, **sizes: int) -> None:
-    """Write an archive that claims sizes and holds nothing."""
-    with netCDF4.Dataset(path, "w") as file:
-        file.archive_format = "2"
-        for name, size in sizes.items():
-            file.createDimension(name, size)
-        for name in ("status", "runaway"):
-            file.createVariable(name, "i1", tuple(sizes), compression="zlib", chunksizes=[1, 1])
-        file.createDimension("message_length", 1)
-        file.createVariable("message", "S1", (*sizes, "message_length"), chunksizes=[1, 1, 1])
-        file.createGroup("provenance").study = "study: a"
 
 
 def without(name: str) -> Callable[[Any], None]:
@@ -96,12 +79,3 @@ def test_a_spoilt_archive_is_shown_or_refused(what: str, sound: Path, tmp_path: 
     for words in (("show", path), ("run", path, "-o", "b.nc")):
         ended = workflow(*words, cwd=tmp_path)
         assert ended.returncode == 0 or (ended.returncode == 2 and str(path) in ended.stderr), ended
-
-
-def test_sizes_that_no_study_has_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "a.nc"
-    forged(path, one=10**6, two=10**6)
-    limit = (resource.RLIMIT_AS, (MEMORY, MEMORY))
-    completed = typed("show", path, cwd=tmp_path, preexec_fn=lambda: resource.setrlimit(*limit))
-    assert completed.returncode == 2
-    assert "Traceback" not in completed.stderr

@@ -131,23 +131,6 @@ def test_a_worker_of_a_real_scheduler_is_killed_in_the_middle(tmp_path: Path, ex
 
 
 @pytest.mark.slow
-def test_a_worker_with_another_solver_is_refused_by_name(tmp_path: Path) -> None:
-    study, notes = written(SMALL, tmp_path), tmp_path / "notes"
-    with (
-        scheduler(tmp_path) as (address, _),
-        worker(address, tmp_path, notes, WATCHED_SOLVER="999"),
-        started("workflow", "run", study, "--scheduler", address, cwd=tmp_path) as run,
-    ):
-        _, err = run.communicate(timeout=PATIENCE)
-        assert run.returncode == 2
-    assert "worker tcp://127.0.0.1:" in err
-    assert "solver 999 instead of" in err
-    assert "Traceback" not in err
-    assert not (tmp_path / "small.nc").exists()
-    assert not computed(notes)
-
-
-@pytest.mark.slow
 def test_a_task_that_kills_its_workers_becomes_failed_cases(tmp_path: Path) -> None:
     study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
     settings = environment(notes, WATCHED_DEADLY="1 0", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
@@ -270,6 +253,13 @@ def test_a_worker_that_sees_other_files_is_refused(tmp_path: Path) -> None:
         join(own)
     start_parts(parts, Command(texts, begun=5))
     assert join(own).begun == 5
+
+
+def test_a_worker_with_another_solver_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = session(tmp_path / "a.nc.parts")
+    monkeypatch.setattr(_cluster, "SOLVER_VERSION", 999)
+    with pytest.raises(ClusterError, match="other software than this run: solver 999 instead of"):
+        join(own)
 
 
 def test_what_listens_and_says_nothing_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,13 +15,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import workflow.run._task as running
-from quick import hashes_of, interrupted, quick, room_for
+from quick import hashes_of, quick, room_for
 from studies import cut_finely
 from workflow.archive import (
     ArchiveError,
     content_hash,
     open_archive,
-    parts_of,
     provenance,
     stored_hashes,
 )
@@ -148,24 +147,6 @@ def test_steps_from_a_study_to_its_next(
     if chunk:  # partial chunks at the end of rows
         monkeypatch.setattr(_template, "CHUNK_BYTES", 8 * 9 * chunk)
     check_extension(quick(**old), quick(**new), tmp_path)
-
-
-@pytest.mark.parametrize("after", [0, 1, 3])
-def test_killed_in_the_middle(after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cut_finely(monkeypatch, 2)
-    new = quick({"e": [0.0, 0.2, 0.5, 0.9], "alpha": [0.0, 20.0, 5.0, 50.0]})
-    archive = tmp_path / "a.nc"
-    run_study(quick(), archive)
-    before = archive.read_bytes()
-    written = interrupted(new, archive, after)
-    assert archive.read_bytes() == before
-    assert parts_of(archive).exists()
-    with open_archive(archive) as data:  # the old one, as long as the new one is not complete
-        assert data["status"].shape == (3, 3)
-    with counted() as solved:
-        run_study(new, archive, threads=1)
-    assert content_hash(archive) == from_nothing(new, tmp_path)
-    assert sum(solved) == 7 - len(written)
 
 
 STUDIES = [quick({"e": e, "alpha": [0.0, 5.0, 50.0]}) for e in ([0.0, 0.5], [0.5, 0.9, 0.2], [0.0, 0.2, 0.5, 0.9])]

@@ -94,29 +94,6 @@ def test_built_in_structures_read_back_in_every_scheme(kind: str, damping: str, 
     compared(tmp_path, kind, heavy_chain() if kind == "chain" else blade(), damping, ALL)
 
 
-def test_units_of_a_file_change_nothing(tmp_path: Path) -> None:
-    """t, N/mm, N/K, mJ/K and mW/K against SI, the labels and the loads of the file with them."""
-    scales = {
-        "mass": 1e-3,
-        "stiffness": 1e-3,
-        "coupling": 1.0,
-        "heat_capacity": 1e3,
-        "conductance": 1e3,
-        "heating": 1e3,
-    }
-    labels = np.array([f"{node}.x" for node in range(1, 21)])
-    loads = {"steady": np.linspace(0, 1, 20), "heating": np.full(20, 1e-2), "labels": labels}
-    si = {**matrices_of(heavy_chain()), **loads}
-    rub, results = RUBS["chain"][1], []
-    for units, factor in (("SI", dict.fromkeys(scales, 1.0)), ("mm-t-s", scales)):
-        entries = {name: value * factor[name] if name in factor else value for name, value in si.items()}
-        as_npz(entries, tmp_path)
-        model = f"matrices: {{file: blade.npz, contact: 20.x, units: {units}, damping: {{ratio: 0.01}}}}"
-        results.append(ran(tmp_path, units, model, rub, "moreau"))
-    assert apart(results[1], results[0]) < 1e-11
-    assert not np.allclose(results[0]["temperature"].isel(t=-1), 0.0)
-
-
 COUPLED = """
 study: coupled
 scene:
@@ -178,21 +155,6 @@ def test_an_archive_repeats_its_study_without_the_files(tmp_path: Path, monkeypa
         status, output = told(*command)
         assert status == 0, output
     assert provenance("first.nc")["content_hash"] == provenance("second.nc")["content_hash"]
-
-
-def test_the_message_of_a_file_that_is_no_structure_has_its_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    entries = matrices_of(heavy_chain(nodes=4))
-    as_npz({**entries, "stiffness": -entries["stiffness"]}, tmp_path)
-    written(
-        "study: s\nscene:\n  matrices: {file: blade.npz, contact: 9.x}\n  casing: {gap: 1e-5}\n  duration: 1e-3\n",
-        tmp_path,
-    )
-    status, output = told("plan", "study.yaml")
-    assert status == 2
-    assert "study.yaml:3: scene.matrices:" in output
 
 
 def test_a_plan_says_what_factors_take_and_warns_before_large_ones(

@@ -134,13 +134,6 @@ def test_words() -> None:
         assert in_words(advance, 60.0, 47.0) == compiling
 
 
-@pytest.mark.parametrize("what", ["compiling (once)", "references", "trials of `auto`", "cases", "gathering"])
-def test_the_line_begins_with_what_is_waited_for(what: str) -> None:
-    with waiting_for("gathering"), waiting_for(what):
-        assert in_words(None, 0.4) == f"{what}; 0:00 elapsed"
-    assert in_words(None, 0.4) == "0:00 elapsed"
-
-
 def test_a_run_names_what_it_waits_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     named: list[str] = []
 

@@ -102,19 +102,6 @@ def test_failures_of_an_archive_that_is_extended_stay_until_they_are_retried(
     assert len(solved) == 3 + 2
 
 
-def test_an_unfinished_run_is_ended_before_it_is_retried(
-    tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cut_finely(monkeypatch)
-    archive = tmp_path / "a.nc"
-    interrupted(quick(), archive, 2)
-    broken.clear()
-    solved.clear()
-    assert run_study(quick(), archive, threads=1, retry=True).ok
-    assert len(solved) == 3 + 2  # the row that was missing, then what failed in the two others
-    assert not parts_of(archive).exists()
-
-
 def stopped(again: dict[str, bool], place: Path, broken: set[float], monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return an archive that a second command, in which no case fails any more, was stopped at."""
     cut_finely(monkeypatch, 1 if "retry" in again else None)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from studies import ILL, SINGLE, SMALL, cut_finely, parsed
-from workflow.archive import content_hash, open_archive, parts_of
+from studies import ILL, SINGLE, SMALL, parsed
+from workflow.archive import open_archive, parts_of
 from workflow.run import run_study
 
 
@@ -33,16 +33,6 @@ def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:
         assert force.sum() * dt == pytest.approx(case["contact_impulse"].item(), rel=1e-9)
         assert not np.isnan(data["displacement"].values).any()
         assert data["temperature" if "temperature" in data else "max_temperature"].sel(alpha=0).max() == 0
-
-
-def test_bits_do_not_depend_on_threads_or_tasks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    hashes = []
-    for number, threads in enumerate([1, 2, 4]):
-        archive = tmp_path / f"{number}.nc"
-        run_study(parsed(SMALL), archive, threads=threads)
-        hashes.append(content_hash(archive))
-        cut_finely(monkeypatch)
-    assert len(set(hashes)) == 1
 
 
 def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:

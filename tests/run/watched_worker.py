@@ -2,7 +2,7 @@
 
 ``WATCHED_NOTES`` names the file of notes, one line ``process outer first`` for each batch;
 ``WATCHED_SLEEP`` seconds are spent on each; a worker that is given the batch ``WATCHED_DEADLY``
-(``outer first``) kills itself; ``WATCHED_SOLVER`` is the version it claims to have.
+(``outer first``) kills itself.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import signal
 import time
 from typing import Any
 
-import workflow.run._cluster as working
 import workflow.run._task as running
 
 
@@ -29,5 +28,3 @@ def _noted(grid: Any, outer: int, inner: Any, **known: Any) -> Any:
 if running.solve.__module__ == "workflow.grid._solve":  # dask may load a preload twice
     solve = running.solve
     running.solve = _noted
-if "WATCHED_SOLVER" in os.environ:
-    working.SOLVER_VERSION = os.environ["WATCHED_SOLVER"]

@@ -7,7 +7,7 @@ import os
 import signal
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -184,27 +184,21 @@ def require_own_content(path: str | Path) -> None:
 
 
 @contextmanager
-def _read(path: Path) -> Iterator[Any]:
-    """Open a finished archive with h5py."""
+def _read(path: Path, named: Path | None = None) -> Iterator[Any]:
+    """Open a finished archive of this version with h5py; messages name the archive of which a file is a view."""
     _look(path)
     with opened(path) as file:
-        require_own_data(path, file)
-        _recognise(path, file.attrs)
+        require_own_data(named or path, file)
+        if FORMAT_NAME not in file.attrs:
+            raise ArchiveError(
+                f"{named or path}: a NetCDF file, but not an archive of this workflow (it has no {FORMAT_NAME}); "
+                "an archive that `workflow run` wrote is expected"
+            )
+        if (version := _as_text(file.attrs[FORMAT_NAME])) != str(FORMAT):
+            raise ArchiveError(
+                f"{named or path}: archive format {version}, this version reads {FORMAT}; use the version that wrote it"
+            )
         yield file
-
-
-def _recognise(path: Path, attributes: Mapping[str, Any]) -> None:
-    """Refuse a file that does not say that it is an archive of this version."""
-    if FORMAT_NAME not in attributes:
-        raise ArchiveError(
-            f"{path}: a NetCDF file, but not an archive of this workflow (it has no {FORMAT_NAME}); "
-            "an archive that `workflow run` wrote is expected"
-        )
-    version = _as_text(attributes[FORMAT_NAME])
-    if version != str(FORMAT):
-        raise ArchiveError(
-            f"{path}: archive format {version}, this version reads {FORMAT}; use the version that wrote it"
-        )
 
 
 def _as_text(value: Any) -> str:
@@ -262,19 +256,14 @@ def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
     """Open a file with xarray; messages name the archive of which it is a view."""
     from workflow.archive._labels import open_dataset
 
-    _look(path)
-    with opened(path) as file:
-        require_own_data(named, file)
+    with _read(path, named):
+        pass  # what is no archive of this workflow is refused
     with reading(named):
         dataset = open_dataset(path, chunks)
-    try:
-        _recognise(named, dataset.attrs)
-        for name, kinds in ((STATUS, "i"), (MESSAGE, "OSU")):
-            if name not in dataset or dataset[name].dtype.kind not in kinds:
-                raise ArchiveError(f"{named}: its {name} is not as `workflow run` writes it; restore a copy")
-    except ArchiveError:
-        dataset.close()
-        raise
+    for name, kinds in ((STATUS, "i"), (MESSAGE, "OSU")):
+        if name not in dataset or dataset[name].dtype.kind not in kinds:
+            dataset.close()
+            raise ArchiveError(f"{named}: its {name} is not as `workflow run` writes it; restore a copy")
     return dataset
 
 

@@ -157,6 +157,8 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     ClusterError
         Workers cannot be started, or no scheduler answers, or it has no workers.
     """
+    import distributed  # noqa: F401 - it gives these loggers levels, which are changed below
+
     for name in _LOGGERS:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is reported here, once
     with _workers_here(workers) if scheduler is None else _workers_of(scheduler) as client:

@@ -133,8 +133,8 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
     """Take what an earlier archive and an interrupted run hold of a study, and begin the directory of its shards.
 
     A plain run finishes the command that was interrupted, and so does the same command unless the program was edited
-    meanwhile. Processes that are not started ``here`` are not asked by what linear algebra they compute: they count as
-    not pinned.
+    meanwhile. Where cases are not computed ``here``, in this process, their linear algebra may be another one: the
+    archive does not say then that it is pinned.
 
     Raises
     ------
@@ -161,15 +161,15 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
         if reason := one.refused or ("" if reuse.drop else one.lost):
             raise ArchiveError(reason)
     stored = _kept(found, job, Reuse() if goes_on else reuse)
-    if elsewhere := _elsewhere(found, stored.find(hashes)[0], texts):
+    source, _ = stored.find(hashes)
+    if elsewhere := _elsewhere(found, source, texts):
         texts[COPIED] = ", ".join(sorted(elsewhere))
     start_parts(parts, Command(texts, job.warnings, there, job.begun, **asdict(reuse)))
-    missing = ~stored.holds(hashes).reshape(grid.outer_count, grid.inner_count)
-    return Prepared(job, texts, stored, hashes, missing)
+    return Prepared(job, texts, stored, hashes, (source < 0).reshape(grid.outer_count, grid.inner_count))
 
 
 def _kept(found: tuple[Found, Found], job: Job, reuse: Reuse) -> Stored:
-    """Return the cases that are not run again; that the others are is written to the directory of the shards."""
+    """Return the stored cases that a run keeps; those that it runs again are taken back, by a shard of their hashes."""
     stored = Stored([source for one in found for source in one.sources])
     again = stored.hashes if reuse.recompute else stored.hashes[reuse.retry & (stored.status != Status.OK)]
     if not again.size:
@@ -177,12 +177,12 @@ def _kept(found: tuple[Found, Found], job: Job, reuse: Reuse) -> Stored:
     return Stored([*stored.sources, take_back(job.parts, shard_name(job.begun, 0), again)])
 
 
-def _elsewhere(found: tuple[Found, Found], taken: NDArray[np.int64], now: Mapping[str, str]) -> set[str]:
-    """Return in what the software that computed cases differs from that of now, by the sources they are taken from."""
+def _elsewhere(found: tuple[Found, Found], source: NDArray[np.int64], now: Mapping[str, str]) -> set[str]:
+    """Return in what software of now differs from that of the cases kept; ``source`` is the number of each one's."""
     names: set[str] = set()
-    is_of_archive = taken < len(found[0].sources)
+    is_of_archive = source < len(found[0].sources)
     for one, cases in zip(found, (is_of_archive, ~is_of_archive), strict=True):
-        if one.texts and np.any(cases & (taken >= 0)):
+        if one.texts and np.any(cases & (source >= 0)):
             names |= {name for name in SOFTWARE if one.texts.get(name) != now[name]}
             names.update(filter(None, one.texts.get(COPIED, "").split(", ")))
     return names

@@ -51,7 +51,7 @@ class Case(NamedTuple):
     gap: Any
     """d0, m."""
     waves: Array
-    """Ω, φ, A and a of each wave, ``(wave, GIVEN)``, see :mod:`workflow.schemes._exact.tables.wave`."""
+    """Ω, φ, A and a of each wave, ``(wave, GIVEN)``, with the columns of ``tables.wave``."""
     acting: Any
     """Number of waves: the rows after them are 0."""
     steady: Array
@@ -61,7 +61,7 @@ class Case(NamedTuple):
     mobility: Any
     """e_nᵀ M⁻¹ (e_n - µ t), 1/kg: the Delassus operator of an impact."""
     drag: Any
-    """γ of :mod:`workflow.schemes._exact.accumulation`, 1/s."""
+    """γ of :mod:`workflow.schemes._exact.events`, 1/s."""
     jump: Array
     """Change of [y, y', τ] of a free tip by an impulse of 1 N s along e_n - µ t with its friction heat, ``(N,)``."""
     distance: Any
@@ -90,9 +90,9 @@ class Regime(NamedTuple):
     blocks: int
     firsts: int
     block: Array
-    """See :mod:`workflow.schemes._exact.tables.block`; rows that depend on loads are 0 here, as in ``first``."""
+    """With the rows of ``tables.block``; those that depend on loads are 0 here, as in ``first``."""
     first: Array
-    """See :mod:`workflow.schemes._exact.tables.first`."""
+    """With the rows of ``tables.first``."""
     source: Array
     """Sources [β, γ, χ] and, in the column after theirs, the signal, ``(mechanical + thermal + 4, N + 1)``: rows are
     inputs."""

@@ -55,7 +55,7 @@ class Expansion(NamedTuple):
 class Motion(NamedTuple):
     """A regime under the loads of one case, and states in it, with the rows of ``tables.state``.
 
-    Tables of the regime have further rows here, which depend on the loads.
+    LoadedTables of the regime have further rows here, which depend on the loads.
     """
 
     blocks: int
@@ -116,7 +116,7 @@ def scratch(size: int, waves: int) -> Scratch:
     return Scratch(np.zeros((2, tables + states + expanded + 2)), np.zeros((9, 4), dtype=np.complex128))
 
 
-class Tables(NamedTuple):
+class LoadedTables(NamedTuple):
     """Tables of a motion that depend on loads, see :class:`Motion`."""
 
     block: Array
@@ -167,8 +167,8 @@ def motion_of(regime: Regime, case: Case, numbers: Array, differences: Complex) 
     at += 2 * ORDER + 3
     outputs, coordinates = numbers[at : at + 2], numbers[at + 2 : at + 2 + size]
     at += 2 if regime.is_modal else 2 + size
-    tables = Tables(b, f, outputs, own)
-    explicits, aperiodics = _fill_tables(regime, case, tables)
+    loaded = LoadedTables(b, f, outputs, own)
+    explicits, aperiodics = _fill_tables(regime, case, loaded)
     fastest, cooling = regime.fastest, regime.growth <= 0.0 and not regime.warms
     for i in range(waves):
         fastest = max(fastest, own[i, wave.OMEGA])
@@ -202,13 +202,13 @@ def motion_of(regime: Regime, case: Case, numbers: Array, differences: Complex) 
 
 
 @part
-def _fill_tables(regime: Regime, case: Case, tables: Tables) -> tuple[int, int]:
+def _fill_tables(regime: Regime, case: Case, loaded: LoadedTables) -> tuple[int, int]:
     """Fill tables of zeros; return the numbers of explicit blocks and of other blocks that do not oscillate."""
-    b, waves, explicits, aperiodics = tables.block, tables.waves, 0, 0
-    _copy_tables(regime, case, tables)
-    _fill_sources(regime, case, tables)
+    b, waves, explicits, aperiodics = loaded.block, loaded.waves, 0, 0
+    _copy_tables(regime, case, loaded)
+    _fill_sources(regime, case, loaded)
     for k in range(regime.blocks):
-        _fill_force(regime, case, k, tables)
+        _fill_force(regime, case, k, loaded)
         if _is_explicit(b, k, waves, case.duration):
             b[block.EXPLICIT_COLUMNS, explicits] = k
             explicits += 1
@@ -217,25 +217,25 @@ def _fill_tables(regime: Regime, case: Case, tables: Tables) -> tuple[int, int]:
                 b[block.APERIODIC_COLUMNS, aperiodics] = k
                 aperiodics += 1
             _subtract_particular(b, k, waves)
-        _add_particular_outputs(b, k, waves, tables.outputs)
+        _add_particular_outputs(b, k, waves, loaded.outputs)
     for j in range(regime.firsts):
-        _subtract_harmonics(tables.first, j, waves)
+        _subtract_harmonics(loaded.first, j, waves)
     return explicits, aperiodics
 
 
 @part
-def _copy_tables(regime: Regime, case: Case, tables: Tables) -> None:
+def _copy_tables(regime: Regime, case: Case, loaded: LoadedTables) -> None:
     """Copy the tables of the regime and the waves of the case."""
     for row in range(block.ROWS):
-        for k in range(tables.block.shape[1]):
-            tables.block[row, k] = regime.block[row, k]
+        for k in range(loaded.block.shape[1]):
+            loaded.block[row, k] = regime.block[row, k]
     for row in range(first.ROWS):
-        for j in range(tables.first.shape[1]):
-            tables.first[row, j] = regime.first[row, j]
-    for i in range(tables.waves.shape[0]):
+        for j in range(loaded.first.shape[1]):
+            loaded.first[row, j] = regime.first[row, j]
+    for i in range(loaded.waves.shape[0]):
         for column in range(wave.GIVEN):
-            tables.waves[i, column] = case.waves[i, column]
-        tables.waves[i, wave.TIME] = tables.waves[i, wave.TIME_BEFORE] = np.nan
+            loaded.waves[i, column] = case.waves[i, column]
+        loaded.waves[i, wave.TIME] = loaded.waves[i, wave.TIME_BEFORE] = np.nan
 
 
 @part
@@ -263,9 +263,9 @@ def _wave_source(regime: Regime, case: Case, row: int, i: int) -> tuple[float, f
 
 
 @part
-def _fill_sources(regime: Regime, case: Case, tables: Tables) -> None:
+def _fill_sources(regime: Regime, case: Case, loaded: LoadedTables) -> None:
     """Fill the sources of the signal and of first-order states."""
-    f, outputs, waves, signal = tables.first, tables.outputs, tables.waves, 2 * regime.blocks + regime.firsts
+    f, outputs, waves, signal = loaded.first, loaded.outputs, loaded.waves, 2 * regime.blocks + regime.firsts
     outputs[SIGNAL] = _source(regime, case, signal)
     for i in range(waves.shape[0]):
         waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, case, signal, i)
@@ -278,9 +278,9 @@ def _fill_sources(regime: Regime, case: Case, tables: Tables) -> None:
 
 
 @part
-def _fill_force(regime: Regime, case: Case, k: int, tables: Tables) -> None:
+def _fill_force(regime: Regime, case: Case, k: int, loaded: LoadedTables) -> None:
     """Fill the force F on a block, and -β."""
-    b, waves = tables.block, tables.waves
+    b, waves = loaded.block, loaded.waves
     beta, gamma = _source(regime, case, k), _source(regime, case, regime.blocks + k)
     c = b[block.DAMPING, k]
     b[block.PARTICULAR_SLOPE, k], b[block.FORCE, k] = -beta, gamma + c * beta
