@@ -13,7 +13,6 @@ from workflow.models import (
     Chain,
     NoEquilibriumError,
     TooManyCoordinatesError,
-    _chain_pair,
     critical_alpha,
     frequencies,
     mechanical_modes,
@@ -23,7 +22,7 @@ from workflow.models import (
     thermal_modes,
     tip_flexibility,
 )
-from workflow.models._chain_pair import ChainPair
+from workflow.models.chain import ChainPair
 
 
 @st.composite
@@ -78,8 +77,8 @@ def test_equilibrium(structure: Chain, seed: int) -> None:
 def test_ends_of_the_spectrum(structure: Chain) -> None:
     omega, mu = mechanical_modes(structure).values, thermal_modes(structure).values
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_chain_pair, "MOST_FULL", 0)
-        patch.setattr(_chain_pair, "MOST_BY_JACOBI", 0)
+        patch.setattr("workflow.models.chain.MOST_FULL", 0)
+        patch.setattr("workflow.models.chain.MOST_BY_JACOBI", 0)
         assert frequencies(structure) == pytest.approx(omega[[0, -1]], rel=1e-12)
         assert rates(structure) == pytest.approx(mu[[0, -1]], rel=1e-12)
 

@@ -33,14 +33,7 @@ def test_chain_of_two_by_hand() -> None:
     assert np.array_equal(np.diag(structure.heat_capacity), [7.0, 8.0])
 
 
-def test_blade_is_lumped_with_half_a_cell_at_its_tip() -> None:
-    structure = blade(8)
-    cell = 4430 * 0.03 * 1e-3 * 0.04 / 8
-    assert np.allclose(np.diag(structure.mass), [cell] * 7 + [cell / 2], rtol=1e-14)
-    assert np.allclose(np.diag(structure.heat_capacity), 560 * np.diag(structure.mass), rtol=1e-14)
-    loss = 400 * 2 * (0.03 + 1e-3) * 0.04 / 8
-    assert np.allclose(structure.thermal.dense.weights[8:], [loss] * 7 + [loss / 2], rtol=1e-14)
-    assert models.tip_flexibility(structure) == pytest.approx(1e-6, rel=1e-12)
+def test_critical_coupling_of_the_example() -> None:
     assert critical_alpha(blade()) == pytest.approx(2.756, abs=5e-4)
 
 

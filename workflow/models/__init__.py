@@ -15,7 +15,6 @@ from threadpoolctl import ThreadpoolController
 
 from workflow.kernels import Array
 from workflow.models._cases import Cases, Harmonics, distinct_rows, project
-from workflow.models._chain_pair import MOST_ONE_BY_ONE
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
 from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
 from workflow.models._growth import growth, growth_rate, in_contact
@@ -51,7 +50,7 @@ from workflow.models._static import (
     tip_flexibility,
 )
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
-from workflow.models.chain import Chain
+from workflow.models.chain import MOST_ONE_BY_ONE, Chain
 from workflow.registry import Registry
 
 
