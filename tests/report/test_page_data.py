@@ -51,7 +51,7 @@ def test_thinning_keeps_the_least_and_the_largest_of_every_piece() -> None:
     assert np.array_equal(thinned(values[:800], 400), values[:800])
 
 
-def test_curves_keep_a_thousandth_of_their_range() -> None:
+def test_curves_are_rounded_within_a_thousandth_of_their_range() -> None:
     for scale in (1e-9, 1.0, 3e7):
         values = scale * np.array([1.0, -2.0, np.nan, 1e-3, np.inf, 3.0, np.pi / 4])
         finite = np.isfinite(values)

@@ -487,12 +487,12 @@ def thinned(values: Array, buckets: int) -> Array:
 
 
 def on_screen(values: Array) -> Array:
-    """Return a curve rounded to a thousandth of its range or less, what a screen shows of it."""
+    """Return a curve rounded to 1/500 of its range or finer: half of that is a fifth of a pixel of a panel's height."""
     finite = values[np.isfinite(values)]
     span = float(np.max(finite) / 2 - np.min(finite) / 2) if finite.size else 0.0
     if span == 0 or abs(np.log10(span)) > 290:  # a power of ten beyond would overflow
         return values
-    return np.round(values, 3 - int(np.floor(np.log10(2 * span))))
+    return np.round(values, int(np.ceil(np.log10(250 / span))))
 
 
 def closed(curve: Array) -> Array:
