@@ -268,9 +268,13 @@ def _place_of(part: xr.Dataset, name: str) -> int | None:
     return dims.index(str(along[0])) if len(along) == 1 and along[0] in dims else None
 
 
-def three_digits(values: NDArray[Any]) -> Array:
+def three_digits(values: Array) -> Array:
     """Return numbers with the three digits that a page shows; what is not finite is NaN."""
-    return np.array([float(f"{value:.3g}") if np.isfinite(value) else np.nan for value in values.tolist()])
+    values = np.where(np.isfinite(values), values, np.nan)
+    sizes = np.clip(np.abs(values), 1e-300, 1e300)
+    places = 2 - np.floor(np.log10(sizes))
+    up, down = 10.0 ** np.maximum(places, 0), 10.0 ** np.maximum(-places, 0)
+    return np.asarray(np.rint(values * up / down) / up * down)
 
 
 def _metrics(part: xr.Dataset, ok: NDArray[np.bool_]) -> tuple[list[dict[str, Any]], list[str]]:
