@@ -208,6 +208,20 @@ def test_one_case_has_a_page(wide: Any, tmp_path: Path) -> None:
     assert "holds no exact case" in message
 
 
+def test_drawn_numbers_are_points_of_the_map(wide: Any, tmp_path: Path) -> None:
+    drawn_zip = "zip: {design: {sample: random, points: 4, of: {scene.casing.gap: [40 um, 60 um], alpha: [0, 10]}}}\n"
+    study = parsed(
+        "study: drawn\n" + SCENE + "axes: {scheme: event_driven}\n" + drawn_zip + "output: {interval: 1 ms}\n"
+    )
+    dataset = run_study(study, tmp_path / "drawn.nc").dataset
+    opened(wide, write_report(tmp_path / "drawn.nc").page)
+    assert drawn(wide, "points", "x") == pytest.approx(1e6 * dataset["gap"].values)
+    assert drawn(wide, "points", "y") == pytest.approx(dataset["alpha"].values)
+    images = "return ['linear', 'log', 'states', 'statuses'].map((name) => model(`image_${name}`).visible)"
+    assert wide.execute_script(MODEL + images) == [False] * 4  # nothing lies over the points
+    assert errors(wide) == []
+
+
 def test_ticks_of_a_tip_that_has_run_away_are_short(wide: Any, page: Path) -> None:
     """Temperatures of 1e17 K were labelled with all their zeros."""
     opened(wide, page)

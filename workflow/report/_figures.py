@@ -267,7 +267,7 @@ def _modes(modes: Mapping[str, Any], chosen: Sequence[str] | None) -> Any:
     counts = [
         sorted(set(modes[name]["texts"]), key=lambda text: np.inf if text == AUTO else float(text)) for name in MODES
     ]
-    x_range, y_range = (FactorRange(*texts) for texts in counts)
+    x_range, y_range = (FactorRange(*texts, range_padding=0.1) for texts in counts)
     panel = panel_of("modes", 330, tools="reset,save", x_range=x_range, y_range=y_range)
     points = source_of("modes_points", "x", "y", "error", "text", "colour", "name")
     mapper = LogColorMapper(palette=Cividis256, name="modes_colours", low=1e-3, high=1)

@@ -178,7 +178,7 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
                     ]
                 )  # fmt: skip
             response = _response(dataset)
-            about["response"] = None if response is None else picture(response, "tip response")
+            about["response"] = [] if response is None else [picture(response, "tip response")]
             about["answer"], _ = sections.answered(dataset, sections.study_of(archive)[0])
             about["standing"] = sections.standing(dataset)
             about["precision"] = sections.precision(dataset) if dataset.sizes.get("h", 1) > 4 else None

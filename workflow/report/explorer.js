@@ -144,9 +144,11 @@
       const [w, h] = isGrid ? [1, 1] : [0.03 * width, 0.04 * height];
       fill("cell", { x: [spotOn(across, place)], y: [spotOn(up, place)], w: [w], h: [h] });
       const scale = colourScale(values, metric), cells = `cells_${scale.name}`;
-      const NDArray = model(cells).data.image[0].constructor; // Bokeh's array with a shape
-      const image = isGrid ? new NDArray(Float32Array.from(values), [height, width]) : new NDArray(new Float32Array([NaN]), [1, 1]);
-      fill(cells, { image: [image], x: [0], y: [0], dw: [width], dh: [height] });
+      model(`image_${scale.name}`).visible = isGrid;
+      if (isGrid) {
+        const NDArray = model(cells).data.image[0].constructor; // Bokeh's array with a shape
+        fill(cells, { image: [new NDArray(Float32Array.from(values), [height, width])], x: [0], y: [0], dw: [width], dh: [height] });
+      }
       fill("points", isGrid ? { x: [], y: [], value: [] } : { x: spots.x, y: spots.y, value: values });
       const isBad = (k) => metric && status[found[k]] !== 0 && (!isGrid || found.length <= 2500);
       const bad = found.map((_, k) => k).filter(isBad), [x, y] = [spots.x, spots.y].map((list) => bad.map((k) => list[k]));
