@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from workflow.kernels import compiled
-from workflow.kernels.compiled import by_type, defines, inlined, uncounted
+from workflow.kernels.compiled import by_type, defines, inlined, kernel
 
 
 class Never(NamedTuple):
@@ -40,7 +40,7 @@ def called_later(x: float) -> float:
     return 3.0 * shared_by_both(x)
 
 
-@uncounted
+@kernel
 def both(law: Any, x: float) -> float:
     result = 0.0
     for _ in range(0, turns(law), 1):

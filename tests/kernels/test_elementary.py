@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from workflow.kernels import Array, elementary, elementwise
-from workflow.kernels.compiled import uncounted
+from workflow.kernels.compiled import kernel
 
 RANDOM = np.random.default_rng(20261122)
 COUNT = 4000
@@ -38,7 +38,7 @@ def near_multiples(count: int) -> Iterable[float]:
             yield float(k * mpmath.pi / 2)
 
 
-@uncounted
+@kernel
 def _exp(x: Array, powers: Array) -> None:
     for i in range(x.size):
         powers[i] = elementary.exp(x[i])

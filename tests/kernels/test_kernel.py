@@ -133,8 +133,8 @@ def test_a_change_in_a_module_from_outside_is_noticed(copied: Path) -> None:
     outside.mkdir()
     (outside / "__init__.py").write_text("")
     (outside / "law.py").write_text("STIFFNESS = 2.0\n")
-    text = "from workflow.kernels.compiled import uncounted\nfrom outside import law\n\n\n"
-    (outside / "scheme.py").write_text(text + "@uncounted\ndef force(x):\n    return law.STIFFNESS * x\n")
+    text = "from workflow.kernels.compiled import kernel\nfrom outside import law\n\n\n"
+    (outside / "scheme.py").write_text(text + "@kernel\ndef force(x):\n    return law.STIFFNESS * x\n")
     assert [run(copied, OUTSIDE)[:2] for _ in range(2)] == [(2.0, 0), (2.0, 1)]
     (outside / "law.py").write_text("STIFFNESS = 3.0\n")
     assert run(copied, OUTSIDE)[:2] == (3.0, 0)

@@ -64,6 +64,6 @@ def test_other_code_of_the_process_meets_the_usual_compiler() -> None:
     program = compiled._whole_program()
     if program is None:
         pytest.skip("numba is of a version that ours was not tested with")
-    assert compiled.uncounted(second)(np.arange(3.0)) == 1.0
+    assert compiled.kernel(second)(np.arange(3.0)) == 1.0
     assert all(getattr(owner, name) is not ours for owner, name, ours in program._REPLACED)
     assert numba.njit(second)(np.arange(3.0)) == 1.0

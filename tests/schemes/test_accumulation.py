@@ -12,7 +12,7 @@ from plain_bounces import follow
 
 from scenes import cases, chain, relative, sampling, step
 from workflow.kernels import Array
-from workflow.kernels.compiled import uncounted
+from workflow.kernels.compiled import kernel
 from workflow.models import Rayleigh
 from workflow.schemes import Results, Status
 from workflow.schemes._exact.events import Bounces, end_of_chattering
@@ -104,7 +104,7 @@ def test_bounces_end_where_the_load_only_just_presses() -> None:
     assert least <= between <= most <= least + 1e-3
 
 
-@uncounted
+@kernel
 def _end(m: Motion, u: float, bounces: Bounces, ends: Array) -> None:
     ends[0] = end_of_chattering(m, 0.0, u, bounces)[0]
 

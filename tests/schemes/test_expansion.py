@@ -9,13 +9,13 @@ import pytest
 from bare_motion import add_decay, bare_motion
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import uncounted
+from workflow.kernels.compiled import kernel
 from workflow.schemes._exact.expansion import accumulate, bounds, expand, growth_bound
 from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.tables import block, state, wave
 
 
-@uncounted
+@kernel
 def _bound(m: Motion, k: int, h: float, found: Array) -> None:
     expand(m, m.now, 0.0)
     accumulate(m)
@@ -88,7 +88,7 @@ def test_the_signal_lies_within_its_bounds(damping: float) -> None:
                 assert tail_slope <= 1.001 * h * (omega * amplitude)[k:].sum()
 
 
-@uncounted
+@kernel
 def _grow(x: Array, factor: Array) -> None:
     for i in range(x.size):
         factor[i] = growth_bound(x[i])

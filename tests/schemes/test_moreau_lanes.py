@@ -13,7 +13,7 @@ from plain_theta import march
 
 from scenes import alone, cases, chain, heavy_chain, rubs, same_bits, sampling, step, taken
 from workflow.kernels import Array
-from workflow.kernels.compiled import uncounted
+from workflow.kernels.compiled import kernel
 from workflow.kernels.lanes import LANES, PACK, lane_rows, lane_table, named_rows, rows_in
 from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
@@ -78,7 +78,7 @@ def test_samples_are_placed_exactly(interval: float, h: float, count: int) -> No
         assert (samples.due[k], samples.weight[k]) == ((due, weight) if due <= samples.steps else (samples.steps, 1.0))
 
 
-@uncounted
+@kernel
 def _load(batch: Batch, first: int) -> None:
     load_block(batch, first)
 
@@ -101,7 +101,7 @@ def test_idle_lanes_are_at_rest_far_from_their_casing() -> None:
         assert np.all(block.drive.state.apart[used:LANES] <= -1.0)
 
 
-@uncounted
+@kernel
 def _start(load: TipLoads, lanes: int, leader: Array) -> None:
     leader[0] = start_load(1e-3, load, lanes)
 

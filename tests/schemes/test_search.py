@@ -15,7 +15,7 @@ from numpy.polynomial.polynomial import polyval
 from scipy.interpolate import BPoly, PPoly
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import uncounted
+from workflow.kernels.compiled import kernel
 from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.record import _bend, _peaks_at_an_end
 from workflow.schemes._exact.step import _falls_through, longest_without_zero, zero_crossing
@@ -40,7 +40,7 @@ class Found(NamedTuple):
     bend: float
 
 
-@uncounted
+@kernel
 def _search(m: Motion, zeros: int, level: float, found: Array) -> None:
     found[0], found[1] = longest_without_zero(m, zeros, 1.0, 1.0), zeros < 2 and _falls_through(m, zeros, 1.0)
     found[2], found[3] = zero_crossing(m, zeros, 1.0)

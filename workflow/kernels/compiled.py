@@ -237,7 +237,7 @@ def _translated(function: Callable[..., Any], **options: Any) -> Any:
     return translated if program is None else program.translated_once(translated)
 
 
-def uncounted(function: F) -> F:
+def kernel(function: F) -> F:
     """Compile a kernel: cached, without the global interpreter lock, without fastmath and prange.
 
     Divisions by zero give infinities as in NumPy: a kernel never raises, it sets a status. It allocates nothing, and

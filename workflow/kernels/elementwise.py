@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workflow.kernels import Array, elementary
-from workflow.kernels.compiled import uncounted
+from workflow.kernels.compiled import kernel
 
 
-@uncounted
+@kernel
 def _sine_cosine(x: Array, sin: Array, cos: Array) -> None:
     """Fill sin x and cos x."""
     for i in range(x.size):

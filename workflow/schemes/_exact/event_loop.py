@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import of_case, part, uncounted
+from workflow.kernels.compiled import kernel, of_case, part
 from workflow.schemes._exact.events import enter_contact, impact, release
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Case, in_row
@@ -42,7 +42,7 @@ _FIRST_STEP = 0.1
 """First step tried after an event, over the time constant of the fastest pole; it is lengthened while certified."""
 
 
-@uncounted
+@kernel
 def run_cases(
     free: Array,
     held: Array,

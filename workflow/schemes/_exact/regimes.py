@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
-from workflow.kernels.compiled import inlined, part, uncounted
+from workflow.kernels.compiled import inlined, kernel, part
 from workflow.poles import RealBlocks, real_blocks
 from workflow.schemes._exact.layout import FASTEST, GROWTH, IS_MODAL, WARMS, Regime, in_row, unpacked
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
@@ -115,7 +115,7 @@ def _in_modes(system: ModalSystem, response: Array) -> RealBlocks:
     return RealBlocks(system.damping, system.frequency**2, system.rate, inward, 2 * np.eye(len(inward)) - inward)
 
 
-@uncounted
+@kernel
 def _complete(row: Array) -> None:
     """Fill what follows in a row from c and ω² of blocks, μ of first-order states, outputs and transforms."""
     regime = in_row(row)
@@ -261,7 +261,7 @@ def _heated(held: ModalSystem) -> Heated | None:
     return Heated(RankOne(mu.size, *matrix), *(np.ascontiguousarray(a, dtype=np.float64) for a in arrays))
 
 
-@uncounted
+@kernel
 def _fill_rows(h: Heated, alpha: Array, zeros: Zeros, rows: Array, found: NDArray[np.bool_]) -> None:
     """Store the regimes at those α > 0 at which the spectrum is accurate in rows of zeros, and which these are."""
     for i in range(alpha.size):

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from workflow.kernels.compiled import by_type, defines, inlined, uncounted
+from workflow.kernels.compiled import by_type, defines, inlined, kernel
 from workflow.kernels.lanes import PACK, cached_lanes, lane_table, named_rows, rows_in
 from workflow.kernels.packs import Lane, broad, broadest, narrow, pack, spread, store
 from workflow.models import Array, Cases, Structure, project
@@ -153,7 +153,7 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
                 stepping.store_block(batch, first)
 
         march_cases.__module__ = law.__module__  # the key of the cache: the machine code depends on that source too
-        KERNELS[kind] = uncounted(march_cases)
+        KERNELS[kind] = kernel(march_cases)
         return defines(respond, kind)(law)
 
     return add

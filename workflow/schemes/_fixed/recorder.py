@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import uncounted
+from workflow.kernels.compiled import kernel
 from workflow.kernels.lanes import LANES, lane_table, named_rows
 from workflow.models import Cases, Structure, project, static_tip_growth
 from workflow.schemes._fixed.outcome import judged
@@ -31,7 +31,7 @@ from workflow.schemes._fixed.stepping import (
 from workflow.schemes._interface import Results, Sampling
 
 
-@uncounted
+@kernel
 def _count(step: int, batch: Batch) -> None:
     """Write the samples and load periods of a step, then count impact, contact and maxima at its end."""
     whole = batch.whole
