@@ -63,7 +63,7 @@ def _pieces(path: Path) -> Iterator[Any]:
     import h5py
 
     with LOCK:
-        file = h5py.File(path, "r")
+        file = h5py.File(path, "r", rdcc_nbytes=0)  # blocks end with chunks: none is wanted twice
         every = {name: each for name, each in file.items() if name not in LEFT_OUT and hasattr(each, "shape")}
     try:
         for name, variable in sorted(every.items()):

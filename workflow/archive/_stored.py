@@ -95,43 +95,45 @@ class Stored:
         self._first = np.cumsum([0, *(each.status.size for each in self.sources)])
         every = np.concatenate([np.empty((0, 16), np.uint8), *(each.hashes for each in self.sources)])
         status = np.concatenate([np.empty(0, np.int8), *(each.status for each in self.sources)])
-        is_last = ~pd.Index(_keys(every)).duplicated(keep="last")
-        self._place = np.flatnonzero(is_last & (status != Status.NOT_RUN))
-        self.hashes: Hashes = every[self._place]
-        self.status = status[self._place]
-        self._index = pd.Index(_keys(self.hashes))
+        is_held = ~pd.Index(_keys(every)).duplicated(keep="last") & (status != Status.NOT_RUN)
+        self._place = np.flatnonzero(is_held)
+        self.hashes: Hashes = every if is_held.all() else every[is_held]
+        self.status = status[is_held]
 
     def find(self, hashes: Hashes) -> Places:
         """Return which source holds each hash, in which row."""
-        found = _found(self._index, self.hashes, hashes)
-        place = np.append(self._place, -1)[found]
-        source = np.where(found < 0, -1, np.searchsorted(self._first, place, side="right") - 1)
-        return source, np.where(found < 0, -1, place - self._first[source])
+        place = _found(self.hashes, hashes)
+        is_held = place >= 0
+        place[is_held] = self._place[place[is_held]]
+        source = np.searchsorted(self._first, place, side="right") - 1  # -1 of -1
+        return source, np.where(is_held, place - self._first[source], -1)
 
     def holds(self, hashes: Hashes) -> NDArray[np.bool_]:
         """Tell which hashes some source holds."""
-        return _found(self._index, self.hashes, hashes) >= 0
+        return _found(self.hashes, hashes) >= 0
 
     def status_of(self, hashes: Hashes) -> NDArray[np.int8]:
         """Return the status of the cases with some hashes; of one that no source holds it is ``not_run``."""
-        return np.append(self.status, np.int8(Status.NOT_RUN))[_found(self._index, self.hashes, hashes)]
+        return np.append(self.status, np.int8(Status.NOT_RUN))[_found(self.hashes, hashes)]
 
 
 def are_among(hashes: Hashes, others: Hashes) -> NDArray[np.bool_]:
     """Tell which hashes are among some others."""
     import pandas as pd
 
-    others = others[~pd.Index(_keys(others)).duplicated(keep="last")]
-    return _found(pd.Index(_keys(others)), others, hashes) >= 0
+    return _found(others[~pd.Index(_keys(others)).duplicated(keep="last")], hashes) >= 0
 
 
-def _found(index: Any, held: Hashes, hashes: Hashes) -> NDArray[np.int64]:
-    """Return the places of hashes among those held, by an index of their keys; -1 where one is not held."""
+def _found(held: Hashes, hashes: Hashes) -> NDArray[np.int64]:
+    """Return the places of hashes among those held, no two of which have one key; -1 where one is not held."""
+    import pandas as pd
+
     if not len(held):
         return np.full(len(hashes), -1)
-    place = index.get_indexer(_keys(hashes))
+    place = np.asarray(pd.Index(_keys(held)).get_indexer(_keys(hashes)))
     same = held[place].view(np.uint64) == np.ascontiguousarray(hashes).view(np.uint64)
-    return np.where(same[:, 0] & same[:, 1], place, -1)
+    place[~(same[:, 0] & same[:, 1])] = -1
+    return place
 
 
 def _keys(hashes: Hashes) -> NDArray[np.uint64]:
