@@ -326,26 +326,3 @@ def test_friction_is_read_beside_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(schemes, "load", lambda name: cold)
     names = ("coefficient", "heat_share", "sliding_speed")
     assert [reads("moreau", "moreau", f"scene.friction.{name}") for name in names] == [True, False, False]
-
-
-def test_places_of_very_many_operators() -> None:
-    text = (
-        "study: a\n"
-        + SCENE
-        + (
-            "schemes: {midpoint: {method: moreau, theta: 0.5}}\n"
-            "axes: {scheme: [moreau, event_driven, midpoint], h: {log: [1e-4, 1e-3, 20]}, "
-            "scene.chain.stiffness: {lin: [4.0e6, 5.0e6, 50]}}\n"
-        )
-    )
-    grid = arrange(parsed(text))
-    assert grid.outer_count == 3000
-    computed = grid.computed.tolist()
-    assert len(computed) == 2 * 1000 + 50
-    exact = [outer for outer in computed if grid.settings(outer).scheme.method == "event_driven"]
-    assert len({grid.settings(outer).scene.parameters.stiffness for outer in exact}) == len(exact) == 50
-    assert set(grid.sharing[exact]) == {20}
-    assert grid.sharing.sum() == grid.outer_count
-    began = next(iter(tasks(grid)))
-    assert began.batches[0].outer == 0
-    assert plan(grid).unique == len(computed)
