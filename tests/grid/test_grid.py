@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from threadpoolctl import threadpool_limits
 
 from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
 from workflow.cli._studies import _lines as plan_lines
-from workflow.grid import Grid, arrange, plan, plan_study, reads, solve, tasks
+from workflow.grid import Grid, _operators, arrange, plan, plan_study, reads, solve, tasks
 from workflow.grid import _tasks as cutting
+from workflow.reduction import reduce_structure
 from workflow.schemes import Status
 
 
@@ -326,3 +328,19 @@ def test_friction_is_read_beside_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(schemes, "load", lambda name: cold)
     names = ("coefficient", "heat_share", "sliding_speed")
     assert [reads("moreau", "moreau", f"scene.friction.{name}") for name in names] == [True, False, False]
+
+
+def test_a_reduction_does_not_depend_on_the_threads_of_blas() -> None:
+    text = "study: a\n" + SCENE.replace("nodes: 4", "nodes: 200") + "axes: {mechanical_modes: 20, thermal_modes: 50}\n"
+    grid = arrange(parsed(text))
+    _operators.model_on.cache_clear()
+    with threadpool_limits(limits=2, user_api="blas"):
+        next(tasks(grid))
+        cell = grid.settings(0)
+        cached = _operators.model_on(_operators.reduced(cell))
+    with threadpool_limits(limits=1, user_api="blas"):
+        alone = reduce_structure(_operators.structure_of(cell.scene.model, cell.scene.parameters), 20, 50)
+    assert _operators.model_on.cache_info().misses == 1
+    for name, values in vars(alone.structure).items():
+        if isinstance(values, np.ndarray):
+            assert values.tobytes() == vars(cached.structure)[name].tobytes(), name
