@@ -1,14 +1,12 @@
 """Kernels against the processor: lines of ``bench_table``; and what people use instead.
 
-Everything is the heavy chain (20 nodes, heated, θ = 1) unless a line says otherwise. Times are the processor's own (two
-threads: the clock's), and lines that are compared take turns, so that ratios survive a machine that others use too.
+Everything is the heavy chain (20 nodes, heated, θ = 1) unless a line says otherwise. Times are the processor's own, and
+lines that are compared take turns, so that ratios survive a machine that others use too.
 """
 
 from __future__ import annotations
 
-import os
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
 from typing import Any
@@ -16,9 +14,9 @@ from typing import Any
 import multiply_add_peak
 import numpy as np
 from scipy.integrate import solve_ivp
-from timing import Line, Size, least, slope
+from timing import Line, Size, least
 
-from scenes import cases, heavy_chain, same_bits, sampling
+from scenes import cases, heavy_chain, sampling
 from workflow import schemes
 from workflow.models import Cases, Structure
 from workflow.reduction import reduce_structure
@@ -97,80 +95,6 @@ def batched(size: Size) -> list[Line]:
         ("one case alone, full", "<= 350 ns", f"{single:.0f} ns", f"{single / 350:.2f}"),
         ("no heat over a mechanical model", "1", f"{unheated:.2f} ns", f"{unheated / bare:.2f}"),
     ]
-
-
-def stored(size: Size) -> list[Line]:
-    """Histories every 10th and 100th step over two samples."""
-    full = heavy_chain()
-    batch = rub(full, min(size.cases, 128))
-    counts = (1, size.steps // 10, max(1, size.steps // 100))
-    few, *others = least(size.runs, *(partial(run, full, batch, H, size.steps, samples) for samples in counts))
-    return [
-        (f"histories every {every}th step over none", "<= 1.25", f"{seconds:.3f} s", f"{seconds / few:.2f}")
-        for every, seconds in zip((10, 100), others, strict=True)
-    ]
-
-
-def threads(size: Size) -> list[Line]:
-    """Two threads over one."""
-    full = heavy_chain()
-    batch = rub(full, size.cases)
-    halves = [batch.take(slice(0, size.cases // 2)), batch.take(slice(size.cases // 2, size.cases))]
-    work, turns = (lambda half: run(full, half, H, size.steps)), [max(1, 5 * size.steps)] * 2
-    with ThreadPoolExecutor(2) as pool:
-        same = all(same_bits(a, b) for a, b in zip(pool.map(work, halves), map(work, halves), strict=True))
-        one, two, alone, beside = least(
-            size.runs,
-            lambda: list(map(work, halves)),
-            lambda: list(pool.map(work, halves)),
-            lambda: list(map(multiply_add_peak.turn, turns)),
-            lambda: list(pool.map(multiply_add_peak.turn, turns)),
-            clock=time.perf_counter,
-        )
-    busy = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
-    return [
-        (f"two threads over one, {busy}", ">= 1.8", "same bits" if same else "OTHER BITS", f"{one / two:.2f}"),
-        ("two threads over one, multiply-adds in registers alone", "", "", f"{alone / beside:.2f}"),
-    ]
-
-
-def _per_step(size: Size, structure: Structure, batch: Cases, steps: int) -> float:
-    """Return the seconds of a step of a case, set-up left out: a long run less a short one."""
-    works = (partial(run, structure, batch, 1e-6, count) for count in (steps, 3 * steps))
-    short, long = least(size.runs, *works)
-    return max(long - short, 1e-12) / (2 * steps * batch.e.size)
-
-
-def scaling(size: Size) -> list[Line]:
-    """A step over nodes of full chains and over modes of a reduced one, and of a long chain per node.
-
-    What a step costs beside its modes makes the slope smaller on a straight line too.
-    """
-    lines: list[Line] = []
-    for count, target in ((1, 25.0), (8, 10.0)):
-        chain = heavy_chain(nodes=size.long_nodes)
-        seconds = _per_step(size, chain, rub(chain, count), max(2, size.node_steps // size.long_nodes))
-        each = 1e9 * seconds / size.long_nodes
-        what = f"{size.long_nodes} nodes, {count} case{'s' * (count > 1)}, per case, node and step"
-        lines.append((what, f"<= {target:g} ns", f"{each:.1f} ns", f"{each / target:.2f}"))
-    long = heavy_chain(nodes=2 * size.modes[-1])
-    chains = [(chain := heavy_chain(nodes=nodes), rub(chain, 64)) for nodes in size.nodes]
-    reductions = [reduce_structure(long, modes, modes) for modes in size.modes]
-    reduced = [(reduction.structure, reduction.project(rub(long, 64))) for reduction in reductions]
-    for title, unit, numbers, pairs in (
-        ("full in modes, a step", "nodes", size.nodes, chains),
-        ("reduced, a step", "modes", size.modes, reduced),
-    ):
-        taken = [
-            _per_step(size, *pair, max(2, size.node_steps // number))
-            for number, pair in zip(numbers, pairs, strict=True)
-        ]
-        half = (len(numbers) - 1) // 2
-        what = f"{title}: slope over {unit}, from {numbers[half]} to {numbers[-1]}"
-        lines.append((what, "1", "", f"{slope(numbers[half:], taken[half:]):.2f}"))
-        each = 1e9 * taken[-1] / numbers[-1]
-        lines.append((f"{title}, {numbers[-1]} {unit}, for each", "", f"{each:.3g} ns", ""))
-    return lines
 
 
 def numpy_loop(steps: int) -> float:
@@ -286,4 +210,4 @@ def exact(size: Size) -> list[Line]:
 
 def lines(size: Size) -> list[Line]:
     """Return all lines."""
-    return batched(size) + stored(size) + threads(size) + scaling(size) + stepping(size) + exact(size)
+    return batched(size) + stepping(size) + exact(size)

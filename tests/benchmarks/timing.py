@@ -24,24 +24,15 @@ class Size:
     runs: int = 5
     rival_steps: int = 3_000
     exact_cases: int = 100
-    nodes: tuple[int, ...] = (5, 10, 20, 40, 80, 160, 320)
-    modes: tuple[int, ...] = (2, 5, 10, 20, 40, 80)
-    long_nodes: int = 1_000
-    node_steps: int = 4_000_000
     run_cases: int = 10_000
     grids: tuple[int, int] = (10_000, 100_000)
 
 
-QUICK = Size(
-    steps=3_000, runs=3, rival_steps=300, exact_cases=30, node_steps=1_000_000, run_cases=1_000, grids=(1_000, 10_000)
-)  # fmt: skip
-TINY = Size(
-    cases=9, steps=40, runs=1, rival_steps=20, exact_cases=1, nodes=(5, 10), modes=(2, 5), long_nodes=200,
-    node_steps=6_000, run_cases=4, grids=(8, 20),
-)  # fmt: skip
+QUICK = Size(steps=3_000, runs=3, rival_steps=300, exact_cases=30, run_cases=1_000, grids=(1_000, 10_000))
+TINY = Size(cases=9, steps=40, runs=1, rival_steps=20, exact_cases=1, run_cases=4, grids=(8, 20))
 
 
-def least(runs: int, *works: Callable[[], object], clock: Callable[[], float] = time.process_time) -> list[float]:
+def least(runs: int, *works: Callable[[], object]) -> list[float]:
     """Return the least processor seconds of each work; they take turns, after each was done once.
 
     Arrays of a few KiB lie elsewhere in each turn: where they lie decides about some percent.
@@ -52,7 +43,7 @@ def least(runs: int, *works: Callable[[], object], clock: Callable[[], float] = 
     for _ in range(runs):
         for k, work in enumerate(works):
             between.append(np.empty(rng.integers(64, 4096)))
-            seconds[k] = min(seconds[k], taken(work, clock))
+            seconds[k] = min(seconds[k], taken(work, time.process_time))
     return seconds
 
 
@@ -61,11 +52,6 @@ def taken(work: Callable[[], object], clock: Callable[[], float] = time.perf_cou
     begun = clock()
     work()
     return clock() - begun
-
-
-def slope(numbers: tuple[int, ...], seconds: list[float]) -> float:
-    """Return the slope of log seconds over log number: 1 is a straight line through 0."""
-    return float(np.polyfit(np.log(numbers), np.log(seconds), 1)[0])
 
 
 @contextmanager

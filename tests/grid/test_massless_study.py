@@ -63,15 +63,6 @@ def test_a_scheme_that_cannot_fails_its_own_cases(study: Study, scheme: str) -> 
         assert "moreau" in results.messages[0]
 
 
-def test_all_modes_are_the_full_model_in_every_scheme(study: Study) -> None:
-    grid = arrange(study)
-    for basis in ("macneal", "massless"):
-        results = at(grid, scheme="carpenter", reduction=basis, mechanical_modes=3)
-        full = at(grid, scheme="carpenter", reduction="craig_bampton", mechanical_modes=3)
-        assert results.values["status"].tolist() == [Status.OK]
-        assert np.array_equal(results.values["displacement"], full.values["displacement"])
-
-
 def test_the_plan_says_so_beforehand(study: Study) -> None:
     warnings = plan_study(study).warnings
     assert sum("fails with m" in text for text in warnings) == 6

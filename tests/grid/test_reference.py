@@ -265,15 +265,3 @@ def test_each_distinct_exact_solution_is_computed_once(tmp_path: Path, monkeypat
         6,
         6,
     ]
-
-
-def test_what_the_exact_scheme_cannot_run_has_no_parts_and_says_so() -> None:
-    text = f"study: a\n{SCENE}axes: {{scheme: moreau, h: 1e-3, reduction: massless, mechanical_modes: 2}}\n"
-    text += "reference: {scheme: moreau, h: 5e-4}\n"
-    text = text.replace("duration: 60 ms", "duration: 3 ms")
-    results = solved(text + "output: {interval: 1 ms, balances: false}\n")
-    assert results.values["status"][0] == Status.OK
-    assert np.isfinite(results.values["displacement_error"][0])
-    assert np.isnan(results.values["displacement_scheme_error"][0])
-    assert np.isnan(results.values["displacement_model_error"][0])
-    assert results.messages[0].startswith("scheme and model error: event_driven on the reduced model")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from plain_structures import Plain, plain_chain, tip_last
+from plain_structures import Plain, tip_last
 
-from scenes import cases, chain
+from scenes import cases
 from workflow import models
 from workflow.models import Array, Cases, GivenMatrices, Rayleigh, Structure, structure_from_matrices
 
@@ -25,23 +24,14 @@ class Described(NamedTuple):
     plain_case: Cases
 
 
-def described(structure: Structure, given: Plain, heating: Array | float, **values: Any) -> Described:
-    """Return a structure and one case in coordinates of their own, for the package and in those of equations (1)."""
-    case = cases(given, heating=heating, **values)
-    own = structure.coordinates
-    ours = case if own is None else own.transformed(replace(case, heating=np.zeros_like(case.heating)))
-    return Described(structure, ours, *tip_last(given, case))
-
-
 def random_scene(seed: int) -> Described:
-    """Return a chain, matrices or a table of modes, in turn, that a load drives against its casing."""
+    """Return matrices or a table of modes, in turn, that a load drives against their casing."""
     rng = np.random.default_rng(seed)
-    structure, given, heating = KINDS[seed % 3](rng)
+    structure, given, heating = (_matrices, _modes)[seed % 2](rng)
     displacement = rng.normal(0, 2e-5, given.mechanical_size) * rng.integers(0, 2)
-    return described(
-        structure,
+    case = cases(
         given,
-        heating,
+        heating=heating,
         e=rng.choice([0.0, rng.uniform(0.2, 0.9), 1.0]),
         alpha=rng.choice([0.0, rng.uniform(0, 0.5)]),
         gap=float(given.contact @ displacement) + 10 ** rng.uniform(-5.5, -4),
@@ -54,29 +44,14 @@ def random_scene(seed: int) -> Described:
         velocity=rng.normal(0, 0.5, given.mechanical_size) * rng.integers(0, 2),
         temperature=rng.normal(0, 5, given.thermal_size) * rng.integers(0, 2),
     )
+    own = structure.coordinates
+    ours = case if own is None else own.transformed(replace(case, heating=np.zeros_like(case.heating)))
+    return Described(structure, ours, *tip_last(given, case))
 
 
 def _damping(rng: Rng) -> Rayleigh:
     kinds = Rayleigh(), Rayleigh(rng.uniform(1, 500)), Rayleigh(rng.uniform(0, 50), 10 ** rng.uniform(-7, -5))
     return (*kinds, Rayleigh(ratio=rng.uniform(0.001, 0.05)))[rng.integers(0, 4)]
-
-
-def _chain(rng: Rng) -> tuple[Structure, Plain, Array]:
-    """A third has a free root, some a loose part."""
-    n = int(rng.integers(1, 7))
-    lumps: dict[str, Any] = {
-        "nodes": n,
-        "mass": rng.uniform(2e-3, 5e-2, n),
-        "stiffness": 10 ** rng.uniform(5, 7, n) * (rng.random(n) < 0.9) * (np.arange(n) > (rng.random() < 0.3) - 1),
-        "spacing": 1e-2,
-        "expansion": 10 ** rng.uniform(-5, -4, n),
-        "heat_capacity": 10 ** rng.uniform(-3, -2, n),
-        "conductance": rng.uniform(0, 2, n) * (rng.random(n) < 0.9),
-        "convection": rng.uniform(0, 1, n) * rng.integers(0, 2),
-    }
-    damping = _damping(rng)
-    items = {name: value if name in ("nodes", "spacing") else tuple(value) for name, value in lumps.items()}
-    return chain(**items, damping=damping), plain_chain(lumps, damping), rng.normal(0, 2, n) * rng.integers(0, 2)
 
 
 def _matrices(rng: Rng) -> tuple[Structure, Plain, Array]:
@@ -137,13 +112,7 @@ def _modes(rng: Rng) -> tuple[Structure, Plain, Array]:
     frequency = 10 ** rng.uniform(2, 4, n) * (np.arange(n) >= rigid)
     ratio = rng.uniform(0, 0.05, n if rng.random() < 0.5 else 1) * np.ones(n)
     coupling = rng.normal(0, 0.3, (n, t)) * (frequency > 0)[:, None]
-    return modes(frequency, ratio, rng.normal(0, 10, n), 10 ** rng.uniform(0, 3, t), rng.normal(0, 20, t), coupling)
-
-
-def modes(
-    frequency: Array, ratio: Array, tip: Array, rate: Array, heat_tip: Array, coupling: Array
-) -> tuple[Structure, Plain, Array]:
-    """Return the structure of a table of modes."""
+    tip, rate, heat_tip = rng.normal(0, 10, n), 10 ** rng.uniform(0, 3, t), rng.normal(0, 20, t)
     model = models.load("modes")
     tables = np.column_stack([frequency, ratio, tip]), np.column_stack([rate, heat_tip]), coupling
     omega = 2 * np.pi * frequency
@@ -159,6 +128,3 @@ def modes(
         load_direction=tip,
     )
     return model.assemble(model.Parameters(*(tuple(map(tuple, table)) for table in tables))), plain, np.zeros(len(rate))
-
-
-KINDS: tuple[Callable[[Rng], tuple[Structure, Plain, Array]], ...] = _chain, _matrices, _modes
