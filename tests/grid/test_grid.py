@@ -174,32 +174,6 @@ def test_waiting_is_no_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 0 < seconds.sum() < 0.15
 
 
-def test_start_in_equilibrium_stays_there() -> None:
-    text = ("study: a\n" + SCENE + "axes: {scene.load.mean: [-20, 30, 90]}\n").replace(
-        "  duration", "  initial: static\n  duration"
-    )
-    text = text.replace("amplitude: 100", "amplitude: 0")
-    grid = arrange(parsed(text))
-    solved = solve(grid, 0, np.arange(3))
-    x = solved.values["displacement"]
-    assert x[0, 0] == pytest.approx(-20 / 1e6, rel=1e-12)
-    assert x[1, 0] == pytest.approx(30 / 1e6, rel=1e-12)
-    assert x[2, 0] == 50e-6
-    assert np.abs(x - x[:, :1]).max() < 1e-6 * 50e-6
-    force = solved.values["contact_force"][:, 1:]
-    assert np.allclose(force[2], 90 - 50, rtol=1e-6)
-    assert np.all(force[:2] == 0)
-
-
-def test_no_equilibrium_is_a_failed_case() -> None:
-    text = "study: a\nscene:\n  chain: {nodes: 1, mass: 1, stiffness: 0, heat_capacity: 1}\n"
-    text += "  casing: {gap: 1}\n  load: {mean: -1}\n  initial: static\n  duration: 1\n"
-    grid = arrange(parsed(text))
-    solved = solve(grid, 0, np.arange(1))
-    assert solved.values["status"][0] == Status.FAILED
-    assert "no equilibrium" in solved.messages[0]
-
-
 def test_plan_says_what_it_comes_to() -> None:
     """Issue figures: implicit Euler at 1.09 kHz and 1e-4 s damps by 0.32 against 0.0014."""
     text = (

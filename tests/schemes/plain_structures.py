@@ -6,12 +6,13 @@ They share nothing with the package's models but the names of what a structure h
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
 from plain_events import Long, inverse
 
-from workflow.models import Array, Cases
+from workflow.models import Array, Cases, Rayleigh
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,27 @@ class Plain:
     def rounded(self) -> Plain:
         """Return it in 64 bits."""
         return replace(self, **{name: a.astype(float) for name, a in vars(self).items() if isinstance(a, np.ndarray)})
+
+
+def plain_chain(lumps: dict[str, Any], damping: Rayleigh) -> Plain:
+    """Return a chain of springs N_i = k_i (x_i - x_{i-1} - a ℓ_i (θ_{i-1} + θ_i)/2)."""
+    n = lumps["nodes"]
+    one, below = np.eye(n, dtype=Long), np.eye(n, k=-1, dtype=Long)
+    names = "mass", "stiffness", "expansion", "heat_capacity", "conductance", "convection"
+    m, k, a, c, kappa, b = (np.broadcast_to(np.array(lumps.get(name, 0.0), dtype=Long), n) * one for name in names)
+    mass, stiffness = m, (one - below).T @ k @ (one - below)
+    return Plain(
+        mass=mass,
+        damping_matrix=damping.mass * mass + damping.stiffness * stiffness,
+        stiffness_matrix=stiffness,
+        coupling_matrix=-(one - below).T @ k @ (a * lumps.get("spacing", 0.0)) @ (one + below) / 2,
+        heat_capacity=c,
+        conductance_matrix=(one - below).T @ kappa @ (one - below) + b,
+        contact=one[-1],
+        thermal_contact=one[-1],
+        load_direction=one[-1],
+        ratio=damping.ratio,
+    )
 
 
 def tip_last(p: Plain, batch: Cases) -> tuple[Plain, Cases]:

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from plain_structures import Plain, tip_last
+from plain_structures import Plain, plain_chain, tip_last
 
-from scenes import cases
+from scenes import cases, chain
 from workflow import models
 from workflow.models import Array, Cases, GivenMatrices, Rayleigh, Structure, structure_from_matrices
 
@@ -25,9 +25,9 @@ class Described(NamedTuple):
 
 
 def random_scene(seed: int) -> Described:
-    """Return matrices or a table of modes, in turn, that a load drives against their casing."""
+    """Return a chain, matrices or a table of modes, in turn, that a load drives against its casing."""
     rng = np.random.default_rng(seed)
-    structure, given, heating = (_matrices, _modes)[seed % 2](rng)
+    structure, given, heating = (_chain, _matrices, _modes)[seed % 3](rng)
     displacement = rng.normal(0, 2e-5, given.mechanical_size) * rng.integers(0, 2)
     case = cases(
         given,
@@ -52,6 +52,24 @@ def random_scene(seed: int) -> Described:
 def _damping(rng: Rng) -> Rayleigh:
     kinds = Rayleigh(), Rayleigh(rng.uniform(1, 500)), Rayleigh(rng.uniform(0, 50), 10 ** rng.uniform(-7, -5))
     return (*kinds, Rayleigh(ratio=rng.uniform(0.001, 0.05)))[rng.integers(0, 4)]
+
+
+def _chain(rng: Rng) -> tuple[Structure, Plain, Array]:
+    """A third has a free root, some a loose part."""
+    n = int(rng.integers(1, 7))
+    lumps: dict[str, Any] = {
+        "nodes": n,
+        "mass": rng.uniform(2e-3, 5e-2, n),
+        "stiffness": 10 ** rng.uniform(5, 7, n) * (rng.random(n) < 0.9) * (np.arange(n) > (rng.random() < 0.3) - 1),
+        "spacing": 1e-2,
+        "expansion": 10 ** rng.uniform(-5, -4, n),
+        "heat_capacity": 10 ** rng.uniform(-3, -2, n),
+        "conductance": rng.uniform(0, 2, n) * (rng.random(n) < 0.9),
+        "convection": rng.uniform(0, 1, n) * rng.integers(0, 2),
+    }
+    damping = _damping(rng)
+    items = {name: value if name in ("nodes", "spacing") else tuple(value) for name, value in lumps.items()}
+    return chain(**items, damping=damping), plain_chain(lumps, damping), rng.normal(0, 2, n) * rng.integers(0, 2)
 
 
 def _matrices(rng: Rng) -> tuple[Structure, Plain, Array]:

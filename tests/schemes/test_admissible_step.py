@@ -50,7 +50,7 @@ def recommended(message: str) -> float | None:
 def test_the_case_runs_at_the_step_that_is_recommended(options: dict[str, Any]) -> None:
     """Steps of 0.1 ms, growth of up to e^250 in the model itself."""
     method, runs = ("penalty" if options else "moreau"), 0
-    for seed in range(120):
+    for seed in range(60):
         growth = float(np.random.default_rng(1000 + seed).uniform(3, 250))
         structure, batch, duration, theta = scene(seed, growth)
         over = Sampling(duration, duration, 2, balances=True)  # as most tests do: one kernel serves them all
@@ -65,7 +65,7 @@ def test_the_case_runs_at_the_step_that_is_recommended(options: dict[str, Any]) 
             runs += 1
             again = step(structure, batch, h, over, method, **theta, **options)
             assert again.status[0] == Status.OK, (seed, growth, results.messages[0], again.messages)
-    assert runs > 20
+    assert runs >= 10
 
 
 def test_where_no_step_helps_it_says_so() -> None:

@@ -1,4 +1,4 @@
-"""Random matrices and tables of modes, stepped by six schemes, against plain matrices and 80-bit arithmetic."""
+"""Random chains, matrices and tables of modes, stepped by six schemes, against plain matrices and 80-bit arithmetic."""
 
 from __future__ import annotations
 
