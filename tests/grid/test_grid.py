@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from threadpoolctl import threadpool_limits
 
 from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
 from workflow.cli._studies import _lines as plan_lines
-from workflow.grid import Grid, arrange, plan, plan_study, reads, solve, tasks
+from workflow.grid import Grid, _operators, arrange, plan, plan_study, reads, solve, tasks
 from workflow.grid import _tasks as cutting
+from workflow.reduction import reduce_structure
 from workflow.schemes import Status
 
 
@@ -172,32 +174,6 @@ def test_waiting_is_no_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 0 < seconds.sum() < 0.15
 
 
-def test_start_in_equilibrium_stays_there() -> None:
-    text = ("study: a\n" + SCENE + "axes: {scene.load.mean: [-20, 30, 90]}\n").replace(
-        "  duration", "  initial: static\n  duration"
-    )
-    text = text.replace("amplitude: 100", "amplitude: 0")
-    grid = arrange(parsed(text))
-    solved = solve(grid, 0, np.arange(3))
-    x = solved.values["displacement"]
-    assert x[0, 0] == pytest.approx(-20 / 1e6, rel=1e-12)
-    assert x[1, 0] == pytest.approx(30 / 1e6, rel=1e-12)
-    assert x[2, 0] == 50e-6
-    assert np.abs(x - x[:, :1]).max() < 1e-6 * 50e-6
-    force = solved.values["contact_force"][:, 1:]
-    assert np.allclose(force[2], 90 - 50, rtol=1e-6)
-    assert np.all(force[:2] == 0)
-
-
-def test_no_equilibrium_is_a_failed_case() -> None:
-    text = "study: a\nscene:\n  chain: {nodes: 1, mass: 1, stiffness: 0, heat_capacity: 1}\n"
-    text += "  casing: {gap: 1}\n  load: {mean: -1}\n  initial: static\n  duration: 1\n"
-    grid = arrange(parsed(text))
-    solved = solve(grid, 0, np.arange(1))
-    assert solved.values["status"][0] == Status.FAILED
-    assert "no equilibrium" in solved.messages[0]
-
-
 def test_plan_says_what_it_comes_to() -> None:
     """Issue figures: implicit Euler at 1.09 kHz and 1e-4 s damps by 0.32 against 0.0014."""
     text = (
@@ -328,24 +304,17 @@ def test_friction_is_read_beside_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [reads("moreau", "moreau", f"scene.friction.{name}") for name in names] == [True, False, False]
 
 
-def test_places_of_very_many_operators() -> None:
-    text = (
-        "study: a\n"
-        + SCENE
-        + (
-            "schemes: {midpoint: {method: moreau, theta: 0.5}}\n"
-            "axes: {scheme: [moreau, event_driven, midpoint], h: {log: [1e-4, 1e-3, 20]}, "
-            "scene.chain.stiffness: {lin: [4.0e6, 5.0e6, 50]}}\n"
-        )
-    )
+def test_a_reduction_does_not_depend_on_the_threads_of_blas() -> None:
+    text = "study: a\n" + SCENE.replace("nodes: 4", "nodes: 200") + "axes: {mechanical_modes: 20, thermal_modes: 50}\n"
     grid = arrange(parsed(text))
-    assert grid.outer_count == 3000
-    computed = grid.computed.tolist()
-    assert len(computed) == 2 * 1000 + 50
-    exact = [outer for outer in computed if grid.settings(outer).scheme.method == "event_driven"]
-    assert len({grid.settings(outer).scene.parameters.stiffness for outer in exact}) == len(exact) == 50
-    assert set(grid.sharing[exact]) == {20}
-    assert grid.sharing.sum() == grid.outer_count
-    began = next(iter(tasks(grid)))
-    assert began.batches[0].outer == 0
-    assert plan(grid).unique == len(computed)
+    _operators.model_on.cache_clear()
+    with threadpool_limits(limits=2, user_api="blas"):
+        next(tasks(grid))
+        cell = grid.settings(0)
+        cached = _operators.model_on(_operators.reduced(cell))
+    with threadpool_limits(limits=1, user_api="blas"):
+        alone = reduce_structure(_operators.structure_of(cell.scene.model, cell.scene.parameters), 20, 50)
+    assert _operators.model_on.cache_info().misses == 1
+    for name, values in vars(alone.structure).items():
+        if isinstance(values, np.ndarray):
+            assert values.tobytes() == vars(cached.structure)[name].tobytes(), name

@@ -63,15 +63,6 @@ def test_a_scheme_that_cannot_fails_its_own_cases(study: Study, scheme: str) -> 
         assert "moreau" in results.messages[0]
 
 
-def test_all_modes_are_the_full_model_in_every_scheme(study: Study) -> None:
-    grid = arrange(study)
-    for basis in ("macneal", "massless"):
-        results = at(grid, scheme="carpenter", reduction=basis, mechanical_modes=3)
-        full = at(grid, scheme="carpenter", reduction="craig_bampton", mechanical_modes=3)
-        assert results.values["status"].tolist() == [Status.OK]
-        assert np.array_equal(results.values["displacement"], full.values["displacement"])
-
-
 def test_the_plan_says_so_beforehand(study: Study) -> None:
     warnings = plan_study(study).warnings
     assert sum("fails with m" in text for text in warnings) == 6
@@ -99,7 +90,7 @@ def test_a_refused_basis_is_not_compiled() -> None:
     assert {one.method for one in kernel_variants(grid)} == {"moreau"}
 
 
-@pytest.mark.parametrize("run", [*range(4), *(pytest.param(run, marks=pytest.mark.slow) for run in range(4, 30))])
+@pytest.mark.parametrize("run", [0, 1, *(pytest.param(run, marks=pytest.mark.slow) for run in range(2, 30))])
 def test_refused_bases_fail_alone_on_two_threads(run: int, tmp_path: Path) -> None:
     run_study(read_study(AUDIT / "refused_bases.yaml"), tmp_path / "a.nc", threads=2)
     with open_archive(tmp_path / "a.nc") as archive:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from studies import BLADE_SCENE, HEAVY_SCENE, parsed, written
-from terminal import workflow
+from studies import BLADE_SCENE, HEAVY_SCENE, parsed
 from workflow import open_archive, run_study
 from workflow.grid import arrange, plan
 from workflow.run import warnings_of
@@ -136,19 +134,6 @@ def test_the_attribute_says_the_depth(tmp_path: Path) -> None:
         assert about["depth_of_mesh"] == pytest.approx(30e-6)
         assert about["thermal_diffusivity"] == pytest.approx(DIFFUSIVITY)
         assert "mean over `depth`" in about["comment"]
-
-
-def test_all_commands_say_it_in_one_line(tmp_path: Path) -> None:
-    study = written(f"study: a{BLADE_SCENE}{EXACT}", tmp_path)
-    before = json.loads(workflow("plan", study, "--json", cwd=tmp_path).stdout)["warnings"]
-    ran, shown = (workflow(*words, cwd=tmp_path).stdout for words in (("run", study), ("show", "a.nc")))
-    (told,) = json.loads(workflow("show", "a.nc", "--json", cwd=tmp_path).stdout)["warnings"]
-    assert [line.split(" mm in")[0] for line in before] == ["the cell at the tip is 2 mm thick, and heat enters 0.24"]
-    assert told.startswith("the cell at the tip is 2 mm thick, and heat enters 0.37 mm")
-    for text in (ran, shown):
-        assert [line for line in text.splitlines() if "beware" in line] == [f"  beware: {told}"]
-    workflow("report", "a.nc", cwd=tmp_path)
-    assert f"<p>Beware: {told}.</p>".replace("'", "&#x27;") in (tmp_path / "a.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("interval", "told"), [("1 ms", False), ("10 us", False), ("5 us", True)])

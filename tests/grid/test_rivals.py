@@ -31,22 +31,6 @@ def test_restitution_is_no_axis_of_the_rivals() -> None:
         assert impulse[0, 0] != impulse[0, 1]
 
 
-@pytest.mark.parametrize("scheme", ["carpenter", "penalty", "moreau"])
-def test_errors_are_against_the_reference_of_each_case(scheme: str) -> None:
-    """A case that does not read e is run once, but the exact solution with e = 0.9 is another one than with 0."""
-    reference = "reference: {scheme: event_driven}\n"
-    together = arrange(parsed(study(f"{{scheme: {scheme}, h: 1e-5, e: [0, 0.9], alpha: [0, 5]}}") + reference))
-    values = solve(together, 0, np.arange(4)).values
-    assert together.dims == (("e", 2), ("alpha", 2))
-    for k, e in enumerate((0, 0.9)):
-        alone = arrange(parsed(study(f"{{scheme: {scheme}, h: 1e-5, e: {e}, alpha: [0, 5]}}") + reference))
-        expected = solve(alone, 0, np.arange(2)).values
-        for name in ("displacement_error", "temperature_error", "impulse_error", "predictability"):
-            assert np.array_equal(values[name].reshape(2, 2)[k], expected[name]), name
-    errors = values["displacement_error"].reshape(2, 2)
-    assert np.all(errors[0] != errors[1])
-
-
 def test_a_plan_tells_of_limits() -> None:
     """Above 2/ω_max the free step grows; the penalty spring has a limit of its own."""
     defined = "schemes: {stiff: {method: penalty, stiffness: 2.0e7}, soft: {method: penalty, stiffness: 1.0e5}}"

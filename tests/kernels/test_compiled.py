@@ -1,13 +1,24 @@
-"""Functions of kernels: chosen by the type of their first argument, and linked as parts of one program."""
+"""Functions of kernels: chosen by the type of their first argument, linked as parts of one program, or by plain numba.
+
+numba's own compiler gives the same bits; ours is left out with versions that it was not tested with.
+"""
 
 from __future__ import annotations
 
+import os
 import pwd
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any, NamedTuple
 
+import numba
+import numpy as np
 import pytest
 
-from workflow.kernels import compiled
+from studies import SCENE
+from workflow.archive import provenance
+from workflow.kernels import Array, compiled
 from workflow.kernels.compiled import by_type, defines, inlined, kernel
 
 
@@ -64,3 +75,57 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> 
     for name in ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"):
         monkeypatch.delenv(name, raising=False)
     assert compiled.directory_of.__wrapped__("workflow.kernels") is None
+
+
+STUDY = f"""study: both_ways
+{SCENE}
+schemes: {{midpoint: {{method: moreau, theta: 0.5}}, soft: {{method: penalty, stiffness: 4.0e7}},
+          implicit: {{method: penalty, stiffness: 4.0e7, integration: implicit}}}}
+axes: {{scheme: [moreau, midpoint, carpenter, soft, implicit, event_driven], h: 1e-5, e: [0, 0.5], alpha: [0, 5]}}
+"""
+
+
+def content(directory: Path, **environment: str) -> str:
+    """Run the study in a process of its own and return the hash of what its archive holds."""
+    directory.mkdir()
+    (directory / "study.yaml").write_text(STUDY)
+    command = [sys.executable, "-m", "workflow", "run", "study.yaml", "--threads", "1"]
+    subprocess.run(command, cwd=directory, check=True, capture_output=True, env={**os.environ, **environment})
+    return provenance(directory / "both_ways.nc")["content_hash"]
+
+
+@pytest.mark.slow  # it compiles everything twice
+def test_both_compilers_give_the_same_bits(tmp_path: Path) -> None:
+    ours = content(tmp_path / "ours", NUMBA_CACHE_DIR=str(tmp_path))
+    assert content(tmp_path / "plain", NUMBA_CACHE_DIR=str(tmp_path), WORKFLOW_PLAIN_NUMBA="1") == ours
+    assert (
+        len(list(tmp_path.rglob("event_loop.run_cases-workflow.schemes._exact.event_loop*.nbi"))) == 2
+    )  # and neither takes machine code from the other
+
+
+def test_it_is_left_out_with_other_versions(monkeypatch: pytest.MonkeyPatch) -> None:
+    from workflow.kernels import whole_program
+
+    chosen = compiled._whole_program.__wrapped__
+    for version, used in ((f"{compiled.TESTED[-1]}.9", True), ("0.61.2", False), ("1.0.0", False)):
+        monkeypatch.setattr("numba.__version__", version)
+        assert chosen() is (whole_program if used else None)
+
+
+def test_a_variable_of_the_environment_leaves_it_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(compiled.PLAIN, "1")
+    assert compiled._whole_program.__wrapped__() is None
+
+
+def second(rows: Array) -> float:
+    return rows[1]
+
+
+def test_other_code_of_the_process_meets_the_usual_compiler() -> None:
+    """What gives way to ours while a kernel is compiled is in its place again."""
+    program = compiled._whole_program()
+    if program is None:
+        pytest.skip("numba is of a version that ours was not tested with")
+    assert compiled.kernel(second)(np.arange(3.0)) == 1.0
+    assert all(getattr(owner, name) is not ours for owner, name, ours in program._REPLACED)
+    assert numba.njit(second)(np.arange(3.0)) == 1.0

@@ -151,6 +151,7 @@ def test_damaged_files_of_the_cache_are_compiled_anew(ran: tuple[Path, Ran]) -> 
             assert run(copied) == first._replace(hits=1)
 
 
+@pytest.mark.slow
 def test_a_cache_on_a_full_disk_keeps_nothing(ran: tuple[Path, Ran]) -> None:
     copied, first = ran
     for file in first.directory.glob("*.nb?"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -25,23 +24,14 @@ class Described(NamedTuple):
     plain_case: Cases
 
 
-def described(structure: Structure, given: Plain, heating: Array | float, **values: Any) -> Described:
-    """Return a structure and one case in coordinates of their own, for the package and in those of equations (1)."""
-    case = cases(given, heating=heating, **values)
-    own = structure.coordinates
-    ours = case if own is None else own.transformed(replace(case, heating=np.zeros_like(case.heating)))
-    return Described(structure, ours, *tip_last(given, case))
-
-
 def random_scene(seed: int) -> Described:
     """Return a chain, matrices or a table of modes, in turn, that a load drives against its casing."""
     rng = np.random.default_rng(seed)
-    structure, given, heating = KINDS[seed % 3](rng)
+    structure, given, heating = (_chain, _matrices, _modes)[seed % 3](rng)
     displacement = rng.normal(0, 2e-5, given.mechanical_size) * rng.integers(0, 2)
-    return described(
-        structure,
+    case = cases(
         given,
-        heating,
+        heating=heating,
         e=rng.choice([0.0, rng.uniform(0.2, 0.9), 1.0]),
         alpha=rng.choice([0.0, rng.uniform(0, 0.5)]),
         gap=float(given.contact @ displacement) + 10 ** rng.uniform(-5.5, -4),
@@ -54,6 +44,9 @@ def random_scene(seed: int) -> Described:
         velocity=rng.normal(0, 0.5, given.mechanical_size) * rng.integers(0, 2),
         temperature=rng.normal(0, 5, given.thermal_size) * rng.integers(0, 2),
     )
+    own = structure.coordinates
+    ours = case if own is None else own.transformed(replace(case, heating=np.zeros_like(case.heating)))
+    return Described(structure, ours, *tip_last(given, case))
 
 
 def _damping(rng: Rng) -> Rayleigh:
@@ -137,13 +130,7 @@ def _modes(rng: Rng) -> tuple[Structure, Plain, Array]:
     frequency = 10 ** rng.uniform(2, 4, n) * (np.arange(n) >= rigid)
     ratio = rng.uniform(0, 0.05, n if rng.random() < 0.5 else 1) * np.ones(n)
     coupling = rng.normal(0, 0.3, (n, t)) * (frequency > 0)[:, None]
-    return modes(frequency, ratio, rng.normal(0, 10, n), 10 ** rng.uniform(0, 3, t), rng.normal(0, 20, t), coupling)
-
-
-def modes(
-    frequency: Array, ratio: Array, tip: Array, rate: Array, heat_tip: Array, coupling: Array
-) -> tuple[Structure, Plain, Array]:
-    """Return the structure of a table of modes."""
+    tip, rate, heat_tip = rng.normal(0, 10, n), 10 ** rng.uniform(0, 3, t), rng.normal(0, 20, t)
     model = models.load("modes")
     tables = np.column_stack([frequency, ratio, tip]), np.column_stack([rate, heat_tip]), coupling
     omega = 2 * np.pi * frequency
@@ -159,6 +146,3 @@ def modes(
         load_direction=tip,
     )
     return model.assemble(model.Parameters(*(tuple(map(tuple, table)) for table in tables))), plain, np.zeros(len(rate))
-
-
-KINDS: tuple[Callable[[Rng], tuple[Structure, Plain, Array]], ...] = _chain, _matrices, _modes

@@ -1,4 +1,4 @@
-"""Carpenter's scheme against plain matrices, theory, exact solutions and the figures of its trial."""
+"""Central differences that keep the tip outside, ``carpenter`` and ``paoli_schatzman``: theory, exact solutions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import cases, chain, heavy_chain, sampling, siconos_chain, step
+from scenes import cases, chain, everything_acts, heavy_chain, sampling, siconos_chain, step
 from workflow import models
 from workflow.schemes import Status, carpenter, limit_text
 
@@ -38,20 +38,6 @@ def test_the_heat_step_has_a_limit_of_its_own() -> None:
     assert np.all(step(structure, batch, 1.001 * limit, over, "carpenter", heat="implicit").status == Status.OK)
 
 
-@pytest.mark.parametrize("h", [1e-2, 7e-3])
-def test_a_single_mass_leaves_with_nothing(h: float) -> None:
-    """It meets the casing at 2 m/s, stays where it is, and gives up its whole momentum; e is not there."""
-    structure = chain(nodes=1, mass=3.0, stiffness=0.0)
-    batch = cases(structure, 2, e=[0.0, 0.9], gap=[0.5, 9.0], velocity=2.0)
-    results = step(structure, batch, h, sampling(1.0, 0.1), "carpenter")
-    assert results.histories["velocity"][0, -1] == pytest.approx(0.0, abs=1e-12)
-    assert results.histories["displacement"][0, -1] == pytest.approx(0.5, abs=1e-12)
-    assert results.histories["impulse"][0, -1] == pytest.approx(6.0, rel=1e-12)
-    assert results.metrics["impacts"].tolist() == [1, 0]
-    assert results.metrics["effective_restitution"][0] == pytest.approx(0.0, abs=1e-12)
-    assert np.isnan(results.metrics["effective_restitution"][1])  # it met nothing
-
-
 def test_impact_at_the_start_and_a_load_that_presses() -> None:
     """An impulse at t = 0 counts whole; then the force is the load."""
     structure = chain(nodes=1, mass=2.0, stiffness=0.0)
@@ -70,3 +56,31 @@ def test_a_damped_rigid_mode_does_not_grow(scheme: carpenter.Options) -> None:
     for h in steps:
         roots = carpenter.amplification(np.zeros(rates.size), rates, float(h), scheme)
         assert np.abs(roots).max() <= 1 + np.finfo(float).eps
+
+
+@pytest.mark.parametrize("h", [1e-2, 7e-3])
+@pytest.mark.parametrize("scheme", ["carpenter", "paoli_schatzman"])
+def test_a_single_mass_leaves_with_e_times_its_speed(scheme: str, h: float) -> None:
+    """It meets the casing at 2 m/s, passes it by less than e times the way of one step, and takes (1 + e) m v.
+
+    To carpenter e is not there: it stays where it is. The last case meets nothing.
+    """
+    structure, e = chain(nodes=1, mass=3.0, stiffness=0.0), np.array([0.0, 0.3, 1.0, 0.5])
+    batch = cases(structure, 4, e=e, gap=[0.5, 0.5, 0.5, 9.0], velocity=2.0)
+    results, kept = step(structure, batch, h, sampling(1.0, 0.1), scheme), e * (scheme != "carpenter")
+    assert results.histories["velocity"][:3, -1] == pytest.approx(-2.0 * kept[:3], abs=1e-12)
+    assert results.histories["impulse"][:3, -1] == pytest.approx(6.0 * (1 + kept[:3]), rel=1e-12)
+    assert results.metrics["impacts"].tolist() == [1, 1, 1, 0]
+    assert np.all(results.metrics["max_penetration"] <= kept * 2.0 * h + 1e-12)
+    if scheme == "carpenter":
+        assert results.metrics["effective_restitution"] == pytest.approx([0, 0, 0, np.nan], abs=1e-12, nan_ok=True)
+
+
+def test_without_restitution_it_is_carpenter() -> None:
+    batch = everything_acts(heavy_chain(), 16, e=np.zeros(16))
+    ours, theirs = (
+        step(heavy_chain(), batch, 1e-6, sampling(0.02, 1e-3), scheme) for scheme in ("paoli_schatzman", "carpenter")
+    )
+    assert theirs.metrics["impacts"].min() > 0
+    for name, values in theirs.histories.items():
+        assert ours.histories[name] == pytest.approx(values, rel=1e-9, abs=1e-9 * np.abs(values).max()), name

@@ -90,6 +90,7 @@ def test_a_poisoned_neighbour_changes_nothing(method: str, options: dict[str, An
             assert results.status[3] != Status.OK
             assert results.messages[3]
             assert np.isnan(results.histories["displacement"][3, -1])
+            assert np.isnan([results.metrics[name][3] for name in ("energy_residual", "heat_residual")]).all()
         for part in (slice(0, 3), slice(4, 6)):
             assert same_bits(taken(results, part), taken(clean, part))
 

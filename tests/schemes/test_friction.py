@@ -24,7 +24,6 @@ from workflow.models import (
     Rayleigh,
     critical_alpha,
     critical_friction,
-    growth_rate,
     static_equilibrium,
 )
 from workflow.schemes import Results, Sampling, Status
@@ -146,10 +145,3 @@ def test_without_friction_bits_are_those_without_a_direction(scheme: str) -> Non
     for case in (0, 2):
         assert mixed.histories["displacement"][case].tobytes() == plain.histories["displacement"][case].tobytes()
         assert mixed.metrics["contact_time"][case] == plain.metrics["contact_time"][case]
-
-
-def test_growth_of_a_pressed_tip_that_slides() -> None:
-    """With the tip held (1 + µ m) y'' + (k + µ c) y = µ (F - k d): unstable where friction overcomes the spring."""
-    structure = slider(cross=-50.0, inertia=0.2)
-    assert growth_rate(structure, 0.0, 1.9) == pytest.approx(0.0, abs=1e-12)
-    assert growth_rate(structure, 0.0, 3.0) == pytest.approx(np.sqrt(50.0 / 1.6), rel=1e-12)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenes import blade, blade_rub, cases, chain, heavy_chain, sampling, step
+from scenes import cases, chain, heavy_chain, sampling, step
 from workflow import schemes
 from workflow.models import static_equilibrium
 from workflow.reduction import reduce_structure
@@ -29,16 +29,6 @@ def test_last_step_beyond_the_duration_counts_up_to_it() -> None:
     assert results.metrics["steps"][0] == 13
     assert results.metrics["contact_time"][0] == pytest.approx(1.0, rel=1e-12)
     assert results.histories["impulse"][0, -1] == pytest.approx(1.0, rel=1e-12)
-
-
-def test_load_periods_close_exactly() -> None:
-    """Impulses of the periods add up, and shares of contact times the period do too."""
-    structure = blade()
-    results = step(structure, blade_rub(structure), 3e-4, sampling(2.0, 1e-3))
-    assert results.period_impulse.shape == (1, 10)
-    assert results.period_impulse.sum() == pytest.approx(results.histories["impulse"][0, -1], rel=1e-12)
-    assert results.period_contact.sum() * 0.2 == pytest.approx(results.metrics["contact_time"][0], rel=1e-12)
-    assert results.period_temperature.max() == results.metrics["max_temperature"][0]
 
 
 @pytest.mark.parametrize("theta", [0.5, 1.0])

@@ -50,7 +50,7 @@ def errors(scene: Described) -> dict[str, float]:
         if truth is exact:  # as far as a change of the gap by rounding does not grow to what is looked for
             moved = step(scene.structure, replace(scene.case, gap=scene.case.gap * (1 + 1e-14)), h, over, **options)
             apart = np.abs(moved.histories["velocity"][0] - results.histories["velocity"][0])
-            known = (over.times < exact.reached) & (np.cumsum(apart > 1e-10 * np.abs(exact.velocity).max()) == 0)
+            known = (over.times < exact.reached) & (np.cumsum(apart > 1e-10 * np.nanmax(np.abs(exact.velocity))) == 0)
         apart = []
         for quantity in ("displacement", "velocity", "temperature"):
             theirs = getattr(truth, quantity)
@@ -79,11 +79,11 @@ def wrong(seeds: range) -> list[tuple[int, str, float]]:
     return found
 
 
-def test_fifty_structures() -> None:
+def test_random_structures() -> None:
     """Those from 1000 on have blocks of first order beside a constant load on others."""
-    assert wrong(range(40)) + wrong(range(1000, 1010)) == []
+    assert wrong(range(16)) + wrong(range(1000, 1006)) == []
 
 
 @pytest.mark.slow
 def test_five_hundred_structures() -> None:
-    assert wrong(range(1000, 1500)) == []
+    assert wrong(range(16, 40)) + wrong(range(1006, 1500)) == []
