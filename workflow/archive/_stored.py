@@ -42,15 +42,15 @@ Hashes = NDArray[np.uint8]
 """Identities of cases, ``(case, byte)``."""
 
 Places = tuple[NDArray[np.int64], NDArray[np.int64]]
-"""Number of a source and row there, for each case; -1 where none holds it."""
+"""Index of its source and row there, for each case; -1 and -1 where it is not stored."""
 
 Kinds = Mapping[str, tuple[np.dtype[Any], tuple[int, ...]]]
-"""For each variable that is stored its dtype, and its sizes along ``t`` and so on."""
+"""Dtype of each stored variable, and its shape beyond the axis of the cases."""
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Results of some cases, which are read when they are asked for: a shard, or a chunk of an archive.
+    """Some stored cases, read when they are asked for: a shard, or a chunk of an archive.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Source:
     read
         Returns a variable of all of them, ``(case, …)``, by its name; ``message`` as bytes.
     kinds
-        What is stored.
+        Its variables.
     """
 
     hashes: Hashes
@@ -81,11 +81,11 @@ class Stored:
     Attributes
     ----------
     sources
-        They.
+        The shards and chunks.
     hashes
-        Of the cases that they hold, ``(case, byte)``.
+        Of the stored cases, each once, ``(case, byte)``.
     status
-        Of each of these.
+        Of each of them.
     """
 
     def __init__(self, sources: Iterable[Source] = ()) -> None:
@@ -157,7 +157,7 @@ def write_shard(
     Parameters
     ----------
     parts
-        The directory that :func:`start_parts` made.
+        The directory that :func:`~workflow.archive._parts.start_parts` made.
     name
         Of the shard; of two that hold the same case the one whose name comes last counts.
     hashes
@@ -319,7 +319,7 @@ def stored_hashes(path: Path) -> Hashes:
 def lacking(template: xr.Dataset, kinds: Kinds) -> list[str]:
     """Return the variables of a template that are not stored, or not in its precision, or not along ``t`` to its end.
 
-    What not every scheme gives is missing in all cases without it, and so are load periods without any.
+    A scheme's own metrics, which cases of other schemes lack, do not count, nor periods of a study that has none.
     """
     cases = template.variables[STATUS].ndim
     missing = [str(name) for name in template.data_vars if not _has(kinds, str(name), template.variables[name], cases)]

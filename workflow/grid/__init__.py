@@ -1,5 +1,8 @@
 """From a study to batches of cases that share their operators, and to the tasks dask runs.
 
+An outer index is a combination of values that fix the operators (scheme, structure, basis, modes, step), an inner index
+one of all other values: together they number a case.
+
 What a study's cases are: ``_choice`` of modes, ``_arrangement``, ``_conditions``, ``_frequencies``, ``_identity``. What
 solves a batch of them: ``_compile``, ``_operators``, ``_tasks``, ``_reference``, ``_solve``. What is said before they
 run, and what holds their results: ``_warnings``, ``_plan``, ``_template``.

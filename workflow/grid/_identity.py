@@ -45,10 +45,11 @@ def case_hashes(grid: Grid) -> NDArray[np.uint8]:
 def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
     """Return the hashes of some cases of an outer index, ``(case, HASH_BYTES)``.
 
-    A hash covers the solver's version, sources of what is from outside, model, conditions, duration and sampling,
-    the scheme with its options, those of e, h and α that it reads, basis and mode counts (those that a tolerance
-    decided, with the error that was found), and the reference in the same way: values in SI, to the bit. Labels,
-    titles, the place in the grid and what else is stored do not enter.
+    A hash covers the solver's version, which stands for the sources of this package, and the sources of modules from
+    outside that the case uses; model, conditions, duration and sampling; the scheme with its options, those of e, h
+    and α that it reads, basis and mode counts (those that a tolerance decided, with the error that was found); what is
+    asked of steady rubs and of temperatures over a depth; and the reference in the same way: values in SI, to the bit.
+    Labels, titles, the place in the grid, the precision and which histories are stored do not enter.
     """
     settings = grid.settings(outer)
     prefix = hashlib.sha256(json.dumps(_shared(grid, outer, settings), sort_keys=True).encode())
@@ -62,7 +63,7 @@ def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
 
 
 def _shared(grid: Grid, outer: int, settings: CaseSettings) -> dict[str, Any]:
-    """Return what the cases of an outer index have in common and no condition of :func:`_rows` holds."""
+    """Return what all cases of an outer index share: all but the numbers of :func:`_rows`."""
     reference, choice, of_reference = grid.study.reference, grid.choice(outer), grid.reference_choice(outer)
     return {
         "solver": SOLVER_VERSION,

@@ -1,7 +1,7 @@
 """Errors of a batch against the study's reference, whole and split into those of scheme and reduced model.
 
-Solutions that errors are measured against are computed in blocks, which are cut as tasks are; a block's solutions serve
-all cases that it is compared with.
+Solutions that errors are measured against are computed in blocks, each of about a task's cost; the solutions of a block
+serve all cases that are compared with it.
 """
 
 from __future__ import annotations
@@ -84,9 +84,10 @@ def _together(parts: Iterable[ReferenceSolutions]) -> ReferenceSolutions:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceBlock:
-    """Solutions that are computed together: references, or exact solutions of reduced models, of an outer index.
+    """Solutions that are computed together: the study's references, or with ``is_exact`` those of reduced models.
 
-    ``inner`` are the first inner indices that have these solutions, ascending, see :func:`is_compared`.
+    Cases that differ only along axes that a solution does not read share it: ``inner`` holds the first inner index of
+    each such group, ascending.
     """
 
     outer: int
@@ -95,6 +96,7 @@ class ReferenceBlock:
 
 
 Begun = TypeVar("Begun")
+"""What computing a block returns at once: its solutions, or the key of a task that will have them."""
 
 Kind = tuple[CaseSettings, bool]
 """Settings of solutions, and whether they are exact ones beside the reference."""
@@ -142,7 +144,7 @@ def needed_kinds(grid: Grid, outer: int) -> list[Kind]:
 
 
 def is_compared(grid: Grid, settings: CaseSettings) -> Callable[[str], bool]:
-    """Return what tells whether solutions of some settings differ along an axis."""
+    """Return a test of an axis by its path: whether solutions of some settings depend on it."""
     replaced = _replaced(grid)
     return lambda path: path not in replaced and reads(settings.scheme.method, settings.scheme.label, path)
 
@@ -154,9 +156,9 @@ def compared_values(grid: Grid, inner: Indices) -> dict[str, Array]:
 
 
 class References(Generic[Begun]):
-    """Blocks of the solutions that some batches are compared with, each begun when the first of them needs it.
+    """The solutions that some batches are compared with, in blocks, each begun when the first batch needs it.
 
-    They are cut as tasks are: to the same cost, with packs whole and within the same memory.
+    Blocks are cut as tasks are: to the same cost, with packs whole and within the same memory.
 
     Parameters
     ----------

@@ -138,8 +138,8 @@ def solve(
     """Run the cases ``inner`` of one outer index.
 
     Cases that differ only in axes their scheme does not read are run once; the reference may read
-    them, so each has its own errors. What raises becomes cases of status ``failed``; it harms no
-    neighbour, which then run one by one. ``perturbation`` changes the data of the cases, not those of their reference;
+    them, so each has its own errors. If the batch raises, its cases run one by one, and those that
+    raise have the status ``failed``. ``perturbation`` changes the data of the cases, not those of their reference;
     ``solutions`` are those that errors are measured against, which are computed here if they are not given.
     """
     settings = grid.settings(outer)

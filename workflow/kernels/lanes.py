@@ -3,8 +3,8 @@
 Numbers of each case lie in a few arrays ``(row, lane)`` or records of named rows, not in one array per quantity, and a
 kernel asserts before its first step that a row of an array has ``ROW`` numbers. Both are for speed: with a stride known
 at compile time the compiler can prove that rows do not overlap and computes eight lanes at once; else it compares
-addresses before each short loop, or computes lane by lane. Idle lanes pad the last pack (all zero: a tip at rest, far
-from its casing), so that the vectorised loop serves every lane and a case's numbers do not depend on its position in a
+addresses before each short loop, or computes lane by lane. Idle lanes pad the last pack (a tip at rest that never
+touches), so that the vectorised loop serves every lane and a case's numbers do not depend on its position in a
 batch.
 """
 
@@ -35,7 +35,7 @@ PACK = 8
 """Lanes of a narrow pack: a register of the widest processors."""
 
 FEWEST_LANES = 16
-"""Smallest number of lanes of a block: they share the fixed cost of a step."""
+"""Smallest number of lanes of a block: with fewer the fixed cost of a step weighs more than rows beyond the cache."""
 
 
 def cached_lanes(rows: int) -> int:
@@ -88,16 +88,16 @@ def lane_rows(*shape: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class LaneTable:
-    """Rows of a batch in two places: those of all cases, and the lanes in which a kernel steps a block of them.
+    """Numbers of a batch in two arrays: those of all cases, and the lanes of the block of cases that a kernel steps.
 
     Attributes
     ----------
     values
-        Rows of all cases, ``(row, case)``: a kernel copies a block of them to the lanes and back.
+        ``(row, case)``: a kernel copies a block of cases to the lanes and back.
     buffer
         The lanes, ``(row, ROW)``.
     cases, lanes
-        Named parts of both, ``(…, case)`` and ``(…, ROW)``.
+        Views of both by name, ``(…, case)`` and ``(…, ROW)``.
     """
 
     values: Array

@@ -1,7 +1,8 @@
-"""What a run does before its tasks: it finds what is stored already, refuses to lose any of it, begins its shards.
+"""What a run does before its tasks: it finds the cases that are stored and those that are not.
 
 A case is not run again that is stored under its hash, with all that the study asks for, in the archive or in the shards
-of a run that was stopped. ``--recompute`` takes all of these back as it begins, ``--retry`` those that are not ok.
+of a run that was stopped. ``--recompute`` marks all of these as not run, ``--retry`` those that are not ok. A run that
+would lose stored results does not begin without ``--drop``.
 """
 
 from __future__ import annotations
@@ -86,11 +87,11 @@ class Found:
     """What an archive, or the shards of its unfinished run, hold under the name of a study."""
 
     sources: tuple[Source, ...] = ()
-    """Cases that may be taken: with all variables of the study, in no lower precision."""
+    """Shards and chunks whose cases can be taken: with all variables of the study, in no lower precision."""
     texts: Mapping[str, str] = field(default_factory=dict)
-    """Of the provenance group."""
+    """Texts of the provenance group, by name."""
     dropped: int = 0
-    """Cases that are not asked for."""
+    """Number of stored cases that the study does not ask for."""
     refused: str = ""
     """Why none can be taken: a run does not begin."""
     lost: str = ""
@@ -104,7 +105,7 @@ class Prepared:
     job: Job
     """What its tasks share."""
     texts: Mapping[str, str]
-    """Those of the provenance group."""
+    """Texts of the provenance group, by name."""
     before: Stored
     """Cases that are not run again."""
     hashes: Hashes
@@ -133,8 +134,8 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
     """Take what an earlier archive and an interrupted run hold of a study, and begin the directory of its shards.
 
     A plain run finishes the command that was interrupted, and so does the same command unless the program was edited
-    meanwhile. Where cases are not computed ``here``, in this process, their linear algebra may be another one: the
-    archive does not say then that it is pinned.
+    meanwhile. Where cases are not computed ``here``, in this process, but on workers, the archive does not say that its
+    linear algebra is pinned: theirs may be another one.
 
     Raises
     ------
@@ -178,7 +179,7 @@ def _kept(found: tuple[Found, Found], job: Job, reuse: Reuse) -> Stored:
 
 
 def _elsewhere(found: tuple[Found, Found], source: NDArray[np.int64], now: Mapping[str, str]) -> set[str]:
-    """Return in what software of now differs from that of the cases kept; ``source`` is the number of each one's."""
+    """Return the packages whose version is not that of the cases kept; ``source`` is that of each case, by index."""
     names: set[str] = set()
     is_of_archive = source < len(found[0].sources)
     for one, cases in zip(found, (is_of_archive, ~is_of_archive), strict=True):

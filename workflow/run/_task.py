@@ -42,7 +42,7 @@ def next_command(parts: Path) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What every task of a run shares; ``begun`` names its shards, those of a later run come after them."""
+    """What every task of a run shares; names of its shards begin with ``begun``, the number of the command."""
 
     grid: Grid
     parts: Path

@@ -111,7 +111,7 @@ class Results:
     metrics
         Shape ``(case,)``: ``impacts``, ``contact_time`` [s], ``max_penetration`` [m],
         ``max_temperature`` [K], ``thermal_closing`` [m], ``steps``; with balances
-        ``energy_residual`` [1] and ``heat_residual`` [1].
+        ``energy_residual`` [1] and ``heat_residual`` [1]; and those of the scheme's ``METRICS``.
     period_impulse, period_temperature, period_contact
         Per complete load period, shape ``(case, period)``, NaN beyond a case's last one:
         impulse [N s], largest tip temperature [K], share of the period in contact [1].
@@ -218,11 +218,11 @@ class Scheme:
     Options
         Frozen dataclass of its options, declared with :func:`workflow.declare.quantity`.
     READS
-        Which of the axes ``e``, ``h``, ``alpha`` change its results (everything else of the scene does, and so do
-        its own options). Cases that differ in other axes are computed once.
+        Which of the axes ``e``, ``h``, ``alpha`` change its results: cases that differ only in one of the others are
+        computed once. All else of the scene changes them, and so do its own options.
     init
         ``init(structure, h, options)``: work that depends on the operator alone, done once per batch. That of a module
-        is not called for a structure that :attr:`massless_tip` refuses: :class:`RefusedStructureError` is raised.
+        is not called where :meth:`refusal` gives a reason: :class:`RefusedStructureError` is raised.
     compute
         ``compute(operator, cases, sampling)`` runs a whole batch and returns :class:`Results`; it never raises for
         the failure of a case, and a case's bits do not depend on the other cases.
@@ -237,7 +237,7 @@ class Scheme:
     METRICS
         Its metrics besides the common ones: name to unit and meaning.
     TOGETHER
-        Number of cases that are stepped at once, at little more than the cost of one.
+        Number of cases that are stepped at once, at little more than the cost of one: tasks do not split them.
     contact_limit
         ``contact_limit(structure, options, friction)``: the largest step, s, that is stable in intermittent contact, at
         a friction coefficient along the structure's tangent; without a third argument it holds for all coefficients.
@@ -254,8 +254,8 @@ class Scheme:
         ``massless_tip(options)``: why it cannot step a tip without mass, ``None`` where it can. By default it cannot.
     GENERAL
         What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction``
-        along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: another
-        temperature than the tip's to record (``Structure.observed``).
+        along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: the mean
+        temperature over a depth to record instead of the tip's (``Structure.observed``).
     about
         One line on the scheme; by default the first paragraph of the module's docstring.
     """

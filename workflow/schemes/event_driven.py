@@ -8,7 +8,7 @@ so that its motion is known in closed form:
 with the tip free (λ = 0) or held on the casing (x_n = d(t), λ the reaction). A flight ends where the gap d - x_n falls
 through zero, a contact where λ does. At an impact with u⁻ > 0, u = v_n - d',
 
-    u⁺ = -e u⁻,   p = (1 + e) u⁻ / (e_nᵀ M⁻¹ e_n),   θ⁺ = θ⁻ + α p C2⁻¹ e_n;
+    u⁺ = -e u⁻,   p = (1 + e) u⁻ / (e_nᵀ M⁻¹ (e_n - µ t)),   v⁺ = v⁻ - p M⁻¹ (e_n - µ t),   θ⁺ = θ⁻ + α p C2⁻¹ e_n;
 
 a tip that is pressed on the casing with u = 0 begins a contact, and chattering is summed in closed form
 (:mod:`workflow.schemes._exact.events`). No event is missed: each step is certified by bounds of the Taylor

@@ -62,7 +62,7 @@ def respond(law: Newton, tip: Tip, h: float, theta: float) -> Response:
     return p, -law.e * tip.velocity, p
 
 
-defines(count_rebound, Newton)(count_no_rebound)
+defines(count_rebound, Newton)(count_no_rebound)  # e is given
 CONTACT = Contact(lambda cases: Newton(cases.e))
 
 

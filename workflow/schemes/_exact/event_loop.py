@@ -1,4 +1,9 @@
-"""The event loop: cases from their start to their end, one after the other."""
+"""The event loop: cases from their start to their end, one after the other.
+
+A regime is the linear structure with its tip free or held. Its signal is the gap while the tip is free, the contact
+force while it is held. A certified step (:mod:`.step`) ends at the first zero of the signal, or has none. At a zero of
+the gap :func:`.events.impact` applies Newton's law, and the tip flies on or is held; at a zero of the force it is free.
+"""
 
 from __future__ import annotations
 

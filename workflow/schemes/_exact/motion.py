@@ -7,7 +7,7 @@ Loads and casing are constants and waves of phase ψ = Ω t + φ, pairs of coeff
 
 the particular solution η of F and u = η' - β are subtracted: the rest is free motion and costs one exponential. Where
 that would lose digits (slow blocks, resonance with a wave) the block is *explicit*: it keeps its force, see
-:func:`~workflow.schemes._exact.propagation.advance_explicit`, and only -β is subtracted from u, which leaves η'.
+:func:`~workflow.schemes._exact.propagation._advance_explicit`, and only -β is subtracted from u, which leaves η'.
 """
 
 from __future__ import annotations

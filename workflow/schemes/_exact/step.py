@@ -57,7 +57,7 @@ class Start(NamedTuple):
     """Start of a step."""
 
     zeros: int
-    """Order of the zero that the signal has there, see above."""
+    """Order of the zero that the signal has there, see above; 0 for none."""
     speed: float
     """Rate of the signal where the impact law gives it, m/s; negative where it does not."""
     expanded: bool

@@ -4,6 +4,9 @@ A contact law is a named tuple of parameters, each a number or an array ``(case,
 in one case (:func:`respond`), which :func:`~workflow.schemes._fixed.march.contact_law` compiles into the march. It is
 called where the tip would pass the casing within the step, at its initial velocity or in its motion without contact,
 and where the law returned a force in the step before. Free motion stays in packs.
+
+Only the tip is completed here. The impulse stays in ``own.impulse``: the modes receive it as the next step begins
+(:func:`~workflow.schemes._fixed.free_motion.ended`).
 """
 
 from __future__ import annotations
@@ -54,7 +57,8 @@ Law = Any
 """Parameters of a contact law: a named tuple of numbers and arrays."""
 
 Response = tuple[float, float, float]
-"""Impulse of contact in a step [N s], velocity of the tip at its end [m/s], and the force there or that impulse."""
+"""Impulse of contact in a step [N s], velocity of the tip at its end [m/s], and a number that is
+``Tip.force`` of the next step: positive in contact."""
 
 
 class Tip(NamedTuple):
@@ -226,7 +230,9 @@ def _contact(
     before = some_nonzero(pack(own.last, lane))
     _apply_law(law, step, own, first, stop)
     p, force = pack(own.impulse, lane), pack(own.last, lane)
-    flag(own.pressed, lane, before or some_nonzero(p) or some_nonzero(force))  # one step longer than the force
+    flag(
+        own.pressed, lane, before or some_nonzero(p) or some_nonzero(force)
+    )  # also in the next step, in which the modes receive the impulse
     return p, friction_heat(own, lane), pack(own.after, lane)
 
 

@@ -24,7 +24,7 @@ from workflow.schemes._fixed.loads import DriveRows, start_load, turn_drive, tur
 from workflow.schemes._fixed.modal_balance import Balances, count_step
 from workflow.schemes._fixed.outcome import effective_restitution
 from workflow.schemes._fixed.rows import Own
-from workflow.schemes._fixed.stepping import Batch, Block, Ended, Now
+from workflow.schemes._fixed.stepping import Batch, CaseBlock, Ended, Now
 from workflow.schemes._interface import Sampling
 
 R = TypeVar("R", bound=Callable[..., tuple[float, float, float]])
@@ -49,7 +49,7 @@ def open_march(
     step: FreeStep,
     now: Now,
     state: State,
-    block: Block,
+    block: CaseBlock,
     account: Account | None,
     in_broad: int,
 ) -> None:
@@ -63,7 +63,7 @@ def _open_centrally(
     step: FreeStep,
     now: Now,
     state: State,
-    block: Block,
+    block: CaseBlock,
     account: Account | None,
     in_broad: int,
 ) -> None:
@@ -75,7 +75,9 @@ def _open_centrally(
 
 
 @inlined
-def _open(step: FreeStep, law: Law, now: Now, state: State, block: Block, account: Account | None, lane: Lane) -> None:
+def _open(
+    step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, account: Account | None, lane: Lane
+) -> None:
     """Do the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
     own = state.own
     free = FreeTip(pack(own.first, lane), spread(0.0, lane), pack(own.thermal_velocity, lane))
@@ -85,7 +87,14 @@ def _open(step: FreeStep, law: Law, now: Now, state: State, block: Block, accoun
 
 @inlined
 def close_step(
-    step: FreeStep, law: Law, now: Now, free: FreeTip, state: State, block: Block, account: Account | None, lane: Lane
+    step: FreeStep,
+    law: Law,
+    now: Now,
+    free: FreeTip,
+    state: State,
+    block: CaseBlock,
+    account: Account | None,
+    lane: Lane,
 ) -> End:
     """Complete a step by load and contact, and count their work."""
     tip, load = block.tip, stepping.load_impulse(now, step.tip.h, block, lane)
@@ -96,7 +105,9 @@ def close_step(
 
 
 @inlined
-def _step(step: FreeStep, law: Law, now: Now, state: State, block: Block, account: Account | None, lane: Lane) -> None:
+def _step(
+    step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, account: Account | None, lane: Lane
+) -> None:
     """Do a step of a pack of lanes: free motion, load and contact, counts."""
     free = free_motion.step_freely(step, now.warmed, now.t, state, account, lane)
     end = close_step(step, law, now, free, state, block, account, lane)
@@ -107,7 +118,7 @@ def _step(step: FreeStep, law: Law, now: Now, state: State, block: Block, accoun
 
 
 @inlined
-def march(step: FreeStep, law: Law, state: State, block: Block, account: Account | None) -> None:
+def march(step: FreeStep, law: Law, state: State, block: CaseBlock, account: Account | None) -> None:
     """Step a block of cases, whose lanes are independent.
 
     On return ``state.tau_before`` is τ at the beginning of the last step, ``state.tau`` is τ at its end.
@@ -148,7 +159,7 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
             whole = batch.whole
             for first in range(0, batch.values.shape[1], batch.width):
                 marks, record, lanes = stepping.load_block(batch, first)
-                block = Block(whole.load, whole.tip, marks, record, whole.drive, lanes, whole.steps, whole.h)
+                block = CaseBlock(whole.load, whole.tip, marks, record, whole.drive, lanes, whole.steps, whole.h)
                 march(step, law, state, block, account)
                 stepping.store_block(batch, first)
 

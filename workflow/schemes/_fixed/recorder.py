@@ -18,7 +18,7 @@ from workflow.schemes._fixed.plain_balance import PlainBalance
 from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._fixed.stepping import (
     Batch,
-    Block,
+    CaseBlock,
     Ended,
     batch_of,
     collect,
@@ -37,7 +37,7 @@ def _count(step: int, batch: Batch) -> None:
     whole = batch.whole
     for first in range(0, batch.values.shape[1], batch.width):
         marks, record, lanes = load_block(batch, first)
-        count_stored(step, Block(whole.load, whole.tip, marks, record, whole.drive, lanes, whole.steps, whole.h))
+        count_stored(step, CaseBlock(whole.load, whole.tip, marks, record, whole.drive, lanes, whole.steps, whole.h))
         store_block(batch, first)
 
 

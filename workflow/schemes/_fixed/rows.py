@@ -47,7 +47,7 @@ class Own(Rows):
     impulse: Array
     """Impulses of the load and of contact in the last step, N s."""
     pressed: Array
-    """A flag of each pack, raised where some lane was in contact: elsewhere there is no impulse."""
+    """A flag of each pack, raised where some lane was in contact in the last step or the one before."""
     after: Array
     last: Array
     """Velocity and force that the contact law returned last, besides the impulse."""

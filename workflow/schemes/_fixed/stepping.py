@@ -1,7 +1,7 @@
 """Counts of the tip's states, samples and load periods, for every fixed-step scheme.
 
 A kernel advances its own states in blocks of up to ``LANES`` cases, one per lane. Each step gives the tip at its end
-and the impulse in it, an ``End``. If a sample or the end of a load period is due, :func:`store_end` stores it,
+and the impulse in it, an ``End``. If a mark is due, a sample or the end of a load period, :func:`store_end` stores it,
 ``take_marks`` interpolates between the old state and the new one, and :func:`observe` counts the new one; else
 :func:`count_end` counts it at once.
 """
@@ -59,7 +59,7 @@ class BlockRecord(NamedTuple):
     ``(case, 7, period)``."""
 
 
-class Block(NamedTuple):
+class CaseBlock(NamedTuple):
     """Up to ``LANES`` consecutive cases that a kernel steps at once."""
 
     load: TipLoads
@@ -80,7 +80,7 @@ def _between(before: Any, after: Any, share: float) -> Any:
 
 
 @part
-def _close_periods(step: int, block: Block) -> None:
+def _close_periods(step: int, block: CaseBlock) -> None:
     """Write the load periods that end within this step, and find the step in which the next one ends."""
     tip, h, periods = block.tip, block.h, block.record.periods
     period_due, period_weight, next_period = block.marks.period_due, block.marks.period_weight, block.marks.next_period
@@ -113,7 +113,7 @@ def _close_periods(step: int, block: Block) -> None:
 
 
 @part
-def _sample(k: int, share: float, block: Block) -> None:
+def _sample(k: int, share: float, block: CaseBlock) -> None:
     """Interpolate sample k at a fraction ``share`` of the step; write ``WAITING`` samples at a time."""
     tip, waiting, histories = block.tip, block.record.samples, block.record.histories
     slot = (k - 1) % WAITING
@@ -135,7 +135,7 @@ def _sample(k: int, share: float, block: Block) -> None:
 
 
 @part
-def take_marks(step: int, block: Block) -> float:
+def take_marks(step: int, block: CaseBlock) -> float:
     """Write the samples and load periods that are due within this step; return the part of the step that counts, s.
 
     All steps but the last count whole, the last up to the duration, where the last sample lies; the tip's new values
@@ -167,12 +167,13 @@ class Batch(NamedTuple):
     """All cases of a march, which steps them block by block."""
 
     values: Array
+    """Rows of all cases, ``(row, case)``."""
     lanes: Array
-    """Rows of all cases, ``(row, case)``, and those of a block, ``(row, ROW)``."""
+    """Rows of the block that is stepped, ``(row, ROW)``."""
     width: int
     """Largest number of cases of a block."""
-    whole: Block
-    """Names of the lanes, with marks and outputs of all cases."""
+    whole: CaseBlock
+    """Views of the lanes by name, with marks and outputs of all cases; :func:`load_block` returns those of a block."""
 
 
 class Now(NamedTuple):
@@ -194,14 +195,14 @@ class Now(NamedTuple):
 
 
 @inlined
-def step_at(step: int, theta: float, leader: int, warmed: bool, block: Block) -> Now:
+def step_at(step: int, theta: float, leader: int, warmed: bool, block: CaseBlock) -> Now:
     """Return a step, with the load at its two ends weighted by 1 - θ and θ."""
     sine, mark = loads.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes), block.marks.next_mark[0]
     return Now(step * block.h, step == block.steps, step == mark, step + 1 == mark, sine, leader, warmed)
 
 
 @inlined
-def load_impulse(now: Now, h: float, block: Block, lane: Lane) -> Pack:
+def load_impulse(now: Now, h: float, block: CaseBlock, lane: Lane) -> Pack:
     """Return the impulse of the load in a step, N s."""
     return h * with_harmonics(block.drive, loads.tip_load(now.sine, now.leader, block.load, lane), lane)
 
@@ -252,7 +253,7 @@ def observe(span: float, tip: Tips, lanes: int) -> None:
 
 
 @inlined
-def count_stored(step: int, block: Block) -> None:
+def count_stored(step: int, block: CaseBlock) -> None:
     """Write the samples and load periods of a step whose end :func:`store_end` stored, then count that end."""
     span = take_marks(step, block) if step == block.marks.next_mark[0] else block.h
     if step == block.steps:
@@ -277,7 +278,7 @@ class Watch:
     """Harmonics of load and casing, ``(…, case)``."""
     histories: Array
     periods: Array
-    """Output arrays, ``(case, 4, t)`` and ``(case, 7, period)``: see :class:`~.marks.BlockRecord`."""
+    """Output arrays, ``(case, 4, t)`` and ``(case, 7, period)``: see :class:`BlockRecord`."""
     period_due: NDArray[np.int64]
     period_weight: Array
 
@@ -360,15 +361,15 @@ def batch_of(watched: Watch, table: LaneTable, width: int) -> Batch:
     drive = None if watched.drive is None else DriveRows(*(lanes[name] for name in DriveRows._fields)).named
     load, tip = named_rows(TipLoads, lanes["load"]), named_rows(Tips, lanes["tip"])
     return Batch(
-        table.values, table.buffer, width, Block(load, tip, marks, record, drive, width, plan.steps, watched.h)
+        table.values, table.buffer, width, CaseBlock(load, tip, marks, record, drive, width, plan.steps, watched.h)
     )
 
 
 @inlined
 def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
-    """Copy up to ``width`` cases from the ``first`` on to the lanes; return what differs between blocks.
+    """Copy up to ``width`` cases from the ``first`` on to the lanes; return marks, outputs and number of lanes.
 
-    Idle lanes are all zero: at rest, far from their casing.
+    Idle lanes are tips at rest that never touch.
     """
     values, lanes, whole = batch.values, batch.lanes, batch.whole
     assert lanes.shape[1] == ROW
