@@ -22,7 +22,7 @@ from studies import written
 from workflow import models
 from workflow.archive import content_hash, provenance
 from workflow.run import run_study, verify
-from workflow.study import Study, StudyError, attached, files, read_study
+from workflow.study import Study, StudyError, files, read_study
 
 STUDY = """study: replaced
 scene:
@@ -140,7 +140,7 @@ def test_files_lie_nowhere_when_they_are_read(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr("tempfile.tempdir", str(room))
     study = read(tmp_path, KINDS["as_directory"])
     run_study(study, tmp_path / "a.nc", threads=1)
-    attached.unpacked(provenance(tmp_path / "a.nc")["files"])
+    files.unpacked(provenance(tmp_path / "a.nc")["files"])
     assert list(room.iterdir()) == []
     room.rmdir()
     models.structure_of.cache_clear()

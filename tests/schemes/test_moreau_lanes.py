@@ -19,7 +19,7 @@ from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
 from workflow.schemes import Sampling, schedule
 from workflow.schemes._fixed.loads import TipLoads, drive_of, start_load
-from workflow.schemes._fixed.stepping import Batch, batch_of, load_block, rows_of, watch
+from workflow.schemes._fixed.stepping import WAITING, Batch, batch_of, load_block, rows_of, watch
 
 COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, BROAD + PACK, LANES - BROAD, LANES - 1, LANES + 1, 2 * LANES + PACK]
 
@@ -89,7 +89,7 @@ def test_idle_lanes_are_at_rest_far_from_their_casing() -> None:
     cases = rubs(structure, LANES + 3, displacement=1e-5, casing_harmonics=[[1e-6, 300.0, 0.0]])
     drive, cases = drive_of(cases, 1e-4, 0.5)
     watched = watch(structure, cases, sampling(1e-3, 1e-3), 1e-4, drive)
-    batch = batch_of(watched, lane_table(rows_of(watched)), LANES)
+    batch = batch_of(watched, lane_table(rows_of(watched)), lane_rows(4 * WAITING), LANES)
     block = batch.whole
     assert block.drive is not None
     for first, used in ((0, LANES), (LANES, 3)):

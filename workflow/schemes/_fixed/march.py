@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from workflow.kernels.compiled import by_type, defines, inlined, kernel
-from workflow.kernels.lanes import PACK, cached_lanes, lane_table, named_rows, rows_in
+from workflow.kernels.lanes import PACK, ROW, cached_lanes, lane_rows, lane_table, named_rows, rows_in
 from workflow.kernels.packs import Lane, broad, broadest, narrow, pack, spread, store
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import free_motion, stepping
@@ -211,26 +211,28 @@ def step_batch(
 
     law, scale, tau = contact.law(cases), blocks.scale[:, None, None], begun.heat * modal.heat_scale[:, None]
     balances = Balances(structure, blocks, free, cases, begun) if sampling.balances else None
-    rows = {
-        **stepping.rows_of(watched),
-        "own": rows_of_cases,
-        "motion": scale * states.swapaxes(0, 1),
-        "drives": scale * drives(blocks, cases).swapaxes(0, 1),
-        "steady": blocks.scale[begun.drifting, None] * begun.steady,
-        "tau": tau,
-        "tau_before": np.zeros_like(tau),
-        **{f"law.{name}": values for name, values in law._asdict().items() if isinstance(values, np.ndarray)},
-        **({} if balances is None else balances.rows),
-    }
-    table = lane_table(rows)
+    table = lane_table(
+        {
+            **stepping.rows_of(watched),
+            "own": rows_of_cases,
+            "motion": scale * states.swapaxes(0, 1),
+            "drives": scale * drives(blocks, cases).swapaxes(0, 1),
+            "steady": blocks.scale[begun.drifting, None] * begun.steady,
+            "tau": tau,
+            "tau_before": np.zeros_like(tau),
+            **{f"law.{name}": values for name, values in law._asdict().items() if isinstance(values, np.ndarray)},
+            **({} if balances is None else balances.rows),
+        }
+    )
     lanes, account, dense = table.lanes, None, None
     if balances is not None:
         account, dense = balances.account(lanes), balances.dense(lanes)
     law = law._make(
         lanes[f"law.{name}"] if f"law.{name}" in lanes else float(value) for name, value in law._asdict().items()
     )
-    width = cached_lanes(sum(rows[name].size for name in READ_EVERY_STEP if name in rows) // cases.count)
-    KERNELS[type(law)](free, law, _state(lanes, free, dense), stepping.batch_of(watched, table, width), account)
+    width = cached_lanes(sum(lanes[name].size for name in READ_EVERY_STEP if name in lanes) // ROW)
+    batch = stepping.batch_of(watched, table, lane_rows(4 * stepping.WAITING), width)
+    KERNELS[type(law)](free, law, _state(lanes, free, dense), batch, account)
 
     ended = table.cases
     watched.tips[:] = ended["tip"]

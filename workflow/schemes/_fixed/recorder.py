@@ -17,6 +17,7 @@ from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.plain_balance import PlainBalance
 from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._fixed.stepping import (
+    WAITING,
     Batch,
     CaseBlock,
     Ended,
@@ -65,8 +66,9 @@ class Recorder:
         self._structure, self._cases, self._h = structure, cases, h
         self._watched = watch(structure, cases, sampling, h)
         self.steps = self._watched.schedule.steps
-        table = lane_table(rows_of(self._watched))
-        self._rows, self._batch = table.cases["tip"], batch_of(self._watched, table, LANES)
+        waiting = {"samples": np.zeros((4 * WAITING, cases.count))}  # each block's, from step to step
+        table = lane_table({**rows_of(self._watched), **waiting})
+        self._rows, self._batch = table.cases["tip"], batch_of(self._watched, table, table.lanes["samples"], LANES)
         self._growth = static_tip_growth(structure)
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
         self._step = 0

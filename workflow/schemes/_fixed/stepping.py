@@ -341,13 +341,15 @@ def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, driv
 
 
 def rows_of(watched: Watch) -> dict[str, Array]:
-    """Return the rows of a batch that every block has: load, tip, waiting samples and the drive, if any."""
-    rows = {"load": watched.loads, "tip": watched.tips, "samples": np.zeros((4 * WAITING, watched.cases.count))}
-    return rows if watched.drive is None else {**rows, **watched.drive._asdict()}
+    """Return the rows of a batch that every block has: load, tip and the drive, if any."""
+    return {"load": watched.loads, "tip": watched.tips, **({} if watched.drive is None else watched.drive._asdict())}
 
 
-def batch_of(watched: Watch, table: LaneTable, width: int) -> Batch:
-    """Return a batch for kernels, which step ``width`` cases at once; ``table`` has the rows of :func:`rows_of`."""
+def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Batch:
+    """Return a batch for kernels, which step ``width`` cases at once.
+
+    ``table`` has the rows of :func:`rows_of`, ``samples`` are lanes ``(4 * WAITING, ROW)``.
+    """
     lanes, plan, count = table.lanes, watched.schedule, watched.cases.count
     marks = Marks(
         sample_due=plan.due,
@@ -357,7 +359,7 @@ def batch_of(watched: Watch, table: LaneTable, width: int) -> Batch:
         next_mark=np.ones((-(-count // width), 3), dtype=np.int64),  # the first step looks for the first mark
         next_period=np.zeros(count, dtype=np.int64),
     )
-    record = BlockRecord(watched.histories, lanes["samples"], watched.periods)
+    record = BlockRecord(watched.histories, samples, watched.periods)
     drive = None if watched.drive is None else DriveRows(*(lanes[name] for name in DriveRows._fields)).named
     load, tip = named_rows(TipLoads, lanes["load"]), named_rows(Tips, lanes["tip"])
     return Batch(
