@@ -9,34 +9,27 @@ import numpy as np
 
 from workflow.grid._arrangement import Grid, Indices
 from workflow.grid._conditions import harmonics_of, spread
-from workflow.models import Array
+from workflow.models import Array, period_frequency
 from workflow.schemes import complete_periods
-from workflow.study import CaseSettings, Scene
+from workflow.study import CaseSettings
 
 _OF_HARMONICS = ("scene.speed", *(f"scene.load.{name}" for name in ("amplitude", "frequency")))
 _OF_HARMONICS += ("scene.load.harmonics.", "scene.casing.harmonics.")
 """Beginnings of the axes that decide frequencies where a scene has harmonics."""
 
 
-def period_frequency(scene: Scene, varying: Mapping[str, Array], count: int) -> Array:
-    """Return the frequency of the load periods of each case, Hz, ``(case,)``: see ``Cases.period_frequency``."""
-    frequency = spread(varying, "scene.load.frequency", scene.load.frequency, count)
-    for group in ("load", "casing"):
-        harmonics = harmonics_of(scene, group, varying, count)
-        if harmonics.width:
-            amplitude = spread(varying, "scene.load.amplitude", scene.load.amplitude, count)
-            return np.where(amplitude != 0, frequency, harmonics.frequency[:, 0])
-    return frequency
-
-
 @lru_cache(maxsize=2)
 def longest_period_count(grid: Grid) -> int:
     """Return the size of the dimension ``period``: the most complete load periods any case has."""
-    counts = [
-        complete_periods(period_frequency(settings.scene, varying, inner.size), grid.sampling).max()
-        for settings, varying, inner in _distinct(grid)
-    ]
-    return int(max(counts))
+    most = 0
+    for settings, varying, inner in _distinct(grid):
+        scene, count = settings.scene, inner.size
+        amplitude = spread(varying, "scene.load.amplitude", scene.load.amplitude, count)
+        frequency = spread(varying, "scene.load.frequency", scene.load.frequency, count)
+        load, casing = (harmonics_of(scene, group, varying, count) for group in ("load", "casing"))
+        periods = complete_periods(period_frequency(amplitude, frequency, load, casing), grid.sampling)
+        most = max(most, int(periods.max()))
+    return most
 
 
 @lru_cache(maxsize=2)

@@ -164,14 +164,8 @@ class Cases:
 
     @property
     def period_frequency(self) -> Array:
-        """Frequency of the load periods that are counted, Hz, ``(case,)``; 0 where there are none.
-
-        That of F1 where F1 is not 0, else of the first load harmonic, else of the first casing harmonic.
-        """
-        for harmonics in (self.load_harmonics, self.casing_harmonics):
-            if harmonics.width:
-                return np.where(self.amplitude != 0, self.frequency, harmonics.frequency[:, 0])
-        return self.frequency
+        """Frequency of the load periods that are counted, Hz, ``(case,)``; 0 where there are none."""
+        return period_frequency(self.amplitude, self.frequency, self.load_harmonics, self.casing_harmonics)
 
     @property
     def finite(self) -> NDArray[np.bool_]:
@@ -188,6 +182,17 @@ class Cases:
         """Cases whose thermal states can act: α, heating or an initial temperature is not zero."""
         warm = np.any(self.heating != 0, axis=1) | np.any(self.temperature != 0, axis=1)
         return np.asarray((self.alpha != 0) | warm)
+
+
+def period_frequency(amplitude: Array, frequency: Array, load: Harmonics, casing: Harmonics) -> Array:
+    """Return the frequency of load periods, Hz, ``(case,)``.
+
+    That of F1 where F1 is not 0, else of the first load harmonic, else of the first casing harmonic.
+    """
+    for harmonics in (load, casing):
+        if harmonics.width:
+            return np.where(amplitude != 0, frequency, harmonics.frequency[:, 0])
+    return frequency
 
 
 def distinct_rows(*tables: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
