@@ -38,12 +38,12 @@ from workflow.schemes import Sampling
 from workflow.study import CHOSEN, CaseSettings, Dimension
 
 _FREQUENCY = "scene.load.frequency"
-_ORDER = ("alpha", "scene.casing.gap", _FREQUENCY)
+_RANKS = ("alpha", "scene.casing.gap", _FREQUENCY)
 
-_WIDTH = 0.01
+_RANKING_DAMPING = 0.01
 """Damping ratio with which the answers of load frequencies are ranked, so that none is infinite."""
 
-_MOST = 16
+_MOST_CORNERS = 16
 """Corners that are tried: those of four dimensions."""
 
 Corner = tuple[tuple[str, float], ...]
@@ -54,7 +54,9 @@ def corners_of(inner: Sequence[Dimension], structure: Structure) -> list[Corner]
     """Return the corners of some dimensions; the first has the hardest value of each."""
     ends = [_ends(dimension, structure) for dimension in inner]
     places = sorted(product(*(range(len(end)) for end in ends)), key=lambda mild: _unlike(mild, len(ends)))
-    return [_values(inner, [end[k] for end, k in zip(ends, place, strict=True)]) for place in places[:_MOST]]
+    return [
+        _corner_values(inner, [end[k] for end, k in zip(ends, place, strict=True)]) for place in places[:_MOST_CORNERS]
+    ]
 
 
 def corner_text(corner: Iterable[tuple[str, float]]) -> str:
@@ -67,7 +69,7 @@ def _unlike(mild: tuple[int, ...], count: int) -> tuple[int, tuple[int, ...]]:
     return min(sum(mild), count - sum(mild)), mild
 
 
-def _values(inner: Sequence[Dimension], places: Sequence[int]) -> Corner:
+def _corner_values(inner: Sequence[Dimension], places: Sequence[int]) -> Corner:
     pairs = zip(inner, places, strict=True)
     return tuple({axis.path: float(axis.values[k]) for dimension, k in pairs for axis in dimension.axes}.items())
 
@@ -81,7 +83,7 @@ def _ends(dimension: Dimension, structure: Structure) -> list[int]:
 
 
 def _rank(path: str) -> int:
-    return _ORDER.index(path) if path in _ORDER else len(_ORDER)
+    return _RANKS.index(path) if path in _RANKS else len(_RANKS)
 
 
 def _severity(path: str, values: Array, structure: Structure) -> Array:
@@ -100,7 +102,7 @@ def _answer(omega: Array, tip: Array, w: float) -> float:
     """Return the squared tip displacement by a unit force of angular frequency ``w``, m²/N²; rigid modes left out."""
     elastic = omega > 0
     square, share = omega[elastic] ** 2, tip[elastic] ** 2
-    real, imaginary = square - w * w, 2 * _WIDTH * omega[elastic] * w
+    real, imaginary = square - w * w, 2 * _RANKING_DAMPING * omega[elastic] * w
     size = real * real + imaginary * imaginary
     return np.sum(share * real / size) ** 2 + np.sum(share * imaginary / size) ** 2
 
@@ -108,7 +110,7 @@ def _answer(omega: Array, tip: Array, w: float) -> float:
 OF_REFERENCE = "reference "
 """Beginning of the name of a reference's choice, before its outer index."""
 
-_NAMED = 3
+_CORNERS_NAMED = 3
 """Corners left out that are named, at most."""
 
 
@@ -212,7 +214,9 @@ def _problem(setting: Setting, counts: Counts) -> tuple[list[Corner], Problem]:
 
 def _choice(least: LeastVectors, corners: list[Corner]) -> ChosenModes:
     lost = [f"{corner_text(corners[k])} ({why})" for k, why in least.untried.items()]
-    named = "; ".join(lost[:_NAMED]) + (f"; and {len(lost) - _NAMED} more" if len(lost) > _NAMED else "")
+    named = "; ".join(lost[:_CORNERS_NAMED]) + (
+        f"; and {len(lost) - _CORNERS_NAMED} more" if len(lost) > _CORNERS_NAMED else ""
+    )
     untried = f"without {len(lost)} of {len(corners)} corners of the scene: {named}" if lost else ""
     return ChosenModes(*least.counts, least.error, corners[least.worst], least.against, untried)
 

@@ -42,7 +42,7 @@ from workflow.models import Cases, Chain, frequencies, one_thread
 from workflow.reduction import DEFAULT
 from workflow.study import CaseSettings
 
-CONTACT = 0.1
+_CONTACT_SHARE = 0.1
 """Time of a contact, over the load's period, before a run has told it."""
 
 
@@ -70,7 +70,7 @@ def coarse_tip(grid: Grid) -> Iterator[str]:
     about, frequency, scene = tip_cells(grid), fastest(grid), grid.study.scene
     heated = scene.friction or any(any(axis.values) for axis in grid.study.axes() if axis.path == "alpha")
     if about and frequency > 0 and heated:
-        yield from too_thick(about, CONTACT / frequency, "a tenth of the load's period")
+        yield from too_thick(about, _CONTACT_SHARE / frequency, "a tenth of the load's period")
 
 
 def too_thick(about: Mapping[str, Any], seconds: float, words: str) -> Iterator[str]:
@@ -164,7 +164,7 @@ def basis_text(settings: CaseSettings) -> str:
     return modes if settings.reduction == DEFAULT else f"{modes} of {settings.reduction}"
 
 
-_SHOWN = 8
+_CHOICES_SHOWN = 8
 
 _MISSED = "more of the modes that `auto` may choose change less than the tolerance"
 
@@ -178,39 +178,40 @@ _UNTRIED = (
 def choice_lines(grid: Grid) -> tuple[str, ...]:
     """Return a line for each count that a tolerance decides, of many the first and how many more there are."""
     return distinct_lines(
-        (f"{name}: {_counts(choice)}, {_error_text(choice)}" for name, _, choice in _all(grid)), _SHOWN
+        (f"{name}: {_counts_of(choice)}, {_error_text(choice)}" for name, _, choice in _every_choice(grid)),
+        _CHOICES_SHOWN,
     )
 
 
 def choice_cautions(grid: Grid) -> Iterator[str]:
     """Yield counts of modes that miss their tolerance, that no trial confirms, or that only some corners decided."""
-    for name, tolerance, choice in _all(grid):
+    for name, tolerance, choice in _every_choice(grid):
         if choice.untried:
-            yield f"{name}: {_counts(choice)} are decided {choice.untried}; {_UNTRIED[grid.study.reference is None]}"
+            yield f"{name}: {_counts_of(choice)} are decided {choice.untried}; {_UNTRIED[grid.study.reference is None]}"
         if not choice.is_confirmed:
-            yield f"{name}: {_counts(choice)}, {choice.against}"
+            yield f"{name}: {_counts_of(choice)}, {choice.against}"
         elif choice.error > tolerance:
-            yield f"{name}: {_counts(choice)} miss it with {choice.error:.2g}; {_MISSED}"
+            yield f"{name}: {_counts_of(choice)} miss it with {choice.error:.2g}; {_MISSED}"
 
 
-def _all(grid: Grid) -> Iterator[tuple[str, float, ChosenModes]]:
+def _every_choice(grid: Grid) -> Iterator[tuple[str, float, ChosenModes]]:
     """Yield what each choice is for, its tolerance, and the choice."""
     for name, choice in grid.choices.items():
         outer, reference = int(name.removeprefix(OF_REFERENCE)), grid.study.reference
         if reference is None or not name.startswith(OF_REFERENCE):
             tolerance = float(grid.value(outer, TOLERANCE))
-            yield _for(grid.settings(outer), tolerance), tolerance, choice
+            yield _settings_text(grid.settings(outer), tolerance), tolerance, choice
         else:
             tolerance = float(reference.values[TOLERANCE])
-            yield f"reference, {_for(reference_settings(grid, outer), tolerance)}", tolerance, choice
+            yield f"reference, {_settings_text(reference_settings(grid, outer), tolerance)}", tolerance, choice
 
 
-def _for(settings: CaseSettings, tolerance: float) -> str:
+def _settings_text(settings: CaseSettings, tolerance: float) -> str:
     """Return for which tolerance, basis and structure a choice is."""
     return f"tolerance {tolerance:g}, {settings.reduction}, {size_text(settings)}"
 
 
-def _counts(choice: ChosenModes) -> str:
+def _counts_of(choice: ChosenModes) -> str:
     return f"{choice.mechanical_modes} + {choice.thermal_modes} modes"
 
 

@@ -1,4 +1,4 @@
-"""Free motion of all blocks in one step, a pack of lanes at a time.
+"""Free motion: the initial states of a batch, and all blocks in one step, a pack of lanes at a time.
 
 A kernel loops over time, in a step over packs of lanes, and in a pack over its blocks, whose sum stays
 in a register from block to block, in the same order for every lane. So nothing of a step is stored

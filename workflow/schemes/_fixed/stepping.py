@@ -371,7 +371,7 @@ def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Ba
 def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
     """Copy up to ``width`` cases from the ``first`` on to the lanes; return marks, outputs and number of lanes.
 
-    Idle lanes are tips at rest that never touch.
+    Idle lanes are tips at rest that never touch. The caller makes the :class:`CaseBlock`: numba returns no records.
     """
     values, lanes, whole = batch.values, batch.lanes, batch.whole
     assert lanes.shape[1] == ROW
