@@ -111,6 +111,11 @@ class Cases:
     friction
         Friction coefficient µ of a structure with a sliding direction t: the contact force acts along n - µt. 1,
         shape ``(case,)``; 0 by default.
+    gaps
+        Clearances d_i of several contacts, m, ``(case, contact)``; none for one, whose clearance is ``gap``.
+    turns
+        Phases k ψ_i by which contact i sees harmonics of the casing of order k ahead, rad, ``(case, contact,
+        harmonic)``; 0 for those given by a frequency, none for one contact.
     """
 
     e: Array
@@ -128,11 +133,18 @@ class Cases:
     load_harmonics: Harmonics = NO_HARMONICS
     casing_harmonics: Harmonics = NO_HARMONICS
     friction: Array = field(default_factory=lambda: np.zeros(0))
+    gaps: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    turns: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     def __post_init__(self) -> None:
         """Fill friction and harmonics that are left out with a row for each case."""
         if self.friction.size == 0:
             object.__setattr__(self, "friction", np.zeros(self.count))
+        if self.gaps.size == 0:
+            object.__setattr__(self, "gaps", np.zeros((self.count, 0)))
+        if self.turns.size == 0:
+            shape = self.count, self.gaps.shape[1], self.casing_harmonics.width
+            object.__setattr__(self, "turns", np.zeros(shape))
         for name in ("load_harmonics", "casing_harmonics"):
             if getattr(self, name).width == 0:
                 object.__setattr__(self, name, NO_HARMONICS.spread(self.count))
@@ -174,7 +186,7 @@ class Cases:
         rows = [row for value in values for row in (value.rows if isinstance(value, Harmonics) else (value,))]
         fine = np.ones(self.count, dtype=bool)
         for row in rows:
-            fine &= np.isfinite(row) if row.ndim == 1 else np.isfinite(row).all(axis=1)
+            fine &= np.isfinite(row.reshape(self.count, -1)).all(axis=1)
         return fine
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.kernels import Array
 from workflow.models._cases import Cases, project
+from workflow.models._contacts import Contacts
 from workflow.models._pair import MOST_FULL, DensePair, Pair
 
 
@@ -117,6 +118,8 @@ class Structure:
         Coordinates of given loads and initial states, ``None`` where they are its own.
     observed
         Weights w of the temperature wᵀθ that schemes record, ``(thermal,)``; ``None`` for that of the tip.
+    contacts
+        Rows of several contacts, or of one without mass; ``None`` for one with mass, the tip.
     """
 
     mechanical: Pair
@@ -130,6 +133,7 @@ class Structure:
     tangent: Array | None = None
     coordinates: Coordinates | None = None
     observed: Array | None = None
+    contacts: Contacts | None = None
 
     @property
     def mechanical_size(self) -> int:
@@ -178,6 +182,7 @@ class Structure:
             They would be too large.
         """
         names = ("uniform_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates", "observed")
+        names += ("contacts",)
         others = {name: getattr(self, name) for name in names}
         return Matrices(self.mechanical.dense, self.thermal.dense, self.expansion, **others)
 
@@ -254,6 +259,7 @@ class Matrices(Structure):
     tangent: Array | None = None
     coordinates: Coordinates | None = None
     observed: Array | None = None
+    contacts: Contacts | None = None
 
     def matrices(self) -> Matrices:
         """Return itself."""

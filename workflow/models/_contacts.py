@@ -1,0 +1,66 @@
+"""Several contacts of a structure, or one without mass: rows of the displacements and temperatures where each acts.
+
+    M x'' + C1 x' + K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i),   C2 θ' + K2 θ = q + Σ α λ_i s_i,   0 <= d_i - x_i ⊥ λ_i >= 0,
+    x_i = w_iᵀx + ρ_i F + σ_i - Σ_j (R_ij - µ R^t_ij) λ_j - Σ_j r_ij θ_j
+
+with the residual flexibility R of contacts without mass: what the modes lack of the static answer to forces there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workflow.kernels import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Rows of m contacts.
+
+    Attributes
+    ----------
+    labels
+        Name of each contact, m of them.
+    normal, tangent
+        w_i, towards the casing, and t_i, in which the casing slides, 0 for none, ``(contact, mechanical)``.
+    heat
+        s_i with the sum 1 over temperatures, ``(contact, thermal)``; θ_i = s_iᵀθ.
+    angle
+        ψ_i, rad, ``(contact,)``: contact i sees the casing at Ωt + ψ_i.
+    residual, residual_tangent
+        R = w ΔF wᵀ and R^t = w ΔF tᵀ, m/N, ``(contact, contact)``; ``None`` for contacts with mass.
+    residual_coupling
+        r = w ΔF K12, m/K, ``(contact, thermal)``.
+    residual_load, residual_steady
+        ρ = w ΔF b, m/N, and σ, m, ``(contact,)``.
+    """
+
+    labels: tuple[str, ...]
+    normal: Array
+    tangent: Array
+    heat: Array
+    angle: Array
+    residual: Array | None = None
+    residual_tangent: Array | None = None
+    residual_coupling: Array | None = None
+    residual_load: Array | None = None
+    residual_steady: Array | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of contacts."""
+        return len(self.normal)
+
+    @property
+    def is_massless(self) -> bool:
+        """Whether the contacts have a residual flexibility and no mass."""
+        return self.residual is not None
+
+    def flexibility(self, friction: float) -> Array:
+        """Return R - µ R^t, m/N, ``(contact, contact)``."""
+        assert self.residual is not None
+        if friction == 0 or self.residual_tangent is None:
+            return self.residual
+        return np.asarray(self.residual - friction * self.residual_tangent)
