@@ -1,6 +1,7 @@
 """Several contacts of a structure, or one without mass: rows of the displacements and temperatures where each acts.
 
-    M x'' + C1 x' + K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i),   C2 θ' + K2 θ = q + Σ α λ_i s_i,   0 <= d_i - x_i ⊥ λ_i >= 0,
+    M x'' + C1 x' + K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i),   C2 θ' + K2 θ = q + Σ α λ_i s_i,
+    0 <= d_i - x_i ⊥ λ_i >= 0,
     x_i = w_iᵀx + ρ_i F + σ_i - Σ_j (R_ij - µ R^t_ij) λ_j - Σ_j r_ij θ_j
 
 with the residual flexibility R of contacts without mass: what the modes lack of the static answer to forces there.

@@ -181,9 +181,8 @@ class Structure:
         TooManyCoordinatesError
             They would be too large.
         """
-        names = ("uniform_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates", "observed")
-        names += ("contacts",)
-        others = {name: getattr(self, name) for name in names}
+        names = ["uniform_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates", "observed"]
+        others = {name: getattr(self, name) for name in [*names, "contacts"]}
         return Matrices(self.mechanical.dense, self.thermal.dense, self.expansion, **others)
 
     def expansions(self, temperatures: Array) -> Array:
