@@ -65,7 +65,7 @@ def complementary(matrix: Array, b: Array) -> Array:
 
 
 class Motion(NamedTuple):
-    """One case at all step ends, ``(step, …)``: impulses of the steps, and x, v, θ of the contacts, and of the whole."""
+    """One case at all step ends, ``(step, …)``: impulses, what the contacts do, their casing, and all temperatures."""
 
     impulses: Array
     histories: dict[str, Array]

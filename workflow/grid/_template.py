@@ -15,6 +15,7 @@ from workflow import variables
 from workflow.grid._arrangement import Grid
 from workflow.grid._conditions import FRICTION, alpha_of
 from workflow.grid._frequencies import longest_period_count
+from workflow.grid._operators import full_structure
 from workflow.grid._solve import NOT_ASKED, metrics_of, periods_of, steady_of
 from workflow.grid._warnings import tip_cells
 from workflow.schemes import Status
@@ -209,8 +210,7 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
     if "gap" not in names and followed != "scene.casing.gap":
         about, gap = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}, np.asarray(study.scene.gap)
         yield "gap", _variable(("contact",) * gap.ndim, gap, about)
-    if study.contacts:
-        yield "contact", _variable(("contact",), np.asarray(study.contacts, dtype=object), {"long_name": "contact"})
+    yield from _of_contacts(grid, names)
     numbers = np.arange(1, 1 + max(sizes.get(name, 0) for name in ("period", "point")))
     for name, values, unit, meaning in (
         ("t", grid.sampling.times, "s", "time since the start"),
@@ -225,6 +225,23 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
     ):
         if name in sizes:
             yield name, _variable((name,), values, {"units": unit, "long_name": meaning})
+
+
+def _of_contacts(grid: Grid, names: set[str]) -> Iterator[tuple[str, xr.Variable]]:
+    """Yield what no axis gives of the casing: clearance, and labels and angles of contacts."""
+    study, casing = grid.study, grid.study.scene.casing
+    if casing.clearance and "clearance" not in names:
+        about = {"units": "m", "long_name": "added to the gap of every contact", "study_path": "scene.casing.clearance"}
+        yield "clearance", _variable((), np.asarray(casing.clearance), about)
+    angle: Any = casing.angles
+    if study.contacts:
+        yield "contact", _variable(("contact",), np.asarray(study.contacts, dtype=object), {"long_name": "contact"})
+        contacts = full_structure(grid.settings(0)).contacts
+        assert contacts is not None
+        angle = np.broadcast_to(contacts.angle if angle is None else angle, study.contact_shape)
+    if angle is not None and np.any(angle):
+        about = {"units": "rad", "long_name": "angle of a contact in the direction in which the blade turns"}
+        yield "contact_angle", _variable(("contact",) * np.ndim(angle), np.asarray(angle), about)
 
 
 def _of_axis(axis: Axis, dims: tuple[str, ...], more: Attributes) -> xr.Variable:
