@@ -44,7 +44,7 @@ Written by `python studies/reference.py` from the declarations that the program 
 A number is SI; a string is `number unit`. α is friction heat that enters the blade per contact force and second,
 friction coefficient × sliding speed × share of the heat: W/N, which is m/s. A study gives it as `alpha`, or as
 `scene.friction` with these three numbers: then it is the coordinate `alpha` along their dimensions. Values marked
-“list” take a scalar or one value for each node or spring, root to tip.
+“list” take a scalar or one value for each node or spring, root to tip; of the casing one for each contact.
 """
 
 TOP = (
@@ -207,8 +207,9 @@ def variable_table() -> Iterator[str]:
     """Yield the lines on the variables of an archive."""
     yield "## Variables of an archive"
     yield ""
-    yield "`…` stands for the dimensions of the study. `message` says what a case did that is not ok. Along a drawn zip"
-    yield "lie `sample_point`, the point of a case, and `sample_matrix`: `A`, `B`, or the path of what A has from B."
+    yield "`…` stands for the dimensions of the study, followed by `contact` where a structure has several contacts and"
+    yield "the variable is marked “each contact”. `message` says what a case did that is not ok. Along a drawn zip lie"
+    yield "`sample_point`, the point of a case, and `sample_matrix`: `A`, `B`, or the path of what A has from B."
     yield ""
     rows = [_row(about, WHEN[about.condition]) for about in variables.TABLE]
     for name in schemes.names():
@@ -222,7 +223,8 @@ def variable_table() -> Iterator[str]:
 
 def _row(about: variables.Variable, when: str) -> tuple[str, ...]:
     meaning = about.meaning + (f": {about.comment}" if about.comment else "")
-    return f"`{about.name}`", SHAPES[about.shape], about.unit, meaning, when
+    shape = SHAPES[about.shape] + (", each contact" if about.is_of_contact else "")
+    return f"`{about.name}`", shape, about.unit, meaning, when
 
 
 FIGURES = {

@@ -416,6 +416,23 @@ def of_scheme(name: str, unit: str, meaning: str) -> Variable:
     return Variable(name, unit, meaning, origin="scheme", condition="scheme", signed=True, may_be_undefined=True)
 
 
+_OF_SEVERAL = {
+    "impacts": "velocity jumps of a contact with an impulse of its own; 0 of contacts without mass, which have none",
+    "contact_time": "time in which a contact is held",
+    "thermal_closing": "the largest of all contacts",
+    "critical_alpha": "static limit with all contacts closed; with opposite stops the worst of each stop alone",
+    "growth_rate": "with all contacts closed; with opposite stops the worst of each stop alone",
+    "predictability": "missing: it is not computed of several contacts",
+}
+
+
+def of_contacts(variable: Variable) -> Variable:
+    """Return a variable as it is defined of a structure with several contacts."""
+    comment = _OF_SEVERAL.get(variable.name, variable.comment)
+    meaning = variable.meaning.replace("the blade tip", "a contact") if variable.is_of_contact else variable.meaning
+    return replace(variable, meaning=meaning, comment=comment)
+
+
 def select(shape: Shape | None = None, origin: Origin | None = None, *conditions: Condition) -> Iterator[Variable]:
     """Yield the variables of a shape, an origin and any of some conditions; what is left out selects all."""
     for variable in TABLE:

@@ -164,6 +164,7 @@ def _results(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[variables.V
     over = {"depth": study.output.temperature_depth}
     depths = {"max_temperature": tip_cells(grid), "depth_temperature": over, "max_depth_temperature": over}
     for about in (*histories, *(about for about in others if about.name not in flags)):
+        about = variables.of_contacts(about) if study.contacts else about
         texts = {name: text for name in ("comment", "cell_methods") if (text := getattr(about, name))}
         yield about, {"units": about.unit, "long_name": about.meaning, **texts, **depths.get(about.name, {})}
     for about in (about for about in (*others, *kept) if about.name in flags):

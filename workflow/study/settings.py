@@ -81,7 +81,7 @@ class Casing:
     clearance: float = quantity("m", "added to the gap of every contact", default=0.0)
     angles: Values | None = quantity(
         "rad",
-        "angle of each contact in the direction in which the blade turns; default: the file's",
+        "angle of each contact in the direction in which the blade turns; the file's where left out",
         default=None,
         at_least=-LARGEST_PHASE,
         at_most=LARGEST_PHASE,
