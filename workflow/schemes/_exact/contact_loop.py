@@ -146,7 +146,7 @@ def _march(
             if not np.isfinite(h):
                 return NOT_FINITE
             advance(motion.m, motion.m.now, at.time, h, motion.m.after)
-            _record(motion, record, at.time, h, _SAME_TIME * T)
+            _record(motion, record, own, at.time, h, _SAME_TIME * T)
             copy_state(motion.m.after, motion.m.now)
             at.time = T if h >= T - at.time else at.time + h
             at.guess = 2.0 * h
@@ -208,9 +208,17 @@ def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[floa
 
 
 @part
-def _record(motion: SetMotion, record: Record, t: float, h: float, late: float) -> None:
-    """Write samples and load periods within a step, and add the impulses of closed contacts."""
+def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, late: float) -> None:
+    """Write samples and load periods within a step, and add the impulses of closed contacts.
+
+    Impulses come first: what the integral takes of the propagation over h is overwritten by that to the samples.
+    """
     m = motion.m
+    for c in range(motion.views.shape[0]):
+        own.impulse[c] = 0.0
+        if record.tally[c].held:
+            select(motion, c)
+            own.impulse[c] = integral(m, m.now, m.after, t, h)
     for c in range(motion.views.shape[0]):
         mine = Record(
             record.times,
@@ -220,11 +228,10 @@ def _record(motion: SetMotion, record: Record, t: float, h: float, late: float) 
             record.tally[c],
             record.events,
         )
-        if mine.tally.held or m.heated or next_due(mine) < t + h - late:
+        if m.heated or next_due(mine) < t + h - late:
             select(motion, c)
             record_step(mine, m, t, h, observe(m, m.after, t + h), late)
-            if mine.tally.held:
-                mine.tally.impulse += integral(m, m.now, m.after, t, h)
+        mine.tally.impulse += own.impulse[c]
 
 
 @part
