@@ -30,7 +30,7 @@ from workflow.poles import RealBlocks, real_blocks
 from workflow.schemes._exact.tables import block, first, padded
 
 _RIGID = 1e-13
-"""Eigenvalue of a constrained structure, over the largest, up to which it is 0: the rounding of some dozen terms."""
+"""Frequency of a constrained structure, over the largest, up to which it is 0: the rounding of some hundred terms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,12 +261,16 @@ def _separated(A: Array, modes: int) -> RealBlocks:
 
 
 def _constrained(basis: ContactBasis, rows: Array) -> tuple[Array, Array]:
-    """Return Z, the modes of the structure with ``rows`` held, and their ω², ascending."""
+    """Return Z, the modes of the structure with ``rows`` held, and their ω², ascending.
+
+    They are singular values of diag(ω) Z: eigenvalues of Zᵀ diag(ω²) Z would lose the digits of low modes.
+    """
     if not len(rows):
         return np.eye(basis.frequency.size), basis.frequency**2
     null = scipy.linalg.null_space(rows)
-    values, vectors = scipy.linalg.eigh(null.T @ (basis.frequency[:, None] ** 2 * null))
-    return null @ vectors, np.where(np.abs(values) <= _RIGID * values.max(initial=0.0), 0.0, values)
+    _, values, vectors = scipy.linalg.svd(basis.frequency[:, None] * null, full_matrices=False)
+    held = np.where(values > _RIGID * values.max(initial=0.0), values, 0.0)
+    return null @ vectors[::-1].T, held[::-1] ** 2
 
 
 def _without_rounding(matrix: Array) -> Array:
