@@ -85,7 +85,8 @@ class Quantity:
     above, at_least, at_most
         Bounds: ``value > above``, ``value >= at_least``, ``value <= at_most``.
     per
-        ``"node"``, ``"spring"`` or ``"temperature"`` where a list of one value for each is welcome beside a scalar.
+        ``"node"``, ``"spring"``, ``"temperature"`` or ``"contact"`` where a list of one value for each is welcome
+        beside a scalar.
     later
         Whether it was declared when archives without it were there: at its default it enters no identity.
     """
@@ -95,7 +96,7 @@ class Quantity:
     above: float | None = None
     at_least: float | None = None
     at_most: float | None = None
-    per: Literal["node", "spring", "temperature"] | None = None
+    per: Literal["node", "spring", "temperature", "contact"] | None = None
     later: bool = False
 
 
@@ -107,7 +108,7 @@ def quantity(
     above: float | None = None,
     at_least: float | None = None,
     at_most: float | None = None,
-    per: Literal["node", "spring", "temperature"] | None = None,
+    per: Literal["node", "spring", "temperature", "contact"] | None = None,
     later: bool = False,
 ) -> Any:
     """Declare a dataclass field as a :class:`Quantity`; without ``default`` it is required.

@@ -60,6 +60,17 @@ class Variable:
     comment: str = ""
     cell_methods: str = ""
 
+    @property
+    def is_of_contact(self) -> bool:
+        """Whether it has a value for each of several contacts, along ``contact`` before ``t`` or ``period``."""
+        return self.shape == "period" or self.name in _OF_CONTACT
+
+
+_OF_CONTACT = frozenset(
+    {"displacement", "velocity", "temperature", "impulse", "contact_force", "contact_impulse", "impacts"}
+    | {"contact_time", "max_penetration", "max_temperature"}
+)
+"""Histories and metrics that each of several contacts has; so has each those of load periods."""
 
 _STEADY_STATE = (
     "settles: a periodic rub that is met and left, all Floquet multipliers below 1; no_contact, permanent_contact: a "

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from workflow.analysis._cases import (
     case_dims,
+    contact_text,
     exact,
     failures,
     finest,
     labels,
     labels_of,
     modes_along,
+    most_loaded,
     naming,
     place_text,
     rounded_texts,
@@ -47,5 +49,5 @@ from workflow.analysis._recommend_words import (
     sentence,
     undecidable,
 )
-from workflow.analysis._scene import casing_motion, contact_phases, impulse_growth, period_frequency
+from workflow.analysis._scene import casing_motion, contact_phases, gap_of, impulse_growth, period_frequency
 from workflow.analysis._standing import ERRORS, RULE, SENSELESS, Line, lines, observed_order, ranges, standings

@@ -24,6 +24,20 @@ def case_dims(dataset: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(name) for name in dataset["status"].dims)
 
 
+def most_loaded(dataset: xr.Dataset) -> xr.Dataset:
+    """Return an archive at that of several contacts which takes the largest impulse in any ok case; else as it is."""
+    if "contact" not in dataset.dims or "contact" in case_dims(dataset):  # an axis may have that name
+        return dataset
+    impulse = dataset["contact_impulse"].where(dataset["status"] == Status.OK, 0.0)
+    return dataset.isel(contact=int(np.argmax(impulse.max(case_dims(dataset)).values)))
+
+
+def contact_text(dataset: xr.Dataset) -> str:
+    """Return the name of the one of several contacts at which an archive was taken; empty of others."""
+    named = dataset.coords.get("contact")
+    return "" if named is None or named.ndim or "study_path" in named.attrs else f"contact {named.item()}"
+
+
 def labels(flags: xr.DataArray) -> xr.DataArray:
     """Return the words of a variable of flags (``status``, ``runaway``, ``steady_state``, ``bifurcation``).
 
@@ -140,9 +154,13 @@ def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool =
 
 
 def place_text(dataset: xr.Dataset, place: Mapping[str, int]) -> str:
-    """Return where places along some dimensions lie, ``h 1e-06 s; e 0.5``; a dimension of one value says nothing."""
+    """Return where places along some dimensions lie, ``h 1e-06 s; e 0.5``, and the contact of :func:`contact_text`.
+
+    A dimension of one value says nothing.
+    """
     varied = {dim: k for dim, k in place.items() if dataset.sizes[dim] > 1}
-    return "; ".join(labels_of(dataset, dim, rounded=True)[k] for dim, k in varied.items())
+    texts = [labels_of(dataset, dim, rounded=True)[k] for dim, k in varied.items()]
+    return "; ".join(filter(None, [*texts, contact_text(dataset)]))
 
 
 def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, finest, modes_along
+from workflow.analysis._cases import case_dims, finest, modes_along, most_loaded
 from workflow.analysis._recommend import Choice, NoReferenceError, is_numerical, numerical_dims, recommend
 from workflow.judges.trials import EXACT
 from workflow.schemes import Status
@@ -67,6 +67,7 @@ def notable_cases(dataset: xr.Dataset, choice: Choice | None) -> dict[int, str]:
     choice
         What the archive recommends, or what comes nearest to it; ``None`` without a reference.
     """
+    dataset = most_loaded(dataset)
     status = np.asarray(dataset["status"].values).ravel()
     reasons: dict[int, str] = {}
     worst = None if choice is None or choice.worst.status != "ok" else choice.number
@@ -96,6 +97,7 @@ def shown_place(dataset: xr.Dataset) -> dict[str, int]:
     ValueError
         No case is ok.
     """
+    dataset = most_loaded(dataset)
     status = np.asarray(dataset["status"].values)
     ok = np.flatnonzero(status == Status.OK)
     if not ok.size:

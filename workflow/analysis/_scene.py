@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.analysis._cases import most_loaded
 from workflow.grid import HARMONIC
 
 if TYPE_CHECKING:
@@ -20,13 +21,19 @@ _PATHS = ("scene.speed", "scene.load.", "scene.casing.")
 """Beginnings of the axes on which the motion of load and casing depends."""
 
 
+def gap_of(case: xr.Dataset) -> xr.DataArray:
+    """Return the clearance at rest, cold, with what a study adds to that of every contact, m."""
+    gap = case["gap"]
+    return gap + case["clearance"] if "clearance" in case.coords else gap
+
+
 def casing_motion(case: xr.Dataset) -> tuple[Array, Array] | None:
     """Return place d(t) [m] and velocity ḋ(t) [m/s] of a casing that moves, at the archive's samples.
 
     Parameters
     ----------
     case
-        One case of an archive with histories.
+        One case of an archive with histories, and one of its contacts.
 
     Returns
     -------
@@ -39,7 +46,7 @@ def casing_motion(case: xr.Dataset) -> tuple[Array, Array] | None:
     if not entries:
         return None
     t = np.asarray(case["t"].values, dtype=float)
-    place, velocity = np.full(t.shape, float(case["gap"])), np.zeros(t.shape)
+    place, velocity = np.full(t.shape, float(gap_of(case))), np.zeros(t.shape)
     for amplitude, frequency, phase in entries:
         angle = 2 * np.pi * frequency * t + phase
         place += amplitude * np.sin(angle)
@@ -83,9 +90,8 @@ def _entries(case: xr.Dataset) -> list[tuple[float, float, float]]:
         harmonics = [dict(zip(HARMONIC, entry, strict=True)) for entry in zip(*columns, strict=True)]
         scene = _of_case(case, {"speed": about["speed"], "casing": {"harmonics": harmonics}})
         speed, entries = float(scene["speed"]), scene["casing"]["harmonics"]
-        return [
-            (float(entry["amplitude"]), _frequency(entry, speed), float(entry.get("phase", 0.0))) for entry in entries
-        ]
+        angle = float(scene["casing"].get("angles", case.coords.get("contact_angle", 0.0)))
+        return [(float(entry["amplitude"]), _frequency(entry, speed), _phase(entry, angle)) for entry in entries]
     except (ValueError, TypeError, KeyError, IndexError, AttributeError):
         return []
 
@@ -109,6 +115,13 @@ def _frequency(entry: Mapping[str, Any], speed: float) -> float:
     """Return the frequency of a harmonic, Hz; it has an order where its frequency is None or NaN."""
     frequency = entry.get("frequency")
     return float(entry["order"]) * speed if frequency is None or np.isnan(frequency) else float(frequency)
+
+
+def _phase(entry: Mapping[str, Any], angle: float) -> float:
+    """Return the phase of a harmonic at an angle, which turns those that have an order, rad."""
+    frequency = entry.get("frequency")
+    turn = float(entry["order"]) * angle if frequency is None or np.isnan(frequency) else 0.0
+    return float(entry.get("phase", 0.0)) + turn
 
 
 _VARIABLES = {
@@ -174,8 +187,10 @@ def _phases(force: Array, t: Array) -> Array:
 def impulse_growth(dataset: xr.Dataset) -> Array | None:
     """Return the impulse of each case's last complete load period over that of its first, 1, shape of ``status``.
 
-    NaN where a case has fewer than two periods, or no contact in the first; ``None`` of archives without periods.
+    NaN where a case has fewer than two periods, or no contact in the first; ``None`` of archives without periods. Of
+    several contacts the most loaded one counts.
     """
+    dataset = most_loaded(dataset)
     if "period_impulse" not in dataset:
         return None
     impulse = np.asarray(dataset["period_impulse"].transpose(..., "period").values, dtype=np.float64)

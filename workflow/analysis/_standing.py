@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, finest, labels_of
+from workflow.analysis._cases import case_dims, finest, labels_of, most_loaded
 from workflow.analysis._recommend import simulated_seconds
+from workflow.analysis._scene import gap_of
 from workflow.schemes import Status
 from workflow.study import MODES
 
@@ -159,7 +160,8 @@ def lines(dataset: xr.Dataset) -> list[Line]:
     """
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 2:
         raise ValueError("errors over steps need a `reference` in the study and several steps `h` in the dataset")
-    chosen = dataset.isel({dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")}).sortby("h")
+    place = {dim: k for dim, k in finest(dataset).items() if dim not in ("scheme", "h")}
+    chosen = most_loaded(dataset).isel(place).sortby("h")
     if "scheme" not in chosen.dims:
         chosen = chosen.assign_coords(scheme=chosen.coords.get("scheme", "scheme")).expand_dims("scheme")
     fits = {error: observed_order(chosen, error) for error in ERRORS}
@@ -245,7 +247,8 @@ class Standing:
 
 
 def standings(dataset: xr.Dataset) -> list[Standing]:
-    """Return the standing of every scheme at every step, in the archive's order."""
+    """Return the standing of every scheme at every step, in the archive's order, at the most loaded contact."""
+    dataset = most_loaded(dataset)
     rows = [dim for dim in ("scheme", "h") if dim in case_dims(dataset)]
     shape = [dataset.sizes[dim] for dim in rows]
 
@@ -255,7 +258,7 @@ def standings(dataset: xr.Dataset) -> list[Standing]:
     def of_ok(part: xr.Dataset, name: str) -> Array:
         return table(part.get(name, np.nan * part["status"]).where(part["status"] == Status.OK))
 
-    gap = abs(dataset["gap"].astype(float))
+    gap = abs(gap_of(dataset).astype(float))
     residuals, restitutions = of_ok(dataset, "energy_residual"), of_ok(dataset, "effective_restitution")
     in_gaps = dataset.assign(share=dataset["max_penetration"] / gap.where(gap > 0, 1.0))
     penetrations = _extremes(of_ok(in_gaps, "share"))

@@ -48,8 +48,12 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
             return np.repeat(np.asarray(varying[path], dtype=np.float64)[:, None], size, axis=1)
         return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (count, size)))
 
-    load = scene.load
-    gap = of_case("scene.casing.gap", scene.gap)
+    load, casing = scene.load, harmonics_of(scene, "casing", varying, count)
+    gaps, turns = gaps_of(settings, structure, varying, count), turns_of(scene, structure, varying, count)
+    gap = gaps.min(axis=1)
+    if structure.contacts is None:  # one contact with mass has its gap, and its angle in the phases
+        casing = replace(casing, phase=casing.phase + turns[:, 0])
+        gaps, turns = gaps[:, :0], turns[:, :0]
     mean = of_case("scene.load.mean", load.mean)
     steady = of_node("scene.load.steady", load.steady)
     heating = of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), thermal)
@@ -72,8 +76,10 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         velocity=velocity,
         temperature=temperature,
         load_harmonics=harmonics_of(scene, "load", varying, count),
-        casing_harmonics=harmonics_of(scene, "casing", varying, count),
+        casing_harmonics=casing,
         friction=friction_of(settings, structure, varying, count),
+        gaps=gaps,
+        turns=turns,
     )
     return cases if structure.coordinates is None else structure.coordinates.transformed(cases)
 
@@ -97,9 +103,32 @@ def alpha_of(settings: CaseSettings, varying: Mapping[str, Array], count: int) -
 
 def friction_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
     """Return µ of each case, 1, ``(case,)``; 0 without a direction of sliding or without friction."""
-    if structure.tangent is None or settings.scene.friction is None:
+    if not structure.slides or settings.scene.friction is None:
         return np.zeros(count)
     return spread(varying, f"{FRICTION}coefficient", settings.scene.friction.coefficient, count)
+
+
+def gaps_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
+    """Return the clearance of each contact, gap_i + clearance, m, ``(case, contact)``."""
+    casing = settings.scene.casing
+    contacts = 1 if structure.contacts is None else structure.contacts.count
+    gap = varying["scene.casing.gap"][:, None] if "scene.casing.gap" in varying else np.asarray(casing.gap)
+    clearance = spread(varying, "scene.casing.clearance", casing.clearance, count)
+    return np.array(np.broadcast_to(gap + clearance[:, None], (count, contacts)))
+
+
+def turns_of(scene: Scene, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
+    """Return order · ψ_i of the casing's harmonics, 0 of those by a frequency, rad, ``(case, contact, harmonic)``."""
+    own = np.zeros(1) if structure.contacts is None else structure.contacts.angle
+    angles = np.asarray(own if scene.casing.angles is None else scene.casing.angles)
+    if "scene.casing.angles" in varying:
+        angles = varying["scene.casing.angles"][:, None]
+    turns = np.zeros((count, own.size, len(scene.casing.harmonics)))
+    for k, entry in enumerate(scene.casing.harmonics):
+        if entry.order is not None:
+            order = spread(varying, f"scene.casing.harmonics.{k}.order", entry.order, count)
+            turns[:, :, k] = order[:, None] * angles
+    return turns
 
 
 def harmonics_of(scene: Scene, group: Literal["load", "casing"], varying: Mapping[str, Array], count: int) -> Harmonics:

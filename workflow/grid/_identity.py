@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from workflow import schemes
 from workflow.declare import plain
 from workflow.grid._arrangement import TOLERANCE, Grid, Indices
-from workflow.grid._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load
+from workflow.grid._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load, spread, turns_of
 from workflow.grid._operators import structure_of
 from workflow.grid._reference import exact_settings, reference_settings
 from workflow.judges.trials import EXACT
@@ -24,7 +24,7 @@ from workflow.study import CaseSettings, Scene, Study
 HASH_BYTES = 16
 """Of the SHA-256: two of 1e8 cases share their first 128 bits with a probability of 1e-23."""
 
-_CONDITIONS = ("scene.casing.gap", *(f"scene.load.{name}" for name in ("mean", "amplitude", "frequency", "phase")))
+_CONDITIONS = tuple(f"scene.load.{name}" for name in ("mean", "amplitude", "frequency", "phase"))
 _PER_NODE = ("scene.load.steady", *(f"scene.initial.{name}" for name in ("displacement", "velocity", "temperature")))
 
 
@@ -95,7 +95,8 @@ def _steady(study: Study, settings: CaseSettings) -> dict[str, Any]:
 def _widths(scene: Scene) -> dict[str, Any]:
     """Return the numbers of load and casing harmonics, which decide what the entries of a row mean."""
     widths = len(scene.load.harmonics), len(scene.casing.harmonics)
-    return {"harmonics": widths} if any(widths) else {}
+    gaps = {"gaps": len(scene.casing.gap)} if isinstance(scene.casing.gap, tuple) else {}
+    return {**({"harmonics": widths} if any(widths) else {}), **gaps}
 
 
 def _read(settings: CaseSettings) -> frozenset[str]:
@@ -131,8 +132,24 @@ def _per_node(settings: CaseSettings) -> dict[str, Any]:
 
 
 def _is_summed_up(path: str) -> bool:
-    """Tell whether results depend on an axis through α, µ or the harmonics alone."""
-    return path == "scene.speed" or path.startswith((FRICTION, "scene.load.harmonics.", "scene.casing.harmonics."))
+    """Tell whether results depend on an axis through α, µ, the harmonics or the casing alone."""
+    return path == "scene.speed" or path.startswith((FRICTION, "scene.load.harmonics.", "scene.casing."))
+
+
+def _of_casing(settings: CaseSettings, varying: Any, count: int) -> dict[str, Any]:
+    """Return gap + clearance of each contact that has its own, and by what it is turned, by name, ``(case,)`` each."""
+    casing, columns = settings.scene.casing, dict[str, Any]()
+    clearance = spread(varying, "scene.casing.clearance", casing.clearance, count)
+    if isinstance(casing.gap, tuple):
+        columns |= {f"scene.casing.gap.{k}": gap + clearance for k, gap in enumerate(casing.gap)}
+    else:
+        columns["scene.casing.gap"] = spread(varying, "scene.casing.gap", casing.gap, count) + clearance
+    if any(entry.order is not None for entry in casing.harmonics):
+        structure = structure_of(settings.scene.model, settings.scene.parameters)
+        if casing.angles is not None or structure.contacts is not None:
+            turns = turns_of(settings.scene, structure, varying, count)
+            columns |= {f"scene.casing.turns.{k}": column for k, column in enumerate(turns.reshape(count, -1).T)}
+    return columns
 
 
 def _harmonic_columns(scene: Scene, varying: Any, count: int) -> dict[str, Any]:
@@ -150,16 +167,15 @@ def _rows(grid: Grid, outer: int, settings: CaseSettings, varying: Any, count: i
     """Return the conditions of every case that are numbers, ``(case, condition)``; those not read are 0."""
     scene, reference = settings.scene, grid.study.reference
     read = _read(settings)
-    values: dict[str, Any] = {"scene.casing.gap": scene.gap}
-    values |= {path: getattr(scene.load, path.rsplit(".", 1)[1]) for path in _CONDITIONS[1:]}
+    values: dict[str, Any] = {path: getattr(scene.load, path.rsplit(".", 1)[1]) for path in _CONDITIONS}
     values |= {path: value if isinstance(value, float) else 0.0 for path, value in _per_node(settings).items()}
     values |= {"e": settings.e}
     values |= {path: value for path, value in varying.items() if not _is_summed_up(path)}
+    values |= _of_casing(settings, varying, count)
     values |= {"alpha": alpha_of(settings, varying, count), **_harmonic_columns(scene, varying, count)}
     if scene.friction is not None:
         structure = structure_of(scene.model, scene.parameters)
-        slides = structure.tangent is not None
-        values |= {"friction": friction_of(settings, structure, varying, count)} if slides else {}
+        values |= {"friction": friction_of(settings, structure, varying, count)} if structure.slides else {}
     columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
     columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]
     if reference is not None:

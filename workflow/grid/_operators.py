@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from workflow import models, schemes
 from workflow.grid._compile import KernelVariant, compile_scheme
-from workflow.judges.blow_ups import Runaways, mark_blown_up
+from workflow.judges.blow_ups import Runaways, mark_blown_up, statics
 from workflow.models import (
     Array,
     Cases,
@@ -26,9 +26,7 @@ from workflow.models import (
     needs_matrices,
     one_thread,
     rates,
-    static_tip_growth,
     structure_of,
-    tip_flexibility,
 )
 from workflow.reduction import ReducedModel, projection_residual, reduced_model
 from workflow.schemes import Results, Sampling
@@ -45,9 +43,8 @@ def full_structure(settings: CaseSettings) -> Structure:
 
 @lru_cache(maxsize=_MOST_OPERATORS)
 def statics_of(model: str, parameters: Any) -> tuple[float, Array]:
-    """Return S [m/N], infinite where the root is free, and the row -e_nᵀ K1⁻¹ K12 [m/K] of a full structure."""
-    structure = structure_of(model, parameters)
-    return tip_flexibility(structure), static_tip_growth(structure)
+    """Return what :func:`~workflow.judges.blow_ups.statics` says of a full structure."""
+    return statics(structure_of(model, parameters))
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ def kernel_variant(settings: CaseSettings, balances: bool) -> KernelVariant | No
     if scheme.refusal(structure, settings.scheme.options) is not None:
         return None
     coupled, driven = needs_matrices(structure), bool(settings.scene.casing.harmonics or settings.scene.load.harmonics)
-    slides = structure.tangent is not None and settings.scene.friction is not None
+    slides = structure.slides and settings.scene.friction is not None
     kind = {"massless_tip": structure.has_massless_tip, "harmonics": driven, "slides": slides, "coupled": coupled}
     return KernelVariant(settings.scheme.method, settings.scheme.options, balances, **kind)
 
@@ -200,7 +197,7 @@ def figures(settings: CaseSettings) -> Figures:
     structure = full_structure(settings)
     with np.errstate(divide="ignore"):
         times = 1.0 / rates(structure)
-    flexibility = tip_flexibility(structure)
+    flexibility, _ = statics(structure)
     return Figures(
         label=f"{settings.scene.model}, {size_text(settings)}{_condensed(settings)}",
         first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -151,7 +152,8 @@ def _result_bytes(grid: Grid) -> int:
     """Return the size of a study's results before compression."""
     stored = 8 if grid.study.output.precision == "float64" else 4
     sampled = stored * len(grid.study.output.sampled) * grid.sampling.count
-    each = 8 * (4 * longest_period_count(grid) + 22) + sampled + steady_bytes(grid)
+    each = 8 * (4 * longest_period_count(grid) + 22) + sampled
+    each = each * math.prod(grid.study.contact_shape) + steady_bytes(grid)
     return grid.outer_count * grid.inner_count * each
 
 

@@ -6,6 +6,7 @@ serve all cases that are compared with it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -47,9 +48,9 @@ class ReferenceSolutions:
     inner
         First inner indices that have them, ascending, ``(case,)``.
     histories
-        ``(case, t)`` by name, NaN where one did not end ok.
+        ``(case, t)`` or ``(case, contact, t)`` by name, NaN where one did not end ok.
     predictability
-        ``(case,)``, NaN where it was not computed.
+        ``(case,)``, NaN where it was not computed, as of several contacts.
     failures
         Why those did not end ok that did not, by position.
     """
@@ -223,7 +224,7 @@ def _cut(grid: Grid, kind: Kind, inner: Indices, each: float, fair: float) -> li
 
 
 def _bytes_of_solution(grid: Grid) -> int:
-    return 8 * grid.sampling.count * len(COMPARED)
+    return 8 * grid.sampling.count * len(COMPARED) * math.prod(grid.study.contact_shape)
 
 
 def solutions_for(grid: Grid, batch: Batch) -> Solutions:
@@ -267,7 +268,7 @@ def _computed_or_lost(grid: Grid, settings: CaseSettings, inner: Indices, *, is_
     except (Exception, SystemExit) as error:  # whatever a model or scheme raises
         if inner.size > 1:
             return _together([_computed_or_lost(grid, settings, np.array([k]), is_exact=is_exact) for k in inner])
-        lost = np.full((1, grid.sampling.count), np.nan)
+        lost = np.full((1, *grid.study.contact_shape, grid.sampling.count), np.nan)
         return ReferenceSolutions(inner, dict.fromkeys(COMPARED, lost), np.full(1, np.nan), {0: reason_of(error)})
 
 
@@ -280,14 +281,22 @@ def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool
         return judged(settings, some, run_batch(settings, some, sampling), sampling.duration)
 
     results = run(cases)
-    ok = results.status == Status.OK
-    histories = {name: np.where(ok[:, None], results.histories[name], np.nan) for name in COMPARED}
+    ok, histories = results.status == Status.OK, _compared(results)
     change, sound = np.full(inner.size, np.nan), np.flatnonzero(ok)
-    if not is_exact and sound.size:
+    if not is_exact and sound.size and not cases.contact_shape:
         displacement, is_static = histories["displacement"][sound], settings.scene.initial == "static"
         change[sound] = predictability(run, cases.take(sound), displacement, is_static=is_static)
     failures = {k: results.messages.get(k, "it did not end ok") for k in np.flatnonzero(~ok).tolist()}
     return ReferenceSolutions(inner, histories, change, failures)
+
+
+def _compared(results: Results) -> dict[str, Array]:
+    """Return the histories that are compared, NaN in cases that did not end ok."""
+    lost = np.flatnonzero(results.status != Status.OK)
+    histories = {name: results.histories[name].copy() for name in COMPARED}
+    for values in histories.values():
+        values[lost] = np.nan
+    return histories
 
 
 REFERENCE = "reference: "
@@ -310,7 +319,7 @@ def against_reference(
     Parameters
     ----------
     results
-        Histories ``(case, t)`` and ``status`` of the batch.
+        Histories ``(case, …, t)`` and ``status`` of the batch.
     solutions
         Those that the batch is compared with.
     """
@@ -365,7 +374,7 @@ def tells_basis_error(grid: Grid, outer: int) -> bool:
 def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None = None) -> dict[str, Array]:
     """Return histories of the exact solutions of the reduced models of some cases, with their data changed if asked.
 
-    Shape ``(case, t)`` by name, NaN in those that do not end ok.
+    Shape ``(case, …, t)`` by name, NaN in those that do not end ok.
     """
     settings = exact_settings(grid, outer)
     if perturbation is None:
@@ -373,9 +382,7 @@ def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbat
         solutions = _in_order(grid, kind, inner, solutions_for(grid, Batch(outer, inner)))
         return dict(solutions.histories)
     settings, cases = cases_of(settings, compared_values(grid, inner), inner.size, perturbation)
-    results = run_batch(settings, cases, replace(grid.sampling, balances=False))
-    ended = (results.status == Status.OK)[:, None]
-    return {name: np.where(ended, results.histories[name], np.nan) for name in COMPARED}
+    return _compared(run_batch(settings, cases, replace(grid.sampling, balances=False)))
 
 
 def distinct_solutions(grid: Grid) -> Iterator[tuple[CaseSettings, bool, int]]:

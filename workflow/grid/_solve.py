@@ -204,6 +204,8 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Pertur
         compile_for(settings, grid.sampling.balances)
         return _joined([_followed(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
     settings, cases = cases_of(settings, grid.inner_values(inner), inner.size, perturbation)
+    if cases.contact_shape != grid.study.contact_shape:
+        raise ValueError("its structure has another number of contacts than the archive; give it a study of its own")
     compile_for(settings, grid.sampling.balances)
     results, seconds = _timed(grid, settings, cases)
     results = judged(settings, cases, results, grid.sampling.duration)
@@ -263,9 +265,9 @@ def _contact(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
     force = contact_force(impulse, sampling.interval)
     return {
         "contact_force": force,
-        "contact_impulse": impulse[:, -1].copy(),
+        "contact_impulse": impulse[..., -1].copy(),
         "period_impulse": widened(results.period_impulse, periods),
-        "period_force": largest_per_period(force[:, 1:], cases.period_frequency, sampling, periods),
+        "period_force": largest_per_period(force[..., 1:], cases.period_frequency, sampling, periods),
         "period_temperature": widened(results.period_temperature, periods),
         "period_contact": widened(results.period_contact, periods),
         **(sections(results, cases, sampling, periods) if grid.study.output.sections else {}),
@@ -297,9 +299,10 @@ def metrics_of(study: Study) -> tuple[Variable, ...]:
 
 def _failed(grid: Grid, text: str) -> Solved:
     """Return one case that raised: NaN everywhere, flags unset, with the error as its message."""
-    nan = {"history": (1, grid.sampling.count), "metric": (1,), "period": (1, longest_period_count(grid))}
+    tails = {"history": (grid.sampling.count,), "metric": (), "period": (longest_period_count(grid),)}
+    contacts = grid.study.contact_shape
     values: dict[str, NDArray[Any]] = {
-        about.name: np.full(nan[about.shape], np.nan)
+        about.name: np.full((1, *(contacts if about.is_of_contact else ()), *tails[about.shape]), np.nan)
         for about in (*variables.select("history"), *metrics_of(grid.study), *periods_of(grid.study))
         if about.condition not in ("reference", "auto", "auto reference")
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -198,7 +199,8 @@ def decides_cost(path: str, model: str) -> bool:
 
 def bytes_per_case(grid: Grid) -> int:
     """Return the bytes of a case in memory: its results, what is derived of them, and the copy that is stored."""
-    return 8 * (10 * grid.sampling.count + 8 * longest_period_count(grid) + 60) + steady_bytes(grid)
+    contacts = math.prod(grid.study.contact_shape)
+    return 8 * (10 * grid.sampling.count + 8 * longest_period_count(grid) + 60) * contacts + steady_bytes(grid)
 
 
 def steady_bytes(grid: Grid) -> int:

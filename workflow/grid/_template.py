@@ -15,6 +15,7 @@ from workflow import variables
 from workflow.grid._arrangement import Grid
 from workflow.grid._conditions import FRICTION, alpha_of
 from workflow.grid._frequencies import longest_period_count
+from workflow.grid._operators import full_structure
 from workflow.grid._solve import NOT_ASKED, metrics_of, periods_of, steady_of
 from workflow.grid._warnings import tip_cells
 from workflow.schemes import Status
@@ -37,7 +38,7 @@ def encode(dataset: xr.Dataset) -> xr.Dataset:
 
     All have the same lengths of a chunk along the dimensions of the cases, those of ``status``: whole dimensions
     innermost, then a part of one, as many cases as the largest variable has in :data:`CHUNK_BYTES`, at least one. The
-    history of one case may be cut along ``t``, into nearly equal lengths.
+    history of one case may be cut along ``t``, into nearly equal lengths; contacts stay together.
     """
     shape, results = dataset["status"].shape, [dataset.variables[name] for name in dataset.data_vars]
     most = CHUNK_BYTES // max(_case_bytes(variable, len(shape)) for variable in results)
@@ -48,14 +49,15 @@ def encode(dataset: xr.Dataset) -> xr.Dataset:
     for variable in results:
         fill = {} if variable.dtype.kind == "i" else {"_FillValue": np.nan}
         tail = list(variable.shape[len(shape) :])
-        if tail:
-            tail[0] = -(-tail[0] // -(-_case_bytes(variable, len(shape)) // CHUNK_BYTES))
+        along = int("contact" in variable.dims)
+        if len(tail) > along:
+            tail[along] = -(-tail[along] // -(-_case_bytes(variable, len(shape)) // CHUNK_BYTES))
         chunks = {**COMPRESSED, "chunksizes": (*cut.values(), *tail)} if variable.dims else {}
         variable.encoding = {**chunks, **fill, **listed_coordinates(dataset, variable.dims)}
     for name in dataset.coords:
         variable = dataset.variables[name]
         is_axis = variable.dims == (name,)
-        chunks = {"chunksizes": tuple(size if is_axis else cut[dim] for dim, size in variable.sizes.items())}
+        chunks = {"chunksizes": tuple(size if is_axis else cut.get(dim, size) for dim, size in variable.sizes.items())}
         if variable.dtype.kind == "O" and not is_axis:  # CF allows an axis no further dimension
             variable.encoding = {"dtype": "S1", **COMPRESSED, **chunks}
         elif variable.dtype.kind != "O" and variable.dims:
@@ -144,6 +146,7 @@ def _tails(grid: Grid) -> dict[str, int]:
     """Return the sizes of the dimensions beyond the cases, those that there are."""
     steady, branch = grid.study.output.steady, grid.study.branch
     tails = {
+        "contact": len(grid.study.contacts),
         "t": grid.sampling.count if grid.study.output.histories else 0,
         "period": longest_period_count(grid) if branch is None else 0,
         "point": 0 if branch is None else branch.points,
@@ -186,7 +189,8 @@ def _result(about: variables.Variable, attributes: Attributes, grid: Grid, sizes
     blank: Any = np.float32(np.nan) if single else np.float64(np.nan)
     if "flag_values" in attributes:
         blank = np.int8({"status": Status.NOT_RUN, "steady_state": NOT_ASKED}.get(about.name, 0))
-    dims = (*(name for name, _ in grid.dims), *_TAILS.get(about.shape, ()))
+    contact = ("contact",) if about.is_of_contact and "contact" in sizes else ()
+    dims = (*(name for name, _ in grid.dims), *contact, *_TAILS.get(about.shape, ()))
     return _variable(dims, np.broadcast_to(blank, tuple(sizes[name] for name in dims)), attributes)
 
 
@@ -204,8 +208,9 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
     if study.scene.friction is not None and not followed.startswith(FRICTION):
         yield "alpha", _made_by_friction(grid)
     if "gap" not in names and followed != "scene.casing.gap":
-        about = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}
-        yield "gap", _variable((), np.asarray(study.scene.gap), about)
+        about, gap = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}, np.asarray(study.scene.gap)
+        yield "gap", _variable(("contact",) * gap.ndim, gap, about)
+    yield from _of_contacts(grid, names)
     numbers = np.arange(1, 1 + max(sizes.get(name, 0) for name in ("period", "point")))
     for name, values, unit, meaning in (
         ("t", grid.sampling.times, "s", "time since the start"),
@@ -220,6 +225,23 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
     ):
         if name in sizes:
             yield name, _variable((name,), values, {"units": unit, "long_name": meaning})
+
+
+def _of_contacts(grid: Grid, names: set[str]) -> Iterator[tuple[str, xr.Variable]]:
+    """Yield what no axis gives of the casing: clearance, and labels and angles of contacts."""
+    study, casing = grid.study, grid.study.scene.casing
+    if casing.clearance and "clearance" not in names:
+        about = {"units": "m", "long_name": "added to the gap of every contact", "study_path": "scene.casing.clearance"}
+        yield "clearance", _variable((), np.asarray(casing.clearance), about)
+    angle: Any = casing.angles
+    if study.contacts:
+        yield "contact", _variable(("contact",), np.asarray(study.contacts, dtype=object), {"long_name": "contact"})
+        contacts = full_structure(grid.settings(0)).contacts
+        assert contacts is not None
+        angle = np.broadcast_to(contacts.angle if angle is None else angle, study.contact_shape)
+    if angle is not None and np.any(angle):
+        about = {"units": "rad", "long_name": "angle of a contact in the direction in which the blade turns"}
+        yield "contact_angle", _variable(("contact",) * np.ndim(angle), np.asarray(angle), about)
 
 
 def _of_axis(axis: Axis, dims: tuple[str, ...], more: Attributes) -> xr.Variable:

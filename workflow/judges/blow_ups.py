@@ -3,9 +3,9 @@
 A case is marked ``diverged``:
 
 - In every scheme with balances: ``energy_residual`` is above :data:`CREATED`.
-- In time-stepping where K1 is regular: the largest |x_n| exceeds :data:`EXCESS` times the length accounted for by the
-  scene, the largest of |gap|, |x_n(0)|, S · largest load, √(2 S E) of the initial energy E, and the quasi-static growth
-  by initial temperatures, heating and friction heat.
+- In time-stepping where K1 is regular: the largest |x_n|, of any contact, exceeds :data:`EXCESS` times the length
+  accounted for by the scene, the largest of |gap|, |x_n(0)|, S · largest load, √(2 S E) of the initial energy E, and
+  the quasi-static growth by initial temperatures, heating and friction heat.
 
 The largest |x_n| is that of the samples and of gap + ``max_penetration``, which is taken over all steps.
 """
@@ -20,7 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from workflow.models import Array, Cases, Structure, critical_alpha, growth, in_contact
+from workflow.models import (
+    Array,
+    Cases,
+    Structure,
+    critical_alpha,
+    growth,
+    in_contact,
+    static_tip_growth,
+    tip_flexibility,
+)
 from workflow.schemes import Results, Status
 
 CREATED = 0.99
@@ -59,7 +68,7 @@ def mark_blown_up(
     structure
         The full structure, on which the cases are given.
     statics
-        S [m/N], infinite where the root is free, and the row -e_nᵀ K1⁻¹ K12 [m/K].
+        See :func:`statics`.
     growth_rates
         Growth rates of cases with the tip in contact, 1/s, ``(case,)``.
     cases, results, duration
@@ -68,17 +77,18 @@ def mark_blown_up(
         Whether the scheme steps in time: an exact motion is not bounded.
     """
     ok, reach = results.status == Status.OK, _reach(results, cases)
-    start = np.abs(results.histories["displacement"][:, 0])
+    start = _largest(np.abs(results.histories["displacement"][..., 0]))
     residual = results.metrics.get("energy_residual", np.full(cases.count, np.nan))
     created = ok & (residual > CREATED)
-    far = ok & is_stepped & (reach > EXCESS * np.fmax(np.abs(cases.gap), start))
+    far = ok & is_stepped & (reach > EXCESS * np.fmax(_largest(np.abs(cases.clearances)), start))
     which = np.flatnonzero(created | far)
     if not which.size:
         return results
-    suspects, (flexibility, row) = cases.take(which), statics()
+    suspects, (flexibility, rows) = cases.take(which), statics()
     if np.isfinite(flexibility):
-        length = np.fmax(_accounted(structure, suspects, flexibility, row, duration), start[which])
-        most = _farthest(suspects, results, which, row, length, growth_rates(suspects) * duration)
+        rows = np.atleast_2d(rows)
+        length = np.fmax(_accounted(structure, suspects, flexibility, rows, duration), start[which])
+        most = _farthest(suspects, results, which, rows, length, growth_rates(suspects) * duration)
         pushed = np.abs(results.metrics["thermal_closing"][which]) > _LOST * length
         is_lost = pushed & (reach[which] <= EXCESS * length)
     else:
@@ -103,42 +113,66 @@ def mark_blown_up(
     return replace(results, status=status, messages=messages)
 
 
+def statics(structure: Structure) -> tuple[float, Array]:
+    """Return S [m/N], infinite where the root is free, and the row -e_nᵀ K1⁻¹ K12 [m/K].
+
+    Of several contacts the largest w_iᵀ K1⁻¹ w_i, with what residual flexibility adds, and a row for each.
+    """
+    contacts, pair = structure.contacts, structure.mechanical
+    if contacts is None:
+        return tip_flexibility(structure), static_tip_growth(structure)
+    responses = [pair.solve(normal) for normal in contacts.normal]
+    rows = [pair.work(each, pair.deformation_of(each), structure.expansion) for each in responses]
+    flexibilities = np.sum(contacts.normal * responses, axis=1)
+    flexibilities += 0.0 if contacts.residual is None else contacts.residual.diagonal()
+    is_free = any(pair.moves(normal) for normal in contacts.normal)
+    coupling = 0.0 if contacts.residual_coupling is None else contacts.residual_coupling
+    return float("inf") if is_free else float(flexibilities.max()), np.array(rows) - coupling
+
+
+def _largest(values: Array) -> Array:
+    """Return the largest of each case's values, ``(case,)``; NaN does not count."""
+    return np.asarray(np.fmax.reduce(values.reshape(len(values), -1), axis=1))
+
+
 def _reach(results: Results, cases: Cases) -> Array:
     """Return the largest known |x_n| of each case, m."""
     displacement, beyond = results.histories["displacement"], results.metrics["max_penetration"]
-    sampled = np.fmax(np.fmax.reduce(displacement, axis=1), -np.fmin.reduce(displacement, axis=1))
-    moved = cases.casing_harmonics.reach
-    return np.asarray(np.fmax(sampled, np.where(beyond > 0, np.abs(cases.gap + beyond) - moved, 0.0)))
+    gaps = cases.clearances.reshape(beyond.shape)
+    passed = _largest(np.where(beyond > 0, np.abs(gaps + beyond), -np.inf)) - cases.casing_harmonics.reach
+    return np.asarray(np.fmax.reduce([_largest(displacement), _largest(-displacement), np.fmax(passed, 0.0)]))
 
 
-def _accounted(structure: Structure, cases: Cases, flexibility: float, row: Array, duration: float) -> Array:
+def _accounted(structure: Structure, cases: Cases, flexibility: float, rows: Array, duration: float) -> Array:
     """Return the length accounted for in each case without friction heat, m, ``(case,)``.
 
     Heating is bounded without conduction, each temperature by its own.
     """
-    load, place = _largest_load(structure, cases), np.abs(cases.gap) + cases.casing_harmonics.reach
-    warm = np.abs((row * cases.temperature).sum(axis=1))
+    load, place = _largest_load(structure, cases), _largest(np.abs(cases.clearances)) + cases.casing_harmonics.reach
+    warm = [np.abs((row * cases.temperature).sum(axis=1)) for row in rows]
     capacity = np.abs(structure.thermal.inertia_of(np.ones(structure.thermal_size)))
-    heated = (np.abs(row) * np.abs(cases.heating) / capacity).sum(axis=1) * duration
+    heated = [(np.abs(row) * np.abs(cases.heating) / capacity).sum(axis=1) * duration for row in rows]
     reached = np.sqrt(2 * flexibility * _energy(structure, cases))
-    return np.asarray(np.fmax.reduce([place, flexibility * load, warm, heated, reached]))
+    return np.asarray(np.fmax.reduce([place, flexibility * load, *warm, *heated, reached]))
 
 
 def _farthest(
-    cases: Cases, results: Results, which: NDArray[np.int64], row: Array, length: Array, exponent: Array
+    cases: Cases, results: Results, which: NDArray[np.int64], rows: Array, length: Array, exponent: Array
 ) -> Array:
     """Return the largest admissible displacement of the tip in the cases ``which``, m, ``(case,)``.
 
-    The growth by friction heat is quasi-static: that at the end, or that of the tip node at its largest temperature. It
-    is limited to the length times e^``exponent``, growth rate · duration: a scheme that creates energy creates heat
-    too. Friction along a tangent may drive a pressed tip without heat.
+    The growth by friction heat is quasi-static: that at the end, or that of the tip node (of several contacts: of the
+    whole structure) at its largest temperature. It is limited to the length times e^``exponent``, growth rate ·
+    duration: a scheme that creates energy creates heat too. Friction along a tangent may drive a pressed tip without
+    heat.
     """
     closing = np.abs(results.metrics["thermal_closing"][which])
-    sampled = np.fmax.reduce(np.abs(results.histories["temperature"][which]), axis=1)
-    hottest = np.fmax(np.abs(results.metrics["max_temperature"][which]), sampled)
+    sampled = _largest(np.abs(results.histories["temperature"][which]))
+    hottest = np.fmax(_largest(np.abs(results.metrics["max_temperature"][which])), sampled)
+    each = abs(rows[0, -1]) if not cases.contact_shape else np.abs(rows).sum(axis=1).max()
     with np.errstate(over="ignore"):
         grown = length * np.exp(np.fmax(exponent, 0.0))
-    by_heat = np.fmin(np.fmax(closing, abs(row[-1]) * hottest), grown)
+    by_heat = np.fmin(np.fmax(closing, each * hottest), grown)
     return np.asarray(EXCESS * np.fmax(length, np.where(cases.friction > 0, grown, by_heat)))
 
 

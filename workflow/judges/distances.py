@@ -14,8 +14,12 @@ GAP_SHARE = 1e-12
 """Change of the gap over a length of the motion, by whose effect ``predictability`` is defined."""
 
 
-def norms(rows: Array) -> Array:
-    """Return the L2 norm of each row, scaled by a power of two so that squares neither overflow nor underflow."""
+def norms(values: Array) -> Array:
+    """Return the L2 norm of each case's values, of all contacts together.
+
+    It is scaled by a power of two so that squares neither overflow nor underflow.
+    """
+    rows = values.reshape(len(values), -1)
     _, exponent = np.frexp(np.abs(rows).max(axis=1))
     scaled = np.ldexp(rows, -exponent[:, None])
     return np.asarray(np.ldexp(np.linalg.norm(scaled, axis=1), exponent))
@@ -47,7 +51,8 @@ def predictability(run: Callable[[Cases], Results], cases: Cases, displacement: 
     for which, sign in ((np.arange(cases.count), 1.0), (np.flatnonzero(may_close), -1.0)):
         if which.size:
             part = cases.take(which)
-            results = run(replace(part, gap=part.gap + sign * trifle[which]))
+            wider = sign * trifle[which]
+            results = run(replace(part, gap=part.gap + wider, gaps=part.gaps + wider[:, None]))
             moved = np.where((results.status == Status.OK)[:, None], results.histories["displacement"], np.nan)
             change[which] = np.fmax(change[which], relative_distance(moved, displacement[which]))
     return change
@@ -58,7 +63,8 @@ def perturbed(cases: Cases, share: float, reach: float) -> Cases:
 
     With ``reach`` the largest displacement of the tip, m, the gap changes by the share of the larger of |gap| and it,
     the mean load by that of the larger of |mean| and amplitude: rounding decides whether a load presses where its
-    sinusoid is 0. A wider gap comes with a smaller mean: one sign reduces contact, the other increases it.
+    sinusoid is 0. A wider gap comes with a smaller mean: one sign reduces contact, the other increases it. Gaps of
+    several contacts are always widened.
     """
     gap = cases.gap + share * np.maximum(np.abs(cases.gap), reach)
     displacement = cases.displacement * (1 + share)
@@ -66,9 +72,11 @@ def perturbed(cases: Cases, share: float, reach: float) -> Cases:
         begins, moved = cases.casing_at(0.0), cases.casing_harmonics.added(np.zeros(cases.count), 0.0)
         least = displacement[:, -1] - moved
         gap = np.maximum(gap, np.where(cases.displacement[:, -1] <= begins, least, gap))
+    wider = abs(share) * np.maximum(np.abs(cases.gaps), reach) if cases.contact_shape else (gap - cases.gap)[:, None]
     return replace(
         cases,
         gap=gap,
+        gaps=cases.gaps + wider,
         mean=cases.mean - share * np.maximum(np.abs(cases.mean), np.abs(cases.amplitude)),
         amplitude=cases.amplitude * (1 - share),
         displacement=displacement,

@@ -11,24 +11,24 @@ from workflow.schemes import SECTIONS, Results, Sampling, complete_periods
 def contact_force(impulse: Array, interval: float) -> Array:
     """Return the mean contact force over the interval before each sample, N, from the impulse's running sum."""
     force = np.zeros_like(impulse)
-    force[:, 1:] = np.diff(impulse, axis=1) / interval
+    force[..., 1:] = np.diff(impulse, axis=-1) / interval
     return force
 
 
 def widened(values: Array, periods: int) -> Array:
-    """Return values padded with NaN to ``periods`` load periods, ``(case, period)``."""
-    wide = np.full((values.shape[0], periods), np.nan)
-    wide[:, : values.shape[1]] = values
+    """Return values padded with NaN to ``periods`` load periods, ``(case, …, period)``."""
+    wide = np.full((*values.shape[:-1], periods), np.nan)
+    wide[..., : values.shape[-1]] = values
     return wide
 
 
 def largest_per_period(force: Array, frequency: Array, sampling: Sampling, periods: int) -> Array:
     """Return the largest force of the output intervals with their middle in each load period.
 
-    A period without one takes the interval that contains its own middle.
+    A period without one takes the interval that contains its own middle. ``(case, …, period)``.
     """
-    largest = np.full((force.shape[0], periods), np.nan)
-    count, interval = force.shape[1], sampling.interval
+    largest = np.full((*force.shape[:-1], periods), np.nan)
+    count, interval = force.shape[-1], sampling.interval
     middle = (np.arange(count) + 0.5) * interval
     for value in np.unique(frequency[frequency > 0]):
         rows = np.flatnonzero(frequency == value)
@@ -39,23 +39,23 @@ def largest_per_period(force: Array, frequency: Array, sampling: Sampling, perio
             if first == stop:
                 first = min(int((k + 0.5) / value / interval), count - 1)
                 stop = first + 1
-            largest[rows, k] = force[rows, first:stop].max(axis=1)
+            largest[rows, ..., k] = force[rows, ..., first:stop].max(axis=-1)
     return largest
 
 
 def sections(results: Results, cases: Cases, sampling: Sampling, periods: int) -> dict[str, Array]:
     """Return the Poincaré sections of load periods and the extremes of the displacement; NaN where there are none."""
-    blank = np.full((cases.count, periods), np.nan)
+    x = results.histories["displacement"]
+    blank = np.full((*x.shape[:-1], periods), np.nan)
     values = {name: blank.copy() for name in SECTIONS}
     values |= {name: widened(section, periods) for name, section in results.sections.items()}
-    x, starts = results.histories["displacement"], values["section_displacement"]
-    largest, smallest = np.full_like(starts, np.nan), np.full_like(starts, np.nan)
+    starts, largest, smallest = values["section_displacement"], blank.copy(), blank.copy()
     counts = complete_periods(cases.period_frequency, sampling)
     for case, frequency in enumerate(cases.period_frequency):
         position, number = sampling.times * frequency, np.arange(counts[case])
         first = np.searchsorted(position, number * (1 - 1e-12))
         stop = np.searchsorted(position, (number + 1) * (1 + 1e-12), side="right")
         for k in number:
-            within = np.concatenate([x[case, first[k] : stop[k]], starts[case, k : k + 2]])
-            largest[case, k], smallest[case, k] = np.fmax.reduce(within), np.fmin.reduce(within)
+            within = np.concatenate([x[case, ..., first[k] : stop[k]], starts[case, ..., k : k + 2]], axis=-1)
+            largest[case, ..., k], smallest[case, ..., k] = (of.reduce(within, axis=-1) for of in (np.fmax, np.fmin))
     return {**values, "period_displacement": largest, "period_displacement_min": smallest}

@@ -154,6 +154,16 @@ class Cases:
         """Number of cases."""
         return self.e.size
 
+    @property
+    def clearances(self) -> Array:
+        """Clearances of all contacts, m, ``(case, contact)``."""
+        return self.gaps if self.contact_shape else self.gap[:, None]
+
+    @property
+    def contact_shape(self) -> tuple[int, ...]:
+        """Shape of what each of several contacts has: their number; none for one contact."""
+        return self.gaps.shape[1:] if self.gaps.shape[1] > 1 else ()
+
     def take(self, which: NDArray[Any] | slice) -> Cases:
         """Return the cases selected along the first axis."""
         return Cases(**{name: getattr(self, name)[which] for name in self.__dataclass_fields__})

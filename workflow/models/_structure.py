@@ -173,6 +173,20 @@ class Structure:
         tip = self.mechanical.unit_tip
         return tip if self.coordinates is None else np.asarray(self.coordinates.displacement_projection.T @ tip)
 
+    @property
+    def input_contacts(self) -> Array:
+        """Rows w_i of all contacts in the displacements in which cases are given, ``(contact, given)``."""
+        if self.contacts is None:
+            return self.input_contact[None]
+        if self.coordinates is None:
+            return self.contacts.normal
+        return np.asarray((self.coordinates.displacement_projection.T @ self.contacts.normal.T).T)
+
+    @property
+    def slides(self) -> bool:
+        """Whether friction acts along some direction in which the casing slides."""
+        return self.tangent is not None or (self.contacts is not None and bool(self.contacts.tangent.any()))
+
     def matrices(self) -> Matrices:
         """Return the same structure with dense matrices.
 

@@ -8,8 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import case_dims, drawn_dim, effect, finest, followed_axis, labels, labels_of, sobol, unit_of
-from workflow.plots._style import COLOURS, GREY, legend_below, new_figure, trim
+from workflow.analysis import (
+    case_dims,
+    contact_text,
+    drawn_dim,
+    effect,
+    finest,
+    followed_axis,
+    labels,
+    labels_of,
+    most_loaded,
+    sobol,
+    unit_of,
+)
+from workflow.plots._style import COLOURS, GREY, head, legend_below, new_figure, trim
 from workflow.plots._units import axis_of, in_units
 from workflow.study import POINT
 
@@ -28,7 +40,11 @@ _FREE = 0.8
 
 
 def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
-    """Draw a metric along every dimension through the finest case, the range of all cases behind it."""
+    """Draw a metric along every dimension through the finest case, the range of all cases behind it.
+
+    Of several contacts the most loaded one is shown.
+    """
+    archive = most_loaded(archive)
     place = finest(archive)
     varied = [dim for dim in place if archive.sizes[dim] > 1]
     strongest = sorted(varied, key=lambda dim: -np.nan_to_num(effect(archive, metric, dim)))[:MOST_PANELS]
@@ -54,6 +70,7 @@ def metric_by_axis(archive: xr.Dataset, metric: str) -> Figure:
         trim(panel)
     panels[0].set_ylabel(f"{metric.replace('_', ' ')} [{unit_of(archive[metric]) or 1}]")
     legend_below(figure, panels[0].get_legend_handles_labels(), 2)
+    head(figure, contact_text(archive))
     return figure
 
 
@@ -86,6 +103,7 @@ def bifurcation(dataset: xr.Dataset, along: str, variable: str = "section_displa
         raise ValueError(f"`{along}` is no dimension with numbers; they lie along {', '.join(case_dims(dataset))}")
     if variable not in dataset or "period" not in dataset[variable].dims:
         raise ValueError(f"`{variable}` is not given per load period; write `output: {{sections: true}}` in the study")
+    dataset = most_loaded(dataset)
     place = {dim: k for dim, k in finest(dataset).items() if dim != along}
     cut = dataset.isel(place).where(dataset["status"].isel(place) == 0).transpose(along, "period", ...)
     values = np.asarray(cut[variable].values, dtype=float)
@@ -97,6 +115,7 @@ def bifurcation(dataset: xr.Dataset, along: str, variable: str = "section_displa
     panel.plot(np.repeat(x, values.shape[1]), y.ravel(), ".", color=COLOURS[0], ms=2)
     panel.set(xlabel=x_label, ylabel=y_label)
     trim(panel)
+    head(figure, contact_text(dataset))
     return figure
 
 
@@ -155,6 +174,7 @@ def sobol_indices(dataset: xr.Dataset, *metrics: str) -> Figure:
     ValueError
         Nothing is drawn for Sobol' indices, or there is no such metric.
     """
+    dataset = most_loaded(dataset)
     metrics = metrics or ("contact_impulse", "max_temperature")
     place = {dim: k for dim, k in finest(dataset).items() if dim != drawn_dim(dataset)}
     indices = {metric: sobol(dataset.isel(place), metric) for metric in metrics}
@@ -177,4 +197,5 @@ def sobol_indices(dataset: xr.Dataset, *metrics: str) -> Figure:
         trim(panel, "y")
     panels[0].set_ylabel("share of the variance")
     legend_below(figure, panels[0].get_legend_handles_labels(), 2)
+    head(figure, contact_text(dataset))
     return figure

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import case_dims, impulse_growth, place_text, unit_of
+from workflow.analysis import case_dims, impulse_growth, most_loaded, place_text, unit_of
 from workflow.plots._style import COLOURS, new_figure
 from workflow.plots._units import in_units
 
@@ -58,7 +58,8 @@ def scene_map(dataset: xr.Dataset, across: str, up: str, variable: str | None = 
 
     Four maps where ``variable`` is left out: impulse of the last load period over that of the first, share of the last
     period in contact, impacts, largest temperature rise. Grey is no contact, or a case that is not ok; dashed the
-    critical coupling, above which a tip in permanent contact runs away.
+    critical coupling, above which a tip in permanent contact runs away. Of several contacts the most loaded one
+    is shown.
 
     Parameters
     ----------
@@ -74,7 +75,7 @@ def scene_map(dataset: xr.Dataset, across: str, up: str, variable: str | None = 
     ValueError
         A dimension has no numbers, or there is no such metric.
     """
-    dims = (across, up)
+    dims, dataset = (across, up), most_loaded(dataset)
     _refuse(dataset, dims, variable)
     place = middle(dataset, dims)
     cut = _cut(dataset, dims, place)
@@ -117,7 +118,7 @@ def _metric(cut: xr.Dataset, variable: str) -> Panel:
 
 def single_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> list[Figure]:
     """Draw the maps of :func:`scene_map` as a figure each, to stand below each other where a page is narrow."""
-    cut, figures = _cut(archive, dims, place), []
+    cut, figures = _cut(most_loaded(archive), dims, place), []
     for panel in _panels(cut):
         figures.append(new_figure(5.25, 4.0))
         _draw(figures[-1].subplots(), cut, dims, panel)

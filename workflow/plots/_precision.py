@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import ERRORS, SENSELESS, Line, lines
-from workflow.plots._style import COLOURS, GREY, label_lowest, legend_below, look, new_figure, trim
+from workflow.analysis import ERRORS, SENSELESS, Line, contact_text, lines, most_loaded
+from workflow.plots._style import COLOURS, GREY, head, label_lowest, legend_below, look, new_figure, trim
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -115,6 +115,7 @@ def convergence(dataset: xr.Dataset) -> Figure:
         _tick_decades(panel.yaxis)
         trim(panel)
     label_lowest(panels, used, columns, "step h [s]")
+    head(figure, contact_text(most_loaded(dataset)))
     handles = [panels[0].plot([], [], **look(k))[0] for k in range(len(stepping))]
     _name_below(figure, panels[0], (handles, [line.scheme for line in stepping]), stepping)
     return figure

@@ -11,7 +11,9 @@ from workflow.analysis import (
     case_dims,
     casing_motion,
     contact_phases,
+    gap_of,
     labels_of,
+    most_loaded,
     place_text,
     shown_dim,
     shown_place,
@@ -114,7 +116,7 @@ def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> N
     for curve in curves:
         if "gap" not in curve.case.coords:
             continue
-        gap, motion = float(curve.case["gap"]), casing_motion(curve.case)
+        gap, motion = float(gap_of(curve.case)), casing_motion(curve.case)
         stays[gap] = stays.get(gap, False) or motion is None
         if motion is not None:
             panel.plot(curve.case["t"].values, motion[0] * scale, color=curve.colour, lw=0.9, ls=":")
@@ -139,7 +141,7 @@ def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
 
     Of all other dimensions the place of that case is shown which :func:`~workflow.recommend` names, the worst of its
     choice; without a choice that of the ok case whose contact impulse is the median. Cases that are not ok are left
-    out; contact phases of the last case are shaded.
+    out; contact phases of the last case are shaded. Of several contacts the most loaded one is shown.
 
     Parameters
     ----------
@@ -157,6 +159,7 @@ def histories(dataset: xr.Dataset, along: str | None = None) -> Figure:
         raise ValueError("the dataset keeps no histories; name them under `output.histories` of the study")
     if along is not None and along not in case_dims(dataset):
         raise ValueError(f"`{along}` is no dimension of the cases; they lie along {', '.join(case_dims(dataset))}")
+    dataset = most_loaded(dataset)
     place = shown_place(dataset)
     dim = along or shown_dim(dataset)
     compared = [{**place, dim: k} for k in range(dataset.sizes[dim])] if dim else [place]

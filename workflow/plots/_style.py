@@ -33,6 +33,12 @@ def look(k: int) -> dict[str, Any]:
     return {"color": COLOURS[k % len(COLOURS)], "marker": MARKERS[k % len(MARKERS)]}
 
 
+def head(figure: Figure, text: str) -> None:
+    """Write a text above all panels, where there is any."""
+    if text:
+        figure.suptitle(text, fontsize=10)
+
+
 def legend_below(figure: Figure, named: tuple[list[Any], list[str]], columns: int) -> None:
     """Name curves below all panels, where there are any; ``named`` holds them and their names."""
     handles, labels = named

@@ -21,6 +21,7 @@ from workflow.analysis import (
     casing_motion,
     exact_partners,
     finest,
+    gap_of,
     impulse_growth,
     notable_cases,
     numerical_dims,
@@ -415,7 +416,8 @@ def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> 
 def _of_scene(part: xr.Dataset) -> xr.Dataset:
     """Return the coordinates on which the motion of load and casing depends."""
     paths = {name: str(coordinate.attrs.get("study_path", "")) for name, coordinate in part.coords.items()}
-    return part.coords.to_dataset()[[n for n, path in paths.items() if n in ("gap", "t") or path.startswith("scene.")]]
+    named = {"gap", "t", "contact_angle"}
+    return part.coords.to_dataset()[[n for n, path in paths.items() if n in named or path.startswith("scene.")]]
 
 
 def _unit(part: xr.Dataset, name: str) -> tuple[str, float]:
@@ -432,7 +434,7 @@ def _gap(here: xr.Dataset, factor: float, buckets: int) -> Array:
     """Return where the casing of a case is: two equal numbers, or its motion at the times of the histories."""
     motion = casing_motion(here)
     return (
-        np.full(2, factor * float(here["gap"])) if motion is None else on_screen(factor * thinned(motion[0], buckets))
+        np.full(2, factor * float(gap_of(here))) if motion is None else on_screen(factor * thinned(motion[0], buckets))
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from workflow.analysis import RULE, ranges
+from workflow.analysis import RULE, contact_text, most_loaded, ranges
 from workflow.archive import ArchiveError, commit, open_archive, usable
 from workflow.plots import HISTORIES, MADE_BY, histories, save
 from workflow.report import _sections as sections
@@ -107,7 +107,8 @@ def _refuse_foreign(unnamed: Sequence[Path]) -> None:
 
 
 def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
-    with open_archive(archive) as dataset:
+    with open_archive(archive) as opened:
+        dataset = most_loaded(opened)
         precision, maps, branches, shares = (section(dataset) for section in _DRAWN)
         figures = [section["figure"] for section in (precision, maps, branches, shares) if section]
         figure = next(filter(None, [_response(dataset), *figures]), None)
@@ -150,7 +151,8 @@ def _response(dataset: xr.Dataset) -> Figure | None:
 def _write_figure(archive: Path, written: Path) -> ReportFiles:
     """Write the main figure of an archive without its page."""
     _refuse_overwriting([archive], written)
-    with open_archive(archive) as dataset:
+    with open_archive(archive) as opened:
+        dataset = most_loaded(opened)
         figure = _response(dataset)
         for section in _DRAWN:
             figure = figure or (section(dataset) or {}).get("figure")
@@ -166,7 +168,8 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
     rows: list[Any] = []
     new, parts = [], []
     for archive in archives:
-        with open_archive(archive) as dataset:
+        with open_archive(archive) as opened:
+            dataset = most_loaded(opened)
             about = _about(dataset, archive)
             new.append(len(rows))
             for k, row in enumerate(ranges(dataset)):
@@ -189,8 +192,9 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
 
 def _about(dataset: xr.Dataset, archive: Path) -> dict[str, Any]:
     """Return an archive's name and title, and what is to be aware of before anything is read off the results."""
+    heading, contact = str(dataset.attrs.get("title", "")) or archive.name, contact_text(dataset)
     return {
         "name": str(dataset.attrs.get("study", archive.stem)),
-        "heading": str(dataset.attrs.get("title", "")) or archive.name,
+        "heading": f"{heading}: {contact}, the most loaded" if contact else heading,
         "warnings": warnings_of(dataset),
     }

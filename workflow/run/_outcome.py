@@ -107,7 +107,8 @@ def _hottest(dataset: xr.Dataset) -> Iterator[str]:
     if "max_temperature" not in dataset:
         return
     ok = dataset["status"].values == Status.OK
-    temperature = np.where(ok, dataset["max_temperature"].values, np.nan)
+    every = dataset["max_temperature"].values.reshape(*ok.shape, -1)  # of all contacts
+    temperature = np.where(ok, every.max(axis=-1), np.nan)
     hot = int(np.sum(temperature > LINEAR))
     if hot:
         hottest = int(np.nanargmax(temperature))

@@ -60,7 +60,8 @@ def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
     if results.status.shape != (cases.count,) or not np.isin(results.status, [int(s) for s in Status]).all():
         raise ContractError("`status` is not one Status for each case")
     counted = (
-        np.arange(1, results.period_impulse.shape[1] + 1) <= complete_periods(cases.period_frequency, sampling)[:, None]
+        np.arange(1, results.period_impulse.shape[-1] + 1)
+        <= complete_periods(cases.period_frequency, sampling)[:, None]
     )
     wrong: dict[int, str] = {}
     for about in expected:
@@ -77,13 +78,14 @@ def _check_shape(about: variables.Variable, values: Array | None, cases: Cases, 
     """Raise where a variable is missing or does not have the shape that the table states."""
     if values is None:
         raise ContractError(f"the scheme gives no `{about.name}`: {about.meaning}")
-    sizes = {"history": (cases.count, sampling.count), "metric": (cases.count,)}
+    each = (cases.count, *(cases.contact_shape if about.is_of_contact else ()))
+    shape = (*each, sampling.count) if about.shape == "history" else each
     if about.shape == "period":
         least = int(complete_periods(cases.period_frequency, sampling).max(initial=0))
-        sound = values.ndim == 2 and values.shape[0] == cases.count and values.shape[1] >= least
-        expected = f"({cases.count}, at least {least})"
+        sound = values.shape[:-1] == each and values.shape[-1] >= least
+        expected = f"({', '.join(map(str, each))}, at least {least})"
     else:
-        sound, expected = values.shape == sizes[about.shape], str(sizes[about.shape])
+        sound, expected = values.shape == shape, str(shape)
     if not sound:
         raise ContractError(f"the scheme gives `{about.name}` the shape {values.shape} where it is {expected}")
 
@@ -94,8 +96,9 @@ def _possible(about: variables.Variable, values: Array, counted: NDArray[np.bool
     if not about.signed:
         fine &= ~(values < 0)
     if about.shape == "period":
-        fine = fine[:, : counted.shape[1]] | ~counted
-    return fine if fine.ndim == 1 else np.asarray(fine.all(axis=1))
+        fine = np.moveaxis(fine, -1, 1)[:, : counted.shape[1]]  # before contacts
+        fine |= ~counted.reshape(*counted.shape, *(1,) * (fine.ndim - 2))
+    return np.asarray(fine.all(axis=tuple(range(1, fine.ndim))))
 
 
 def _with_failed(results: Results, messages: dict[int, str]) -> Results:

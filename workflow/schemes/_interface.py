@@ -107,7 +107,8 @@ class Results:
     Attributes
     ----------
     histories
-        One array per name in :data:`HISTORIES`, shape ``(case, t)``: m, m/s, K, N s.
+        One array per name in :data:`HISTORIES`, shape ``(case, t)``: m, m/s, K, N s. Of several contacts it is
+        ``(case, contact, t)``, as all that the table of variables gives each contact has them after the case.
     metrics
         Shape ``(case,)``: ``impacts``, ``contact_time`` [s], ``max_penetration`` [m],
         ``max_temperature`` [K], ``thermal_closing`` [m], ``steps``; with balances
@@ -145,8 +146,8 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
     results = [result for _, result in parts]
 
     def joined(arrays: list[Array]) -> Array:
-        width = max((a.shape[1] for a in arrays if a.ndim == 2), default=0)
-        wide = [_widened(a, width) if a.ndim == 2 and a.shape[1] < width else a for a in arrays]
+        width = max((a.shape[-1] for a in arrays if a.ndim > 1), default=0)
+        wide = [_widened(a, width) if a.ndim > 1 and a.shape[-1] < width else a for a in arrays]
         return np.concatenate(wide)[order]
 
     return Results(
@@ -170,22 +171,24 @@ def sections_of(starts: Array, periods: NDArray[np.int64], start: Array) -> dict
     Parameters
     ----------
     starts
-        States at the ends of load periods, and the impacts in them, ``(case, 4, period)``.
+        States at the ends of load periods, and the impacts in them, ``(case, 4, period)``; of several contacts
+        ``(case, 4, contact, period)``.
     periods
         Number of complete load periods, ``(case,)``.
     start
-        Tip displacement, velocity and temperature at t = 0, ``(case, 3)``.
+        Tip displacement, velocity and temperature at t = 0, ``(case, 3)`` or ``(case, 3, contact)``.
     """
     values = starts.copy()
-    values[:, :3, 1:] = starts[:, :3, :-1]
-    values[:, :3, :1] = start[:, :, None]
-    values[np.broadcast_to(np.arange(values.shape[2]) >= periods[:, None, None], values.shape)] = np.nan
+    values[:, :3, ..., 1:] = starts[:, :3, ..., :-1]
+    values[:, :3, ..., :1] = start[..., None]
+    case, over = np.nonzero(np.arange(values.shape[-1]) >= periods[:, None])
+    values[case, ..., over] = np.nan
     return dict(zip(SECTIONS, values.swapaxes(0, 1), strict=True))
 
 
 def _widened(array: Array, width: int) -> Array:
     """Return rows padded with NaN."""
-    return np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=np.nan)
+    return np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, width - array.shape[-1])], constant_values=np.nan)
 
 
 def complete_periods(frequency: Array, sampling: Sampling) -> NDArray[np.int64]:
@@ -255,7 +258,8 @@ class Scheme:
     GENERAL
         What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction``
         along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: the mean
-        temperature over a depth to record instead of the tip's (``Structure.observed``).
+        temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``
+        (``Structure.contacts``, ``Cases.gaps``).
     about
         One line on the scheme; by default the first paragraph of the module's docstring.
     """
@@ -305,6 +309,8 @@ class Scheme:
             return "its load does not act on the tip, which the scheme does not take"
         if structure.observed is not None and "depth" not in self.GENERAL:
             return "it does not record the temperature over a depth"
+        if structure.contacts is not None and structure.contacts.count > 1 and "contacts" not in self.GENERAL:
+            return "it takes one contact"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"
         if structure.has_massless_tip and (reason := self.massless_tip(options)) is not None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from math import inf
 
 from workflow import models
-from workflow.models import Array
+from workflow.models import Structure
 from workflow.study.forms import Entry
 from workflow.study.mistakes import Place, quoted
 from workflow.study.ranges import Content, Drawn, Followed, Value
@@ -32,15 +32,21 @@ class Sizes:
         Numbers of mechanical and of thermal coordinates, by the setting of their modes.
     large, most
         Coordinates above which a structure cannot be kept full, and the most modes of each kind that it then has.
-    contact
-        Weights w of the displacements that a start is given for, x_n = wᵀx; ``None`` where the last one is the tip.
+    structure
+        The one structure of a model without nodes, where it can be made.
     """
 
     inputs: Mapping[str, Counts]
     coordinates: Mapping[str, Counts]
     large: float = inf
     most: int = 0
-    contact: Array | None = None
+    structure: Structure | None = None
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Labels of several contacts; none for one."""
+        several = None if self.structure is None else self.structure.contacts
+        return several.labels if several is not None and several.count > 1 else ()
 
 
 def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
@@ -52,7 +58,7 @@ def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
         The matrices of the scene are no structure.
     """
     if nodes:
-        inputs = dict.fromkeys(("node", "spring", "temperature"), nodes)
+        inputs = {**dict.fromkeys(("node", "spring", "temperature"), nodes), "contact": (1,)}
         return Sizes(inputs, dict.fromkeys(MODES, nodes), models.MOST_FULL, models.MOST_ONE_BY_ONE)
     try:
         structure = models.structure_of(scene.model, scene.parameters)
@@ -63,9 +69,10 @@ def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
         raise
     except Exception:  # whatever a model from outside raises: its cases say it
         return Sizes({}, dict.fromkeys(MODES, ()))
-    inputs = {"node": displacements, "spring": displacements, "temperature": temperatures}
+    contacts = (1 if structure.contacts is None else structure.contacts.count,)
+    inputs = {"node": displacements, "spring": displacements, "temperature": temperatures, "contact": contacts}
     coordinates = {path: (size,) for path, size in zip(MODES, both, strict=True)}
-    return Sizes(inputs, coordinates, inf if most is None else most + 1, most or 0, structure.input_contact)
+    return Sizes(inputs, coordinates, inf if most is None else most + 1, most or 0, structure)
 
 
 MOST_CASES = 10**8

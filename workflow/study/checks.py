@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from workflow import models, schemes
+from workflow import models, reduction, schemes
 from workflow.declare import quantity_of
 from workflow.study.axes import Sizes
 from workflow.study.mistakes import Fault, Place, place_of_path, quoted
-from workflow.study.settings import CHOSEN, MODES, TOLERANCE, CaseSpace, CasingHarmonic, Initial, LoadHarmonic
+from workflow.study.settings import CHOSEN, FULL, MODES, TOLERANCE, CaseSpace, CasingHarmonic, Initial, LoadHarmonic
 from workflow.study.source import StudyText
 
 MOST_SAMPLES = 2_000_000
@@ -38,6 +38,7 @@ def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     yield from [*_model(cases, source), *_lists(cases, sizes)] or _mesh(cases)
     yield from _harmonics(cases, source)
     yield from _friction(cases, source)
+    yield from _contacts(cases, sizes, source)
     yield from _support(cases, source)
     yield from _branch(cases)
     yield from _start(cases, sizes, source)
@@ -115,7 +116,8 @@ def _meshes(cases: CaseSpace) -> Iterator[Any]:
 def _lists(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
     """Refuse lists whose number of values is not that of the nodes, springs or temperatures of every case."""
     scene = cases.scene
-    for group, owner in ((scene.model, scene.parameters), ("load", scene.load), ("initial", scene.initial)):
+    owners = {scene.model: scene.parameters, "load": scene.load, "initial": scene.initial, "casing": scene.casing}
+    for group, owner in owners.items():
         for entry in dataclasses.fields(owner) if dataclasses.is_dataclass(owner) else ():
             declared, value = quantity_of(entry), getattr(owner, entry.name)
             if declared is None or declared.per is None or not isinstance(value, tuple):
@@ -126,7 +128,7 @@ def _lists(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
                 varies = len(set(counts)) > 1
                 also = ", whatever their number is in a case" if varies else ""
                 problem = f"has {len(value)} values where the model has {count} {declared.per}s{also}"
-                remedy = "write a scalar" if varies else f"write a scalar or {count} values"
+                remedy = "write a scalar" if varies or count == 1 else f"write a scalar or {count} values"
                 yield ("scene", group, entry.name), problem, remedy
 
 
@@ -169,9 +171,48 @@ def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     if cases.reference is not None and "scheme" in cases.reference.values:
         named.append((("reference", "scheme"), str(cases.reference.values["scheme"])))
     for place, label in named:
-        reason = schemes.load(cases.schemes[label].method).cannot_take(load, casing)
+        scheme = schemes.load(cases.schemes[label].method)
+        reason = scheme.cannot_take(load, casing)
         if reason is not None:
             yield place, f"`{label}` {reason}", "name another scheme, or leave `harmonics` out"
+        if cases.contacts and "contacts" not in scheme.GENERAL:
+            able = [name for name in schemes.names() if not schemes.fault(name)]
+            able = [name for name in able if "contacts" in schemes.load(name).GENERAL]
+            problem = f"`{label}` takes one contact, and the structure has {len(cases.contacts)}"
+            yield place, problem, f"write {' or '.join(able)}"
+
+
+def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
+    """Refuse what is of one contact where a structure has several."""
+    if not cases.contacts:
+        return
+    assert sizes.structure is not None
+    several = f"and the structure has {len(cases.contacts)} contacts"
+    axis = f"scene.{cases.scene.model}.contact"
+    if axis in source.axes:
+        yield source.axes[axis], f"is an axis, {several}", "write a study for each choice of contacts"
+    for path, counts in sizes.coordinates.items():
+        varied = next((each.values for each in cases.axes() if each.path == path), ())
+        reference = () if cases.reference is None else (cases.reference.values.get(path, counts[0] - 1),)
+        if {*varied, *reference} - {counts[0] - 1, FULL}:
+            place = source.axes.get(path, ("reference", path))
+            yield place, f"is not `full`, {several}", "leave it out: none is reduced yet"
+    if any(axis.path == "reduction" and set(axis.values) != {reduction.DEFAULT} for axis in cases.axes()):
+        yield source.axes["reduction"], f"is a basis of one contact, {several}", "leave it out: none is reduced yet"
+    if cases.branch is not None:
+        yield ("axes", cases.branch.axis.path), f"is a branch, {several}", "write a list, or choose one contact"
+    elif cases.output.steady is not None:
+        yield ("output", "steady"), f"is of one contact, {several}", "leave it out, or choose one contact"
+    if cases.output.balances:
+        yield ("output", "balances"), f"are of one contact, {several}", "leave it out"
+    acts = any(axis.path.startswith("scene.load.") and "steady" not in axis.path for axis in cases.axes())
+    load = cases.scene.load
+    if sizes.structure.load is None and (acts or load.mean or load.amplitude or load.harmonics):
+        yield (
+            ("scene", "load"),
+            f"has no direction, {several}",
+            "give the file an entry `load`, the vector it acts along",
+        )
 
 
 def _branch(cases: CaseSpace) -> Iterator[Fault]:
@@ -186,28 +227,39 @@ def _branch(cases: CaseSpace) -> Iterator[Fault]:
 
 
 def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
-    """Refuse a tip that starts inside the casing, beyond d(0), in some case."""
-    initial, casing = cases.scene.initial, cases.scene.casing
-    if not isinstance(initial, Initial):
+    """Refuse a contact that starts inside the casing, beyond d(0), in some case; without mass it may."""
+    initial, casing, structure = cases.scene.initial, cases.scene.casing, sizes.structure
+    contacts = None if structure is None else structure.contacts
+    if not isinstance(initial, Initial) or (contacts is not None and contacts.is_massless):
         return
-    start, weights = initial.displacement, np.ones(1) if sizes.contact is None else sizes.contact
-    if isinstance(start, tuple) and len(start) < weights.size:
+    rows, angle = np.ones((1, 1)), np.zeros(1)
+    if structure is not None:
+        rows, angle = structure.input_contacts, angle if contacts is None else contacts.angle
+    lists = ((initial.displacement, rows.shape[1]), (casing.gap, len(rows)), (casing.angles, len(rows)))
+    if any(isinstance(values, tuple) and len(values) < count for values, count in lists):
         return  # told as a list that is too short
-    tip = np.sum(weights * start[-weights.size :]) if isinstance(start, tuple) else np.sum(weights) * start
-    paths = ("scene.initial.displacement", "scene.casing.gap")
+    start = np.atleast_1d(initial.displacement)[-rows.shape[1] :]
+    paths = ("scene.initial.displacement", *(f"scene.casing.{name}" for name in ("gap", "clearance", "angles")))
     values = _combined(cases, lambda path: path in paths or path.startswith(f"{_CASING_HARMONICS}."))
     if values is None:
         return
-    tips = np.sum(weights) * values[paths[0]] if paths[0] in values else tip
-    gaps = values.get(paths[1], np.float64(casing.gap))
-    place = gaps + sum(_begins(harmonic, k, values) for k, harmonic in enumerate(casing.harmonics))
+
+    def each(path: str, value: Any) -> Any:
+        """Return the values of an axis along the combinations, before contacts, or what there is for all."""
+        return values[path][:, None] if path in values else np.asarray(value)
+
+    tips = each(paths[0], 0.0) * rows.sum(axis=1) if paths[0] in values else (rows * start).sum(axis=1)
+    gaps = each(paths[1], casing.gap) + each(paths[2], casing.clearance)
+    angles = each(paths[3], angle if casing.angles is None else casing.angles)
+    place = gaps + sum(_begins(harmonic, k, each, angles) for k, harmonic in enumerate(casing.harmonics))
     tips, place, gaps = np.broadcast_arrays(tips, place, gaps)
     inside = np.argmax(tips - place)
     x, begins, gap = (float(array.ravel()[inside]) for array in (tips, place, gaps))
     if x > begins:
-        problem = f"the tip starts inside the casing, at {x!r} m with a gap of {gap!r} m"
+        one = f"contact `{cases.contacts[inside % len(rows)]}`" if cases.contacts else "the tip"
+        problem = f"{one} starts inside the casing, at {x!r} m with a gap of {gap!r} m"
         problem += "" if begins == gap else f" and the casing at {begins!r} m"
-        yield source.place_of(*paths), problem, "start at or below the gap, or write `initial: static`"
+        yield source.place_of(*paths[:2]), problem, "start at or below the gap, or write `initial: static`"
 
 
 def _combined(cases: CaseSpace, matters: Callable[[str], bool]) -> dict[str, Any] | None:
@@ -227,11 +279,11 @@ def _combined(cases: CaseSpace, matters: Callable[[str], bool]) -> dict[str, Any
     }
 
 
-def _begins(harmonic: CasingHarmonic, k: int, values: Mapping[str, Any]) -> Any:
-    """Return a sin φ of a harmonic of the casing, in all combinations of its axes."""
-    amplitude = values.get(f"{_CASING_HARMONICS}.{k}.amplitude", harmonic.amplitude)
-    phase = values.get(f"{_CASING_HARMONICS}.{k}.phase", harmonic.phase)
-    return amplitude * np.sin(phase)
+def _begins(harmonic: CasingHarmonic, k: int, each: Callable[[str, Any], Any], angles: Any) -> Any:
+    """Return a sin(φ + order · ψ) of a harmonic of the casing, in all combinations of its axes, at all contacts."""
+    path = f"{_CASING_HARMONICS}.{k}"
+    turn = 0.0 if harmonic.order is None else each(f"{path}.order", harmonic.order) * angles
+    return each(f"{path}.amplitude", harmonic.amplitude) * np.sin(each(f"{path}.phase", harmonic.phase) + turn)
 
 
 def _extent(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:

@@ -74,10 +74,19 @@ class Initial:
 
 @dataclass(frozen=True)
 class Casing:
-    """The casing that the tip rubs on, e.g. ``casing: {gap: 20 um}``."""
+    """The casing that the tip rubs on, e.g. ``casing: {gap: 20 um}``; ``angles`` are ``None`` for those of the file."""
 
-    gap: float = quantity("m", "tip clearance at rest, cold; any sign")
+    gap: Values = quantity("m", "tip clearance at rest, cold; any sign", per="contact")
     harmonics: tuple[CasingHarmonic, ...] = ()
+    clearance: float = quantity("m", "added to the gap of every contact", default=0.0)
+    angles: Values | None = quantity(
+        "rad",
+        "angle of each contact in the direction in which the blade turns; default: the file's",
+        default=None,
+        at_least=-LARGEST_PHASE,
+        at_most=LARGEST_PHASE,
+        per="contact",
+    )
 
 
 @dataclass(frozen=True)
@@ -113,8 +122,8 @@ class Scene:
     friction: Friction | None = None
 
     @property
-    def gap(self) -> float:
-        """Tip clearance at rest, cold, m."""
+    def gap(self) -> Values:
+        """Tip clearance at rest, cold, m, or that of each contact."""
         return self.casing.gap
 
 
@@ -263,6 +272,8 @@ class CaseSpace:
         What the archive keeps.
     branch
         The axis that is followed as a curve, ``None`` where none is.
+    contacts
+        Labels of several contacts; none for one.
     """
 
     scene: Scene
@@ -272,6 +283,12 @@ class CaseSpace:
     reference: Reference | None
     output: Output
     branch: Branch | None = None
+    contacts: tuple[str, ...] = ()
+
+    @property
+    def contact_shape(self) -> tuple[int, ...]:
+        """Shape of what each of several contacts has: their number; none for one contact."""
+        return (len(self.contacts),) if self.contacts else ()
 
     @property
     def samples(self) -> int:

@@ -105,7 +105,7 @@ class Study(CaseSpace):
             **({"license": self.license} if self.license else {}),
             "scene": {
                 scene.model: plain(scene.parameters),
-                "casing": _without_empty(scene.casing, "harmonics"),
+                "casing": _without_empty(scene.casing, "harmonics", "clearance", "angles"),
                 "load": _without_empty(scene.load, "harmonics"),
                 "initial": scene.initial if isinstance(scene.initial, str) else dataclasses.asdict(scene.initial),
                 "duration": scene.duration,
@@ -347,13 +347,18 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     defaults = {path: entry.default for path, entry in settings().items() if path != TOLERANCE}
     asked = sections.get("output", {})
     steady = bool(asked.get("steady")) or bool(arrangement.followed)
-    dimensions, scalars, branch = arrangement.named(varied, defaults, _reserved(defined, steady))
+    names = _reserved(defined, steady) | ({"contact"} if sizes.contacts else frozenset())
+    dimensions, scalars, branch = arrangement.named(varied, defaults, names)
     if scene.friction is not None:  # alpha is what it makes
         scalars = tuple(axis for axis in scalars if axis.path != "alpha")
     reference = None
     if sections.get("reference") is not None:
         reference = Reference(_reference(source, sections["reference"], sizes, nodes, dimensions))
     output = _output(asked, scene.duration)
+    if sizes.contacts:
+        output = dataclasses.replace(output, balances=asked.get("balances") or False)
+    elif isinstance(scene.gap, tuple) and len(scene.gap) == 1:
+        scene = dataclasses.replace(scene, casing=dataclasses.replace(scene.casing, gap=scene.gap[0]))
     cases = CaseSpace(
         scene=scene,
         schemes=defined,
@@ -362,6 +367,7 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
         reference=reference,
         output=output if branch is None else output.of_branches,
         branch=branch,
+        contacts=sizes.contacts,
     )
     cases = dataclasses.replace(cases, schemes=defined | _bare(cases))
     for fault in faults(cases, sizes, source):
