@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from workflow.kernels.compiled import part
 from workflow.models import Array, Contacts, Structure, coupled_damping, mechanical_modes, modal_coupling, thermal_modes
@@ -204,7 +205,7 @@ class _System(NamedTuple):
     """P, ``(contact, mode)``; 0 for open contacts."""
 
 
-def fill_set(row: Array, basis: ContactBasis, closed: Array, alpha: float, friction: float) -> bool:
+def fill_set(row: Array, basis: ContactBasis, closed: NDArray[np.bool_], alpha: float, friction: float) -> bool:
     """Store the system with the contacts ``closed`` (bool, ``(contact,)``) in a row; whether it could be separated."""
     massless = basis.contacts.is_massless
     system = (_without_mass if massless else _with_mass)(basis, np.flatnonzero(closed), alpha, friction)

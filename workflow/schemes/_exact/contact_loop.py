@@ -311,7 +311,7 @@ def _temperature(structure: Contacting, own: Memory, c: int) -> float:
     n, total = structure.frequency.size, 0.0
     for j in range(structure.rate.size):
         total += structure.heat[c, j] * own.modal[2 * n + j]
-    return total
+    return float(total)
 
 
 @part

@@ -89,9 +89,9 @@ class Contacting(NamedTuple):
 def contacting(basis: ContactBasis) -> Contacting:
     """Return the arrays of a basis for kernels."""
     own, massless = basis.contacts, basis.contacts.is_massless
-    operator = basis.delassus(0.0), basis.normal @ basis.tangent.T
+    operator, tangential = basis.delassus(0.0), basis.normal @ basis.tangent.T
     if own.residual is not None:
-        operator = own.residual, own.flexibility(0.0) - own.flexibility(1.0)
+        operator, tangential = own.residual, own.residual - own.flexibility(1.0)
     return Contacting(
         basis.frequency,
         np.atleast_2d(basis.damping),
@@ -101,7 +101,8 @@ def contacting(basis: ContactBasis) -> Contacting:
         np.ascontiguousarray(basis.tangent),
         np.ascontiguousarray(basis.heat),
         basis.load,
-        *(np.ascontiguousarray(each) for each in operator),
+        np.ascontiguousarray(operator),
+        np.ascontiguousarray(tangential),
         basis.residual_load,
         np.ascontiguousarray(basis.residual_coupling),
         massless,
@@ -299,7 +300,7 @@ def _fill(
 @inlined
 def _waves_at(s: ClosedSet, c: int, i: int) -> int:
     """Return where what contact ``c`` sees of wave i begins in its view."""
-    return 3 + _SHOWN * s.block.shape[1] + 2 * s.first.shape[1] + (_WAVE_SHOWN + 1) * i
+    return int(3 + _SHOWN * s.block.shape[1] + 2 * s.first.shape[1] + (_WAVE_SHOWN + 1) * i)
 
 
 @part
