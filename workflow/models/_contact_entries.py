@@ -74,7 +74,12 @@ def is_several(entries: Entries, chosen: ChosenContacts) -> bool:
     if isinstance(chosen.contact, tuple):
         return len(chosen.contact) > 1
     name = chosen.contact if isinstance(chosen.contact, str) and chosen.contact in entries else "contact"
-    return (chosen.contact is None or name != "contact") and np.ndim(entries.get(name)) == 2 and len(entries[name]) > 1
+    return (
+        (chosen.contact is None or name != "contact")
+        and name in entries
+        and np.ndim(entries[name]) == 2
+        and len(entries[name]) > 1
+    )
 
 
 def contacts_of(entries: Entries, chosen: ChosenContacts, labels: Sequence[str], sizes: tuple[int, int]) -> Contacts:
@@ -222,15 +227,11 @@ def _residuals(entries: Entries, which: Any, shape: tuple[int, int]) -> dict[str
         return {}
     if which is None:
         problem = "contacts without mass are chosen by displacements"
-        raise UnusableMatricesError(
-            problem, "choose them by `contact_labels`, whose residual flexibility is in the file"
-        )
-    rows = {
-        name: np.asarray(entries.get(name, np.zeros((len(np.atleast_2d(entries["contact"])),) * 2)), dtype=np.float64)
+        raise UnusableMatricesError(problem, "choose them by `contact_labels`: the file has residuals of these")
+    flexibility, tangential = (
+        _among(entries.get(name, np.zeros_like(entries["residual_flexibility"])), name, which)
         for name in ("residual_flexibility", "residual_tangent")
-    }
-    own = {name: values[np.ix_(_in_file(name, which, len(values)), which)] for name, values in rows.items()}
-    flexibility = own["residual_flexibility"]
+    )
     apart = np.abs(flexibility - flexibility.T).max()
     symmetric = (flexibility + flexibility.T) / 2
     if apart > _PARALLEL * np.abs(flexibility).max() or np.linalg.eigvalsh(symmetric).min() <= 0:
@@ -244,8 +245,9 @@ def _residuals(entries: Entries, which: Any, shape: tuple[int, int]) -> dict[str
     }
 
 
-def _among(values: Array, name: str, which: Sequence[int]) -> Array:
+def _among(value: Any, name: str, which: Sequence[int]) -> Array:
     """Return the part of a matrix with a row and a column for each contact that belongs to those chosen."""
+    values = np.asarray(value)
     if values.ndim != 2 or values.shape[0] != values.shape[1] or not np.isfinite(values).all():
         remedy = "write finite numbers, a row and a column for each row of `contact`"
         raise UnusableMatricesError(f"`{name}` has the shape {values.shape}", remedy)

@@ -61,7 +61,7 @@ class Contacts:
 
     def transformed(self, displacements: Any, temperatures: Any) -> Contacts:
         """Return the contacts in coordinates of which these bases, dense or sparse, give the present ones."""
-        heat: dict[str, Array] = {"heat": self.heat @ temperatures}
+        heat: dict[str, Any] = {"heat": self.heat @ temperatures}
         if self.residual_coupling is not None:
             heat["residual_coupling"] = self.residual_coupling @ temperatures
         return replace(self, normal=self.normal @ displacements, tangent=self.tangent @ displacements, **heat)

@@ -273,7 +273,6 @@ class Matrices(Structure):
     coordinates: Coordinates | None = None
     observed: Array | None = None
     contacts: Contacts | None = None
-    contacts: Contacts | None = None
 
     def matrices(self) -> Matrices:
         """Return itself."""
