@@ -57,13 +57,13 @@ def given_by(entries: Entries, chosen: ChosenContacts, damping: Rayleigh) -> tup
 
 def _of_one(entries: Entries, chosen: ChosenContacts) -> tuple[Entries, Chosen]:
     """Return entries and choice of one contact with mass, which may be a list of one."""
-    single: dict[str, Any] = {}
-    for name, value in chosen._asdict().items():
-        single[name] = value[0] if isinstance(value, tuple) else value
-        own = _names("contact_labels", entries, entries.get(name)) if name == "contact" else ()
-        if single[name] in own:
-            entries = {**entries, name: np.atleast_2d(entries[name])[own.index(single[name])]}
-            single[name] = None
+    single = {name: value[0] if isinstance(value, tuple) else value for name, value in chosen._asdict().items()}
+    own = _names("contact_labels", entries, entries.get("contact"))
+    if single["contact"] in own:
+        at = own.index(single["contact"])
+        rows = {name: value for name, value in entries.items() if name in single and np.ndim(value) == 2}
+        entries = {**entries, **{name: value[at] for name, value in rows.items()}}
+        single["contact"] = None
     return entries, Chosen(**single)
 
 

@@ -192,7 +192,6 @@ def _check(given: dict[str, Any]) -> None:
     contact, checked = None, given
     if "contact" not in given:
         contact, checked = 0, {name: value for name, value in given.items() if name != "tangent"}
-    heat = (
-        None if "thermal_contact" in given or "heat_capacity" not in given or np.ndim(given.get("contact")) == 2 else 0
-    )
+    several = "contact" in given and len(np.shape(given["contact"])) == 2
+    heat = None if "thermal_contact" in given or "heat_capacity" not in given or several else 0
     given_by(checked, ChosenContacts(contact, heat), Rayleigh())

@@ -388,7 +388,7 @@ def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, 
 @part
 def _operator(structure: Contacting, case: ContactCase, i: int, j: int) -> float:
     """Return W, or R - µ R^t without mass, of a pair of contacts."""
-    return structure.delassus[i, j] - case.friction * structure.tangential[i, j]
+    return float(structure.delassus[i, j] - case.friction * structure.tangential[i, j])
 
 
 @part
