@@ -182,6 +182,8 @@ class Word:
         Where rows of numbers are welcome instead of a file, name and unit of each column; none for any number of them.
     later
         Whether it was added later, so that its default does not count among what results depend on.
+    many
+        Whether a list of them is welcome.
     """
 
     description: str
@@ -190,6 +192,7 @@ class Word:
     number: bool = False
     columns: tuple[tuple[str, str], ...] | None = None
     later: bool = False
+    many: bool = False
 
 
 def word(description: str, *, default: Any = MISSING) -> Any:
@@ -197,9 +200,12 @@ def word(description: str, *, default: Any = MISSING) -> Any:
     return field(default=default, metadata={"word": Word(description)})
 
 
-def label(description: str, *, default: Any = MISSING, later: bool = False) -> Any:
-    """Declare a dataclass field of type ``str | int``: a label, or an index; without ``default`` it is required."""
-    return field(default=default, metadata={"word": Word(description, number=True, later=later)})
+def label(description: str, *, default: Any = MISSING, later: bool = False, many: bool = False) -> Any:
+    """Declare a dataclass field of type ``str | int``: a label, or an index; without ``default`` it is required.
+
+    With ``many`` a list of them is welcome, read as a tuple.
+    """
+    return field(default=default, metadata={"word": Word(description, number=True, later=later, many=many)})
 
 
 def file(description: str, *, default: Any = MISSING, files: Callable[[Path], tuple[Path, ...]] | None = None) -> Any:

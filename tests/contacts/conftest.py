@@ -10,7 +10,8 @@ import pytest
 from workflow import models, schemes
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE))
+for place in (HERE, HERE.parent / "schemes"):
+    sys.path.insert(0, str(place))
 
 
 @pytest.fixture(autouse=True)

@@ -85,30 +85,39 @@ def _is_held(matrix: Any) -> NDArray[np.bool_]:
     return np.asarray((diagonal >= _HUGE) & (beside <= _BESIDE * diagonal))
 
 
+Labels = str | int | tuple[str | int, ...] | None
+"""Label, index or name of a vector; of several contacts one of each."""
+
+
 @dataclass(frozen=True)
 class Parameters:
-    """Matrices from a file, and the degree of freedom in contact."""
+    """Matrices from a file, and the degrees of freedom in contact."""
 
     file: File = file(
         "file with entries mass, stiffness, and optionally damping, coupling, heat_capacity, conductance, contact, "
         "thermal_contact, load, steady, heating, tangent, labels",
         files=files_of,
     )
-    contact: str | int | None = label(
+    contact: Labels = label(
         "degree of freedom that touches the casing by its label or index (from 0), or the name of a vector in the "
-        "file; the file's `contact` where left out",
-        default=None,
-    )
-    thermal_contact: str | int | None = label(
-        "temperature that takes the contact heat, or the name of a vector of shares; the file's where left out",
-        default=None,
-    )
-    tangent: str | int | None = label(
-        "direction in which the casing slides, by the label or index of a degree of freedom or the name of a vector in "
-        "the file: with `friction.coefficient` µ the contact force acts along contact - µ tangent; the file's where "
+        "file; of several contacts a list, or the name of an entry with a row for each; the file's `contact` where "
         "left out",
         default=None,
+        many=True,
+    )
+    thermal_contact: Labels = label(
+        "temperature that takes the contact heat, or the name of a vector of shares; of several contacts as `contact`; "
+        "the file's where left out",
+        default=None,
+        many=True,
+    )
+    tangent: Labels = label(
+        "direction in which the casing slides, by the label or index of a degree of freedom or the name of a vector in "
+        "the file, of several contacts as `contact`: with `friction.coefficient` µ the contact force acts along "
+        "contact - µ tangent; the file's where left out",
+        default=None,
         later=True,
+        many=True,
     )
     units: Literal["SI", "mm-t-s"] = "SI"
     damping: Rayleigh = field(default_factory=Rayleigh)

@@ -235,10 +235,9 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     rows, angle = np.ones((1, 1)), np.zeros(1)
     if structure is not None:
         rows, angle = structure.input_contacts, angle if contacts is None else contacts.angle
-    lists = ((initial.displacement, rows.shape[1]), (casing.gap, len(rows)), (casing.angles, len(rows)))
-    if any(isinstance(values, tuple) and len(values) < count for values, count in lists):
-        return  # told as a list that is too short
-    start = np.atleast_1d(initial.displacement)[-rows.shape[1] :]
+    start, own = np.atleast_1d(initial.displacement)[-rows.shape[1] :], (casing.gap, casing.angles)
+    if start.size not in (1, rows.shape[1]) or any(np.size(one or 0) not in (1, len(rows)) for one in own):
+        return  # told as a list of another length
     paths = ("scene.initial.displacement", *(f"scene.casing.{name}" for name in ("gap", "clearance", "angles")))
     values = _combined(cases, lambda path: path in paths or path.startswith(f"{_CASING_HARMONICS}."))
     if values is None:

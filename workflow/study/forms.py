@@ -176,6 +176,8 @@ def text(declared: Word) -> Kind:
     written: Schema = {"type": "string", "minLength": 1, "maxLength": LONGEST_TEXT}
     schema = {"anyOf": [written, {"type": "number"}]} if declared.number else written
     one = Kind(core_schema.with_info_plain_validator_function(read), schema, varies=not declared.file)
+    if declared.many:
+        return dataclasses.replace(either(is_list, one, many(one, minItems=1)), varies=True)
     return one if declared.columns is None else either(is_list, one, many(_row(declared.columns)))
 
 
