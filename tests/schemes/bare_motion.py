@@ -20,7 +20,7 @@ def bare_motion(blocks: int, firsts: int = 0, waves: int = 0, growth: float = 0.
         aperiodics=0,
         block=np.zeros((block.ROWS, columns)),
         first=np.zeros((first.ROWS, 8)),
-        outputs=np.zeros(2),
+        outputs=np.zeros(3),
         waves=np.full((waves, wave.COLUMNS), np.nan),
         differences=np.zeros((9, 4), complex),
         expansion=Expansion(
@@ -38,7 +38,6 @@ def bare_motion(blocks: int, firsts: int = 0, waves: int = 0, growth: float = 0.
         is_modal=True,
         inward=none,
         outward=none,
-        gap=0.0,
         growth=growth,
         fastest=0.0,
         heated=False,

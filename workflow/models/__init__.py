@@ -20,7 +20,6 @@ from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFa
 from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
 from workflow.models._growth import growth, growth_rate, in_contact
 from workflow.models._laid_out import discard_files, files_laid_out
-from workflow.models._matrix_entries import write_matrices
 from workflow.models._modes import (
     coupled_damping,
     couples_free_modes,
@@ -52,6 +51,7 @@ from workflow.models._static import (
 )
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 from workflow.models.chain import MOST_ONE_BY_ONE, Chain
+from workflow.models.matrices import write_matrices
 from workflow.registry import Registry
 
 

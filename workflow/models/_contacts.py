@@ -2,14 +2,15 @@
 
     M x'' + C1 x' + K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i),   C2 θ' + K2 θ = q + Σ α λ_i s_i,
     0 <= d_i - x_i ⊥ λ_i >= 0,
-    x_i = w_iᵀx + ρ_i F + σ_i - Σ_j (R_ij - µ R^t_ij) λ_j - Σ_j r_ij θ_j
+    x_i = w_iᵀx + ρ_i F - Σ_j (R_ij - µ R^t_ij) λ_j - Σ_j r_ij θ_j
 
 with the residual flexibility R of contacts without mass: what the modes lack of the static answer to forces there.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -34,8 +35,8 @@ class Contacts:
         R = w ΔF wᵀ and R^t = w ΔF tᵀ, m/N, ``(contact, contact)``; ``None`` for contacts with mass.
     residual_coupling
         r = w ΔF K12, m/K, ``(contact, thermal)``.
-    residual_load, residual_steady
-        ρ = w ΔF b, m/N, and σ, m, ``(contact,)``.
+    residual_load
+        ρ = w ΔF b, m/N, ``(contact,)``.
     """
 
     labels: tuple[str, ...]
@@ -47,7 +48,6 @@ class Contacts:
     residual_tangent: Array | None = None
     residual_coupling: Array | None = None
     residual_load: Array | None = None
-    residual_steady: Array | None = None
 
     @property
     def count(self) -> int:
@@ -58,6 +58,13 @@ class Contacts:
     def is_massless(self) -> bool:
         """Whether the contacts have a residual flexibility and no mass."""
         return self.residual is not None
+
+    def transformed(self, displacements: Any, temperatures: Any) -> Contacts:
+        """Return the contacts in coordinates of which these bases, dense or sparse, give the present ones."""
+        heat: dict[str, Any] = {"heat": self.heat @ temperatures}
+        if self.residual_coupling is not None:
+            heat["residual_coupling"] = self.residual_coupling @ temperatures
+        return replace(self, normal=self.normal @ displacements, tangent=self.tangent @ displacements, **heat)
 
     def flexibility(self, friction: float) -> Array:
         """Return R - µ R^t, m/N, ``(contact, contact)``."""

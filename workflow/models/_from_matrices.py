@@ -25,6 +25,7 @@ from scipy.linalg import solve_triangular
 from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
+from workflow.models._contacts import Contacts
 from workflow.models._factors import NotHeldError, factorised, warn_of_fill
 from workflow.models._pair import (
     MOST_FULL,
@@ -268,6 +269,7 @@ class Sparse(Structure):
     load: Array | None = None
     damper: scipy.sparse.csc_array | None = None
     coordinates: Coordinates | None = None
+    contacts: Contacts | None = None
 
     @property
     def uniform_rise(self) -> Array:  # type: ignore[override]
@@ -288,6 +290,7 @@ class Sparse(Structure):
             load=self.load,
             damper=None if self.damper is None else self.damper.toarray(),
             coordinates=self.coordinates,
+            contacts=self.contacts,
         )
 
     def matrices(self) -> Matrices:

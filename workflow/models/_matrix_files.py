@@ -73,7 +73,11 @@ MOST_COORDINATES = 200_000
 
 MATRICES = ("mass", "stiffness", "damping", "coupling", "heat_capacity", "conductance")
 VECTORS = ("contact", "thermal_contact", "load", "steady", "heating", "tangent")
-LABELS = ("labels", "thermal_labels")
+RESIDUALS = ("residual_flexibility", "residual_tangent", "residual_coupling", "residual_load")
+ROWS = ("angle", *RESIDUALS)
+"""Of several contacts, which have rows of `contact`, `tangent` and `thermal_contact` too."""
+
+LABELS = ("labels", "thermal_labels", "contact_labels")
 
 Entries = Mapping[str, Any]
 """Matrices, vectors and labels by name."""

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from workflow.declare import File, file, label
 from workflow.kernels.algebra import MOST_BY_JACOBI
+from workflow.models._contact_entries import ChosenContacts, given_by
 from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
-from workflow.models._matrix_entries import Chosen, checked_matrices, in_si, shaken
-from workflow.models._matrix_files import files_of, read_entries
+from workflow.models._matrix_entries import in_si, shaken
+from workflow.models._matrix_files import LABELS, MATRICES, ROWS, VECTORS, files_of, read_entries
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._structure import Matrices, Rayleigh
 
@@ -133,16 +134,73 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     entries = in_si(read_entries(Path(parameters.file.place)), parameters.units)
     if parameters.file.shaken != 0:
         entries = shaken(entries, parameters.file.shaken)
-    one: dict[str, str | int | None] = {}
-    for name in Chosen._fields:
-        value: Labels = getattr(parameters, name)
-        if isinstance(value, tuple):
-            raise UnusableMatricesError(f"`{name}` is a list", "write one of them")
-        one[name] = value
-    chosen = Chosen(**one)
-    return with_held_left_out(checked_matrices(entries, chosen, parameters.damping), _dense_or_sparse)
+    chosen = ChosenContacts(parameters.contact, parameters.thermal_contact, parameters.tangent)
+    given, contacts = given_by(entries, chosen, parameters.damping)
+    structure = with_held_left_out(given, _dense_or_sparse)
+    if contacts is None:
+        return structure
+    own = structure.coordinates
+    assert own is not None
+    return replace(structure, contacts=contacts.transformed(own.displacement_basis, own.temperature_basis))
 
 
 def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:
     large = max(given.mass.shape[0], given.heat_capacity.shape[0]) > MOST_BY_JACOBI
     return structure_from_sparse(given) if large else structure_from_matrices(given)
+
+
+def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: Any) -> Path:
+    """Check the matrices of a structure and write them as NPZ, in the units that the study will state.
+
+    M x'' + C1 x' + K1 x + K12 θ = f and C2 θ' + K2 θ = q: where heat lengthens a blade, entries of K12 are negative.
+
+    Parameters
+    ----------
+    path
+        Path of the file; it ends in ``.npz``.
+    mass, stiffness
+        M and K1, dense arrays or SciPy's sparse ones, (displacement, displacement).
+    entries
+        ``damping`` C1, ``heat_capacity`` C2, ``conductance`` K2, ``coupling`` K12 (displacement, temperature), the
+        vectors ``contact``, ``thermal_contact``, ``load``, ``steady``, ``heating``, ``tangent``, the contacts and the
+        tangent also as an index or a label, and texts ``labels`` and ``thermal_labels``. Of several contacts rows
+        ``contact``, ``thermal_contact``, ``tangent``, texts ``contact_labels``, and ``angle``, rad; of contacts without
+        mass ``residual_flexibility`` R = w ΔF wᵀ, ``residual_tangent`` w ΔF tᵀ, m/N, ``residual_coupling`` w ΔF K12,
+        ``residual_load``.
+
+    Raises
+    ------
+    UnusableMatricesError
+        An entry is wrong; the message says which, and what would be right.
+    """
+    place, known, given = (
+        Path(path),
+        (*MATRICES, *VECTORS, *ROWS, *LABELS),
+        {"mass": mass, "stiffness": stiffness, **entries},
+    )
+    if place.suffix.lower() != ".npz":
+        raise UnusableMatricesError(f"`{place.name}` is no NPZ file", "end its name in .npz")
+    unknown = sorted(set(given) - set(known))
+    if unknown:
+        raise UnusableMatricesError(f"no entry is called {', '.join(unknown)}", f"entries are {', '.join(known)}")
+    _check(given)
+    arrays: dict[str, Any] = {}
+    for name, value in given.items():
+        if hasattr(value, "tocsr") and name in MATRICES:
+            rows = value.tocsr()
+            arrays |= {f"{name}.{part}": getattr(rows, part) for part in ("data", "indices", "indptr", "shape")}
+        else:  # a contact may be an index or a label
+            plain = np.asarray(value.toarray() if hasattr(value, "toarray") else value)
+            arrays[name] = plain.astype(str) if name in LABELS else plain if plain.size == 1 else plain.astype(float)
+    np.savez_compressed(place, **arrays)
+    return place
+
+
+def _check(given: dict[str, Any]) -> None:
+    """Check the entries as the model does, except contacts, which the study may name."""
+    contact, checked = None, given
+    if "contact" not in given:
+        contact, checked = 0, {name: value for name, value in given.items() if name != "tangent"}
+    several = "contact" in given and len(np.shape(given["contact"])) == 2
+    heat = None if "thermal_contact" in given or "heat_capacity" not in given or several else 0
+    given_by(checked, ChosenContacts(contact, heat), Rayleigh())

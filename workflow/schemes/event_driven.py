@@ -25,11 +25,12 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure, couples_free_modes, poles
 from workflow.schemes._exact.batch import ExactOperator, make_operator, run_batch
+from workflow.schemes._exact.contact_batch import ContactOperator, make_contact_operator, run_contact_batch
 from workflow.schemes._exact.layout import Budget
 from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"e", "alpha"})
-GENERAL = frozenset({"damping", "depth", "friction", "load"})
+GENERAL = frozenset({"contacts", "damping", "depth", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 STEP_SECONDS = 1.4e-8
@@ -47,13 +48,16 @@ _SEPARATING = 4e-9
 """Time to separate the poles over the cube of the number of states, s."""
 
 
-def init(structure: Structure, h: float, options: Options) -> ExactOperator:
-    """Diagonalise the structure with its tip free and held; ``h`` is not read."""
-    return make_operator(structure, Budget(options.events, options.steps))
+def init(structure: Structure, h: float, options: Options) -> ExactOperator | ContactOperator:
+    """Diagonalise the structure with its contacts open and, where there is one, held; ``h`` is not read."""
+    budget = Budget(options.events, options.steps)
+    return make_operator(structure, budget) if structure.contacts is None else make_contact_operator(structure, budget)
 
 
-def compute(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Results:
-    """Run a batch, case by case."""
+def compute(operator: ExactOperator | ContactOperator, cases: Cases, sampling: Sampling) -> Results:
+    """Run a batch."""
+    if isinstance(operator, ContactOperator):
+        return run_contact_batch(operator, cases, sampling)
     return run_batch(operator, cases, sampling)
 
 

@@ -207,7 +207,7 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
         yield ("output", "balances"), f"are of one contact, {several}", "leave it out"
     acts = any(axis.path.startswith("scene.load.") and "steady" not in axis.path for axis in cases.axes())
     load = cases.scene.load
-    if sizes.structure.load is None and (acts or load.mean or load.amplitude or load.harmonics):
+    if not np.any(sizes.structure.load_direction) and (acts or load.mean or load.amplitude or load.harmonics):
         yield (
             ("scene", "load"),
             f"has no direction, {several}",

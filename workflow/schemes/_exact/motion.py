@@ -31,8 +31,9 @@ _SLOW_POLE = 0.3
 _RESONANT_POLE = 0.1
 """Distance of a pole to that of a wave, times the duration, below which a block is explicit."""
 
-SIGNAL, TEMPERATURE = 0, 1
-"""Outputs of a regime: the signal that ends it at zero (gap, m, or contact force, N), and the tip temperature, K."""
+SIGNAL, TEMPERATURE, PLACE = 0, 1, 2
+"""Outputs of a regime: the signal that ends it at zero (gap, m, or contact force, N), and the tip temperature, K; and
+the position of the casing, m."""
 
 
 class Expansion(NamedTuple):
@@ -66,7 +67,7 @@ class Motion(NamedTuple):
     block: Array
     first: Array
     outputs: Array
-    """Signal and tip temperature by constant loads alone, ``(2,)``."""
+    """Signal and tip temperature by constant loads alone, and d0 of the casing, ``(3,)``."""
     waves: Array
     """With the columns of ``tables.wave``."""
     differences: Complex
@@ -87,8 +88,6 @@ class Motion(NamedTuple):
     is_modal: bool
     inward: Array
     outward: Array
-    gap: float
-    """d0, m."""
     growth: float
     """Largest rate at which a block or first-order state grows, 1/s, not negative."""
     fastest: float
@@ -113,7 +112,7 @@ def scratch(size: int, waves: int) -> Scratch:
     tables = (block.ROWS + block.WAVE * waves) * columns + (first.ROWS + first.WAVE * waves) * wide
     states = 2 * size + 4 * state.ROWS * wide + wave.COLUMNS * waves
     expanded = expansion.ROWS * (2 * columns + 1) + 2 * ORDER + 3
-    return Scratch(np.zeros((2, tables + states + expanded + 2)), np.zeros((9, 4), dtype=np.complex128))
+    return Scratch(np.zeros((2, tables + states + expanded + 3)), np.zeros((9, 4), dtype=np.complex128))
 
 
 class LoadedTables(NamedTuple):
@@ -126,7 +125,7 @@ class LoadedTables(NamedTuple):
 
 
 @part
-def _table(numbers: Array, at: int, rows: int, columns: int) -> tuple[Array, int]:
+def table(numbers: Array, at: int, rows: int, columns: int) -> tuple[Array, int]:
     """Return a table that begins at a place of a row of numbers, and the place behind it."""
     return numbers[at : at + rows * columns].reshape((rows, columns)), at + rows * columns
 
@@ -156,17 +155,17 @@ def motion_of(regime: Regime, case: Case, numbers: Array, differences: Complex) 
     size, columns, wide, waves = regime.outward.shape[0], regime.block.shape[1], regime.first.shape[1], case.acting
     for i in range(numbers.size):
         numbers[i] = 0.0
-    b, at = _table(numbers, 0, block.ROWS + block.WAVE * waves, columns)
-    f, at = _table(numbers, at, first.ROWS + first.WAVE * waves, wide)
-    own, at = _table(numbers, at, waves, wave.COLUMNS)
-    sums, at = _table(numbers, at, expansion.ROWS, regime.blocks + 1)
-    terms, at = _table(numbers, at, expansion.ROWS, columns)
+    b, at = table(numbers, 0, block.ROWS + block.WAVE * waves, columns)
+    f, at = table(numbers, at, first.ROWS + first.WAVE * waves, wide)
+    own, at = table(numbers, at, waves, wave.COLUMNS)
+    sums, at = table(numbers, at, expansion.ROWS, regime.blocks + 1)
+    terms, at = table(numbers, at, expansion.ROWS, columns)
     states = numbers[at : at + 16 * max(columns, wide)].reshape((4, state.ROWS, max(columns, wide)))
     at += states.size
     memory = Expansion(sums, terms, numbers[at : at + ORDER + 1], numbers[at + ORDER + 1 : at + 2 * ORDER + 3])
     at += 2 * ORDER + 3
-    outputs, coordinates = numbers[at : at + 2], numbers[at + 2 : at + 2 + size]
-    at += 2 if regime.is_modal else 2 + size
+    outputs, coordinates = numbers[at : at + 3], numbers[at + 3 : at + 3 + size]
+    at += 3 if regime.is_modal else 3 + size
     loaded = LoadedTables(b, f, outputs, own)
     explicits, aperiodics = _fill_tables(regime, case, loaded)
     fastest, cooling = regime.fastest, regime.growth <= 0.0 and not regime.warms
@@ -193,7 +192,6 @@ def motion_of(regime: Regime, case: Case, numbers: Array, differences: Complex) 
         regime.is_modal,
         regime.inward,
         regime.outward,
-        case.gap,
         regime.growth,
         fastest,
         regime.heated,
@@ -209,17 +207,19 @@ def _fill_tables(regime: Regime, case: Case, loaded: LoadedTables) -> tuple[int,
     _fill_sources(regime, case, loaded)
     for k in range(regime.blocks):
         _fill_force(regime, case, k, loaded)
-        if _is_explicit(b, k, waves, case.duration):
+        if is_explicit(b, k, waves, case.duration):
             b[block.EXPLICIT_COLUMNS, explicits] = k
             explicits += 1
         else:
             if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
                 b[block.APERIODIC_COLUMNS, aperiodics] = k
                 aperiodics += 1
-            _subtract_particular(b, k, waves)
-        _add_particular_outputs(b, k, waves, loaded.outputs)
+            subtract_particular(b, k, waves)
+            fill_unforced(b, k)
+        add_particular_outputs(b, k, waves, loaded.outputs)
     for j in range(regime.firsts):
-        _subtract_harmonics(loaded.first, j, waves)
+        subtract_harmonics(loaded.first, j, waves)
+        add_harmonic_outputs(loaded.first, j, waves)
     return explicits, aperiodics
 
 
@@ -266,7 +266,7 @@ def _wave_source(regime: Regime, case: Case, row: int, i: int) -> tuple[float, f
 def _fill_sources(regime: Regime, case: Case, loaded: LoadedTables) -> None:
     """Fill the sources of the signal and of first-order states."""
     f, outputs, waves, signal = loaded.first, loaded.outputs, loaded.waves, 2 * regime.blocks + regime.firsts
-    outputs[SIGNAL] = _source(regime, case, signal)
+    outputs[SIGNAL], outputs[PLACE] = _source(regime, case, signal), case.gap
     for i in range(waves.shape[0]):
         waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, case, signal, i)
     for j in range(regime.firsts):
@@ -314,7 +314,7 @@ def forced(b: Array, k: int, i: int) -> bool:
 
 
 @part
-def _is_explicit(b: Array, k: int, waves: Array, duration: float) -> bool:
+def is_explicit(b: Array, k: int, waves: Array, duration: float) -> bool:
     """Whether the response of a block to the loads cannot be subtracted without losing digits."""
     w2, half = b[block.STIFFNESS, k], abs(b[block.HALF_DAMPING, k])
     square = w2 - half * half
@@ -332,13 +332,18 @@ def _is_explicit(b: Array, k: int, waves: Array, duration: float) -> bool:
 
 
 @part
-def _subtract_particular(b: Array, k: int, waves: Array) -> None:
-    """Fill the rows of the particular solution of a block: η, and η' beside -β."""
-    c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
-    b[block.SIGNAL_INTEGRAL, k] = b[block.SIGNAL_VALUE, k] / w2
-    b[block.PARTICULAR, k] = b[block.FORCE, k] / w2
+def fill_unforced(b: Array, k: int) -> None:
+    """Fill the outputs of a block that is not explicit."""
+    b[block.SIGNAL_INTEGRAL, k] = b[block.SIGNAL_VALUE, k] / b[block.STIFFNESS, k]
     for row in range(4):
         b[block.UNFORCED_VALUE + row, k] = b[block.SIGNAL_VALUE + row, k]
+
+
+@part
+def subtract_particular(b: Array, k: int, waves: Array) -> None:
+    """Fill the rows of the particular solution of a block: η, and η' beside -β."""
+    c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
+    b[block.PARTICULAR, k] = b[block.FORCE, k] / w2
     for i in range(waves.shape[0]):
         if forced(b, k, i):
             row, omega = i * block.WAVE, waves[i, wave.OMEGA]
@@ -351,7 +356,7 @@ def _subtract_particular(b: Array, k: int, waves: Array) -> None:
 
 
 @part
-def _add_particular_outputs(b: Array, k: int, waves: Array, outputs: Array) -> None:
+def add_particular_outputs(b: Array, k: int, waves: Array, outputs: Array) -> None:
     """Add the particular solution of a block to the outputs of the loads."""
     for o in range(2):
         value, slope = b[block.SIGNAL_VALUE + 2 * o, k], b[block.SIGNAL_SLOPE + 2 * o, k]
@@ -364,7 +369,7 @@ def _add_particular_outputs(b: Array, k: int, waves: Array, outputs: Array) -> N
 
 
 @part
-def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
+def subtract_harmonics(f: Array, j: int, waves: Array) -> None:
     """Replace the sources of a first-order state in the rows of the harmonics by the response to them."""
     for i in range(waves.shape[0]):
         row = i * first.WAVE
@@ -372,19 +377,28 @@ def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
         if cos != 0.0 or sin != 0.0:
             pair = _quotient(complex(cos, -sin), complex(f[first.RATE, j], waves[i, wave.OMEGA]))
             f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = pair.real, -pair.imag
-            for o in range(2):
-                waves[i, wave.SIGNAL_COS + 2 * o] += f[first.SIGNAL + o, j] * pair.real
-                waves[i, wave.SIGNAL_SIN + 2 * o] += f[first.SIGNAL + o, j] * -pair.imag
+
+
+@part
+def add_harmonic_outputs(f: Array, j: int, waves: Array) -> None:
+    """Add the response of a first-order state to the outputs of the waves."""
+    for i in range(waves.shape[0]):
+        cos, sin = f[first.HARMONIC_COS + i * first.WAVE, j], f[first.HARMONIC_SIN + i * first.WAVE, j]
+        for o in range(2):
+            waves[i, wave.SIGNAL_COS + 2 * o] += f[first.SIGNAL + o, j] * cos
+            waves[i, wave.SIGNAL_SIN + 2 * o] += f[first.SIGNAL + o, j] * sin
 
 
 @part
 def casing_at(m: Motion, t: float) -> tuple[float, float]:
     """Return the position of the casing d = d0 + Σ a sin ψ, m, and its velocity, m/s."""
-    place, speed = m.gap, 0.0
+    place, speed = m.outputs[PLACE], 0.0
     for i in range(m.waves.shape[0]):
         cos, sin = wave_phase(m.waves, i, t)
         place += m.waves[i, wave.CASING] * sin
+        place += m.waves[i, wave.CASING_COS] * cos
         speed += m.waves[i, wave.OMEGA] * (m.waves[i, wave.CASING] * cos)
+        speed -= m.waves[i, wave.OMEGA] * (m.waves[i, wave.CASING_COS] * sin)
     return place, speed
 
 
@@ -415,7 +429,7 @@ def _jump_from_coordinates(m: Motion, coordinates: Array, y: Array) -> None:
 
 
 @part
-def _from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None:
+def from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None:
     """Fill the state ``y`` of time t from the coordinates [η, u, ξ], less the particular solution."""
     f = m.first
     for j in range(m.firsts):
@@ -431,8 +445,8 @@ def _from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None
 
 
 @part
-def _to_coordinates(m: Motion, y: Array, t: float, coordinates: Array) -> None:
-    """Fill the coordinates [η, u, ξ] from the state ``y`` of time t: the inverse of :func:`_from_coordinates`."""
+def to_coordinates(m: Motion, y: Array, t: float, coordinates: Array) -> None:
+    """Fill the coordinates [η, u, ξ] from the state ``y`` of time t: the inverse of :func:`from_coordinates`."""
     f = m.first
     for j in range(m.firsts):
         xi = y[state.FIRST, j]
@@ -506,7 +520,7 @@ def fill_modal(motions: Motions, held: bool, t: float) -> None:
 @part
 def _fill(m: Motion, t: float) -> None:
     """Fill [z, z', τ] of a motion from its current state."""
-    _to_coordinates(m, m.now, t, m.coordinates)
+    to_coordinates(m, m.now, t, m.coordinates)
     if not m.is_modal:
         _multiply(m.outward, m.coordinates, m.modal)
 
@@ -530,4 +544,4 @@ def _set(m: Motion, t: float) -> None:
     """Set a motion from its [z, z', τ]."""
     if not m.is_modal:
         _multiply(m.inward, m.modal, m.coordinates)
-    _from_coordinates(m, m.coordinates, t, m.now)
+    from_coordinates(m, m.coordinates, t, m.now)

@@ -192,7 +192,7 @@ def _series(m: Motion, t: float, order: int) -> None:
 
 
 @part
-def _has_no_zero(m: Motion, zeros: int, h: float) -> bool:
+def has_no_zero(m: Motion, zeros: int, h: float) -> bool:
     """Whether the signal certainly has no zero on (0, h], with a zero of order ``zeros`` at 0 divided out."""
     s = bounds(m, expanded_blocks(m, h) if zeros == 0 else m.blocks, h)
     a1, a2, a3, a4 = s.d1, s.d2, s.d3, -s.fourth
@@ -216,16 +216,16 @@ def _has_no_zero(m: Motion, zeros: int, h: float) -> bool:
 def longest_without_zero(m: Motion, zeros: int, guess: float, most: float) -> float:
     """Return a step up to ``most`` on which the signal certainly has no zero; 0 if there is none."""
     h = min(guess, most)
-    if _has_no_zero(m, zeros, h):
+    if has_no_zero(m, zeros, h):
         while h < most:
             longer = min(_LONGER * h, most)
-            if not _has_no_zero(m, zeros, longer):
+            if not has_no_zero(m, zeros, longer):
                 break
             h = longer
         return h
     for _ in range(400):  # 0.6⁴⁰⁰ = 1e-89
         h *= _SHORTER
-        if _has_no_zero(m, zeros, h):
+        if has_no_zero(m, zeros, h):
             return h
     return 0.0
 

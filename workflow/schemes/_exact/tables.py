@@ -128,7 +128,9 @@ class _Wave(NamedTuple):
     TEMPERATURE_COS: int = 12
     TEMPERATURE_SIN: int = 13
 
-    COLUMNS: int = 14
+    CASING_COS: int = 14  # part of the casing's position by cos ψ, m, where several contacts see it at their angles
+
+    COLUMNS: int = 15
 
 
 wave = _Wave()

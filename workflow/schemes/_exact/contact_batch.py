@@ -1,0 +1,324 @@
+"""A batch of the event-driven scheme for several contacts, or contacts without mass, and the sets that it asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from threading import Lock
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels import elementwise
+from workflow.models import Array, Cases, Structure, distinct_rows, project
+from workflow.schemes._exact.batch import InseparablePolesError, failure_text
+from workflow.schemes._exact.closed_sets import ContactBasis, analyse_contacts, fill_set, row_length
+from workflow.schemes._exact.contact_loop import PROGRESS, run_contacts
+from workflow.schemes._exact.contact_motion import ContactCase, Contacting, Memory, contacting, memory
+from workflow.schemes._exact.event_loop import COMPLETED, INSEPARABLE, INVALID, NO_IMPACT_LAW, NOT_FINITE
+from workflow.schemes._exact.layout import Budget
+from workflow.schemes._exact.record import TALLY, Record
+from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods, sections_of
+
+TOO_MANY_SETS = -2
+"""How a case ended that meets more sets of closed contacts than are kept."""
+
+MOST_SETS, MOST_BYTES = 2000, 2**29
+"""Sets of closed contacts that are kept of a structure at one α and µ."""
+
+
+class SetTable:
+    """The sets of closed contacts that are known of a structure at one α and µ; threads add to it in turns."""
+
+    def __init__(self, basis: ContactBasis, alpha: float, friction: float):
+        self.basis, self.alpha, self.friction = basis, alpha, friction
+        self.most = max(1, min(MOST_SETS, MOST_BYTES // (8 * row_length(basis))))
+        self._rows = np.empty((8, row_length(basis)))
+        self._closed = np.zeros((8, basis.contacts.count), dtype=np.bool_)
+        self.count, self._lock = 0, Lock()
+
+    def known(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Return rows and closed contacts of all sets, which do not change."""
+        return self._rows[: self.count], self._closed[: self.count]
+
+    def add(self, closed: NDArray[np.bool_]) -> int:
+        """Add a set, if it is not there; return how a case ends that cannot have it, 0 else."""
+        with self._lock:
+            if (self._closed[: self.count] == closed).all(axis=1).any():
+                return 0
+            if self.count == self.most:
+                return TOO_MANY_SETS
+            if self.count == len(self._rows):
+                self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+                self._closed = np.concatenate([self._closed, np.zeros_like(self._closed)])
+            if not fill_set(self._rows[self.count], self.basis, closed, self.alpha, self.friction):
+                return INSEPARABLE
+            self._closed[self.count] = closed
+            self.count += 1
+            return 0
+
+
+class _Variant(NamedTuple):
+    heated: bool
+    alpha: float
+    friction: float
+
+
+@dataclass(frozen=True, eq=False)
+class ContactOperator:
+    """Common data of the cases of a batch; ``budget`` limits events and steps of one case."""
+
+    basis: ContactBasis
+    budget: Budget
+    _tables: dict[_Variant, SetTable] = field(default_factory=dict)
+
+    @cached_property
+    def bases(self) -> tuple[ContactBasis, ContactBasis]:
+        """The basis without and with thermal modes."""
+        return self.basis.unheated, self.basis
+
+    @cached_property
+    def structures(self) -> tuple[Contacting, Contacting]:
+        """The same as kernels take them."""
+        cold, warm = self.bases
+        return contacting(cold), contacting(warm)
+
+    def sets(self, heated: bool, alpha: float, friction: float) -> SetTable:
+        """Return the table of sets at one α and µ; one is made where there is none."""
+        key = _Variant(heated, alpha, friction)
+        return self._tables.setdefault(key, SetTable(self.bases[heated], alpha, friction))
+
+
+def make_contact_operator(structure: Structure, budget: Budget) -> ContactOperator:
+    """Return the modes of a structure with several contacts, or contacts without mass.
+
+    Raises
+    ------
+    InseparablePolesError
+        Three poles coincide with all contacts open.
+    """
+    operator = ContactOperator(analyse_contacts(structure), budget)
+    if operator.sets(False, 0.0, 0.0).add(np.zeros(operator.basis.contacts.count, dtype=np.bool_)):
+        raise InseparablePolesError
+    return operator
+
+
+def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Sampling) -> Results:
+    """Run all cases that are finite, those of one α and µ after each other, as they share sets."""
+    frequency = cases.period_frequency
+    periods = complete_periods(frequency, sampling)
+    basis = operator.basis
+    record = _record_of(cases, basis, sampling, frequency, periods)
+    progress, ended = np.zeros(cases.count, dtype=PROGRESS), np.full(cases.count, INVALID)
+    modal = np.full((cases.count, basis.size), np.nan)
+    finite = np.flatnonzero(cases.finite)
+    first, variant = distinct_rows(*(row[finite, None] for row in (cases.alpha, cases.friction, cases.heated)))
+    for k, i in enumerate(finite[first]):
+        which, heated = finite[variant == k], bool(cases.heated[i])
+        table = operator.sets(heated, float(cases.alpha[i]), float(cases.friction[i]))
+        conditions = conditions_of(operator.bases[heated], cases, sampling.duration)
+        _march(operator, table, heated, conditions, which, record, progress, ended)
+        own = conditions.modal[which]
+        modal[which, : own.shape[1]] = own
+        modal[which, own.shape[1] :] = 0.0
+    return _results(operator, cases, sampling, record, progress, ended, modal, periods)
+
+
+def _march(
+    operator: ContactOperator,
+    table: SetTable,
+    heated: bool,
+    conditions: ContactCase,
+    which: NDArray[np.int64],
+    record: Record,
+    progress: Any,
+    ended: NDArray[np.int64],
+) -> None:
+    """March cases of one α and µ; the kernel stops at each set that is not known yet, which is made."""
+    rows, closed = table.known()
+    own, at = memory(operator.bases[heated], conditions.waves.shape[1], max(8, len(closed))), 0
+    while True:
+        own = _with_room(own, len(closed))
+        at = run_contacts(
+            rows,
+            closed,
+            operator.structures[heated],
+            conditions,
+            which,
+            at,
+            record,
+            progress,
+            own,
+            operator.budget,
+            ended,
+        )
+        if at == which.size:
+            return
+        fault = table.add(own.wanted)
+        if fault:
+            ended[which[at]] = fault
+            at += 1
+        rows, closed = table.known()
+
+
+def _with_room(own: Memory, sets: int) -> Memory:
+    """Return memory for the motions in so many sets; those that are there stay."""
+    if sets <= len(own.filled):
+        return own
+    more = max(sets, 2 * len(own.filled)) - len(own.filled)
+    tables = np.concatenate([own.tables, np.zeros((more, own.tables.shape[1]))])
+    return own._replace(tables=tables, filled=np.concatenate([own.filled, np.zeros(more, dtype=np.bool_)]))
+
+
+def _record_of(
+    cases: Cases, basis: ContactBasis, sampling: Sampling, frequency: Array, periods: NDArray[np.int64]
+) -> Record:
+    """Return the arrays of results, with the first sample, the initial state."""
+    numbers, contacts = np.arange(1, int(periods.max(initial=0)) + 1), basis.contacts.count
+    with np.errstate(divide="ignore", invalid="ignore"):  # of constant loads
+        ends = np.where(numbers <= periods[:, None], numbers / frequency[:, None], np.inf)
+    histories = np.full((cases.count, contacts, len(HISTORIES), sampling.count), np.nan)
+    tally = np.zeros((cases.count, contacts), dtype=TALLY)
+    rows = basis.contacts.normal, basis.contacts.normal, basis.contacts.heat
+    for k, (row, states) in enumerate(zip(rows, (cases.displacement, cases.velocity, cases.temperature), strict=True)):
+        histories[:, :, k, 0] = project(row, states)
+    histories[:, :, 3, 0] = 0.0
+    tally["next_sample"] = 1
+    return Record(
+        sampling.times,
+        ends,
+        histories=histories,
+        periods=np.full((cases.count, contacts, 7, numbers.size), np.nan),
+        tally=tally,
+        events=np.zeros((0, 0)),
+    )
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
+def conditions_of(basis: ContactBasis, cases: Cases, duration: float) -> ContactCase:
+    """Return the conditions of cases over a time [s]: a sinusoid of frequency 0 is a constant."""
+    gaps, turns = cases.gaps, cases.turns
+    m = basis.contacts.count
+    if gaps.shape[1] == 0:  # one contact
+        gaps, turns = cases.gap[:, None], np.zeros((cases.count, 1, cases.casing_harmonics.width))
+    given = np.stack([cases.amplitude, cases.frequency, cases.phase])[:, :, None]
+    load = np.concatenate([given, cases.load_harmonics.rows], axis=2)
+    places = np.stack(cases.casing_harmonics.rows)
+    count = load.shape[2] + places.shape[2]
+    amplitude, frequency, phase = np.concatenate([load, places], axis=2)
+    waves = np.stack([2 * np.pi * frequency, phase, amplitude, np.zeros_like(phase)], axis=2)
+    waves[:, load.shape[2] :, 2] = 0.0
+    casing = np.zeros((cases.count, count, 2, m))
+    sin, cos = (np.moveaxis(each.reshape(turns.shape), 1, 2) for each in elementwise.sine_cosine(turns.ravel()))
+    casing[:, load.shape[2] :, 0], casing[:, load.shape[2] :, 1] = (places[0][:, :, None] * each for each in (sin, cos))
+    still = (amplitude != 0) & (frequency == 0)
+    sin, cos = elementwise.sine_cosine(phase)
+    mean = cases.mean + np.where(still[:, : load.shape[2]], load[0] * sin[:, : load.shape[2]], 0.0).sum(axis=1)
+    fixed = np.where(still[:, :, None], casing[:, :, 0] * cos[:, :, None] + casing[:, :, 1] * sin[:, :, None], 0.0)
+    acts = (amplitude != 0) & (frequency != 0)
+    order = np.argsort(~acts, axis=1, kind="stable")[:, : int(acts.sum(axis=1).max(initial=0))]
+    waves = np.take_along_axis(np.where(acts[:, :, None], waves, 0.0), order[:, :, None], axis=1)
+    reach = (np.abs(gaps) + np.abs(places[0]).sum(axis=1)[:, None]).max(axis=1)
+    casing = np.take_along_axis(np.where(acts[:, :, None, None], casing, 0.0), order[:, :, None, None], axis=1)
+    rest = np.zeros((cases.count, 2 * m))
+    states = [project(basis.to_modes, cases.displacement), project(basis.to_modes, cases.velocity)]
+    return ContactCase(
+        e=np.array(cases.e),
+        alpha=np.array(cases.alpha),
+        friction=np.array(cases.friction),
+        constant=np.hstack(
+            [
+                project(basis.shapes.T, cases.steady),
+                project(basis.heat_shapes.T, cases.heating),
+                mean[:, None],
+                gaps + fixed.sum(axis=1),
+                rest,
+            ]
+        ),
+        waves=waves,
+        acting=acts.sum(axis=1),
+        casing=casing,
+        modal=np.hstack([*states, project(basis.to_thermal, cases.temperature)]),
+        reach=reach,
+        duration=duration,
+    )
+
+
+def _results(
+    operator: ContactOperator,
+    cases: Cases,
+    sampling: Sampling,
+    record: Record,
+    progress: Any,
+    ended: NDArray[np.int64],
+    modal: Array,
+    periods: NDArray[np.int64],
+) -> Results:
+    """Return the results of the batch; those of one contact have no axis of contacts."""
+    completed, tally, basis = ended == COMPLETED, record.tally, operator.basis
+    status = np.where(completed, Status.OK, Status.FAILED).astype(np.int8)
+    status[ended == NO_IMPACT_LAW] = Status.ILL_POSED
+    status[ended == NOT_FINITE] = Status.DIVERGED
+    each = (slice(None), 0) if basis.contacts.count == 1 else (slice(None),)
+    histories = {name: record.histories[:, :, k].copy()[each] for k, name in enumerate(HISTORIES)}
+    metrics = {name: np.where(completed[:, None], tally[name], np.nan)[each] for name in METRICS_OF_CONTACTS}
+    metrics["max_penetration"] = _penetration(basis, cases, record.histories[:, :, 0], sampling)[each]
+    metrics["releases"] = np.where(completed, tally["releases"].sum(axis=1), np.nan)
+    metrics["steps"] = np.where(progress["steps"] > 0, progress["steps"], np.nan)
+    for name in ("energy_residual", "heat_residual") if sampling.balances else ():
+        metrics[name] = np.full(cases.count, np.nan)  # of steps; there are none
+    growth = project(_static_growth(basis), modal[:, 2 * basis.frequency.size :]).max(axis=1)
+    metrics["thermal_closing"] = np.where(completed, growth, np.nan)
+    rows = record.periods
+    rows[:, :, 2] *= cases.period_frequency[:, None, None]
+    starts = record.histories[:, :, :3, 0]
+    sections = [sections_of(rows[:, c, 3:], periods, starts[:, c]) for c in range(basis.contacts.count)]
+    return Results(
+        histories=histories,
+        metrics=metrics,
+        period_impulse=rows[:, :, 0].copy()[each],
+        period_temperature=rows[:, :, 1].copy()[each],
+        period_contact=rows[:, :, 2].copy()[each],
+        status=status,
+        messages={int(i): _failure(int(ended[i]), progress[i], operator) for i in np.flatnonzero(~completed)},
+        sections={name: np.stack([own[name] for own in sections], axis=1)[each] for name in sections[0]},
+    )
+
+
+METRICS_OF_CONTACTS = ("impacts", "contact_time", "max_temperature")
+
+
+def _failure(ended: int, progress: Any, operator: ContactOperator) -> str:
+    """Return the message of a case that did not complete."""
+    if ended == TOO_MANY_SETS:
+        return (
+            f"stopped at t = {progress['time']:.6g} s: it meets more than {MOST_SETS} sets of closed contacts, or more "
+            f"than {MOST_BYTES // 2**20} MB of them; take contacts without mass, fewer contacts, or moreau"
+        )
+    if ended == NO_IMPACT_LAW:
+        names = ", ".join(operator.basis.contacts.labels)
+        return f"contact has no unique solution at t = {progress['time']:.6g} s, contacts {names}: lower the friction"
+    last = {"time": progress["time"], "speed": 0.0, "impacts": 0}
+    return failure_text(ended, last, operator.budget, 0.0)
+
+
+def _static_growth(basis: ContactBasis) -> Array:
+    """Return the quasi-static motion of each contact per τ, m, ``(contact, thermal mode)``, of modes that are held."""
+    held = basis.frequency > 0
+    flexible = basis.normal[:, held] / basis.frequency[held] ** 2
+    return np.asarray(-flexible @ basis.coupling[held] - basis.residual_coupling)
+
+
+def _penetration(basis: ContactBasis, cases: Cases, displacement: Array, sampling: Sampling) -> Array:
+    """Return the largest penetration of the samples of each contact, m, ``(case, contact)``."""
+    conditions = conditions_of(basis, cases, sampling.duration)
+    m = basis.contacts.count
+    place = np.repeat(conditions.constant[:, -3 * m : -2 * m, None], sampling.count, axis=2)
+    for i in range(conditions.waves.shape[1]):
+        omega, phase = conditions.waves[:, i, :2].T[:, :, None]
+        sin, cos = elementwise.sine_cosine(omega * sampling.times + phase)
+        a, b = conditions.casing[:, i, :, :, None].swapaxes(0, 1)
+        place += a * cos[:, None] + b * sin[:, None]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.maximum(0.0, np.max(displacement - place, axis=2)))

@@ -1,0 +1,622 @@
+"""The event loop of several contacts, or of contacts without mass.
+
+Between events a set S of contacts is closed and the structure is linear (:mod:`.closed_sets`). Every signal, the gap of
+an open contact or the force of a closed one, is searched by certified steps (:mod:`.step`); the first that falls
+through zero ends the set. Then, for contacts with mass, those that are closed at the instant take Moreau's impulses
+
+    u⁺ = u⁻ - W p,   0 <= p ⊥ -(u⁺ + e u⁻) >= 0,   u = w y' - d',   W = w (w - µ t)ᵀ,
+
+each of which heats at its place, and those that stay are a complementarity problem of forces,
+
+    0 <= λ ⊥ W λ - (b + δ b') >= 0,   b = w (g - c y' - ω² y - G τ) - d'',
+
+whose rates b', a moment δ later, decide where a force leaves a contact at zero. Without mass forces are continuous:
+0 <= λ ⊥ d - w y + (R - µ R^t) λ >= 0, a moment later. Bounces may accumulate at e = 0 too where W is not diagonal; a
+contact whose next bounce would be lower than 1e-11 of the largest motion is held.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels import Array, elementary
+from workflow.kernels.compiled import kernel, of_case, part
+from workflow.kernels.lemke import solve_complementarity, solve_in_place
+from workflow.schemes._exact.closed_sets import ClosedSet, closed_set_in
+from workflow.schemes._exact.contact_motion import (
+    ContactCase,
+    Contacting,
+    Memory,
+    SetMotion,
+    enter,
+    leave,
+    motion_in,
+    select,
+)
+from workflow.schemes._exact.event_loop import (
+    COMPLETED,
+    INSIDE_CASING,
+    NO_IMPACT_LAW,
+    NOT_FINITE,
+    OUT_OF_EVENTS,
+    OUT_OF_STEPS,
+    RUNNING,
+)
+from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
+from workflow.schemes._exact.layout import Budget
+from workflow.schemes._exact.propagation import advance, copy_state, integral, observe
+from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
+from workflow.schemes._exact.step import Start, certified_step, has_no_zero
+from workflow.schemes._exact.tables import expansion, wave
+
+WAITING = -1
+"""What the kernel returns where it waits for a set, see :attr:`Memory.wanted`."""
+
+PROGRESS = np.dtype([("time", "f8"), ("events", "i8"), ("steps", "i8"), ("length", "f8"), ("guess", "f8")])
+"""Scalars of a case, all 0 at the beginning: time reached, s; events and certified steps; the largest motion of a
+contact, m; the length of the next step tried first, s."""
+
+LOWEST_BOUNCE = 1e-11
+"""Height of a bounce, over the largest motion of any contact, below which the contact is held."""
+
+_MOMENT = 1e-9
+"""δ over the time constant of the fastest pole: a million roundings of what changes in it, and no more than them."""
+
+_SAME_TIME = 16.0 * 2.220446049250313e-16
+_LATE = 1e-9
+_FIRST_STEP = 0.1
+_ZERO_FORCE = 64.0
+"""As in :mod:`workflow.schemes._exact.event_loop`; force over the rounding of its terms below which it begins at 0."""
+
+_OPEN, _LEAVING, _RESTING, _RETURNING = 0, 1, 2, 3
+"""Kinds of contacts at an event: away from the casing, leaving it with a speed, at rest on it, leaving by a bounce that
+is not followed."""
+
+
+@kernel
+def run_contacts(
+    rows: Array,
+    closed: NDArray[np.bool_],
+    structure: Contacting,
+    cases: ContactCase,
+    which: NDArray[np.int64],
+    begin: int,
+    record: Record,
+    progress: Any,
+    own: Memory,
+    budget: Budget,
+    ended: NDArray[np.int64],
+) -> int:
+    """Run cases from position ``begin`` of ``which`` on; return the position of one that waits for a set, or the end.
+
+    ``rows`` are the sets whose contacts are ``closed``, ``(set, contact)``. A case that waits goes on where it waited.
+    """
+    for k in range(begin, which.size):
+        i = which[k]
+        mine = Record(
+            record.times, record.period_ends[i], record.histories[i], record.periods[i], record.tally[i], record.events
+        )
+        ended[i] = _march(rows, closed, structure, of_case(cases, i), mine, progress[i], own, budget)
+        if ended[i] == WAITING:
+            return k
+    return which.size
+
+
+@part
+def _march(
+    rows: Array,
+    closed: NDArray[np.bool_],
+    structure: Contacting,
+    case: ContactCase,
+    record: Record,
+    at: Any,
+    own: Memory,
+    budget: Budget,
+) -> int:
+    """March a case to its end or until it waits for a set."""
+    T = case.duration
+    if at.guess == 0.0:
+        for k in range(own.filled.size):
+            own.filled[k] = False
+        at.guess = T
+        ended = _begin(structure, case, record, at, own)
+        if ended != RUNNING:
+            return ended
+    while True:
+        slot = _slot(closed, own.wanted)
+        if slot < 0:
+            return WAITING
+        s = closed_set_in(rows[slot])
+        motion = motion_in(s, case, own, slot)
+        enter(motion, s, own, at.time)
+        struck = -1
+        if at.events > 0:
+            at.guess = _FIRST_STEP / motion.m.fastest if motion.m.fastest > 0.0 else T
+        while struck < 0:
+            if at.time >= T:
+                _finish(motion, s, case, record, own)
+                return COMPLETED
+            at.steps += 1
+            if at.steps > budget.steps:
+                return OUT_OF_STEPS
+            h, struck = _first_zero(motion, own, at, T)
+            if not np.isfinite(h):
+                return NOT_FINITE
+            advance(motion.m, motion.m.now, at.time, h, motion.m.after)
+            _record(motion, record, own, at.time, h, _SAME_TIME * T)
+            copy_state(motion.m.after, motion.m.now)
+            at.time = T if h >= T - at.time else at.time + h
+            at.guess = 2.0 * h
+            for c in range(own.zeros.size):
+                own.zeros[c], own.speed[c] = 0, -1.0
+        at.events += 1
+        if at.events > budget.events:
+            return OUT_OF_EVENTS
+        _fill_casing(case, at.time, own)
+        leave(motion, s, own, at.time)
+        ended = _pass(structure, case, record, at, own, motion.m.fastest, struck)
+        if ended != RUNNING:
+            return ended
+
+
+@part
+def _slot(closed: NDArray[np.bool_], wanted: NDArray[np.bool_]) -> int:
+    """Return the row of the set that is wanted, -1 where there is none."""
+    for k in range(closed.shape[0]):
+        same = True
+        for c in range(wanted.size):
+            if closed[k, c] != wanted[c]:
+                same = False
+                break
+        if same:
+            return k
+    return -1
+
+
+@part
+def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[float, int]:
+    """Return the length of a certified step and the contact whose signal ends it by falling through zero, or -1."""
+    m, t, struck, h = motion.m, at.time, -1, T - at.time
+    guess = at.guess
+    for c in range(motion.views.shape[0]):
+        select(motion, c)
+        expand(m, m.now, t)
+        zeros = own.zeros[c]
+        if zeros < 0:
+            sums = m.expansion.sums
+            zeros = int(abs(sums[expansion.D0, m.blocks]) <= _ZERO_FORCE * SUM_ROUNDING * sums[expansion.SIZE, 0])
+        if c > 0 and zeros == 0:
+            accumulate(m)
+            if has_no_zero(m, 0, h):
+                continue
+        length, falls = certified_step(
+            m, Start(zeros, own.speed[c], True, guess), t, h, _SAME_TIME * T if c == 0 else 0.0
+        )
+        if not np.isfinite(length):
+            return length, -1
+        if falls:
+            h, struck = length, c
+        elif length < h:
+            h, struck = length, -1
+        if h == 0.0 and struck >= 0:
+            break
+        guess = h
+    return h, struck
+
+
+@part
+def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, late: float) -> None:
+    """Write samples and load periods within a step, and add the impulses of closed contacts.
+
+    Impulses come first: what the integral takes of the propagation over h is overwritten by that to the samples.
+    """
+    m = motion.m
+    for c in range(motion.views.shape[0]):
+        own.impulse[c] = 0.0
+        if record.tally[c].held:
+            select(motion, c)
+            own.impulse[c] = integral(m, m.now, m.after, t, h)
+    for c in range(motion.views.shape[0]):
+        mine = Record(
+            record.times,
+            record.period_ends,
+            record.histories[c],
+            record.periods[c],
+            record.tally[c],
+            record.events,
+        )
+        if m.heated or next_due(mine) < t + h - late:
+            select(motion, c)
+            record_step(mine, m, t, h, observe(m, m.after, t + h), late)
+        mine.tally.impulse += own.impulse[c]
+
+
+@part
+def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory) -> None:
+    """Write the samples and periods that are due at the end, after any event there, and the state."""
+    T = case.duration
+    for c in range(motion.views.shape[0]):
+        mine = Record(
+            record.times,
+            record.period_ends,
+            record.histories[c],
+            record.periods[c],
+            record.tally[c],
+            record.events,
+        )
+        select(motion, c)
+        observed = observe(motion.m, motion.m.now, T)
+        while next_due(mine) <= T * (1.0 + _LATE):
+            write(mine, T, observed, mine.tally.impulse)
+        mine.tally.contact_time = contact_time(mine.tally, T)
+    _fill_casing(case, T, own)
+    leave(motion, s, own, T)
+    for i in range(own.modal.size):
+        case.modal[i] = own.modal[i]
+
+
+@part
+def _fill_casing(case: ContactCase, t: float, own: Memory) -> None:
+    """Fill d and its derivatives of each contact."""
+    contacts = own.wanted.size
+    at = case.constant.size - 3 * contacts
+    for c in range(contacts):
+        own.casing[0, c] = case.constant[at + c]
+        own.casing[1, c] = own.casing[2, c] = own.casing[3, c] = 0.0
+    for i in range(case.acting):
+        omega = case.waves[i, wave.OMEGA]
+        sin, cos = elementary.sine_cosine(omega * t + case.waves[i, wave.PHASE])
+        for c in range(contacts):
+            a, b = case.casing[i, 0, c], case.casing[i, 1, c]
+            value, turn = a * cos + b * sin, omega * (b * cos - a * sin)
+            own.casing[0, c] += value
+            own.casing[1, c] += turn
+            own.casing[2, c] -= omega * omega * value
+            own.casing[3, c] -= omega * omega * turn
+
+
+@part
+def _load(case: ContactCase, t: float) -> tuple[float, float]:
+    """Return the sinusoids of the load F at t, and their rate."""
+    load, rate = 0.0, 0.0
+    for i in range(case.acting):
+        omega = case.waves[i, wave.OMEGA]
+        sin, cos = elementary.sine_cosine(omega * t + case.waves[i, wave.PHASE])
+        load += case.waves[i, wave.LOAD] * sin
+        rate += omega * case.waves[i, wave.LOAD] * cos
+    return load, rate
+
+
+@part
+def _begin(structure: Contacting, case: ContactCase, record: Record, at: Any, own: Memory) -> int:
+    """Set the initial state and the first set; return RUNNING or how the case ended."""
+    for i in range(own.modal.size):
+        own.modal[i] = case.modal[i]
+    for c in range(own.wanted.size):
+        own.wanted[c] = False
+        tally = record.tally[c]
+        tally.contact_begin = np.inf
+        tally.max_temperature = tally.period_temperature = _temperature(structure, own, c)
+    at.length = case.reach
+    _fill_casing(case, 0.0, own)
+    return _pass(structure, case, record, at, own, structure.frequency[structure.frequency.size - 1], -1)
+
+
+@part
+def _temperature(structure: Contacting, own: Memory, c: int) -> float:
+    """Return the temperature of a contact at the last event."""
+    n, total = structure.frequency.size, 0.0
+    for j in range(structure.rate.size):
+        total += structure.heat[c, j] * own.modal[2 * n + j]
+    return float(total)
+
+
+@part
+def _pass(
+    structure: Contacting, case: ContactCase, record: Record, at: Any, own: Memory, fastest: float, struck: int
+) -> int:
+    """Pass the event of a contact, or the start (-1): fill what is closed from then on; return RUNNING or how it ended.
+
+    State and casing are those of the instant.
+    """
+    for c in range(own.wanted.size):
+        own.zeros[c], own.speed[c] = 0, -1.0
+    moment = _MOMENT / fastest if fastest > 0.0 else 0.0
+    if structure.massless:
+        _fill_distances(structure, case, own, at.time)
+        sound = _next_set_without_mass(structure, case, own, at.time, moment, struck)
+    elif struck >= 0 and own.wanted[struck]:
+        own.wanted[struck], own.zeros[struck], sound = False, 3, True
+    else:
+        inside = _fill_kinds(structure, case, at, own, struck)
+        if inside:
+            return INSIDE_CASING
+        sound = _strike(structure, case, record, own)
+        sound = sound and _next_set(structure, case, record, at, own, moment)
+    for c in range(own.wanted.size):
+        _note_change(record.tally[c], own.wanted[c], at.time)
+    return RUNNING if sound else NO_IMPACT_LAW
+
+
+@part
+def _note_change(tally: Any, closed: bool, t: float) -> None:
+    """Begin or end a contact in the tally."""
+    if closed and not tally.held:
+        tally.held, tally.contact_begin = 1, t
+    elif tally.held and not closed:
+        tally.contact_time += max(0.0, t - tally.contact_begin)
+        tally.held, tally.contact_begin = 0, np.inf
+        tally.releases += 1
+
+
+@part
+def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, struck: int) -> bool:
+    """Fill kinds, gaps and approach speeds of contacts, and the largest motion; return whether one is inside.
+
+    A contact is on its casing where it struck, is closed, or its gap is rounding.
+    """
+    n, inside = structure.frequency.size, False
+    for c in range(own.wanted.size):
+        place, size, speed, turning = 0.0, 0.0, 0.0, 0.0
+        for k in range(n):
+            term = structure.normal[c, k] * own.modal[k]
+            place += term
+            size += abs(term)
+            pace = structure.normal[c, k] * own.modal[n + k]
+            speed += pace
+            turning += abs(pace)
+        own.distance[c] = own.casing[0, c] - place
+        own.approach[c] = speed - own.casing[1, c]
+        at.length = max(at.length, abs(place))
+        if own.wanted[c]:
+            own.kinds[c], own.approach[c] = _RESTING, 0.0
+        elif c == struck or abs(own.distance[c]) <= 4.0 * SUM_ROUNDING * (at.length + size):
+            own.kinds[c] = _RESTING
+            if abs(own.approach[c]) <= SUM_ROUNDING * (turning + abs(own.casing[1, c])):
+                own.approach[c] = 0.0
+            elif own.approach[c] < 0.0:
+                own.kinds[c] = _LEAVING
+        else:
+            own.kinds[c] = _OPEN
+            inside |= struck < 0 and own.distance[c] < 0.0
+    return inside
+
+
+@part
+def _operator(structure: Contacting, case: ContactCase, i: int, j: int) -> float:
+    """Return W, or R - µ R^t without mass, of a pair of contacts."""
+    return float(structure.delassus[i, j] - case.friction * structure.tangential[i, j])
+
+
+@part
+def _strike(structure: Contacting, case: ContactCase, record: Record, own: Memory) -> bool:
+    """Apply the impulses of an impact of the contacts on their casing, if any approaches; return whether there are any.
+
+    Those that leave or rest by them get their kinds.
+    """
+    p, size, strikes = own.problem, 0, False
+    for c in range(own.wanted.size):
+        if own.kinds[c] != _OPEN:
+            own.members[size], p.active[size] = c, own.wanted[c] or own.approach[c] > 0.0
+            p.constant[size] = -(1.0 + case.e) * own.approach[c]
+            strikes |= own.approach[c] > 0.0
+            size += 1
+    if not strikes:
+        return True
+    _fill_matrix(structure, case, own, size)
+    if not solve_complementarity(p, size):
+        return False
+    for r in range(size):
+        c, after = own.members[r], own.approach[own.members[r]]
+        for q in range(size):
+            after -= p.matrix[r, q] * p.solution[q]
+        if p.active[r]:
+            after = -case.e * own.approach[c]
+        own.impulse[r] = p.solution[r]
+        own.kinds[c] = _LEAVING if after < 0.0 else _RESTING
+        own.approach[c] = after
+    _apply(structure, case, record, own, size, True)
+    return True
+
+
+@part
+def _fill_matrix(structure: Contacting, case: ContactCase, own: Memory, size: int) -> None:
+    """Fill the matrix of the complementarity problem of the members."""
+    for r in range(size):
+        for q in range(size):
+            own.problem.matrix[r, q] = _operator(structure, case, own.members[r], own.members[q])
+
+
+@part
+def _apply(structure: Contacting, case: ContactCase, record: Record, own: Memory, size: int, counts: bool) -> None:
+    """Apply the impulses of the members: y' jumps by -(w - µ t) p, τ by α s p."""
+    n = structure.frequency.size
+    for r in range(size):
+        c, impulse = own.members[r], own.impulse[r]
+        if impulse != 0.0:
+            for k in range(n):
+                own.modal[n + k] -= impulse * (structure.normal[c, k] - case.friction * structure.tangent[c, k])
+            for j in range(structure.rate.size):
+                own.modal[2 * n + j] += case.alpha * impulse * structure.heat[c, j]
+            record.tally[c].impulse += impulse
+            record.tally[c].impacts += counts
+    for c in range(own.wanted.size):
+        if structure.rate.size > 0:
+            note_temperature(record.tally[c], _temperature(structure, own, c))
+
+
+@part
+def _fill_push(structure: Contacting, case: ContactCase, own: Memory, t: float, row: int) -> None:
+    """Fill ``push[row]``: b of each contact for row 0, its rate for row 1, under the forces ``own.force``."""
+    n, heats = structure.frequency.size, structure.rate.size
+    load, rate = _load(case, t)
+    load += case.constant[n + heats]
+    a, y, v, tau = own.acceleration, own.modal[:n], own.modal[n : 2 * n], own.modal[2 * n :]
+    for k in range(n):
+        if row == 0:
+            a[0, k] = case.constant[k] + load * structure.load[k] - _damped(structure, v, k)
+            a[0, k] -= structure.frequency[k] * structure.frequency[k] * y[k]
+            for j in range(heats):
+                a[0, k] -= structure.coupling[k, j] * tau[j]
+        else:
+            for c in range(own.wanted.size):
+                a[0, k] -= (structure.normal[c, k] - case.friction * structure.tangent[c, k]) * own.force[c]
+    if row == 1:
+        for k in range(n):
+            a[1, k] = rate * structure.load[k] - structure.frequency[k] * structure.frequency[k] * v[k]
+            a[1, k] -= _damped(structure, a[0], k)
+        for j in range(heats):
+            warming = case.constant[n + j] - structure.rate[j] * tau[j]
+            for c in range(own.wanted.size):
+                warming += case.alpha * structure.heat[c, j] * own.force[c]
+            for k in range(n):
+                a[1, k] -= structure.coupling[k, j] * warming
+    for c in range(own.wanted.size):
+        total = -own.casing[2 + row, c]
+        for k in range(n):
+            total += structure.normal[c, k] * a[row, k]
+        own.push[row, c] = total
+
+
+@part
+def _damped(structure: Contacting, v: Array, k: int) -> float:
+    """Return the damping of mode k, c v."""
+    if structure.damping.shape[0] == 1:
+        return float(structure.damping[0, k] * v[k])
+    total = 0.0
+    for i in range(v.size):
+        total += structure.damping[k, i] * v[i]
+    return total
+
+
+@part
+def _next_set(structure: Contacting, case: ContactCase, record: Record, at: Any, own: Memory, moment: float) -> bool:
+    """Fill the contacts that are closed from now on; return whether the forces have a solution."""
+    p, contacts = own.problem, own.wanted.size
+    while True:
+        for c in range(contacts):
+            own.force[c] = 0.0
+        _fill_push(structure, case, own, at.time, 0)
+        if not _solve_forces(structure, case, own, 0.0):
+            return False
+        for r in range(contacts):
+            own.force[r] = 0.0
+        size = 0
+        for c in range(contacts):
+            if own.kinds[c] == _RESTING:
+                own.force[c] = p.solution[size]
+                size += 1
+        _fill_push(structure, case, own, at.time, 1)
+        if not _solve_forces(structure, case, own, moment):
+            return False
+        if not _hold_low_bounces(structure, case, at, own):
+            break
+        _stop(structure, case, record, own)
+    size = 0
+    for c in range(contacts):
+        was, own.wanted[c] = own.wanted[c], False
+        if own.kinds[c] == _RESTING:
+            own.wanted[c] = p.active[size]
+            size += 1
+            own.zeros[c] = (0 if was else -1) if own.wanted[c] else 2
+        elif own.kinds[c] == _LEAVING:
+            own.zeros[c], own.speed[c] = 1, -own.approach[c]
+    return True
+
+
+@part
+def _solve_forces(structure: Contacting, case: ContactCase, own: Memory, moment: float) -> bool:
+    """Solve the complementarity problem of the forces of contacts at rest, a moment later; whether it has one."""
+    p, size = own.problem, 0
+    for c in range(own.wanted.size):
+        if own.kinds[c] == _RESTING:
+            own.members[size], p.active[size] = c, own.wanted[c]
+            p.constant[size] = -own.push[0, c] - moment * (own.push[1, c] if moment > 0.0 else 0.0)
+            size += 1
+    _fill_matrix(structure, case, own, size)
+    return solve_complementarity(p, size)
+
+
+@part
+def _hold_low_bounces(structure: Contacting, case: ContactCase, at: Any, own: Memory) -> bool:
+    """Let contacts rest that leave so slowly that they would return from a height of nothing; return whether any do."""
+    any_held = False
+    for c in range(own.wanted.size):
+        if own.kinds[c] == _LEAVING:
+            bend, size = -own.push[0, c], 0
+            for i in range(own.wanted.size):
+                if own.kinds[i] == _RESTING:
+                    bend += _operator(structure, case, c, i) * own.problem.solution[size]
+                    size += 1
+            if bend < 0.0 and own.approach[c] * own.approach[c] <= -2.0 * bend * LOWEST_BOUNCE * at.length:
+                own.kinds[c] = _RETURNING
+                any_held = True
+    for c in range(own.wanted.size):
+        if own.kinds[c] == _RETURNING:
+            own.kinds[c] = _RESTING
+    return any_held
+
+
+@part
+def _stop(structure: Contacting, case: ContactCase, record: Record, own: Memory) -> None:
+    """Apply the impulses that stop the contacts at rest: of those whose low bounces are not followed."""
+    size, a = 0, own.problem.tableau
+    for c in range(own.wanted.size):
+        if own.kinds[c] == _RESTING:
+            own.members[size] = c
+            size += 1
+    for r in range(size):
+        for q in range(size):
+            a[r, q] = _operator(structure, case, own.members[r], own.members[q])
+        a[r, size] = own.approach[own.members[r]]
+        own.approach[own.members[r]] = 0.0
+    if solve_in_place(a, size):
+        for r in range(size):
+            own.impulse[r] = a[r, size]
+        _apply(structure, case, record, own, size, False)
+
+
+@part
+def _fill_distances(structure: Contacting, case: ContactCase, own: Memory, t: float) -> None:
+    """Fill d - x and its rate of contacts without mass and without forces."""
+    n, heats = structure.frequency.size, structure.rate.size
+    load, rate = _load(case, t)
+    mean = case.constant[n + heats]
+    for c in range(own.wanted.size):
+        place, speed = structure.residual_load[c] * (mean + load), structure.residual_load[c] * rate
+        for k in range(n):
+            place += structure.normal[c, k] * own.modal[k]
+            speed += structure.normal[c, k] * own.modal[n + k]
+        for j in range(heats):
+            warming = case.constant[n + j] - structure.rate[j] * own.modal[2 * n + j]
+            place -= structure.residual_coupling[c, j] * own.modal[2 * n + j]
+            speed -= structure.residual_coupling[c, j] * warming
+        own.distance[c], own.approach[c] = own.casing[0, c] - place, speed - own.casing[1, c]
+
+
+@part
+def _next_set_without_mass(
+    structure: Contacting, case: ContactCase, own: Memory, t: float, moment: float, struck: int
+) -> bool:
+    """Fill the contacts that are closed a moment later; return whether their forces have a solution."""
+    p, contacts, same = own.problem, own.wanted.size, True
+    for c in range(contacts):
+        own.members[c], p.active[c] = c, own.wanted[c]
+        p.constant[c] = own.distance[c] - moment * own.approach[c]
+    if struck >= 0:
+        p.active[struck] = not p.active[struck]
+    _fill_matrix(structure, case, own, contacts)
+    if not solve_complementarity(p, contacts):
+        return False
+    for c in range(contacts):
+        same = same and p.active[c] == own.wanted[c]
+    if same and struck >= 0:
+        p.active[struck] = not p.active[struck]
+    for c in range(contacts):
+        if p.active[c] != own.wanted[c]:
+            own.zeros[c] = 1 if struck >= 0 else -1 if p.active[c] else 0
+        own.wanted[c] = p.active[c]
+    return True
