@@ -1,0 +1,92 @@
+"""Random structures of up to five contacts with friction, heat and a casing that moves, and a case of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from several import of_entries
+
+from workflow.models import Array, Cases, Harmonics, Rayleigh, Structure
+
+DURATION = 0.02
+"""s: about two periods of the slowest mode."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A structure and its one case."""
+
+    structure: Structure
+    cases: Cases
+
+
+def _positive(rng: np.random.Generator, size: int, least: float) -> Array:
+    """Return a symmetric matrix whose eigenvalues lie between ``least`` and 1."""
+    turned, _ = np.linalg.qr(rng.normal(size=(size, size)))
+    return np.asarray((turned * rng.uniform(least, 1.0, size)) @ turned.T)
+
+
+def drawn(seed: int, massless: bool = False) -> Drawn:
+    """Return a structure of 2 to 5 contacts, of 1 to 5 without mass, some with friction, some with heat."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1 if massless else 2, 6))
+    size, thermal = count + int(rng.integers(1, 4)), int(rng.integers(1, 4))
+    rubs, warms = rng.random() < 0.5, rng.random() < 0.5
+    mass, stiffness = 0.1 * _positive(rng, size, 0.5), 4e5 * _positive(rng, size, 0.05)
+    shares = rng.uniform(0.1, 1.0, (count, thermal))
+    entries: dict[str, Any] = {
+        "mass": mass,
+        "stiffness": (stiffness + stiffness.T) / 2,
+        "damping": 5.0 * mass + 2e-5 * (stiffness + stiffness.T) / 2,
+        "contact": np.eye(count, size) + 0.15 * rng.normal(size=(count, size)),
+        "load": rng.normal(size=size),
+        "heat_capacity": _positive(rng, thermal, 0.3),
+        "conductance": 0.2 * _positive(rng, thermal, 0.3),
+        "coupling": 10.0 * rng.normal(size=(size, thermal)),
+        "thermal_contact": shares / shares.sum(axis=1, keepdims=True),
+        "angle": rng.uniform(-1, 1, count),
+    }
+    for name in ("mass", "heat_capacity", "conductance", "damping"):
+        entries[name] = (entries[name] + entries[name].T) / 2
+    if rubs:
+        entries["tangent"] = 0.3 * rng.normal(size=(count, size))
+    if massless:
+        entries["residual_flexibility"] = 2e-6 * _positive(rng, count, 0.3)
+        entries["residual_flexibility"] += entries["residual_flexibility"].T
+        if rubs:
+            entries["residual_tangent"] = 2e-7 * rng.normal(size=(count, count))
+    structure = of_entries(entries, Rayleigh())
+    assert structure.contacts is not None
+    assert structure.coordinates is not None
+    waves = Harmonics(np.array([[4e-6, 3e-6]]), rng.uniform(30, 150, (1, 2)), rng.uniform(-3, 3, (1, 2)))
+    orders = np.array([rng.integers(1, 4), 0])
+    turns = structure.contacts.angle[:, None] * orders
+    onto = structure.coordinates.displacement_projection
+    x, v = 3e-5 * rng.normal(size=size), 0.01 * rng.normal(size=size)
+    begins = entries["contact"] @ x - (waves.amplitude * np.sin(waves.phase + turns)).sum(axis=1)
+    gaps = begins + rng.uniform(1e-6, 4e-5, count)
+
+    def one(value: float) -> Array:
+        return np.array([value])
+
+    cases = Cases(
+        e=one(rng.choice([0.0, 0.3, 0.7])),
+        alpha=one(rng.uniform(1, 20) if warms else 0.0),
+        gap=one(gaps.min()),
+        mean=one(rng.uniform(0, 4)),
+        amplitude=one(rng.uniform(1, 6)),
+        frequency=one(rng.uniform(60, 200)),
+        phase=one(rng.uniform(-3, 3)),
+        steady=np.zeros((1, size)),
+        heating=np.zeros((1, thermal)),
+        displacement=(onto @ x)[None],
+        velocity=(onto @ v)[None],
+        temperature=np.zeros((1, thermal)),
+        casing_harmonics=waves,
+        friction=one(0.15 if rubs else 0.0),
+        gaps=gaps[None],
+        turns=turns[None],
+    )
+    return Drawn(structure, cases)
