@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.algebra import Array
-from workflow.kernels.compiled import part
+from workflow.kernels.compiled import kernel, part
 
 _SMALL = 1e-13
 """Pivot, over the largest of its column, up to which it is the rounding of 0."""
@@ -57,6 +57,19 @@ def solve_complementarity(p: Complementarity, size: int) -> bool:
     if _solves(p, size):
         return True
     return _pivots(p, size) and _basic_solution(p, size)
+
+
+@kernel
+def solve_one(p: Complementarity) -> bool:
+    """Fill solution and active set of a problem; return whether there is a solution."""
+    return solve_complementarity(p, p.constant.size)
+
+
+def complementarity(matrix: Array, constant: Array) -> Array | None:
+    """Return λ of a problem; ``None`` where there is none."""
+    own = problem(constant.size)
+    own.matrix[:], own.constant[:] = matrix, constant
+    return own.solution if solve_one(own) else None
 
 
 @part

@@ -180,6 +180,15 @@ class Cases:
         """Return the casing's position d(t) = d + Σ a_k sin(2π f_k t + φ_k), m, ``(case,)``."""
         return self.casing_harmonics.added(self.gap, t)
 
+    def casing_of_contacts(self, t: float) -> tuple[Array, Array]:
+        """Return position and velocity of the casing at each contact, m and m/s, ``(case, contact)``."""
+        own = self.casing_harmonics
+        turns = self.turns if self.turns.shape[1] else np.zeros((self.count, 1, own.width))
+        phase = 2 * np.pi * (own.frequency * t)[:, None] + own.phase[:, None] + turns
+        sine, cosine = (each.reshape(phase.shape) for each in elementwise.sine_cosine(phase.ravel()))
+        place = self.clearances + (own.amplitude[:, None] * sine).sum(axis=2)
+        return place, ((own.amplitude * own.angular)[:, None] * cosine).sum(axis=2)
+
     def casing_velocity_at(self, t: float) -> Array:
         """Return the casing's velocity ḋ(t) = Σ a_k 2π f_k cos(2π f_k t + φ_k), m/s, ``(case,)``."""
         return self.casing_harmonics.rate_at(t)

@@ -27,6 +27,8 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
+from workflow.models._contact_statics import rates_in_contact
+from workflow.models._contact_system import ContactBasis, analyse_contacts
 from workflow.models._modes import held_damping, is_rayleigh, poles
 from workflow.models._pair import Modes
 from workflow.models._structure import Structure
@@ -171,11 +173,14 @@ class InContact:
         return every
 
 
-def in_contact(structure: Structure) -> InContact:
+def in_contact(structure: Structure) -> InContact | ContactBasis:
     """Return the system of a structure in contact; of one without matrices that of its lowest modes of both kinds.
 
-    Friction excites rigid modes of the interior too: they are kept where there is a sliding direction.
+    Friction excites rigid modes of the interior too: they are kept where there is a sliding direction. Of several
+    contacts, or contacts without mass, it is the structure with all of them open.
     """
+    if structure.contacts is not None:
+        return analyse_contacts(structure)
     pair, few = structure.mechanical, None if structure.has_matrices else _STRONGEST
     held, thermal = pair.modes(few, held=True), structure.thermal.modes(few)
     kept = (held.values > 0) | (structure.tangent is not None)
@@ -196,13 +201,16 @@ def in_contact(structure: Structure) -> InContact:
     )
 
 
-def growth(contact: InContact, alpha: Array, friction: Array) -> Growth:
+def growth(contact: InContact | ContactBasis, alpha: Array, friction: Array) -> Growth:
     """Return the largest real parts of the eigenvalues of a structure in permanent contact, 1/s; stable where negative.
 
     ``alpha`` and ``friction`` are ``(case,)``; the bits of a case do not depend on the others. Where damping or
     friction couples the modes no eigenvalue is refined. NaN where none of a larger structure could be refined; flutter
     of modes that contact heat shifts little may be missed there.
     """
+    if isinstance(contact, ContactBasis):
+        rate, largest = rates_in_contact(contact, alpha, friction)
+        return Growth(rate, _UNCERTAIN * largest)
     most = max(1, _TOGETHER // contact.poles.size**2)
     slices = (slice(first, first + most) for first in range(0, alpha.size, most))
     return Growth(*np.hstack([_growth(contact, alpha[some], friction[some]) for some in slices]))

@@ -22,6 +22,7 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._cases import Cases, distinct_rows
+from workflow.models._contact_statics import contacts_at_rest, critical_alpha_of_contacts
 from workflow.models._modes import coupled_damping, mechanical_modes
 from workflow.models._pair import UNBALANCED
 from workflow.models._structure import Structure
@@ -97,6 +98,8 @@ def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
     rank: ``inf`` where the root is free or heat at the tip does not push it out (β <= 0), 0 where heat that cannot
     leave the structure (σ = 0) pushes the tip out.
     """
+    if structure.contacts is not None:
+        return critical_alpha_of_contacts(structure, friction)
     yields = 1 - friction * static_share(structure)
     if yields <= 0:
         return 0.0
@@ -191,6 +194,11 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
     NoEquilibriumError
         A case has no equilibrium under its constant loads.
     """
+    if structure.contacts is not None:
+        resting = contacts_at_rest(structure, cases)
+        if resting is None:
+            raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
+        return resting
     load = cases.steady.copy()
     load += cases.mean[:, None] * structure.load_direction
     casing = cases.casing_at(0.0)

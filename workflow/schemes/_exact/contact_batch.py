@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import elementwise
-from workflow.models import Array, Cases, Structure, distinct_rows, project
+from workflow.models import Array, Cases, ContactBasis, Structure, analyse_contacts, distinct_rows, project
 from workflow.schemes._exact.batch import InseparablePolesError, failure_text
-from workflow.schemes._exact.closed_sets import ContactBasis, analyse_contacts, fill_set, row_length
+from workflow.schemes._exact.closed_sets import fill_set, row_length
 from workflow.schemes._exact.contact_loop import PROGRESS, run_contacts
 from workflow.schemes._exact.contact_motion import ContactCase, Contacting, Memory, contacting, memory
 from workflow.schemes._exact.event_loop import COMPLETED, INSEPARABLE, INVALID, NO_IMPACT_LAW, NOT_FINITE

@@ -16,7 +16,8 @@ from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lemke import Complementarity, problem
-from workflow.schemes._exact.closed_sets import ClosedSet, ContactBasis
+from workflow.models import ContactBasis
+from workflow.schemes._exact.closed_sets import ClosedSet
 from workflow.schemes._exact.motion import (
     ORDER,
     PLACE,

@@ -1,0 +1,238 @@
+"""The linear system of a structure with a set of its contacts closed, in modes with all contacts open.
+
+In free modes, y'' + c y' + ω² y + G τ = g - Σ λ_i (w_i - µ t_i), τ' + μ τ = q + α Σ λ_i s_i, with g = φᵀ(f̄ + F b).
+With the contacts S closed:
+
+- **with mass** they follow the casing, w_S y = d_S: y = P d_S + Z z with Z an orthonormal basis of the null space of
+  w_S, P = w_Sᵀ(w_S w_Sᵀ)⁻¹, and
+
+      λ = D⁻¹ (w_S (g - c y' - ω² y - G τ) - d_S''),   D = w_S (w_S - µ t_S)ᵀ,   z'' = Zᵀ (g - … + µ t_Sᵀ λ);
+
+- **without mass** their forces are linear in all modes, which stay,
+
+      λ = Q (w_S y - r_S τ + ρ_S F - d_S),   Q = (R - µ R^t)_SS⁻¹.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from workflow.kernels import Array
+from workflow.models._contacts import Contacts
+from workflow.models._modes import coupled_damping, mechanical_modes, modal_coupling, thermal_modes
+from workflow.models._structure import Structure
+
+_RIGID = 1e-13
+"""Frequency of a constrained structure, over the largest, up to which it is 0: the rounding of some hundred terms."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactBasis:
+    """A structure with all contacts open, in its modes."""
+
+    contacts: Contacts
+    shapes: Array
+    """φ, ``(mechanical, mode)``."""
+    heat_shapes: Array
+    """χ, ``(thermal, thermal mode)``."""
+    to_modes: Array
+    """φᵀ M."""
+    to_thermal: Array
+    """χᵀ C2."""
+    frequency: Array
+    """ω, 1/s, ``(mode,)``."""
+    damping: Array
+    """c, ``(mode,)``, or ``(mode, mode)`` where damping couples modes."""
+    coupling: Array
+    """G, ``(mode, thermal mode)``."""
+    rate: Array
+    """μ, 1/s."""
+    normal: Array
+    """w, ``(contact, mode)``."""
+    tangent: Array
+    """t, ``(contact, mode)``."""
+    heat: Array
+    """s, ``(contact, thermal mode)``."""
+    load: Array
+    """φᵀ b, ``(mode,)``."""
+
+    @property
+    def residual_load(self) -> Array:
+        """ρ, m/N, ``(contact,)``."""
+        own = self.contacts.residual_load
+        return np.zeros(self.contacts.count) if own is None else own
+
+    @property
+    def residual_coupling(self) -> Array:
+        """R per thermal mode, m, ``(contact, thermal mode)``."""
+        own = self.contacts.residual_coupling
+        return np.zeros(self.heat.shape) if own is None else own @ self.heat_shapes
+
+    @property
+    def size(self) -> int:
+        """Number of states [y, y', τ]."""
+        return 2 * self.frequency.size + self.rate.size
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs [g, q, F, d, d', d''] of a set."""
+        return self.frequency.size + self.rate.size + 1 + 3 * self.contacts.count
+
+    @property
+    def unheated(self) -> ContactBasis:
+        """The same without thermal modes, where no heat acts."""
+        none: dict[str, Any] = {name: getattr(self, name)[:0] for name in ("rate", "to_thermal")}
+        for name in ("heat_shapes", "coupling", "heat"):
+            none[name] = getattr(self, name)[:, :0]
+        return replace(self, **none)
+
+    def delassus(self, friction: float) -> Array:
+        """Return w_i (w_j - µ t_j)ᵀ, 1/kg, ``(contact, contact)``."""
+        return np.asarray(self.normal @ (self.normal - friction * self.tangent).T)
+
+
+def analyse_contacts(structure: Structure) -> ContactBasis:
+    """Return the modes of a structure with contacts, and their rows in modes."""
+    contacts = structure.contacts
+    assert contacts is not None
+    mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
+    return ContactBasis(
+        contacts=contacts,
+        shapes=mechanical.shapes,
+        heat_shapes=thermal.shapes,
+        to_modes=mechanical.shapes.T @ structure.mass,
+        to_thermal=thermal.shapes.T @ structure.heat_capacity,
+        frequency=mechanical.values,
+        damping=coupled_damping(structure, mechanical),
+        coupling=modal_coupling(structure, mechanical, thermal),
+        rate=thermal.values,
+        normal=contacts.normal @ mechanical.shapes,
+        tangent=contacts.tangent @ mechanical.shapes,
+        heat=contacts.heat @ thermal.shapes,
+        load=mechanical.shapes.T @ structure.load_direction,
+    )
+
+
+class ContactSystem(NamedTuple):
+    """X_S' = A X_S + B w, signals = rows X_S + inputs w, X_S = [z, z', τ] with y = Z z + Pᵀ d."""
+
+    A: Array
+    B: Array
+    signals: Array
+    inputs: Array
+    null: Array
+    """Z, ``(mode, constrained mode)``."""
+    place: Array
+    """P, ``(contact, mode)``; 0 for open contacts."""
+
+
+def contact_system(
+    basis: ContactBasis, closed: NDArray[np.bool_], alpha: float, friction: float
+) -> ContactSystem | None:
+    """Return the system with the contacts ``closed``, ``(contact,)``; ``None`` where their forces are not unique."""
+    build = _without_mass if basis.contacts.is_massless else _with_mass
+    return build(basis, np.flatnonzero(closed), alpha, friction)
+
+
+def _constrained(basis: ContactBasis, rows: Array) -> tuple[Array, Array]:
+    """Return Z, the modes of the structure with ``rows`` held, and their ω², ascending.
+
+    They are singular values of diag(ω) Z: eigenvalues of Zᵀ diag(ω²) Z would lose the digits of low modes.
+    """
+    if not len(rows):
+        return np.eye(basis.frequency.size), basis.frequency**2
+    null = scipy.linalg.null_space(rows)
+    _, values, vectors = scipy.linalg.svd(basis.frequency[:, None] * null, full_matrices=False)
+    held = np.where(values > _RIGID * values.max(initial=0.0), values, 0.0)
+    return null @ vectors[::-1].T, held[::-1] ** 2
+
+
+def _without_rounding(matrix: Array) -> Array:
+    """Return a matrix that is diagonal but for rounding as a diagonal one: Rayleigh's damping of constrained modes."""
+    diagonal = np.diag(np.diag(matrix))
+    is_rounding = np.abs(matrix - diagonal).max(initial=0.0) <= _RIGID * np.abs(diagonal).max(initial=0.0)
+    return diagonal if is_rounding else matrix
+
+
+def _with_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) -> ContactSystem | None:
+    W, T = basis.normal[S], basis.tangent[S]
+    n, heats, m = basis.frequency.size, basis.rate.size, basis.contacts.count
+    null, squares = _constrained(basis, W)
+    modes = null.shape[1]
+    try:
+        inverse_delassus = np.linalg.inv(W @ (W - friction * T).T)
+        lift = W.T @ np.linalg.inv(W @ W.T)  # P
+    except np.linalg.LinAlgError:
+        return None
+    C = basis.damping if basis.damping.ndim == 2 else np.diag(basis.damping)
+    K = basis.frequency**2
+    z, u, tau = slice(0, modes), slice(modes, 2 * modes), slice(2 * modes, 2 * modes + heats)
+    size = 2 * modes + heats
+    moved = np.zeros((n, size))  # g-free acceleration per [z, z', τ]
+    moved[:, z], moved[:, u], moved[:, tau] = -K[:, None] * null, -C @ null, -basis.coupling
+    given = np.zeros((n, basis.inputs))  # … per input
+    F = n + heats
+    d, rate, bend = (F + 1 + k * m + S for k in range(3))
+    given[:, :n], given[:, F] = np.eye(n), basis.load
+    given[:, d], given[:, rate] = -K[:, None] * lift, -C @ lift
+    force, force_inputs = inverse_delassus @ W @ moved, inverse_delassus @ W @ given
+    force_inputs[:, bend] -= inverse_delassus
+    A, B = np.zeros((size, size)), np.zeros((size, basis.inputs))
+    A[z, u] = np.eye(modes)
+    slides = friction * (null.T @ T.T)
+    A[u] = null.T @ moved
+    A[u, z], A[u, u] = -np.diag(squares), _without_rounding(A[u, u])
+    A[u] += slides @ force
+    B[u] = null.T @ given + slides @ force_inputs
+    A[tau, tau] = -np.diag(basis.rate)
+    B[tau, n : n + heats] = np.eye(heats)
+    A[tau] += alpha * basis.heat[S].T @ force
+    B[tau] += alpha * basis.heat[S].T @ force_inputs
+    signals, inputs = np.zeros((m, size)), np.zeros((m, basis.inputs))
+    signals[S], inputs[S] = force, force_inputs
+    others = np.setdiff1d(np.arange(m), S)
+    signals[others, z] = -basis.normal[others] @ null
+    inputs[others, F + 1 + others] = 1.0
+    inputs[np.ix_(others, d)] = -basis.normal[others] @ lift
+    place = np.zeros((m, n))
+    place[S] = lift.T
+    return ContactSystem(A, B, signals, inputs, null, place)
+
+
+def _without_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) -> ContactSystem | None:
+    n, heats, m = basis.frequency.size, basis.rate.size, basis.contacts.count
+    flexibility = basis.contacts.flexibility(friction)
+    try:
+        stiffness = np.linalg.inv(flexibility[np.ix_(S, S)])  # Q
+    except np.linalg.LinAlgError:
+        return None
+    size, F = basis.size, n + heats
+    z, u, tau = slice(0, n), slice(n, 2 * n), slice(2 * n, size)
+    place, place_inputs = np.zeros((m, size)), np.zeros((m, basis.inputs))  # x_i without forces
+    place[:, z], place[:, tau] = basis.normal, -basis.residual_coupling
+    place_inputs[:, F] = basis.residual_load
+    depth_inputs = place_inputs.copy()
+    depth_inputs[:, F + 1 : F + 1 + m] -= np.eye(m)
+    force, force_inputs = stiffness @ place[S], stiffness @ depth_inputs[S]
+    push = -(basis.normal[S] - friction * basis.tangent[S]).T
+    A, B = np.zeros((size, size)), np.zeros((size, basis.inputs))
+    A[z, u] = np.eye(n)
+    A[u, z] = -np.diag(basis.frequency**2)
+    A[u, u] = -basis.damping if basis.damping.ndim == 2 else -np.diag(basis.damping)
+    A[u, tau] = -basis.coupling
+    A[tau, tau] = -np.diag(basis.rate)
+    B[u, :n], B[u, F], B[tau, n : n + heats] = np.eye(n), basis.load, np.eye(heats)
+    A[u] += push @ force
+    B[u] += push @ force_inputs
+    A[tau] += alpha * basis.heat[S].T @ force
+    B[tau] += alpha * basis.heat[S].T @ force_inputs
+    signals, inputs = -place, -depth_inputs
+    signals += flexibility[:, S] @ force
+    inputs += flexibility[:, S] @ force_inputs
+    signals[S], inputs[S] = force, force_inputs
+    return ContactSystem(A, B, signals, inputs, np.eye(n), np.zeros((m, n)))
