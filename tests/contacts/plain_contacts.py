@@ -26,6 +26,9 @@ GENERAL = frozenset({"contacts", "damping", "load", "friction"})
 MOST = 8
 """Contacts: 256 sets of them are tried."""
 
+ROUNDED = 1e-14
+"""Violation of complementarity that is rounding, over the largest entry of b."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -48,19 +51,20 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
 
 
 def complementary(matrix: Array, b: Array) -> Array:
-    """Return the p with 0 <= p ⊥ matrix p - b >= 0 that violates it least of those of all sets of contacts.
+    """Return the p with 0 <= p ⊥ matrix p - b >= 0: of the first set of contacts that violates it by rounding only.
 
-    Violations of p are weighed by the diagonal, as those of the rest are.
+    Of several contacts that just touch no set may be better than that: then it is the one that violates it least.
     """
-    best, least = np.zeros(b.size), max(0.0, float(np.max(b, initial=0.0)))
-    for count in range(1, b.size + 1) if least > 0 else ():
-        for chosen in combinations(range(b.size), count):
-            p = np.zeros(b.size)
-            p[list(chosen)] = np.linalg.solve(matrix[np.ix_(chosen, chosen)], b[list(chosen)])
-            rest = np.delete(matrix @ p - b, chosen)
-            violation = max(float(np.max(-p * np.diag(matrix))), float(np.max(-rest, initial=0.0)))
-            if violation < least:
-                best, least = p, violation
+    best, least, diagonal = np.zeros(b.size), max(0.0, float(np.max(b, initial=0.0))), np.diag(matrix)
+    rounded = ROUNDED * float(np.abs(b).max(initial=0.0))
+    sets = (chosen for count in range(1, b.size + 1) for chosen in combinations(range(b.size), count))
+    while least > rounded and (chosen := next(sets, None)):
+        p = np.zeros(b.size)
+        p[list(chosen)] = np.linalg.solve(matrix[np.ix_(chosen, chosen)], b[list(chosen)])
+        rest = np.delete(matrix @ p - b, chosen)
+        violation = max(float(np.max(-p * diagonal)), float(np.max(-rest, initial=0.0)))
+        if violation < least:
+            best, least = p, violation
     return np.maximum(best, 0.0)
 
 
@@ -103,7 +107,6 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
     delassus = w @ kick
     flexibility = contacts.flexibility(friction) if contacts.is_massless else np.zeros((count, count))
     along = np.zeros(count) if contacts.residual_load is None else contacts.residual_load
-    steady = np.zeros(count) if contacts.residual_steady is None else contacts.residual_steady
     x, v, T = cases.displacement[case], cases.velocity[case], cases.temperature[case]
 
     def load(t: float) -> float:
@@ -113,7 +116,7 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
         return np.asarray(load(t) * structure.load_direction + cases.steady[case])
 
     def elastic(t: float, impulse: Array) -> Array:
-        return np.asarray(along * load(t) + steady - flexibility @ impulse / h)
+        return np.asarray(along * load(t) - flexibility @ impulse / h)
 
     pressed = np.zeros(count)
     if contacts.is_massless:
@@ -196,7 +199,9 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         for name, value in values.items():
             parts.setdefault(name, []).append(np.asarray(value, dtype=float))
     arrays = {name: np.array(every) for name, every in parts.items()}
-    finite = np.isfinite(arrays["displacement"]).all(axis=(1, 2))
+    if contacts.count == 1:
+        arrays = {name: values[:, 0] if values.ndim > 1 else values for name, values in arrays.items()}
+    finite = np.isfinite(arrays["displacement"].reshape(cases.count, -1)).all(axis=1)
     assert times.size == sampling.count
     return Results(
         histories={name: arrays.pop(name) for name in HISTORIES},

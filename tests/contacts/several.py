@@ -67,4 +67,4 @@ def of_entries(entries: dict[str, Any], damping: Rayleigh) -> Structure:
     return replace(structure, contacts=contacts, load=load)
 
 
-_RESIDUALS = {"": "_flexibility", "_tangent": "_tangent", "_load": "_load", "_steady": "_steady"}
+_RESIDUALS = {"": "_flexibility", "_tangent": "_tangent", "_load": "_load"}
