@@ -18,7 +18,8 @@ from scripts import script
 from workflow import models
 from workflow.analysis import contact_phases, ranges
 from workflow.archive import open_archive
-from workflow.grid import arrange, plan
+from workflow.cases import arrange
+from workflow.plan import plan
 from workflow.schemes import Status
 from workflow.study import StudyError, parse_study, read_study
 

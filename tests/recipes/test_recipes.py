@@ -23,10 +23,11 @@ from scenes import rubs as random_rubs
 from studies import SCENE, parsed
 from workflow import models, reduction, schemes, variables
 from workflow.archive import open_archive
-from workflow.grid import arrange, case_hashes, solve
+from workflow.cases import arrange, case_hashes
 from workflow.models import Harmonics, Structure
 from workflow.run import run_study
 from workflow.schemes import Sampling, Status
+from workflow.solve import solve
 from workflow.study import StudyError, read_study
 
 HERE = Path(__file__).parent

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from workflow import read_study
-from workflow.grid import arrange, case_hashes, longest_period_count
-from workflow.grid._conditions import conditions
-from workflow.grid._operators import structure_of
+from workflow.cases import arrange, case_hashes, longest_period_count
+from workflow.cases._conditions import conditions
+from workflow.models import structure_of
 from workflow.study import StudyError, parse_study
 
 SCENE = """study: moving

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.grid import HARMONIC
+from workflow.plan import HARMONIC
 
 if TYPE_CHECKING:
     import xarray as xr
