@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from workflow import read_study
-from workflow.cases import arrange, case_hashes, longest_period_count
+from workflow.cases import arrange, case_hashes
 from workflow.cases._conditions import conditions
 from workflow.models import structure_of
 from workflow.study import StudyError, parse_study
@@ -99,7 +99,7 @@ HARMONICS = "{amplitude: 1, frequency: 3}", "{amplitude: 1 um, frequency: 5}"
 )
 def test_periods_are_those_of_the_load_then_of_a_load_harmonic_then_of_the_casing(amplitude, load, casing, periods):
     study = read_study(written(casing, load, amplitude=amplitude))
-    assert longest_period_count(arrange(study)) == periods
+    assert arrange(study).longest_period_count == periods
     assert cases(study).period_frequency == periods
 
 

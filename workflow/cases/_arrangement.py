@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
 from typing import Any
@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.cases._choice import OF_REFERENCE, Choices, ChosenModes, Setting, choose, refine
-from workflow.cases._conditions import FRICTION
+from workflow.cases._conditions import FRICTION, sinusoids_of
 from workflow.judges.trials import EXACT
-from workflow.schemes import Sampling
+from workflow.models import Array, Harmonics, period_frequency
+from workflow.schemes import Sampling, complete_periods
 from workflow.study import CHOSEN, Axis, CaseSettings, Dimension, SchemeChoice, Study
 
 Indices = NDArray[np.int64]
@@ -88,6 +89,25 @@ class Grid:
         duration, interval = self.study.scene.duration, self.study.output.interval
         count = round(duration / interval) + 1
         return Sampling(duration, interval, count, balances=self.study.output.balances)
+
+    @cached_property
+    def longest_period_count(self) -> int:
+        """Size of the dimension ``period``: the most complete load periods any case has."""
+        every = (complete_periods(period_frequency(*sinusoids), self.sampling) for sinusoids in self._sinusoids())
+        return max(int(periods.max()) for periods in every)
+
+    @cached_property
+    def fastest(self) -> float:
+        """Largest frequency of load and casing in any case, Hz."""
+        every = ((frequency, load.frequency, casing.frequency) for _, frequency, load, casing in self._sinusoids())
+        return max(float(one.max(initial=0.0)) for frequencies in every for one in frequencies)
+
+    def _sinusoids(self) -> Iterator[tuple[Array, Array, Harmonics, Harmonics]]:
+        """Yield load, harmonics of load and casing of one case for each combination of what decides frequencies."""
+        inner = self.inner_distinct(_decides_frequencies)
+        varying = self.inner_values(inner)
+        for outer in np.unique(self.alike(np.arange(self.outer_count, dtype=np.int64), _decides_frequencies)).tolist():
+            yield sinusoids_of(self.settings(outer).scene, varying, inner.size)
 
     @cached_property
     def base(self) -> dict[str, Any]:
@@ -284,6 +304,12 @@ def _alike(dimensions: tuple[Dimension, ...], index: Indices, matters: Callable[
 def _unravelled(index: Any, shape: tuple[int, ...]) -> tuple[Any, ...]:
     """Return :func:`numpy.unravel_index`, which does not take an array for a shape without dimensions."""
     return np.unravel_index(index, shape) if shape else ()
+
+
+def _decides_frequencies(path: str) -> bool:
+    """Tell whether frequencies of load and casing, or which of them counts periods, may differ so."""
+    names = ("scene.speed", "scene.load.amplitude", "scene.load.frequency")
+    return path in names or path.startswith(("scene.load.harmonics.", "scene.casing.harmonics."))
 
 
 def decides_structure(path: str) -> bool:

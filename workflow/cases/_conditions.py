@@ -49,6 +49,7 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (count, size)))
 
     load = scene.load
+    amplitude, frequency, load_harmonics, casing_harmonics = sinusoids_of(scene, varying, count)
     gap = of_case("scene.casing.gap", scene.gap)
     mean = of_case("scene.load.mean", load.mean)
     steady = of_node("scene.load.steady", load.steady)
@@ -63,16 +64,16 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         alpha=alpha_of(settings, varying, count),
         gap=gap,
         mean=mean,
-        amplitude=of_case("scene.load.amplitude", load.amplitude),
-        frequency=of_case("scene.load.frequency", load.frequency),
+        amplitude=amplitude,
+        frequency=frequency,
         phase=of_case("scene.load.phase", load.phase),
         steady=steady,
         heating=heating,
         displacement=displacement,
         velocity=velocity,
         temperature=temperature,
-        load_harmonics=harmonics_of(scene, "load", varying, count),
-        casing_harmonics=harmonics_of(scene, "casing", varying, count),
+        load_harmonics=load_harmonics,
+        casing_harmonics=casing_harmonics,
         friction=friction_of(settings, structure, varying, count),
     )
     return cases if structure.coordinates is None else structure.coordinates.transformed(cases)
@@ -100,6 +101,14 @@ def friction_of(settings: CaseSettings, structure: Structure, varying: Mapping[s
     if structure.tangent is None or settings.scene.friction is None:
         return np.zeros(count)
     return spread(varying, f"{FRICTION}coefficient", settings.scene.friction.coefficient, count)
+
+
+def sinusoids_of(scene: Scene, varying: Mapping[str, Array], count: int) -> tuple[Array, Array, Harmonics, Harmonics]:
+    """Return amplitude F1 [N] and frequency [Hz] of each case's load, ``(case,)``, and harmonics of load and casing."""
+    amplitude = spread(varying, "scene.load.amplitude", scene.load.amplitude, count)
+    frequency = spread(varying, "scene.load.frequency", scene.load.frequency, count)
+    load, casing = (harmonics_of(scene, group, varying, count) for group in ("load", "casing"))
+    return amplitude, frequency, load, casing
 
 
 def harmonics_of(scene: Scene, group: Literal["load", "casing"], varying: Mapping[str, Array], count: int) -> Harmonics:

@@ -14,15 +14,14 @@ from workflow.cases import (
     arrange,
     distinct_solutions,
     full_structure,
-    longest_period_count,
     reduced_structure,
     reference_settings,
     solution_counts,
 )
 from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod, one_thread
 from workflow.plan._figures import Figures, figures
-from workflow.plan._warnings import choice_lines, coarse_tip, distinct_lines, looked_at, warnings
-from workflow.solve import MOST_KINDS, model_seconds, solution_seconds, steady_bytes, tasks
+from workflow.plan._warnings import MOST_OUTER, choice_lines, coarse_tip, distinct_lines, looked_at, warnings
+from workflow.solve import model_seconds, solution_seconds, steady_bytes, tasks
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
 _STRUCTURES_SHOWN = 8
@@ -147,9 +146,9 @@ def order_of_time(seconds: float) -> str:
 
 
 def _reference_seconds(grid: Grid) -> float:
-    """Return model seconds of reference solutions, and of exact solutions beside them."""
+    """Return model seconds of reference solutions, and of exact solutions beside them, of many by a regular choice."""
     every = list(distinct_solutions(grid))
-    some = every[:: 1 + len(every) // MOST_KINDS]
+    some = every[:: 1 + len(every) // MOST_OUTER]
     seconds = sum(count * solution_seconds(grid, settings, is_exact) for settings, is_exact, count in some)
     return seconds * len(every) / max(len(some), 1)
 
@@ -158,7 +157,7 @@ def _result_bytes(grid: Grid) -> int:
     """Return the size of a study's results before compression."""
     stored = 8 if grid.study.output.precision == "float64" else 4
     sampled = stored * len(grid.study.output.sampled) * grid.sampling.count
-    each = 8 * (4 * longest_period_count(grid) + 22) + sampled + steady_bytes(grid)
+    each = 8 * (4 * grid.longest_period_count + 22) + sampled + steady_bytes(grid)
     return grid.outer_count * grid.inner_count * each
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 import workflow
 from workflow import variables
-from workflow.cases import FRICTION, Grid, alpha_of, longest_period_count
+from workflow.cases import FRICTION, Grid, alpha_of
 from workflow.plan._warnings import tip_cells
 from workflow.schemes import Status
 from workflow.solve import NOT_ASKED, metrics_of, periods_of, steady_of
@@ -75,9 +75,6 @@ def _case_bytes(variable: xr.Variable, cases: int) -> int:
     """Return the bytes of one case of a variable, the first dimensions of which are those of the cases."""
     return int(variable.dtype.itemsize) * math.prod(variable.shape[cases:])
 
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 HARMONIC = ("amplitude", "frequency", "order", "phase")
 """Numbers of a harmonic of the casing."""
@@ -143,7 +140,7 @@ def _tails(grid: Grid) -> dict[str, int]:
     steady, branch = grid.study.output.steady, grid.study.branch
     tails = {
         "t": grid.sampling.count if grid.study.output.histories else 0,
-        "period": longest_period_count(grid) if branch is None else 0,
+        "period": grid.longest_period_count if branch is None else 0,
         "point": 0 if branch is None else branch.points,
         "phase": 0 if steady is None else steady.samples,
     }

@@ -20,7 +20,6 @@ from workflow.cases import (
     cases_of,
     corner_text,
     decides_structure,
-    fastest,
     friction_of,
     full_structure,
     model_on,
@@ -71,7 +70,7 @@ def tip_cells(grid: Grid) -> dict[str, Any]:
 
 def coarse_tip(grid: Grid) -> Iterator[str]:
     """Yield that the cell at the tip is thicker than heat enters in a contact of a tenth of the load's period."""
-    about, frequency, scene = tip_cells(grid), fastest(grid), grid.study.scene
+    about, frequency, scene = tip_cells(grid), grid.fastest, grid.study.scene
     heated = scene.friction or any(any(axis.values) for axis in grid.study.axes() if axis.path == "alpha")
     if about and frequency > 0 and heated:
         yield from too_thick(about, _CONTACT_SHARE / frequency, "a tenth of the load's period")
@@ -265,7 +264,7 @@ def warnings(grid: Grid) -> tuple[str, ...]:
 
 def _coarse_sections(grid: Grid) -> Iterator[str]:
     """Yield that extremes of load periods are taken of few samples."""
-    samples = 1 / max(fastest(grid) * grid.sampling.interval, 1e-300)
+    samples = 1 / max(grid.fastest * grid.sampling.interval, 1e-300)
     if grid.study.output.sections and samples < _FEWEST_SAMPLES:
         yield f"period_displacement is taken of {samples:.2g} samples a load period: give a smaller `output.interval`"
 
@@ -313,7 +312,7 @@ def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
         friction = friction_of(settings, structure, grid.inner_values(np.arange(grid.inner_count)), grid.inner_count)
         ends = float(friction.min()), float(friction.max())
         modes = _free_modes(reduced(settings))
-        step = SchemeStep(scheme, options, settings.h, structure, modes, settings.reduction, ends, fastest(grid))
+        step = SchemeStep(scheme, options, settings.h, structure, modes, settings.reduction, ends, grid.fastest)
         said = list(step_cautions(step))
     else:
         basis = f" with {settings.reduction}" if structure.has_massless_tip else ""

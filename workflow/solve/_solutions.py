@@ -23,7 +23,6 @@ from workflow.cases import (
     cases_of,
     compared_values,
     exact_settings,
-    fastest,
     is_compared,
     needed_kinds,
     reduced_structure,
@@ -207,7 +206,7 @@ def compute_block(grid: Grid, block: ReferenceBlock) -> ReferenceSolutions:
 
 def solution_seconds(grid: Grid, settings: CaseSettings, is_exact: bool) -> float:
     """Return model seconds of a solution; a reference is run three times for its predictability."""
-    sampling, periods = replace(grid.sampling, balances=False), fastest(grid) * grid.sampling.duration
+    sampling, periods = replace(grid.sampling, balances=False), grid.fastest * grid.sampling.duration
     return (1 if is_exact else REFERENCE_RUNS) * case_seconds(settings, reduced_structure(settings), sampling, periods)
 
 

@@ -21,7 +21,6 @@ from workflow.cases import (
     cases_of,
     exact_settings,
     full_structure,
-    longest_period_count,
     reference_settings,
     tells_basis_error,
 )
@@ -259,7 +258,7 @@ def _over_depth(grid: Grid, settings: CaseSettings, cases: Cases) -> dict[str, A
 
 def _contact(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
     """Return contact force and impulses, all from the sampled running sum of the impulse."""
-    sampling, periods, impulse = grid.sampling, longest_period_count(grid), results.histories["impulse"]
+    sampling, periods, impulse = grid.sampling, grid.longest_period_count, results.histories["impulse"]
     force = contact_force(impulse, sampling.interval)
     return {
         "contact_force": force,
@@ -297,7 +296,7 @@ def metrics_of(study: Study) -> tuple[Variable, ...]:
 
 def _failed(grid: Grid, text: str) -> Solved:
     """Return one case that raised: NaN everywhere, flags unset, with the error as its message."""
-    nan = {"history": (1, grid.sampling.count), "metric": (1,), "period": (1, longest_period_count(grid))}
+    nan = {"history": (1, grid.sampling.count), "metric": (1,), "period": (1, grid.longest_period_count)}
     values: dict[str, NDArray[Any]] = {
         about.name: np.full(nan[about.shape], np.nan)
         for about in (*variables.select("history"), *metrics_of(grid.study), *periods_of(grid.study))

@@ -11,19 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import schemes
-from workflow.cases import (
-    Grid,
-    Indices,
-    alpha_of,
-    decides_structure,
-    fastest,
-    full_structure,
-    longest_period_count,
-    reduced_structure,
-)
+from workflow.cases import FRICTION, Grid, Indices, full_structure, reduced_structure
 from workflow.judges.trials import EXACT
 from workflow.kernels.lanes import PACK
-from workflow.models import Structure, needs_matrices
+from workflow.models import Structure, needs_matrices, one_thread
 from workflow.schemes import Sampling
 from workflow.study import CaseSettings, Study
 
@@ -66,15 +57,11 @@ def steady_seconds(study: Study, settings: CaseSettings, structure: Structure) -
     return (study.branch.points if study.branch else 1) * _RUB * _states(structure) ** 2
 
 
-def setup_seconds(structure: Structure) -> float:
-    """Return what an operator of a scheme costs to set up."""
-    states = _states(structure)
-    return 6e-4 + (1.2e-7 * states**2 if structure.damper is None else 3.5e-9 * states**3)
-
-
-def modes_seconds(structure: Structure) -> float:
-    """Return what modes and the reduction of a full structure cost, of a large one those of few modes."""
-    return 5e-3 + 1.2e-7 * min(_states(structure), _DENSE) ** 2 + _few_modes_seconds(structure)
+def setup_seconds(full: Structure, structure: Structure) -> float:
+    """Return what comes before the first case: modes of a full structure, the operator of a scheme on its reduction."""
+    states, modes = _states(structure), min(_states(full), _DENSE)
+    operator = 1.2e-7 * states**2 if structure.damper is None else 3.5e-9 * states**3
+    return 5e-3 + 1.2e-7 * modes**2 + operator + _few_modes_seconds(full)
 
 
 def growth_seconds(structure: Structure) -> float:
@@ -109,12 +96,6 @@ lost is lost as a whole."""
 
 TASK_BYTES = 32 * 2**20
 """Results a task holds in memory before they are written."""
-
-MOST_KINDS = 5000
-"""Outer indices of different cost that are reckoned, at about 0.3 ms each."""
-
-MOST_LOOKED_AT = 20_000
-"""Cases whose couplings are looked at."""
 
 
 class Batch(NamedTuple):
@@ -151,7 +132,7 @@ class Costs(NamedTuple):
 def seconds_per_case(grid: Grid, outer: int) -> float:
     """Return the seconds of one case by the cost model."""
     settings = grid.settings(outer)
-    structure, periods = reduced_structure(settings), fastest(grid) * grid.sampling.duration
+    structure, periods = reduced_structure(settings), grid.fastest * grid.sampling.duration
     runs = 1 if grid.study.output.temperature_depth is None else 2
     each = case_seconds(settings, structure, grid.sampling, periods)
     return steady_seconds(grid.study, settings, structure) + runs * each
@@ -159,52 +140,48 @@ def seconds_per_case(grid: Grid, outer: int) -> float:
 
 @lru_cache(maxsize=4)
 def costs(grid: Grid) -> Costs:
-    """Return the costs of a grid.
+    """Return the costs of a grid: the cost model knows scheme, step and sizes.
 
-    The cost model knows scheme, step and sizes: what else an axis varies in a structure does not count.
-    Structures are made for it, and kept for the run, so that one thread of BLAS makes them here as in a
-    task: their last bits depend on the number of threads.
+    Structures are made for it, and kept for the run, so that one thread of BLAS makes them here as in a task: their
+    last bits depend on the number of threads.
     """
-    from threadpoolctl import threadpool_limits
-
     model = grid.study.scene.model
     kinds, kind = np.unique(grid.alike(grid.computed, lambda path: decides_cost(path, model)), return_inverse=True)
-    of_structure = grid.alike(grid.computed, decides_structure)
-    _, structure, sharing = np.unique(of_structure, return_inverse=True, return_counts=True)
-    if kinds.size > MOST_KINDS:  # each costs what the next of these does
-        some = np.linspace(0, kinds.size - 1, MOST_KINDS).round().astype(np.int64)
-        kinds, kind = kinds[some], np.searchsorted(some, kind)
-    with threadpool_limits(limits=1, user_api="blas"):
-        setup, modes, each, growth = np.array([_seconds(grid, outer) for outer in kinds.tolist()])[kind].T
-    together = np.array([schemes.load(grid.settings(outer).scheme.method).TOGETHER for outer in kinds.tolist()])[kind]
-    return Costs(setup + modes / sharing[structure], each + growth / sharing[structure], together)
+    with one_thread():
+        every = [_costs(grid, outer) for outer in kinds.tolist()]
+    setup, each, together = (np.array(column)[kind] for column in zip(*every, strict=True))
+    return Costs(setup, each, together)
 
 
-def _seconds(grid: Grid, outer: int) -> tuple[float, float, float, float]:
-    """Return seconds of an outer index: its operator, its modes, each of its cases, and the growth rate of each.
+def _costs(grid: Grid, outer: int) -> tuple[float, float, int]:
+    """Return the costs of an outer index.
 
-    The last two are means over the cases that are computed: distinct ones are stepped, where a scheme has packs whole
-    ones, and growth rates are found at distinct α.
+    Those of a case are the mean over the cases that are computed: distinct ones are stepped, where a scheme has packs
+    whole ones, and growth rates are found at distinct α.
     """
-    settings, inner = grid.settings(outer), grid.inner_computed(outer)
-    full, structure, some = full_structure(settings), reduced_structure(settings), inner[:MOST_LOOKED_AT]
-    stepped = grid.inner_distinct_count(grid.is_read(settings.scheme))
-    if schemes.load(settings.scheme.method).TOGETHER > 1:
-        stepped = -(-stepped // PACK) * PACK
+    settings, count = grid.settings(outer), grid.inner_computed(outer).size
+    full, structure = full_structure(settings), reduced_structure(settings)
+    together = schemes.load(settings.scheme.method).TOGETHER
+    stepped, couplings = map(grid.inner_distinct_count, (grid.is_read(settings.scheme), _decides_coupling))
+    packed = -(-stepped // PACK) * PACK if together > 1 else stepped
+    each = packed * seconds_per_case(grid, outer) + couplings * growth_seconds(structure)
     handling = handling_seconds(grid.sampling.count, len(grid.study.output.sampled))
-    couplings = np.unique(alpha_of(settings, grid.inner_values(some), some.size)).size
-    each = stepped / inner.size * seconds_per_case(grid, outer) + handling
-    return setup_seconds(structure), modes_seconds(full), each, couplings / some.size * growth_seconds(structure)
+    return setup_seconds(full, structure), each / count + handling, together
+
+
+def _decides_coupling(path: str) -> bool:
+    """Tell whether α may differ along an axis."""
+    return path == "alpha" or path.startswith(FRICTION)
 
 
 def decides_cost(path: str, model: str) -> bool:
-    """Tell whether the cost model knows of an axis."""
-    return not path.startswith(f"scene.{model}.") or path == f"scene.{model}.nodes"
+    """Tell whether the cost model knows of an axis: of options, and of what else varies in a structure, it does not."""
+    return path == f"scene.{model}.nodes" or not path.startswith((f"scene.{model}.", "schemes."))
 
 
 def bytes_per_case(grid: Grid) -> int:
     """Return the bytes of a case in memory: its results, what is derived of them, and the copy that is stored."""
-    return 8 * (10 * grid.sampling.count + 8 * longest_period_count(grid) + 60) + steady_bytes(grid)
+    return 8 * (10 * grid.sampling.count + 8 * grid.longest_period_count + 60) + steady_bytes(grid)
 
 
 def steady_bytes(grid: Grid) -> int:
