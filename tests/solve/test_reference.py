@@ -13,7 +13,6 @@ from scenes import chain
 from studies import CHAOS, SCENE, parsed, written
 from workflow import schemes
 from workflow.cases import arrange, solution_counts
-from workflow.cases._reference import Kind, needed_kinds
 from workflow.models import Rayleigh, Structure
 from workflow.plan import plan_study
 from workflow.run import run_study, verify
@@ -21,7 +20,7 @@ from workflow.schemes import Status
 from workflow.solve import Batch, ReferenceBlock, References, Solved, solve, tasks
 from workflow.solve import _tasks as cutting
 from workflow.solve._solutions import solution_seconds
-from workflow.study import read_study
+from workflow.study import CaseSettings, read_study
 
 REFERRED = (
     "study: a\n"
@@ -98,13 +97,11 @@ def test_blocks_are_cut_as_tasks_are(threads: int, scheme: str) -> None:
     references = References(grid, (batch for task in every for batch in task.batches), begun.append, threads)
     for task in every:
         references.of(task.batches)
-    solved: dict[Kind, list[int]] = {}
+    solved: dict[CaseSettings, list[int]] = {}
     for block in begun:
-        solved.setdefault(needed_kinds(grid, block.outer)[block.is_exact], []).extend(block.inner.tolist())
+        solved.setdefault(block.settings(grid), []).extend(block.inner.tolist())
     assert sum(map(len, solved.values())) == sum(solution_counts(grid)) == sum(len(set(one)) for one in solved.values())
-    each = [
-        block.inner.size * solution_seconds(grid, *needed_kinds(grid, block.outer)[block.is_exact]) for block in begun
-    ]
+    each = [block.inner.size * solution_seconds(grid, block.settings(grid), block.is_exact) for block in begun]
     assert min(8 * threads, sum(each) / cutting.SHORTEST) * 0.9 - len(solved) <= len(begun)
     assert len(begun) <= max(8 * threads, sum(each) / cutting.LONGEST) * 1.1 + len(solved)
     assert np.percentile(each, 90) < 2 * np.percentile(each, 10)

@@ -9,12 +9,11 @@ from workflow.cases._choice import OF_REFERENCE, ChosenModes, choices_text, corn
 from workflow.cases._conditions import FRICTION, Perturbation, alpha_of, cases_of, friction_of
 from workflow.cases._identity import case_hashes
 from workflow.cases._reference import (
-    Kind,
     compared_values,
     distinct_solutions,
     exact_settings,
     is_compared,
-    needed_kinds,
+    needed_settings,
     reference_settings,
     solution_counts,
     tells_basis_error,

@@ -18,9 +18,6 @@ from workflow.study import CaseSettings, SchemeChoice
 BASIS = frozenset({"mechanical_modes", "thermal_modes", "reduction"})
 """Settings of the reduced model, which an exact solution takes from the case."""
 
-Kind = tuple[CaseSettings, bool]
-"""Settings of solutions, and whether they are exact ones beside the reference."""
-
 
 def _replaced(grid: Grid) -> Mapping[str, Any]:
     """Return the settings that the reference of a study does not take from its cases, by path."""
@@ -52,12 +49,11 @@ def _only_what_is_read(settings: CaseSettings) -> CaseSettings:
     return replace(settings, **unread)
 
 
-def needed_kinds(grid: Grid, outer: int) -> list[Kind]:
-    """Return the kind of the reference of an outer index, and of the exact solution beside it unless that is it."""
+def needed_settings(grid: Grid, outer: int) -> list[CaseSettings]:
+    """Return the settings of an outer index's reference, and of the exact solution beside it unless that is it."""
     if grid.study.reference is None:
         return []
-    ours, theirs = reference_settings(grid, outer), exact_settings(grid, outer)
-    return [(ours, False)] if theirs == ours else [(ours, False), (theirs, True)]
+    return list(dict.fromkeys((reference_settings(grid, outer), exact_settings(grid, outer))))
 
 
 def is_compared(grid: Grid, settings: CaseSettings) -> Callable[[str], bool]:
@@ -82,16 +78,15 @@ def tells_basis_error(grid: Grid, outer: int) -> bool:
 
 
 def distinct_solutions(grid: Grid) -> Iterator[tuple[CaseSettings, bool, int]]:
-    """Yield the settings of the references of a study, and of the exact solutions beside them, with their numbers."""
-    if grid.study.reference is None:
-        return
-    replaced = grid.study.reference.values
+    """Yield settings of references of a study and of the exact solutions beside them, which these are, their number."""
+    replaced = _replaced(grid)
     outer = np.unique(grid.alike(grid.computed, lambda path: path in BASIS or path not in replaced))
-    every = dict.fromkeys(kind for k in outer for kind in needed_kinds(grid, int(k)))
-    references = {settings for settings, is_exact in every if not is_exact}
-    for settings, is_exact in every:
-        if not (is_exact and settings in references):
-            yield settings, is_exact, grid.inner_distinct_count(is_compared(grid, settings))
+    every: dict[CaseSettings, bool] = {}
+    for k in outer.tolist():
+        for is_exact, settings in enumerate(needed_settings(grid, k)):
+            every[settings] = every.get(settings, True) and bool(is_exact)
+    for settings, is_exact in every.items():
+        yield settings, is_exact, grid.inner_distinct_count(is_compared(grid, settings))
 
 
 def solution_counts(grid: Grid) -> tuple[int, int]:

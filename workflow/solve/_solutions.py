@@ -18,15 +18,13 @@ from workflow.cases import (
     REFERENCES,
     Grid,
     Indices,
-    Kind,
     Perturbation,
     cases_of,
     compared_values,
     exact_settings,
     is_compared,
-    needed_kinds,
+    needed_settings,
     reduced_structure,
-    reference_settings,
     waiting_for,
 )
 from workflow.judges.distances import norms, predictability, relative
@@ -101,12 +99,16 @@ class ReferenceBlock:
     is_exact: bool
     inner: Indices
 
+    def settings(self, grid: Grid) -> CaseSettings:
+        """Return the settings of its solutions."""
+        return needed_settings(grid, self.outer)[self.is_exact]
+
 
 Begun = TypeVar("Begun")
 """What computing a block returns at once: its solutions, or the key of a task that will have them."""
 
-Solutions = Mapping[Kind, ReferenceSolutions]
-"""Solutions by kind."""
+Solutions = Mapping[CaseSettings, ReferenceSolutions]
+"""Solutions by their settings."""
 
 
 class References(Generic[Begun]):
@@ -129,16 +131,20 @@ class References(Generic[Begun]):
         self, grid: Grid, batches: Iterable[Batch], begin: Callable[[ReferenceBlock], Begun], threads: int = 1
     ) -> None:
         self._grid, self._begin, self._held = grid, begin, dict[ReferenceBlock, Begun]()
-        wanted: dict[Kind, tuple[int, list[Indices]]] = {}
+        wanted: dict[CaseSettings, tuple[int, bool, list[Indices]]] = {}
         for batch in batches:
-            for kind in needed_kinds(grid, batch.outer):
-                wanted.setdefault(kind, (batch.outer, []))[1].append(_first_alike(grid, kind, batch))
-        every = {kind: np.unique(np.concatenate(some)) for kind, (_, some) in wanted.items()}
-        each = {kind: solution_seconds(grid, *kind) for kind in every}
-        fair = fair_seconds(sum(each[kind] * inner.size for kind, inner in every.items()), threads)
+            for k, settings in enumerate(needed_settings(grid, batch.outer)):
+                *_, some = wanted.setdefault(settings, (batch.outer, k > 0, []))
+                some.append(_first_alike(grid, settings, batch.inner))
+        every = {settings: np.unique(np.concatenate(some)) for settings, (*_, some) in wanted.items()}
+        each = {settings: solution_seconds(grid, settings, wanted[settings][1]) for settings in every}
+        fair = fair_seconds(sum(each[settings] * inner.size for settings, inner in every.items()), threads)
         self._blocks = {
-            kind: [ReferenceBlock(wanted[kind][0], kind[1], part) for part in _cut(grid, kind, inner, each[kind], fair)]
-            for kind, inner in every.items()
+            settings: [
+                ReferenceBlock(*wanted[settings][:2], part)
+                for part in _cut(grid, settings, inner, each[settings], fair)
+            ]
+            for settings, inner in every.items()
         }
 
     def of(self, batches: Iterable[Batch]) -> dict[ReferenceBlock, Begun]:
@@ -156,21 +162,21 @@ class References(Generic[Begun]):
         return {block: self._held[block] for block in needed}
 
     def _blocks_of(self, batch: Batch) -> Iterator[ReferenceBlock]:
-        for kind in needed_kinds(self._grid, batch.outer):
-            blocks, first = self._blocks[kind], _first_alike(self._grid, kind, batch)
+        for settings in needed_settings(self._grid, batch.outer):
+            blocks, first = self._blocks[settings], _first_alike(self._grid, settings, batch.inner)
             after = np.searchsorted([block.inner[0] for block in blocks], first, side="right")
             yield from (blocks[k - 1] for k in np.unique(after).tolist())
 
 
-def _first_alike(grid: Grid, kind: Kind, batch: Batch) -> Indices:
-    """Return the inner indices that have the solutions of a kind for the cases of a batch, see :func:`is_compared`."""
-    return grid.inner_alike(batch.inner, is_compared(grid, kind[0]))
+def _first_alike(grid: Grid, settings: CaseSettings, inner: Indices) -> Indices:
+    """Return the inner indices that have the solutions of some settings for cases, see :func:`is_compared`."""
+    return grid.inner_alike(inner, is_compared(grid, settings))
 
 
-def _cut(grid: Grid, kind: Kind, inner: Indices, each: float, fair: float) -> list[Indices]:
+def _cut(grid: Grid, settings: CaseSettings, inner: Indices, each: float, fair: float) -> list[Indices]:
     """Return inner indices in parts that take about ``fair`` seconds, ``each`` of them so many."""
     most = max(1, TASK_BYTES // _bytes_of_solution(grid))
-    least = min(most, unit(grid, each, schemes.load(kind[0].scheme.method).TOGETHER))
+    least = min(most, unit(grid, each, schemes.load(settings.scheme.method).TOGETHER))
     parts = max(1, round(inner.size * each / fair))
     length = least * min(most // least, -(-inner.size // (parts * least)))
     return [inner[first : first + length] for first in range(0, inner.size, length)]
@@ -186,22 +192,16 @@ def solutions_for(grid: Grid, batch: Batch) -> Solutions:
 
 
 def solutions_of(grid: Grid, computed: Mapping[ReferenceBlock, ReferenceSolutions]) -> Solutions:
-    """Return what blocks hold, by kind."""
-    parts: dict[Kind, list[ReferenceSolutions]] = {}
+    """Return what blocks hold, by the settings of their solutions."""
+    parts: dict[CaseSettings, list[ReferenceSolutions]] = {}
     for block, solutions in computed.items():
-        parts.setdefault(_kind_of(grid, block), []).append(solutions)
-    return {kind: _together(some) for kind, some in parts.items()}
-
-
-def _kind_of(grid: Grid, block: ReferenceBlock) -> Kind:
-    settings = exact_settings(grid, block.outer) if block.is_exact else reference_settings(grid, block.outer)
-    return settings, block.is_exact
+        parts.setdefault(block.settings(grid), []).append(solutions)
+    return {settings: _together(some) for settings, some in parts.items()}
 
 
 def compute_block(grid: Grid, block: ReferenceBlock) -> ReferenceSolutions:
     """Return the solutions of a block."""
-    settings, _ = _kind_of(grid, block)
-    return _computed_or_lost(grid, settings, block.inner, is_exact=block.is_exact)
+    return _computed_or_lost(grid, block.settings(grid), block.inner, is_exact=block.is_exact)
 
 
 def solution_seconds(grid: Grid, settings: CaseSettings, is_exact: bool) -> float:
@@ -270,7 +270,9 @@ def against_reference(
     """
     if grid.study.reference is None:
         return {}, {}
-    compared = [_in_order(grid, kind, inner, solutions) for kind in needed_kinds(grid, outer)]
+    compared = [
+        solutions[settings].of(_first_alike(grid, settings, inner)) for settings in needed_settings(grid, outer)
+    ]
     references, exact = compared[0], compared[-1]
     errors: dict[str, Array] = {"predictability": references.predictability}
     chosen = grid.reference_choice(outer)
@@ -283,11 +285,6 @@ def against_reference(
         errors[f"{name}_scheme_error"] = relative(norms(results[name] - reduced), size)
         errors[f"{name}_model_error"] = relative(norms(reduced - truth), size)
     return errors, _messages(references, exact, errors, results["status"] == Status.OK)
-
-
-def _in_order(grid: Grid, kind: Kind, inner: Indices, solutions: Solutions) -> ReferenceSolutions:
-    """Return the solutions of a kind for the conditions of some cases."""
-    return solutions[kind].of(grid.inner_alike(inner, is_compared(grid, kind[0])))
 
 
 def _messages(
@@ -314,9 +311,9 @@ def exact_motion(grid: Grid, outer: int, inner: Indices, perturbation: Perturbat
     """
     settings = exact_settings(grid, outer)
     if perturbation is None:
-        kind = needed_kinds(grid, outer)[-1]  # the reference itself where that is exact
-        solutions = _in_order(grid, kind, inner, solutions_for(grid, Batch(outer, inner)))
-        return dict(solutions.histories)
+        settings = needed_settings(grid, outer)[-1]  # the reference itself where that is exact
+        solutions = solutions_for(grid, Batch(outer, inner))[settings]
+        return dict(solutions.of(_first_alike(grid, settings, inner)).histories)
     settings, cases = cases_of(settings, compared_values(grid, inner), inner.size, perturbation)
     results = run_batch(settings, cases, replace(grid.sampling, balances=False))
     ended = (results.status == Status.OK)[:, None]
