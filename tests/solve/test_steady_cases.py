@@ -13,7 +13,9 @@ from quick import hashes_of, quick
 from steady_studies import steady_study
 from studies import parsed
 from workflow import plan_study, run_study
+from workflow.cases import arrange
 from workflow.run import verify
+from workflow.solve import solve
 
 AXES = {"scheme": ["event_driven", "moreau"], "h": 1e-3, "alpha": [0, 5, 30], "scene.casing.gap": [20e-6, 25e-6]}
 
@@ -107,3 +109,22 @@ def test_steady_rubs_do_not_depend_on_the_duration(frequency: int, tmp_path: Pat
     for name in ("steady_state", "steady_periods", "steady_impulse", "orbit_temperature", "floquet_multiplier"):
         for other in found[1:]:
             np.testing.assert_array_equal(found[0][name].values, other[name].values)
+
+
+def test_a_branch_whose_first_case_raises_leaves_the_others() -> None:
+    """A free body under a constant load has no equilibrium to start from."""
+    text = """
+study: a
+scene:
+  chain: {nodes: 2, mass: 1, stiffness: [0, 1], heat_capacity: 1, convection: 1, damping: {mass: 0.1}}
+  casing: {gap: 0.1}
+  load: {amplitude: 1, frequency: 0.3}
+  initial: static
+  duration: 10
+axes: {scheme: event_driven, scene.load.mean: [-1, 0], scene.casing.gap: {branch: [0.05, 0.2, 4]}}
+output: {interval: 1, histories: [], steady: true}
+"""
+    results = solve(arrange(parsed(text)), 0, np.arange(2))
+    assert "no equilibrium" in results.messages[0]
+    assert "no equilibrium" not in results.messages[1]
+    assert results.values["steady_state"].shape == (2, 4)

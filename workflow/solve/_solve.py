@@ -191,9 +191,9 @@ def _solve_or_tell(grid: Grid, outer: int, inner: Indices, perturbation: Perturb
 
 
 def _joined(parts: list[Solved]) -> Solved:
-    """Put batches of one case each together."""
-    names = parts[0].values
-    values = {name: np.concatenate([part.values[name] for part in parts]) for name in names}
+    """Put batches of one case each together, with the variables that all have: a branch that raised has more."""
+    shared = [name for name in parts[0].values if all(name in part.values for part in parts)]
+    values = {name: np.concatenate([part.values[name] for part in parts]) for name in shared}
     return Solved(values, {k: part.messages[0] for k, part in enumerate(parts) if part.messages})
 
 
