@@ -49,29 +49,22 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (count, size)))
 
     load = scene.load
-    amplitude, frequency, load_harmonics, casing_harmonics = sinusoids_of(scene, varying, count)
-    gap = of_case("scene.casing.gap", scene.gap)
-    mean = of_case("scene.load.mean", load.mean)
-    steady = of_node("scene.load.steady", load.steady)
-    heating = of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), thermal)
     initial = Initial() if scene.initial == "static" else scene.initial  # see at_rest
-    displacement = of_node("scene.initial.displacement", initial.displacement)
-    velocity = of_node("scene.initial.velocity", initial.velocity)
-    temperature = of_node("scene.initial.temperature", initial.temperature, thermal)
+    amplitude, frequency, load_harmonics, casing_harmonics = sinusoids_of(scene, varying, count)
     reads = schemes.load(settings.scheme.method).READS
     cases = Cases(
         e=of_case("e", settings.e) if "e" in reads else np.full(count, np.nan),
         alpha=alpha_of(settings, varying, count),
-        gap=gap,
-        mean=mean,
+        gap=of_case("scene.casing.gap", scene.gap),
+        mean=of_case("scene.load.mean", load.mean),
         amplitude=amplitude,
         frequency=frequency,
         phase=of_case("scene.load.phase", load.phase),
-        steady=steady,
-        heating=heating,
-        displacement=displacement,
-        velocity=velocity,
-        temperature=temperature,
+        steady=of_node("scene.load.steady", load.steady),
+        heating=of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), thermal),
+        displacement=of_node("scene.initial.displacement", initial.displacement),
+        velocity=of_node("scene.initial.velocity", initial.velocity),
+        temperature=of_node("scene.initial.temperature", initial.temperature, thermal),
         load_harmonics=load_harmonics,
         casing_harmonics=casing_harmonics,
         friction=friction_of(settings, structure, varying, count),
