@@ -24,7 +24,7 @@ from studies import SCENE, parsed
 from workflow import models, reduction, schemes, variables
 from workflow.archive import open_archive
 from workflow.grid import arrange, case_hashes, solve
-from workflow.models import Harmonics, Structure
+from workflow.models import Structure
 from workflow.run import run_study
 from workflow.schemes import Sampling, Status
 from workflow.study import StudyError, read_study
@@ -97,8 +97,8 @@ def test_it_runs_in_a_default_study_with_every_variable(recipe: str) -> None:
 
 def test_it_sees_harmonics_of_the_load_and_is_refused_a_casing_that_moves(recipe: str) -> None:
     batch = rubs(4)
-    harmonics = Harmonics(*(each[:, None] for each in (batch.amplitude, batch.frequency, batch.phase)))
-    more = replace(batch, amplitude=np.zeros(4), load_harmonics=harmonics)
+    load = batch.load_harmonics
+    more = replace(batch, load_harmonics=load.scaled(0.0).joined(load))
     one, other = (step(short_chain(), each, H, OVER, recipe).histories for each in (batch, more))
     assert relative(other["displacement"], one["displacement"]) < 1e-12  # 0 + F sin for F sin, over 1500 steps
     text = f"study: a\n{SCENE}axes: {{scheme: [{recipe}]}}\n"

@@ -63,15 +63,12 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         alpha=alpha_of(settings, varying, count),
         gap=gap,
         mean=mean,
-        amplitude=of_case("scene.load.amplitude", load.amplitude),
-        frequency=of_case("scene.load.frequency", load.frequency),
-        phase=of_case("scene.load.phase", load.phase),
         steady=steady,
         heating=heating,
         displacement=displacement,
         velocity=velocity,
         temperature=temperature,
-        load_harmonics=harmonics_of(scene, "load", varying, count),
+        load_harmonics=load_harmonics_of(scene, varying, count),
         casing_harmonics=harmonics_of(scene, "casing", varying, count),
         friction=friction_of(settings, structure, varying, count),
     )
@@ -102,8 +99,17 @@ def friction_of(settings: CaseSettings, structure: Structure, varying: Mapping[s
     return spread(varying, f"{FRICTION}coefficient", settings.scene.friction.coefficient, count)
 
 
+def load_harmonics_of(scene: Scene, varying: Mapping[str, Array], count: int) -> Harmonics:
+    """Return the harmonics of the load of each case: that of ``scene.load`` itself, then those that it lists."""
+    rows = (
+        spread(varying, f"scene.load.{name}", getattr(scene.load, name), count)[:, None]
+        for name in ("amplitude", "frequency", "phase")
+    )
+    return Harmonics(*rows).joined(harmonics_of(scene, "load", varying, count))
+
+
 def harmonics_of(scene: Scene, group: Literal["load", "casing"], varying: Mapping[str, Array], count: int) -> Harmonics:
-    """Return the harmonics of load or casing of each case; an ``order`` is a multiple of ``scene.speed``."""
+    """Return the listed harmonics of load or casing of each case; an ``order`` is a multiple of ``scene.speed``."""
     entries: Sequence[Any] = scene.load.harmonics if group == "load" else scene.casing.harmonics
     speed = spread(varying, "scene.speed", scene.speed, count)
     rows: dict[str, list[Array]] = {"amplitude": [], "frequency": [], "phase": []}

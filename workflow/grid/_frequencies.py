@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from workflow.grid._arrangement import Grid, Indices
-from workflow.grid._conditions import harmonics_of, spread
+from workflow.grid._conditions import harmonics_of, load_harmonics_of
 from workflow.models import Array, period_frequency
 from workflow.schemes import complete_periods
 from workflow.study import CaseSettings
@@ -24,10 +24,8 @@ def longest_period_count(grid: Grid) -> int:
     most = 0
     for settings, varying, inner in _distinct(grid):
         scene, count = settings.scene, inner.size
-        amplitude = spread(varying, "scene.load.amplitude", scene.load.amplitude, count)
-        frequency = spread(varying, "scene.load.frequency", scene.load.frequency, count)
-        load, casing = (harmonics_of(scene, group, varying, count) for group in ("load", "casing"))
-        periods = complete_periods(period_frequency(amplitude, frequency, load, casing), grid.sampling)
+        load, casing = load_harmonics_of(scene, varying, count), harmonics_of(scene, "casing", varying, count)
+        periods = complete_periods(period_frequency(load, casing), grid.sampling)
         most = max(most, int(periods.max()))
     return most
 
@@ -37,9 +35,9 @@ def fastest(grid: Grid) -> float:
     """Return the largest frequency of load and casing in any case, Hz."""
     largest = 0.0
     for settings, varying, inner in _distinct(grid):
-        rows = [spread(varying, "scene.load.frequency", settings.scene.load.frequency, inner.size)[:, None]]
-        rows += [harmonics_of(settings.scene, group, varying, inner.size).frequency for group in ("load", "casing")]
-        largest = max(largest, float(np.hstack(rows).max()))
+        scene, count = settings.scene, inner.size
+        load, casing = load_harmonics_of(scene, varying, count), harmonics_of(scene, "casing", varying, count)
+        largest = max(largest, float(load.joined(casing).frequency.max()))
     return largest
 
 

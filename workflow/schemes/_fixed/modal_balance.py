@@ -290,7 +290,7 @@ class Balances:
         modal, cases, begun = self._blocks.modal, self._cases, self._begun
         mobility, h = np.sum(modal.mass * modal.tip**2), self._free.tip.h
         drifts = np.abs(begun.steady).sum(axis=0) / h
-        impulse = elapsed * (np.abs(cases.mean) + np.abs(cases.amplitude) + cases.load_harmonics.reach)
+        impulse = elapsed * (np.abs(cases.mean) + cases.load_harmonics.reach)
         return np.asarray(0.5 * mobility * (REST * impulse) ** 2 + 0.5 * (REST * elapsed * drifts) ** 2)
 
 
