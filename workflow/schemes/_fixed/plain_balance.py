@@ -10,11 +10,23 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.lanes import named_rows, rows_in
 from workflow.models import Cases, Structure, directions, project
-from workflow.schemes._fixed.balance import Balance, content_of, row_totals
+from workflow.schemes._fixed.balance import Balance, Content
 from workflow.schemes._fixed.rows import Totals
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
+
+
+def row_totals(terms: Array) -> Array:
+    """Return the sum of each row, ``(row,)``, with the same bits for a case alone and among others."""
+    return np.asarray(np.ascontiguousarray(terms).sum(axis=1))
+
+
+def content_of(structure: Structure, cases: Cases, last: Array, elapsed: float) -> Content:
+    """Return the heat content of cases with the temperatures ``last`` after ``elapsed`` seconds, K."""
+    content, heating = structure.content, structure.uniform_rise * cases.heating
+    initial = content * cases.temperature
+    return Content(row_totals(content * last - initial), row_totals(np.abs(initial)), elapsed * row_totals(heating))
 
 
 class PlainBalance:
