@@ -320,6 +320,25 @@ def compiled_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[st
     sys.modules.pop("workflow.schemes.hunt_crossley", None)
 
 
+@pytest.mark.slow
+def test_a_compiled_contact_law_steps_by_central_differences(compiled_law: str, tmp_path: Path) -> None:
+    """Another step of the same law: both converge to one motion."""
+    text = (HERE / "hunt_crossley.py").read_text(encoding="utf-8").replace("step_theta", "step_central")
+    text = text.replace("structure, float(h), 1.0,", "structure, float(h), CentralDifferences(),")
+    text = text.replace("init_theta", "init_central").replace("import Contact,", "import CentralDifferences, Contact,")
+    (tmp_path / "central_crossley.py").write_text(text, encoding="utf-8")
+    structure, distances = short_chain(), []
+    batch = cases(structure, 2, alpha=[0.0, 20.0], gap=1e-5, amplitude=100.0, frequency=250.0)
+    for h in (2e-6, 2.5e-7):
+        one, other = (
+            step(structure, batch, h, sampling(4e-3, 1e-5), method, stiffness=2e10, damping=5.0)
+            for method in (compiled_law, "central_crossley")
+        )
+        assert one.histories["impulse"][:, -1].min() > 0
+        distances.append(relative(other.histories["displacement"], one.histories["displacement"]))
+    assert 0 < distances[1] < 0.4 * distances[0] < 0.02
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_a_compiled_contact_law_is_that_of_plain_matrices(compiled_law: str, friction: float) -> None:
     """Modes, and with a load elsewhere matrices; Hunt and Crossley's force written anew."""

@@ -276,15 +276,21 @@ def add_loss(account: Account | None, h: float, loss: Pack, heat: Pack | None, l
 
 @inlined
 def measure(account: Account | None, dense: Dense | None, step: FreeStep, state: State, lane: Lane) -> None:
-    """Compute the energy of modes at a step's end where it may be the largest."""
+    """Compute the energy at a step's end where it may be the largest."""
     if account is None or dense is not None:
         return
     if some(pack(account.sums.energy_bound, lane) > pack(account.sums.largest_energy, lane)):
-        load = pack(state.own.load, lane)
-        if was_pressed(state.own, lane):
-            _energy(None, account, step, state, load, pack(state.own.impulse, lane), lane)
-        else:
-            _energy(None, account, step, state, load, None, lane)
+        _measure(account, step, state, lane)
+
+
+@part
+def _measure(account: Account, step: FreeStep, state: State, lane: Lane) -> None:
+    """Compute the energy, out of line: so seldom that the step is faster without it."""
+    load = pack(state.own.load, lane)
+    if was_pressed(state.own, lane):
+        _energy(None, account, step, state, load, pack(state.own.impulse, lane), lane)
+    else:
+        _energy(None, account, step, state, load, None, lane)
 
 
 @inlined
@@ -537,8 +543,8 @@ class Balances:
         warmed = ended["tau"] / modal.heat_scale[:, None] - begun.heat + elapsed * begun.warming_modes
         initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled).T)
         heating = elapsed * project(self._content, project(modal.heat_shapes.T, self._cases.heating))
-        content = Content(project(self._content, warmed.T), initial, heating)
-        return Balance(sums, content, self._rest_energy(elapsed) + self._moving)
+        rest = self._rest_energy(elapsed) + self._moving
+        return Balance(sums, project(self._content, warmed.T), initial, heating, rest)
 
     def _rest_energy(self, elapsed: float) -> Array:
         """Return the energy below which the tip is at rest, J, ``(case,)``.
@@ -566,32 +572,25 @@ def _half_flexibility(modal: Decoupled) -> Array:
     return np.divide(0.5, modal.frequency**2, out=np.zeros_like(modal.frequency), where=modal.frequency > 0)
 
 
-class Content(NamedTuple):
-    """Heat content of cases [J], ``(case,)``."""
+class Balance(NamedTuple):
+    """Balances of cases after their march, J, ``(case,)``."""
 
+    totals: Totals
     gained: Array
     """H_end - H_0."""
     initial: Array
     """Σ|c T_0|."""
     heating: Array
     """Q = ∫pᵀq."""
-
-
-class Balance(NamedTuple):
-    """Balances of cases after their march."""
-
-    totals: Totals
-    content: Content
     rest: Array | float = 0.0
-    """Energy below which all is rounding, J: the least value of max E."""
+    """Energy below which all is rounding: the least value of max E."""
 
     def residuals(self) -> dict[str, Array]:
         """Return ``energy_residual`` and ``heat_residual``, ``(case,)``."""
-        totals, content = self.totals, self.content
+        totals, friction = self.totals, self.totals.friction_heat
         change = totals.last_energy - totals.first_energy + totals.dissipated
-        friction, heating = totals.friction_heat, content.heating
-        gained = content.gained - friction - heating + totals.lost
-        turned = friction + np.abs(heating) + totals.turned_over + content.initial
+        gained = self.gained - friction - self.heating + totals.lost
+        turned = friction + np.abs(self.heating) + totals.turned_over + self.initial
         largest = np.maximum(totals.largest_energy, self.rest)
         return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned)}
 

@@ -14,7 +14,7 @@ Temperatures step by (τ_k+1 - τ_k)/h = -μ τ_k + χ_n α λ_k, or with μ τ_
 The temperature of a sample includes half the heat of p_k, as its impulse includes half of p_k, so that the
 friction heat is αJ up to rounding.
 
-A contact law is given x_n,k, w_k-½ and w_free, the tip's velocity w_k+½ without contact.
+A contact law is given x_n,k, w_k-½ and w_free, the tip's velocity w_k+½ without contact; it returns p_k and w_k+½.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.lanes import named_rows, rows_in
 from workflow.models import Cases, Structure, directions, project
-from workflow.schemes._fixed.balance import Balance, Content
+from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.rows import Totals
 
 States = tuple[Array, Array, Array]
@@ -20,13 +20,6 @@ States = tuple[Array, Array, Array]
 def row_totals(terms: Array) -> Array:
     """Return the sum of each row, ``(row,)``, with the same bits for a case alone and among others."""
     return np.asarray(np.ascontiguousarray(terms).sum(axis=1))
-
-
-def content_of(structure: Structure, cases: Cases, last: Array, elapsed: float) -> Content:
-    """Return the heat content of cases with the temperatures ``last`` after ``elapsed`` seconds, K."""
-    content, heating = structure.content, structure.uniform_rise * cases.heating
-    initial = content * cases.temperature
-    return Content(row_totals(content * last - initial), row_totals(np.abs(initial)), elapsed * row_totals(heating))
 
 
 class PlainBalance:
@@ -63,5 +56,8 @@ class PlainBalance:
 
     def result(self, last: States) -> Balance:
         """Return the balances up to the end of the last step, with its states."""
-        content = content_of(self._structure, self._cases, last[2], self._steps * self._h)
-        return Balance(self._totals, content)
+        content, cases = self._structure.content, self._cases
+        initial = content * cases.temperature
+        gained = row_totals(content * last[2] - initial)
+        heating = self._steps * self._h * row_totals(self._structure.uniform_rise * cases.heating)
+        return Balance(self._totals, gained, row_totals(np.abs(initial)), heating)
