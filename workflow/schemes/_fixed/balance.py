@@ -28,7 +28,7 @@ The largest energy is that of all step ends, of which few are computed. With v_�
 
 so that for ℓ >= h/2 no energy exceeds the last one computed by more than Σ (S_load - p) v_ℓ of the tip and
 p √(2 max E) √(I² + ω² J²), with the inputs I, J by heat and friction of a unit impulse of contact. E is computed where
-this bound exceeds the largest one so far.
+this bound exceeds the largest one so far. The roots are those of up to twice max E, so that few are taken.
 The load counts as the step weights it, F_θ, in every representation of a structure. A quasi-static motion under it
 leaves -2 (θ - 1/2) h ∫ k v² dt, half of which is the difference of F_θ from the mean of the load at the step's ends.
 

@@ -1,12 +1,4 @@
-"""Free motion: the initial states of a batch, and all blocks in one step, a pack of lanes at a time.
-
-A kernel loops over time, in a step over packs of lanes, and in a pack over its blocks, whose sum stays
-in a register from block to block, in the same order for every lane. So nothing of a step is stored
-but the states. So that calls within a step cost nothing,
-
-- the number of lanes in a row of memory is asserted, see :mod:`workflow.kernels.lanes`, and so
-  are the numbers of a block: the distance between rows is then a constant;
-- functions called in every step are inlined and count no references to arrays.
+"""Free motion: coefficients of a step for kernels, and the initial states of a batch.
 
 Load and contact of a step are added to u and η of a block when the next step begins: :func:`ended` returns both at the
 step's end. Blocks that are modes are scaled by their component at the tip, whose velocity is then the sum of all u.

@@ -2,6 +2,14 @@
 
 A scheme gives its step (:class:`~workflow.schemes._fixed.blocks.Step`) and its contact law
 (:mod:`workflow.schemes._fixed.contact`), whose type specialises the march when it is compiled.
+
+A kernel loops over time, in a step over packs of lanes, and in a pack over its blocks, whose sum stays in a register
+from block to block, in the same order for every lane. So nothing of a step is stored but the states. So that calls
+within a step cost nothing,
+
+- the number of lanes in a row of memory is asserted, see :mod:`workflow.kernels.lanes`, and so are the numbers of a
+  block: the distance between rows is then a constant;
+- functions called in every step are inlined and count no references to arrays.
 """
 
 from __future__ import annotations
