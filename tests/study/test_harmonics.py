@@ -48,7 +48,7 @@ def test_orders_are_multiples_of_the_speed_whichever_of_them_varies():
     batch = cases(study)
     assert [d.name for d in arrange(study).inner] == ["harmonic_order", "speed"]
     assert np.array_equal(batch.casing_harmonics.frequency[:, 0], [20.0, 40.0, 40.0, 80.0])
-    assert np.array_equal(batch.load_harmonics.frequency[:, 0], [30.0, 60.0, 30.0, 60.0])
+    assert np.array_equal(batch.load_harmonics.frequency[:, 1], [30.0, 60.0, 30.0, 60.0])
     t, turn = 0.0123, 2 * np.pi * 0.0123
     d = 1e-3 + 5e-6 * np.cos(20 * turn) + 1e-6 * np.sin(3 * turn)
     velocity = 2 * np.pi * (-20 * 5e-6 * np.sin(20 * turn) + 3e-6 * np.cos(3 * turn))

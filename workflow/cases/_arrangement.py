@@ -15,7 +15,7 @@ from workflow import schemes
 from workflow.cases._choice import OF_REFERENCE, Choices, ChosenModes, Setting, choose, refine
 from workflow.cases._conditions import FRICTION, sinusoids_of
 from workflow.judges.trials import EXACT
-from workflow.models import Array, Harmonics, period_frequency
+from workflow.models import Harmonics, period_frequency
 from workflow.schemes import Sampling, complete_periods
 from workflow.study import CHOSEN, Axis, CaseSettings, Dimension, SchemeChoice, Study
 
@@ -99,11 +99,10 @@ class Grid:
     @cached_property
     def fastest(self) -> float:
         """Largest frequency of load and casing in any case, Hz."""
-        every = ((frequency, load.frequency, casing.frequency) for _, frequency, load, casing in self._sinusoids())
-        return max(float(one.max(initial=0.0)) for frequencies in every for one in frequencies)
+        return max(float(load.joined(casing).frequency.max()) for load, casing in self._sinusoids())
 
-    def _sinusoids(self) -> Iterator[tuple[Array, Array, Harmonics, Harmonics]]:
-        """Yield load, harmonics of load and casing of one case for each combination of what decides frequencies."""
+    def _sinusoids(self) -> Iterator[tuple[Harmonics, Harmonics]]:
+        """Yield harmonics of load and casing of one case for each combination of what decides frequencies."""
         inner = self.inner_distinct(_decides_frequencies)
         varying = self.inner_values(inner)
         for outer in np.unique(self.alike(np.arange(self.outer_count, dtype=np.int64), _decides_frequencies)).tolist():

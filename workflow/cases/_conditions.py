@@ -50,16 +50,13 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
 
     load = scene.load
     initial = Initial() if scene.initial == "static" else scene.initial  # see at_rest
-    amplitude, frequency, load_harmonics, casing_harmonics = sinusoids_of(scene, varying, count)
+    load_harmonics, casing_harmonics = sinusoids_of(scene, varying, count)
     reads = schemes.load(settings.scheme.method).READS
     cases = Cases(
         e=of_case("e", settings.e) if "e" in reads else np.full(count, np.nan),
         alpha=alpha_of(settings, varying, count),
         gap=of_case("scene.casing.gap", scene.gap),
         mean=of_case("scene.load.mean", load.mean),
-        amplitude=amplitude,
-        frequency=frequency,
-        phase=of_case("scene.load.phase", load.phase),
         steady=of_node("scene.load.steady", load.steady),
         heating=of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), thermal),
         displacement=of_node("scene.initial.displacement", initial.displacement),
@@ -96,16 +93,18 @@ def friction_of(settings: CaseSettings, structure: Structure, varying: Mapping[s
     return spread(varying, f"{FRICTION}coefficient", settings.scene.friction.coefficient, count)
 
 
-def sinusoids_of(scene: Scene, varying: Mapping[str, Array], count: int) -> tuple[Array, Array, Harmonics, Harmonics]:
-    """Return amplitude F1 [N] and frequency [Hz] of each case's load, ``(case,)``, and harmonics of load and casing."""
-    amplitude = spread(varying, "scene.load.amplitude", scene.load.amplitude, count)
-    frequency = spread(varying, "scene.load.frequency", scene.load.frequency, count)
+def sinusoids_of(scene: Scene, varying: Mapping[str, Array], count: int) -> tuple[Harmonics, Harmonics]:
+    """Return the harmonics of load and casing of each case; that of ``scene.load`` itself is the load's first."""
+    rows = (
+        spread(varying, f"scene.load.{name}", getattr(scene.load, name), count)[:, None]
+        for name in ("amplitude", "frequency", "phase")
+    )
     load, casing = (harmonics_of(scene, group, varying, count) for group in ("load", "casing"))
-    return amplitude, frequency, load, casing
+    return Harmonics(*rows).joined(load), casing
 
 
 def harmonics_of(scene: Scene, group: Literal["load", "casing"], varying: Mapping[str, Array], count: int) -> Harmonics:
-    """Return the harmonics of load or casing of each case; an ``order`` is a multiple of ``scene.speed``."""
+    """Return the listed harmonics of load or casing of each case; an ``order`` is a multiple of ``scene.speed``."""
     entries: Sequence[Any] = scene.load.harmonics if group == "load" else scene.casing.harmonics
     speed = spread(varying, "scene.speed", scene.speed, count)
     rows: dict[str, list[Array]] = {"amplitude": [], "frequency": [], "phase": []}

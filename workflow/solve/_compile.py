@@ -134,7 +134,7 @@ def _run(variant: KernelVariant) -> None:
     )
     scheme, none, one, node = load(variant.method), np.zeros(1), np.ones(1), np.zeros((1, 1))
     harmonics, friction = Harmonics(*np.zeros((3, 1, int(variant.harmonics)))), np.full(1, 0.5 * variant.slides)
-    cases = Cases(none, one, one, none, none, none, none, node, node, node, node, node, casing_harmonics=harmonics)
+    cases = Cases(none, one, one, none, node, node, node, node, node, casing_harmonics=harmonics)
     operator, over = scheme.init(structure, 0.5, variant.options), Sampling(1.0, 0.5, 3, balances=variant.balances)
     scheme.compute(operator, replace(cases, friction=friction), over)
 
