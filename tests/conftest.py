@@ -52,7 +52,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 def compile_common() -> None:
     """Compile in two processes; what kernels of a scheme share is translated once in the process that compiles them."""
     from workflow import schemes
-    from workflow.grid._compile import KernelVariant, compile_scheme, compiled_ahead
+    from workflow.solve._compile import KernelVariant, compile_scheme, compiled_ahead
 
     chosen: list[tuple[str, dict[str, Any], dict[str, bool]]] = [
         ("event_driven", {}, {"balances": True}),

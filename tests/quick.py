@@ -13,7 +13,7 @@ import pytest
 
 from studies import parsed
 from workflow.archive import ArchiveError, Command, parts_of, provenance_of, start_parts
-from workflow.grid import arrange, case_hashes
+from workflow.cases import arrange, case_hashes
 from workflow.study import Study
 
 SCENE = {

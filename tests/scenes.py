@@ -71,7 +71,8 @@ def blade(nodes: int = 20) -> Structure:
 def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
     """Return a batch; scalars are spread over cases and nodes, lists of cases are taken as they are.
 
-    Harmonics are lists of [amplitude, frequency, phase], each a scalar or one value per case.
+    Harmonics are lists of [amplitude, frequency, phase], each a scalar or one value per case; amplitude, frequency and
+    phase alone are the first of the load.
     """
 
     def of_case(name: str) -> np.ndarray:
@@ -80,14 +81,14 @@ def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
     def of_node(name: str, size: int) -> np.ndarray:
         return np.array(np.broadcast_to(np.asarray(values.get(name, 0.0), dtype=float), (count, size)))
 
-    def sinusoids(name: str) -> Harmonics:
-        rows = [[np.broadcast_to(value, (count,)) for value in one] for one in values.get(name, [])]
+    def sinusoids(name: str, *first: list[Any]) -> Harmonics:
+        rows = [[np.broadcast_to(value, (count,)) for value in one] for one in [*first, *values.get(name, [])]]
         return Harmonics(*np.array(rows, dtype=float).reshape(len(rows), 3, count).transpose(1, 2, 0))
 
     n, m = structure.mechanical_size, structure.thermal_size
-    names = ("e", "alpha", "gap", "mean", "amplitude", "frequency", "phase", "friction")
-    harmonics = ("load_harmonics", "casing_harmonics")
-    unknown = set(values) - {*names, *harmonics, "steady", "heating", "displacement", "velocity", "temperature"}
+    names, sine = ("e", "alpha", "gap", "mean", "friction"), ("amplitude", "frequency", "phase")
+    others = {"load_harmonics", "casing_harmonics", "steady", "heating", "displacement", "velocity", "temperature"}
+    unknown = set(values) - {*names, *sine, *others}
     if unknown:
         raise TypeError(f"no such condition: {unknown}")
     return Cases(
@@ -97,7 +98,8 @@ def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
         displacement=of_node("displacement", n),
         velocity=of_node("velocity", n),
         temperature=of_node("temperature", m),
-        **{name: sinusoids(name) for name in harmonics},
+        load_harmonics=sinusoids("load_harmonics", [values.get(name, 0.0) for name in sine]),
+        casing_harmonics=sinusoids("casing_harmonics"),
     )
 
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from workflow.archive import provenance
-from workflow.grid import Solved, arrange, solve
-from workflow.grid import _tasks as cutting
+from workflow.cases import arrange
 from workflow.pinning import is_pinned
 from workflow.run import _verify
+from workflow.solve import Solved, solve
+from workflow.solve import _tasks as cutting
 from workflow.study import Study, parse_study
 
 pinned = pytest.mark.skipif(not is_pinned(), reason="the environment chooses other machine code, or there is no choice")

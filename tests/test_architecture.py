@@ -28,7 +28,7 @@ PHYSICS = (
     "orbits",
     "judges",
 )
-FLOOR = ("study", "grid", "archive", "run", "analysis", "plots", "report", "cli")
+FLOOR = ("study", "cases", "solve", "plan", "archive", "run", "analysis", "plots", "report", "cli")
 ORDER = {room: place for place, room in enumerate((*PHYSICS, *FLOOR))}
 HEAVY = ("bokeh", "xarray", "netCDF4", "h5py", "dask", "distributed", "numba", "matplotlib", "scipy", "pint")
 

@@ -15,9 +15,9 @@ import xarray as xr
 from terminal import workflow
 from workflow import read_study, recommend, run_study, write_matrices
 from workflow.analysis import effect, shown_place
-from workflow.grid import plan_study
 from workflow.judges.cautions import FreeModes, SchemeStep, step_cautions
 from workflow.models._sparse_pair import SparsePair
+from workflow.plan import plan_study
 from workflow.plots import histories
 from workflow.plots._units import axis_of
 from workflow.report._figures import map_axes

@@ -15,7 +15,7 @@ _EXPORTS = {
     "observed_order": "workflow.analysis",
     "open_archive": "workflow.archive",
     "pin": "workflow.pinning",
-    "plan_study": "workflow.grid",
+    "plan_study": "workflow.plan",
     "plots": "workflow.plots",
     "read_study": "workflow.study",
     "recommend": "workflow.analysis",

@@ -8,6 +8,7 @@ import xarray as xr
 
 from workflow.analysis import ranges, standings
 from workflow.schemes import Status
+from workflow.variables import COMPARED
 
 H = [1e-5, 1e-4, 1e-3]
 
@@ -23,7 +24,8 @@ def archive(status: object, error: object, residual: object = 0.0, depth: object
     return xr.Dataset(
         {
             "status": spread(np.asarray(status, dtype=np.int8)),
-            "impulse_error": spread(error),
+            **{f"{name}_error": spread(error if name == "impulse" else 0.0) for name in COMPARED},
+            "processor_time": spread(1.0),
             "energy_residual": spread(residual),
             "max_penetration": spread(depth),
         },
@@ -34,10 +36,10 @@ def archive(status: object, error: object, residual: object = 0.0, depth: object
 @pytest.mark.parametrize(
     ("status", "error", "residual", "verdict"),
     [
-        (Status.OK, 0.01, 0.0, "accurate"),
-        (Status.OK, 0.0101, 0.0, "rough"),
-        (Status.OK, 0.11, -5.0, "wrong"),
-        (Status.OK, np.inf, 0.0, "wrong"),
+        (Status.OK, 0.01, 0.0, "within 1 %"),
+        (Status.OK, 0.0101, 0.0, "within 10 %"),
+        (Status.OK, 0.11, -5.0, "beyond 10 %"),
+        (Status.OK, np.inf, 0.0, "beyond 10 %"),
         (Status.OK, np.nan, 0.0, "stable"),
         (Status.OK, 0.001, 0.02, "gains energy"),
         (Status.DIVERGED, 0.0, 0.0, "diverged"),
@@ -52,7 +54,7 @@ def test_verdicts_follow_the_rule(status: Status, error: float, residual: float,
 def test_a_part_that_is_lost_is_reported() -> None:
     dataset = archive(Status.OK, 0.0)
     dataset["status"][0, 1, 1] = Status.DIVERGED
-    assert [row.verdict for row in standings(dataset)] == ["accurate", "diverged in part", "accurate"]
+    assert [row.verdict for row in standings(dataset)] == ["within 0.1 %", "diverged in part", "within 0.1 %"]
     assert [row.counts for row in standings(dataset)][1] == {"ok": 1, "diverged": 1}
 
 
@@ -61,7 +63,7 @@ def test_a_gain_shows_beside_a_larger_loss() -> None:
     dataset = archive(Status.OK, 0.001)
     dataset["energy_residual"][0, 0] = [-0.4, 0.03]
     dataset["energy_residual"][0, 1] = [-0.4, 0.0]
-    assert [row.verdict for row in standings(dataset)] == ["gains energy", "accurate", "accurate"]
+    assert [row.verdict for row in standings(dataset)] == ["gains energy", "within 0.1 %", "within 0.1 %"]
     assert standings(dataset)[0].residual == -0.4
 
 
@@ -72,7 +74,7 @@ def test_ranges_end_before_the_first_step_that_is_not_good() -> None:
     assert (row.ok, row.cases) == (4, 6)
     assert (row.finest, row.coarsest) == (0.001, 0.05)  # what diverged has no error
     assert row.penetration == pytest.approx(0.4)
-    assert row.verdicts == ("accurate", "rough", "diverged")
+    assert row.verdicts == ("within 0.1 %", "within 10 %", "diverged")
 
 
 def test_steps_near_a_limit_are_told_apart() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from workflow import archive
-from workflow.grid import encode
+from workflow.plan import encode
 
 DIMS = (("scheme", 2), ("e", 3), ("alpha", 25))
 TEXTS = {

@@ -13,7 +13,7 @@ from archive_samples import DIMS, check_dataset, make_archive, sample_results, s
 
 from studies import SCENE, parsed
 from workflow import archive
-from workflow.grid import _template
+from workflow.plan import _template
 from workflow.run import run_study
 
 

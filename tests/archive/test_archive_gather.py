@@ -30,7 +30,7 @@ from archive_samples import (
 
 from workflow import archive
 from workflow.archive import _checksums, _gather, _stored
-from workflow.grid import _template, encode
+from workflow.plan import _template, encode
 
 TEMPLATES = {
     "three dimensions, partial edge": sample_template(),

@@ -11,7 +11,7 @@ import pytest
 from quick import quick
 from terminal import told
 from workflow.archive import ArchiveError, _provenance, content_hash, open_archive, provenance
-from workflow.grid import _identity
+from workflow.cases import _identity
 from workflow.run import _prepare, _verify, holdings, run_study
 from workflow.schemes import SOLVER_VERSION
 from workflow.study import Study, parse_study

@@ -22,7 +22,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workflow import archive
-from workflow.grid import _template, encode
+from workflow.plan import _template, encode
 
 TEMPLATE = sample_template()
 RESULTS = sample_results(TEMPLATE)

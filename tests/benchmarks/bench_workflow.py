@@ -25,7 +25,8 @@ from timing import Line, Size, least, scratch, taken
 
 from studies import HEAVY_SCENE, parsed
 from workflow import open_archive, run_study
-from workflow.grid import arrange, plan
+from workflow.cases import arrange
+from workflow.plan import plan
 from workflow.run import available_threads
 from workflow.study import Study
 

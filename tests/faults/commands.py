@@ -17,7 +17,7 @@ PATIENCE = 120.0
 
 FINELY = """
 import time
-import workflow.grid._tasks as cutting
+import workflow.solve._tasks as cutting
 import workflow.run._task as running
 from workflow.cli import main
 cutting.LONGEST, cutting.unit = 1e-9, lambda grid, *_: grid.inner_shape[-1]

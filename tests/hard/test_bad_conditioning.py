@@ -11,9 +11,9 @@ import xarray as xr
 
 from scripts import script
 from workflow.archive import open_archive
-from workflow.grid import plan_study, structure_of
-from workflow.models import rounding_of_flexibility
+from workflow.models import rounding_of_flexibility, structure_of
 from workflow.models._matrix_files import read_entries
+from workflow.plan import plan_study
 from workflow.run import run_study
 from workflow.schemes import Status
 from workflow.study import parse_study, read_study

@@ -18,7 +18,8 @@ from scripts import script
 from workflow import models
 from workflow.analysis import contact_phases, ranges
 from workflow.archive import open_archive
-from workflow.grid import arrange, plan
+from workflow.cases import arrange
+from workflow.plan import plan
 from workflow.schemes import Status
 from workflow.study import StudyError, parse_study, read_study
 
@@ -484,9 +485,9 @@ def test_who_stays_stable() -> None:
     assert judged["carpenter_limit"]["central"].stable == "0.00010028 s"
     assert judged["carpenter_limit"]["lagged"].stable == "9.07e-05 s"
     assert judged["clamped_bar"]["theta_045"].verdicts == ("diverged",)
-    assert judged["clamped_bar"]["midpoint"].verdicts == ("accurate",)
-    assert judged["clamped_bar"]["implicit_euler"].verdicts == ("wrong",)
-    assert judged["preloaded"]["penalty"].verdicts == ("accurate", "diverged")
+    assert judged["clamped_bar"]["midpoint"].verdicts == ("within 10 %",)
+    assert judged["clamped_bar"]["implicit_euler"].verdicts == ("beyond 10 %",)
+    assert judged["preloaded"]["penalty"].verdicts == ("within 0.1 %", "diverged")
     assert judged["light_tip"]["carpenter"].stable == "1e-08 s"
 
 

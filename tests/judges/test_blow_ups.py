@@ -11,12 +11,13 @@ import pytest
 
 from scenes import cases, chain, sampling, step
 from studies import HEAVY_SCENE, parsed, solve_all
-from workflow.grid import Solved, arrange, structure_of
-from workflow.grid._conditions import conditions
-from workflow.grid._operators import judged, run_batch
+from workflow.cases import arrange
+from workflow.cases._conditions import conditions
 from workflow.judges.blow_ups import mark_blown_up
-from workflow.models import tip_flexibility
+from workflow.models import structure_of, tip_flexibility
 from workflow.schemes import Status
+from workflow.solve import Solved
+from workflow.solve._operators import judged, run_batch
 
 ONE = """
 study: a

@@ -64,7 +64,8 @@ def test_the_oscillator_of_shaw_and_holmes_doubles_its_period() -> None:
     scene = cases(structure, e=0.8, amplitude=1.0, frequency=2 / TURN, phase=np.pi / 2, displacement=-0.5)
 
     def problem(omega: float) -> tuple[Structure, Cases]:
-        return structure, replace(scene, frequency=np.array([omega / TURN]))
+        turning = replace(scene.load_harmonics, frequency=np.array([[omega / TURN]]))
+        return structure, replace(scene, load_harmonics=turning)
 
     values = followed(problem, 2.0, 3.0, 40)
     (doubling,) = flagged(values, "period_doubling")
@@ -85,7 +86,11 @@ def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
     """
     structure = oscillator(0.1)
     scene = cases(structure, e=0.8, gap=1.0, amplitude=1.0, frequency=1 / TURN, phase=np.pi / 2)
-    values = followed(along("amplitude", structure, scene), 1.0, 0.05, 12)
+
+    def problem(amplitude: float) -> tuple[Structure, Cases]:
+        return structure, replace(scene, load_harmonics=scene.load_harmonics.scaled(amplitude))
+
+    values = followed(problem, 1.0, 0.05, 12)
     assert flagged(values, "grazing").tolist() == [11]
     assert values["value"][-1] == pytest.approx(0.1, abs=1e-6)
     pole = complex(-0.05, np.sqrt(1 - 0.05**2))  # h = Re(z exp(pole t)), per v

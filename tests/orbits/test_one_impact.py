@@ -25,7 +25,7 @@ def followed(one: OneImpact, start: float, stop: float, points: int) -> dict[str
     scene = one.scene(structure, start)
 
     def problem(force: float) -> tuple[Structure, Cases]:
-        return structure, replace(scene, amplitude=np.array([force]))
+        return structure, replace(scene, load_harmonics=scene.load_harmonics.scaled(force / start))
 
     return branch(problem, start, stop, points, Options(periods=2, samples=4))[0]
 

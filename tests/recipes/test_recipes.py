@@ -23,10 +23,11 @@ from scenes import rubs as random_rubs
 from studies import SCENE, parsed
 from workflow import models, reduction, schemes, variables
 from workflow.archive import open_archive
-from workflow.grid import arrange, case_hashes, solve
-from workflow.models import Harmonics, Structure
+from workflow.cases import arrange, case_hashes
+from workflow.models import Structure
 from workflow.run import run_study
 from workflow.schemes import Sampling, Status
+from workflow.solve import solve
 from workflow.study import StudyError, read_study
 
 HERE = Path(__file__).parent
@@ -97,8 +98,8 @@ def test_it_runs_in_a_default_study_with_every_variable(recipe: str) -> None:
 
 def test_it_sees_harmonics_of_the_load_and_is_refused_a_casing_that_moves(recipe: str) -> None:
     batch = rubs(4)
-    harmonics = Harmonics(*(each[:, None] for each in (batch.amplitude, batch.frequency, batch.phase)))
-    more = replace(batch, amplitude=np.zeros(4), load_harmonics=harmonics)
+    load = batch.load_harmonics
+    more = replace(batch, load_harmonics=load.scaled(0.0).joined(load))
     one, other = (step(short_chain(), each, H, OVER, recipe).histories for each in (batch, more))
     assert relative(other["displacement"], one["displacement"]) < 1e-12  # 0 + F sin for F sin, over 1500 steps
     text = f"study: a\n{SCENE}axes: {{scheme: [{recipe}]}}\n"
@@ -318,6 +319,25 @@ def compiled_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[st
     added(schemes, tmp_path, monkeypatch)
     yield "hunt_crossley"
     sys.modules.pop("workflow.schemes.hunt_crossley", None)
+
+
+@pytest.mark.slow
+def test_a_compiled_contact_law_steps_by_central_differences(compiled_law: str, tmp_path: Path) -> None:
+    """Another step of the same law: both converge to one motion."""
+    text = (HERE / "hunt_crossley.py").read_text(encoding="utf-8").replace("step_theta", "step_central")
+    text = text.replace("structure, float(h), 1.0,", "structure, float(h), CentralDifferences(),")
+    text = text.replace("init_theta", "init_central").replace("import Contact,", "import CentralDifferences, Contact,")
+    (tmp_path / "central_crossley.py").write_text(text, encoding="utf-8")
+    structure, distances = short_chain(), []
+    batch = cases(structure, 2, alpha=[0.0, 20.0], gap=1e-5, amplitude=100.0, frequency=250.0)
+    for h in (2e-6, 2.5e-7):
+        one, other = (
+            step(structure, batch, h, sampling(4e-3, 1e-5), method, stiffness=2e10, damping=5.0)
+            for method in (compiled_law, "central_crossley")
+        )
+        assert one.histories["impulse"][:, -1].min() > 0
+        distances.append(relative(other.histories["displacement"], one.histories["displacement"]))
+    assert 0 < distances[1] < 0.4 * distances[0] < 0.02
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])

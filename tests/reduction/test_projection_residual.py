@@ -9,9 +9,10 @@ import pytest
 
 from scenes import blade, cases, chain
 from studies import SCENE, parsed
-from workflow.grid import arrange, solve
+from workflow.cases import arrange
 from workflow.models import Structure
 from workflow.reduction import Reduction, projection_residual, reduce_structure
+from workflow.solve import solve
 
 
 def spot(node: int, value: float, nodes: int = 20) -> np.ndarray:

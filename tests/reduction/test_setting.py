@@ -13,8 +13,9 @@ from quick import hashes_of, quick
 from studies import SCENE, parsed
 from workflow import reduction
 from workflow.archive import open_archive
-from workflow.grid import arrange, case_hashes, solve
+from workflow.cases import arrange, case_hashes
 from workflow.run import run_study
+from workflow.solve import solve
 from workflow.study import StudyError
 
 OTHER = '''

@@ -186,7 +186,7 @@ def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(
     assert (
         text.index(html.escape(sentence(recommended))) < text.index("Map of the cases") < text.index("Who stays stable")
     )
-    assert 'class="accurate"' in text  # the exact scheme, though a model of one mode errs
+    assert 'class="within"' in text  # the exact scheme with all modes, though a model of one mode errs
     assert "its study has no <code>reference</code>" in reports[1].page.read_text(encoding="utf-8")
     for word in ("processor time", "processor", " threads", "written", "numba", "Effective e: ", "Energy residual: "):
         assert word in text, word

@@ -47,7 +47,7 @@ output: {interval: 1 ms, histories: [displacement]}
 """160 cases in 16 units of storage."""
 
 FINELY = """
-import os, workflow.grid._tasks as cutting, workflow.run._cluster as cluster
+import os, workflow.solve._tasks as cutting, workflow.run._cluster as cluster
 cutting.LONGEST, cutting.unit = 1e-9, lambda grid, *_: grid.inner_shape[-1]
 cluster._PATIENCE = float(os.environ.get("WATCHED_PATIENCE", 60.0))
 from workflow.cli import main
@@ -349,7 +349,7 @@ class Blaming:
 
 def test_only_the_task_that_kills_its_worker_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All are blamed, and each is tried again alone."""
-    monkeypatch.setattr("workflow.grid._tasks.LONGEST", 1e-9)
-    monkeypatch.setattr("workflow.grid._tasks.unit", lambda grid, *_: grid.inner_shape[-1])
+    monkeypatch.setattr("workflow.solve._tasks.LONGEST", 1e-9)
+    monkeypatch.setattr("workflow.solve._tasks.unit", lambda grid, *_: grid.inner_shape[-1])
     monkeypatch.setattr("workflow.run._study.connected", lambda *_: nullcontext(Blaming()))
     assert run_study(parsed(STUDY), tmp_path / "many.nc", workers=1).counts == {"ok": 150, "failed": 10}

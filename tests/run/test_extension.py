@@ -24,8 +24,10 @@ from workflow.archive import (
     provenance,
     stored_hashes,
 )
-from workflow.grid import _template, arrange, solve
+from workflow.cases import arrange
+from workflow.plan import _template
 from workflow.run import run_study
+from workflow.solve import solve
 from workflow.study import Study
 
 

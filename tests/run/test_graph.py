@@ -12,8 +12,8 @@ import pytest
 from quick import quick
 from studies import cut_finely
 from workflow.archive import content_hash
-from workflow.grid import Task
 from workflow.run import _threads, run_study
+from workflow.solve import Task
 
 STUDY = quick({"h": [1e-4, 5e-5]}, reference={"scheme": "moreau", "h": 2e-5})
 

@@ -162,7 +162,7 @@ def test_a_plan_says_what_factors_take_and_warns_before_large_ones(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("workflow.models._factors.MOST_BY_SUPERLU", 100)
-    monkeypatch.setattr("workflow.grid._plan.MOST_BY_SUPERLU", 100)
+    monkeypatch.setattr("workflow.plan._plan.MOST_BY_SUPERLU", 100)
     monkeypatch.setattr("workflow.models._factors._MANY_BYTES", 1e3)
     as_npz(matrices_of(blade(310)), tmp_path)
     text = "study: s\nscene:\n  matrices: {file: blade.npz, contact: 309}\n  casing: {gap: 1e-5}\n  duration: 1e-3\n"

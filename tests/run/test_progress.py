@@ -16,7 +16,7 @@ from nbclient import NotebookClient
 from quick import interrupted, quick
 from studies import ILL, cut_finely, parsed
 from workflow.archive import parts_of
-from workflow.grid import _waiting_for, seconds_compiled, waiting_for
+from workflow.cases import _waiting_for, seconds_compiled, waiting_for
 from workflow.run import Advance, Outcome, _progress, in_words, run_study
 from workflow.run._progress import ProgressCounter
 from workflow.run._task import Report

@@ -13,9 +13,9 @@ import workflow.run._task as running
 from quick import interrupted, quick, same_values
 from studies import cut_finely
 from workflow.archive import _provenance, content_hash, open_archive, parts_of
-from workflow.grid import _solve
 from workflow.run import run_study
 from workflow.schemes import Status
+from workflow.solve import _solve
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 
 from bench_workflow import HISTORIES, METRICS, memory
 
-from workflow.grid._tasks import TASK_BYTES
+from workflow.solve._tasks import TASK_BYTES
 
 HELD = 4 * TASK_BYTES / 2**20
 """MiB that two threads hold: a task's results and their copy on the way to a shard, for each."""

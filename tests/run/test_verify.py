@@ -19,9 +19,10 @@ from terminal import told
 from workflow import schemes
 from workflow.archive import ArchiveError, _provenance, content_hash, provenance
 from workflow.archive._checksums import seal
-from workflow.grid import arrange, solve
+from workflow.cases import arrange
 from workflow.run import _study, _verify, run_study, verify
 from workflow.run._verify import sensitivity
+from workflow.solve import solve
 
 KEPT = [
     pytest.param(path, marks=pytest.mark.slow if path.stem == "scaling" else ())  # up to 100 000 nodes
@@ -271,7 +272,7 @@ def test_an_edited_identity_is_noticed(copied: Path) -> None:
 
 @pinned
 def test_cases_that_failed_are_not_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from workflow.grid import _solve
+    from workflow.solve import _solve
 
     def failing(*_: object) -> None:
         raise MemoryError

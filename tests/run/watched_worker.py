@@ -25,6 +25,6 @@ def _noted(grid: Any, outer: int, inner: Any, **known: Any) -> Any:
     return solve(grid, outer, inner, **known)
 
 
-if running.solve.__module__ == "workflow.grid._solve":  # dask may load a preload twice
+if running.solve.__module__ == "workflow.solve._solve":  # dask may load a preload twice
     solve = running.solve
     running.solve = _noted

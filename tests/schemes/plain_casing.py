@@ -9,10 +9,9 @@ from workflow.models import Cases, Structure
 
 def load(batch: Cases, t: float) -> float:
     """f(t) of the first case."""
-    more = batch.load_harmonics
-    swing = batch.amplitude[0] * np.sin(2 * np.pi * batch.frequency[0] * t + batch.phase[0])
-    turned = np.sin(2 * np.pi * more.frequency[0] * t + more.phase[0])
-    return float(batch.mean[0] + swing + np.sum(more.amplitude[0] * turned))
+    waves = batch.load_harmonics
+    turned = np.sin(2 * np.pi * waves.frequency[0] * t + waves.phase[0])
+    return float(batch.mean[0] + np.sum(waves.amplitude[0] * turned))
 
 
 def place(batch: Cases, t: float) -> float:

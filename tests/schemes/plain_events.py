@@ -71,7 +71,6 @@ class Reference:
         self.s, self.cases = s, cases
         self.nm, self.nt = s.mechanical_size, s.thermal_size
         loads, moves = _waves(cases.load_harmonics), _waves(cases.casing_harmonics)
-        loads.append((cases.amplitude[0], cases.frequency[0], cases.phase[0]))
         waves = [(a, 0.0, f, phi) for a, f, phi in loads] + [(0.0, a, f, phi) for a, f, phi in moves]
         by_load, by_casing, frequency, phase = np.array(waves, dtype=Long).T
         first, turning = 2 * self.nm + self.nt + 2, 8 * np.arctan(Long(1)) * frequency

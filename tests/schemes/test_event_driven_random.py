@@ -71,7 +71,7 @@ def moving_scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
         shape = 1, int(rng.integers(1, 4))
         return Harmonics(size * rng.uniform(0.1, 1, shape), rng.uniform(0.05, 0.8, shape), rng.uniform(0, 6, shape))
 
-    case = replace(case, load_harmonics=sinusoids(1.0), casing_harmonics=sinusoids(0.2))
+    case = replace(case, load_harmonics=case.load_harmonics.joined(sinusoids(1.0)), casing_harmonics=sinusoids(0.2))
     place = case.casing_at(0.0)[0]
     touches = rng.random() < 0.15
     case.displacement[0, -1] = place if touches else place - abs(rng.normal(0, 0.5))

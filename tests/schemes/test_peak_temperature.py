@@ -51,7 +51,7 @@ def agrees(case: Cases, coarse: Results, fine: Results, times: np.ndarray) -> No
     scale = 1e-10 * np.abs(coarse.period_temperature[0]) + 1e-15
     assert (np.abs(fine.period_temperature[0] - coarse.period_temperature[0]) <= scale).all()
     for k, period_top in enumerate(coarse.period_temperature[0]):
-        inside = (times * case.frequency[0] >= k) & (times * case.frequency[0] <= k + 1)
+        inside = (times * case.period_frequency[0] >= k) & (times * case.period_frequency[0] <= k + 1)
         assert seen[inside].max() <= period_top + scale[k]
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import qmc
 
 from studies import SCENE
-from workflow.grid import arrange, case_hashes
+from workflow.cases import arrange, case_hashes
 from workflow.study import Study, parse_study, resolved_values
 
 PATHS = ("scene.casing.gap", "alpha")

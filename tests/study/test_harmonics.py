@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from workflow import read_study
-from workflow.grid import arrange, case_hashes, longest_period_count
-from workflow.grid._conditions import conditions
-from workflow.grid._operators import structure_of
+from workflow.cases import arrange, case_hashes
+from workflow.cases._conditions import conditions
+from workflow.models import structure_of
 from workflow.study import StudyError, parse_study
 
 SCENE = """study: moving
@@ -48,7 +48,7 @@ def test_orders_are_multiples_of_the_speed_whichever_of_them_varies():
     batch = cases(study)
     assert [d.name for d in arrange(study).inner] == ["harmonic_order", "speed"]
     assert np.array_equal(batch.casing_harmonics.frequency[:, 0], [20.0, 40.0, 40.0, 80.0])
-    assert np.array_equal(batch.load_harmonics.frequency[:, 0], [30.0, 60.0, 30.0, 60.0])
+    assert np.array_equal(batch.load_harmonics.frequency[:, 1], [30.0, 60.0, 30.0, 60.0])
     t, turn = 0.0123, 2 * np.pi * 0.0123
     d = 1e-3 + 5e-6 * np.cos(20 * turn) + 1e-6 * np.sin(3 * turn)
     velocity = 2 * np.pi * (-20 * 5e-6 * np.sin(20 * turn) + 3e-6 * np.cos(3 * turn))
@@ -99,7 +99,7 @@ HARMONICS = "{amplitude: 1, frequency: 3}", "{amplitude: 1 um, frequency: 5}"
 )
 def test_periods_are_those_of_the_load_then_of_a_load_harmonic_then_of_the_casing(amplitude, load, casing, periods):
     study = read_study(written(casing, load, amplitude=amplitude))
-    assert longest_period_count(arrange(study)) == periods
+    assert arrange(study).longest_period_count == periods
     assert cases(study).period_frequency == periods
 
 

@@ -197,6 +197,24 @@ def usual_recommendations(dataset: xr.Dataset, asked: Recommendation) -> list[Re
     return [asked if share == asked.tolerance else _recommended(table, share) for share in shares]
 
 
+def most_accurate(dataset: xr.Dataset, dims: Sequence[str]) -> list[Choice]:
+    """Return for each place along some numerical dimensions the choice whose largest error is the least, in C order.
+
+    Shares are those of cases within the tolerance of the archive's study.
+
+    Raises
+    ------
+    NoReferenceError
+        The archive holds no errors.
+    """
+    table, tolerance = Table(dataset), stated_tolerance(dataset)
+    sizes, first = [dataset.sizes[dim] for dim in table.rows], [table.rows.index(dim) for dim in dims]
+    numbers = np.moveaxis(np.arange(math.prod(sizes)).reshape(sizes), first, range(len(first)))
+    largest = np.array([_largest(errors) for errors in table.error])
+    rows = [some[largest[some].argmin()] for some in numbers.reshape(math.prod(numbers.shape[: len(first)]), -1)]
+    return [table.choice(int(row), table.error[row] <= tolerance) for row in rows]
+
+
 def _alike(choices: list[Choice]) -> tuple[Choice, ...]:
     """Return choices but the first, largest step and fewest modes first; those that differ by an idle step are one."""
     distinct: dict[tuple[Any, ...], Choice] = {}

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow import models
 from workflow.analysis._cases import most_loaded
-from workflow.grid import HARMONIC
+from workflow.plan import HARMONIC
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,22 +43,18 @@ def casing_motion(case: xr.Dataset) -> tuple[Array, Array] | None:
     """
     if "gap" not in case.coords or "t" not in case.coords:
         return None
-    entries = _entries(case)
-    if not entries:
+    harmonics = _casing_harmonics(case)
+    if not harmonics.width:
         return None
     t = np.asarray(case["t"].values, dtype=float)
-    place, velocity = np.full(t.shape, float(gap_of(case))), np.zeros(t.shape)
-    for amplitude, frequency, phase in entries:
-        angle = 2 * np.pi * frequency * t + phase
-        place += amplitude * np.sin(angle)
-        velocity += 2 * np.pi * frequency * amplitude * np.cos(angle)
+    angle = harmonics.angular * t[:, None] + harmonics.phase
+    place = float(gap_of(case)) + np.sin(angle) @ harmonics.amplitude[0]
+    velocity = np.cos(angle) @ (harmonics.angular * harmonics.amplitude)[0]
     return place, velocity
 
 
 def period_frequency(case: xr.Dataset, scene: Mapping[str, Any]) -> float:
-    """Return the frequency whose periods an archive counts, Hz.
-
-    That of the load, else of its first harmonic, else of the casing's.
+    """Return the frequency of the load periods of an archive's case, Hz, see :func:`workflow.models.period_frequency`.
 
     Parameters
     ----------
@@ -73,27 +70,25 @@ def period_frequency(case: xr.Dataset, scene: Mapping[str, Any]) -> float:
     """
     try:
         scene = _of_case(case, scene)
-        load, casing = scene.get("load", {}), scene.get("casing", {})
-        harmonics = [*load.get("harmonics", []), *casing.get("harmonics", [])]
-        if harmonics and float(load.get("amplitude", 0.0)) == 0.0:
-            return _frequency(harmonics[0], float(scene.get("speed", 0.0)))
-        return float(load["frequency"])
+        speed, load = float(scene.get("speed", 0.0)), scene["load"]
+        own = models.Harmonics(*(np.full((1, 1), float(load.get(name, 0.0))) for name in HARMONIC))
+        listed, casing = (_harmonics(scene.get(group, {}).get("harmonics", []), speed) for group in ("load", "casing"))
+        return float(models.period_frequency(own.joined(listed), casing)[0])
     except (ValueError, TypeError, KeyError, IndexError, AttributeError):
         return float("nan")
 
 
-def _entries(case: xr.Dataset) -> list[tuple[float, float, float]]:
-    """Return amplitude [m], frequency [Hz] and phase of each harmonic; none where what is said makes no sense."""
+def _casing_harmonics(case: xr.Dataset) -> models.Harmonics:
+    """Return the harmonics of a case's casing; none where what is said makes no sense."""
     about = case["gap"].attrs
     try:
         columns = [np.atleast_1d(about[f"casing_{name}"]).tolist() for name in HARMONIC]
-        harmonics = [dict(zip(HARMONIC, entry, strict=True)) for entry in zip(*columns, strict=True)]
-        scene = _of_case(case, {"speed": about["speed"], "casing": {"harmonics": harmonics}})
-        speed, entries = float(scene["speed"]), scene["casing"]["harmonics"]
+        entries = [dict(zip(HARMONIC, entry, strict=True)) for entry in zip(*columns, strict=True)]
+        scene = _of_case(case, {"speed": about["speed"], "casing": {"harmonics": entries}})
         angle = float(scene["casing"].get("angles", case.coords.get("contact_angle", 0.0)))
-        return [(float(entry["amplitude"]), _frequency(entry, speed), _phase(entry, angle)) for entry in entries]
+        return _harmonics(scene["casing"]["harmonics"], float(scene["speed"]), angle)
     except (ValueError, TypeError, KeyError, IndexError, AttributeError):
-        return []
+        return _harmonics([], 0.0)
 
 
 def _of_case(case: xr.Dataset, scene: Mapping[str, Any]) -> dict[str, Any]:
@@ -111,17 +106,18 @@ def _of_case(case: xr.Dataset, scene: Mapping[str, Any]) -> dict[str, Any]:
     return varied
 
 
-def _frequency(entry: Mapping[str, Any], speed: float) -> float:
-    """Return the frequency of a harmonic, Hz; it has an order where its frequency is None or NaN."""
-    frequency = entry.get("frequency")
-    return float(entry["order"]) * speed if frequency is None or np.isnan(frequency) else float(frequency)
+def _harmonics(entries: Sequence[Mapping[str, Any]], speed: float, angle: float = 0.0) -> models.Harmonics:
+    """Return the harmonics of one case; an entry has an order where its frequency is None or NaN.
 
-
-def _phase(entry: Mapping[str, Any], angle: float) -> float:
-    """Return the phase of a harmonic at an angle, which turns those that have an order, rad."""
-    frequency = entry.get("frequency")
-    turn = float(entry["order"]) * angle if frequency is None or np.isnan(frequency) else 0.0
-    return float(entry.get("phase", 0.0)) + turn
+    The ``angle`` [rad] of a contact turns those with an order.
+    """
+    rows = np.zeros((3, 1, len(entries)))
+    for k, entry in enumerate(entries):
+        frequency = entry.get("frequency")
+        has_order = frequency is None or np.isnan(frequency)
+        cycles, turn = (entry["order"] * speed, entry["order"] * angle) if has_order else (frequency, 0.0)
+        rows[:, 0, k] = entry["amplitude"], cycles, entry["phase"] + turn
+    return models.Harmonics(*rows)
 
 
 _VARIABLES = {

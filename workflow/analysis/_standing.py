@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis._cases import case_dims, finest, labels_of, most_loaded
-from workflow.analysis._recommend import simulated_seconds
+from workflow.analysis._recommend import USUAL_TOLERANCES, Choice, NoReferenceError, most_accurate, simulated_seconds
+from workflow.analysis._recommend_words import percent
 from workflow.analysis._scene import gap_of
 from workflow.schemes import Status
-from workflow.study import MODES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -191,18 +191,14 @@ def _line(cut: xr.Dataset, orders: dict[str, tuple[float, float]]) -> Line:
     )
 
 
-ACCURATE, ROUGH = 0.01, 0.1
-"""Largest relative error of the impulse of cases that are called accurate, and rough; beyond: wrong."""
-
 GAINS = 0.01
 """Energy from nowhere, as a share of the largest energy, above which a scheme is said to gain energy."""
 
 RULE = (
     "Verdicts: the status of the worst case where one is not ok; else “gains energy” where the energy balance leaves "
-    f"more than +{GAINS:.0%} of the largest energy; else “accurate” up to a largest impulse error of {ACCURATE:.0%}, "
-    f"“rough” up to {ROUGH:.0%}, “wrong” beyond; “stable” where there is no reference. The error is the scheme's own, "
-    "against the exact solution of the same reduced model; where an archive does not hold that part, the whole error "
-    "with the most modes."
+    f"more than +{GAINS:.0%} of the largest energy; else the tightest of the usual tolerances "
+    f"({', '.join(map(percent, USUAL_TOLERANCES))}) that its most accurate reduced model keeps in all cases, as "
+    "`workflow recommend` weighs it; “stable” where a case has no error."
 )
 
 
@@ -218,8 +214,8 @@ class Standing:
         The step, s; NaN where the archive has none.
     counts
         Number of cases by name of their status.
-    error
-        Largest relative error of the impulse among ok cases, without the reduced model's own; NaN without a reference.
+    choice
+        The most accurate of its choices, as :func:`workflow.recommend` weighs them; ``None`` without a reference.
     residual
         Energy residual of the largest magnitude, with its sign; NaN without balances.
     penetration
@@ -234,11 +230,16 @@ class Standing:
     step: str
     h: float
     counts: dict[str, int]
-    error: float
+    choice: Choice | None
     residual: float
     penetration: float
     restitution: float
     verdict: str
+
+    @property
+    def error(self) -> float:
+        """Largest error of that choice, 1; NaN where a case is not ok or has none."""
+        return math.nan if self.choice is None else self.choice.worst.error
 
     @property
     def ok(self) -> bool:
@@ -262,11 +263,10 @@ def standings(dataset: xr.Dataset) -> list[Standing]:
     residuals, restitutions = of_ok(dataset, "energy_residual"), of_ok(dataset, "effective_restitution")
     in_gaps = dataset.assign(share=dataset["max_penetration"] / gap.where(gap > 0, 1.0))
     penetrations = _extremes(of_ok(in_gaps, "share"))
-    most = {
-        dim: k for dim, k in finest(dataset).items() if any(dataset.get(name, gap).dims == (dim,) for name in MODES)
-    }
-    parts, wholes = of_ok(dataset, "impulse_scheme_error"), of_ok(dataset.isel(most), "impulse_error")
-    errors = np.where(np.isnan(_extremes(parts)), _extremes(wholes), _extremes(parts))
+    try:
+        choices: list[Choice | None] = [*most_accurate(dataset, rows)]
+    except NoReferenceError:
+        choices = [None] * math.prod(shape)
     schemes = [str(one) for one in np.atleast_1d(dataset["scheme"].values)]
     steps = labels_of(dataset, "h", named=False, rounded=True) if "h" in rows else [""]
     h = np.atleast_1d(dataset["h"].values) if "h" in dataset.coords else [np.nan]
@@ -282,11 +282,11 @@ def standings(dataset: xr.Dataset) -> list[Standing]:
                 steps[at.get("h", 0)],
                 h=float(h[at.get("h", 0)]) if "h" in rows or len(h) == 1 else np.nan,
                 counts=counts,
-                error=float(errors[k]),
+                choice=choices[k],
                 residual=float(_extremes(residuals)[k]),
                 penetration=float(penetrations[k]),
                 restitution=float(np.median(known)) if known.size else np.nan,
-                verdict=_verdict(counts, float(errors[k]), bool((residuals[k] > GAINS).any())),
+                verdict=_verdict(counts, choices[k], bool((residuals[k] > GAINS).any())),
             )
         )
     return found
@@ -298,16 +298,17 @@ def _extremes(values: Array) -> Array:
     return np.take_along_axis(values, sizes.argmax(axis=1)[:, None], axis=1)[:, 0]
 
 
-def _verdict(counts: dict[str, int], error: float, gains: bool) -> str:
+def _verdict(counts: dict[str, int], choice: Choice | None, gains: bool) -> str:
     bad = {name: n for name, n in counts.items() if name != "ok"}
     if bad:
         name = max(bad, key=lambda key: bad[key]).replace("_", "-")
         return name if "ok" not in counts else f"{name} in part"
     if gains:
         return "gains energy"
-    if np.isnan(error):
+    if choice is None or np.isnan(choice.worst.error):
         return "stable"
-    return "accurate" if error <= ACCURATE else "rough" if error <= ROUGH else "wrong"
+    kept = [share for share in USUAL_TOLERANCES if choice.worst.error <= share]
+    return f"within {percent(min(kept))}" if kept else f"beyond {percent(max(USUAL_TOLERANCES))}"
 
 
 @dataclass(frozen=True)
@@ -321,10 +322,10 @@ class StepRange:
     cases, ok
         Number of cases, and of those that are ok.
     stable, accurate
-        ``every h``, ``no h``, or the largest step up to which all cases are ok, and accurate as well;
-        ``accurate`` is empty without a reference.
+        ``every h``, ``no h``, or the largest step up to which all cases are ok, and within the tolerance of the study
+        as well; ``accurate`` is empty without a reference.
     finest, coarsest
-        Largest impulse error at the smallest step and at the largest that is stable; NaN without a reference.
+        Largest error at the smallest step and at the largest at which all cases have one; NaN without a reference.
     residual, penetration
         Of all ok cases, as in :class:`Standing`.
     verdicts
@@ -358,7 +359,7 @@ def _range(scheme: str, rows: list[Standing]) -> StepRange:
         cases=sum(sum(row.counts.values()) for row in rows),
         ok=sum(row.counts.get("ok", 0) for row in rows),
         stable=_up_to(rows, [row.ok for row in rows]),
-        accurate=_up_to(rows, [row.ok and row.error <= ACCURATE for row in rows]) if measured else "",
+        accurate=_up_to(rows, [row.choice is not None and row.choice.share == 1 for row in rows]) if measured else "",
         finest=measured[0].error if measured else np.nan,
         coarsest=measured[-1].error if measured else np.nan,
         residual=_extreme([row.residual for row in rows]),

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from workflow.archive._checksums import hash_content, seal
 from workflow.archive._files import LOCK, ArchiveError, free_space, sync, writing
 from workflow.archive._stored import CASE_HASH, MESSAGE, PROVENANCE, STATUS, Hashes, Places, Stored, boxes
-from workflow.grid import CHUNK_BYTES, COMPRESSED, LEVEL
+from workflow.plan import CHUNK_BYTES, COMPRESSED, LEVEL
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,7 +75,7 @@ def gather(
     Parameters
     ----------
     template
-        See :func:`workflow.grid.template`.
+        See :func:`workflow.plan.template`.
     texts
         Those of the provenance group.
     hashes

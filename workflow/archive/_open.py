@@ -22,7 +22,8 @@ from workflow.archive._own_data import require_own_data
 from workflow.archive._parts import COMMAND, Command, parts_of, read_command
 from workflow.archive._provenance import grid_of
 from workflow.archive._stored import MESSAGE, PROVENANCE, STATUS, Stored, find_shards
-from workflow.grid import case_hashes, template
+from workflow.cases import case_hashes
+from workflow.plan import template
 from workflow.study import StudyError
 
 if TYPE_CHECKING:

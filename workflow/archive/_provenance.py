@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import workflow
-from workflow.grid import Grid, arrange, choices_text, read_choices
+from workflow.cases import Grid, arrange, choices_text, read_choices
 from workflow.models import FACTORISING, has_cholmod
 from workflow.pinning import is_pinned
 from workflow.registry import outside_sources

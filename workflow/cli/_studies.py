@@ -19,7 +19,7 @@ from workflow.cli._terminal import clean, console, following, print_error, say, 
 from workflow.cli._words import AsJson, Settings, StudyFile, named, read
 
 if TYPE_CHECKING:
-    from workflow.grid import Figures, Plan
+    from workflow.plan import Figures, Plan
     from workflow.run import Advance, Follower, Outcome
 
 
@@ -124,7 +124,7 @@ def plan(
     With an archive: how many cases it holds, how many are missing, how many the study no longer asks for.
     """
     from workflow.archive import open_archive
-    from workflow.grid import plan_study
+    from workflow.plan import plan_study
     from workflow.run import holdings
 
     requested = read(study, settings)

@@ -189,7 +189,7 @@ def _largest_load(structure: Structure, cases: Cases) -> Array:
 
     The norm of a load direction counts as at least 1: its entries may be those of modes, 1/√kg.
     """
-    moving = np.abs(cases.mean) + np.abs(cases.amplitude) + cases.load_harmonics.reach
+    moving = np.abs(cases.mean) + cases.load_harmonics.reach
     return np.asarray(moving * max(1.0, np.abs(structure.load_direction).sum()) + np.abs(cases.steady).sum(axis=1))
 
 

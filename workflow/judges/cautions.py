@@ -93,7 +93,7 @@ def _static_reach(structure: Structure, cases: Cases) -> Iterator[str]:
     flexibility = tip_flexibility(structure)
     if structure.load is not None or not np.isfinite(flexibility):
         return
-    moved = flexibility * (np.abs(cases.mean) + np.abs(cases.amplitude))
+    moved = flexibility * (np.abs(cases.mean) + cases.load_harmonics.reach)
     far = (moved > _FAR * cases.gap) & (cases.gap > 0)
     if np.any(far):
         k = int(np.argmax(np.where(far, moved, 0.0)))

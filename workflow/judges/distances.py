@@ -62,8 +62,8 @@ def perturbed(cases: Cases, share: float, reach: float) -> Cases:
     """Return cases with gap, tip load and initial state perturbed by a share; a tip never starts beyond the casing.
 
     With ``reach`` the largest displacement of the tip, m, the gap changes by the share of the larger of |gap| and it,
-    the mean load by that of the larger of |mean| and amplitude: rounding decides whether a load presses where its
-    sinusoid is 0. A wider gap comes with a smaller mean: one sign reduces contact, the other increases it. Gaps of
+    the mean load by that of the larger of |mean| and the reach of harmonics: rounding decides whether a load presses
+    where these are 0. A wider gap comes with a smaller mean: one sign reduces contact, the other increases it. Gaps of
     several contacts are always widened.
     """
     gap = cases.gap + share * np.maximum(np.abs(cases.gap), reach)
@@ -77,10 +77,9 @@ def perturbed(cases: Cases, share: float, reach: float) -> Cases:
         cases,
         gap=gap,
         gaps=cases.gaps + wider,
-        mean=cases.mean - share * np.maximum(np.abs(cases.mean), np.abs(cases.amplitude)),
-        amplitude=cases.amplitude * (1 - share),
+        mean=cases.mean - share * np.maximum(np.abs(cases.mean), cases.load_harmonics.reach),
         displacement=displacement,
         velocity=cases.velocity * (1 - share),
         temperature=cases.temperature * (1 + share),
-        load_harmonics=cases.load_harmonics.scaled(1 + share),
+        load_harmonics=cases.load_harmonics.scaled(1 - share),
     )

@@ -54,6 +54,10 @@ class Harmonics:
         """Return the harmonics of some cases."""
         return Harmonics(*(row[which] for row in self.rows))
 
+    def joined(self, others: Harmonics) -> Harmonics:
+        """Return these harmonics, then others of the same cases."""
+        return Harmonics(*map(np.hstack, zip(self.rows, others.rows, strict=True)))
+
     def spread(self, count: int) -> Harmonics:
         """Return the harmonics of one case, or none, repeated for ``count`` cases."""
         return Harmonics(*(np.array(np.broadcast_to(row, (count, self.width))) for row in self.rows))
@@ -65,9 +69,9 @@ class Harmonics:
     def added(self, constant: Array, t: float | Array) -> Array:
         """Return a constant plus the sum at time t, added in the order of the harmonics, ``(case,)``.
 
-        For times ``(time, 1)`` the constant and the result are ``(time, case)``.
+        For times ``(time, 1)`` it is ``(time, case)``.
         """
-        total = np.array(constant)
+        total = constant + np.zeros(np.shape(t))
         for k in range(self.width):
             total += self.amplitude[:, k] * self.sine_cosine(k, t)[0]
         return total
@@ -96,8 +100,8 @@ class Cases:
     ----------
     e, alpha, gap
         Restitution coefficient [1], heat coupling [W/N], clearance d [m]; shape ``(case,)``.
-    mean, amplitude, frequency, phase
-        Tip load F0 + F1 sin(2π f t + φ): N, N, Hz, rad; shape ``(case,)``.
+    mean
+        Tip load F0 besides its harmonics, N, shape ``(case,)``.
     steady
         Constant load of each mechanical coordinate, N, shape ``(case, mechanical)``.
     heating
@@ -107,7 +111,7 @@ class Cases:
     temperature
         Initial temperature rises, K, shape ``(case, thermal)``; the tip is last.
     load_harmonics, casing_harmonics
-        Harmonics of the tip load besides F1, N, and of the casing's position besides d, m; none by default.
+        Harmonics of the tip load, N, and of the casing's position besides d, m; none by default.
     friction
         Friction coefficient µ of a structure with a sliding direction t: the contact force acts along n - µt. 1,
         shape ``(case,)``; 0 by default.
@@ -122,9 +126,6 @@ class Cases:
     alpha: Array
     gap: Array
     mean: Array
-    amplitude: Array
-    frequency: Array
-    phase: Array
     steady: Array
     heating: Array
     displacement: Array
@@ -169,12 +170,11 @@ class Cases:
         return Cases(**{name: getattr(self, name)[which] for name in self.__dataclass_fields__})
 
     def load_at(self, t: float | Array) -> Array:
-        """Return the tip load f(t) = F0 + F1 sin(2π f t + φ) + Σ A_k sin(2π f_k t + φ_k), N, ``(case,)``.
+        """Return the tip load f(t) = F0 + Σ A_k sin(2π f_k t + φ_k), N, ``(case,)``.
 
         For times ``(time, 1)`` it is ``(time, case)``.
         """
-        sine, _ = elementwise.sine_cosine(2 * np.pi * self.frequency * t + self.phase)
-        return self.load_harmonics.added(self.mean + self.amplitude * sine, t)
+        return self.load_harmonics.added(self.mean, t)
 
     def casing_at(self, t: float) -> Array:
         """Return the casing's position d(t) = d + Σ a_k sin(2π f_k t + φ_k), m, ``(case,)``."""
@@ -196,7 +196,7 @@ class Cases:
     @property
     def period_frequency(self) -> Array:
         """Frequency of the load periods that are counted, Hz, ``(case,)``; 0 where there are none."""
-        return period_frequency(self.amplitude, self.frequency, self.load_harmonics, self.casing_harmonics)
+        return period_frequency(self.load_harmonics, self.casing_harmonics)
 
     @property
     def finite(self) -> NDArray[np.bool_]:
@@ -215,15 +215,15 @@ class Cases:
         return np.asarray((self.alpha != 0) | warm)
 
 
-def period_frequency(amplitude: Array, frequency: Array, load: Harmonics, casing: Harmonics) -> Array:
-    """Return the frequency of load periods, Hz, ``(case,)``.
+def period_frequency(load: Harmonics, casing: Harmonics) -> Array:
+    """Return the frequency of load periods, Hz, ``(case,)``; 0 without harmonics.
 
-    That of F1 where F1 is not 0, else of the first load harmonic, else of the first casing harmonic.
+    That of the first harmonic of load and then casing, or of the second where there is one and the first is 0.
     """
-    for harmonics in (load, casing):
-        if harmonics.width:
-            return np.where(amplitude != 0, frequency, harmonics.frequency[:, 0])
-    return frequency
+    both = load.joined(casing)
+    if both.width == 0:
+        return np.zeros(len(both.amplitude))
+    return np.where(both.amplitude[:, 0] != 0, both.frequency[:, 0], both.frequency[:, :2][:, -1])
 
 
 def distinct_rows(*tables: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

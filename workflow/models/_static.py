@@ -230,7 +230,7 @@ def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
         return np.full(cases.count, np.inf)
     elastic = omega > 0
     omega, tip, damping, shapes = omega[elastic], tip[elastic], damping[elastic], modes.shapes[:, elastic]
-    amplitudes, frequencies, phases = _sinusoids(cases)
+    amplitudes, frequencies, phases = (row.T for row in cases.load_harmonics.rows)
     constant = frequencies == 0
     mean = cases.mean + np.where(constant, amplitudes * np.sin(phases), 0.0).sum(axis=0)
     drive = tip if structure.load is None else structure.load @ shapes
@@ -251,14 +251,6 @@ def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
         transient = np.sum(np.abs(tip) * swing, axis=1)
     growth = 2 * _warmest(structure, cases, duration) @ np.abs(static_tip_growth(structure))
     return np.asarray(np.sum(tip * static, axis=1) + harmonic + transient + growth)
-
-
-def _sinusoids(cases: Cases) -> tuple[Array, Array, Array]:
-    """Return amplitude, frequency and phase of all sinusoids of the tip load, ``(sinusoid, case)`` each."""
-    first, more = (cases.amplitude, cases.frequency, cases.phase), cases.load_harmonics
-    rows = zip(first, (more.amplitude, more.frequency, more.phase), strict=True)
-    amplitude, frequency, phase = (np.vstack([one, others.T]) for one, others in rows)
-    return amplitude, frequency, phase
 
 
 def _warmest(structure: Structure, cases: Cases, duration: float) -> Array:

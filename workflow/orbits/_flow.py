@@ -33,9 +33,8 @@ _BUDGET = Budget(events=10**6, steps=10**8)
 
 def common_period(cases: Cases) -> float:
     """Return the least common period of all sinusoids of one case, s; inf without sinusoids, NaN if there is none."""
-    acts = [(cases.amplitude[:, None], cases.frequency[:, None])]
-    acts += [(each.amplitude, each.frequency) for each in (cases.load_harmonics, cases.casing_harmonics)]
-    frequencies = np.unique(np.concatenate([f[0][(a[0] != 0) & (f[0] != 0)] for a, f in acts]))
+    given = cases.load_harmonics.joined(cases.casing_harmonics)[0]
+    frequencies = np.unique(given.frequency[(given.amplitude != 0) & (given.frequency != 0)])
     if frequencies.size == 0:
         return np.inf
     base = float(cases.period_frequency[0]) or float(frequencies[0])

@@ -217,6 +217,7 @@ def standing(dataset: xr.Dataset) -> Section:
             row.step,
             ", ".join(f"{n} {name}" for name, n in row.counts.items()),
             short(row.error),
+            "" if row.choice is None else row.choice.worst.limited_by,
             short(row.residual, "+.1e"),
             short(row.penetration),
             short(row.restitution, ".2g"),

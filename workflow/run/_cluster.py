@@ -21,12 +21,13 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from workflow.archive import ArchiveError, Command, code_revision, grid_of, read_command, study_key
-from workflow.grid import WORKERS, ReferenceBlock, ReferenceSolutions, Task, compute_block, tasks, waiting_for
+from workflow.cases import WORKERS, waiting_for
 from workflow.models import FACTORISING, has_cholmod, one_thread
 from workflow.run._prepare import Prepared
 from workflow.run._task import Job, Report, store_lost, store_task
 from workflow.run._threads import MOST_TASKS, graphs
 from workflow.schemes import SOLVER_VERSION
+from workflow.solve import ReferenceBlock, ReferenceSolutions, Task, compute_block, tasks
 
 _ANSWER, _FIRST_WORKER = 10.0, 60.0
 """Seconds to wait for a scheduler to answer, and for its first worker."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow.archive import open_archive
-from workflow.grid import WARNINGS, too_thick
+from workflow.plan import WARNINGS, too_thick
 from workflow.schemes import Status
 from workflow.variables import COMPARED
 

@@ -42,9 +42,11 @@ from workflow.archive import (
     surplus,
     take_back,
 )
-from workflow.grid import Grid, Task, arrange, case_hashes, read_choices, warning_lines
+from workflow.cases import Grid, arrange, case_hashes, read_choices
+from workflow.plan import warning_lines
 from workflow.run._task import Job, next_command, not_ok, shard_name
 from workflow.schemes import SOLVER_VERSION, Status
+from workflow.solve import Task
 from workflow.study import Study, StudyError
 
 

@@ -17,7 +17,7 @@ from importlib import import_module
 from threading import Event, Lock, Thread
 from typing import Any
 
-from workflow.grid import COMPILING, seconds_compiled, waited_for
+from workflow.cases import COMPILING, seconds_compiled, waited_for
 from workflow.run._outcome import Outcome
 from workflow.run._task import Report
 

@@ -26,16 +26,7 @@ from workflow.archive import (
     statuses,
     study_key,
 )
-from workflow.grid import (
-    CASES,
-    GATHERING,
-    arrange,
-    compiled_ahead,
-    kernel_variants,
-    model_seconds,
-    read_choices,
-    waiting_for,
-)
+from workflow.cases import CASES, GATHERING, arrange, read_choices, waiting_for
 from workflow.models import one_thread
 from workflow.run._cluster import ClusterError, connected, run_on_cluster
 from workflow.run._outcome import Outcome, summarise
@@ -44,6 +35,7 @@ from workflow.run._progress import Progress, ProgressCounter, in_notebook, noteb
 from workflow.run._task import Report
 from workflow.run._threads import available_threads, run_on_threads
 from workflow.schemes import Status
+from workflow.solve import compiled_ahead, kernel_variants, model_seconds
 from workflow.study import Study, StudySource, read_study
 
 RunTasks = Callable[[Prepared, Callable[[Report], None]], None]

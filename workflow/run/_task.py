@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive import STATUS, Hashes, write_shard
-from workflow.grid import Batch, Grid, ReferenceBlock, ReferenceSolutions, Solved, Task, solutions_of, solve, template
+from workflow.cases import Grid
+from workflow.plan import template
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
+from workflow.solve import Batch, ReferenceBlock, ReferenceSolutions, Solved, Task, solutions_of, solve
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,10 +13,10 @@ from functools import partial
 from itertools import count, islice
 from typing import Any
 
-from workflow.grid import ReferenceBlock, References, Task, compute_block, tasks
 from workflow.models import one_thread
 from workflow.run._prepare import Prepared
 from workflow.run._task import Report, store_task
+from workflow.solve import ReferenceBlock, References, Task, compute_block, tasks
 
 MOST_TASKS = 4096
 """Tasks of a graph, so that the graph of a large study is never there at once; 8 for each of 500 threads."""

@@ -27,21 +27,12 @@ from workflow.archive import (
     truncated_message,
     versions,
 )
-from workflow.grid import (
-    ChosenModes,
-    Grid,
-    Perturbation,
-    Solved,
-    arrange,
-    case_hashes,
-    exact_motion,
-    seconds_per_case,
-    solve,
-    template,
-)
+from workflow.cases import ChosenModes, Grid, Perturbation, arrange, case_hashes
 from workflow.pinning import is_pinned
+from workflow.plan import template
 from workflow.run._outcome import case_of, labels_of_case
 from workflow.schemes import SOLVER_VERSION, Status
+from workflow.solve import Solved, exact_motion, seconds_per_case, solve
 from workflow.study import StudyError
 from workflow.variables import BY_NAME, COMPARED
 

@@ -29,7 +29,7 @@ def refuse(scheme: Scheme, cases: Cases) -> None:
     """
     if cases.friction.any() and "friction" not in scheme.GENERAL:
         raise ContractError("the scheme does not take friction along the direction in which the casing slides")
-    reason = scheme.cannot_take(cases.load_harmonics.width > 0, cases.casing_harmonics.width > 0)
+    reason = scheme.cannot_take(cases.load_harmonics.width > 1, cases.casing_harmonics.width > 0)
     if reason is not None:
         raise ContractError(f"the scheme {reason}")
 

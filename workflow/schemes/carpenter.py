@@ -17,8 +17,8 @@ from typing import NamedTuple
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Structure
 from workflow.schemes._fixed import central, decoupled
+from workflow.schemes._fixed.central import Differences as Options
 from workflow.schemes._fixed.central import Operator
-from workflow.schemes._fixed.central import Options as Options
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._fixed.contact import Contact, Response, Tip
 from workflow.schemes._fixed.march import contact_law
@@ -54,7 +54,7 @@ CONTACT = Contact(lambda cases: Multiplier(), holds=True, rebounds=True)
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
-    return central.init(structure, float(h), options.differences, CONTACT)
+    return central.init(structure, float(h), options, CONTACT)
 
 
 compute, massless_tip = central.compute, central.massless_tip

@@ -19,8 +19,8 @@ from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Structure
 from workflow.schemes._fixed import central, decoupled
+from workflow.schemes._fixed.central import Differences as Options
 from workflow.schemes._fixed.central import Operator
-from workflow.schemes._fixed.central import Options as Options
 from workflow.schemes._fixed.complementarity import count_no_rebound
 from workflow.schemes._fixed.contact import Contact, Response, Tip, count_rebound
 from workflow.schemes._fixed.march import contact_law
@@ -55,7 +55,7 @@ CONTACT = Contact(lambda cases: Newton(cases.e))
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
-    return central.init(structure, float(h), options.differences, CONTACT)
+    return central.init(structure, float(h), options, CONTACT)
 
 
 compute, massless_tip = central.compute, central.massless_tip

@@ -30,7 +30,7 @@ STEP_SECONDS = 1.3e-10
 
 Operator = central.Operator | theta_method.Operator
 
-_CENTRAL = central.Differences()
+_CENTRAL = central.Differences(heat="explicit")
 
 
 @dataclass(frozen=True)

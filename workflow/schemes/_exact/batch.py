@@ -182,10 +182,8 @@ class BatchRun:
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
 def _loads_of(cases: Cases) -> tuple[Array, Array, Array, NDArray[np.int64]]:
     """Return F0, d0, waves and their number: a sinusoid of frequency 0 is a constant, one of amplitude 0 left out."""
-    given = np.stack([cases.amplitude, cases.frequency, cases.phase])[:, :, None]
-    given = np.concatenate([given, cases.load_harmonics.rows, cases.casing_harmonics.rows], axis=2)
-    amplitude, frequency, phase = given
-    moves = np.arange(amplitude.shape[1]) > cases.load_harmonics.width  # the casing
+    amplitude, frequency, phase = cases.load_harmonics.joined(cases.casing_harmonics).rows
+    moves = np.arange(amplitude.shape[1]) >= cases.load_harmonics.width  # the casing
     constants = np.where((amplitude != 0) & (frequency == 0), amplitude * elementwise.sine_cosine(phase)[0], 0.0)
     acts = (amplitude != 0) & (frequency != 0)
     forces, places = np.where(moves, 0.0, amplitude), np.where(moves, amplitude, 0.0)

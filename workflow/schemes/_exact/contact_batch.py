@@ -202,8 +202,7 @@ def conditions_of(basis: ContactBasis, cases: Cases, duration: float) -> Contact
     m = basis.contacts.count
     if gaps.shape[1] == 0:  # one contact
         gaps, turns = cases.gap[:, None], np.zeros((cases.count, 1, cases.casing_harmonics.width))
-    given = np.stack([cases.amplitude, cases.frequency, cases.phase])[:, :, None]
-    load = np.concatenate([given, cases.load_harmonics.rows], axis=2)
+    load = np.stack(cases.load_harmonics.rows)
     places = np.stack(cases.casing_harmonics.rows)
     count = load.shape[2] + places.shape[2]
     amplitude, frequency, phase = np.concatenate([load, places], axis=2)

@@ -55,9 +55,11 @@ from workflow.schemes._exact.tables import expansion, wave
 WAITING = -1
 """What the kernel returns where it waits for a set, see :attr:`Memory.wanted`."""
 
-PROGRESS = np.dtype([("time", "f8"), ("events", "i8"), ("steps", "i8"), ("length", "f8"), ("guess", "f8")])
-"""Scalars of a case, all 0 at the beginning: time reached, s; events and certified steps; the largest motion of a
-contact, m; the length of the next step tried first, s."""
+PROGRESS = np.dtype(
+    [("begun", "i8"), ("time", "f8"), ("events", "i8"), ("steps", "i8"), ("length", "f8"), ("guess", "f8")]
+)
+"""Scalars of a case, all 0 at the beginning: whether it has begun; time reached, s; events and certified steps; the
+largest motion of a contact, m; the length of the next step tried first, s."""
 
 LOWEST_BOUNCE = 1e-11
 """Height of a bounce, over the largest motion of any contact, below which the contact is held."""
@@ -118,10 +120,10 @@ def _march(
 ) -> int:
     """March a case to its end or until it waits for a set."""
     T = case.duration
-    if at.guess == 0.0:
+    if at.begun == 0:
         for k in range(own.filled.size):
             own.filled[k] = False
-        at.guess = T
+        at.begun, at.guess = 1, T
         ended = _begin(structure, case, record, at, own)
         if ended != RUNNING:
             return ended

@@ -28,7 +28,7 @@ The largest energy is that of all step ends, of which few are computed. With v_�
 
 so that for ℓ >= h/2 no energy exceeds the last one computed by more than Σ (S_load - p) v_ℓ of the tip and
 p √(2 max E) √(I² + ω² J²), with the inputs I, J by heat and friction of a unit impulse of contact. E is computed where
-this bound exceeds the largest one so far.
+this bound exceeds the largest one so far. The roots are those of up to twice max E, so that few are taken.
 The load counts as the step weights it, F_θ, in every representation of a structure. A quasi-static motion under it
 leaves -2 (θ - 1/2) h ∫ k v² dt, half of which is the difference of F_θ from the mean of the load at the step's ends.
 
@@ -36,9 +36,9 @@ The heat residual is that of pᵀ (1b), with p the temperatures of ``Structure.u
 H = pᵀC2 T less αJ + ∫pᵀq - ∫L dt, with the loss L = pᵀK2 T by the temperatures T as the step weights them. It is
 rounding, whether the structure is full or reduced.
 
-A step is counted at the beginning of the next one, which adds load and contact to u and η; the last step, and modes
-with :class:`Dense` balances, are counted in :mod:`~workflow.schemes._fixed.modal_balance`. With the weight θ of a
-step's end the loss is summed as h Σ L over all step ends but the last, plus hθ (L_end - L_0).
+A step is counted at the beginning of the next one, which adds load and contact to u and η; :func:`count_step` counts
+the last step, and modes with :class:`Dense` balances. With the weight θ of a step's end the loss is summed as h Σ L
+over all step ends but the last, plus hθ (L_end - L_0).
 
 With the energy E, dissipation D less the work of loads and contact, heat content H, losses L, friction heat αJ and
 heating Q = ∫pᵀq of a whole march the residuals are, and 0 where the denominator is 0,
@@ -53,15 +53,33 @@ either end.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from workflow.kernels.compiled import inlined
-from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import Lane, Pack, fused, magnitude, pack, shared, spread, store
-from workflow.models import Array, Cases, Structure
+from workflow.kernels.compiled import inlined, part
+from workflow.kernels.lanes import PACK, ROW, lane_rows, named_rows, rows_in
+from workflow.kernels.packs import (
+    Lane,
+    Pack,
+    fused,
+    lanes_of,
+    magnitude,
+    narrow,
+    pack,
+    shared,
+    some,
+    spread,
+    store,
+    where,
+)
+from workflow.models import Array, Cases, Structure, project
+from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.contact import End, TipInput, TipStep, contact_gain, friction_heat, was_pressed
+from workflow.schemes._fixed.decoupled import Decoupled, modes_at_tip
+from workflow.schemes._fixed.free_motion import HEAT_INPUT, FreeStep, InitialState, State, contact_heat, ended, plus
 from workflow.schemes._fixed.rows import Own, Tips, Totals
 
 DAMPING, KINETIC, ELASTIC = range(3)
@@ -123,12 +141,13 @@ class Account(NamedTuple):
     """Weight of the temperatures at a step's end in its heat loss."""
     unbounded: float
     """0, or ∞ of the θ-method with θ < 1/2, whose free motion may gain energy."""
+    dense: Dense | None
 
 
 @inlined
-def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
-    """Return ``numbers + weight * others``, or ``numbers`` where ``others`` is ``None``, decided at compile time."""
-    return numbers if others is None else numbers + weight * others
+def dense_of(account: Account | None) -> Dense | None:
+    """Return the matrices of an account, ``None`` where modes are counted one by one or not at all."""
+    return None if account is None else account.dense
 
 
 @inlined
@@ -142,7 +161,7 @@ def lay_out_account(account: Account | None) -> None:
 
 
 @inlined
-def add_to(row: Array, numbers: Pack, lane: Lane) -> None:
+def _add_to(row: Array, numbers: Pack, lane: Lane) -> None:
     """Add numbers to a row."""
     store(row, lane, pack(row, lane) + numbers)
 
@@ -165,14 +184,14 @@ def count_work(
     if was_pressed(own, lane):
         heat = friction_heat(own, lane)
         relative -= account.thermal_velocity * heat
-        add_to(sums.friction_heat, heat, lane)
-        add_to(sums.energy_bound, end.impulse * pack(sums.work_bound, lane), lane)
+        _add_to(sums.friction_heat, heat, lane)
+        _add_to(sums.energy_bound, end.impulse * pack(sums.work_bound, lane), lane)
     before, impulse = pack(sums.relative, lane), account.load_share * free.impulse - end.acting
     store(sums.relative, lane, relative)
     working = fused(spread(account.energy_lever / step.h, lane), relative - before, before)
     store(sums.energy_bound, lane, fused(impulse, working, pack(sums.energy_bound, lane)))
     gain = contact_gain(step, end, impulse, relative - before, free, own, tip, lane)
-    add_to(sums.dissipated, fused(impulse, -0.5 * (relative + before), gain), lane)
+    _add_to(sums.dissipated, fused(impulse, -0.5 * (relative + before), gain), lane)
 
 
 class Taken(NamedTuple):
@@ -202,11 +221,11 @@ def count_mode(
     """Add the energy that damping and a unit of contact took from mode j in a step that ends with v and ξ."""
     if account is None or dense is not None:
         return taken
-    return count_inputs(account, account.contact_inputs, j, v, xi, contact, taken, lane)
+    return _count_inputs(account, account.contact_inputs, j, v, xi, contact, taken, lane)
 
 
 @inlined
-def count_inputs(
+def _count_inputs(
     account: Account, inputs: Array, j: int, v: Pack, xi: Pack, times: Pack | None, taken: Taken, lane: Lane
 ) -> Taken:
     """Add the energy that damping and, where ``times`` is given, a unit of ``inputs`` took from mode j in a step."""
@@ -227,16 +246,16 @@ def add_modes(account: Account | None, dense: Dense | None, taken: Taken, contac
     """Add the energies of :func:`count_mode`, of all modes, to the sums."""
     if account is None or dense is not None:
         return
-    add_dissipation(account, taken, contact, lane)
+    _add_dissipation(account, taken, contact, lane)
 
 
 @inlined
-def add_dissipation(account: Account, taken: Taken, times: Pack | None, lane: Lane) -> None:
+def _add_dissipation(account: Account, taken: Taken, times: Pack | None, lane: Lane) -> None:
     """Add the energy that all modes dissipated in a step to the sums, with ``times`` the unit inputs."""
     dissipated = taken.dissipated
     if times is not None:
         dissipated += times * (taken.given + times * pack(account.sums.square, lane))
-    add_to(account.sums.dissipated, dissipated, lane)
+    _add_to(account.sums.dissipated, dissipated, lane)
 
 
 @inlined
@@ -251,48 +270,327 @@ def add_loss(account: Account | None, h: float, loss: Pack, heat: Pack | None, l
     if account is None:
         return
     loss = plus(loss + pack(account.sums.settled_loss, lane), spread(account.heat_loss, lane), heat)
-    add_to(account.sums.lost, h * loss, lane)
-    add_to(account.sums.turned_over, magnitude(h * loss), lane)
+    _add_to(account.sums.lost, h * loss, lane)
+    _add_to(account.sums.turned_over, magnitude(h * loss), lane)
 
 
-class Content(NamedTuple):
-    """Heat content of cases [J], ``(case,)``."""
+@inlined
+def measure(account: Account | None, dense: Dense | None, step: FreeStep, state: State, lane: Lane) -> None:
+    """Compute the energy at a step's end where it may be the largest."""
+    if account is None or dense is not None:
+        return
+    if some(pack(account.sums.energy_bound, lane) > pack(account.sums.largest_energy, lane)):
+        _measure(account, step, state, lane)
 
+
+@part
+def _measure(account: Account, step: FreeStep, state: State, lane: Lane) -> None:
+    """Compute the energy, out of line: so seldom that the step is faster without it."""
+    load = pack(state.own.load, lane)
+    if was_pressed(state.own, lane):
+        _energy(None, account, step, state, load, pack(state.own.impulse, lane), lane)
+    else:
+        _energy(None, account, step, state, load, None, lane)
+
+
+@inlined
+def count_step(
+    account: Account | None, dense: Dense | None, step: FreeStep, state: State, last: bool, lanes: int
+) -> None:
+    """Add the part of a step that the next one does not count to the balances, and compute the energy at its end."""
+    if account is None:
+        return
+    if last or dense is not None:
+        _count(dense, account, step, state, last, lanes)
+
+
+@part
+def _count(dense: Dense | None, account: Account, step: FreeStep, state: State, last: bool, lanes: int) -> None:
+    _fill_dense(dense, account, step.coupled, step, state, lanes)
+    for first in range(0, lanes, PACK):
+        _count_pack(dense, account, step, state, last, narrow(first))
+
+
+@inlined
+def _count_pack(dense: Dense | None, account: Account, step: FreeStep, state: State, last: bool, lane: Lane) -> None:
+    load, contact = pack(state.own.load, lane), pack(state.own.impulse, lane)
+    taken, (times, inputs) = nothing_taken(lane), _inputs(dense, account, contact, lane)
+    for j in range(account.velocity_before.shape[0]):
+        v, xi = _at_end(dense, step, state, j, load, contact, lane)
+        taken = _count_inputs(account, inputs, j, v, xi, times, taken, lane)
+    _add_dissipation(account, taken, times, lane)
+    _energy(dense, account, step, state, load, contact, lane)
+    if last:
+        loss = spread(0.0, lane)
+        for k in range(state.tau.shape[0]):
+            loss = with_loss(account, k, pack(state.tau, (k, lane)), loss, lane)
+        add_loss(account, step.tip.h * account.heat_theta, loss, friction_heat(state.own, lane), lane)
+
+
+@inlined
+def _inputs(dense: Dense | None, account: Account, contact: Pack, lane: Lane) -> tuple[Pack, Array]:
+    """Return the factor of the inputs of a step, and the inputs."""
+    return (contact, account.contact_inputs) if dense is None else (spread(1.0, lane), dense.inputs)
+
+
+@inlined
+def _at_end(
+    dense: Dense | None, step: FreeStep, state: State, j: int, load: Pack, contact: Pack | None, lane: Lane
+) -> tuple[Pack, Pack]:
+    """Return v and ξ of mode j at the step's end."""
+    if dense is None:
+        return ended(None, step, state, j, load, contact, lane)
+    return pack(dense.modal_states, (j, lane)), pack(dense.modal_states, (dense.off_diagonal.shape[0] + j, lane))
+
+
+@inlined
+def _energy(
+    dense: Dense | None, account: Account, step: FreeStep, state: State, load: Pack, contact: Pack | None, lane: Lane
+) -> None:
+    """Compute the energy at the end of the last step, and update the largest one; a NaN stays."""
+    sums, energy = account.sums, spread(0.0, lane)
+    for j in range(account.velocity_before.shape[0]):
+        v, xi = _at_end(dense, step, state, j, load, contact, lane)
+        eta = xi + account.energy_lever * v
+        energy = fused(shared(account.modes, (j, KINETIC), lane) * v, v, energy)
+        energy = fused(shared(account.modes, (j, ELASTIC), lane) * eta, eta, energy)
+    largest = pack(sums.largest_energy, lane)
+    store(sums.last_energy, lane, energy)
+    store(sums.energy_bound, lane, energy + account.unbounded)
+    largest = where(energy <= largest, largest, energy)
+    store(sums.largest_energy, lane, largest)
+    work = pack(sums.work_bound, lane)
+    if some(2.0 * pack(sums.input_square, lane) * largest > work * work):
+        for i in range(*lanes_of(lane)):
+            sums.work_bound[i] = 2.0 * math.sqrt(sums.input_square[i] * sums.largest_energy[i])
+
+
+@part
+def _add_product(matrix: Array, states: Array, sums: Array, lanes: int) -> None:
+    """Add matrix · states to ``sums``, ``(row, lane)``."""
+    for i in range(matrix.shape[0]):
+        for j in range(matrix.shape[1]):
+            factor = matrix[i, j]
+            if factor != 0.0:
+                for lane in range(lanes):
+                    sums[i, lane] += factor * states[j, lane]
+
+
+@inlined
+def _fill_dense(
+    dense: Dense | None, account: Account, coupled: Array | None, step: FreeStep, state: State, lanes: int
+) -> None:
+    """Compute the states of the modes at the step's end and the inputs of the step, where balances need matrices."""
+    if dense is None:
+        return
+    blocks, modes, own = state.motion.shape[0], dense.off_diagonal.shape[0], state.own
+    for first in range(0, lanes, PACK):
+        lane = narrow(first)
+        contact, load = pack(own.impulse, lane), pack(own.load, lane)
+        for j in range(blocks):
+            u, eta = ended(coupled, step, state, j, load, contact, lane)
+            store(dense.states, (j, lane), u)
+            store(dense.states, (blocks + j, lane), eta)
+        for i in range(2 * modes):
+            inputs = pack(dense.constant, (i, lane)) + pack(account.contact_inputs, (i, lane)) * contact
+            if i < modes:
+                inputs += shared(dense.load, (i,), lane) * load
+            for pair in range(step.pair_heat.size):
+                tau = pack(state.tau_paired, (step.pair_heat[pair], lane))
+                inputs += shared(dense.pair_inputs, (pair, i), lane) * tau
+            store(dense.inputs, (i, lane), inputs)
+            store(dense.modal_states, (i, lane), spread(0.0, lane))
+    _add_product(dense.outward, dense.states, dense.modal_states, lanes)
+    _damp(dense, account.velocity_before, account.sums, lanes)
+
+
+@part
+def _damp(dense: Dense, velocity_before: Array, sums: Totals, lanes: int) -> None:
+    """Add off-diagonal damping to the inputs, and store Σ ω² J²/2 of all."""
+    modes = dense.off_diagonal.shape[0]
+    for lane in range(lanes):
+        sums.square[lane] = 0.0
+    for i in range(modes):
+        for lane in range(lanes):
+            sums.square[lane] += dense.half_flexibility[i] * dense.inputs[modes + i, lane] ** 2
+        for j in range(modes):
+            factor = 0.25 * dense.off_diagonal[i, j]
+            for lane in range(lanes):
+                begun = velocity_before[j, lane]
+                damps = 2.0 * begun if dense.lagged else begun + dense.modal_states[j, lane]
+                dense.inputs[i, lane] += factor * damps
+
+
+REST = 1e-12
+"""Fraction of the velocity that the tip load could give within the run, below which the tip is at rest: a few thousand
+roundings."""
+
+
+class Balances:
+    """Balances of a batch.
+
+    Attributes
+    ----------
+    rows
+        Named rows for the march, ``(row, case)``, with their initial values.
+    """
+
+    def __init__(self, structure: Structure, blocks: Blocks, free: FreeStep, cases: Cases, begun: InitialState) -> None:
+        modal, step = blocks.modal, blocks.step
+        self._blocks, self._free, self._cases, self._begun = blocks, free, cases, begun
+        self._content = structure.content @ modal.heat_shapes
+        self._loss = self._content * modal.rate
+        self._load_direction = structure.load_direction
+        self._at_tip = np.where(modal.is_coupled, 1.0, modes_at_tip(modal.tip))
+        self._kinetic = modal.mass - modal.frequency**2 * (step.lever - step.energy_lever) ** 2
+        self._kinetic -= 0.5 * step.tip.h * modal.damping if step.lagged else 0.0
+        self._is_dense = modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
+
+        v, xi = blocks.in_modes(begun.states)
+        massless = modal.mass == 0
+        self._moving = 0.5 * project((step.tip.h * modal.frequency[massless]) ** 2, v[massless].T ** 2)
+        inputs, scaled, self._unscale = _energy_rows(blocks, contact_heat(blocks, cases)), self._at_tip, self._at_tip
+        sums = self._first_sums(v, xi, inputs)
+        if self._is_dense:
+            steady = np.zeros((2, blocks.damping.size, cases.count))
+            steady[0, begun.drifting] = begun.steady
+            self.rows = {"constant": _energy_rows(blocks, steady)}
+        else:
+            scaled = self._at_tip * modal.tip
+            self._unscale = self._at_tip / np.where(self._at_tip, modal.tip, 1.0)
+            inputs *= np.tile(self._unscale, 2)[:, None]
+            self.rows = {}
+        self.rows |= {"sums": sums, "velocity_before": scaled[:, None] * v, "contact_inputs": inputs}
+
+    def _first_sums(self, v: Array, xi: Array, inputs: Array) -> Array:
+        """Return the sums at t = 0 as rows, of modes with v and ξ and the ``inputs`` of a unit impulse of contact."""
+        modal, step, begun, at_tip = self._blocks.modal, self._blocks.step, self._begun, self._at_tip
+        omega2, n = modal.frequency**2, modal.tip.size
+        eta = xi + step.energy_lever * v
+        energy = 0.5 * (project(at_tip * self._kinetic, v.T**2) + project(at_tip * omega2, eta.T**2))
+        rows = np.zeros((rows_in(Totals), self._cases.count))
+        sums = named_rows(Totals, rows)
+        sums.first_energy = sums.last_energy = sums.largest_energy = energy
+        sums.energy_bound = energy + self._unbounded
+        sums.relative = project(modal.tip, v.T)
+        sums.settled_loss = settled = project(self._loss, begun.settled.T)
+        sums.lost = -step.tip.h * step.heat_theta * (settled + project(self._loss, begun.heat.T))
+        if step.heat_counts and not self._is_dense:  # the first step counts the damping of a step that ends at t = 0
+            sums.dissipated = -project(step.tip.h * at_tip * modal.damping, v.T**2)
+        impulses, pulls = step.energy_lever * inputs[n:] - 2.0 * inputs[:n], inputs[n:]
+        size2 = project(at_tip / np.maximum(self._kinetic, np.finfo(float).tiny), impulses.T**2)
+        size2 += project(2.0 * at_tip * _half_flexibility(modal), pulls.T**2)
+        sums.input_square = size2
+        sums.work_bound = 2.0 * np.sqrt(energy * size2)
+        sums.square = project(at_tip * _half_flexibility(modal), pulls.T**2)
+        return rows
+
+    @property
+    def _unbounded(self) -> float:
+        step = self._blocks.step
+        return np.inf if step.energy_lever < 0.5 * step.tip.h else 0.0
+
+    def account(self, lanes: Mapping[str, Array]) -> Account:
+        """Return the coefficients and sums for kernels, with the lanes of :attr:`rows`."""
+        blocks, modal, step = self._blocks, self._blocks.modal, self._blocks.step
+        losses = self._loss / modal.heat_scale
+        modes = np.stack([0.25 * step.tip.h * modal.damping, 0.5 * self._kinetic, 0.5 * modal.frequency**2], axis=1)
+        return Account(
+            modes=modes * self._unscale[:, None] ** 2,
+            contact_inputs=lanes["contact_inputs"],
+            losses=losses,
+            velocity_before=lanes["velocity_before"],
+            sums=named_rows(Totals, lanes["sums"]),
+            h=step.tip.h,
+            energy_lever=step.energy_lever,
+            load_share=float(self._load_direction[-1]),
+            thermal_velocity=np.sum(blocks.tip * blocks.thermal_response(step.heat_gain[:, None])[..., 0]),
+            heat_loss=np.sum(losses * self._free.heat_modes[:, HEAT_INPUT]) if step.heat_counts else 0.0,
+            heat_theta=step.heat_theta,
+            unbounded=self._unbounded,
+            dense=self._dense(lanes) if self._is_dense else None,
+        )
+
+    def _dense(self, lanes: Mapping[str, Array]) -> Dense:
+        """Return the matrices for the balances of modes where these are not blocks, are drifting or near resonance."""
+        blocks, modal, step, C = self._blocks, self._blocks.modal, self._blocks.step, self._blocks.modal.damping_matrix
+        n, count = modal.tip.size, blocks.damping.size
+        unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=modes_at_tip(blocks.scale))
+        outward = np.eye(2 * n) if blocks.outward is None else blocks.outward.reshape(2 * n, 2 * count)
+        load = np.zeros(n) if modal.load is None else modal.load - self._load_direction[-1] * modal.tip
+        pulls = np.zeros((2, count, len(blocks.pairs)))
+        for pair, (j, k) in enumerate(blocks.pairs):
+            pulls[:, j, pair] = blocks.thermal_load[:, j, k] / modal.heat_scale[k]
+        return Dense(
+            outward=outward * np.tile(unscale, 2),
+            off_diagonal=np.zeros((n, n)) if C is None else step.tip.h * (C - np.diag(modal.damping)),
+            lagged=step.lagged,
+            load=-0.5 * load,
+            half_flexibility=_half_flexibility(modal),
+            pair_inputs=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
+            constant=lanes["constant"],
+            states=lane_rows(2 * count),
+            modal_states=lane_rows(2 * n),
+            inputs=lane_rows(2 * n),
+        )
+
+    def result(self, ended: Mapping[str, Array], elapsed: float) -> Balance:
+        """Return the balances after ``elapsed`` seconds, from the rows of the march at its end."""
+        modal, begun = self._blocks.modal, self._begun
+        sums, own = named_rows(Totals, ended["sums"]), named_rows(Own, ended["own"])
+        if not self._free.heat_counts:
+            sums.friction_heat -= own.alpha * own.impulse
+        warmed = ended["tau"] / modal.heat_scale[:, None] - begun.heat + elapsed * begun.warming_modes
+        initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled).T)
+        heating = elapsed * project(self._content, project(modal.heat_shapes.T, self._cases.heating))
+        rest = self._rest_energy(elapsed) + self._moving
+        return Balance(sums, project(self._content, warmed.T), initial, heating, rest)
+
+    def _rest_energy(self, elapsed: float) -> Array:
+        """Return the energy below which the tip is at rest, J, ``(case,)``.
+
+        It is that of :data:`REST` times a bound of the load's impulse over ``elapsed`` seconds. Where load and contact
+        force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
+        """
+        modal, cases, begun = self._blocks.modal, self._cases, self._begun
+        mobility, h = np.sum(modal.mass * modal.tip**2), self._free.tip.h
+        drifts = np.abs(begun.steady).sum(axis=0) / h
+        impulse = elapsed * (np.abs(cases.mean) + cases.load_harmonics.reach)
+        return np.asarray(0.5 * mobility * (REST * impulse) ** 2 + 0.5 * (REST * elapsed * drifts) ** 2)
+
+
+def _energy_rows(blocks: Blocks, states: Array) -> Array:
+    """Return the input, see :class:`Dense`, that adds ``states`` to blocks, ``(2 mode, column)``."""
+    v, xi = blocks.in_modes(states)
+    inertia, pulled = blocks.step.inertia, blocks.modal.frequency[:, None] ** 2 * xi
+    impulse = project(inertia, v.T).T if inertia.ndim == 2 else inertia[:, None] * v
+    return np.concatenate([-0.5 * impulse - blocks.step.energy_lever * pulled, -pulled])
+
+
+def _half_flexibility(modal: Decoupled) -> Array:
+    """Return 1/(2 ω²), 0 of rigid modes, ``(mode,)``."""
+    return np.divide(0.5, modal.frequency**2, out=np.zeros_like(modal.frequency), where=modal.frequency > 0)
+
+
+class Balance(NamedTuple):
+    """Balances of cases after their march, J, ``(case,)``."""
+
+    totals: Totals
     gained: Array
     """H_end - H_0."""
     initial: Array
     """Σ|c T_0|."""
     heating: Array
     """Q = ∫pᵀq."""
-
-
-def row_totals(terms: Array) -> Array:
-    """Return the sum of each row, ``(row,)``, with the same bits for a case alone and among others."""
-    return np.asarray(np.ascontiguousarray(terms).sum(axis=1))
-
-
-def content_of(structure: Structure, cases: Cases, last: Array, elapsed: float) -> Content:
-    """Return the heat content of cases with the temperatures ``last`` after ``elapsed`` seconds, K."""
-    content, heating = structure.content, structure.uniform_rise * cases.heating
-    initial = content * cases.temperature
-    return Content(row_totals(content * last - initial), row_totals(np.abs(initial)), elapsed * row_totals(heating))
-
-
-class Balance(NamedTuple):
-    """Balances of cases after their march."""
-
-    totals: Totals
-    content: Content
     rest: Array | float = 0.0
-    """Energy below which all is rounding, J: the least value of max E."""
+    """Energy below which all is rounding: the least value of max E."""
 
     def residuals(self) -> dict[str, Array]:
         """Return ``energy_residual`` and ``heat_residual``, ``(case,)``."""
-        totals, content = self.totals, self.content
+        totals, friction = self.totals, self.totals.friction_heat
         change = totals.last_energy - totals.first_energy + totals.dissipated
-        friction, heating = totals.friction_heat, content.heating
-        gained = content.gained - friction - heating + totals.lost
-        turned = friction + np.abs(heating) + totals.turned_over + content.initial
+        gained = self.gained - friction - self.heating + totals.lost
+        turned = friction + np.abs(self.heating) + totals.turned_over + self.initial
         largest = np.maximum(totals.largest_energy, self.rest)
         return {"energy_residual": ratio(change, largest), "heat_residual": ratio(gained, turned)}
 

@@ -14,7 +14,7 @@ Temperatures step by (τ_k+1 - τ_k)/h = -μ τ_k + χ_n α λ_k, or with μ τ_
 The temperature of a sample includes half the heat of p_k, as its impulse includes half of p_k, so that the
 friction heat is αJ up to rounding.
 
-A contact law is given x_n,k, w_k-½ and w_free, the tip's velocity w_k+½ without contact.
+A contact law is given x_n,k, w_k-½ and w_free, the tip's velocity w_k+½ without contact; it returns p_k and w_k+½.
 """
 
 from __future__ import annotations
@@ -45,10 +45,28 @@ NEEDS_MASS = (
 
 @dataclass(frozen=True)
 class Differences:
-    """Difference formulas of damping and heat."""
+    """Difference formulas of damping and heat: the options of a scheme by central differences.
 
-    lagged: bool = False
-    implicit_heat: bool = False
+    Attributes
+    ----------
+    damping
+        Velocity in the damping force: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h.
+    heat
+        Temperature in conduction: ``implicit`` T_k+1 or ``explicit`` T_k, which has a stability limit of its own.
+    """
+
+    damping: Literal["central", "lagged"] = "central"
+    heat: Literal["explicit", "implicit"] = "implicit"
+
+    @property
+    def lagged(self) -> bool:
+        """Whether the velocity of the step before damps."""
+        return self.damping == "lagged"
+
+    @property
+    def implicit_heat(self) -> bool:
+        """Whether the temperatures at a step's end conduct."""
+        return self.heat == "implicit"
 
     def damped(self, h: float, damping: Array) -> tuple[Array, Array]:
         """Return the inertia 1 + hc/2 of each mode, and the factor of w_k-½."""
@@ -85,40 +103,19 @@ class Differences:
         return 1 / max(limits) if max(limits) > 0 else float("inf")
 
 
-@dataclass(frozen=True)
-class Options:
-    """Options of a scheme by central differences.
-
-    Attributes
-    ----------
-    damping
-        Velocity in the damping force: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h.
-    heat
-        Temperature in conduction: ``implicit`` T_k+1 or ``explicit`` T_k, which has a stability limit of its own.
-    """
-
-    damping: Literal["central", "lagged"] = "central"
-    heat: Literal["explicit", "implicit"] = "implicit"
-
-    @property
-    def differences(self) -> Differences:
-        """Difference formulas of damping and heat."""
-        return Differences(lagged=self.damping == "lagged", implicit_heat=self.heat == "implicit")
-
-
-def massless_tip(options: Options) -> str | None:
+def massless_tip(options: Differences) -> str | None:
     """Return why a tip without mass cannot be stepped."""
     return NEEDS_MASS
 
 
-def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:
+def amplification(frequency: Array, damping: Array, h: float, options: Differences) -> Any:
     """Return the eigenvalues of the free step of each mode."""
-    return options.differences.amplification(frequency, damping, h)
+    return options.amplification(frequency, damping, h)
 
 
-def thermal_amplification(rate: Array, h: float, options: Options) -> Array:
+def thermal_amplification(rate: Array, h: float, options: Differences) -> Array:
     """Return 1 - hμ of each thermal mode, 1/(1 + hμ) where heat is implicit."""
-    return options.differences.decay(h, rate)
+    return options.decay(h, rate)
 
 
 @dataclass(frozen=True, eq=False)

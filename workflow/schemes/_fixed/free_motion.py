@@ -1,12 +1,4 @@
-"""Free motion: the initial states of a batch, and all blocks in one step, a pack of lanes at a time.
-
-A kernel loops over time, in a step over packs of lanes, and in a pack over its blocks, whose sum stays
-in a register from block to block, in the same order for every lane. So nothing of a step is stored
-but the states. So that calls within a step cost nothing,
-
-- the number of lanes in a row of memory is asserted, see :mod:`workflow.kernels.lanes`, and so
-  are the numbers of a block: the distance between rows is then a constant;
-- functions called in every step are inlined and count no references to arrays.
+"""Free motion: coefficients of a step for kernels, and the initial states of a batch.
 
 Load and contact of a step are added to u and η of a block when the next step begins: :func:`ended` returns both at the
 step's end. Blocks that are modes are scaled by their component at the tip, whose velocity is then the sum of all u.
@@ -20,14 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import inlined, part
+from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import Lane, Pack, pack, shared, spread, store
+from workflow.kernels.packs import Lane, Pack, pack, shared
 from workflow.models import Array, Cases, project
-from workflow.schemes._fixed import balance
-from workflow.schemes._fixed.balance import Account, Dense, plus
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.contact import Contact, TipStep, friction_heat, was_pressed
+from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.rows import Own
 
 SPEED, PLACE = range(2)
@@ -82,17 +72,6 @@ class State(NamedTuple):
     """τ at the beginning of the last step."""
     tau_paired: Array
     """Either of the two: the τ that loads blocks near resonance."""
-    dense: Dense | None = None
-    """Matrices for the balances of modes where these are not blocks."""
-
-
-class FreeTip(NamedTuple):
-    """The tip at a step's end without load and contact."""
-
-    velocity: Pack
-    temperature: Pack
-    thermal_velocity: Pack
-    """The thermal part of the velocity."""
 
 
 @inlined
@@ -111,6 +90,12 @@ def lay_out(step: FreeStep, state: State) -> None:
 
 
 @inlined
+def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
+    """Return ``numbers + weight * others``, or ``numbers`` where ``others`` is ``None``, decided at compile time."""
+    return numbers if others is None else numbers + weight * others
+
+
+@inlined
 def ended(
     coupled: Array | None, step: FreeStep, state: State, j: int, load: Pack, contact: Pack | None, lane: Lane
 ) -> tuple[Pack, Pack]:
@@ -119,154 +104,6 @@ def ended(
     eta = plus(pack(state.motion, (j, PLACE, lane)), pack(state.drives, (j, PLACE, lane)), contact)
     u += shared(step.blocks, (j, LOAD), lane) * load
     return u, eta if coupled is None else eta + shared(coupled, (j, LOAD_PLACE), lane) * load
-
-
-@inlined
-def _at_tip(coupled: Array | None, j: int, u: Pack, eta: Pack, lane: Lane) -> Pack:
-    """Return the part of block j in the velocity of the tip."""
-    return (
-        u
-        if coupled is None
-        else shared(coupled, (j, TIP_SPEED), lane) * u + shared(coupled, (j, TIP_PLACE), lane) * eta
-    )
-
-
-@inlined
-def _step_blocks(
-    coupled: Array | None,
-    account: Account | None,
-    dense: Dense | None,
-    step: FreeStep,
-    state: State,
-    velocity: Pack,
-    contact: Pack | None,
-    lane: Lane,
-) -> Pack:
-    """Step the blocks, and add their part to the tip's velocity."""
-    motion, load = state.motion, pack(state.own.load, lane)
-    taken = balance.nothing_taken(lane)
-    for j in range(motion.shape[0]):
-        before, place = ended(coupled, step, state, j, load, contact, lane)
-        taken = balance.count_mode(account, dense, j, before, place, contact, taken, lane)
-        u = shared(step.blocks, (j, DECAY), lane) * before + shared(step.blocks, (j, SPRING), lane) * place
-        eta = place + step.tip.h * before
-        store(motion, (j, SPEED, lane), u)
-        store(motion, (j, PLACE, lane), eta)
-        velocity += _at_tip(coupled, j, u, eta, lane)
-    balance.add_modes(account, dense, taken, contact, lane)
-    return velocity
-
-
-@inlined
-def _recorded(observed: Array | None, k: int, tau: Pack, lane: Lane) -> Pack:
-    """Return the part of thermal mode k in the temperature that is recorded."""
-    return tau if observed is None else shared(observed, (k,), lane) * tau
-
-
-@inlined
-def _step_heat(
-    account: Account | None,
-    step: FreeStep,
-    tau: Array,
-    velocity: Pack,
-    temperature: Pack,
-    heat: Pack | None,
-    lane: Lane,
-) -> tuple[Pack, Pack]:
-    """Step the thermal modes, and add their parts to velocity and temperature of the tip."""
-    loss = spread(0.0, lane)
-    for k in range(tau.shape[0]):
-        before = pack(tau, (k, lane))
-        loss = balance.with_loss(account, k, before, loss, lane)
-        after = shared(step.heat_modes, (k, HEAT_DECAY), lane) * plus(
-            before, shared(step.heat_modes, (k, HEAT_INPUT), lane), heat
-        )
-        store(tau, (k, lane), after)
-        velocity += shared(step.heat_modes, (k, HEAT_SPEED), lane) * after
-        temperature += _recorded(step.observed, k, after, lane)
-    balance.add_loss(account, step.tip.h, loss, heat, lane)
-    return velocity, temperature
-
-
-@inlined
-def _add_pairs(step: FreeStep, state: State, velocity: Pack, lane: Lane) -> Pack:
-    """Add the load of thermal modes on blocks near resonance with them to the blocks and to the tip's velocity."""
-    motion = state.motion
-    for pair in range(step.pair_block.size):
-        j, tau = step.pair_block[pair], pack(state.tau_paired, (step.pair_heat[pair], lane))
-        for row in range(2):
-            pulled = shared(step.pair_load, (pair, row), lane) * tau
-            store(motion, (j, row, lane), pack(motion, (j, row, lane)) + pulled)
-        velocity += shared(step.pair_load, (pair, 2), lane) * tau
-    return velocity
-
-
-@inlined
-def _add_steady(coupled: Array | None, step: FreeStep, state: State, velocity: Pack, lane: Lane) -> Pack:
-    """Add constant loads on drifting blocks to the blocks and to the tip's velocity."""
-    for k in range(step.drifting.size):
-        j, gained = step.drifting[k], pack(state.steady, (k, lane))
-        store(state.motion, (j, SPEED, lane), pack(state.motion, (j, SPEED, lane)) + gained)
-        velocity += gained if coupled is None else shared(coupled, (j, TIP_SPEED), lane) * gained
-    return velocity
-
-
-@inlined
-def _step(
-    step: FreeStep,
-    account: Account | None,
-    state: State,
-    thermal_velocity: Pack,
-    temperature: Pack,
-    contact: Pack | None,
-    heat: Pack | None,
-    lane: Lane,
-) -> FreeTip:
-    """Step all thermal modes and blocks; the velocity and the temperature given are the known parts of the tip's."""
-    thermal_velocity, temperature = _step_heat(account, step, state.tau, thermal_velocity, temperature, heat, lane)
-    velocity = _step_blocks(step.coupled, account, state.dense, step, state, thermal_velocity, contact, lane)
-    return FreeTip(velocity, temperature, thermal_velocity)
-
-
-@inlined
-def step_freely(step: FreeStep, warmed: bool, t: float, state: State, account: Account | None, lane: Lane) -> FreeTip:
-    """Step all blocks to t, with impulse and heat of the step before; return the tip there without load and contact.
-
-    In most steps there is no contact in any lane. ``warmed`` is the result of :func:`is_warmed`.
-    """
-    own = state.own
-    drift, warmth = spread(0.0, lane), spread(0.0, lane)
-    if warmed:
-        drift = pack(own.drift, lane)
-        warmth = pack(own.warmth, lane) + pack(own.warming, lane) * t
-    if was_pressed(own, lane):
-        contact, heat = pack(own.impulse, lane), friction_heat(own, lane)
-        free = _step(step, account, state, drift, warmth, contact, heat, lane)
-    else:
-        free = _step(step, account, state, drift, warmth, None, None, lane)
-    if step.pair_block.size + step.drifting.size == 0:
-        return free
-    velocity = _add_steady(step.coupled, step, state, _add_pairs(step, state, free.velocity, lane), lane)
-    return FreeTip(velocity, free.temperature, free.thermal_velocity)
-
-
-@part
-def is_warmed(own: Own, lanes: int) -> bool:
-    """Tell whether heating or the temperature of the surroundings moves the tip of some lane."""
-    warmed = False
-    for lane in range(lanes):
-        warmed |= own.drift[lane] != 0.0 or own.warmth[lane] != 0.0 or own.warming[lane] != 0.0
-    return warmed
-
-
-@part
-def store_heat(step: FreeStep, state: State, into: Array, lanes: int) -> None:
-    """Store τ at the end of the last step, with its contact heat where ``heat_counts``."""
-    own = state.own
-    for k in range(into.shape[0]):
-        for lane in range(lanes):
-            heat = step.heat_modes[k, HEAT_INPUT] * (own.alpha[lane] * own.impulse[lane])
-            into[k, lane] = state.tau[k, lane] + heat if step.heat_counts else state.tau[k, lane]
 
 
 NO_DECAY = 1e-30

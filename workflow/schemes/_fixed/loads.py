@@ -1,8 +1,8 @@
-"""The load at the tip, F0 + F1 sin(2π f t + φ) and harmonics, and a casing that moves, in the lanes of a block.
+"""The load at the tip, F0 and harmonics, and a casing that moves, in the lanes of a block.
 
-Lanes of the same f and φ share the sine of F1, which is none of the harmonics: there each lane has a sine of its own,
-which takes longer. Where a scene has no harmonics a kernel's :class:`Drive` is ``None``, and the kernel is compiled
-without it at no cost.
+Most scenes have one harmonic, F1 sin(2π f t + φ), and its f and φ are those of all lanes: these share its sine. Further
+harmonics, of load or casing, are the :class:`Drive` of a kernel, with a sine of each lane, which takes longer. Where
+there are none it is ``None``, and the kernel is compiled without it at no cost.
 
 A scheme with a fixed step sees the casing d(t) = d + Σ a_m sin(ω_m t + φ_m) through a discrete velocity
 
@@ -35,7 +35,7 @@ rounding below 64 eps = 1.4e-14 of the amplitude."""
 
 
 class TipLoads(Rows):
-    """The loads of a block, F0 + F1 sin(2π f t + φ)."""
+    """F0 and the first harmonic, F1 sin(2π f t + φ), of the loads of a block."""
 
     mean: Array
     amplitude: Array
@@ -52,6 +52,16 @@ class TipLoads(Rows):
     """Sine and cosine of the angle of a step."""
     weighed_sine: Array
     """Weighted sine, where lanes differ in frequency or phase."""
+
+
+def tip_loads(cases: Cases) -> Array:
+    """Return the rows of :class:`TipLoads` of all cases, ``(row, case)``."""
+    rows = np.zeros((rows_in(TipLoads), cases.count))
+    load = named_rows(TipLoads, rows)
+    load.mean = cases.mean
+    if cases.load_harmonics.width:
+        load.amplitude, load.frequency, load.phase = (row[:, 0] for row in cases.load_harmonics.rows)
+    return rows
 
 
 @part
@@ -117,7 +127,7 @@ _ROUNDING = 8 * np.finfo(float).eps
 
 
 class Wave(Rows):
-    """A harmonic of load or casing."""
+    """A harmonic of the casing, or of the load after the first."""
 
     sine: Array
     cosine: Array
@@ -135,11 +145,11 @@ class Wave(Rows):
 
 
 class Moving(Rows):
-    """Loads and casing by harmonics in a step."""
+    """Loads and casing by :class:`Wave` in a step."""
 
     load: Array
     load_end: Array
-    """Harmonics of the load, N, weighted by 1 - θ and θ and at the step's end."""
+    """Their load, N, weighted by 1 - θ and θ and at the step's end."""
     mean_gap: Array
     gap_before: Array
     """d without harmonics, and at the step's beginning, m."""
@@ -152,7 +162,7 @@ class Moving(Rows):
 
 
 class Drive(NamedTuple):
-    """Harmonics of the load and a moving casing, of a block of cases."""
+    """Harmonics of the load after the first, and a moving casing, of a block of cases."""
 
     load: Sequence[Wave]
     casing: Sequence[Wave]
@@ -178,7 +188,7 @@ def drive_of(cases: Cases, h: float, theta: float) -> tuple[DriveRows | None, Ca
 
     A tip that starts on the casing and moves with it, both up to rounding, has r = u = 0 and the velocity V(0).
     """
-    load, casing = cases.load_harmonics, cases.casing_harmonics
+    load, casing = cases.load_harmonics[:, 1:], cases.casing_harmonics
     if load.width + casing.width == 0:
         return None, cases
     gains = _gains(casing, h, theta)

@@ -10,11 +10,16 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.lanes import named_rows, rows_in
 from workflow.models import Cases, Structure, directions, project
-from workflow.schemes._fixed.balance import Balance, content_of, row_totals
+from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.rows import Totals
 
 States = tuple[Array, Array, Array]
 """Displacement and velocity ``(case, mechanical)``, temperature ``(case, thermal)``."""
+
+
+def row_totals(terms: Array) -> Array:
+    """Return the sum of each row, ``(row,)``, with the same bits for a case alone and among others."""
+    return np.asarray(np.ascontiguousarray(terms).sum(axis=1))
 
 
 class PlainBalance:
@@ -51,5 +56,8 @@ class PlainBalance:
 
     def result(self, last: States) -> Balance:
         """Return the balances up to the end of the last step, with its states."""
-        content = content_of(self._structure, self._cases, last[2], self._steps * self._h)
-        return Balance(self._totals, content)
+        content, cases = self._structure.content, self._cases
+        initial = content * cases.temperature
+        gained = row_totals(content * last[2] - initial)
+        heating = self._steps * self._h * row_totals(self._structure.uniform_rise * cases.heating)
+        return Balance(self._totals, gained, row_totals(np.abs(initial)), heating)

@@ -81,9 +81,10 @@ class Totals(Rows):
     """Energy at t = 0, when it was computed last and the largest, J."""
     energy_bound: Array
     """What the energy at the last step's end does not exceed, J."""
-    input_size: Array
+    input_square: Array
     work_bound: Array
-    """Norm of the inputs by heat and friction of a unit impulse of contact, 1/√kg, and the most work they do, m/s."""
+    """Square of the norm of the inputs by heat and friction of a unit impulse of contact, 1/kg, and a bound of the work
+    they do, m/s."""
     dissipated: Array
     """Dissipated energy less the work of loads and contact, J."""
     lost: Array

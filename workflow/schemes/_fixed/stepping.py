@@ -21,7 +21,7 @@ from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import loads
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.contact import End
-from workflow.schemes._fixed.loads import Drive, DriveRows, TipLoads, cut_gap, keep_apart, with_harmonics
+from workflow.schemes._fixed.loads import Drive, DriveRows, TipLoads, cut_gap, keep_apart, tip_loads, with_harmonics
 from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
 
@@ -327,9 +327,8 @@ def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, driv
     due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
     due = np.where(counted, np.minimum(due, plan.steps), NEVER)
 
-    loads, tips = np.zeros((rows_in(TipLoads), cases.count)), np.zeros((rows_in(Tips), cases.count))
-    load, tip = named_rows(TipLoads, loads), named_rows(Tips, tips)
-    load.mean, load.amplitude, load.frequency, load.phase = cases.mean, cases.amplitude, cases.frequency, cases.phase
+    tips = np.zeros((rows_in(Tips), cases.count))
+    tip = named_rows(Tips, tips)
     tip.displacement, tip.velocity = cases.displacement[:, -1], cases.velocity[:, -1]
     tip.temperature = tip.hottest = tip.period_hottest = structure.observed_of(cases.temperature)
     tip.gap = casing
@@ -337,7 +336,7 @@ def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, driv
 
     histories, record = np.empty((cases.count, 4, plan.due.size)), np.full((cases.count, 7, longest), np.nan)
     histories[..., 0] = np.stack([tip.displacement, tip.velocity, tip.temperature, tip.impulse], axis=-1)
-    return Watch(cases, plan, sampling.interval, h, loads, tips, drive, histories, record, due, weight)
+    return Watch(cases, plan, sampling.interval, h, tip_loads(cases), tips, drive, histories, record, due, weight)
 
 
 def rows_of(watched: Watch) -> dict[str, Array]:

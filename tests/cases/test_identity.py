@@ -1,0 +1,141 @@
+"""Identity of a case: all that its results depend on, and nothing else."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from quick import hashes_of, quick
+from workflow.cases import _identity
+
+ONE = {"h": 1e-4, "e": 0.5, "alpha": 5.0}
+
+
+def identity(axes: dict[str, Any] | None = None, **parts: Any) -> bytes:
+    [case_hash] = hashes_of(quick({**ONE, **(axes or {})}, **parts))
+    return case_hash
+
+
+SAME = {
+    "title": {"title": "Another title"},
+    "name": {"study": "other"},
+    "a scalar as an axis of one": {"axes": {"e": [0.5]}},
+    "another unit": {"scene": {"casing.gap": "20 um"}},
+    "a whole number": {"axes": {"alpha": 5}},
+    "minus nothing": {"scene": {"load.phase": -0.0}},
+    "no histories": {"output": {"histories": []}},
+    "other histories": {"output": {"histories": ["velocity", "temperature"]}},
+    "precision": {"output": {"precision": "float32"}},
+    "balances": {"output": {"balances": False}},
+    "a label of the scheme": {"schemes": {"mine": {"method": "moreau"}}, "axes": {"scheme": "mine"}},
+    "options of a scheme that is not used": {"schemes": {"mine": {"method": "moreau", "theta": 0.7}}},
+}
+
+
+@pytest.mark.parametrize("parts", SAME.values(), ids=SAME.keys())
+def test_what_changes_no_result_changes_no_identity(parts: dict[str, Any]) -> None:
+    assert identity(**parts) == identity()
+
+
+OTHER = {
+    "gap": {"scene": {"casing.gap": 21e-6}},
+    "one bit of the gap": {"scene": {"casing.gap": math.nextafter(20e-6, 1.0)}},
+    "mean": {"scene": {"load.mean": 1.0}},
+    "amplitude": {"scene": {"load.amplitude": 101.0}},
+    "frequency": {"scene": {"load.frequency": 1001.0}},
+    "phase": {"scene": {"load.phase": 0.1}},
+    "steady": {"scene": {"load.steady": 1.0}},
+    "heating": {"scene": {"chain.heating": 1.0}},
+    "displacement": {"scene": {"initial.displacement": 1e-6}},
+    "velocity": {"scene": {"initial.velocity": 1e-3}},
+    "temperature": {"scene": {"initial.temperature": 1.0}},
+    "static": {"scene": {"initial": "static"}},
+    "mass": {"scene": {"chain.mass": 2.6e-3}},
+    "stiffness": {"scene": {"chain.stiffness": 4.1e6}},
+    "damping": {"scene": {"chain.damping": {"mass": 10.0, "stiffness": 0.0}}},
+    "spacing": {"scene": {"chain.spacing": 2.6e-3}},
+    "expansion": {"scene": {"chain.expansion": 9e-6}},
+    "capacity": {"scene": {"chain.heat_capacity": 1.4}},
+    "conductance": {"scene": {"chain.conductance": 0.7}},
+    "convection": {"scene": {"chain.convection": 0.02}},
+    "nodes": {"scene": {"chain.nodes": 2}},
+    "duration": {"scene": {"duration": 5e-3}},
+    "interval": {"output": {"interval": 1e-3}},
+    "h": {"axes": {"h": 5e-5}},
+    "e": {"axes": {"e": 0.6}},
+    "alpha": {"axes": {"alpha": 6.0}},
+    "scheme": {"axes": {"scheme": "event_driven"}},
+    "option": {"schemes": {"mine": {"method": "moreau", "theta": 0.7}}, "axes": {"scheme": "mine"}},
+    "reference": {"reference": {"scheme": "moreau", "h": 1e-5}},
+}
+
+
+def test_what_may_change_a_result_changes_the_identity() -> None:
+    assert len({identity(), *(identity(**parts) for parts in OTHER.values())}) == 1 + len(OTHER)
+
+
+def test_lists_per_node_count_node_by_node() -> None:
+    two = {"chain.nodes": 2}
+    identities = [identity(scene={**two, "load.steady": value}) for value in ([1.0, 2.0], [2.0, 1.0], 1.0)]
+    assert len(set(identities)) == 3
+
+
+def test_modes_count() -> None:
+    scene = {"chain.nodes": 3}
+    identities = {
+        identity({"mechanical_modes": modes, "thermal_modes": thermal}, scene=scene)
+        for modes in (1, 2)
+        for thermal in (1, "full")
+    }
+    assert len(identities) == 4
+    assert identity(scene=scene) in identities  # all modes, told as a number
+
+
+def test_the_version_of_the_solver_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = identity()
+    monkeypatch.setattr(_identity, "SOLVER_VERSION", _identity.SOLVER_VERSION + 1)
+    assert identity() != before
+
+
+@pytest.mark.parametrize(("scheme", "name"), [("event_driven", "h"), ("penalty", "e")])
+def test_what_a_scheme_does_not_read_does_not_count(scheme: str, name: str) -> None:
+    other = {"h": 5e-5, "e": 0.6}[name]
+    own = {"scheme": scheme}
+    assert identity({**own, name: other}) == identity(own)
+    assert identity({**own, "alpha": 6.0}) != identity(own)
+    reads_it = {"scheme": "moreau", name: ONE[name]}
+    assert identity({**own, name: other}, reference=reads_it) == identity(own, reference=reads_it)
+
+
+def test_what_only_the_reference_reads_counts() -> None:
+    """Errors of a case without e are those against a reference with e."""
+    penalty, reference = {"scheme": "penalty"}, {"scheme": "event_driven"}
+    assert identity({**penalty, "e": 0.6}, reference=reference) != identity(penalty, reference=reference)
+    fixed = {**reference, "e": 0.5}
+    assert identity({**penalty, "e": 0.6}, reference=fixed) == identity(penalty, reference=fixed)
+    other = {**reference, "e": 0.4}
+    assert identity(penalty, reference=other) != identity(penalty, reference=fixed)
+
+
+VALUES = st.lists(st.floats(0.0, 1.0), min_size=1, max_size=4, unique=True)
+
+
+@settings(max_examples=30, deadline=None)
+@given(e=VALUES, alpha=VALUES, steps=st.lists(st.sampled_from([1e-4, 5e-5, 2e-5]), min_size=1, max_size=3, unique=True))
+def test_place_and_arrangement_do_not_count(e: list[float], alpha: list[float], steps: list[float]) -> None:
+    """The cases of a grid, however it is laid out, are those that stand alone."""
+    whole = hashes_of(quick({"h": steps, "e": e, "alpha": alpha}))
+    backward = hashes_of(quick({"alpha": alpha[::-1], "e": e[::-1], "h": steps[::-1]}))
+    alone = [hashes_of(quick({"h": h, "e": x, "alpha": y}))[0] for h in steps for x in e for y in alpha]
+    assert len(set(whole)) == len(whole)
+    assert sorted(whole) == sorted(backward) == sorted(alone)
+
+
+def test_a_zip_is_its_pairs() -> None:
+    pairs = {"e": [0.0, 0.5], "alpha": [5.0, 50.0]}
+    zipped = hashes_of(quick({"e": None, "alpha": None}, zip={"pair": pairs}))
+    assert zipped == [identity({"e": e, "alpha": alpha}) for e, alpha in zip(*pairs.values(), strict=True)]

@@ -1,0 +1,322 @@
+"""Order of dimensions, cases that are one case, tasks that cover every unit once."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from threadpoolctl import threadpool_limits
+
+from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
+from workflow import schemes
+from workflow.cases import Grid, arrange, reads
+from workflow.cli._studies import _lines as plan_lines
+from workflow.plan import plan, plan_study
+from workflow.reduction import reduce_structure
+from workflow.schemes import Status
+from workflow.solve import _operators, solve, tasks
+from workflow.solve import _tasks as cutting
+
+
+def test_operators_lie_outermost_and_what_is_varied_finely_innermost() -> None:
+    grid = arrange(parsed(SMALL))
+    assert grid.dims == (("model", 2), ("h", 2), ("e", 3), ("alpha", 5))
+    assert (grid.outer_count, grid.inner_count) == (4, 15)
+    cell = grid.settings(3)
+    assert (cell.h, cell.mechanical_modes, cell.thermal_modes) == (2e-4, 3, 3)
+    values = grid.inner_values(np.array([0, 7]))
+    assert values["e"].tolist() == [0.0, 0.5]
+    assert values["alpha"].tolist() == [0.0, 10.0]
+
+
+AXES = {
+    "h": [1e-4, 2e-4, 5e-5], "scheme": ["moreau", "carpenter"], "scene.chain.mass": [1e-3, 2e-3, 3e-3, 4e-3],
+    "scene.chain.stiffness": [4e6, 5e6], "alpha": [0, 5, 20], "e": [0, 0.5, 0.9],
+    "scene.casing.gap": [1e-5, 2e-5, 3e-5], "scene.load.frequency": [50, 60, 70], "scene.load.mean": [0, 1, 2],
+}  # fmt: skip
+
+
+@settings(max_examples=30, deadline=None)
+@given(data=st.data())
+def test_the_order_of_dimensions_depends_on_what_varies_alone(data: st.DataObject) -> None:
+    """Neither on the number of values, nor on where an axis is written."""
+    chosen = data.draw(st.permutations(sorted(AXES)))[: data.draw(st.integers(1, 5))]
+    axes = {name: AXES[name][: data.draw(st.integers(1, len(AXES[name])))] for name in chosen}
+    names = [name for name, _ in arrange(parsed(f"study: a\n{SCENE}axes: {json.dumps(axes)}\n")).dims]
+    ranked = ["scheme", "mass", "stiffness", "h", "mean", "e", "gap", "alpha", "frequency"]
+    assert names == [name for name in ranked if name in names]
+
+
+def inner_of(grid: Grid, missing: np.ndarray | None = None) -> list[np.ndarray]:
+    """Return the inner indices of all batches, in their order."""
+    return [batch.inner for task in tasks(grid, missing) for batch in task.batches]
+
+
+def test_a_zip_of_step_and_condition_is_outer() -> None:
+    text = "study: a\n" + SCENE + "axes: {alpha: [0, 1]}\nzip: {pair: {h: [1e-4, 1e-3], e: [0, 0.5]}}\n"
+    grid = arrange(parsed(text))
+    assert grid.dims == (("pair", 2), ("alpha", 2))
+    assert grid.settings(1).e == 0.5
+
+
+@pytest.mark.parametrize("text", [SMALL, ILL, SINGLE], ids=["small", "ill", "single"])
+@pytest.mark.parametrize("longest", [1e-9, 5.0])
+def test_tasks_cover_every_case_once(text: str, longest: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And of those that are missing no other one."""
+    monkeypatch.setattr(cutting, "UNBROKEN", 0.0)
+    monkeypatch.setattr(cutting, "LONGEST", longest)
+    grid = arrange(parsed(text))
+    for missing in (None, np.random.default_rng(0).random((grid.outer_count, grid.inner_count)) < 0.5):
+        seen = np.zeros((grid.outer_count, grid.inner_count), dtype=int)
+        for task in tasks(grid, missing):
+            for batch in task.batches:
+                seen[batch.outer, batch.inner] += 1
+        assert np.all(seen == (1 if missing is None else missing))
+
+
+@pytest.mark.parametrize("h", ["1e-5", "1e-6", "[1e-5, 3e-6, 1e-6]"])
+@pytest.mark.parametrize("missing", [1.0, 0.3])
+@pytest.mark.parametrize("threads", [1, 2, 16])
+def test_threads_end_together(threads: int, missing: float, h: str) -> None:
+    """Tasks are enough for each thread, and cost the same, whether all of a study is missing or some of it."""
+    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: {h}").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 8000]}")
+    grid = arrange(parsed(text.replace("interval: 1 ms", "interval: 20 ms")))
+    mask = np.random.default_rng(0).random((grid.outer_count, grid.inner_count)) < missing
+    seconds = [task.seconds for task in tasks(grid, mask, threads)]
+    assert max(seconds) < 2 * min(seconds)
+    assert max(seconds) < 1.5 * cutting.LONGEST
+    assert len(seconds) >= 0.9 * min(8 * threads, sum(seconds) / cutting.SHORTEST)
+    assert sum(seconds) == pytest.approx(cutting.model_seconds(grid, mask))
+
+
+@pytest.mark.parametrize("alphas", [3, 40, 2000])
+@pytest.mark.parametrize("h", [1e-4, 1e-6])
+def test_cases_that_are_stepped_together_stay_together(h: float, alphas: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a task cuts the cases of an outer index, it leaves whole packs."""
+    monkeypatch.setattr(cutting, "LONGEST", 1e-9)
+    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: [{h}, {2 * h}]").replace(
+        "[0, 5, 10, 20, 50]", f"{{lin: [0, 50, {alphas}]}}"
+    )
+    grid = arrange(parsed(text))
+    for every in (1, 3):
+        missing = np.zeros((grid.outer_count, grid.inner_count), dtype=bool)
+        missing[:, ::every] = True
+        for inner in inner_of(grid, missing):
+            is_last = inner[-1] + every >= grid.inner_count
+            assert is_last or inner.size >= schemes.load("moreau").TOGETHER
+
+
+@pytest.mark.parametrize("unbroken", [0.0, 0.01, 1.0])
+def test_cases_that_take_long_are_not_kept_together(unbroken: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A task that is lost is lost as a whole: none is longer than that, than others, or than a case."""
+    for name, value in (("LONGEST", 1e-3), ("UNBROKEN", unbroken)):
+        monkeypatch.setattr(cutting, name, value)
+    text = SMALL.replace("h: [1e-4, 2e-4]", "h: [1e-8, 1e-4]").replace("[0, 5, 10, 20, 50]", "{lin: [0, 50, 100]}")
+    grid = arrange(parsed(text))
+    case = max(cutting.seconds_per_case(grid, outer) for outer in grid.computed.tolist())
+    assert 16 * case > 1e-3
+    for task in tasks(grid):
+        assert task.seconds < 1.5 * max(1e-3, unbroken, 8 * case) + cutting.costs(grid).setup.max()
+
+
+def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scheme that raises for one case: it is told, its neighbours have their numbers."""
+    grid = arrange(parsed(SMALL))
+    moreau = import_module("workflow.schemes.moreau")
+    compute = moreau.compute
+
+    def brittle(operator: object, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
+        if np.any(cases.alpha == 10):
+            raise FloatingPointError("no luck with alpha = 10")
+        return compute(operator, cases, over)
+
+    clean = solve(grid, 1, np.arange(15))
+    monkeypatch.setattr(moreau, "compute", brittle)
+    partly_failed = solve(grid, 1, np.arange(15))
+    bad = np.arange(15) % 5 == 2
+    assert np.array_equal(partly_failed.values["status"] == Status.FAILED, bad)
+    assert set(partly_failed.messages) == set(np.flatnonzero(bad))
+    assert partly_failed.messages[2] == "FloatingPointError: no luck with alpha = 10"
+    assert np.all(np.isnan(partly_failed.values["displacement"][bad]))
+    for name in clean.values:
+        if name not in ("processor_time", "batch_width"):
+            assert np.array_equal(partly_failed.values[name][~bad], clean.values[name][~bad], equal_nan=True)
+
+
+def test_processor_time_has_the_width_of_its_batch_beside_it() -> None:
+    """Cases are timed by the batch: of three values of alpha and two of e six ran together, of carpenter's three."""
+    text = "study: a\n" + SCENE + "axes: {scheme: [moreau, carpenter], h: 1e-5, alpha: [1, 2, 3], e: [0, 0.5]}\n"
+    grid = arrange(parsed(text))
+    for outer, width in ((0, 6), (1, 3)):
+        values = solve(grid, outer, np.arange(6)).values
+        assert np.all(values["batch_width"] == width)
+        assert np.unique(values["processor_time"]).size == 1
+    assert np.all(solve(grid, 0, np.arange(2)).values["batch_width"] == 2)
+
+
+def test_waiting_is_no_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work of one thread counts, not what others do meanwhile: a scheme sleeps 0.3 s."""
+    grid = arrange(parsed("study: a\n" + SCENE + "axes: {h: 1e-4, alpha: [1, 2]}\n"))
+    moreau = import_module("workflow.schemes.moreau")
+    compute = moreau.compute
+
+    def sleepy(*given: Any) -> Any:
+        time.sleep(0.3)
+        return compute(*given)
+
+    monkeypatch.setattr(moreau, "compute", sleepy)
+    seconds = solve(grid, 0, np.arange(2)).values["processor_time"]
+    assert 0 < seconds.sum() < 0.15
+
+
+def test_plan_says_what_it_comes_to() -> None:
+    """Issue figures: implicit Euler at 1.09 kHz and 1e-4 s damps by 0.32 against 0.0014."""
+    text = (
+        f"study: heavy{HEAVY_SCENE}"
+        + """\
+schemes:
+  early: {method: moreau, theta: 0.45}
+axes: {scheme: [moreau, early], h: [1e-4, 1e-3], e: [0, 0.5]}
+output: {interval: 1 ms}
+"""
+    )
+    grid = arrange(parsed(text))
+    planned = plan(grid)
+    assert (planned.cases, planned.unique, planned.batches) == (8, 8, 4)
+    assert planned.steps == 2 * 2 * (3000 + 300)
+    figures = planned.structures[0]
+    assert figures.first_frequency == pytest.approx(1090.5, abs=0.1)
+    assert figures.tip_stiffness == pytest.approx(1e6, rel=1e-9)
+    assert figures.critical_alpha == pytest.approx(1.071, abs=5e-4)
+    assert 0 < figures.fastest < figures.slowest
+    warnings = "\n".join(planned.warnings)
+    assert "moreau damps the first mode (1090 Hz) more than its own 0.0014 of critical" in warnings
+    assert "0.3 at h = 0.0001 s, 0.8 at h = 0.001 s" in warnings
+    assert "early diverges, its free step grows" in warnings
+    assert planned.bytes > 8 * 301 * 3 * 8
+
+
+@pytest.mark.parametrize("given", ["tip_stiffness: 2.1e8", "youngs_modulus: 210 GPa"])
+def test_a_plan_says_by_which_parameter_a_blade_is_how_stiff(given: str) -> None:
+    """A rod has K = EA/L, f1² = K/(16 m) and, without convection, α_c = 2 λA/(K a L²)."""
+    blade = "length: 40 mm, width: 40 mm, thickness: 1 mm, density: 7800, specific_heat: 460, conductivity: 45"
+    scene = f"{{blade: {{nodes: 100, {blade}, expansion: 1.2e-5, {given}}}, casing: {{gap: 1 um}}, duration: 1 ms}}"
+    planned = plan_study(f"study: stiff\nscene: {scene}\n")
+    [figures] = planned.structures
+    stiffness, mass, area = 2.1e8, 7800 * 0.04 * 40e-6, 40e-6
+    assert figures.tip_stiffness == pytest.approx(stiffness, rel=1e-9)
+    assert figures.first_frequency == pytest.approx((stiffness / (16 * mass)) ** 0.5, rel=1e-4)
+    assert figures.critical_alpha == pytest.approx(2 * 45 * area / (stiffness * 1.2e-5 * 0.04**2), rel=1e-9)
+    [line] = [line for line in plan_lines(planned) if "f1" in line]
+    assert f"tip stiffness 2.1e+08 N/m by {given.partition(':')[0]}, " in line
+    assert f"critical alpha {figures.critical_alpha:.4g} W/N" in line
+
+
+def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
+    """The ninth setting was left out in silence; of three bases one diverges."""
+    axes = "axes: {scheme: [moreau, event_driven, carpenter], mechanical_modes: [1, 2, 3], thermal_modes: 2, h: 3e-5}\n"
+    grid = arrange(parsed("study: a\n" + SCENE + axes))
+    planned = plan(grid)
+    sizes = [f"{scheme}: {n} + 3 modes with the tip's own" for scheme in ("moreau", "carpenter") for n in (2, 3, 4)]
+    assert sorted(planned.operators) == sorted(sizes)
+    assert planned.structures[0].label == "chain, 4 nodes"
+    assert planned.more_structures == 0
+    [diverging] = [line for line in planned.warnings if "diverges" in line]
+    assert diverging.startswith("carpenter diverges, its free step grows")
+    assert diverging.endswith("-fold at h = 3e-05 s (3 + 2 modes)")
+    [damped] = [line for line in planned.warnings if "damps the first mode" in line]
+    assert damped.endswith("at h = 3e-05 s")
+    planned = plan_study(parsed("study: a\n" + SCENE + axes.replace("3e-5", "4e-5")))
+    [diverging] = [line for line in planned.warnings if "diverges" in line]
+    assert diverging.endswith("-fold at h = 4e-05 s (worst with 3 + 2 modes)")
+
+
+def test_a_mode_that_does_not_swing_is_not_said_to_be_damped_numerically() -> None:
+    """Beyond critical damping the factor of a step is real: the ratio was infinite."""
+    for ratio, expected in ((0.3, 1), (5, 0)):
+        text = SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", f"damping: {{ratio: {ratio}}}")
+        warnings = plan_study(parsed(f"study: a\n{text}axes: {{h: 1e-4}}\n")).warnings
+        assert sum("damps the first mode" in line for line in warnings) == expected
+
+
+def test_a_plan_says_how_many_structures_it_does_not_show() -> None:
+    masses = ", ".join(f"{1e-3 * (k + 1):g}" for k in range(10))
+    text = "study: a\n" + SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", "damping: {mass: 0}")
+    grid = arrange(parsed(text + f"axes: {{scene.chain.mass: [{masses}], h: 1e-5}}\n"))
+    planned = plan(grid)
+    assert (len(planned.structures), planned.more_structures) == (8, 2)
+    assert any("which has no damping of its own, numerically by" in line for line in planned.warnings)
+
+
+def test_load_periods_of_different_cases() -> None:
+    """The dimension is as long as the longest; shorter cases have NaN beyond their own."""
+    text = "study: a\n" + SCENE + "axes: {scene.load.frequency: [50, 100, 0]}\noutput: {interval: 1 ms}\n"
+    grid = arrange(parsed(text))
+    solved = solve(grid, 0, np.arange(3))
+    for name in ("period_impulse", "period_force", "period_temperature", "period_contact"):
+        counted = np.sum(~np.isnan(solved.values[name]), axis=1)
+        assert counted.tolist() == [3, 6, 0], name
+    force = solved.values["contact_force"]
+    assert np.array_equal(solved.values["period_force"][0, :3], force[0, 1:].reshape(3, 20).max(axis=1))
+    assert np.nansum(solved.values["period_impulse"][0]) == pytest.approx(solved.values["contact_impulse"][0])
+
+
+def test_a_reduced_static_start_is_at_rest_too() -> None:
+    """Heated and loaded, with any number of modes: nothing swings, nothing drifts."""
+    text = "study: a\n" + SCENE.replace("amplitude: 100", "mean: 20, amplitude: 0").replace(
+        "convection: 0.02}", "convection: 0.02, heating: 0.5}"
+    ).replace("  duration", "  initial: static\n  duration")
+    text += "axes: {scheme: [moreau, event_driven]}\n"
+    text += "zip: {model: {mechanical_modes: [0, 1, full], thermal_modes: [0, 2, full]}}\n"
+    grid = arrange(parsed(text))
+    for outer in range(grid.outer_count):
+        x = solve(grid, outer, np.arange(1)).values["displacement"][0]
+        assert x[0] > 2e-5
+        assert np.abs(x - x[0]).max() < 1e-10 * x[0]
+
+
+def test_an_axis_that_nothing_reads_gives_a_caution() -> None:
+    text = (
+        "study: a\n" + SCENE + "schemes: {other: {method: moreau}}\naxes: {schemes.other.theta: [0.5, 1], e: [0, 1]}\n"
+    )
+    grid = arrange(parsed(text))
+    planned = plan(grid)
+    assert (planned.cases, planned.unique) == (4, 2)
+    assert [line for line in planned.warnings if "changes nothing" in line] == [
+        "theta changes nothing: no scheme of this study reads it, its cases are the same"
+    ]
+    compared = text + "reference: {scheme: other}\n"
+    for used in (text.replace("axes: {", "axes: {scheme: [other, moreau], "), compared):
+        grid = arrange(parsed(used))
+        assert not any("changes nothing" in line for line in plan(grid).warnings)
+
+
+def test_friction_is_read_beside_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cases of a scheme without heat that differ in µ were computed as one."""
+    cold = replace(schemes.load("moreau"), READS=frozenset({"h"}))
+    monkeypatch.setattr(schemes, "load", lambda name: cold)
+    names = ("coefficient", "heat_share", "sliding_speed")
+    assert [reads("moreau", "moreau", f"scene.friction.{name}") for name in names] == [True, False, False]
+
+
+def test_a_reduction_does_not_depend_on_the_threads_of_blas() -> None:
+    text = "study: a\n" + SCENE.replace("nodes: 4", "nodes: 200") + "axes: {mechanical_modes: 20, thermal_modes: 50}\n"
+    grid = arrange(parsed(text))
+    _operators.model_on.cache_clear()
+    with threadpool_limits(limits=2, user_api="blas"):
+        next(tasks(grid))
+        cell = grid.settings(0)
+        cached = _operators.model_on(_operators.reduced(cell))
+    with threadpool_limits(limits=1, user_api="blas"):
+        alone = reduce_structure(_operators.structure_of(cell.scene.model, cell.scene.parameters), 20, 50)
+    assert _operators.model_on.cache_info().misses == 1
+    for name, values in vars(alone.structure).items():
+        if isinstance(values, np.ndarray):
+            assert values.tobytes() == vars(cached.structure)[name].tobytes(), name

@@ -1,0 +1,167 @@
+"""Compilation ahead: by a helper process where there are several schemes, by the run itself where that fails."""
+
+from __future__ import annotations
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+import workflow
+from processes import alive, until
+from quick import quick
+from workflow import schemes
+from workflow.cases import arrange
+from workflow.solve import _compile as compilation
+from workflow.solve._compile import KernelVariant, compile_scheme, compiled_ahead
+from workflow.solve._solve import kernel_variants
+
+ROOT = Path(workflow.__file__).parents[1]
+
+START = f"""
+import sys
+sys.path.insert(0, {str(ROOT)!r})
+from collections import Counter
+from numba.core import event
+from workflow import schemes
+from workflow.solve._compile import KernelVariant, compile_scheme, compiled_ahead
+
+def variant_of(method):
+    return KernelVariant(method, schemes.load(method).Options(), balances=True)
+"""
+
+TOGETHER = """
+class Seen(event.Listener):
+    functions = Counter()
+    def on_start(self, about):
+        self.functions[about.data["dispatcher"].py_func] += 1
+    def on_end(self, about):
+        pass
+
+event.register("numba:compile", Seen())
+with compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
+    compile_scheme(variant_of("event_driven"))
+    compile_scheme(variant_of("moreau"))
+from workflow.schemes._exact.event_loop import run_cases
+from workflow.schemes import moreau
+from workflow.schemes._fixed.march import KERNELS
+ours = {f.__name__: n for f, n in Seen.functions.items() if (f.__module__ or "").startswith("workflow.schemes.")}
+step = KERNELS[moreau.Newton].dispatcher
+print(max(ours.values()), "march_cases" in ours, sum(step.stats.cache_hits.values()))
+print(*(len(dispatcher.signatures) for dispatcher in (run_cases.dispatcher, step)))
+"""
+
+KILLED = """
+with compiled_ahead([variant_of("moreau"), variant_of("event_driven")]):
+    print("begun", flush=True)
+    sys.stdin.read()
+"""
+
+
+def variant_of(method: str) -> KernelVariant:
+    return KernelVariant(method, schemes.load(method).Options(), balances=True)
+
+
+@pytest.fixture
+def unnoted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Nothing is known to be compiled, whatever is in the cache."""
+    monkeypatch.setattr(compilation, "_note", lambda variant: tmp_path / variant.method)
+    compile_scheme.cache_clear()
+    return tmp_path
+
+
+def executable(path: Path, script: str) -> str:
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return str(path)
+
+
+def children(process: int) -> list[int]:
+    lists = [task.read_text() for task in Path(f"/proc/{process}/task").glob("*/children")]
+    return [int(child) for text in lists for child in text.split()]
+
+
+@pytest.mark.slow  # it compiles the largest kernel
+def test_kernels_are_compiled_once_and_those_of_a_helper_are_loaded(tmp_path: Path) -> None:
+    """With nothing compiled: a part for one type of arguments alone, the steps of moreau by the helper alone."""
+    lines = subprocess.run(
+        [sys.executable, "-c", START + TOGETHER],
+        capture_output=True, text=True, check=True, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    ).stdout.splitlines()  # fmt: skip
+    assert lines == ["1 False 1", "1 1"]
+
+
+@pytest.mark.parametrize("script", ["exit 1", "kill -9 $$", "exec < /dev/null", None])
+def test_a_scheme_whose_helper_fails_is_compiled_all_the_same(
+    script: str | None, unnoted: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing = executable(unnoted / "python", script) if script else str(unnoted / "missing")
+    monkeypatch.setattr(sys, "executable", failing)
+    with compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
+        assert not (unnoted / "moreau").exists()
+        compile_scheme(variant_of("moreau"))
+    assert (unnoted / "moreau").exists()
+
+
+def test_helpers_are_gone_when_the_run_is_over(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", executable(unnoted / "python", f"echo $$ > {unnoted}/pid; exec sleep 1000"))
+    with suppress(KeyboardInterrupt), compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
+        until(lambda: (unnoted / "pid").exists() and (unnoted / "pid").read_text().endswith("\n"))
+        assert alive(int((unnoted / "pid").read_text()))
+        raise KeyboardInterrupt
+    assert not alive(int((unnoted / "pid").read_text()))
+
+
+def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
+    """The pipe from it ends, however it died; what they were compiling is not there."""
+    run = subprocess.Popen(
+        [sys.executable, "-c", START + KILLED],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    )  # fmt: skip
+    with run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == b"begun\n"
+        until(lambda: bool(children(run.pid)))
+        (helper,) = children(run.pid)
+        until(lambda: "main" in Path(f"/proc/{helper}/cmdline").read_text())
+        time.sleep(1.0)  # into its compilation, which takes many times as long
+        assert alive(helper)
+        run.send_signal(signal.SIGKILL)
+    until(lambda: not alive(helper))
+    assert not list(tmp_path.rglob("event_loop.run_cases-*.nbc"))  # the kernel that takes long
+    assert not list(tmp_path.rglob("*.compiled"))
+
+
+def test_what_is_compiled_needs_no_process(unnoted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compilation, "_started", None)
+    (unnoted / "moreau").touch()
+    with compiled_ahead([variant_of("carpenter"), variant_of("moreau")]):
+        pass
+    monkeypatch.setattr(compilation, "_note", lambda *_: None)  # no lasting cache
+    with compiled_ahead([variant_of("event_driven"), variant_of("carpenter")]):
+        pass
+
+
+def test_every_scheme_and_the_reference_have_kernels_of_their_own() -> None:
+    springs = {"springs": {"method": "penalty", "integration": "implicit"}}
+    study = quick({"scheme": ["moreau", "springs"]}, schemes=springs, reference={"scheme": "event_driven"})
+    variants = kernel_variants(arrange(study))
+    assert [variant.method for variant in variants] == ["moreau", "penalty", "event_driven"]
+    assert variants[1].options.integration == "implicit"
+    assert [variant.method for variant in kernel_variants(arrange(quick()))] == ["moreau"]
+
+
+def test_words_among_the_options_have_a_kernel_of_their_own_and_numbers_have_none() -> None:
+    moreau, penalty = schemes.load("moreau"), schemes.load("penalty")
+    words = [KernelVariant("moreau", moreau.Options(theta=theta), True).words for theta in (0.5, 0.7, 1.0)]
+    assert words[0] == words[1] == words[2]
+    kinds = [
+        KernelVariant("penalty", penalty.Options(integration=kind), True).words for kind in ("explicit", "implicit")
+    ]
+    assert kinds[0] != kinds[1]

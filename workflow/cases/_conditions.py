@@ -1,0 +1,207 @@
+"""Conditions of the cases of a batch, also with their data changed by a trifle."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from workflow import schemes
+from workflow.cases._structures import full_structure
+from workflow.declare import File, Values
+from workflow.judges.distances import perturbed
+from workflow.models import Array, Cases, Harmonics, Structure
+from workflow.study import CaseSettings, Initial, Scene
+
+FRICTION = "scene.friction."
+"""How the axes begin that make α."""
+
+
+def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
+    """Return the cases of a batch on the full structure; ``initial: static`` is left to ``at_rest``.
+
+    A scheme that does not say that it reads e is given NaN: cases that differ in e alone are computed once.
+
+    Parameters
+    ----------
+    settings
+        Settings that all cases of the batch share.
+    structure
+        The full structure; loads and initial states are given per node, or in the coordinates it was given in.
+    varying
+        Values of the axes along which the cases differ, by path, each ``(case,)``.
+    count
+        Number of cases.
+    """
+    scene = settings.scene
+
+    def of_case(path: str, value: float) -> Array:
+        return spread(varying, path, value, count)
+
+    mechanical, thermal = structure.input_sizes
+
+    def of_node(path: str, value: Values, size: int = mechanical) -> Array:
+        if path in varying:
+            return np.repeat(np.asarray(varying[path], dtype=np.float64)[:, None], size, axis=1)
+        return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (count, size)))
+
+    load, (load_harmonics, casing) = scene.load, sinusoids_of(scene, varying, count)
+    gaps, turns = gaps_of(settings, structure, varying, count), turns_of(scene, structure, varying, count)
+    gap = gaps.min(axis=1)
+    if structure.contacts is None:  # one contact with mass has its gap, and its angle in the phases
+        casing = replace(casing, phase=casing.phase + turns[:, 0])
+        gaps, turns = gaps[:, :0], turns[:, :0]
+    initial = Initial() if scene.initial == "static" else scene.initial  # see at_rest
+    reads = schemes.load(settings.scheme.method).READS
+    cases = Cases(
+        e=of_case("e", settings.e) if "e" in reads else np.full(count, np.nan),
+        alpha=alpha_of(settings, varying, count),
+        gap=gap,
+        mean=of_case("scene.load.mean", load.mean),
+        steady=of_node("scene.load.steady", load.steady),
+        heating=of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), thermal),
+        displacement=of_node("scene.initial.displacement", initial.displacement),
+        velocity=of_node("scene.initial.velocity", initial.velocity),
+        temperature=of_node("scene.initial.temperature", initial.temperature, thermal),
+        load_harmonics=load_harmonics,
+        casing_harmonics=casing,
+        friction=friction_of(settings, structure, varying, count),
+        gaps=gaps,
+        turns=turns,
+    )
+    return cases if structure.coordinates is None else structure.coordinates.transformed(cases)
+
+
+def spread(varying: Mapping[str, Array], path: str, value: float, count: int) -> Array:
+    """Return a number of each case, ``(case,)``: the values along its axis, or one for all."""
+    return np.array(np.broadcast_to(varying.get(path, np.float64(value)), (count,)), dtype=np.float64)
+
+
+def alpha_of(settings: CaseSettings, varying: Mapping[str, Array], count: int) -> Array:
+    """Return α of each case, W/N, ``(case,)``: heat_share · coefficient · sliding_speed where a scene has friction."""
+    friction = settings.scene.friction
+    if friction is None:
+        return spread(varying, "alpha", settings.alpha, count)
+    share, coefficient, speed = (
+        spread(varying, f"{FRICTION}{name}", getattr(friction, name), count)
+        for name in ("heat_share", "coefficient", "sliding_speed")
+    )
+    return share * coefficient * speed
+
+
+def friction_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
+    """Return µ of each case, 1, ``(case,)``; 0 without a direction of sliding or without friction."""
+    if not structure.slides or settings.scene.friction is None:
+        return np.zeros(count)
+    return spread(varying, f"{FRICTION}coefficient", settings.scene.friction.coefficient, count)
+
+
+def gaps_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
+    """Return the clearance of each contact, gap_i + clearance, m, ``(case, contact)``."""
+    casing = settings.scene.casing
+    contacts = 1 if structure.contacts is None else structure.contacts.count
+    gap = varying["scene.casing.gap"][:, None] if "scene.casing.gap" in varying else np.asarray(casing.gap)
+    clearance = spread(varying, "scene.casing.clearance", casing.clearance, count)
+    return np.array(np.broadcast_to(gap + clearance[:, None], (count, contacts)))
+
+
+def turns_of(scene: Scene, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
+    """Return order · ψ_i of the casing's harmonics, 0 of those by a frequency, rad, ``(case, contact, harmonic)``."""
+    own = np.zeros(1) if structure.contacts is None else structure.contacts.angle
+    angles = np.asarray(own if scene.casing.angles is None else scene.casing.angles)
+    if "scene.casing.angles" in varying:
+        angles = varying["scene.casing.angles"][:, None]
+    turns = np.zeros((count, own.size, len(scene.casing.harmonics)))
+    for k, entry in enumerate(scene.casing.harmonics):
+        if entry.order is not None:
+            order = spread(varying, f"scene.casing.harmonics.{k}.order", entry.order, count)
+            turns[:, :, k] = order[:, None] * angles
+    return turns
+
+
+def sinusoids_of(scene: Scene, varying: Mapping[str, Array], count: int) -> tuple[Harmonics, Harmonics]:
+    """Return the harmonics of load and casing of each case; that of ``scene.load`` itself is the load's first."""
+    rows = (
+        spread(varying, f"scene.load.{name}", getattr(scene.load, name), count)[:, None]
+        for name in ("amplitude", "frequency", "phase")
+    )
+    load, casing = (harmonics_of(scene, group, varying, count) for group in ("load", "casing"))
+    return Harmonics(*rows).joined(load), casing
+
+
+def harmonics_of(scene: Scene, group: Literal["load", "casing"], varying: Mapping[str, Array], count: int) -> Harmonics:
+    """Return the listed harmonics of load or casing of each case; an ``order`` is a multiple of ``scene.speed``."""
+    entries: Sequence[Any] = scene.load.harmonics if group == "load" else scene.casing.harmonics
+    speed = spread(varying, "scene.speed", scene.speed, count)
+    rows: dict[str, list[Array]] = {"amplitude": [], "frequency": [], "phase": []}
+    for k, entry in enumerate(entries):
+        for name, row in rows.items():
+            named = "order" if name == "frequency" and entry.order is not None else name
+            value = spread(varying, f"scene.{group}.harmonics.{k}.{named}", getattr(entry, named), count)
+            row.append(value * speed if named == "order" else value)
+    return Harmonics(*(np.array(row).reshape(len(entries), count).T for row in rows.values()))
+
+
+def heat_load(parameters: Any) -> Values:
+    """Return the constant heat load of a model's parameters, W; 0 of a model that declares no ``heating``."""
+    declared = {entry.name for entry in dataclasses.fields(parameters)}
+    value: Values = parameters.heating if "heating" in declared else 0.0
+    return value
+
+
+SHARE = 1e-12
+"""Relative change of the data: ten thousand roundings, some of which other libraries make otherwise."""
+
+
+@dataclass(frozen=True)
+class Perturbation:
+    """A change of all data of a case but its discretisation, in one of two directions.
+
+    Attributes
+    ----------
+    direction
+        1 or -1.
+    reach
+        Largest displacement of the tip, m: the gap changes by :data:`SHARE` of it, also where it is 0.
+    """
+
+    direction: int
+    reach: float
+
+
+def cases_of(
+    settings: CaseSettings, varying: Mapping[str, Array], count: int, perturbation: Perturbation | None = None
+) -> tuple[CaseSettings, Cases]:
+    """Return settings, and their cases on the full structure, both with their data changed if asked.
+
+    See :func:`workflow.cases._conditions.conditions`.
+    """
+    if perturbation is None:
+        return settings, conditions(settings, full_structure(settings), varying, count)
+    share, scene = perturbation.direction * SHARE, settings.scene
+    settings = replace(settings, scene=replace(scene, parameters=_changed(scene.parameters, share)))
+    cases = conditions(settings, full_structure(settings), varying, count)
+    return settings, perturbed(cases, share, perturbation.reach)
+
+
+def _changed(value: Any, share: float) -> Any:
+    """Return numbers changed by a share of them, neighbours in opposite directions; counts and words as they are.
+
+    Numbers in a file are changed by the model that reads them.
+    """
+    if isinstance(value, float):
+        return value * (1 + share)
+    if isinstance(value, tuple):
+        return tuple(_changed(item, share if k % 2 == 0 else -share) for k, item in enumerate(value))
+    if isinstance(value, File):
+        return replace(value, shaken=share)
+    if is_dataclass(value) and not isinstance(value, type):
+        named = [field.name for field in fields(value) if field.init]
+        changed = {
+            name: _changed(getattr(value, name), share if k % 2 == 0 else -share) for k, name in enumerate(named)
+        }
+        return replace(value, **changed)
+    return value

@@ -1,0 +1,81 @@
+"""Figures of structures: first frequency, stiffness, thermal times, critical coupling."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workflow import models
+from workflow.cases import full_structure
+from workflow.judges.blow_ups import statics
+from workflow.models import Chain, critical_alpha, frequencies, rates
+from workflow.study import CaseSettings
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Frequencies, stiffness, thermal times and critical coupling of a structure.
+
+    Attributes
+    ----------
+    label
+        Which structure.
+    first_frequency
+        f1, Hz; 0 for a free body.
+    tip_stiffness
+        1/S, N/m; 0 for a free body.
+    stiffness_by
+        Parameter that gives it, of a model that takes one of several; else empty.
+    slowest, fastest
+        Longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode.
+    critical_alpha
+        α_c, W/N.
+    """
+
+    label: str
+    first_frequency: float
+    tip_stiffness: float
+    stiffness_by: str
+    slowest: float
+    fastest: float
+    critical_alpha: float
+
+
+def figures(settings: CaseSettings) -> Figures:
+    """Return the figures of the full structure of a case."""
+    structure = full_structure(settings)
+    with np.errstate(divide="ignore"):
+        times = 1.0 / rates(structure)
+    flexibility, _ = statics(structure)
+    return Figures(
+        label=f"{settings.scene.model}, {size_text(settings)}{_condensed(settings)}",
+        first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
+        tip_stiffness=0.0 if np.isinf(flexibility) else 1.0 / flexibility,
+        stiffness_by=_stiffness_by(settings),
+        slowest=float(times.max()),
+        fastest=float(times.min()),
+        critical_alpha=critical_alpha(structure),
+    )
+
+
+def _stiffness_by(settings: CaseSettings) -> str:
+    names = getattr(models.load(settings.scene.model), "EITHER", ())
+    return next((name for name in names if getattr(settings.scene.parameters, name) is not None), "")
+
+
+def size_text(settings: CaseSettings) -> str:
+    """Return the size of a case's structure: nodes of a chain, coordinates of displacement and heat of others."""
+    mechanical, thermal = models.sizes(settings.scene.model, settings.scene.parameters)
+    is_chain = isinstance(full_structure(settings), Chain)
+    return f"{mechanical} nodes" if is_chain else f"{mechanical} + {thermal} coordinates"
+
+
+def _condensed(settings: CaseSettings) -> str:
+    """Return how many degrees of freedom are condensed statically, or held by their file; empty for none."""
+    coordinates = full_structure(settings).coordinates
+    if coordinates is None:
+        return ""
+    kinds = ("without mass, condensed", "without heat capacity, condensed", "held", "held at temperature 0")
+    counts = zip((*coordinates.condensed, *coordinates.held), kinds, strict=True)
+    return "".join(f" + {count} {kind}" for count, kind in counts if count)

@@ -1,0 +1,192 @@
+"""Plan of a study before anything runs: numbers of cases, time, size and warnings."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from workflow import schemes
+from workflow.cases import (
+    Grid,
+    arrange,
+    distinct_solutions,
+    full_structure,
+    reduced_structure,
+    reference_settings,
+    solution_counts,
+)
+from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod, one_thread
+from workflow.plan._figures import Figures, figures
+from workflow.plan._warnings import MOST_OUTER, choice_lines, coarse_tip, distinct_lines, looked_at, warnings
+from workflow.solve import model_seconds, solution_seconds, steady_bytes, tasks
+from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
+
+_STRUCTURES_SHOWN = 8
+
+_ORDERS = {"seconds": 60.0, "minutes": 3600.0, "hours": 86400.0, "days": float("inf")}
+"""Orders of time, each up to so many seconds."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Plan of a study: numbers, time, size and warnings.
+
+    Attributes
+    ----------
+    study, title
+        Its name and title.
+    dims
+        Names and sizes of the archive's dimensions, outermost first.
+    scene
+        Every value with its unit, and what was left to its default.
+    cases, unique
+        Cases of the archive, and those that are computed.
+    references, exact
+        Reference solutions, and exact solutions of reduced models beside them, which split the errors.
+    batches, tasks
+        Runs of cases that share operators, and dask tasks.
+    steps
+        Steps of all cases together (0 for a scheme without steps).
+    time
+        The order of time that it takes on all processors here: seconds, minutes, hours or days.
+    bytes
+        Size of the results before compression.
+    stored
+        Names of the histories that are stored, without metrics; none for metrics alone.
+    structures
+        Figures of the first distinct structures.
+    more_structures
+        Number of the others.
+    choices
+        Counts of modes that a tolerance decides, for which structures, and the error found.
+    operators
+        What the schemes step the distinct structures by, where there is a choice, and how many more there are.
+    warnings
+        What to beware of, one sentence each.
+    """
+
+    study: str
+    title: str
+    dims: tuple[tuple[str, int], ...]
+    scene: tuple[ResolvedValue, ...]
+    cases: int
+    unique: int
+    references: int
+    exact: int
+    batches: int
+    tasks: int
+    steps: int
+    time: str
+    bytes: int
+    stored: tuple[str, ...]
+    structures: tuple[Figures, ...]
+    more_structures: int
+    choices: tuple[str, ...]
+    operators: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def plan_study(study: StudySource) -> Plan:
+    """Return the plan of a study; runs nothing but the trials by which tolerances decide counts of modes.
+
+    ``study`` is all that :func:`workflow.read_study` takes.
+    """
+    return plan(arrange(read_study(study)))
+
+
+def plan(grid: Grid) -> Plan:
+    """Return the plan of a study."""
+    with one_thread():  # matrices are small
+        return _plan(grid)
+
+
+def _plan(grid: Grid) -> Plan:
+    model, unique, steps = grid.study.scene.model, 0, 0
+    kinds = np.unique(grid.alike(grid.computed, lambda path: path in ("scheme", "h")), return_counts=True)
+    for outer, count in zip(*kinds, strict=True):
+        settings = grid.settings(int(outer))
+        distinct = int(count) * grid.inner_distinct_count(grid.is_read(settings.scheme))
+        unique += distinct
+        steps += distinct * grid.sampling.steps(settings.h) if "h" in schemes.load(settings.scheme.method).READS else 0
+    structures = grid.kinds(lambda path: path.startswith(f"scene.{model}."))
+    shown = [grid.settings(outer) for outer in structures[:_STRUCTURES_SHOWN]]
+    threads = len(os.sched_getaffinity(0))
+    batches = [len(task.batches) for task in tasks(grid, threads=threads)]
+    cases = grid.outer_count * grid.inner_count
+    references, exact = solution_counts(grid)
+    return Plan(
+        study=grid.study.name,
+        title=grid.study.title,
+        dims=grid.dims,
+        scene=resolved_values(grid.study, grid.settings(0)),
+        cases=cases,
+        unique=unique,
+        references=references,
+        exact=exact,
+        batches=sum(batches),
+        tasks=len(batches),
+        steps=steps,
+        time=order_of_time((model_seconds(grid) + _reference_seconds(grid)) / threads),
+        bytes=_result_bytes(grid),
+        stored=tuple(grid.study.output.sampled),
+        structures=tuple(map(figures, shown)),
+        more_structures=len(structures) - len(shown),
+        choices=choice_lines(grid),
+        operators=(*distinct_lines(_operators(grid), _STRUCTURES_SHOWN), *_factors(shown)),
+        warnings=(*coarse_tip(grid), *warnings(grid)),
+    )
+
+
+def order_of_time(seconds: float) -> str:
+    """Return the unit in which so many seconds are counted."""
+    return next(name for name, most in _ORDERS.items() if seconds < most)
+
+
+def _reference_seconds(grid: Grid) -> float:
+    """Return model seconds of reference solutions, and of exact solutions beside them, of many by a regular choice."""
+    every = list(distinct_solutions(grid))
+    some = every[:: 1 + len(every) // MOST_OUTER]
+    seconds = sum(count * solution_seconds(grid, settings, is_exact) for settings, is_exact, count in some)
+    return seconds * len(every) / max(len(some), 1)
+
+
+def _result_bytes(grid: Grid) -> int:
+    """Return the size of a study's results before compression."""
+    stored = 8 if grid.study.output.precision == "float64" else 4
+    sampled = stored * len(grid.study.output.sampled) * grid.sampling.count
+    each = 8 * (4 * grid.longest_period_count + 22) + sampled
+    each = each * math.prod(grid.study.contact_shape) + steady_bytes(grid)
+    return grid.outer_count * grid.inner_count * each
+
+
+def _operators(grid: Grid) -> Iterator[str]:
+    """Yield what structures and those of references are stepped by, where a scheme has a choice."""
+    names, model = ("scheme", "reduction", "mechanical_modes", "thermal_modes"), grid.study.scene.model
+    for outer in looked_at(grid.kinds(lambda path: path in names or path.startswith(f"scene.{model}."))):
+        own, truth = grid.settings(outer), grid.study.reference is not None
+        for settings in (own, reference_settings(grid, outer)) if truth else (own,):
+            scheme = schemes.load(settings.scheme.method)
+            structure, parts = reduced_structure(settings), []
+            if scheme.operator_name is not None:
+                parts.append(scheme.operator_name(structure))
+            if scheme.contact_stiffness_of is not None and not scheme.refusal(structure, settings.scheme.options):
+                stiffness = scheme.contact_stiffness_of(structure, settings.scheme.options)
+                parts.append(f"contact stiffness {stiffness:.4g} N/m")
+            if any(parts):
+                yield f"{settings.scheme.method}: {', '.join(filter(None, parts))}"
+
+
+def _factors(every: list[CaseSettings]) -> Iterator[str]:
+    """Yield what factorising the first distinct structures takes."""
+    for settings in every:
+        structure = full_structure(settings)
+        if isinstance(structure, Sparse):
+            for pair, kind in ((structure.mechanical, "displacements"), (structure.thermal, "temperatures")):
+                if pair.size > MOST_BY_SUPERLU:
+                    by = "CHOLMOD" if has_cholmod() else "SuperLU"
+                    fill = expected_fill(pair.stiffness, has_cholmod())
+                    yield f"{pair.size} {kind}: {fill} each factorisation by {by}"

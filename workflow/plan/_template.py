@@ -1,0 +1,286 @@
+"""What the archive of a study holds, as a dataset in which no case has run yet."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import workflow
+from workflow import variables
+from workflow.cases import FRICTION, Grid, alpha_of, full_structure
+from workflow.plan._warnings import tip_cells
+from workflow.schemes import Status
+from workflow.solve import NOT_ASKED, metrics_of, periods_of, steady_of
+from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, Axis, Drawn, Study
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+CHUNK_BYTES = 2**20
+"""No chunk is larger than this before compression, unless it is one instant of many phases."""
+
+LEVEL = 1
+"""zlib level of an archive, always with shuffle."""
+
+COMPRESSED = {"zlib": True, "complevel": LEVEL, "shuffle": True, "fletcher32": True}
+
+
+def encode(dataset: xr.Dataset) -> xr.Dataset:
+    """Say of each variable of a dataset how it is stored, and return the dataset.
+
+    All have the same lengths of a chunk along the dimensions of the cases, those of ``status``: whole dimensions
+    innermost, then a part of one, as many cases as the largest variable has in :data:`CHUNK_BYTES`, at least one. The
+    history of one case may be cut along ``t``, into nearly equal lengths; contacts stay together.
+    """
+    shape, results = dataset["status"].shape, [dataset.variables[name] for name in dataset.data_vars]
+    most = CHUNK_BYTES // max(_case_bytes(variable, len(shape)) for variable in results)
+    lengths: list[int] = []
+    for size in reversed(shape):
+        lengths.append(max(1, min(size, most // math.prod(lengths))))
+    cut = dict(zip(dataset["status"].dims, reversed(lengths), strict=True))
+    for variable in results:
+        fill = {} if variable.dtype.kind == "i" else {"_FillValue": np.nan}
+        tail = list(variable.shape[len(shape) :])
+        along = int("contact" in variable.dims)
+        if len(tail) > along:
+            tail[along] = -(-tail[along] // -(-_case_bytes(variable, len(shape)) // CHUNK_BYTES))
+        chunks = {**COMPRESSED, "chunksizes": (*cut.values(), *tail)} if variable.dims else {}
+        variable.encoding = {**chunks, **fill, **listed_coordinates(dataset, variable.dims)}
+    for name in dataset.coords:
+        variable = dataset.variables[name]
+        is_axis = variable.dims == (name,)
+        chunks = {"chunksizes": tuple(size if is_axis else cut.get(dim, size) for dim, size in variable.sizes.items())}
+        if variable.dtype.kind == "O" and not is_axis:  # CF allows an axis no further dimension
+            variable.encoding = {"dtype": "S1", **COMPRESSED, **chunks}
+        elif variable.dtype.kind != "O" and variable.dims:
+            variable.encoding = {"fletcher32": True, **chunks}
+    return dataset
+
+
+def listed_coordinates(dataset: xr.Dataset, dims: tuple[Any, ...]) -> dict[str, str]:
+    """Return CF's ``coordinates``: the scalar coordinates, those of a zip and the labels that are text."""
+    names = [
+        str(name)
+        for name, one in ((name, dataset.variables[name]) for name in dataset.coords)
+        if set(one.dims) <= set(dims) and (one.dtype.kind == "O" or one.dims != (name,))
+    ]
+    return {"coordinates": " ".join(names)} if names else {}
+
+
+def _case_bytes(variable: xr.Variable, cases: int) -> int:
+    """Return the bytes of one case of a variable, the first dimensions of which are those of the cases."""
+    return int(variable.dtype.itemsize) * math.prod(variable.shape[cases:])
+
+
+HARMONIC = ("amplitude", "frequency", "order", "phase")
+"""Numbers of a harmonic of the casing."""
+
+WARNINGS = "warnings"
+"""Attribute of an archive: what its plan warned of, a line each."""
+
+_SOURCES = (
+    "Thorin, Guérin, Legrand: Rotor–stator interaction: reduction of a nonsmooth thermo-elastic unidimensional model; "
+    "Acary, Brogliato: Numerical Methods for Nonsmooth Dynamical Systems (2008)"
+)
+
+_TAILS: Mapping[str, tuple[str, ...]] = {
+    "history": ("t",),
+    "period": ("period",),
+    "phase": ("phase",),
+    "point": ("point",),
+    "point phase": ("point", "phase"),
+}
+"""Dimensions that variables have beyond the cases."""
+
+Attributes = Mapping[str, Any]
+
+
+def template(grid: Grid, warnings: str = "") -> xr.Dataset:
+    """Return the archive of a grid's study before anything has run, of which a plan warned so.
+
+    Its results take no memory: each is one value, repeated along the dimensions of the cases, outermost first, and
+    along ``t``, ``period``, ``point``, ``phase`` after them.
+    """
+    import xarray as xr
+
+    study, sizes = grid.study, dict(grid.dims) | _tails(grid)
+    results = {about.name: _result(about, attributes, grid, sizes) for about, attributes in _results(grid, sizes)}
+    attributes = {
+        "Conventions": "CF-1.11",
+        "title": study.title,
+        "summary": (
+            f"Study {study.name}: tip response of a thermo-elastic structure ({study.scene.model}) that rubs on "
+            f"its casing, over {', '.join(name for name, _ in grid.dims) or 'a single case'}"
+        ),
+        **({"license": study.license} if study.license else {}),
+        "source": f"rotor-stator-workflow {workflow.__version__}, nonsmooth thermo-elastic contact solver",
+        "references": _SOURCES,
+        "history": f"{datetime.datetime.now(datetime.UTC):%Y-%m-%dT%H:%M:%SZ}: workflow run {study.name}",
+        "study": study.name,
+        "duration": study.scene.duration,
+        **({WARNINGS: warnings} if warnings else {}),
+    }
+    return encode(xr.Dataset(results, dict(_coordinates(grid, sizes)), attributes))
+
+
+def _variable(dims: tuple[str, ...], values: Any, attributes: Attributes) -> xr.Variable:
+    """Return a variable; numbers of its attributes have its dtype, as CF wants."""
+    import xarray as xr
+
+    typed = {k: v if isinstance(v, str) else np.asarray(v, values.dtype) for k, v in attributes.items()}
+    return xr.Variable(dims, values, typed)
+
+
+def _tails(grid: Grid) -> dict[str, int]:
+    """Return the sizes of the dimensions beyond the cases, those that there are."""
+    steady, branch = grid.study.output.steady, grid.study.branch
+    tails = {
+        "contact": len(grid.study.contacts),
+        "t": grid.sampling.count if grid.study.output.histories else 0,
+        "period": grid.longest_period_count if branch is None else 0,
+        "point": 0 if branch is None else branch.points,
+        "phase": 0 if steady is None else steady.samples,
+    }
+    return {name: size for name, size in tails.items() if size}
+
+
+def _results(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[variables.Variable, Attributes]]:
+    """Yield the variables of the table that an archive has, with their attributes, flags last."""
+    study, flags = grid.study, _flags(grid.study)
+    others = [*metrics_of(study), *(periods_of(study) if "period" in sizes else ()), *steady_of(study)]
+    kept = [variables.BY_NAME[name] for name in (("status", "runaway") if study.branch is None else ("status",))]
+    histories = [variables.BY_NAME[name] for name in study.output.sampled]
+    over = {"depth": study.output.temperature_depth}
+    depths = {"max_temperature": tip_cells(grid), "depth_temperature": over, "max_depth_temperature": over}
+    for about in (*histories, *(about for about in others if about.name not in flags)):
+        about = variables.of_contacts(about) if study.contacts else about
+        texts = {name: text for name in ("comment", "cell_methods") if (text := getattr(about, name))}
+        yield about, {"units": about.unit, "long_name": about.meaning, **texts, **depths.get(about.name, {})}
+    for about in (about for about in (*others, *kept) if about.name in flags):
+        meanings = flags[about.name]
+        comment = {"comment": about.comment} if about.name == "steady_state" else {}
+        values = {"flag_values": range(len(meanings)), "flag_meanings": " ".join(meanings)}
+        yield about, {"long_name": about.meaning, **comment, **values}
+
+
+def _flags(study: Study) -> dict[str, tuple[str, ...]]:
+    """Return what the values of flags mean, from 0 on."""
+    flags = {"status": tuple(status.name.lower() for status in Status), "runaway": ("bounded", "runaway")}
+    if study.output.steady is None:
+        return flags
+    from workflow.orbits import BIFURCATIONS, STATES
+
+    return flags | {"steady_state": STATES, "bifurcation": BIFURCATIONS}
+
+
+def _result(about: variables.Variable, attributes: Attributes, grid: Grid, sizes: Mapping[str, int]) -> xr.Variable:
+    """Return a variable where nothing has run: NaN, of flags ``not_run``, ``not_asked`` and 0."""
+    single = about.shape == "history" and grid.study.output.precision == "float32"
+    blank: Any = np.float32(np.nan) if single else np.float64(np.nan)
+    if "flag_values" in attributes:
+        blank = np.int8({"status": Status.NOT_RUN, "steady_state": NOT_ASKED}.get(about.name, 0))
+    contact = ("contact",) if about.is_of_contact and "contact" in sizes else ()
+    dims = (*(name for name, _ in grid.dims), *contact, *_TAILS.get(about.shape, ()))
+    return _variable(dims, np.broadcast_to(blank, tuple(sizes[name] for name in dims)), attributes)
+
+
+def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr.Variable]]:
+    """Yield the coordinates by name: of dimensions, scalars, drawn points, and those that the scene decides."""
+    study, moves, names = grid.study, _motion_of_casing(grid.study), {name for name, _ in grid.dims}
+    axes = [(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes]
+    for axis, dims in (*axes, *((axis, ()) for axis in study.scalars)):
+        names.add(axis.name)
+        yield axis.name, _of_axis(axis, dims, moves if axis.name == "gap" else {})
+    for dimension in study.dimensions:
+        if dimension.drawn is not None:
+            yield from _design(dimension.name, dimension.drawn)
+    followed = "" if study.branch is None else study.branch.axis.path
+    if study.scene.friction is not None and not followed.startswith(FRICTION):
+        yield "alpha", _made_by_friction(grid)
+    if "gap" not in names and followed != "scene.casing.gap":
+        about, gap = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}, np.asarray(study.scene.gap)
+        yield "gap", _variable(("contact",) * gap.ndim, gap, about)
+    yield from _of_contacts(grid, names)
+    numbers = np.arange(1, 1 + max(sizes.get(name, 0) for name in ("period", "point")))
+    for name, values, unit, meaning in (
+        ("t", grid.sampling.times, "s", "time since the start"),
+        ("period", numbers, "1", "number of the load period"),
+        ("point", numbers, "1", "number of the point, by arclength"),
+        (
+            "phase",
+            np.arange(sizes.get("phase", 0)) / sizes.get("phase", 1),
+            "1",
+            "share of the period of the steady rub",
+        ),
+    ):
+        if name in sizes:
+            yield name, _variable((name,), values, {"units": unit, "long_name": meaning})
+
+
+def _of_contacts(grid: Grid, names: set[str]) -> Iterator[tuple[str, xr.Variable]]:
+    """Yield what no axis gives of the casing: clearance, and labels and angles of contacts."""
+    study, casing = grid.study, grid.study.scene.casing
+    if casing.clearance and "clearance" not in names:
+        about = {"units": "m", "long_name": "added to the gap of every contact", "study_path": "scene.casing.clearance"}
+        yield "clearance", _variable((), np.asarray(casing.clearance), about)
+    angle: Any = casing.angles
+    if study.contacts:
+        yield "contact", _variable(("contact",), np.asarray(study.contacts, dtype=object), {"long_name": "contact"})
+        contacts = full_structure(grid.settings(0)).contacts
+        assert contacts is not None
+        angle = np.broadcast_to(contacts.angle if angle is None else angle, study.contact_shape)
+    if angle is not None and np.any(angle):
+        about = {"units": "rad", "long_name": "angle of a contact in the direction in which the blade turns"}
+        yield "contact_angle", _variable(("contact",) * np.ndim(angle), np.asarray(angle), about)
+
+
+def _of_axis(axis: Axis, dims: tuple[str, ...], more: Attributes) -> xr.Variable:
+    """Return the coordinate of an axis or scalar, in the study's order."""
+    is_text = any(isinstance(value, str) for value in axis.values)
+    attributes: dict[str, Any] = {"long_name": axis.description, "study_path": axis.path, **more}
+    attributes |= {} if is_text else {"units": axis.unit}
+    if axis.path in MODES and CHOSEN in axis.values:
+        attributes |= {"flag_values": [CHOSEN], "flag_meanings": AUTO}
+    values = np.asarray(axis.values, dtype=object if is_text else None)
+    return _variable(dims, values if dims else values.reshape(()), attributes)
+
+
+def _design(name: str, drawn: Drawn) -> Iterator[tuple[str, xr.Variable]]:
+    """Yield which point and which matrix of a drawn zip each of its cases is."""
+    about = "matrix of the case: A, B, or the path of the number that A has from B"
+    points = np.repeat(np.arange(drawn.points), len(drawn.matrices))
+    matrices = np.tile(np.array(drawn.matrices, dtype=object), drawn.points)
+    yield POINT, _variable((name,), points, {"units": "1", "long_name": "number of the drawn point"})
+    yield MATRIX, _variable((name,), matrices, {"long_name": about})
+
+
+def _motion_of_casing(study: Study) -> Attributes:
+    """Return what the coordinate ``gap`` says of the casing's motion about it: nothing where it stays there.
+
+    A number for each harmonic, ``casing_amplitude`` [m], ``casing_frequency`` [Hz] or ``casing_order``, the other being
+    NaN, and ``casing_phase`` [rad]; ``speed`` in Hz.
+    """
+    harmonics = [dataclasses.asdict(entry) for entry in study.scene.casing.harmonics]
+    if not harmonics:
+        return {}
+    columns = {name: [math.nan if one[name] is None else float(one[name]) for one in harmonics] for name in HARMONIC}
+    return {"speed": [study.scene.speed], **{f"casing_{name}": column for name, column in columns.items()}}
+
+
+def _made_by_friction(grid: Grid) -> xr.Variable:
+    """Return α = heat_share · coefficient · sliding_speed along the dimensions that it varies with."""
+    dimensions = [d for d in (*grid.outer, *grid.inner) if any(axis.path.startswith(FRICTION) for axis in d.axes)]
+    shape = tuple(dimension.size for dimension in dimensions)
+    varying = {
+        axis.path: np.asarray(axis.values, dtype=np.float64)[index].ravel()
+        for dimension, index in zip(dimensions, np.indices(shape), strict=True)
+        for axis in dimension.axes
+    }
+    values = alpha_of(grid.settings(0), varying, math.prod(shape)).reshape(shape)
+    about = {"long_name": "heat coupling: heat_share x coefficient x sliding_speed", "units": "W N-1"}
+    return _variable(tuple(dimension.name for dimension in dimensions), values, about)

@@ -1,0 +1,124 @@
+"""Structures, reductions and operators of a study, each made once and kept while in use; figures of structures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow import schemes
+from workflow.cases import Reduced, full_structure, model_on, reduced, reduced_structure
+from workflow.judges.blow_ups import Runaways, mark_blown_up, statics
+from workflow.models import (
+    Array,
+    Cases,
+    Chain,
+    Matrices,
+    Structure,
+    at_rest,
+    instantaneous_growth,
+    needs_matrices,
+    structure_of,
+)
+from workflow.reduction import projection_residual
+from workflow.schemes import Results, Sampling
+from workflow.solve._compile import KernelVariant, compile_scheme
+from workflow.study import CaseSettings
+
+_MOST_OPERATORS = 16
+"""Operators kept per process; tasks run through them in order, so few are alive at a time."""
+
+
+@lru_cache(maxsize=_MOST_OPERATORS)
+def statics_of(model: str, parameters: Any) -> tuple[float, Array]:
+    """Return what :func:`~workflow.judges.blow_ups.statics` says of a full structure."""
+    return statics(structure_of(model, parameters))
+
+
+@lru_cache(maxsize=_MOST_OPERATORS)
+def _operator(by: Reduced, method: str, options: Any, h: float, depth: float | None) -> Any:
+    return schemes.load(method).init(_observed(by, depth), h, options)
+
+
+def _observed(by: Reduced, depth: float | None) -> Structure:
+    """Return the structure that cases are run on, whose schemes record the mean temperature over a depth, if any."""
+    model, full = model_on(by), structure_of(by.model, by.parameters)
+    if depth is None:
+        return model.structure
+    assert isinstance(full, Chain), "a study is refused otherwise"
+    assert isinstance(model.structure, Chain | Matrices)
+    basis = 1.0 if model.reduction is None else model.reduction.temperature_basis
+    return replace(model.structure, observed=np.dot(full.mean_over(depth), basis))
+
+
+@lru_cache(maxsize=_MOST_OPERATORS)
+def _runaways(by: Reduced) -> Runaways:
+    return Runaways(model_on(by).structure)
+
+
+def kernel_variant(settings: CaseSettings, balances: bool) -> KernelVariant | None:
+    """Return what must be compiled for settings, with balances or without; ``None`` if their scheme refuses them."""
+    scheme, structure = schemes.load(settings.scheme.method), reduced_structure(settings)
+    if scheme.refusal(structure, settings.scheme.options) is not None:
+        return None
+    coupled, driven = needs_matrices(structure), bool(settings.scene.casing.harmonics or settings.scene.load.harmonics)
+    slides = structure.slides and settings.scene.friction is not None
+    kind = {"massless_tip": structure.has_massless_tip, "harmonics": driven, "slides": slides, "coupled": coupled}
+    return KernelVariant(settings.scheme.method, settings.scheme.options, balances, **kind)
+
+
+def compile_for(settings: CaseSettings, balances: bool) -> None:
+    """Have the kernels of settings compiled, so that no case's processor time holds that."""
+    variant = kernel_variant(settings, balances)
+    if variant is not None:
+        compile_scheme(variant)
+
+
+def runaways_of(settings: CaseSettings, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return critical coupling, growth rate and whether a tip in contact runs away: see :class:`Runaways`."""
+    return _runaways(reduced(settings)).of(alpha, friction)
+
+
+def projection_residual_of(settings: CaseSettings, cases: Cases) -> Array:
+    """Return what the basis of settings loses of cases given on the nodes, 1, ``(case,)``; 0 where it is full."""
+    reduction = model_on(reduced(settings)).reduction
+    if reduction is None:
+        return np.zeros(cases.count)
+    return projection_residual(full_structure(settings), reduction, cases)
+
+
+def judged(settings: CaseSettings, cases: Cases, results: Results, duration: float) -> Results:
+    """Return what :func:`run_batch` has made of cases, with those marked that blew up."""
+    return mark_blown_up(
+        full_structure(settings),
+        lambda: statics_of(settings.scene.model, settings.scene.parameters),
+        lambda some: runaways_of(settings, some.alpha, some.friction)[1],
+        cases,
+        results,
+        duration,
+        is_stepped="h" in schemes.load(settings.scheme.method).READS,
+    )
+
+
+def as_run(settings: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
+    """Return the structure that cases are run on, and cases given on the nodes as they start on it."""
+    model = model_on(reduced(settings))
+    structure, projected = model.structure, model.project(cases)
+    return structure, at_rest(structure, projected) if settings.scene.initial == "static" else projected
+
+
+def run_batch(settings: CaseSettings, cases: Cases, sampling: Sampling, depth: float | None = None) -> Results:
+    """Run cases, given on the nodes, on the structure and with the scheme of settings.
+
+    With a ``depth`` [m] all temperatures of the results are the mean over it, not that of the tip.
+    """
+    method = settings.scheme.method
+    schemes.refuse(schemes.load(method), cases)
+    operator = _operator(reduced(settings), method, settings.scheme.options, settings.h, depth)
+    _, projected = as_run(settings, cases)
+    results = schemes.load(method).compute(operator, projected, sampling)
+    results.metrics["thermal_closing"] += instantaneous_growth(full_structure(settings))
+    return schemes.checked(results, projected, sampling)

@@ -1,0 +1,329 @@
+"""One batch through models, reduction and scheme: every variable of the archive for its cases."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow import schemes, variables
+from workflow.cases import (
+    TOLERANCE,
+    Grid,
+    Indices,
+    Perturbation,
+    cases_of,
+    exact_settings,
+    full_structure,
+    reference_settings,
+    tells_basis_error,
+)
+from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
+from workflow.judges.trials import DECIDING, EXACT, reason_of
+from workflow.models import Array, Cases, Structure, instantaneous_growth
+from workflow.schemes import Results, Status
+from workflow.solve._compile import KernelVariant
+from workflow.solve._operators import (
+    as_run,
+    compile_for,
+    judged,
+    kernel_variant,
+    projection_residual_of,
+    run_batch,
+    runaways_of,
+)
+from workflow.solve._solutions import Solutions, against_reference, solutions_for, texts_of
+from workflow.solve._tasks import Batch
+from workflow.study import CaseSettings, Study
+from workflow.variables import Condition, Variable
+
+Values = dict[str, NDArray[Any]]
+
+NOT_ASKED = 6
+"""Of ``steady_state``."""
+
+
+def steady_of(study: Study) -> Iterator[Variable]:
+    """Yield the variables of steady rubs of a study's archive, along its branch where it has one."""
+    if study.branch is not None:
+        axis = study.branch.axis
+        yield from variables.along_branch(axis.name, axis.unit, axis.description)
+    elif study.output.steady is not None:
+        yield from variables.select(None, None, "steady")
+
+
+def blank(study: Study, count: int) -> Values:
+    """Return the variables of steady rubs of so many cases that have none."""
+    steady, branch, values = study.output.steady, study.branch, Values()
+    points = () if branch is None else (branch.points,)
+    for about in steady_of(study):
+        assert steady is not None
+        shape = (count, *points, *((steady.samples,) if "phase" in about.shape else ()))
+        values[about.name] = np.full(shape, np.nan)
+    flags = {"steady_state": NOT_ASKED, "bifurcation": 0}
+    return values | {
+        name: np.full(values[name].shape, flag, dtype=np.int8) for name, flag in flags.items() if name in values
+    }
+
+
+def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Values, dict[int, str]]:
+    """Return the steady rubs of cases given on the nodes, and what is said of some; nothing where none is asked for."""
+    asked = grid.study.output.steady
+    if asked is None or settings.scheme.method != EXACT:
+        return blank(grid.study, cases.count), {}
+    from workflow.orbits import Options, steady_rubs
+
+    structure, projected = as_run(settings, cases)
+    options = Options(asked.periods, asked.samples)
+    values, messages = steady_rubs(structure, projected, options)
+    return _with_instantaneous_growth(settings, values), {k: text for k, text in enumerate(messages) if text}
+
+
+def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> tuple[Values, str]:
+    """Return the branch of one case, ``(1, point, …)``, and why it has no point, where it has none."""
+    from workflow.orbits import Options, branch
+
+    followed, asked, first = grid.study.branch, grid.study.output.steady, grid.settings(outer)
+    assert followed is not None
+    assert asked is not None
+
+    def problem(value: float) -> tuple[Structure, Cases]:
+        """Return structure and case at a value of the axis."""
+        settings = grid.settings(outer, {followed.axis.path: value})
+        return as_run(*cases_of(settings, grid.inner_values(inner), inner.size, perturbation))
+
+    start, stop = map(float, followed.axis.values)
+    options = Options(asked.periods, asked.samples)
+    values, message = branch(problem, start, stop, followed.points, options)
+    values = _with_instantaneous_growth(first, values)
+    values[followed.axis.name] = values.pop("value")
+    return {name: array[None] for name, array in values.items()}, message
+
+
+def _with_instantaneous_growth(settings: CaseSettings, values: Values) -> Values:
+    """Return steady rubs with the tip growth by heat loads that temperatures without heat capacity follow at once."""
+    structure = full_structure(settings)
+    return values | {"steady_closing": values["steady_closing"] + instantaneous_growth(structure)}
+
+
+SHORT, REPEATS = 2e-3, 3
+"""A batch that took less processor time, in seconds, is run up to so many times in all and the least time counts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """All variables of a batch, by name, each ``(case, …)``.
+
+    ``messages`` holds, by position, what a case did that is not ok, and which errors of an ok one cannot be formed.
+    """
+
+    values: dict[str, NDArray[Any]]
+    messages: dict[int, str]
+
+
+def solve(
+    grid: Grid,
+    outer: int,
+    inner: Indices,
+    perturbation: Perturbation | None = None,
+    solutions: Solutions | None = None,
+) -> Solved:
+    """Run the cases ``inner`` of one outer index.
+
+    Cases that differ only in axes their scheme does not read are run once; the reference may read
+    them, so each has its own errors. If the batch raises, its cases run one by one, and those that
+    raise have the status ``failed``. ``perturbation`` changes the data of the cases, not those of their reference;
+    ``solutions`` are those that errors are measured against, which are computed here if they are not given.
+    """
+    settings = grid.settings(outer)
+    first, where = np.unique(grid.inner_alike(inner, grid.is_read(settings.scheme)), return_inverse=True)
+    solved = _solve_or_tell(grid, outer, first, perturbation)
+    values = {name: array[where] for name, array in solved.values.items()}
+    if solutions is None:
+        solutions = solutions_for(grid, Batch(outer, inner))
+    with np.errstate(all="ignore"):
+        errors, remarks = against_reference(grid, outer, inner, values, solutions)
+        values |= _basis(grid, outer, inner.size, errors)
+    choice, unconfirmed = grid.choice(outer), dict[int, str]()
+    if choice is not None and not choice.is_confirmed:
+        unconfirmed = dict.fromkeys(range(inner.size), f"basis_error: {choice.against}")
+    messages = _joined_messages(remarks, texts_of(solved.messages, where), unconfirmed)
+    return Solved({**values, **errors}, messages)
+
+
+def _joined_messages(*every: Mapping[int, str]) -> dict[int, str]:
+    """Return what several say of cases, by position, of those of which any says something."""
+    return {k: "; ".join(texts[k] for texts in every if k in texts) for k in set().union(*every)}
+
+
+def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> dict[str, Array]:
+    """Return counts of vectors and their error, ``(case,)`` each, where a tolerance decides some of a study.
+
+    The error is that of the trials, but of a case that misses the tolerance its own where the reference tells it.
+    """
+    if not grid.study.is_auto:
+        return {}
+    settings, choice = grid.settings(outer), grid.choice(outer)
+    used = {f"{path}_used": getattr(settings, path) for path in ("mechanical_modes", "thermal_modes")}
+    columns = {**used, "basis_error": np.nan if choice is None else choice.error}
+    basis = {name: np.full(count, float(value)) for name, value in columns.items()}
+    if choice is not None and tells_basis_error(grid, outer):
+        largest = np.max([errors[f"{name}_model_error"] for name in DECIDING], axis=0)
+        basis["basis_error"] = np.where(largest > float(grid.value(outer, TOLERANCE)), largest, basis["basis_error"])
+    return basis
+
+
+def _solve_or_tell(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
+    """Run distinct cases; if a batch raises, each case runs alone and the one that raises is ``failed``."""
+    try:
+        with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
+            return _solve_distinct(grid, outer, inner, perturbation)
+    except (Exception, SystemExit) as error:  # whatever a model or scheme raises is that case's result
+        if inner.size == 1:
+            return _failed(grid, reason_of(error))
+        return _joined([_solve_or_tell(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
+
+
+def _joined(parts: list[Solved]) -> Solved:
+    """Put batches of one case each together, with the variables that all have: a branch that raised has more."""
+    shared = [name for name in parts[0].values if all(name in part.values for part in parts)]
+    values = {name: np.concatenate([part.values[name] for part in parts]) for name in shared}
+    return Solved(values, {k: part.messages[0] for k, part in enumerate(parts) if part.messages})
+
+
+def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
+    settings = grid.settings(outer)
+    if grid.study.branch is not None:
+        compile_for(settings, grid.sampling.balances)
+        return _joined([_followed(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
+    settings, cases = cases_of(settings, grid.inner_values(inner), inner.size, perturbation)
+    if cases.contact_shape != grid.study.contact_shape:
+        raise ValueError("its structure has another number of contacts than the archive; give it a study of its own")
+    compile_for(settings, grid.sampling.balances)
+    results, seconds = _timed(grid, settings, cases)
+    results = judged(settings, cases, results, grid.sampling.duration)
+    steady, remarks = steady_values(grid, settings, cases)
+    critical, growth, runaway = runaways_of(settings, cases.alpha, cases.friction)
+    values: dict[str, NDArray[Any]] = {
+        **results.histories,
+        **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},
+        **results.metrics,
+        **_contact(results, cases, grid),
+        **_over_depth(grid, settings, cases),
+        **steady,
+        "critical_alpha": critical,
+        "growth_rate": growth,
+        "projection_residual": projection_residual_of(settings, cases),
+        "processor_time": np.full(inner.size, seconds / inner.size),
+        "batch_width": np.full(inner.size, float(inner.size)),
+        "status": results.status,
+        "runaway": runaway.astype(np.int8),
+    }
+    lost = np.flatnonzero(np.isnan(values["growth_rate"])).tolist()
+    unconverged = dict.fromkeys(lost, "growth_rate: the eigenvalues of the tip in contact did not converge")
+    return Solved(values, _joined_messages(results.messages, remarks, unconverged))
+
+
+def _followed(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
+    """Return the branch of one case, which failed where it has no point."""
+    values, message = branch_values(grid, outer, inner, perturbation)
+    status = Status.FAILED if np.isnan(values["steady_periods"]).all() else Status.OK
+    return Solved({**values, "status": np.full(1, status, dtype=np.int8)}, {0: message} if message else {})
+
+
+def _timed(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Results, float]:
+    """Run a batch and return this thread's processor time, s; with a reference the least of some short runs."""
+    seconds: list[float] = []
+    while True:
+        begun = time.thread_time()
+        results = run_batch(settings, cases, grid.sampling)
+        seconds.append(time.thread_time() - begun)
+        if grid.study.reference is None or sum(seconds) > SHORT or len(seconds) == REPEATS:
+            return results, min(seconds)
+
+
+def _over_depth(grid: Grid, settings: CaseSettings, cases: Cases) -> dict[str, Array]:
+    """Return the mean temperature over the depth that a study asks for: the same motion, run once more."""
+    depth = grid.study.output.temperature_depth
+    if depth is None:
+        return {}
+    results = run_batch(settings, cases, grid.sampling, depth)
+    means = {"depth_temperature": results.histories["temperature"]}
+    return means | {"max_depth_temperature": results.metrics["max_temperature"]}
+
+
+def _contact(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
+    """Return contact force and impulses, all from the sampled running sum of the impulse."""
+    sampling, periods, impulse = grid.sampling, grid.longest_period_count, results.histories["impulse"]
+    force = contact_force(impulse, sampling.interval)
+    return {
+        "contact_force": force,
+        "contact_impulse": impulse[..., -1].copy(),
+        "period_impulse": widened(results.period_impulse, periods),
+        "period_force": largest_per_period(force[..., 1:], cases.period_frequency, sampling, periods),
+        "period_temperature": widened(results.period_temperature, periods),
+        "period_contact": widened(results.period_contact, periods),
+        **(sections(results, cases, sampling, periods) if grid.study.output.sections else {}),
+    }
+
+
+def periods_of(study: Study) -> Iterator[Variable]:
+    """Yield the variables of load periods of a study's archive."""
+    return variables.select("period", None, "always", *(("sections",) if study.output.sections else ()))
+
+
+def scheme_metrics(study: Study) -> tuple[Variable, ...]:
+    """Return the metrics that some of a study's schemes declare for themselves."""
+    methods = sorted({scheme.method for scheme in study.schemes.values()})
+    return tuple({about.name: about for method in methods for about in schemes.metrics(method)}.values())
+
+
+def metrics_of(study: Study) -> tuple[Variable, ...]:
+    """Return the metrics of a study's archive but those of steady rubs; of branches those of the basis."""
+    conditions: list[Condition] = ["always"] if study.branch is None else ["branch"]
+    conditions += ["auto"] if study.is_auto else []
+    conditions += ["depth"] if study.output.temperature_depth is not None else []
+    conditions += ["balances"] if study.output.balances else []
+    conditions += ["reference"] if study.reference is not None else []
+    conditions += ["auto reference"] if study.reference is not None and study.reference.is_auto else []
+    own = () if study.branch is not None else scheme_metrics(study)
+    return (*variables.select("metric", None, *conditions), *own)
+
+
+def _failed(grid: Grid, text: str) -> Solved:
+    """Return one case that raised: NaN everywhere, flags unset, with the error as its message."""
+    tails = {"history": (grid.sampling.count,), "metric": (), "period": (grid.longest_period_count,)}
+    contacts = grid.study.contact_shape
+    values: dict[str, NDArray[Any]] = {
+        about.name: np.full((1, *(contacts if about.is_of_contact else ()), *tails[about.shape]), np.nan)
+        for about in (*variables.select("history"), *metrics_of(grid.study), *periods_of(grid.study))
+        if about.condition not in ("reference", "auto", "auto reference")
+    }
+    values |= blank(grid.study, 1)
+    values |= {"status": np.full(1, Status.FAILED, dtype=np.int8), "runaway": np.zeros(1, dtype=np.int8)}
+    return Solved(values, {0: text})
+
+
+def kernel_variants(grid: Grid) -> list[KernelVariant]:
+    """Return what the first case of each scheme needs, and its references; what others need is compiled for them.
+
+    A case that cannot even be set up needs nothing: it will say so itself.
+    """
+    every: list[tuple[Callable[[], CaseSettings], bool]] = [
+        (partial(grid.settings, outer), grid.sampling.balances) for outer in grid.kinds(lambda path: path == "scheme")
+    ]
+    if grid.study.reference is not None:
+        every += [(partial(reference_settings, grid, 0), False), (partial(exact_settings, grid, 0), False)]
+    variants: dict[object, KernelVariant] = {}
+    for settings, balances in every:
+        with suppress(Exception):
+            variant = kernel_variant(settings(), balances)
+            if variant is not None:
+                variants.setdefault(variant.words, variant)
+    return list(variants.values())
