@@ -53,12 +53,6 @@ def begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return target
 
 
-def test_importing_the_floor_loads_no_library_of_files() -> None:
-    code = "import sys, workflow.archive; print(*{'xarray', 'netCDF4', 'h5py'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert (done.stdout.strip(), done.stderr) == ("", "")
-
-
 def test_values_are_read_when_they_are_used(path: Path) -> None:
     with archive.open_archive(path) as dataset:
         lazy = {name for name, variable in dataset.data_vars.items() if not variable.variable._in_memory}

@@ -18,9 +18,7 @@ from scripts import script
 from workflow import models
 from workflow.analysis import contact_phases, ranges
 from workflow.archive import open_archive
-from workflow.grid import arrange, plan
 from workflow.schemes import Status
-from workflow.study import StudyError, parse_study, read_study
 
 ROOT = Path(__file__).parents[2]
 STUDIES = ROOT / "studies" / "hard"
@@ -73,26 +71,6 @@ def test_a_ball_comes_to_rest_past_the_accumulation_point() -> None:
             assert float(case["contact_force"][-1]) == pytest.approx(9.81, rel=1e-5)
             first = t[np.flatnonzero(case["impulse"].values > 0)[0]]
             assert tau - h <= first <= tau + h + 0.01
-
-
-def test_errors_of_a_bouncing_ball_fall_with_the_step() -> None:
-    archive = opened("ball")
-    for scheme, largest in (("implicit_euler", 2e-3), ("midpoint", 5e-3)):
-        error = archive["impulse_error"].sel(scheme=scheme).values  # h = 1e-2, 1e-3, 1e-4
-        assert np.all(np.diff(error) < 0)
-        assert error[-1] < largest
-
-
-def test_schemes_without_e_treat_a_ball_their_own_way() -> None:
-    """carpenter leaves it lying; penalty bounces by its own damping where its step can follow it."""
-    archive = opened("ball")
-    assert set(archive["impacts"].sel(scheme="carpenter").values) == {1.0}
-    lying = archive["displacement"].sel(scheme="carpenter").values[:, 50:]
-    assert np.abs(lying - 1).max() < 1e-9
-    bouncing = archive.sel(scheme="penalty")
-    assert bouncing["impacts"].sel(h=1e-4) > 40
-    assert bouncing["impulse_error"].sel(h=1e-4) < 0.03
-    assert bouncing["impulse_error"].sel(h=1e-2) > 1  # a contact lasts 3 ms
 
 
 def test_an_elastic_ball_keeps_its_energy_for_500_s() -> None:
@@ -199,22 +177,6 @@ def test_a_free_bar_bounces() -> None:
 # Limits of stability.
 
 
-def test_the_free_step_grows_by_its_formula() -> None:
-    archive = opened("free_step")
-    energy = (archive["displacement"] ** 2 + archive["velocity"] ** 2).isel(t=-1).values
-    theta, omega = archive["theta"].values, 0.1
-    per_step = (1 + (1 - theta) ** 2 * omega**2) / (1 + theta**2 * omega**2)
-    assert energy == pytest.approx(per_step**1000, rel=1e-9)
-    assert statuses(archive) == [DIVERGED, OK, OK, OK]
-
-
-@pytest.mark.parametrize("name", ["free_step", "carpenter_limit"])
-def test_plan_warns_of_what_will_diverge(name: str) -> None:
-    grid = arrange(read_study(STUDIES / f"{name}.yaml"))
-    judged = plan(grid).warnings
-    assert any("diverges, its free step grows" in warning for warning in judged)
-
-
 def test_carpenter_s_limits_and_figures_on_the_siconos_chain() -> None:
     """Central: 2/ω_max = 1.0029e-4 s; lagged: 9.08e-5 s; rms error over gap 2.0e-4 at 1e-5 s, 2.0e-2 at 1e-4 s."""
     archive = opened("carpenter_limit")
@@ -231,30 +193,6 @@ def test_carpenter_s_limits_and_figures_on_the_siconos_chain() -> None:
     for step, rms in ((1e-5, 2.0e-4), (1e-4, 2.0e-2)):
         distance = archive["displacement"].sel(scheme="central", h=step) - exact
         assert float(np.sqrt((distance**2).mean())) / 1e-4 == pytest.approx(rms, rel=0.05)
-
-
-def test_explicit_heat_has_a_limit_of_its_own() -> None:
-    archive = opened("carpenter_heat")
-    structure = scenes.heavy_chain(heat_capacity=6.1e-6)
-    thermal = 2 / models.thermal_modes(structure).values.max()
-    mechanical = 2 / models.mechanical_modes(structure).values.max()
-    assert thermal == pytest.approx(5.029e-6, rel=1e-3)
-    h = archive["h"].values
-    assert h[0] < thermal < h[1] < h[2] < mechanical < h[3]
-    assert statuses(archive, scheme="explicit_heat") == [OK, DIVERGED, DIVERGED, DIVERGED]
-    assert statuses(archive, scheme="implicit_heat") == [OK, OK, OK, DIVERGED]
-
-
-def test_penalty_trades_penetration_for_the_step() -> None:
-    """Penetration and error fall as 1/κ while the step is small; a stiff contact is unstable before the chain is."""
-    archive = opened("penalty_stiffness").sel(h=1e-6)
-    depth = archive["max_penetration"].sel(scheme="penalty").values
-    error = archive["impulse_error"].sel(scheme="penalty").values
-    assert np.all(depth[:-1] > 2.5 * depth[1:])
-    assert error[0] > 10 * error[1] > 10 * error[2]
-    wild = opened("penalty_stiffness").sel(h=9e-5)
-    assert float(wild["impulse_error"].sel(scheme="penalty")[2]) > 1e6 or int(wild["status"].sel(scheme="penalty")[2])
-    assert float(wild["impulse_error"].sel(scheme="penalty_implicit").max()) < 0.1  # implicit: any step
 
 
 def test_steps_from_1e_7_to_1e_1() -> None:
@@ -319,12 +257,6 @@ def test_a_touching_tip() -> None:
     assert np.all((first > 0) & (first < 20))  # from nothing, with the load
 
 
-def test_an_initial_penetration_is_refused() -> None:
-    text = (STUDIES / "touching.yaml").read_text(encoding="utf-8")
-    with pytest.raises(StudyError, match=r"beyond the casing|displacement.*gap|gap"):
-        parse_study(text.replace("casing: {gap: 0}", "casing: {gap: -1 um}"), "touching.yaml")
-
-
 @pytest.mark.parametrize(("name", "force"), [("preloaded", 10.0), ("million_steps", 5.0)])
 def test_a_pressed_tip_stays(name: str, force: float) -> None:
     """k d/n plus the load, from the first step to the last, without drift or chatter, whatever e."""
@@ -387,19 +319,6 @@ def test_flutter_below_the_critical_coupling() -> None:
     assert float(exact["max_temperature"].sel(alpha=0.45)) == pytest.approx(3.15e4, rel=0.05)
 
 
-def test_a_reduced_model_tells_what_it_cannot_hold() -> None:
-    """A hot spot on an inner node: the exact solution of the reduced model is ok, and its temperature is not."""
-    archive = opened("reduced_hot_spot").isel(scheme=0)
-    assert set(statuses(archive)) == {OK}
-    few, full = archive.isel(model=0), archive.isel(model=1)
-    assert float(few["temperature_error"]) > 10
-    assert float(few["projection_residual"]) == pytest.approx(0.607, abs=1e-3)
-    assert float(full["projection_residual"]) == 0
-    assert float(full["temperature_error"]) == 0
-    for name in ("zero_modes", "runaway"):  # a load on the tip, which any basis holds
-        assert float(opened(name)["projection_residual"].max()) < 1e-12
-
-
 def test_velocity_level_contact_keeps_its_penetration() -> None:
     """At most h v⁻/2 with θ = 1, for ever; the force is that of the place it keeps, over 1 - α/α_c."""
     archive = opened("permanent_contact")
@@ -460,34 +379,6 @@ def test_chaos_at_a_gap_of_zero_is_as_unpredictable_as_it_is() -> None:
 def _moreau(archive: xr.Dataset) -> list[xr.Dataset]:
     chosen = archive.sel(scheme="moreau")
     return [chosen.isel(h=i, alpha=k) for i in range(chosen.sizes["h"]) for k in range(chosen.sizes["alpha"])]
-
-
-def test_no_interior_modes() -> None:
-    archive = opened("zero_modes")
-    assert set(statuses(archive)) == {OK}
-    exact = archive["displacement_error"].sel(scheme="event_driven").values
-    assert np.all(np.diff(exact) < 0)
-    assert exact[0] < 0.02
-    assert exact[-1] == 0
-    assert list(archive["mechanical_modes"].values) == [0, 1, 3, 19]
-
-
-def test_who_stays_stable() -> None:
-    """The joint table's own words for the studies whose outcome is a word."""
-    judged = {
-        name: {row.scheme: row for row in ranges(opened(name))}
-        for name in ("all_steps", "clamped_bar", "carpenter_limit", "preloaded", "light_tip")
-    }
-    assert judged["all_steps"]["implicit_euler"].stable == "every h"
-    assert judged["all_steps"]["carpenter"].stable == "1e-05 s"
-    assert judged["all_steps"]["carpenter"].accurate == "1e-05 s"
-    assert judged["carpenter_limit"]["central"].stable == "0.00010028 s"
-    assert judged["carpenter_limit"]["lagged"].stable == "9.07e-05 s"
-    assert judged["clamped_bar"]["theta_045"].verdicts == ("diverged",)
-    assert judged["clamped_bar"]["midpoint"].verdicts == ("accurate",)
-    assert judged["clamped_bar"]["implicit_euler"].verdicts == ("wrong",)
-    assert judged["preloaded"]["penalty"].verdicts == ("accurate", "diverged")
-    assert judged["light_tip"]["carpenter"].stable == "1e-08 s"
 
 
 def test_unfit_bases() -> None:

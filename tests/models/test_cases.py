@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from scenes import cases, chain
 from workflow.models import distinct_rows, project
 
 TABLES = st.tuples(st.integers(1, 12), st.integers(1, 3), st.integers(1, 3)).flatmap(
@@ -35,14 +32,3 @@ def test_a_row_gives_what_it_gives_in_a_matrix_whatever_the_batch() -> None:
     for row in range(3):
         assert np.array_equal(project(matrix[row], states), projected[:, row])
     assert np.array_equal(project(matrix[0], states[2:3]), projected[2:3, 0])
-
-
-def test_load_periods_are_those_of_the_first_sinusoid_that_acts() -> None:
-    """F1 where it is not 0, else the first load harmonic, else the first of the casing; a later one may be faster."""
-    chords: dict[str, Any] = {"load_harmonics": [[1.0, [3.0, 4.0], 0.0], [1.0, 30.0, 0.0], [1.0, 0.5, 0.0]]}
-    moving: dict[str, Any] = {"casing_harmonics": [[1e-6, [5.0, 6.0], 0.0], [1e-6, 50.0, 0.0]]}
-    lump, sine = chain(nodes=1, mass=1.0, stiffness=1.0), {"frequency": 2.0, "amplitude": [1.0, 0.0]}
-    assert cases(lump, 2, **sine).period_frequency.tolist() == [2.0, 2.0]
-    assert cases(lump, 2, **sine, **moving).period_frequency.tolist() == [2.0, 6.0]
-    assert cases(lump, 2, **sine, **chords).period_frequency.tolist() == [2.0, 4.0]
-    assert cases(lump, 2, **sine, **chords, **moving).period_frequency.tolist() == [2.0, 4.0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import random
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from matrix_files import WRITERS, as_directory, matrices_of
+from matrix_files import WRITERS, matrices_of
 from scenes import heavy_chain
 from studies import written
 from workflow import models
@@ -181,32 +180,3 @@ def test_files_change_at_random_moments(part: int, tmp_path: Path) -> None:
             assert process.returncode == 2, said
             assert all(line.startswith("study.yaml:3: scene.") for line in said.splitlines()), said
             assert not (place / "a.nc").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_command_that_is_stopped_leaves_no_files(number: signal.Signals, tmp_path: Path) -> None:
-    """Stopped at moments of a whole run of an archive that brings its matrices, large enough to take a while."""
-    entries = matrices_of(heavy_chain(nodes=250))
-    as_directory(entries, tmp_path)
-    model = "matrices: {file: blade, contact: 249}"
-    text = STUDY.format(model=model, schemes="moreau", more="zip: {m: {mechanical_modes: [2], thermal_modes: [2]}}\n")
-    run_study(read_study(written(text, tmp_path)), tmp_path / "a.nc")
-    room = tmp_path / "room"
-    room.mkdir()
-    seen = 0
-    for k in range(12):
-        command = [sys.executable, "-m", "workflow", "run", "a.nc", "-o", "b.nc"]
-        there = {**os.environ, "TMPDIR": str(room)}
-        with subprocess.Popen(
-            command, cwd=tmp_path, env=there, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
-        ) as run:
-            until = time.monotonic() + 0.15 * k
-            while time.monotonic() < until or (k > 5 and run.poll() is None and not any(room.iterdir())):
-                time.sleep(1e-3)
-            seen += any(room.iterdir())
-            run.send_signal(number)
-            run.wait(timeout=60)
-        assert list(room.iterdir()) == []
-        (tmp_path / "b.nc").unlink(missing_ok=True)
-    assert seen

