@@ -36,6 +36,16 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+LONG_NOTEBOOKS = ("steady_rub.ipynb",)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave notebooks that take long to the slow tests."""
+    for item in items:
+        if item.path.name in LONG_NOTEBOOKS:
+            item.add_marker(pytest.mark.slow)
+
+
 def pytest_collection_finish() -> None:
     """Have garbage looked for among what tests make alone, not among libraries and tests."""
     gc.freeze()

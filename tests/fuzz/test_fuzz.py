@@ -46,7 +46,7 @@ def matrices(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(sound)
 
 
-FEW = [("study", 40), ("archive", 10), ("matrices", 24)]
+FEW = [("study", 24), ("archive", 6), ("matrices", 14)]
 MANY = [("study", 10_000), ("archive", 2000), ("matrices", 200)]
 
 

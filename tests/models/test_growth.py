@@ -142,7 +142,7 @@ def characteristic(structure: Chain, alpha: float, s: float) -> float:
     return 1 + alpha * (force[-1] + k[-1] * (1 + s * a_k) * (x[-1] - x[-2]))  # λ = -N_n
 
 
-@pytest.mark.parametrize("alpha", [500.0, 2000.0, 1e5, 1e6])
+@pytest.mark.parametrize("alpha", [500.0, 1e6])
 def test_long_chains(alpha: float) -> None:
     """The characteristic function changes its sign within 1e-6 of the rate, and does no more further right."""
     structure = heavy_chain(nodes=1000)

@@ -140,14 +140,6 @@ def test_a_rub_of_two_periods_goes_on_where_its_halves_become_alike() -> None:
     assert values["value"][-1] == 0.1
 
 
-def test_an_end_by_grazing_is_no_end_of_the_axis() -> None:
-    values = over_alpha(OneImpact(5.127e-5, 0.8, 587.19, 2322.8, 0.0, 1.9391e-3, 118.24), 10.0, 3.0, 12)
-    [alpha] = limits(archive(values, "alpha")).limits
-    assert alpha.limited_by == "grazing"
-    assert alpha.start == 0.0
-    assert alpha.stop == alpha.next == pytest.approx(2.108936, rel=PLACE)
-
-
 @pytest.mark.parametrize("points", [12, pytest.param(200, marks=pytest.mark.slow)])
 def test_a_rub_is_unstable_from_grazing_to_its_doubling(points: int) -> None:
     values = followed(OneImpact(1.828e-4, 0.3, 1722.92, 1244.5, 1.0, 2.2629e-4, 49.458), 3.0, 30.0, points)
@@ -162,14 +154,6 @@ def test_a_rub_is_unstable_from_grazing_to_its_doubling(points: int) -> None:
     [first] = limits(archive(below, "amplitude")).limits
     assert (first.start, first.limited_by) == (3.0, "grazing")
     assert first.stop == first.next == pytest.approx(grazing, rel=PLACE)
-
-
-def test_grazing_is_where_the_tip_reaches_the_casing() -> None:
-    one = OneImpact(1.992e-4, 0.8, 2846.08, 1308.7, 0.0, 0.0, 63.126)
-    assert one.grazing == pytest.approx(7.959302061, rel=1e-9)
-    values = followed(one, 3.0, 30.0, 40)
-    assert flagged(values, "grazing") == [pytest.approx(one.grazing, rel=PLACE)]
-    assert flagged(values, "period_doubling") == [pytest.approx(10.06831479, rel=PLACE)]
 
 
 def judged(structure: Structure, batch: Cases) -> str:

@@ -14,7 +14,11 @@ DATA = Path(__file__).parents[2] / "data"
 
 
 @pytest.mark.parametrize(
-    "name", ["histories", "scene_map", "work_precision", "convergence", "sobol_indices", "bifurcation"]
+    "name",
+    [
+        *("histories", "scene_map", "work_precision", "convergence", "bifurcation"),
+        pytest.param("sobol_indices", marks=pytest.mark.slow),  # it runs a study
+    ],
 )
 def test_the_examples_of_the_reference_draw(name: str) -> None:
     reference = script("reference")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,9 @@ from workflow.run import run_study
 MODES = {"mechanical_modes": 1, "thermal_modes": 3}
 
 
-@pytest.fixture(scope="module")
-def driver() -> Iterator[Any]:
-    with window(1366) as opened_window:
-        yield opened_window
+@pytest.fixture
+def driver() -> Any:
+    return window(1366)
 
 
 def click(driver: Any, figure: str, at: str) -> None:

@@ -198,6 +198,7 @@ def test_ctrl_c_while_workers_start_leaves_one_sentence(tmp_path: Path) -> None:
         assert err.startswith("stopped; "), (instant, err)
 
 
+@pytest.mark.slow
 def test_a_run_whose_workers_have_all_left_ends_and_the_next_one_goes_on(tmp_path: Path, expected: str) -> None:
     study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
     words = ("run", study, "--scheduler")
