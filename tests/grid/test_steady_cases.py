@@ -10,8 +10,7 @@ import pytest
 import xarray as xr
 
 from quick import hashes_of, quick
-from steady_studies import steady_study
-from studies import parsed
+from studies import parsed, steady_study
 from workflow import plan_study, run_study
 from workflow.run import verify
 

@@ -76,16 +76,6 @@ def check_all(seeds: range, counts: tuple[int, ...]) -> dict[str, int]:
 
 
 @pytest.mark.slow
-def test_branches_of_one_impact_are_those_of_the_closed_form() -> None:
-    """Scenes whose grazing turns back (5) and goes on (13)."""
-    total = check_all(range(5, 6), (12,))
-    other = check_all(range(13, 14), (12,))
-    assert total["fold"] == 1
-    assert total["grazing"] == other["grazing"] == 2
-    assert other["period_doubling"] == 2
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("first", [0, 20])
 def test_branches_of_many_scenes_are_those_of_the_closed_form(first: int) -> None:
     total = check_all(range(first, first + 20), (12, 12, 12, 12, 12, 200))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from browser import MODEL, errors, opened, settle, window
-from steady_studies import steady_study
+from studies import steady_study
 from workflow.analysis import labels
 from workflow.archive import open_archive
 from workflow.report import write_report

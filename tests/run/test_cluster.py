@@ -10,7 +10,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -22,10 +21,9 @@ import numpy as np
 import pytest
 from distributed import KilledWorker
 
-from processes import PATIENCE, alive, until
 from scripts import script
 from studies import SCENE, SMALL, parsed, written
-from terminal import workflow
+from terminal import PATIENCE, alive, until, workflow
 from workflow.archive import Command, content_hash, open_archive, parts_of, start_parts
 from workflow.run import ClusterError, _cluster, run_study
 from workflow.run._cluster import Session, join, software
@@ -179,23 +177,6 @@ def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_pa
         assert "stored before" in out
     assert content_hash(archive) == expected
     assert len(computed(again)) == 16 - done
-
-
-@pytest.mark.slow
-def test_ctrl_c_while_workers_start_leaves_one_sentence(tmp_path: Path) -> None:
-    """At two dozen instants after the first process has been started, as a terminal sends it: to all of them."""
-    study = written(STUDY, tmp_path)
-    for instant in np.arange(24) * 0.08:
-        settings = environment(tmp_path / f"{instant}", WATCHED_SLEEP="0.3")
-        with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=settings) as run:
-            children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
-            until(lambda children=children: children.read_text() != "")  # type: ignore[misc]
-            time.sleep(instant)
-            os.killpg(run.pid, signal.SIGINT)
-            _, err = run.communicate(timeout=PATIENCE)
-        assert run.returncode == 130, (instant, err)
-        assert len(err.splitlines()) == 1, (instant, err)
-        assert err.startswith("stopped; "), (instant, err)
 
 
 @pytest.mark.slow

@@ -24,9 +24,7 @@ from workflow.run import _study, _verify, run_study, verify
 from workflow.run._verify import sensitivity
 
 KEPT = [
-    pytest.param(
-        path, marks=pytest.mark.slow if path.stem in ("bouncing_bar", "scaling") else ()
-    )  # long cases
+    pytest.param(path, marks=pytest.mark.slow if path.stem in ("bouncing_bar", "scaling") else ())  # long cases
     for path in sorted((Path(__file__).parents[2] / "data").rglob("*.nc"))
 ]
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_chains import metal_chain
 
-from scenes import cases, chain, step
+from scenes import cases, chain, metal_chain, step
 from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequencies, growth_rate, tip_flexibility
 from workflow.schemes import Sampling, Status
 from workflow.schemes._fixed.step_limits import largest_step, limit_text

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from random_chains import metal_chain
 
-from scenes import blade, cases, heavy_chain, step
+from scenes import blade, cases, heavy_chain, metal_chain, step
 from workflow.models import Cases, Structure, critical_alpha, frequencies, tip_flexibility
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, Status, penalty
