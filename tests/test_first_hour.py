@@ -99,17 +99,6 @@ def test_an_opened_archive_finds_numbers_written_with_other_digits(archives: tup
     assert dataset.reindex(gap=[gaps[0], 1.0]).sizes["gap"] == 2
 
 
-def test_coinciding_lines_and_cold_blades(archives: tuple[xr.Dataset, xr.Dataset]) -> None:
-    exact = archives[0].sel(scheme="event_driven")
-    figure = histories(exact.sel(alpha=30), along="h")  # which the exact scheme does not read
-    drawn = [line for line in figure.axes[0].get_lines() if line.get_label().startswith("h ")]
-    assert np.all(np.diff([line.get_linewidth() for line in drawn]) < -1)
-    assert len(figure.axes) == 3
-    assert [panel.get_ylabel() for panel in histories(exact.sel(alpha=0), along="e").axes] == [
-        "tip displacement [µm]", "contact force [N]",
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("name", "value"), [("density", 4.43), ("density", 7.85e-9), ("tip_stiffness", 1e3), ("tip_stiffness", 3e9)]
 )

@@ -29,7 +29,7 @@ from archive_samples import (
 )
 
 from workflow import archive
-from workflow.archive import _checksums, _gather, _stored
+from workflow.archive import _gather
 from workflow.grid import _template, encode
 
 TEMPLATES = {
@@ -155,16 +155,6 @@ def test_a_value_too_large_for_float32_is_infinite(tmp_path: Path) -> None:
         with archive.open_archive(path) as dataset:
             assert dataset["displacement"].dtype == np.float32
             assert np.isposinf(dataset["displacement"]).all()
-
-
-@pytest.mark.parametrize("limit", [1, 5, 21, 40, 150, 10**6])
-@pytest.mark.parametrize("chunks", [(1, 1, 10, 7), (1, 1, 25, 2)])
-def test_boxes_that_are_hashed_follow_each_other_in_c_order(limit: int, chunks: tuple[int, ...]) -> None:
-    values = np.arange(2 * 3 * 25 * 7).reshape(2, 3, 25, 7)
-    cut = _stored.boxes(values.shape, _checksums.lengths(values.shape, chunks, limit))
-    boxes = [values[box].ravel() for box in cut]
-    assert np.concatenate(boxes).tolist() == values.ravel().tolist()
-    assert max(box.size for box in boxes) <= max(limit, chunks[2] * 7)
 
 
 @pytest.fixture

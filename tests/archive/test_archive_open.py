@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
 import pickle
 import subprocess
 import sys
@@ -211,15 +210,6 @@ def test_values_that_changed_are_never_read(path: Path, tmp_path: Path, name: st
 def test_the_directory_of_the_shards_is_not_the_archive(begun: Path) -> None:
     with pytest.raises(archive.ArchiveError, match=r"the archive is b\.nc"):
         archive.open_archive(archive.parts_of(begun))
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read anything")
-def test_a_file_that_may_not_be_read(path: Path, tmp_path: Path) -> None:
-    wrong = tmp_path / "wrong.nc"
-    wrong.write_bytes(path.read_bytes())
-    wrong.chmod(0)
-    with pytest.raises(archive.ArchiveError, match="permission denied"):
-        archive.open_archive(wrong)
 
 
 def test_a_run_that_ends_while_a_view_is_made(begun: Path, whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,6 +37,7 @@ def check_named(sound: Path, path: Path) -> None:
     status, output = told("verify", path, "--sample", "0")
     assert status == 2 or (status == 1 and "bytes    DIFFERS" in output)
     assert path.name in output
+    assert told("show", path)[0] in (0, 2)
     assert path.read_bytes() == before
     assert not other.exists()
 

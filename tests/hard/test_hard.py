@@ -49,9 +49,6 @@ def test_the_exact_solution_is_ok_in_every_hard_case() -> None:
             assert set(statuses(exact)) == {OK}, path.stem
 
 
-# A ball, exactly solved.
-
-
 def test_a_ball_comes_to_rest_past_the_accumulation_point() -> None:
     """First impact at τ, rest at τ(1 + e)/(1 - e), then m g: e = 0.9, τ = √(2H/g)."""
     archive, tau = opened("ball"), np.sqrt(2 / 9.81)
@@ -82,9 +79,6 @@ def test_an_elastic_ball_keeps_its_energy_for_500_s() -> None:
     rough = share.sel(scheme="implicit_euler")
     assert float(rough.min()) == pytest.approx(0.978, abs=5e-4)
     assert float(rough.max()) == pytest.approx(1.022, abs=5e-4)
-
-
-# Bars.
 
 
 def test_a_clamped_bar_over_four_periods() -> None:
@@ -122,26 +116,6 @@ def test_a_stiff_explicit_penalty_gains_energy_on_the_bar() -> None:
     assert 10 < 1 / (1 - created) < 100
     assert stiffest**2 * 0.5 * 0.005 / 0.125 > 1e6
     assert {row.scheme: row.verdicts for row in ranges(archive)}["penalty_10"] == ("gains energy",)
-
-
-def test_a_free_bar_bounces() -> None:
-    """Doyen, Ern and Piperno (2011): θ = 1 loses the bar's energy at every bounce, θ = 1/2 and carpenter do not."""
-    archive = opened("bouncing_bar")
-    assert set(statuses(archive)) == {OK}
-    for h in archive["h"].values:
-        residual = archive["energy_residual"].sel(h=h)
-        assert abs(float(residual.sel(scheme="midpoint"))) < 1e-12
-        assert abs(float(residual.sel(scheme="carpenter"))) < 2e-3
-        assert float(residual.sel(scheme="implicit_euler")) < -0.08
-        assert float(archive["impulse_error"].sel(scheme="midpoint", h=h)) < 2e-3
-        assert float(archive["impulse_error"].sel(scheme="carpenter", h=h)) < 3e-3
-    first = contact_phases(archive.sel(scheme="event_driven", h=1e-3)).sel(phase=1)
-    begin, end = float(first["begin"]), float(first["end"])
-    assert begin == pytest.approx(1.0, abs=0.02)  # √(2 · 5/10)
-    assert end - begin == pytest.approx(2 / 3, abs=0.04)
-
-
-# Limits of stability.
 
 
 def test_carpenter_s_limits_and_figures_on_the_siconos_chain() -> None:
@@ -184,9 +158,6 @@ def test_steps_from_1e_7_to_1e_1() -> None:
     assert np.all(error.sel(scheme=["implicit_euler", "midpoint"]).values[:, h > 2e-4] > 0.05)
 
 
-# Contact at its edges.
-
-
 def test_grazing_is_classified_by_who_can() -> None:
     """θ = 1 loses amplitude πh/2 of it in half a period: it misses exactly what grazes by less than that."""
     archive = opened("grazing")
@@ -199,24 +170,6 @@ def test_grazing_is_classified_by_who_can() -> None:
         for scheme in ("midpoint", "carpenter", "penalty"):
             touched = archive["impacts"].sel(scheme=scheme, h=h).values > 0
             assert np.array_equal(touched, gap < 1 - (1e-5 if h > 5e-3 else 0))
-
-
-def test_a_light_tip_and_graded_springs() -> None:
-    for name, limit in (("light_tip", 2.236e-8), ("graded_springs", 1.98998e-6)):
-        archive = opened(name)
-        h = archive["h"].values
-        for scheme in ("implicit_euler", "midpoint"):
-            assert set(statuses(archive, scheme=scheme)) == {OK}
-            error = archive["impulse_error"].sel(scheme=scheme).values
-            assert np.all(np.diff(error) > 0)
-            assert error[0] < 5e-5
-        for scheme in ("carpenter", "penalty"):
-            assert statuses(archive, scheme=scheme) == [OK if step < limit else DIVERGED for step in h]
-        assert float(archive["impulse_error"].sel(scheme="carpenter")[0]) < 1e-9
-        assert float(archive["predictability"].max()) < 1e-11
-
-
-# Heat.
 
 
 def test_growth_about_the_critical_coupling() -> None:
@@ -255,35 +208,6 @@ def test_flutter_below_the_critical_coupling() -> None:
     assert float(exact["impacts"].sel(alpha=0.1)) > 100
     assert float(exact["impacts"].sel(alpha=0.45)) == pytest.approx(332, abs=10)  # chaotic: the count hangs on rounding
     assert float(exact["max_temperature"].sel(alpha=0.45)) == pytest.approx(3.15e4, rel=0.05)
-
-
-def test_velocity_level_contact_keeps_its_penetration() -> None:
-    """At most h v⁻/2 with θ = 1, for ever; the force is that of the place it keeps, over 1 - α/α_c."""
-    archive = opened("permanent_contact")
-    structure = scenes.chain(
-        nodes=4, mass=1e-3, stiffness=1e6, damping=models.Rayleigh(500.0, 0.0), heat_capacity=1e-4, conductance=0.1
-    )
-    approach = scenes.step(
-        structure,
-        scenes.cases(structure, gap=1e-5, mean=10.0),
-        1e-7,
-        scenes.sampling(4e-4, 1e-7),
-        method="event_driven",
-    )
-    before = float(approach.histories["velocity"].max())
-    for h in archive["h"].values:
-        for alpha in archive["alpha"].values:
-            case = archive.sel(scheme="implicit_euler", h=h, alpha=alpha)
-            kept = float(case["displacement"][-1]) - 1e-5
-            assert 0 < kept <= h * before / 2
-            exact = archive.sel(scheme="event_driven", h=h, alpha=alpha)
-            share = (10 - 2.5e5 * (1e-5 + kept)) / (10 - 2.5e5 * 1e-5)
-            force = float(case["contact_force"][-1]) / float(exact["contact_force"][-1])
-            assert force == pytest.approx(share, rel=2e-4)
-    worst = archive.sel(scheme="implicit_euler", h=1e-4)["contact_force"].isel(t=-1)
-    lost = archive.sel(scheme="event_driven", h=1e-4)["contact_force"].isel(t=-1) - worst
-    assert float(lost[-1]) > 50 * float(lost[0])  # the same place, a hundred times nearer to α_c
-    assert float(archive["max_penetration"].sel(scheme="carpenter").max()) == 0
 
 
 def test_a_step_without_a_unique_solution() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from one_impact import OneImpact, random_one
+from one_impact import OneImpact
 
 from scenes import cases, chain
 from workflow.analysis import limits
@@ -28,61 +28,6 @@ def followed(one: OneImpact, start: float, stop: float, points: int) -> dict[str
         return structure, replace(scene, amplitude=np.array([force]))
 
     return branch(problem, start, stop, points, Options(periods=2, samples=4))[0]
-
-
-def check(one: OneImpact, start: float, stop: float, points: int) -> dict[str, int]:
-    """Compare all points of one impact and all flags between them with the closed form; count what was compared."""
-    values = followed(one, start, stop, points)
-    flags = np.array([BIFURCATIONS[flag] for flag in values["bifurcation"]])
-    states = np.array([STATES[state] for state in values["steady_state"]])
-    value, impacts = values["value"], np.round(values["steady_impacts"] * values["steady_periods"])
-    speed = values["steady_impulse"] * one.periods / ((1 + one.e) * one.mass)
-    ours = (values["steady_periods"] == one.periods) & (impacts == 1)
-    counted = {"points": int(ours.sum()), "grazing": 0, "fold": 0, "period_doubling": 0}
-    for v, force, state, flag in zip(speed[ours], value[ours], states[ours], flags[ours], strict=True):
-        assert one.force(v) == pytest.approx(force, rel=1e-9)
-        if flag == "none":
-            largest = np.abs(np.linalg.eigvals(one.derivative(v))).max()
-            assert state == ("settles" if largest < 1 else "unstable")
-    grazing = np.abs(value / one.grazing - 1) < PLACE
-    assert np.all(flags[grazing & (states == "no_contact")] != "none")
-    free = states == "no_contact"
-    assert np.nanmax(value[free], initial=0.0) < one.grazing * (1 + PLACE)
-    counted["grazing"] = int((grazing & (flags == "grazing")).sum())
-    if counted["points"]:
-        low = 0.0 if counted["grazing"] else speed[ours].min()
-        high = speed[ours].max()
-        places = {"period_doubling": [one.force(v) for v in one.doublings(low, high)]}
-        places["fold"] = [one.force(one.fold)] if low < one.fold < high else []
-        for name, expected in places.items():
-            for place in expected:
-                assert np.min(np.abs(value[flags == name] / place - 1), initial=1.0) < PLACE, (name, place)
-            counted[name] = len(expected)
-    return counted
-
-
-def check_all(seeds: range, counts: tuple[int, ...]) -> dict[str, int]:
-    """Check scenes in both directions; return the sums of what was compared."""
-    total = {"points": 0, "grazing": 0, "fold": 0, "period_doubling": 0}
-    for seed in seeds:
-        points = counts[seed % len(counts)]
-        for ends in ((3.0, 30.0), (30.0, 3.0)):
-            try:
-                counted = check(random_one(seed), *ends, points)
-            except AssertionError as error:
-                raise AssertionError(f"scene {seed}, {ends}, {points} points: {error}") from error
-            total = {name: count + counted[name] for name, count in total.items()}
-    return total
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("first", [0, 20])
-def test_branches_of_many_scenes_are_those_of_the_closed_form(first: int) -> None:
-    total = check_all(range(first, first + 20), (12, 12, 12, 12, 12, 200))
-    assert total["points"] > 60
-    assert total["grazing"] > 20
-    assert total["fold"] >= 5
-    assert total["period_doubling"] >= 5
 
 
 def archive(values: dict[str, Any], name: str) -> xr.Dataset:
@@ -132,8 +77,14 @@ def test_a_rub_of_two_periods_goes_on_where_its_halves_become_alike() -> None:
 
 @pytest.mark.parametrize("points", [12, pytest.param(200, marks=pytest.mark.slow)])
 def test_a_rub_is_unstable_from_grazing_to_its_doubling(points: int) -> None:
-    values = followed(OneImpact(1.828e-4, 0.3, 1722.92, 1244.5, 1.0, 2.2629e-4, 49.458), 3.0, 30.0, points)
+    one = OneImpact(1.828e-4, 0.3, 1722.92, 1244.5, 1.0, 2.2629e-4, 49.458)
+    values = followed(one, 3.0, 30.0, points)
     grazing, doubling = 7.517809028, 8.729449824
+    assert one.grazing == pytest.approx(grazing, rel=1e-9)
+    ours = (values["steady_periods"] == 1) & (np.round(values["steady_impacts"]) == 1)
+    speeds = values["steady_impulse"][ours] / ((1 + one.e) * one.mass)
+    assert ours.sum() > 3
+    assert values["value"][ours] == pytest.approx([one.force(v) for v in speeds], rel=1e-9)
     assert flagged(values, "grazing")[0] == pytest.approx(grazing, rel=PLACE)
     assert flagged(values, "period_doubling") == [pytest.approx(doubling, rel=PLACE)]
     between = (values["value"] > grazing * (1 + PLACE)) & (values["value"] < doubling * (1 - PLACE))

@@ -17,14 +17,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import dask
-import numpy as np
 import pytest
 from distributed import KilledWorker
 
 from scripts import script
 from studies import SCENE, SMALL, parsed, written
 from terminal import PATIENCE, alive, until, workflow
-from workflow.archive import Command, content_hash, open_archive, parts_of, start_parts
+from workflow.archive import Command, content_hash, parts_of, start_parts
 from workflow.run import ClusterError, _cluster, run_study
 from workflow.run._cluster import Session, join, software
 
@@ -126,28 +125,6 @@ def test_a_worker_of_a_real_scheduler_is_killed_in_the_middle(tmp_path: Path, ex
     twice = [segment for segment, count in Counter(segment for _, segment in begun).items() if count > 1]
     last = [segment for process, segment in begun if process == first.pid][-2:]
     assert set(twice) <= set(last)  # what it was computing, and what it had not reported yet
-
-
-@pytest.mark.slow
-def test_a_task_that_kills_its_workers_becomes_failed_cases(tmp_path: Path) -> None:
-    study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
-    settings = environment(notes, WATCHED_DEADLY="1 0", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
-    with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=settings) as run:
-        out, err = run.communicate(timeout=PATIENCE)
-    assert run.returncode == 1, err
-    assert "Traceback" not in err
-    assert "its worker process died" in out
-    run_study(parsed(STUDY), tmp_path / "whole.nc")
-    with open_archive(archive) as data, open_archive(tmp_path / "whole.nc") as whole:
-        lost = (data["status"] == 3).values
-        assert lost.sum() == 10
-        assert lost.ravel()[lost.size // 2]  # the first case of outer index 1
-        texts = set(data["message"].values[lost].tolist())
-        assert len(texts) == 1
-        assert "tcp" not in texts.pop()
-        assert np.isnan(data["contact_impulse"].values[lost]).all()
-        assert np.array_equal(data["displacement"].values[~lost], whole["displacement"].values[~lost])
-        assert (data["message"].values[~lost] == "").all()
 
 
 @pytest.mark.slow

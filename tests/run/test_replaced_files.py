@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import os
-import random
 import shutil
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -78,12 +74,6 @@ def swapped(directory: Path, give: Callable[[Path, float], str]) -> None:
     give(directory, 3.0)
 
 
-def touched(directory: Path, give: Callable[[Path, float], str]) -> None:
-    for path in directory.rglob("*.*"):
-        if path.suffix != ".yaml" and path.is_file():
-            os.utime(path)
-
-
 def cut(directory: Path, give: Callable[[Path, float], str]) -> None:
     """Cut off the second half of all files of a structure."""
     for path in directory.rglob("*.*"):
@@ -151,32 +141,3 @@ def test_a_file_too_large_to_hold_is_refused(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(files, "MOST_BYTES", 100)
     with pytest.raises(StudyError, match=r"blade\.npz has \d{3,} bytes, and at most 100 are read"):
         read(tmp_path, KINDS["as_npz"])
-
-
-MANY = STUDY.replace("e: [0, 0.5]", "e: {{lin: [0, 1, 21]}}").replace("2e-3", "0.02")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", range(5))
-def test_files_change_at_random_moments(part: int, tmp_path: Path) -> None:
-    """Ten runs: the archive is that of the files it holds, or messages say what is wrong."""
-    chance = random.Random(part)
-    for number in range(10):
-        kind = chance.choice(["as_npz", "as_directory", "calculix", "modes"])
-        give, change = KINDS[kind], chance.choice([swapped, swapped, touched, cut, gone])
-        place = tmp_path / f"{number}"
-        place.mkdir()
-        written(MANY.format(model=give(place, 1.0), schemes="moreau", more=""), place)
-        words = ["--workers", "2"] if chance.random() < 0.2 else []
-        command = [sys.executable, "-m", "workflow", "run", "study.yaml", "-o", "a.nc", *words]
-        with subprocess.Popen(command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-            time.sleep(chance.uniform(0.2, 4.0 if words else 1.5))
-            change(place, give)
-            _, said = process.communicate(timeout=120)
-        if process.returncode == 0:
-            models.structure_of.cache_clear()
-            assert all(check.holds for check in verify(place / "a.nc", 3)), (number, kind, change)
-        else:
-            assert process.returncode == 2, said
-            assert all(line.startswith("study.yaml:3: scene.") for line in said.splitlines()), said
-            assert not (place / "a.nc").exists()

@@ -6,25 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy
-from numpy.typing import NDArray
 from test_event_driven_random import against_reference, compare, moving_scene
 
-from given_matrices import given
 from scenes import cases, chain, heavy_chain, sampling, with_dashpot
 from workflow import schemes
 from workflow.models import (
-    Array,
     Matrices,
     Rayleigh,
     Structure,
     mechanical_modes,
     modal_damping,
-    structure_from_matrices,
 )
 from workflow.reduction import reduce_structure
 from workflow.schemes import moreau
-from workflow.schemes._exact.modal_system import free_system, held_system, state_space
+from workflow.schemes._exact.modal_system import free_system, state_space
 
 OVER = sampling(8.0, 0.1)
 
@@ -88,51 +83,6 @@ def test_random_scenes_in_motion() -> None:
         damper = float(rng.choice([0.05, 0.5, 5.0])) * root @ root.T / len(root)
         impacts += compare(replace(structure.matrices(), damper=damper), case, OVER, 1e-9)
     assert impacts > 20
-
-
-HEAT = {"spacing": 1.0, "expansion": 0.1, "conductance": 0.5, "convection": 0.1}
-
-
-def branches(stiffness: float, mass: float) -> Matrices:
-    """Two branches on a tip, one of them this, with a damping ratio of every mode with the tip free."""
-    tied = np.array([[100.0, 0.0, -100.0], [0.0, stiffness, -stiffness], [-100.0, -stiffness, 150.0 + stiffness]])
-    line = chain(nodes=3, mass=1.0, stiffness=1.0, **HEAT)
-    inertia = np.diag([1.0, mass, 1.0])
-    return structure_from_matrices(given(line, mass=inertia, stiffness=tied, damping=Rayleigh(ratio=0.3)))
-
-
-def held_poles(structure: Structure) -> NDArray[np.complex128]:
-    """Return the poles of two branches with the tip held, one of each pair."""
-    poles = np.linalg.eigvals(state_space(held_system(structure), 0.0)[0][:4, :4])
-    return poles[poles.imag > 0]
-
-
-@pytest.mark.parametrize("alpha", [0.0, 0.3])
-def test_held_poles_that_a_damping_ratio_makes_coincide(alpha: float) -> None:
-    """Poles part as the root of what is changed: a relative 1e-6 of themselves is rounding of a double one."""
-
-    def apart(place: Array) -> list[float]:
-        one, other = held_poles(branches(*place))
-        return [((one - other) ** 2).real, ((one - other) ** 2).imag]
-
-    structure = branches(*scipy.optimize.root(apart, [108.7, 0.942], tol=1e-16).x)
-    one, other = held_poles(structure)
-    assert abs(one - other) < 1e-6 * abs(one)
-    rub = cases(structure, e=0.5, alpha=alpha, gap=0.5, mean=60.0, amplitude=30.0, frequency=0.3)
-    assert against_reference(structure, rub, OVER) <= 1e-10
-
-
-@pytest.mark.parametrize("held", [False, True])
-def test_a_pole_that_is_a_thermal_rate(held: bool) -> None:
-    structure = chain(nodes=3, mass=1.0, stiffness=(1.0, 2.0, 1.5), **HEAT).matrices()
-    damped = with_dashpot(structure, 0, None, 9.0)
-    system = (held_system if held else free_system)(damped)
-    poles = np.linalg.eigvals(state_space(system, 0.0)[0][: 2 * system.frequency.size, : 2 * system.frequency.size])
-    rate = -poles[poles.imag == 0].real.max()
-    slowed = replace(damped.thermal, inertia=damped.heat_capacity * (system.rate[1] / rate))
-    at = replace(damped, thermal=slowed)
-    rub = cases(at, e=0.5, alpha=0.0, gap=0.2, mean=0.5, amplitude=0.4, frequency=0.1, temperature=1.0)
-    assert against_reference(at, rub, OVER) <= 1e-10
 
 
 def test_damping_that_feeds_a_real_pole() -> None:

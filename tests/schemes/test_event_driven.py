@@ -31,9 +31,6 @@ def single(mass: float, stiffness: float = 0.0, damping: Rayleigh | None = None)
     )
 
 
-# --- bouncing ball -------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("e", [0.5, 0.9])
 def test_bouncing_ball_is_exact_through_its_accumulation(e: float) -> None:
     m, g, H = 0.3, 9.81, 1.0
@@ -89,9 +86,6 @@ def test_tip_beyond_the_gap_is_refused() -> None:
     assert np.isnan(results.metrics["impacts"][0])
 
 
-# --- oscillator with the wall at its equilibrium ----------------------------------------------------
-
-
 @pytest.mark.parametrize("zeta", [0.0, 0.01, 0.2])
 @pytest.mark.parametrize("e", [0.6, 1.0])
 def test_oscillator_with_wall(zeta: float, e: float) -> None:
@@ -111,9 +105,6 @@ def test_oscillator_with_wall(zeta: float, e: float) -> None:
     J = results.histories["impulse"][0][1::2]
     arrival = v0 * ratio ** np.arange(1, 12) / e
     np.testing.assert_allclose(np.diff(J)[:11], (1 + e) * arrival, rtol=1e-10)
-
-
-# --- the heavy chain and the blade ------------------------------------------------------------------
 
 
 HEAVY = {"alpha": 50.0, "gap": 5.0e-5, "amplitude": 100.0, "frequency": 20.0}
@@ -138,9 +129,6 @@ def test_thresholds_do_not_matter(places: list[list[float]]) -> None:
                     relative(*pair) for pair in zip(other.histories[history], base.histories[history], strict=True)
                 ]
                 assert max(apart) <= (1e-9 if places else 1e-10), (name, factor, history)
-
-
-# --- interface --------------------------------------------------------------------------------------
 
 
 def test_budgets_end_a_case_with_what_it_was_doing() -> None:

@@ -138,29 +138,6 @@ def test_a_lump_on_a_moving_casing_is_one_under_a_load(e: float, alpha: float) -
         assert moved.metrics["impacts"][0] == loaded.metrics["impacts"][0]
 
 
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [
-        (
-            {"amplitude": 100.0, "frequency": 20.0, "phase": 0.2},
-            {"load_harmonics": [[60.0, 20.0, 0.2], [0.0, 500.0, 0.0], [40.0, 20.0, 0.2]]},
-        ),
-        (
-            {"amplitude": 100.0, "frequency": 20.0, "mean": 3.0},
-            {"amplitude": 100.0, "frequency": 20.0, "mean": 1.0, "load_harmonics": [[2.0, 0.0, np.pi / 2]]}
-            | {"gap": 8e-6, "casing_harmonics": [[4e-6, 0.0, np.pi / 6]]},
-        ),
-    ],
-    ids=["parts of the load's sinusoid", "constants that stand still"],
-)
-def test_harmonics_say_in_other_words(one: dict[str, Any], other: dict[str, Any]) -> None:
-    structure, rub, over = heavy_chain(nodes=5), {"e": 0.5, "alpha": 20.0, "gap": 1e-5}, sampling(0.1, 1e-3)
-    first, second = (run(structure, cases(structure, **(rub | said)), over) for said in (one, other))
-    for name in ("displacement", "temperature", "impulse"):
-        assert relative(second.histories[name], first.histories[name]) <= 1e-10
-    np.testing.assert_allclose(second.period_impulse, first.period_impulse, rtol=1e-10)
-
-
 def test_a_casing_shakes_the_node_behind_its_tip_at_resonance() -> None:
     """y'' + 2 y = d + 3, y = d0/2 + 3 (1 - cos ωt)/2 + a (sin ωt - ωt cos ωt)/4 with ω² = 2; λ = F - d'' - d + y."""
     structure, over, d0, a, w = chain(nodes=2, mass=1.0, stiffness=1.0), sampling(30.0, 0.5), 1.0, 0.1, np.sqrt(2)
