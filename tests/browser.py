@@ -1,7 +1,5 @@
 """A real browser for tests of pages: Chromium without a window, driven by Selenium."""
 
-from __future__ import annotations
-
 import atexit
 import os
 import shutil

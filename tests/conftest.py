@@ -1,7 +1,5 @@
 """Tests mirror the package; what several of them need stands in ``scenes.py`` and ``studies.py``."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

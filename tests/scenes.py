@@ -1,7 +1,5 @@
 """Structures and batches that several tests step: the heavy chain, the blade, others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

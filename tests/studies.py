@@ -1,7 +1,5 @@
 """Small studies that tests of the workflow floor run."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

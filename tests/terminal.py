@@ -1,7 +1,5 @@
 """Commands as a user types them, and processes that tests wait for."""
 
-from __future__ import annotations
-
 import contextlib
 import subprocess
 import sys

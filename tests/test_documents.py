@@ -1,7 +1,5 @@
 """README, notebooks and kept archives are true: commands run, figures are there, results repeat."""
 
-from __future__ import annotations
-
 import json
 import re
 from functools import partial

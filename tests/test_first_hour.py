@@ -1,7 +1,5 @@
 """What stood in the way of a newcomer's first hour: wrong numbers, figures of lost cases, riddles in messages."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Values of coordinates are printed so that they select what they name."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

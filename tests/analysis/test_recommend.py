@@ -1,7 +1,5 @@
 """The recommended choice is the one that a brute search of the archive finds; what it says is what was found."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import shlex

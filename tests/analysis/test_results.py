@@ -1,7 +1,5 @@
 """Contact phases, growth of impulses, and differences of datasets, of known arrays and of archives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

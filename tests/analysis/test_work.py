@@ -1,7 +1,5 @@
 """Error against cost: on archives whose answer is known, and in agreement with what is recommended."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

@@ -1,7 +1,5 @@
 """From shards to an archive: the same bits in any number of pieces, and never half an archive."""
 
-from __future__ import annotations
-
 import errno
 import os
 import resource

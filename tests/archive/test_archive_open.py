@@ -1,7 +1,5 @@
 """Opening: lazily, by any tool, before the end of a run, and with one clear message if it cannot be."""
 
-from __future__ import annotations
-
 import gc
 import pickle
 import subprocess

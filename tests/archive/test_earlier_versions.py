@@ -1,7 +1,5 @@
 """An archive of an earlier version of the solver opens, is shown and verified; what cannot be done with it is said."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

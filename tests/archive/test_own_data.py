@@ -1,7 +1,5 @@
 """Archives from elsewhere: nothing outside their file is read, whatever they hold, and every command ends."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

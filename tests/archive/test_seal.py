@@ -1,7 +1,5 @@
 """The checksum at the end of a file is of every byte before it, and HDF5 reads no further than its own end."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Everything is the heavy chain (20 nodes, heated, θ = 1) unless a line says othe
 lines that are compared take turns, so that ratios survive a machine that others use too.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from functools import cache, partial

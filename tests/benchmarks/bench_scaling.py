@@ -10,8 +10,6 @@ beginning to the last one's end), over the speed-up of a loop of multiply-adds i
 many threads. Runs and loops take turns; medians.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -1,7 +1,5 @@
 """Tiny versions of the benchmarks, so that they cannot rot."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

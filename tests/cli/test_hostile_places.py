@@ -1,7 +1,5 @@
 """Paths and texts that no command likes: one clear line, exit status 2, nothing lost."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """``workflow limits``, what others make of archives with steady rubs, and what `workflow run` shows while it runs."""
 
-from __future__ import annotations
-
 import html
 import io
 import json

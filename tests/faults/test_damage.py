@@ -1,7 +1,5 @@
 """Archives whose bytes have changed: named by what takes cases from them, errors where a changed chunk is read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

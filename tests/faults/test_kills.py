@@ -1,7 +1,5 @@
 """Runs that are killed at any moment lose at most the tasks in flight, and never leave half an archive."""
 
-from __future__ import annotations
-
 import random
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Ctrl-C and SIGTERM at any moment: the right exit status, one line, no traceback, nothing lost."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -4,8 +4,6 @@ As a program, ``fuzzing.py KIND FIRST STOP [SOUND]`` runs the mutants of some se
 which it is, and after each what was wrong.
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import signal

@@ -3,8 +3,6 @@
 Never a traceback, a hang or a crash of the interpreter: what is wrong is told by its seed.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest

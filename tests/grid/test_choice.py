@@ -1,7 +1,5 @@
 """Counts of modes that a tolerance decides: the fewest that meet it in the hardest case, and what they depend on."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

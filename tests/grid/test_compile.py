@@ -1,7 +1,5 @@
 """Compilation ahead: by a helper process where there are several schemes, by the run itself where that fails."""
 
-from __future__ import annotations
-
 import os
 import signal
 import stat

@@ -1,7 +1,5 @@
 """``output: {temperature_depth: …}``: what an archive holds of it, in all bases and batches; refusals."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

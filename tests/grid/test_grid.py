@@ -1,7 +1,5 @@
 """Order of dimensions, cases that are one case, tasks that cover every unit once."""
 
-from __future__ import annotations
-
 import json
 import time
 from dataclasses import replace
@@ -17,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
 from workflow.cli._studies import _lines as plan_lines
-from workflow.grid import Grid, _operators, arrange, plan, plan_study, reads, solve, tasks
+from workflow.grid import _operators, arrange, plan, plan_study, reads, solve, tasks
 from workflow.grid import _tasks as cutting
 from workflow.reduction import reduce_structure
 from workflow.schemes import Status
@@ -50,11 +48,6 @@ def test_the_order_of_dimensions_depends_on_what_varies_alone(data: st.DataObjec
     names = [name for name, _ in arrange(parsed(f"study: a\n{SCENE}axes: {json.dumps(axes)}\n")).dims]
     ranked = ["scheme", "mass", "stiffness", "h", "mean", "e", "gap", "alpha", "frequency"]
     assert names == [name for name in ranked if name in names]
-
-
-def inner_of(grid: Grid, missing: np.ndarray | None = None) -> list[np.ndarray]:
-    """Return the inner indices of all batches, in their order."""
-    return [batch.inner for task in tasks(grid, missing) for batch in task.batches]
 
 
 def test_a_zip_of_step_and_condition_is_outer() -> None:
@@ -92,23 +85,6 @@ def test_threads_end_together(threads: int, missing: float, h: str) -> None:
     assert max(seconds) < 1.5 * cutting.LONGEST
     assert len(seconds) >= 0.9 * min(8 * threads, sum(seconds) / cutting.SHORTEST)
     assert sum(seconds) == pytest.approx(cutting.model_seconds(grid, mask))
-
-
-@pytest.mark.parametrize("alphas", [3, 40, 2000])
-@pytest.mark.parametrize("h", [1e-4, 1e-6])
-def test_cases_that_are_stepped_together_stay_together(h: float, alphas: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where a task cuts the cases of an outer index, it leaves whole packs."""
-    monkeypatch.setattr(cutting, "LONGEST", 1e-9)
-    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: [{h}, {2 * h}]").replace(
-        "[0, 5, 10, 20, 50]", f"{{lin: [0, 50, {alphas}]}}"
-    )
-    grid = arrange(parsed(text))
-    for every in (1, 3):
-        missing = np.zeros((grid.outer_count, grid.inner_count), dtype=bool)
-        missing[:, ::every] = True
-        for inner in inner_of(grid, missing):
-            is_last = inner[-1] + every >= grid.inner_count
-            assert is_last or inner.size >= schemes.load("moreau").TOGETHER
 
 
 @pytest.mark.parametrize("unbroken", [0.0, 0.01, 1.0])

@@ -1,7 +1,5 @@
 """Schemes crossed with bases that leave the tip without mass: what can run runs, the rest says why, uncompiled."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runaway is physics: flagged, predicted, and the case stays ok."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Steady rubs of an archive: kept where they are asked for, part of a case's identity, extended and verified."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -5,8 +5,6 @@ numbers here are exact solutions, limits by theory, or measurements of others (`
 where a number is a measurement, its bound says how near it must come.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cases that blew up though their numbers are finite are ``diverged``; sound cases are not, however far they move."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

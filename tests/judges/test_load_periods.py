@@ -1,7 +1,5 @@
 """Forces and extremes of load periods, each sample in its place, and cases perturbed to either side."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Our elementary functions against mpmath: within one unit in the last place."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Compiled kernels: found again by the next process, compiled anew after a change of what their module imports."""
 
-from __future__ import annotations
-
 import ast
 import math
 import os

@@ -1,7 +1,5 @@
 """Packs against NumPy: the same numbers bit for bit, NaN as in a plain loop, nothing beside the lanes in use."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numba

@@ -1,7 +1,5 @@
 """Factors of large sparse matrices: SuperLU's and CHOLMOD's solve the same systems and refuse the same ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import csc_array, diags_array, eye_array, kron

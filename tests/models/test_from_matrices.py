@@ -1,7 +1,5 @@
 """Structures from matrices: those of the chain in any coordinates, or of what is left where a freedom is held."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

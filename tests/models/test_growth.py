@@ -3,8 +3,6 @@
 The oracle is the system in nodal coordinates, as equation (1) has it, and LAPACK's eigenvalues.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from fractions import Fraction
 

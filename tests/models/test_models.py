@@ -1,7 +1,5 @@
 """Assembly of the lumps, modes, equilibrium, runaway and reach against what can be written by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -6,8 +6,6 @@ X_1 = [0, -1/m, α/c]; repeated every nT it moves the linear response X_p by v G
     x_p(t₀) = d - v G_x,   x_p'(t₀) = v (1 - G_v),   (|H| F)² = (d - v G_x)² + (v (1 - G_v)/Ω)².
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

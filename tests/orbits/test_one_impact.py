@@ -1,7 +1,5 @@
 """Branches of one mass against the closed form of its rub with one impact, and rubs at the edges of their kind."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

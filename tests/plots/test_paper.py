@@ -1,7 +1,5 @@
 """Figures for papers are drawn of a dataset with plain arguments, as the reference shows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Quantities and pictures of single scenes: impact speeds, energy kept and growth against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

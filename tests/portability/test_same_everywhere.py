@@ -1,7 +1,5 @@
 """One study has one content hash on all processors that are pinned, whatever the compiler and the C library choose."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

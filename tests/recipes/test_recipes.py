@@ -1,7 +1,5 @@
 """Recipes: a scheme or a model from outside is one file, and a broken one harms only studies that name it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What single bases promise beside the contract, with all modes and few, with friction, beside those of pyMOR."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

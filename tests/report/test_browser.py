@@ -1,7 +1,5 @@
 """The page of a report in a real browser: nothing complains, sliders, clicks and menus show what the archive holds."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

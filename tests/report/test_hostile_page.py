@@ -1,7 +1,5 @@
 """A page shows what an archive claims and does nothing that it says."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

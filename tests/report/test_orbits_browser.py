@@ -1,7 +1,5 @@
 """Steady rubs on the page in a real browser: a click on a case, or on a point of a branch, shows its orbit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

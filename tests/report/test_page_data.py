@@ -1,7 +1,5 @@
 """What a page holds of an archive: thinned histories, rounded metrics, notable cases, and bounds of size."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reports of one archive, of several and of branches: what stands in them and what they refuse."""
 
-from __future__ import annotations
-
 import html
 import json
 import os

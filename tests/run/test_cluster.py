@@ -1,7 +1,5 @@
 """A study on worker processes: same bits, whatever dies."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """An archive grows with its study: the same bits as from nothing, and only what is new is run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path

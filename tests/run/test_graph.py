@@ -1,9 +1,6 @@
 """Tasks and their references as graphs of dask: in pieces or whole the same archive, the longest task first."""
 
-from __future__ import annotations
-
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +9,6 @@ import pytest
 from quick import quick
 from studies import cut_finely
 from workflow.archive import content_hash
-from workflow.grid import Task
 from workflow.run import _threads, run_study
 
 STUDY = quick({"h": [1e-4, 5e-5]}, reference={"scheme": "moreau", "h": 2e-5})
@@ -40,18 +36,3 @@ def test_pieces_of_a_graph_make_the_same_archive(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(_threads, "graphs", partial(_threads.graphs, most=3))
     assert sum(computed(monkeypatch, tmp_path / "pieces.nc")) == 4 * 9
     assert len({content_hash(tmp_path / f"{name}.nc") for name in ("whole", "cut", "pieces")}) == 1
-
-
-@pytest.mark.parametrize("steps", [[1e-4, 1e-5, 1e-6], [1e-6, 1e-5, 1e-4], [1e-5, 1e-6, 1e-4]])
-def test_the_longest_task_begins(steps: list[float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cut_finely(monkeypatch)
-    store, seconds = _threads.store_task, list[float]()
-
-    def watched(job: Any, task: Task, *words: Any) -> Any:
-        seconds.append(task.seconds)
-        return store(job, task, *words)
-
-    monkeypatch.setattr(_threads, "store_task", watched)
-    run_study(quick({"h": steps}), tmp_path / "a.nc", threads=1)
-    assert len(seconds) == 9
-    assert all(later < 2 * earlier for earlier, later in pairwise(seconds))

@@ -1,7 +1,5 @@
 """Studies of structures from files: the built-in ones exported and read back, and archives that need no file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """How far a run is: by work, not by cases; how cases ended by name; throughput and the time left as measured."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from pathlib import Path

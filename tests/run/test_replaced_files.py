@@ -1,7 +1,5 @@
 """Files that a study names are replaced while it runs: what was hashed is what is assembled."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """A failure is a result that can be asked for again: it alone, and nothing of a neighbour's."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A study to its archive: whole, resumed, refused, on any number of threads."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`workflow verify`: passes on what was written, and names what was not."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

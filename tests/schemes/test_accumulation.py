@@ -1,7 +1,5 @@
 """Impacts that accumulate, and those that the load lifts off before they have, against a loop over every bounce."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

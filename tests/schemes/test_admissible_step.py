@@ -1,7 +1,5 @@
 """Steps that messages name: the largest that is stable or admissible, at which the same case runs."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

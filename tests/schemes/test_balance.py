@@ -1,7 +1,5 @@
 """Energy and heat balances: what is known of them, and what each scheme may leave."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

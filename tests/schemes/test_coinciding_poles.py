@@ -1,7 +1,5 @@
 """The exact scheme where poles coincide or nearly do, tip free and held, against 80-bit exponentials."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from plain_events import Reference

@@ -1,7 +1,5 @@
 """The step that ``penalty`` says it holds up to, measured again: contact that comes and goes creates no energy."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Damping that is not Rayleigh's: a ratio of every mode, a matrix that couples them, the tip free and held."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +16,6 @@ from workflow.models import (
     modal_damping,
 )
 from workflow.reduction import reduce_structure
-from workflow.schemes import moreau
 from workflow.schemes._exact.modal_system import free_system, state_space
 
 OVER = sampling(8.0, 0.1)
@@ -58,19 +55,6 @@ def test_a_scheme_that_takes_none_of_these_refuses_it() -> None:
     assert "does not act on the tip" in silent.refusal(loaded_elsewhere(structure), None)
     deep = replace(structure, observed=np.ones(6) / 6)
     assert silent.refusal(deep, None) == "it does not record the temperature over a depth"
-
-
-def test_a_plan_says_what_a_structure_is_stepped_by() -> None:
-    structure = heavy_chain(nodes=6)
-    assert moreau.operator_name(structure) == "6 + 6 modes with the tip's own"
-    by_matrix = replace(structure.matrices(), damping=Rayleigh(), damper=structure.damping_matrix)
-    assert moreau.operator_name(by_matrix) == moreau.operator_name(structure)
-    coupled = with_dashpot(structure, 1, 3, 20.0)
-    assert "6 + 6 modes with the tip's own, coupled by damping" in moreau.operator_name(coupled)
-    exact = schemes.load("event_driven")
-    assert exact.operator_name is not None
-    assert exact.operator_name(structure) == ""
-    assert "poles of 18 states, as damping couples the modes" in exact.operator_name(coupled)
 
 
 def test_random_scenes_in_motion() -> None:

@@ -1,7 +1,5 @@
 """The event-driven scheme against an independent solution on random scenes; its motion from state to state."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

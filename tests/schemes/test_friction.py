@@ -6,8 +6,6 @@ y (tangential) and x (normal), K = [[k, c], [c, k]] and the load F on the tip
     k y + c x = µ λ,   c y + k x = F - λ   at rest on the casing, x = d.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A casing that moves and loads with harmonics: a pressed tip, closed forms, the same said in other words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

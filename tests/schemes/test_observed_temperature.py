@@ -1,7 +1,5 @@
 """Schemes record another temperature than the tip's, a mean over a depth: against all node temperatures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Contact by a spring and a damper against plain matrices, closed forms, its limits and the rigid casing."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

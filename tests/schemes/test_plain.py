@@ -1,7 +1,5 @@
 """Every law that is stepped against plain matrices: in modes, in blocks, on casings in motion, without mass."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

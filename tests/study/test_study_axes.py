@@ -1,7 +1,5 @@
 """Axes: values, order, names, zips, ``full``, and the settings of a case."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

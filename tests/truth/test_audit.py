@@ -1,7 +1,5 @@
 """Scenes of an independent audit: event solver in 80-bit arithmetic, or closed forms."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
