@@ -1,13 +1,15 @@
-"""Contact phases, growth of impulses, and differences of datasets, of known arrays and of archives."""
+"""Contact phases, growth of impulses, differences, labels and cost of known arrays and of archives."""
 
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
 
 from quick import quick
 from studies import FALLING_BALL, parsed
-from workflow import compare, contact_phases
-from workflow.analysis import impulse_growth
+from workflow import compare, contact_phases, work_precision
+from workflow.analysis import NoReferenceError, exact, impulse_growth, labels_of
 from workflow.archive import open_archive
 from workflow.run import run_study
 
@@ -128,3 +130,72 @@ def test_growth_of_the_impulse_is_of_the_last_complete_period_over_the_first() -
     assert growth == pytest.approx([2.5, 1.5, nan, nan, nan], nan_ok=True)
     assert impulse_growth(xr.Dataset({"period_impulse": (("case", "period"), [[1.0]])})) is None
     assert impulse_growth(xr.Dataset()) is None
+
+
+@given(value=st.floats(allow_nan=False, allow_infinity=False))
+def test_a_printed_number_is_the_number(value: float) -> None:
+    """Up to the rounding of a sum: an opened archive finds it, and nobody reads 3.0000000000000004."""
+    assert float(exact(value)) == pytest.approx(value, rel=1.01e-14, abs=0)
+    assert exact(np.float64(value)) == exact(value)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.1 * 3 + 2.7, "3"), (1.1 * 3, "3.3"), (-0.1 - 0.2, "-0.3"), (1e-6 * 3, "3e-06")]
+)
+def test_rounding_of_a_sum_is_not_printed(value: float, text: str) -> None:
+    assert exact(value) == text
+
+
+def test_numbers_are_as_short_as_they_can_be() -> None:
+    values = [1e-6, 3.16227766017e-05, 1e-4, 0.5, 30.0, 1e9]
+    assert [exact(value) for value in values] == ["1e-06", "3.16227766017e-05", "0.0001", "0.5", "30", "1e+09"]
+    assert exact(np.int64(3)) == "3"
+    assert exact("moreau") == "moreau"
+
+
+def test_pictures_round_to_digits_that_tell_values_apart() -> None:
+    alike = [1.00001e-5, 1.00002e-5], ["1.00001e-05 s", "1.00002e-05 s"]
+    for values, texts in (([3.16227766017e-05], ["3.162e-05 s"]), alike):
+        dataset = xr.Dataset(coords={"h": ("h", values, {"units": "s"})})
+        assert labels_of(dataset, "h", named=False, rounded=True) == texts
+        assert labels_of(dataset, "h", rounded=True) == [f"h {text}" for text in texts]
+
+
+def archive() -> xr.Dataset:
+    """Two schemes and three steps in two scenes; the second scene's error is twice as large."""
+    h, gap = np.array([1e-5, 1e-4, 1e-3]), np.array([1e-5, 2e-5])
+    dims, shape = ("scheme", "h", "gap"), (2, 3, 2)
+    error = np.array([1.0, 10.0])[:, None, None] * h[:, None] * np.array([1.0, 2.0])
+    status = np.zeros(shape, dtype=np.int8)
+    status[1, 2, 0] = 1
+    values = {"impulse_error": error, "temperature_error": 3 * error, "displacement_error": 0 * error}
+    return xr.Dataset(
+        {
+            **{name: (dims, value) for name, value in values.items()},
+            "status": (dims, status),
+            "processor_time": (dims, np.broadcast_to(np.array([3e-8, 1e-8])[:, None, None] / h[:, None], shape)),
+        },
+        coords={"scheme": ["fine", "rough"], "h": h, "gap": gap, "alpha": 30.0},
+        attrs={"duration": 2.0},
+    )
+
+
+def test_cost_and_error_of_known_choices() -> None:
+    work = work_precision(archive())
+    assert work["error"].dims == ("scheme", "h")
+    assert work["error"].sel(scheme="fine").values == pytest.approx([6e-5, 6e-4, 6e-3])
+    assert work["error"].sel(scheme="rough").values == pytest.approx([6e-4, 6e-3, np.nan], nan_ok=True)
+    assert work["cost"].sel(scheme="fine").values == pytest.approx([3e-3, 3e-4, 3e-5])
+    assert (work["cost_per_second"] * 2).values == pytest.approx(work["cost"].values)
+    assert work["efficient"].values.tolist() == [[True, True, True], [False, False, False]]
+    assert "gap" not in work.coords
+    assert float(work["alpha"]) == 30.0
+    impulse = work_precision(archive(), "impulse_error")
+    assert impulse["error"].sel(scheme="fine").values == pytest.approx([2e-5, 2e-4, 2e-3])
+
+
+def test_what_is_missing_is_said() -> None:
+    with pytest.raises(NoReferenceError, match="no `reference`"):
+        work_precision(archive().drop_vars("impulse_error"))
+    with pytest.raises(ValueError, match=r"no `force_error`; give one of displacement_error"):
+        work_precision(archive(), "force_error")

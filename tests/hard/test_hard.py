@@ -134,28 +134,6 @@ def test_carpenter_s_limits_and_figures_on_the_siconos_chain() -> None:
         assert float(np.sqrt((distance**2).mean())) / 1e-4 == pytest.approx(rms, rel=0.05)
 
 
-def test_steps_from_1e_7_to_1e_1() -> None:
-    archive = opened("all_steps")
-    h = archive["h"].values
-    limit = 2 / models.mechanical_modes(scenes.heavy_chain()).values.max()
-    for scheme in ("implicit_euler", "midpoint", "penalty_implicit"):
-        assert set(statuses(archive, scheme=scheme)) == {OK}
-    for scheme in ("carpenter", "carpenter_explicit_heat"):
-        assert statuses(archive, scheme=scheme) == [OK if step < limit else DIVERGED for step in h]
-    pressed = scenes.heavy_chain()
-    stiffness = pressed.stiffness_matrix + np.diag([0.0] * 19 + [2e8])
-    contact = 2 / np.sqrt(np.linalg.eigvalsh(stiffness / 2.5e-3).max())  # the penalty spring has a limit of its own
-    assert contact < 1e-5 < limit
-    assert statuses(archive, scheme="penalty") == [OK if step < contact else DIVERGED for step in h]
-    error = archive["impulse_error"]
-    fine = h < 2e-4
-    for scheme, order in (("implicit_euler", 1), ("midpoint", 1), ("carpenter", 2)):
-        used = fine & (error.sel(scheme=scheme).values > 1e-11) & (h < (limit if scheme == "carpenter" else 1))
-        slope = np.polyfit(np.log(h[used]), np.log(error.sel(scheme=scheme).values[used]), 1)[0]
-        assert slope == pytest.approx(order, abs=0.15)
-    assert np.all(error.sel(scheme=["implicit_euler", "midpoint"]).values[:, h > 2e-4] > 0.05)
-
-
 def test_grazing_is_classified_by_who_can() -> None:
     """θ = 1 loses amplitude πh/2 of it in half a period: it misses exactly what grazes by less than that."""
     archive = opened("grazing")
@@ -226,20 +204,3 @@ def test_a_step_without_a_unique_solution() -> None:
 def _moreau(archive: xr.Dataset) -> list[xr.Dataset]:
     chosen = archive.sel(scheme="moreau")
     return [chosen.isel(h=i, alpha=k) for i in range(chosen.sizes["h"]) for k in range(chosen.sizes["alpha"])]
-
-
-def test_unfit_bases() -> None:
-    """Heat of a short rub needs krylov, a resonance the modes themselves, central differences a tip with mass."""
-    archive = opened("unfit_bases")
-    slow, resonant = (archive.sel(frequency=f) for f in archive["frequency"].values)
-    heat = slow["temperature_model_error"].sel(scheme="implicit_euler")
-    assert heat.sel(reduction=["craig_bampton", "rubin"]).min() > 0.3
-    assert heat.sel(reduction="krylov") < 2e-4
-    impulse = resonant["impulse_error"].sel(scheme="carpenter")
-    assert impulse.sel(reduction="krylov") > 0.9
-    assert impulse.sel(reduction=["craig_bampton", "rubin"]).max() < 0.3
-    for basis in ("macneal", "massless"):
-        assert set(statuses(archive, reduction=basis, scheme="implicit_euler")) == {OK}
-        assert set(statuses(archive, reduction=basis, scheme="carpenter")) == {int(Status.FAILED)}
-        messages = archive["message"].sel(reduction=basis)
-        assert all("without mass" in str(message) for message in messages.values.ravel())

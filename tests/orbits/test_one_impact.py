@@ -47,30 +47,11 @@ def states(values: dict[str, Any]) -> list[str]:
     return [STATES[state] for state in values["steady_state"]]
 
 
-def over_alpha(one: OneImpact, force: float, stop: float, points: int) -> dict[str, Any]:
-    """The branch from no heat to a coupling."""
-    structure = one.structure
-    scene = one.scene(structure, force)
-    return branch(
-        lambda alpha: (structure, replace(scene, alpha=np.array([alpha]))), 0.0, stop, points, Options(samples=4)
-    )[0]
-
-
 def test_a_section_that_is_moved_does_not_turn_a_branch_round() -> None:
     values = followed(OneImpact(1.352e-5, 0.0, 274.72, 2845.2, 1.0, 2.1319e-3, 128.78), 3.0, 30.0, 12)
     assert values["value"][[0, -1]].tolist() == [3.0, 30.0]
     assert np.all(np.diff(values["value"]) > 0)
     assert set(states(values)) == {"settles"}
-
-
-def test_a_rub_of_two_periods_goes_on_where_its_halves_become_alike() -> None:
-    """At the doubling of the rub of one period, which is stable above."""
-    values = over_alpha(OneImpact(1.748e-5, 0.3, 2448.9, 3723.7, 0.0, 4.5239e-2, 566.89), 10.0, 0.1, 12)
-    assert flagged(values, "period_doubling") == [pytest.approx(0.0192837615, rel=PLACE)]
-    before = values["value"] < 0.01928
-    assert set(values["steady_periods"][before]) == {2.0}
-    assert set(values["steady_periods"][~before]) == {1.0}
-    assert values["value"][-1] == 0.1
 
 
 @pytest.mark.parametrize("points", [12, pytest.param(200, marks=pytest.mark.slow)])

@@ -1,12 +1,15 @@
-"""Figures for papers are drawn of a dataset with plain arguments, as the reference shows."""
+"""Figures for papers, drawn with plain arguments as the reference shows; quantities of single scenes."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from scripts import script
+from studies import FALLING_BALL, parsed
 from workflow import open_archive, plots
+from workflow.run import run_study
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -57,3 +60,37 @@ def test_a_map_of_one_metric_and_lines_of_a_selection() -> None:
         for draw in (plots.work_precision, plots.convergence):
             with pytest.raises(ValueError, match="several steps `h`"):
                 draw(full.isel(h=0))
+
+
+SCRIPT = script("scene_pictures")
+energy_kept, impact_speeds = SCRIPT.energy_kept, SCRIPT.impact_speeds
+
+
+BALL = f"""
+study: ball{FALLING_BALL}
+axes: {{scheme: event_driven, e: 0.7}}
+output: {{interval: 1 ms, histories: [displacement, velocity, impulse, contact_force]}}
+"""
+
+
+@pytest.fixture(scope="module")
+def ball(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    archive = tmp_path_factory.mktemp("ball") / "ball.nc"
+    run_study(parsed(BALL), archive)
+    with open_archive(archive) as dataset:
+        return dataset.load()
+
+
+def test_impact_speeds_of_a_ball(ball: xr.Dataset) -> None:
+    """A falling ball: constant acceleration, so that the carried-on speed is exact to rounding."""
+    first = np.sqrt(2 * 9.81)
+    assert impact_speeds(ball)[:5] == pytest.approx(first * 0.7 ** np.arange(5), rel=1e-9)
+
+
+def test_energy_that_an_impact_leaves() -> None:
+    """A mass of 2 kg hits at 3 m/s with e = 0.5: it keeps e² of its energy, whatever the step."""
+    case = xr.Dataset(
+        {"velocity": ("t", [3.0, 3.0, -1.5, -1.5]), "impulse": ("t", [0.0, 0.0, 9.0, 9.0]), "energy_residual": 0.01},
+        coords={"t": [0.0, 1.0, 2.0, 3.0]},
+    )
+    assert energy_kept(case, energy=9.0) == pytest.approx(0.25 + 0.01)
