@@ -151,14 +151,6 @@ def test_a_message_says_what_to_write(key: str) -> None:
     assert words in str(refused.value)
 
 
-def test_messages_are_no_markup() -> None:
-    scene = {name: value for name, value in SCENE.items() if name != "casing"}
-    with pytest.raises(StudyError) as refused:
-        read_study({**study({"scheme": "moreau"}), "scene": scene})
-    assert "``" not in str(refused.value)
-    assert "e.g. `casing: {gap: 20 um}`" in str(refused.value)
-
-
 def test_matrices_without_heat_or_with_wrong_labels(tmp_path: Path) -> None:
     tip, labels = np.eye(3)[-1], ["root.x", "middle.x", "tip.x"]
     springs = np.array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]])

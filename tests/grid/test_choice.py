@@ -15,7 +15,7 @@ from workflow import schemes
 from workflow.analysis import decided, labels_of, recommend, recommendation_entries, sentence
 from workflow.archive import open_archive, provenance
 from workflow.cli import app
-from workflow.grid import ChosenModes, arrange, choices_text, plan_study, read_choices, solve, structure_of
+from workflow.grid import ChosenModes, arrange, plan_study, read_choices, solve, structure_of
 from workflow.grid._choice import corners_of
 from workflow.grid._conditions import conditions
 from workflow.judges import trials
@@ -213,17 +213,6 @@ def test_what_the_exact_scheme_refuses_is_tried_by_implicit_euler(monkeypatch: p
     [choice] = arrange(requested).choices.values()
     assert choice.error <= 1e-2
     assert choice.against == "confirmed by moreau (theta = 1, h = 0.0001 s) against the full model"
-
-
-def test_choices_are_read_as_they_are_written() -> None:
-    chosen, failed = (
-        ChosenModes(3, 4, 1e-3 / 7, (("alpha", 5.0),), "as it is"),
-        ChosenModes(1, 2, math.nan, (), "failed"),
-    )
-    read = read_choices(choices_text({"0": chosen, "7": failed, "reference 3": chosen}))
-    assert read["0"] == read["reference 3"] == chosen
-    assert math.isnan(read["7"].error)
-    assert read_choices(choices_text({"0": chosen}).replace("against", "bgainst")) == {}  # they are made anew
 
 
 def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -> None:

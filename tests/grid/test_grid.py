@@ -220,15 +220,6 @@ def test_a_mode_that_does_not_swing_is_not_said_to_be_damped_numerically() -> No
         assert sum("damps the first mode" in line for line in warnings) == expected
 
 
-def test_a_plan_says_how_many_structures_it_does_not_show() -> None:
-    masses = ", ".join(f"{1e-3 * (k + 1):g}" for k in range(10))
-    text = "study: a\n" + SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", "damping: {mass: 0}")
-    grid = arrange(parsed(text + f"axes: {{scene.chain.mass: [{masses}], h: 1e-5}}\n"))
-    planned = plan(grid)
-    assert (len(planned.structures), planned.more_structures) == (8, 2)
-    assert any("which has no damping of its own, numerically by" in line for line in planned.warnings)
-
-
 def test_load_periods_of_different_cases() -> None:
     """The dimension is as long as the longest; shorter cases have NaN beyond their own."""
     text = "study: a\n" + SCENE + "axes: {scene.load.frequency: [50, 100, 0]}\noutput: {interval: 1 ms}\n"

@@ -85,15 +85,6 @@ def test_the_first_case_is_the_worst_of_the_choice_and_each_extreme_is_named() -
     assert named["hottest tip"] == int(np.argmax(hottest))
 
 
-def test_exact_partners_have_the_same_scene() -> None:
-    dataset = archive(scheme=3, h=2, gap=3)
-    partners = exact_partners(dataset, {"b": "event_driven"}).reshape(3, 2, 3)
-    for place in np.ndindex(3, 2, 3):
-        scheme, _, gap = np.unravel_index(partners[place], (3, 2, 3))
-        assert (scheme, gap) == (1, place[2])
-    assert (exact_partners(dataset, {}) == -1).all()
-
-
 def test_exact_partners_have_the_frequency_that_a_zip_gives_with_the_step() -> None:
     dataset = archive(scheme=2, f=3).assign_coords(h=("f", [4e-4, 2e-4, 1e-4]), frequency=("f", [1.0, 2.0, 4.0]))
     partners = exact_partners(dataset, {"b": "event_driven"}).reshape(2, 3)

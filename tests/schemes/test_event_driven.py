@@ -157,14 +157,6 @@ def test_period_metrics_with_events_at_the_boundaries() -> None:
     assert r.histories["impulse"][0, 20::20] == pytest.approx([4.0, 8.0, 12.0, 16.0], rel=1e-10)
 
 
-def test_amplification_is_the_exact_propagator() -> None:
-    frequency, damping = np.array([2.0, 3.0, 0.0]), np.array([0.1, 8.0, 0.5])
-    g = event_driven.amplification(frequency, damping, 0.3, event_driven.Options())
-    assert g.shape == (3, 2)
-    np.testing.assert_allclose(g.prod(axis=1), np.exp(-damping * 0.3), rtol=1e-13)
-    assert event_driven.thermal_amplification(np.array([2.0]), 0.5, event_driven.Options()) == pytest.approx(np.exp(-1))
-
-
 @pytest.mark.parametrize("damping", [3e2, 1e4, 1e7, 1e12])
 def test_a_stiff_and_slow_mode_follows_its_closed_form(damping: float) -> None:
     """One pole moves 1e-11 in all, the other 1e13: neither may cost steps or digits."""
