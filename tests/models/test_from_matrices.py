@@ -66,16 +66,12 @@ def test_dampers_on_what_has_no_mass_are_multiples_of_its_springs() -> None:
     for share, beside, follows in ((1e-5, elsewhere, True), (0.0, elsewhere, True), (1e-5, on_one, False)):
         given_ones = replace(matrices, damper=share * matrices.stiffness + beside, labels=names)
         turned_ones = replace(turned(matrices, mixed.T, mixed), damper=mixed @ given_ones.damper @ mixed.T)
-        if follows:
-            structure_from_matrices(given_ones)
-            structure_from_matrices(turned_ones)
-            continue
-        with pytest.raises(UnusableMatricesError, match="`damping` acts on displacement c, which has no mass: give it"):
-            structure_from_matrices(given_ones)
-        with pytest.raises(
-            UnusableMatricesError, match=r"`damping` acts on displacement \d, which has no mass: give it"
-        ):
-            structure_from_matrices(turned_ones)
+        for each, which in ((given_ones, "c"), (turned_ones, r"\d")):
+            if follows:
+                structure_from_matrices(each)
+                continue
+            with pytest.raises(UnusableMatricesError, match=f"on displacement {which}, which has no mass: give it"):
+                structure_from_matrices(each)
     with pytest.raises(UnusableMatricesError, match="which has no mass"):
         structure_from_matrices(replace(matrices, damper=-1e-5 * matrices.stiffness))
 
@@ -116,10 +112,15 @@ def test_cases_are_given_with_what_is_held_and_it_stays(tmp_path: Path) -> None:
     assert whole.input_sizes == (4, 4)
     assert whole.input_contact.tolist() == [0, 0, 0, 1]
     assert whole.coordinates is not None
-    given = cases(heavy_chain(nodes=4), steady=np.array([[1.0, 2.0, 3.0, 4.0]]))
-    assert whole.coordinates.transformed(given).steady.shape == (1, 3)
-    moved = whole.coordinates.displacement_basis @ np.ones(3)
-    assert moved[1] == 0.0
+    moving = np.array([[1.0, 0.0, 2.0, -3.0]])
+    start = {"displacement": moving, "velocity": 5 * moving, "temperature": moving + 4}
+    given = cases(heavy_chain(nodes=4), **start, steady=moving - 7, heating=moving - 1)
+    own, x = whole.coordinates.transformed(given), whole.coordinates.displacement_basis
+    assert own.steady.shape == (1, 3)
+    for basis, name in zip((x, x, whole.coordinates.temperature_basis), start, strict=True):
+        assert basis @ getattr(own, name)[0] == pytest.approx(start[name][0], rel=1e-14), name
+    assert own.steady[0] @ own.velocity[0] == pytest.approx(given.steady[0] @ given.velocity[0], rel=1e-14)
+    assert own.heating[0] @ own.temperature[0] == pytest.approx(given.heating[0] @ given.temperature[0], rel=1e-14)
 
 
 def test_what_is_only_stiff_is_not_held(tmp_path: Path) -> None:
