@@ -1,7 +1,6 @@
-"""The growth rate: the largest real part of all eigenvalues of the contact-closed system, real or not.
+"""The growth rate, against LAPACK's eigenvalues of the contact-closed system (1) in nodal coordinates."""
 
-The oracle is the system in nodal coordinates, as equation (1) has it, and LAPACK's eigenvalues.
-"""
+from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
