@@ -1,12 +1,10 @@
 """A real browser for tests of pages: Chromium without a window, driven by Selenium."""
 
-from __future__ import annotations
-
+import atexit
 import os
 import shutil
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +38,18 @@ def _executable(*names: str) -> str:
     return path
 
 
-@contextmanager
-def window(width: int) -> Iterator[Any]:
-    """Give a browser whose window is so many pixels wide; skip or fail as :func:`chromium` does."""
+def window(width: int) -> Any:
+    """Return the browser of this process, its window so many pixels wide; skip or fail as :func:`chromium` does."""
+    driver = _driver()
+    metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": width < 600}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    errors(driver)  # of pages before
+    return driver
+
+
+@cache
+def _driver() -> Any:
+    """Start a browser, which ends with this process."""
     browser, driver_path = chromium(), _executable("chromedriver")
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
@@ -53,12 +60,8 @@ def window(width: int) -> Iterator[Any]:
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(driver_path))
-    try:
-        metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": width < 600}
-        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        yield driver
-    finally:
-        driver.quit()
+    atexit.register(driver.quit)
+    return driver
 
 
 def opened(driver: Any, page: Path) -> None:

@@ -1,7 +1,5 @@
 """Tests mirror the package; what several of them need stands in ``scenes.py`` and ``studies.py``."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal
@@ -34,6 +32,16 @@ def pytest_configure() -> None:
     gc.set_threshold(50_000, 20, 20)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+LONG_NOTEBOOKS = ("steady_rub.ipynb",)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave notebooks that take long to the slow tests."""
+    for item in items:
+        if item.path.name in LONG_NOTEBOOKS:
+            item.add_marker(pytest.mark.slow)
 
 
 def pytest_collection_finish() -> None:

@@ -1,7 +1,5 @@
 """Archives of schemes over steps whose errors are given."""
 
-from __future__ import annotations
-
 import numpy as np
 import xarray as xr
 

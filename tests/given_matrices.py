@@ -1,7 +1,5 @@
 """Matrices of a structure as they are given, in its own coordinates or in others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

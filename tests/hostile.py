@@ -1,7 +1,5 @@
 """Archives that somebody has changed and sealed again: their checksum is right, their contents are hostile."""
 
-from __future__ import annotations
-
 import random
 import shutil
 from collections.abc import Callable

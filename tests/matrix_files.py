@@ -1,7 +1,5 @@
 """A structure written as every kind of file of matrices that is read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Studies of a chain of one node and a few steps, whose text tests put together."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,14 +1,12 @@
 """Structures and batches that several tests step: the heavy chain, the blade, others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from workflow import models, schemes
-from workflow.models import Cases, Harmonics, Matrices, Rayleigh, Structure
+from workflow.models import Cases, Chain, Harmonics, Matrices, Rayleigh, Structure
 from workflow.schemes import Results, Sampling
 
 
@@ -215,3 +213,19 @@ def taken(results: Results, which: slice) -> Results:
 def relative(a: np.ndarray, b: np.ndarray) -> float:
     """Relative L2 distance of a from b."""
     return float(np.linalg.norm(a - b) / np.linalg.norm(b))
+
+
+def metal_chain(rng: np.random.Generator, nodes: int, graded: bool = False) -> Chain:
+    """Lumps of 0.1 to 100 g on springs of 1e5 to 1e8 N/m, all alike or ``graded``, each of its own."""
+    own = nodes if graded else 1
+    return chain(
+        nodes=nodes,
+        mass=np.broadcast_to(10 ** rng.uniform(-4, -1, own), nodes).tolist(),
+        stiffness=np.broadcast_to(10 ** rng.uniform(5, 8, own), nodes).tolist(),
+        damping=Rayleigh(float(rng.choice([0, 10, 100])), float(rng.choice([0, 2e-7]))),
+        spacing=1e-2,
+        expansion=1e-5,
+        heat_capacity=10 ** rng.uniform(-1, 1),
+        conductance=10 ** rng.uniform(-1, 1),
+        convection=0.1,
+    )

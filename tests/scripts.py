@@ -1,7 +1,5 @@
 """Scripts of ``studies/`` as modules: they are run by a person, not imported by the package."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from typing import Any

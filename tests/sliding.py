@@ -1,7 +1,5 @@
 """Structures with a direction in which the casing slides."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

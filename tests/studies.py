@@ -1,9 +1,8 @@
 """Small studies that tests of the workflow floor run."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -126,3 +125,10 @@ def judged_within_rounding(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_verify, "code_revision", lambda: texts["code_revision"])
     monkeypatch.setattr(_verify, "versions", lambda: json.loads(texts["versions"]))
     monkeypatch.setattr(_verify, "is_pinned", lambda: False)
+
+
+def steady_study(axes: dict[str, Any], steady: Any = True) -> Study:
+    """A study of the blade with some axes beside its modes, which asks for steady rubs."""
+    axes = {"scheme": "event_driven", "mechanical_modes": 3, "thermal_modes": 12, **axes}
+    output = {"interval": 0.1, "histories": ["displacement"], "steady": steady}
+    return parsed(f"study: steady\n{BLADE_SCENE}\naxes: {json.dumps(axes)}\noutput: {json.dumps(output)}\n")

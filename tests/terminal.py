@@ -1,10 +1,10 @@
-"""Commands as a user types them, for the tests of several rooms."""
-
-from __future__ import annotations
+"""Commands as a user types them, and processes that tests wait for."""
 
 import contextlib
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -31,3 +31,23 @@ def told(*words: str | Path) -> tuple[int, str]:
     ran = CliRunner().invoke(app, [str(word) for word in words])
     assert ran.exception is None or isinstance(ran.exception, SystemExit), ran.exception
     return ran.exit_code, ran.output
+
+
+PATIENCE = 60.0
+"""Seconds after which a test has failed."""
+
+
+def until(holds: Callable[[], bool]) -> None:
+    """Wait for something to be so."""
+    end = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.02)
+
+
+def alive(process: int) -> bool:
+    """Tell whether a process runs; one that is dead and not yet waited for does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

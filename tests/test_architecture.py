@@ -1,7 +1,5 @@
 """The house: imports go to the left and down, rooms stay small, the command line starts light."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """README, notebooks and kept archives are true: commands run, figures are there, results repeat."""
 
-from __future__ import annotations
-
 import json
 import re
 from functools import partial
@@ -90,16 +88,6 @@ def test_readme_is_read_at_one_sitting() -> None:
             titles = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE) if heading else []
             anchors = [re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles]
             assert not heading or heading in anchors, link
-
-
-def test_words_of_the_workshop_stand_nowhere_that_users_read() -> None:
-    """In documents, studies with their titles, and notebooks; pages are made of these and of their own words."""
-    read = [ROOT / "README.md", *(ROOT / "studies").rglob("*.md"), *STUDIES, *(ROOT / "studies").rglob("*.ipynb")]
-    read += (ROOT / "workflow" / "report").glob("*.py")
-    for path in read:
-        words = " ".join(path.read_text(encoding="utf-8").lower().split())
-        for word in ("heavy chain", "first-order form", "multiply-adds", "telling"):
-            assert word not in words, (path, word)
 
 
 def test_readme_names_every_command() -> None:

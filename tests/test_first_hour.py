@@ -1,7 +1,5 @@
 """What stood in the way of a newcomer's first hour: wrong numbers, figures of lost cases, riddles in messages."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any
@@ -15,14 +13,10 @@ import xarray as xr
 from terminal import workflow
 from workflow import read_study, recommend, run_study, write_matrices
 from workflow.analysis import effect, shown_place
-from workflow.judges.cautions import FreeModes, SchemeStep, step_cautions
 from workflow.models._sparse_pair import SparsePair
 from workflow.plan import plan_study
 from workflow.plots import histories
-from workflow.plots._units import axis_of
-from workflow.report._figures import map_axes
 from workflow.report._sections import effects
-from workflow.schemes import Scheme
 from workflow.study import StudyError
 
 ROOT = Path(__file__).parents[1]
@@ -57,25 +51,6 @@ def archives(tmp_path_factory: pytest.TempPathFactory) -> tuple[xr.Dataset, xr.D
     with_errors = run_study(read_study(study(AXES, reference=REFERENCE)), place / "errors.nc").dataset
     gaps = {"scheme": ["carpenter", "moreau"], "h": 1e-4, "scene.casing.gap": {"log": ["15 um", "22 um", 4]}}
     return with_errors, run_study(read_study(study(gaps)), place / "gaps.nc").dataset
-
-
-@pytest.mark.parametrize("ratio", [0.003, 0.2, 0.61, 0.97])
-def test_numerical_damping_is_a_share_of_critical(ratio: float) -> None:
-    """A scheme whose factor is exp(s h) of a damped oscillator damps by that oscillator's ratio."""
-    pole = complex(-ratio, np.sqrt(1 - ratio**2))
-    scheme = Scheme(
-        Options=dict,
-        READS=frozenset({"h"}),
-        init=lambda *_: None,
-        compute=lambda *_: None,  # type: ignore[arg-type, return-value]
-        amplification=lambda omega, damping, h, options: np.exp(pole * omega * h)[:, None],
-        thermal_amplification=lambda mu, h, options: np.zeros_like(mu),
-    )
-    modes = FreeModes(np.array([300.0]), np.zeros(1), np.zeros(0))
-    step = SchemeStep(scheme, None, 1e-3, None, modes, "full", (0.0, 0.0), 0.0)  # type: ignore[arg-type]
-    [said] = step_cautions(step)
-    assert said.size == pytest.approx(ratio, rel=1e-12)
-    assert said.amount == f"{ratio:.2g}"
 
 
 def test_the_case_shown_is_the_one_recommended_or_the_median(archives: tuple[xr.Dataset, xr.Dataset]) -> None:
@@ -120,28 +95,6 @@ def test_an_opened_archive_finds_numbers_written_with_other_digits(archives: tup
     plain = xr.DataArray(np.ones(4), coords={"gap": dataset["gap"].values}, dims="gap")
     assert (dataset["contact_impulse"] * plain).sizes["gap"] == 4
     assert dataset.reindex(gap=[gaps[0], 1.0]).sizes["gap"] == 2
-
-
-def test_coinciding_lines_and_cold_blades(archives: tuple[xr.Dataset, xr.Dataset]) -> None:
-    exact = archives[0].sel(scheme="event_driven")
-    figure = histories(exact.sel(alpha=30), along="h")  # which the exact scheme does not read
-    drawn = [line for line in figure.axes[0].get_lines() if line.get_label().startswith("h ")]
-    assert np.all(np.diff([line.get_linewidth() for line in drawn]) < -1)
-    assert len(figure.axes) == 3
-    assert [panel.get_ylabel() for panel in histories(exact.sel(alpha=0), along="e").axes] == [
-        "tip displacement [µm]", "contact force [N]",
-    ]  # fmt: skip
-
-
-def test_drawn_numbers_are_the_sides_of_the_map(tmp_path: Path) -> None:
-    drawn = {"sample": "random", "points": 5, "of": {"scene.casing.gap": ["15 um", "20 um"], "alpha": [1, 30]}}
-    made = run_study(read_study(study({"scheme": "event_driven"}, zip={"design": drawn})), tmp_path / "drawn.nc")
-    axis = axis_of(made.dataset, "design")
-    assert [number["title"] for number in axis["numbers"]] == ["gap [µm]", "alpha [W/N]"]
-    np.testing.assert_allclose(axis["numbers"][0]["values"], 1e6 * made.dataset["gap"], rtol=1e-12)
-    assert map_axes({"dims": [axis]}) == ("design:0", "design:1")
-    two = made.dataset.isel(design=[0, 1]).drop_indexes(list(made.dataset.xindexes))
-    assert axis_of(two.drop_vars("sample_point"), "design")["numbers"] == []
 
 
 @pytest.mark.parametrize(
@@ -196,14 +149,6 @@ def test_a_message_says_what_to_write(key: str) -> None:
     with pytest.raises(StudyError) as refused:
         read_study(tree)
     assert words in str(refused.value)
-
-
-def test_messages_are_no_markup() -> None:
-    scene = {name: value for name, value in SCENE.items() if name != "casing"}
-    with pytest.raises(StudyError) as refused:
-        read_study({**study({"scheme": "moreau"}), "scene": scene})
-    assert "``" not in str(refused.value)
-    assert "e.g. `casing: {gap: 20 um}`" in str(refused.value)
 
 
 def test_matrices_without_heat_or_with_wrong_labels(tmp_path: Path) -> None:

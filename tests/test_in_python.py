@@ -1,7 +1,5 @@
 """What a notebook begins with: the public names, studies as dictionaries, statuses in words."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

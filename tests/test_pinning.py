@@ -1,7 +1,5 @@
 """What pins linear algebra to one machine code: the environment before NumPy is imported, or nothing."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

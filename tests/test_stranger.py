@@ -1,9 +1,7 @@
-"""A newcomer's path by README and guide alone, from the clone to the answer; ``-m slow -s`` prints what its parts take.
+"""A newcomer's path by README and guide alone, from the clone to the answer.
 
 Blocks of the documents are run as they stand. What a newcomer adds is in this file.
 """
-
-from __future__ import annotations
 
 import contextlib
 import io
@@ -12,9 +10,8 @@ import os
 import re
 import shutil
 import subprocess
-import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -208,14 +205,6 @@ def test_the_python_of_the_guide_runs(tmp_path: Path) -> None:
     assert (tmp_path / "coarse.nc").exists()
 
 
-@contextlib.contextmanager
-def timed(part: str) -> Iterator[None]:
-    """Print what a part takes."""
-    begun = time.perf_counter()
-    yield
-    print(f"{part:24} {time.perf_counter() - begun:6.1f} s", flush=True)
-
-
 @pytest.mark.slow
 def test_a_newcomer_installs_it_first(tmp_path: Path) -> None:
     """The README's commands in a fresh clone, with nothing compiled, then the whole path with what is installed."""
@@ -226,15 +215,12 @@ def test_a_newcomer_installs_it_first(tmp_path: Path) -> None:
     def typed(*command: str, cwd: Path = copy) -> subprocess.CompletedProcess[str]:
         return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=1800, env=environment)
 
-    with timed("clone"):
-        assert typed("git", "clone", "-q", str(ROOT), str(copy), cwd=tmp_path).returncode == 0
+    assert typed("git", "clone", "-q", str(ROOT), str(copy), cwd=tmp_path).returncode == 0
     found = re.search(r"<!-- run -->\n```sh\n(.*?)\n```", README, re.DOTALL)
     assert found is not None
     for command in re.split(" && |\n", found[1]):
-        with timed(" ".join(command.split()[:3]).removeprefix(".venv/bin/")):
-            done = typed("bash", "-c", command)
-        print(done.stdout, done.stderr, sep="", end="")
-        assert done.returncode == 0
+        done = typed("bash", "-c", command)
+        assert done.returncode == 0, done.stderr
     assert all((copy / f"blade.{kind}").exists() for kind in ("nc", "png", "html"))
     (tmp_path / "work").mkdir()
     binary = copy / ".venv" / "bin"
@@ -243,11 +229,9 @@ def test_a_newcomer_installs_it_first(tmp_path: Path) -> None:
         lambda *words, cwd: typed(str(binary / "workflow"), *words, cwd=cwd),
         lambda source: typed(str(binary / "python"), "-c", source, cwd=tmp_path / "work").stdout,
     )
-    with timed("README's answer"):
-        answer = typed(str(binary / "workflow"), "recommend", "blade.nc").stdout
+    answer = typed(str(binary / "workflow"), "recommend", "blade.nc").stdout
     quoted = block("console").partition("\n")[2].replace("\n", " ")
     for words in (r"^.*?, at ", r"Its largest error is .*?,"):  # costs are those of a machine
         assert re.findall(words, answer) == re.findall(words, quoted)
     for part in PARTS:
-        with timed(part.__name__.replace("_", " ")):
-            part(place)
+        part(place)

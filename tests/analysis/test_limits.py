@@ -1,7 +1,5 @@
 """Ranges of axes in which every rub settles within bounds, of maps and of branches."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

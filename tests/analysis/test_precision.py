@@ -1,7 +1,5 @@
 """Speed against error: observed orders, limits, and who is fastest, on lines whose answer is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

@@ -1,7 +1,5 @@
 """The recommended choice is the one that a brute search of the archive finds; what it says is what was found."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import shlex
@@ -82,7 +80,7 @@ def brute(dataset: xr.Dataset, tolerance: float) -> tuple[float, dict[str, int]]
     return min(among, key=lambda one: one[0])[1:] if among else None
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     st.integers(0, 10**6),
     st.sampled_from([0.3, 0.1, 0.03, 0.01, 1e-6]),

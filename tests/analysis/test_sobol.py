@@ -1,7 +1,5 @@
 """Sobol' indices against SciPy, a function with known ones, and a tip that is pressed by a constant load."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Who stays stable and accurate: verdicts by their rule, on archives made for it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

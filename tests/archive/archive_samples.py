@@ -1,7 +1,5 @@
 """Templates and results for the tests of the archive floor, from no study and no solver."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """CF-1.11 as the IOOS compliance checker judges it, offline: no finding in its report."""
 
-from __future__ import annotations
-
 import json
 import socket
 import warnings

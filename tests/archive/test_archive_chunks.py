@@ -1,7 +1,5 @@
 """Chunks of the archive: one set for all variables, few where results are small, usable by dask in any tool."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

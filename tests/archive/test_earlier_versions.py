@@ -1,7 +1,5 @@
 """An archive of an earlier version of the solver opens, is shown and verified; what cannot be done with it is said."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 
@@ -9,8 +7,7 @@ import numpy as np
 import pytest
 
 from quick import quick
-from terminal import told
-from workflow.archive import ArchiveError, _provenance, content_hash, open_archive, provenance
+from workflow.archive import ArchiveError, _provenance, open_archive, provenance
 from workflow.cases import _identity
 from workflow.run import _prepare, _verify, holdings, run_study
 from workflow.schemes import SOLVER_VERSION
@@ -39,25 +36,6 @@ def archive(earlier: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> P
 
 def study_of(path: Path) -> Study:
     return parse_study(provenance(path)["study"], "study.yaml")
-
-
-def test_it_is_as_it_was_written(archive: Path) -> None:
-    assert content_hash(archive) == provenance(archive)["content_hash"]
-    status, text = told("verify", archive)
-    assert status == 0
-    assert "bytes    ok" in text
-    assert "content  ok" in text
-    assert f"versions not judged: solver {SOLVER_VERSION}, here {NOW}" in text
-    assert "sample   not judged: 6 cases run again" in text
-    assert "as it was written, by other versions: its cases are not judged" in text
-
-
-def test_it_is_shown_and_reported(archive: Path, tmp_path: Path) -> None:
-    status, text = told("show", archive)
-    assert status == 0
-    assert "4 ok, 2 ill_posed" in text
-    assert "contact has no unique solution" in text
-    assert told("report", archive, "-o", tmp_path / "page.html")[0] == 0
 
 
 def test_why_it_is_not_extended_is_said(archive: Path) -> None:

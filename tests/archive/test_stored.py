@@ -1,7 +1,5 @@
 """Cases that an archive holds already: found wherever they stand, and taken as they are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import h5py

@@ -4,8 +4,6 @@ Each version measures itself by its own scripts, in turn, so that the machine's 
 alike. A row that both have has the median of the ratios of neighbouring runs.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -4,8 +4,6 @@ The heavy chain in 20 and in 200 nodes of the same totals rubs for 0.1 s, steppe
 tip against the full model under the same scheme, so that no error of the scheme is in them.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterator

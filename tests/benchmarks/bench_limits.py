@@ -1,14 +1,10 @@
 """Kernels against the processor: lines of ``bench_table``; and what people use instead.
 
-Everything is the heavy chain (20 nodes, heated, θ = 1) unless a line says otherwise. Times are the processor's own (two
-threads: the clock's), and lines that are compared take turns, so that ratios survive a machine that others use too.
+Everything is the heavy chain (20 nodes, heated, θ = 1) unless a line says otherwise. Times are the processor's own, and
+lines that are compared take turns, so that ratios survive a machine that others use too.
 """
 
-from __future__ import annotations
-
-import os
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
 from typing import Any
@@ -18,7 +14,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from timing import Line, Size, least, slope
 
-from scenes import cases, heavy_chain, same_bits, sampling
+from scenes import cases, heavy_chain, sampling
 from workflow import schemes
 from workflow.models import Cases, Structure
 from workflow.reduction import reduce_structure
@@ -108,29 +104,6 @@ def stored(size: Size) -> list[Line]:
     return [
         (f"histories every {every}th step over none", "<= 1.25", f"{seconds:.3f} s", f"{seconds / few:.2f}")
         for every, seconds in zip((10, 100), others, strict=True)
-    ]
-
-
-def threads(size: Size) -> list[Line]:
-    """Two threads over one."""
-    full = heavy_chain()
-    batch = rub(full, size.cases)
-    halves = [batch.take(slice(0, size.cases // 2)), batch.take(slice(size.cases // 2, size.cases))]
-    work, turns = (lambda half: run(full, half, H, size.steps)), [max(1, 5 * size.steps)] * 2
-    with ThreadPoolExecutor(2) as pool:
-        same = all(same_bits(a, b) for a, b in zip(pool.map(work, halves), map(work, halves), strict=True))
-        one, two, alone, beside = least(
-            size.runs,
-            lambda: list(map(work, halves)),
-            lambda: list(pool.map(work, halves)),
-            lambda: list(map(multiply_add_peak.turn, turns)),
-            lambda: list(pool.map(multiply_add_peak.turn, turns)),
-            clock=time.perf_counter,
-        )
-    busy = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
-    return [
-        (f"two threads over one, {busy}", ">= 1.8", "same bits" if same else "OTHER BITS", f"{one / two:.2f}"),
-        ("two threads over one, multiply-adds in registers alone", "", "", f"{alone / beside:.2f}"),
     ]
 
 
@@ -286,4 +259,4 @@ def exact(size: Size) -> list[Line]:
 
 def lines(size: Size) -> list[Line]:
     """Return all lines."""
-    return batched(size) + stored(size) + threads(size) + scaling(size) + stepping(size) + exact(size)
+    return batched(size) + stored(size) + scaling(size) + stepping(size) + exact(size)

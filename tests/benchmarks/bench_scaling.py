@@ -10,8 +10,6 @@ beginning to the last one's end), over the speed-up of a loop of multiply-adds i
 many threads. Runs and loops take turns; medians.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys
@@ -29,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import multiply_add_peak
 from bench_table import markdown
-from bench_workflow import HEAVY_AXES, METRICS, ROOT, kernel_seconds, trivial
+from bench_workflow import HEAVY_AXES, METRICS, ROOT, kernel_seconds, over_kernels, trivial
 from timing import Line, scratch, taken
 
 from studies import HEAVY_SCENE, parsed
@@ -159,18 +157,6 @@ def _of_loops(pool: ThreadPoolExecutor, threads: int, parts: int) -> float:
     return taken(lambda: list((pool.map if threads > 1 else map)(multiply_add_peak.turn, turns)))
 
 
-def over_kernels(cases: int, threads: int, runs: int, asked: float) -> Line:
-    """Return the wall time of a run of exact cases over its kernels on as many threads."""
-    study, pairs = exact(cases), []
-    for _ in range(runs):
-        with scratch() as directory:
-            wall = taken(partial(run_study, study, directory / "a.nc", threads=threads))
-            pairs.append((wall / kernel_seconds(directory / "a.nc") * threads, wall))
-    ratio, wall = sorted(pairs)[runs // 2]
-    what = f"run of {cases} exact cases over its kernels, {threads} threads"
-    return what, f"<= {asked}", f"{wall:.2f} s", f"{ratio:.2f}"
-
-
 def durable(cases: int, threads: int, runs: int) -> Line:
     """Return what a case costs beyond its kernel, us, twenty steps of one node each."""
     study, each = parsed(trivial(cases, METRICS)), []
@@ -198,8 +184,8 @@ def lines(threads: list[int], cases: int, runs: int) -> Iterator[Line]:
     yield from python_inside(cases, most, runs)
     yield from speed_ups(exact(cases), f"{cases} exact cases", threads, runs)
     yield from speed_ups(stepped(cases), f"{cases} cases of 2 000 steps", threads, runs)
-    yield over_kernels(cases // 4, most, runs, 1.25)
-    yield over_kernels(5 * cases, most, 1, 1.15)
+    for count, times in ((cases // 4, runs), (5 * cases, 1)):
+        yield over_kernels(f"run of {count} exact cases", exact(count), exact(400), times)
     yield durable(cases, most, runs)
     yield durable(10 * cases, most, 1)
     yield workers(5 * cases, most)

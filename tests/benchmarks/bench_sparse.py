@@ -1,12 +1,11 @@
 """Time and memory to reduce structures of many degrees of freedom, by every basis or by those named.
 
     python tests/benchmarks/bench_sparse.py --elements 10 260 1
-    python tests/benchmarks/bench_sparse.py --only block cube --bases krylov --superlu
+    python tests/benchmarks/bench_sparse.py --only block --bases krylov
 
-The finite element blade, so of 98 280 displacements and 32 760 temperatures, and two bulky bodies of the same material:
-a block of 104 544 displacements and 34 848 temperatures, and a cube of 97 336 temperatures on a spring. Each in a
-process of its own, BLAS on one thread; times are of the processor.
-Where the extra ``sparse`` is installed CHOLMOD factorises, with ``--superlu`` SuperLU does.
+The finite element blade, so of 98 280 displacements and 32 760 temperatures, and a bulky block of the same material of
+104 544 displacements and 34 848 temperatures. Each in a process of its own, BLAS on one thread; times are of the
+processor. Where the extra ``sparse`` is installed CHOLMOD factorises, else SuperLU does.
 """
 
 from __future__ import annotations
@@ -63,24 +62,8 @@ def write_block(place: Path, nodes: int) -> None:
     save(place, kept, free.size - 1, rises.size - 1)
 
 
-def write_cube(place: Path, nodes: int) -> None:
-    """Write a cube that heat flows through, on a spring."""
-    import finite_element_blade as material
-    from scipy.sparse import csr_array
-    from skfem import Basis, ElementHex1, FacetBasis
-
-    body = solid(nodes)
-    warm = Basis(body, ElementHex1())
-    one, corner = csr_array([[1.0]]), csr_array(([-10.0], ([0], [warm.N - 1])), (1, warm.N))
-    spring = {"mass": one, "stiffness": 1e6 * one, "coupling": corner}
-    thermal = material.thermal_matrices(warm, FacetBasis(body, warm.elem))
-    save(place, spring | thermal, 0, warm.N - 1)
-
-
-def reduce_once(place: Path, basis: str, by_superlu: bool) -> None:
+def reduce_once(place: Path, basis: str) -> None:
     """Read, factorise and reduce one structure, and print what it took."""
-    if by_superlu:
-        _factors.has_cholmod = lambda: False
     from threadpoolctl import threadpool_limits
 
     from workflow import models
@@ -110,7 +93,7 @@ def write_blade(place: Path, elements: tuple[int, int, int]) -> None:
     finite_element_blade.write_npz(finite_element_blade.matrices(elements), place)
 
 
-WRITE = {"blade": write_blade, "block": write_block, "cube": write_cube}
+WRITE = {"blade": write_blade, "block": write_block}
 
 
 def parsed() -> argparse.Namespace:
@@ -122,8 +105,6 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--bases", nargs="+", choices=names(), default=names())
     parser.add_argument("--elements", dest="blade", type=int, nargs=3, default=(8, 40, 1))
     parser.add_argument("--block", type=int, default=33, metavar="NODES", help="along an edge")
-    parser.add_argument("--cube", type=int, default=46, metavar="NODES", help="along an edge")
-    parser.add_argument("--superlu", action="store_true", help="leave the extra `sparse` out")
     return parser.parse_args()
 
 
@@ -139,7 +120,7 @@ def _alone(work: Callable[..., None], *words: object) -> None:
 def main() -> None:
     """Print a table, or one row of it."""
     arguments = parsed()
-    by_cholmod = _factors.has_cholmod() and not arguments.superlu
+    by_cholmod = _factors.has_cholmod()
     print(f"by {'CHOLMOD' if by_cholmod else 'SuperLU'} above {_factors.MOST_BY_SUPERLU} coordinates")
     print("coordinates        basis           read, factor  reduce  peak")
     with tempfile.TemporaryDirectory() as directory:
@@ -147,7 +128,7 @@ def main() -> None:
             place = Path(directory) / f"{name}.npz"
             _alone(WRITE[name], place, getattr(arguments, name))
             for basis in arguments.bases:
-                _alone(reduce_once, place, basis, arguments.superlu)
+                _alone(reduce_once, place, basis)
 
 
 if __name__ == "__main__":

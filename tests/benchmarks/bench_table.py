@@ -4,8 +4,6 @@ Some of its lines go into the README, too. ``--quick`` measures shorter runs. Wh
 should: measured in one run, on a machine that should have nothing else to do (its load is printed).
 """
 
-from __future__ import annotations
-
 import os
 import platform
 import sys

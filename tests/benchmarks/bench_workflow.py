@@ -5,8 +5,6 @@ workers; runs with nothing to do; opening and slicing; a value added to an axis;
 commands, in wall time and in processor time over that of the imports alone; memory.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import resource

@@ -5,8 +5,6 @@ multiply-add on each of ten registers as wide as the processor has them, which n
 latency of four need eight).
 """
 
-from __future__ import annotations
-
 import ctypes
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """How benchmarks take times, how much they run, and the lines they make."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Callable, Iterator

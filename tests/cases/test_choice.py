@@ -1,7 +1,5 @@
 """Counts of modes that a tolerance decides: the fewest that meet it in the hardest case, and what they depend on."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +14,7 @@ from studies import SCENE, parsed
 from workflow import schemes
 from workflow.analysis import decided, labels_of, recommend, recommendation_entries, sentence
 from workflow.archive import open_archive, provenance
-from workflow.cases import ChosenModes, arrange, choices_text, read_choices
+from workflow.cases import ChosenModes, arrange, read_choices
 from workflow.cases._choice import corners_of
 from workflow.cases._conditions import conditions
 from workflow.cli import app
@@ -219,25 +217,6 @@ def test_what_the_exact_scheme_refuses_is_tried_by_implicit_euler(monkeypatch: p
     assert choice.against == "confirmed by moreau (theta = 1, h = 0.0001 s) against the full model"
 
 
-def test_a_choice_of_a_structure_that_is_no_chain_names_its_coordinates() -> None:
-    table = "modes: {table: [{frequency: 300, damping_ratio: 0, tip: 9}, {frequency: 900, damping_ratio: 0, tip: 3}]}"
-    scene = f"scene: {{{table}, casing: {{gap: 1 um}}, load: {{amplitude: 9, frequency: 50}}, duration: 20 ms}}"
-    requested = parsed(f"study: a\n{scene}\naxes: {{scheme: event_driven, {AUTO}, tolerance: 1e-2}}\n")
-    [line] = plan_study(requested).choices
-    assert line.startswith("tolerance 0.01, craig_bampton, 2 + 1 coordinates: ")
-
-
-def test_choices_are_read_as_they_are_written() -> None:
-    chosen, failed = (
-        ChosenModes(3, 4, 1e-3 / 7, (("alpha", 5.0),), "as it is"),
-        ChosenModes(1, 2, math.nan, (), "failed"),
-    )
-    read = read_choices(choices_text({"0": chosen, "7": failed, "reference 3": chosen}))
-    assert read["0"] == read["reference 3"] == chosen
-    assert math.isnan(read["7"].error)
-    assert read_choices(choices_text({"0": chosen}).replace("against", "bgainst")) == {}  # they are made anew
-
-
 def test_an_archive_holds_counts_and_error_and_can_be_extended(tmp_path: Path) -> None:
     text = BASE.replace("1e-2", "[0.1, 1e-2]")
     reference = "reference: {mechanical_modes: full, thermal_modes: full}"
@@ -283,19 +262,6 @@ def test_more_than_half_of_what_trials_measure_against_is_not_confirmed() -> Non
     assert solved.values["status"].tolist() == [0]
     assert "not confirmed" in solved.messages[0]
     assert any("not confirmed" in text for text in plan_study(study).warnings)
-
-
-@pytest.mark.slow  # the full solution of 330 + 330 coordinates
-def test_what_half_of_the_vectors_confirm_is_true() -> None:
-    study = read_study(AUDIT / "auto_of_330_coordinates.yaml").with_({"axes.tolerance": 1e-2})
-    grid = arrange(study)
-    choice = grid.choice(0)
-    assert choice is not None
-    assert max(choice.mechanical_modes, choice.thermal_modes) <= 50
-    full = study.with_({"axes.mechanical_modes": "full", "axes.thermal_modes": "full"})
-    reduced, truth = (solve(arrange(one), 0, np.zeros(1, dtype=np.int64)).values for one in (study, full))
-    error = max(relative(reduced[name], truth[name]) for name in ("displacement", "temperature"))
-    assert choice.error == pytest.approx(error, rel=0.05)
 
 
 @pytest.mark.parametrize(("name", "where", "error"), [("1", 12, 2.25e-2), ("2", 14, 5.27e-2)])

@@ -1,7 +1,5 @@
 """Identity of a case: all that its results depend on, and nothing else."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

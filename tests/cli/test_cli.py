@@ -1,7 +1,5 @@
 """The commands as a user types them: what they print, write and exit with."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -191,23 +189,6 @@ def test_wrong_calls_exit_with_two_and_one_clear_message(words: tuple[str, ...],
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run_study(parsed(SMALL), tmp_path_factory.mktemp("small") / "small.nc").archive
-
-
-@pytest.mark.parametrize("name", ["status", "contact_impulse"])
-def test_a_damaged_chunk_is_reported(name: str, small: Path, tmp_path: Path) -> None:
-    import h5py
-
-    archive = tmp_path / "small.nc"
-    archive.write_bytes(small.read_bytes())
-    with h5py.File(archive) as file:
-        place = file[name].id.get_chunk_info(0)
-    with open(archive, "r+b") as file:
-        file.seek(place.byte_offset + place.size // 2)
-        file.write(b"\x00\xff\x00\xff")
-    done = workflow("report", archive, cwd=tmp_path)
-    assert done.returncode == 2
-    assert "damaged" in done.stderr
-    assert "Traceback" not in done.stderr
 
 
 def test_a_study_changed_after_an_interrupted_run(tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """What a person is warned of, before a run by ``plan`` and after it by every command that shows results."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Archives whose bytes have changed: named by what takes cases from them, errors where a changed chunk is read."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -37,11 +35,12 @@ def check_named(sound: Path, path: Path) -> None:
     status, output = told("verify", path, "--sample", "0")
     assert status == 2 or (status == 1 and "bytes    DIFFERS" in output)
     assert path.name in output
+    assert told("show", path)[0] in (0, 2)
     assert path.read_bytes() == before
     assert not other.exists()
 
 
-@pytest.mark.parametrize("number", [*range(12), *(pytest.param(k, marks=pytest.mark.slow) for k in range(12, 500))])
+@pytest.mark.parametrize("number", [*range(4), *(pytest.param(k, marks=pytest.mark.slow) for k in range(4, 200))])
 def test_a_damaged_archive_is_named(sound: Path, tmp_path: Path, number: int) -> None:
     image = sound.read_bytes()
     changed = next(one for k in range(9) if (one := mutated(1000 * k + number, image)) != image)

@@ -1,7 +1,5 @@
 """Disks that are full, shards that are damaged, archives that are hostile: clear errors, nothing lost."""
 
-from __future__ import annotations
-
 import errno
 import json
 import math
@@ -12,11 +10,9 @@ import subprocess
 import sys
 import textwrap
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import h5py
 import netCDF4
 import numpy as np
 import pytest
@@ -87,19 +83,6 @@ def test_a_disk_that_is_full_at_any_flush(
     assert failing > 10
 
 
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=120k", "tmpfs", disk], capture_output=True, text=True)
-    if made.returncode:
-        pytest.skip(f"no file system of a test's own here: {made.stderr.strip()}")
-    try:
-        yield disk
-    finally:
-        subprocess.run(["umount", "-l", disk], check=True)
-
-
 def test_a_full_disk_is_said_with_the_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(descriptor: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -108,15 +91,6 @@ def test_a_full_disk_is_said_with_the_place(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(OSError, match=r"page\.html"):
         _files.commit(tmp_path / "page.html", b"a page")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_disk_without_room_for_the_first_file(small_disk: Path) -> None:
-    """A directory and an empty file still find room; it was not said where there is none."""
-    archive, fill = small_disk / "a.nc", small_disk / "fill"
-    fill.write_bytes(bytes(os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize))
-    status, output = told("run", written(STUDY.text, small_disk.parent), "-o", archive)
-    assert (status, output.split(": ")[0]) == (2, str(parts_of(archive)))
-    assert list(small_disk.iterdir()) == [fill]
 
 
 def test_a_second_run_exits_with_two_and_says_who_has_it(tmp_path: Path) -> None:
@@ -142,29 +116,6 @@ def test_a_file_system_without_locks_is_said_to_be_one(
         ArchiveError, match=r"its file system has no locks .*; choose an archive on another one with -o"
     ):
         run_study(STUDY, tmp_path / "a.nc")
-
-
-@pytest.mark.slow
-def test_a_user_without_a_home_runs_and_verifies(tmp_path: Path) -> None:
-    """As in containers: no HOME, and no entry among the users; nothing is left of the home that the command made."""
-    (tmp_path / "sitecustomize.py").write_text(
-        "import pwd\n\ndef getpwuid(uid):\n    raise KeyError(uid)\n\npwd.getpwuid = getpwuid\n"
-    )
-    (tmp_path / "temporary").mkdir()
-    kept = {name: value for name, value in os.environ.items() if name not in ("HOME", "XDG_CACHE_HOME", "MPLCONFIGDIR")}
-    environment = kept | {"PYTHONPATH": str(tmp_path), "TMPDIR": str(tmp_path / "temporary")}
-    text = written(quick({"e": 0.5}).text, tmp_path)
-    for command in (
-        ["run", text, "-o", "a.nc"],
-        ["verify", "a.nc"],
-        ["plan", text],
-        ["report", "a.nc", "-o", "a.html"],
-    ):
-        call = [sys.executable, "-c", "import sys; from workflow.cli import main; main()", *map(str, command)]
-        done = subprocess.run(call, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stdout + done.stderr
-        assert "home" not in done.stdout + done.stderr
-    assert list((tmp_path / "temporary").iterdir()) == []
 
 
 def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
@@ -222,18 +173,6 @@ def test_a_shard_never_holds_objects(tmp_path: Path) -> None:
         shard.write_bytes(b"%08x " % zlib.crc32(head) + head + b"\n" + values)
         assert run_study(STUDY, archive).ok
         archive.unlink()
-
-
-def test_an_archive_holds_numbers_and_texts_only(tmp_path: Path) -> None:
-    run_study(
-        quick({"scheme": ["moreau", "half"]}, schemes={"half": {"method": "moreau", "theta": 0.5}}), tmp_path / "a.nc"
-    )
-    with h5py.File(tmp_path / "a.nc") as file:
-        items: list[Any] = []
-        file.visititems(lambda _, item: items.append(item))
-        for item in items:
-            if isinstance(item, h5py.Dataset):
-                assert item.dtype.kind in "iufS" or h5py.check_string_dtype(item.dtype), item
 
 
 def test_opening_an_archive_executes_nothing(tmp_path: Path) -> None:

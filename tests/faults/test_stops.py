@@ -1,14 +1,10 @@
 """Ctrl-C and SIGTERM at any moment: the right exit status, one line, no traceback, nothing lost."""
 
-from __future__ import annotations
-
 import os
-import random
 import signal
 import subprocess
 import sys
 import time
-from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -70,28 +66,6 @@ def judged(status: int, out: str, err: str, number: signal.Signals) -> str:
     return "done" if status == 0 and not err and "cases" in out else f"status {status}: {err.strip()[-200:]}"
 
 
-def outcomes(number: signal.Signals, times: int, chance: random.Random, directory: Path) -> Counter[str]:
-    """Stop so many runs, each going on where the one before was stopped; every archive that is done is verified."""
-    study, archive = directory / "stopped.yaml", directory / "stopped.nc"
-    study.write_text(STUDY, encoding="utf-8")
-    words: list[str | Path] = ["run", study, "-o", archive]
-    begun = time.monotonic()
-    subprocess.run(command(*words), check=True, stdout=subprocess.DEVNULL)
-    lasts = time.monotonic() - begun
-    counts: Counter[str] = Counter()
-    for _ in range(times):
-        if archive.exists():
-            sound = subprocess.run(command("verify", archive, "--sample", "2"), capture_output=True)
-            counts["verified" if sound.returncode == 0 else "not verified"] += 1
-            archive.unlink()
-        how, said = stopped(words, number, chance.uniform(0, lasts))
-        counts[how] += 1
-        lasts *= 0.9 if how == "done" else 1.0  # runs take less time than the first one did: stop the next one earlier
-        if how not in ("stopped", "done"):
-            print(how, said, file=sys.stderr)
-    return counts
-
-
 @pytest.mark.parametrize("after", [0, 0.03, 0.1])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_stopped_while_libraries_are_imported(number: signal.Signals, after: float, tmp_path: Path) -> None:
@@ -99,11 +73,3 @@ def test_stopped_while_libraries_are_imported(number: signal.Signals, after: flo
     study.write_text(STUDY, encoding="utf-8")
     how, said = stopped(["run", study, "-o", tmp_path / "a.nc"], number, after)
     assert how == "stopped", said
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_stopped_at_a_hundred_random_moments(number: signal.Signals, tmp_path: Path) -> None:
-    counts = outcomes(number, 100, random.Random(1), tmp_path)
-    assert set(counts) <= {"stopped", "done", "verified"}, counts
-    assert counts["stopped"] > 50

@@ -4,8 +4,6 @@ As a program, ``fuzzing.py KIND FIRST STOP [SOUND]`` runs the mutants of some se
 which it is, and after each what was wrong.
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import signal
@@ -65,23 +63,6 @@ def _study(seed: int, directory: Path) -> str:
     return _command("plan", str(path))
 
 
-def _archive(seed: int, directory: Path, sound: bytes) -> str:
-    from hostile import mutated
-    from workflow.archive import ArchiveError, open_archive
-
-    path = directory / "archive.nc"
-    path.write_bytes(mutated(seed, sound))
-    fault = _command("show", str(path))
-    try:
-        with open_archive(path) as data:
-            data["status"].isel(dict.fromkeys(data["status"].dims, 0))
-    except ArchiveError:
-        pass
-    except Exception as error:
-        return fault or "open_archive: " + "".join(traceback.format_exception(error)[-3:])
-    return fault
-
-
 def _matrices(seed: int, directory: Path, sound: Path) -> str:
     """Mutate one file of one of the kinds that lie in a directory, and plan a study of it."""
     import mutants
@@ -107,20 +88,13 @@ def main(kind: str, first: int, stop: int, *words: str) -> None:
     """Run the mutants of some seeds."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
-    sound = Path(words[0]).read_bytes() if words and kind == "archive" else b""
     with tempfile.TemporaryDirectory() as name:
         for seed in range(first, stop):
             print(json.dumps({"seed": seed}), flush=True)
             signal.setitimer(signal.ITIMER_PROF, LONGEST)  # its signal ends the interpreter, whatever it is doing
             signal.setitimer(signal.ITIMER_REAL, ASLEEP)
             try:
-                match kind:
-                    case "study":
-                        fault = _study(seed, Path(name))
-                    case "archive":
-                        fault = _archive(seed, Path(name), sound)
-                    case _:
-                        fault = _matrices(seed, Path(name), Path(words[0]))
+                fault = _study(seed, Path(name)) if kind == "study" else _matrices(seed, Path(name), Path(words[0]))
             except MemoryError:
                 fault = "spends too much memory"
             print(json.dumps({"seed": seed, "fault": fault}), flush=True)

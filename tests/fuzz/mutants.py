@@ -1,7 +1,5 @@
 """Studies and files of matrices with something wrong in them, each made from a seed."""
 
-from __future__ import annotations
-
 import random
 import re
 from collections.abc import Callable

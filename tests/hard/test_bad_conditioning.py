@@ -1,7 +1,5 @@
 """Badly conditioned matrices from files: what a well-conditioned chain gives, as near as the files hold it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,11 +1,10 @@
-"""Forces and extremes of load periods from samples, against each sample's place in them."""
-
-from __future__ import annotations
+"""Forces and extremes of load periods, each sample in its place, and cases perturbed to either side."""
 
 import numpy as np
 import pytest
 
 from scenes import cases, chain, sampling, step
+from workflow.judges.distances import perturbed
 from workflow.judges.load_periods import contact_force, largest_per_period, sections
 
 
@@ -39,3 +38,17 @@ def test_extremes_of_a_period_are_at_both_of_its_ends(method: str) -> None:
             values = found[f"period_displacement{name}"][case]
             np.testing.assert_allclose(values[: ends.size - 1], extreme(ends[:-1], ends[1:]), atol=1e-4)
             assert np.isnan(values[ends.size - 1 :]).all()
+
+
+@pytest.mark.parametrize("share", [1e-6, -1e-6])
+def test_a_share_widens_gaps_and_takes_as_much_of_loads(share: float) -> None:
+    lump, sway = chain(nodes=2, mass=1.0, stiffness=1.0), [[0.5, 3.0, 1.0]]
+    gap, mean = np.array([2.0, -2.0, 0.0]), np.array([5.0, -5.0, 0.0])
+    one = cases(lump, 3, gap=gap, mean=mean, amplitude=8.0, frequency=1.0, displacement=-4.0, casing_harmonics=sway)
+    other = perturbed(one, share, 3.0)
+    np.testing.assert_allclose(other.gap - gap, 3.0 * share, rtol=1e-6)
+    np.testing.assert_allclose(other.mean - mean, -8.0 * share, rtol=1e-6)
+    np.testing.assert_allclose(other.amplitude - 8.0, -8.0 * share, rtol=1e-6)
+    on = cases(lump, 3, displacement=one.casing_at(0.0)[:, None], gap=gap, casing_harmonics=sway)
+    start = perturbed(on, share, 0.0)
+    assert np.all(start.displacement[:, -1] <= start.casing_at(0.0))

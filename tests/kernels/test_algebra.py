@@ -1,7 +1,5 @@
 """Linear algebra against its definitions and 100 digits: pairs to the bit, and every value to its own size."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

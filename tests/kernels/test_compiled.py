@@ -3,8 +3,6 @@
 numba's own compiler gives the same bits; ours is left out with versions that it was not tested with.
 """
 
-from __future__ import annotations
-
 import os
 import pwd
 import subprocess

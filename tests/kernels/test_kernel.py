@@ -1,7 +1,5 @@
 """Compiled kernels: found again by the next process, compiled anew after a change of what their module imports."""
 
-from __future__ import annotations
-
 import ast
 import math
 import os
@@ -149,17 +147,6 @@ def test_damaged_files_of_the_cache_are_compiled_anew(ran: tuple[Path, Ran]) -> 
                 file.write_bytes(damaged)
             assert run(copied) == first
             assert run(copied) == first._replace(hits=1)
-
-
-@pytest.mark.slow
-def test_a_cache_on_a_full_disk_keeps_nothing(ran: tuple[Path, Ran]) -> None:
-    copied, first = ran
-    for file in first.directory.glob("*.nb?"):
-        file.unlink()
-    limited = RUN.replace("import sys", "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))")
-    for _ in range(2):
-        assert run(copied, limited) == first
-    assert not list(first.directory.glob("*.tmp*"))
 
 
 def test_directories_of_older_sources_are_removed(ran: tuple[Path, Ran]) -> None:

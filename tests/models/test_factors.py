@@ -1,7 +1,5 @@
 """Factors of large sparse matrices: SuperLU's and CHOLMOD's solve the same systems and refuse the same ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import csc_array, diags_array, eye_array, kron
@@ -10,7 +8,6 @@ from test_sparse import NODES, taken_from
 
 from scenes import blade, relative
 from workflow.models import (
-    LargeFactorsWarning,
     Sparse,
     critical_alpha,
     expected_fill,
@@ -60,17 +57,3 @@ def test_least_degree_fills_what_is_expected_within_a_factor_of_two() -> None:
     factor = splu(stiffness, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     bytes_of_entry = 10.5  # its value, and its share of the row that a supernode's columns have in common
     assert 0.5 < expected_fill(stiffness, False).size / (bytes_of_entry * factor.nnz) < 2
-
-
-def test_large_factors_are_warned_of_before_they_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("workflow.models._factors.MOST_BY_SUPERLU", 100)
-    monkeypatch.setattr("workflow.models._factors._MANY_BYTES", 1e3)
-    given = taken_from(blade(NODES))
-    with pytest.warns(LargeFactorsWarning) as caught:
-        structure_from_sparse(given)
-    warnings = [str(each.message) for each in caught]
-    assert all(
-        f"{NODES} {kind} this" in text for kind, text in zip(("displacements", "temperatures"), warnings, strict=True)
-    )
-    extra = ["the extra `sparse`" in text for text in warnings]
-    assert extra == 2 * [not factors.has_cholmod()]

@@ -1,21 +1,29 @@
-"""Structures from matrices: the same as the chain they were taken from, in any coordinates."""
-
-from __future__ import annotations
+"""Structures from matrices: those of the chain in any coordinates, or of what is left where a freedom is held."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from given_matrices import given, turned
-from scenes import heavy_chain
+from matrix_files import matrices_of
+from scenes import cases, heavy_chain
+from workflow.declare import File
 from workflow.models import (
     GivenMatrices,
+    Structure,
     UnusableMatricesError,
     critical_alpha,
+    frequencies,
+    load,
     mechanical_modes,
+    rates,
     structure_from_matrices,
     thermal_modes,
+    tip_flexibility,
+    write_matrices,
 )
 
 
@@ -58,15 +66,79 @@ def test_dampers_on_what_has_no_mass_are_multiples_of_its_springs() -> None:
     for share, beside, follows in ((1e-5, elsewhere, True), (0.0, elsewhere, True), (1e-5, on_one, False)):
         given_ones = replace(matrices, damper=share * matrices.stiffness + beside, labels=names)
         turned_ones = replace(turned(matrices, mixed.T, mixed), damper=mixed @ given_ones.damper @ mixed.T)
-        if follows:
-            structure_from_matrices(given_ones)
-            structure_from_matrices(turned_ones)
-            continue
-        with pytest.raises(UnusableMatricesError, match="`damping` acts on displacement c, which has no mass: give it"):
-            structure_from_matrices(given_ones)
-        with pytest.raises(
-            UnusableMatricesError, match=r"`damping` acts on displacement \d, which has no mass: give it"
-        ):
-            structure_from_matrices(turned_ones)
+        for each, which in ((given_ones, "c"), (turned_ones, r"\d")):
+            if follows:
+                structure_from_matrices(each)
+                continue
+            with pytest.raises(UnusableMatricesError, match=f"on displacement {which}, which has no mass: give it"):
+                structure_from_matrices(each)
     with pytest.raises(UnusableMatricesError, match="which has no mass"):
         structure_from_matrices(replace(matrices, damper=-1e-5 * matrices.stiffness))
+
+
+def assembled(path: Path, **entries: Any) -> Structure:
+    model = load("matrices")
+    written = write_matrices(path, **entries)
+    return model.assemble(model.Parameters(File(str(entries), written.name, str(written))))
+
+
+@pytest.mark.parametrize(("nodes", "held"), [(4, (0,)), (7, (0, 3)), (320, (0, 1, 9))])
+@pytest.mark.parametrize("huge", [1e20, 1e30, 1e36])
+def test_answers_are_those_of_the_structure_without_what_is_held(
+    nodes: int, held: tuple[int, ...], huge: float, tmp_path: Path
+) -> None:
+    """Springs of neighbours are left beside the huge number, as Abaqus leaves them; heat flows there alike."""
+    matrices = matrices_of(heavy_chain(nodes=nodes))
+    kept = np.delete(np.arange(nodes), held)
+    left = {name: matrix[np.ix_(kept, kept)] for name, matrix in matrices.items()}
+    for name in ("stiffness", "conductance"):
+        matrices[name] = matrices[name].copy()
+        matrices[name][held, held] = huge
+    whole = assembled(tmp_path / "a.npz", **matrices, contact=nodes - 1)
+    right = assembled(tmp_path / "b.npz", **left, contact=kept.size - 1)
+    assert whole.coordinates is not None
+    assert whole.coordinates.held == (len(held), len(held))
+    assert whole.coordinates.condensed == (0, 0)
+    for of in (tip_flexibility, critical_alpha):
+        assert of(whole) == pytest.approx(of(right), rel=1e-10)
+    for of in (frequencies, rates):
+        assert of(whole)[0] == pytest.approx(of(right)[0], rel=1e-10)
+
+
+def test_cases_are_given_with_what_is_held_and_it_stays(tmp_path: Path) -> None:
+    matrices = matrices_of(heavy_chain(nodes=4))
+    matrices["stiffness"][1, 1] = 1e36
+    whole = assembled(tmp_path / "a.npz", **matrices, contact="d", labels=list("abcd"))
+    assert whole.input_sizes == (4, 4)
+    assert whole.input_contact.tolist() == [0, 0, 0, 1]
+    assert whole.coordinates is not None
+    moving = np.array([[1.0, 0.0, 2.0, -3.0]])
+    start = {"displacement": moving, "velocity": 5 * moving, "temperature": moving + 4}
+    given = cases(heavy_chain(nodes=4), **start, steady=moving - 7, heating=moving - 1)
+    own, x = whole.coordinates.transformed(given), whole.coordinates.displacement_basis
+    assert own.steady.shape == (1, 3)
+    for basis, name in zip((x, x, whole.coordinates.temperature_basis), start, strict=True):
+        assert basis @ getattr(own, name)[0] == pytest.approx(start[name][0], rel=1e-14), name
+    assert own.steady[0] @ own.velocity[0] == pytest.approx(given.steady[0] @ given.velocity[0], rel=1e-14)
+    assert own.heating[0] @ own.temperature[0] == pytest.approx(given.heating[0] @ given.temperature[0], rel=1e-14)
+
+
+def test_what_is_only_stiff_is_not_held(tmp_path: Path) -> None:
+    """A rigid link between two freedoms, and a modal file with far frequencies."""
+    matrices = matrices_of(heavy_chain(nodes=4))
+    matrices["stiffness"][1:3, 1:3] += 1e20 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    modes = {"mass": np.eye(3), "stiffness": np.diag([1e-6, 1e8, 1e14]), "contact": [1.0, 1.0, 1.0]}
+    for number, entries in enumerate(({**matrices, "contact": 3}, modes)):
+        structure = assembled(tmp_path / f"{number}.npz", **entries)
+        assert structure.coordinates is not None
+        assert structure.coordinates.held == (0, 0)
+
+
+@pytest.mark.parametrize("name", ["contact", "thermal_contact", "load"])
+def test_what_is_held_takes_no_contact(name: str, tmp_path: Path) -> None:
+    matrices = matrices_of(heavy_chain(nodes=4))
+    for matrix in ("stiffness", "conductance"):
+        matrices[matrix][0, 0] = 1e36
+    entries = {"contact": 3, "thermal_contact": 3} | {name: [1.0, 0, 0, 0] if name == "load" else 0}
+    with pytest.raises(UnusableMatricesError, match=f"`{name}` acts on nothing but what is held"):
+        assembled(tmp_path / "a.npz", **matrices, **entries)

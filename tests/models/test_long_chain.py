@@ -1,7 +1,5 @@
 """A chain without matrices: what a few sweeps along it give against singular values and least squares."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

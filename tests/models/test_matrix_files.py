@@ -1,7 +1,5 @@
 """Files of matrices: every kind gives the same structure, and what is broken is refused within bounded memory."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

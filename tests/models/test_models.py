@@ -1,13 +1,23 @@
-"""Assembly of the lumps, modes, equilibrium and runaway against what can be written by hand."""
-
-from __future__ import annotations
+"""Assembly of the lumps, modes, equilibrium, runaway and reach against what can be written by hand."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
-from scenes import blade, chain
+from scenes import blade, cases, chain, heavy_chain, sampling, step, with_dashpot
 from workflow import models
-from workflow.models import NoEquilibriumError, Rayleigh, critical_alpha, growth_rate, static_equilibrium
+from workflow.models import (
+    NoEquilibriumError,
+    Rayleigh,
+    critical_alpha,
+    distinct_rows,
+    free_reach,
+    growth_rate,
+    project,
+    static_equilibrium,
+)
 from workflow.reduction import reduce_structure
 
 
@@ -119,3 +129,62 @@ def test_a_free_body_that_only_touches_is_at_rest(nodes: int, heating: float) ->
     for gap in (-0.1, 0.0):
         x, _ = static_equilibrium(structure, np.zeros(nodes), np.full(nodes, heating), gap)
         assert x[-1] <= gap + 1e-12
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        {"amplitude": 24.0, "frequency": 5.0},
+        {"amplitude": 10.0, "frequency": 1090.0},
+        {"amplitude": 10.0, "frequency": 3000.0, "phase": 1.2},
+        {"mean": 20.0},
+        {"mean": -20.0, "velocity": 0.3},
+        {"displacement": 1e-5, "amplitude": 5.0, "frequency": 0.0, "phase": np.pi / 2},
+    ],
+)
+def test_the_free_tip_stays_within_its_reach(conditions: dict[str, float]) -> None:
+    """An upper bound, and no more than 2.5 times what is reached where anything moves towards the casing."""
+    structure = heavy_chain()
+    batch = cases(structure, gap=10.0, **conditions)
+    over = sampling(0.2, 1e-5)
+    results = step(structure, batch, 0.0, over, "event_driven")
+    reached = float(results.histories["displacement"].max())
+    bound = float(free_reach(structure, batch, over.duration)[0])
+    assert reached <= bound * (1 + 1e-9)
+    if reached > 1e-6:
+        assert bound < 2.5 * reached
+
+
+def test_a_free_body_reaches_everywhere() -> None:
+    structure = chain(nodes=3, mass=1.0, stiffness=(0.0, 1e6, 1e6))
+    assert np.isinf(free_reach(structure, cases(structure, gap=1.0, mean=1.0), 1.0)[0])
+
+
+def test_no_bound_is_known_where_damping_couples_modes() -> None:
+    structure = with_dashpot(heavy_chain(nodes=4), 0, 2, 60.0)
+    assert np.isinf(free_reach(structure, cases(structure, gap=1.0, mean=1.0), 1.0)[0])
+
+
+TABLES = st.tuples(st.integers(1, 12), st.integers(1, 3), st.integers(1, 3)).flatmap(
+    lambda size: st.tuples(
+        *(arrays(float, (size[0], width), elements=st.sampled_from([-1.0, 0.0, -0.0, 2.5])) for width in size[1:])
+    )
+)
+
+
+@given(TABLES)
+def test_each_distinct_row_is_named_once_by_its_first_place(tables: tuple[np.ndarray, np.ndarray]) -> None:
+    first, which = distinct_rows(*tables)
+    rows = [tuple(row) for row in np.column_stack(tables).tolist()]
+    assert sorted(first.tolist()) == sorted(rows.index(row) for row in set(rows))
+    assert [rows[first[k]] for k in which] == rows
+
+
+def test_a_row_gives_what_it_gives_in_a_matrix_whatever_the_batch() -> None:
+    random = np.random.default_rng(20261123)
+    matrix, states = random.normal(size=(3, 7)), random.normal(size=(5, 7))
+    projected = project(matrix, states)
+    np.testing.assert_allclose(projected, states @ matrix.T, rtol=0, atol=1e-14)
+    for row in range(3):
+        assert np.array_equal(project(matrix[row], states), projected[:, row])
+    assert np.array_equal(project(matrix[0], states[2:3]), projected[2:3, 0])

@@ -1,7 +1,5 @@
 """Tables of modes: the structure they were taken from, as far as its tip feels it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Numbers of text files in every notation of Fortran, C, MATLAB and spreadsheets: whole, or refused with a line."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from decimal import Decimal

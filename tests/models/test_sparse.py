@@ -1,7 +1,5 @@
 """Structures of sparse matrices: what the chain gives that they were taken from, without an array of n x n numbers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

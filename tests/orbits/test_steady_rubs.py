@@ -1,7 +1,5 @@
 """Steady rubs against closed forms, published orbits and long transients."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The cost model: what it counts, and the order of time that a plan makes of it."""
 
-from __future__ import annotations
-
 import pytest
 
 from studies import HEAVY_SCENE, parsed

@@ -1,7 +1,5 @@
 """Order of dimensions, cases that are one case, tasks that cover every unit once."""
 
-from __future__ import annotations
-
 import json
 import time
 from dataclasses import replace
@@ -16,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from studies import HEAVY_SCENE, ILL, SCENE, SINGLE, SMALL, parsed
 from workflow import schemes
-from workflow.cases import Grid, arrange, reads
+from workflow.cases import arrange, reads
 from workflow.cli._studies import _lines as plan_lines
 from workflow.plan import plan, plan_study
 from workflow.reduction import reduce_structure
@@ -54,11 +52,6 @@ def test_the_order_of_dimensions_depends_on_what_varies_alone(data: st.DataObjec
     assert names == [name for name in ranked if name in names]
 
 
-def inner_of(grid: Grid, missing: np.ndarray | None = None) -> list[np.ndarray]:
-    """Return the inner indices of all batches, in their order."""
-    return [batch.inner for task in tasks(grid, missing) for batch in task.batches]
-
-
 def test_a_zip_of_step_and_condition_is_outer() -> None:
     text = "study: a\n" + SCENE + "axes: {alpha: [0, 1]}\nzip: {pair: {h: [1e-4, 1e-3], e: [0, 0.5]}}\n"
     grid = arrange(parsed(text))
@@ -94,23 +87,6 @@ def test_threads_end_together(threads: int, missing: float, h: str) -> None:
     assert max(seconds) < 1.5 * cutting.LONGEST
     assert len(seconds) >= 0.9 * min(8 * threads, sum(seconds) / cutting.SHORTEST)
     assert sum(seconds) == pytest.approx(cutting.model_seconds(grid, mask))
-
-
-@pytest.mark.parametrize("alphas", [3, 40, 2000])
-@pytest.mark.parametrize("h", [1e-4, 1e-6])
-def test_cases_that_are_stepped_together_stay_together(h: float, alphas: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where a task cuts the cases of an outer index, it leaves whole packs."""
-    monkeypatch.setattr(cutting, "LONGEST", 1e-9)
-    text = SMALL.replace("h: [1e-4, 2e-4]", f"h: [{h}, {2 * h}]").replace(
-        "[0, 5, 10, 20, 50]", f"{{lin: [0, 50, {alphas}]}}"
-    )
-    grid = arrange(parsed(text))
-    for every in (1, 3):
-        missing = np.zeros((grid.outer_count, grid.inner_count), dtype=bool)
-        missing[:, ::every] = True
-        for inner in inner_of(grid, missing):
-            is_last = inner[-1] + every >= grid.inner_count
-            assert is_last or inner.size >= schemes.load("moreau").TOGETHER
 
 
 @pytest.mark.parametrize("unbroken", [0.0, 0.01, 1.0])
@@ -244,15 +220,6 @@ def test_a_mode_that_does_not_swing_is_not_said_to_be_damped_numerically() -> No
         text = SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", f"damping: {{ratio: {ratio}}}")
         warnings = plan_study(parsed(f"study: a\n{text}axes: {{h: 1e-4}}\n")).warnings
         assert sum("damps the first mode" in line for line in warnings) == expected
-
-
-def test_a_plan_says_how_many_structures_it_does_not_show() -> None:
-    masses = ", ".join(f"{1e-3 * (k + 1):g}" for k in range(10))
-    text = "study: a\n" + SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", "damping: {mass: 0}")
-    grid = arrange(parsed(text + f"axes: {{scene.chain.mass: [{masses}], h: 1e-5}}\n"))
-    planned = plan(grid)
-    assert (len(planned.structures), planned.more_structures) == (8, 2)
-    assert any("which has no damping of its own, numerically by" in line for line in planned.warnings)
 
 
 def test_load_periods_of_different_cases() -> None:

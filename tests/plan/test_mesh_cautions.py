@@ -1,7 +1,5 @@
 """What is said where the cell at a blade's tip, or what its thermal modes amount to, is thicker than heat enters."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

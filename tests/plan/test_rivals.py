@@ -1,7 +1,5 @@
 """Schemes with stability limits, options that vary, and metrics that others do not give."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What plan warns of in a scene: a tip that stays clear, soft contact springs, bases."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What a study is told of a contact spring whose casing slides: the limit is that with its own friction."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,11 +1,10 @@
-"""Figures for papers are drawn of a dataset with plain arguments, as the reference shows."""
-
-from __future__ import annotations
+"""Figures for papers, drawn with plain arguments as the reference shows; quantities of single scenes."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from scripts import script
 from workflow import open_archive, plots
@@ -14,7 +13,11 @@ DATA = Path(__file__).parents[2] / "data"
 
 
 @pytest.mark.parametrize(
-    "name", ["histories", "scene_map", "work_precision", "convergence", "sobol_indices", "bifurcation"]
+    "name",
+    [
+        *("histories", "scene_map", "work_precision", "convergence", "bifurcation"),
+        pytest.param("sobol_indices", marks=pytest.mark.slow),  # it runs a study
+    ],
 )
 def test_the_examples_of_the_reference_draw(name: str) -> None:
     reference = script("reference")
@@ -55,3 +58,12 @@ def test_a_map_of_one_metric_and_lines_of_a_selection() -> None:
         for draw in (plots.work_precision, plots.convergence):
             with pytest.raises(ValueError, match="several steps `h`"):
                 draw(full.isel(h=0))
+
+
+def test_energy_that_an_impact_leaves() -> None:
+    """A mass of 2 kg hits at 3 m/s with e = 0.5: it keeps e² of its energy, whatever the step."""
+    case = xr.Dataset(
+        {"velocity": ("t", [3.0, 3.0, -1.5, -1.5]), "impulse": ("t", [0.0, 0.0, 9.0, 9.0]), "energy_residual": 0.01},
+        coords={"t": [0.0, 1.0, 2.0, 3.0]},
+    )
+    assert script("scene_pictures").energy_kept(case, energy=9.0) == pytest.approx(0.25 + 0.01)

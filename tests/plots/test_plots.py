@@ -1,7 +1,5 @@
 """Pictures show what they should: lines, crosses, predictions, on archives whose content is known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

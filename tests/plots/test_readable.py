@@ -1,7 +1,5 @@
 """Pictures can be read: no text lies on another, each axis has its unit, each curve its own colour."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import Any
 

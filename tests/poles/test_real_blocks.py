@@ -1,7 +1,5 @@
 """Real blocks make the matrix again that they separate, and its exponential, where poles coincide too."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import mpmath

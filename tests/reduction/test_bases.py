@@ -1,12 +1,13 @@
-"""What single bases promise beside the contract."""
-
-from __future__ import annotations
+"""What single bases promise beside the contract, with all modes and few, with friction, beside those of pyMOR."""
 
 import numpy as np
 import pytest
 
-from scenes import blade, cases, heavy_chain, sampling, step
-from workflow.reduction import projection_residual, reduce_structure
+from scenes import blade, cases, chain, heavy_chain, relative, sampling, step
+from sliding import random_structure
+from workflow import models, reduction
+from workflow.models import Structure, critical_alpha
+from workflow.reduction import names, projection_residual, reduce_structure
 
 
 def test_weakly_coupled_moves_the_tip_as_craig_bampton() -> None:
@@ -64,3 +65,130 @@ def test_krylov_matches_the_moments_of_the_tip() -> None:
 def test_krylov_needs_the_duration() -> None:
     with pytest.raises(ValueError, match="duration"):
         reduce_structure(heavy_chain(), 3, 3, "krylov")
+
+
+def free_chain(nodes: int) -> Structure:
+    return chain(
+        nodes=nodes, mass=1e-3, stiffness=(0.0, *[1e6] * (nodes - 1)), damping=models.Rayleigh(10.0, 0.0),
+        spacing=1e-2, expansion=1e-5, heat_capacity=1e-2, conductance=0.1,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("nodes", [3, 4, 6, 20, 60])
+@pytest.mark.parametrize("by_matrices", [False, True])
+def test_a_free_root_without_interior_modes(nodes: int, by_matrices: bool) -> None:
+    """Rank decides where one vector is left: a rigid body, which heat does not strain, and no critical coupling.
+
+    The quasi-static growth of the tip is that of the full structure.
+    """
+    full = free_chain(nodes)
+    reduction = reduce_structure(full.matrices() if by_matrices else full, 0, nodes - 1)
+    assert critical_alpha(reduction.structure) == np.inf
+    assert models.mechanical_modes(reduction.structure).values[0] == 0.0
+    theta = np.linspace(0, 1e-3, nodes)
+    closing = models.static_tip_growth(reduction.structure) @ (reduction.temperature_projection @ theta)
+    assert closing == pytest.approx(models.static_tip_growth(full) @ theta, rel=1e-9)
+
+
+@pytest.mark.parametrize("modes", [0, 1, 3])
+def test_every_scheme_gives_the_growth_of_a_free_root(modes: int) -> None:
+    """Schemes with a fixed step took it from the modes that are left, so that it was 0 with none."""
+    reduction = reduce_structure(free_chain(4), modes, None)
+    batch = reduction.project(cases(free_chain(4), gap=1.0, temperature=[[10.0, 20.0, 50.0, 100.0]]))
+    for scheme, options in (("moreau", {}), ("carpenter", {}), ("penalty", {"stiffness": 1e7}), ("event_driven", {})):
+        run = step(reduction.structure, batch, 1e-7, sampling(1e-6, 1e-6), scheme, **options)
+        assert run.metrics["thermal_closing"][0] == pytest.approx(7.75000125e-6, rel=1e-7), scheme
+
+
+def test_insulated_without_thermal_modes() -> None:
+    """The same rank for heat: all of it stays, so that any coupling runs away."""
+    for nodes in (3, 7, 20, 60):
+        full = chain(
+            nodes=nodes, mass=1.0, stiffness=5.0, spacing=0.1, expansion=1e-3,
+            conductance=(0.0, *np.random.default_rng(nodes).uniform(0.5, 2, nodes - 1)),
+        )  # fmt: skip
+        for structure in (full, full.matrices()):
+            reduced = reduce_structure(structure, nodes - 1, 0).structure
+            assert models.thermal_modes(reduced).values[0] == 0.0
+            assert critical_alpha(reduced) == 0.0
+
+
+def static(structure: Structure, friction: float) -> float:
+    """nᵀK1⁻¹(n - µt)."""
+    assert structure.tangent is not None
+    direction = np.eye(structure.mechanical_size)[-1] - friction * structure.tangent
+    return float(np.linalg.solve(structure.stiffness_matrix, direction)[-1])
+
+
+@pytest.mark.parametrize("basis", [name for name in names() if name not in ("macneal", "massless")])
+@pytest.mark.parametrize("count", [0, 1, 4])
+def test_the_static_answer_is_exact_for_every_friction(basis: str, count: int) -> None:
+    full = random_structure(np.random.default_rng(4), 8, 3)
+    reduced = reduce_structure(full, count, None, basis).structure
+    assert reduced.mechanical_size == count + 2  # the tip's own vector, and that of friction
+    for friction in (0.0, 0.3, -0.8):
+        assert static(reduced, friction) == pytest.approx(static(full, friction), rel=1e-10)
+    assert critical_alpha(reduced, 0.2) == pytest.approx(critical_alpha(full, 0.2), rel=1e-9)
+
+
+def test_all_modes_lose_nothing() -> None:
+    full = random_structure(np.random.default_rng(4), 5, 3)
+    reduction = reduce_structure(full, 4, 2)
+    assert reduction.structure.mechanical_size == 5
+    batch = cases(full, friction=0.3, alpha=0.1, gap=1e-3, mean=4.0, velocity=0.1, e=0.5)
+    over = sampling(0.1, 1e-2)
+    whole = step(full, batch, 1.0, over, "event_driven")
+    reduced = step(reduction.structure, reduction.project(batch), 1.0, over, "event_driven")
+    assert whole.metrics["impacts"][0] > 0
+    assert relative(reduced.histories["displacement"], whole.histories["displacement"]) < 1e-11
+
+
+@pytest.mark.parametrize("basis", ["macneal", "massless"])
+def test_a_basis_without_mass_at_the_tip_is_refused(basis: str) -> None:
+    with pytest.raises(ValueError, match="without mass, and friction acts along a direction of its own"):
+        reduce_structure(random_structure(np.random.default_rng(4), 8, 3), 2, None, basis)
+
+
+DURATION = 0.3
+FREQUENCIES = np.logspace(-3, 4, 300)
+"""rad/s: the rates of the heavy chain are 0.018 to 1.8 1/s."""
+
+
+def answer(structure: Structure) -> np.ndarray:
+    """Temperature of the tip by a unit heat load on it, at each frequency, K/W."""
+    capacity, conductance = structure.heat_capacity, structure.conductance_matrix
+    tip = np.eye(len(capacity))[-1]
+    return np.array([np.linalg.solve(1j * w * capacity + conductance, tip)[-1] for w in FREQUENCIES])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("vectors", [4, 6, 8])
+def test_what_balanced_truncation_can_do(vectors: int) -> None:
+    """Its error is a law for all bases from below: the first Hankel singular value that is left out.
+
+    Over all frequencies it is the best to be had. Bases here need right static answers (α_c) and right ones within the
+    duration of a case: above 1/duration krylov is a hundred times better and more.
+    """
+    from pymor.core.logger import set_log_levels
+    from pymor.models.iosys import LTIModel
+    from pymor.reductors.bt import BTReductor
+    from pymor.reductors.h2 import OneSidedIRKAReductor
+
+    set_log_levels({"pymor": "ERROR"})
+    whole = heavy_chain()
+    tip = np.eye(20)[:, -1:]
+    system = LTIModel.from_matrices(-whole.conductance_matrix, tip, tip.T, E=whole.heat_capacity)
+    exact, least = answer(whole), system.hsv()
+    others = {"balanced": BTReductor(system), "one-sided IRKA": OneSidedIRKAReductor(system, "V")}
+    errors = {}
+    for name, reductor in others.items():
+        transfer = reductor.reduce(vectors).transfer_function
+        errors[name] = np.abs(np.array([transfer.eval_tf(1j * w)[0, 0] for w in FREQUENCIES]) - exact)
+    for name in reduction.names():
+        small = reduce_structure(whole, None, vectors - 1, name, DURATION).structure
+        errors[name] = np.abs(answer(small) - exact)
+        assert errors[name].max() > 0.99 * least[vectors]
+    assert errors["balanced"].max() < 2 * least[vectors:].sum()
+    acting = FREQUENCIES > 1 / DURATION
+    rivals = min(errors[name][acting].max() for name in others)
+    assert errors["krylov"][acting].max() < 1e-2 * rivals

@@ -1,7 +1,5 @@
 """One acceptance test that every basis in the directory passes unasked, and what each of them is worth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

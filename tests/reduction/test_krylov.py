@@ -1,7 +1,5 @@
 """Krylov vectors of structures above 300 coordinates: what space they span, and how far rounding moves it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path

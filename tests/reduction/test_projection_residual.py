@@ -1,7 +1,5 @@
 """What a reduced basis cannot hold, against dense projections, and its word on a hot spot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``reduction`` in a study: a setting like the counts of modes, an axis, part of a zip and of the reference."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path

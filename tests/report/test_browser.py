@@ -1,8 +1,5 @@
 """The page of a report in a real browser: nothing complains, sliders, clicks and menus show what the archive holds."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -40,10 +37,9 @@ def page(archive: Path) -> Path:
     return write_report(archive).page
 
 
-@pytest.fixture(scope="module")
-def wide() -> Iterator[Any]:
-    with window(1366) as driver:
-        yield driver
+@pytest.fixture
+def wide() -> Any:
+    return window(1366)
 
 
 def selected(driver: Any) -> dict[str, str]:
@@ -172,12 +168,12 @@ def test_a_button_shows_a_hard_case_and_menus_change_the_map(wide: Any, page: Pa
 
 
 def test_a_page_is_readable_at_400_pixels(page: Path) -> None:
-    with window(400) as narrow:
-        opened(narrow, page)
-        assert errors(narrow) == []
-        assert narrow.execute_script("return document.documentElement.scrollWidth") <= 400
-        shown = narrow.execute_script(MODEL + "return model('map_x').ticker.ticks.length")
-        assert 1 <= shown <= 3
+    narrow = window(400)
+    opened(narrow, page)
+    assert errors(narrow) == []
+    assert narrow.execute_script("return document.documentElement.scrollWidth") <= 400
+    shown = narrow.execute_script(MODEL + "return model('map_x').ticker.ticks.length")
+    assert 1 <= shown <= 3
 
 
 def test_maps_of_a_scene_stand_below_each_other_at_400_pixels(tmp_path: Path) -> None:
@@ -188,13 +184,13 @@ def test_maps_of_a_scene_stand_below_each_other_at_400_pixels(tmp_path: Path) ->
     script = """return [...document.querySelectorAll('.panels img')].map((one) => one.getBoundingClientRect())
       .map((box) => [box.left, box.right, box.top])"""
     for width, rows in ((1366, 2), (400, 4)):
-        with window(width) as driver:
-            opened(driver, page)
-            boxes = np.array(driver.execute_script(script))
-            assert boxes.shape == (4, 3)
-            assert boxes[:, 0].min() >= 0
-            assert boxes[:, 1].max() <= width
-            assert len(set(boxes[:, 2].round())) == rows
+        driver = window(width)
+        opened(driver, page)
+        boxes = np.array(driver.execute_script(script))
+        assert boxes.shape == (4, 3)
+        assert boxes[:, 0].min() >= 0
+        assert boxes[:, 1].max() <= width
+        assert len(set(boxes[:, 2].round())) == rows
 
 
 def test_one_case_has_a_page(wide: Any, tmp_path: Path) -> None:

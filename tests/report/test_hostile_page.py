@@ -1,7 +1,5 @@
 """A page shows what an archive claims and does nothing that it says."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json
@@ -135,11 +133,11 @@ def test_labels_are_no_markup_in_what_a_library_draws(sound: Path, tmp_path: Pat
     """Nor in shadow trees, where sliders and menus are."""
     text = "<form action=http://127.0.0.1/><i id=planted>x</i>"
     page = write_report(changed(sound, tmp_path / "a.nc", crafted(text))).page
-    with window(1366) as driver:
-        opened(driver, page)
-        shown = driver.execute_script(DEEP + "return deep(document, '*').map((one) => one.textContent).join(' ')")
-        assert text in shown
-        assert driver.execute_script(DEEP + "return deep(document, 'form, #planted').length") == 0
+    driver = window(1366)
+    opened(driver, page)
+    shown = driver.execute_script(DEEP + "return deep(document, '*').map((one) => one.textContent).join(' ')")
+    assert text in shown
+    assert driver.execute_script(DEEP + "return deep(document, 'form, #planted').length") == 0
 
 
 @pytest.mark.parametrize("command", ["show", "verify", "report"])

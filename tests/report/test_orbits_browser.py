@@ -1,8 +1,5 @@
 """Steady rubs on the page in a real browser: a click on a case, or on a point of a branch, shows its orbit."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +7,7 @@ import numpy as np
 import pytest
 
 from browser import MODEL, errors, opened, settle, window
-from steady_studies import steady_study
+from studies import steady_study
 from workflow.analysis import labels
 from workflow.archive import open_archive
 from workflow.report import write_report
@@ -19,10 +16,9 @@ from workflow.run import run_study
 MODES = {"mechanical_modes": 1, "thermal_modes": 3}
 
 
-@pytest.fixture(scope="module")
-def driver() -> Iterator[Any]:
-    with window(1366) as opened_window:
-        yield opened_window
+@pytest.fixture
+def driver() -> Any:
+    return window(1366)
 
 
 def click(driver: Any, figure: str, at: str) -> None:

@@ -1,7 +1,5 @@
 """What a page holds of an archive: thinned histories, rounded metrics, notable cases, and bounds of size."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -85,15 +83,6 @@ def test_the_first_case_is_the_worst_of_the_choice_and_each_extreme_is_named() -
     assert named["the first case that is diverged"] == 59
     hottest = np.where(dataset["status"] == 0, dataset["max_temperature"], 0)
     assert named["hottest tip"] == int(np.argmax(hottest))
-
-
-def test_exact_partners_have_the_same_scene() -> None:
-    dataset = archive(scheme=3, h=2, gap=3)
-    partners = exact_partners(dataset, {"b": "event_driven"}).reshape(3, 2, 3)
-    for place in np.ndindex(3, 2, 3):
-        scheme, _, gap = np.unravel_index(partners[place], (3, 2, 3))
-        assert (scheme, gap) == (1, place[2])
-    assert (exact_partners(dataset, {}) == -1).all()
 
 
 def test_exact_partners_have_the_frequency_that_a_zip_gives_with_the_step() -> None:

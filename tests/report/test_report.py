@@ -1,23 +1,22 @@
-"""Reports of one archive and of several: what stands in them and what they refuse."""
-
-from __future__ import annotations
+"""Reports of one archive, of several and of branches: what stands in them and what they refuse."""
 
 import html
 import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from quick import quick
-from studies import SCENE, parsed
+from studies import BLADE_SCENE, SCENE, parsed
 from terminal import workflow
-from workflow.analysis import recommend, sentence
+from workflow.analysis import labels, limits, recommend, sentence
 from workflow.archive import ArchiveError, open_archive
 from workflow.report import ReportFiles, write_report
 from workflow.report import _sections as sections
 from workflow.report._html import prose
-from workflow.run import run_study
+from workflow.run import run_study, verify
 
 REFERRED = (
     "study: referred\ntitle: Two weights and the exact solution\n"
@@ -224,3 +223,30 @@ def test_what_is_somebody_else_s_is_written_over_only_where_it_is_named(
     Path("report.html").write_text("mine")
     with pytest.raises(ArchiveError, match=r"report\.html: is there"):
         write_report(archives)
+
+
+STUDY = f"""study: branches{BLADE_SCENE}axes:
+  scheme: event_driven
+  scene.casing.gap: [15 um, 20 um]
+  alpha: {{branch: [0, 20, 40]}}
+  mechanical_modes: 3
+  thermal_modes: 12
+output: {{steady: true}}
+"""
+
+
+@pytest.mark.slow
+def test_the_fold_of_the_blade_is_stored_verified_told_and_drawn(tmp_path: Path) -> None:
+    archive = tmp_path / "branches.nc"
+    dataset = run_study(parsed(STUDY.replace("duration: 2 s", "duration: 1 s")), archive, threads=2).dataset.load()
+    flags = labels(dataset["bifurcation"]).values
+    folds = [float(dataset["alpha"].values[k][row == "fold"][0]) for k, row in enumerate(flags)]
+    assert folds == pytest.approx([5.412509721, 8.4308307735], abs=2e-7)  # 1e-8 of the range
+    assert np.all(dataset["status"] == 0)
+    assert all(check.holds for check in verify(archive))
+    [limit] = limits(dataset).limits
+    assert (limit.axis, limit.start, limit.limited_by) == ("alpha", 0.0, "fold")
+    assert limit.next == pytest.approx(folds[0])
+    page = write_report(archive).page
+    assert page is not None
+    assert "runs away or jumps" in page.read_text(encoding="utf-8")

@@ -1,7 +1,5 @@
 """A study on worker processes: same bits, whatever dies."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -10,7 +8,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -18,15 +15,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import dask
-import numpy as np
 import pytest
 from distributed import KilledWorker
 
-from processes import PATIENCE, alive, until
 from scripts import script
 from studies import SCENE, SMALL, parsed, written
-from terminal import workflow
-from workflow.archive import Command, content_hash, open_archive, parts_of, start_parts
+from terminal import PATIENCE, alive, until, workflow
+from workflow.archive import Command, content_hash, parts_of, start_parts
 from workflow.run import ClusterError, _cluster, run_study
 from workflow.run._cluster import Session, join, software
 
@@ -131,28 +126,6 @@ def test_a_worker_of_a_real_scheduler_is_killed_in_the_middle(tmp_path: Path, ex
 
 
 @pytest.mark.slow
-def test_a_task_that_kills_its_workers_becomes_failed_cases(tmp_path: Path) -> None:
-    study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
-    settings = environment(notes, WATCHED_DEADLY="1 0", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
-    with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=settings) as run:
-        out, err = run.communicate(timeout=PATIENCE)
-    assert run.returncode == 1, err
-    assert "Traceback" not in err
-    assert "its worker process died" in out
-    run_study(parsed(STUDY), tmp_path / "whole.nc")
-    with open_archive(archive) as data, open_archive(tmp_path / "whole.nc") as whole:
-        lost = (data["status"] == 3).values
-        assert lost.sum() == 10
-        assert lost.ravel()[lost.size // 2]  # the first case of outer index 1
-        texts = set(data["message"].values[lost].tolist())
-        assert len(texts) == 1
-        assert "tcp" not in texts.pop()
-        assert np.isnan(data["contact_impulse"].values[lost]).all()
-        assert np.array_equal(data["displacement"].values[~lost], whole["displacement"].values[~lost])
-        assert (data["message"].values[~lost] == "").all()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("how", ["killed", "interrupted"])
 def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_path: Path, expected: str) -> None:
     study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
@@ -182,22 +155,6 @@ def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_pa
 
 
 @pytest.mark.slow
-def test_ctrl_c_while_workers_start_leaves_one_sentence(tmp_path: Path) -> None:
-    """At two dozen instants after the first process has been started, as a terminal sends it: to all of them."""
-    study = written(STUDY, tmp_path)
-    for instant in np.arange(24) * 0.08:
-        settings = environment(tmp_path / f"{instant}", WATCHED_SLEEP="0.3")
-        with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=settings) as run:
-            children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
-            until(lambda children=children: children.read_text() != "")  # type: ignore[misc]
-            time.sleep(instant)
-            os.killpg(run.pid, signal.SIGINT)
-            _, err = run.communicate(timeout=PATIENCE)
-        assert run.returncode == 130, (instant, err)
-        assert len(err.splitlines()) == 1, (instant, err)
-        assert err.startswith("stopped; "), (instant, err)
-
-
 def test_a_run_whose_workers_have_all_left_ends_and_the_next_one_goes_on(tmp_path: Path, expected: str) -> None:
     study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
     words = ("run", study, "--scheduler")

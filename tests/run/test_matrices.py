@@ -1,9 +1,6 @@
 """Studies of structures from files: the built-in ones exported and read back, and archives that need no file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +13,7 @@ from scenes import blade, heavy_chain
 from studies import written
 from terminal import told
 from workflow.archive import provenance
-from workflow.models import Structure, couples_free_modes
+from workflow.models import Structure
 from workflow.run import run_study
 from workflow.study import StudyError, read_study
 
@@ -92,43 +89,6 @@ def test_the_chain_read_back_rubs_as_it_does(tmp_path: Path) -> None:
 @pytest.mark.parametrize("damping", [RAYLEIGH, "{ratio: 0.01}"])
 def test_built_in_structures_read_back_in_every_scheme(kind: str, damping: str, tmp_path: Path) -> None:
     compared(tmp_path, kind, heavy_chain() if kind == "chain" else blade(), damping, ALL)
-
-
-COUPLED = """
-study: coupled
-scene:
-  matrices: {file: blade.npz, contact: 5}
-  casing: {gap: 5e-5}
-  load: {amplitude: 400, frequency: 200}
-  duration: 0.01
-axes:
-  scheme: [moreau, event_driven]
-  h: [1e-6, 2.5e-7, 6.25e-8]
-  alpha: [0, 5]
-reference: {scheme: event_driven}
-"""
-
-
-def test_damping_that_couples_modes_is_judged_by_the_exact_scheme(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Errors against the poles of the damped structure fall with the step, with heat and without."""
-    monkeypatch.chdir(tmp_path)
-    structure = heavy_chain(nodes=6)
-    along = np.array([0.0, 0.0, 1.0, 0.0, -1.0, 0.0])
-    damper = structure.damping_matrix + 20.0 * np.outer(along, along)
-    assert couples_free_modes(replace(structure.matrices(), damper=damper))
-    as_npz({**matrices_of(structure), "damping": damper}, tmp_path)
-    written(COUPLED, tmp_path)
-    status, output = told("run", "study.yaml", "-o", "coupled.nc")
-    assert status == 0, output
-    archive = xr.load_dataset("coupled.nc")
-    assert float(archive["impacts"].min()) > 0
-    assert np.all(archive["displacement_error"].sel(scheme="event_driven") == 0)
-    for name in ("displacement_error", "impulse_error"):
-        errors = archive[name].sel(scheme="moreau").transpose("h", "alpha").values
-        assert np.all(errors[0] < 0.1)
-        assert np.all(errors[1:] < errors[:-1] / 2), name  # a root of the step at least, which falls by four
 
 
 def test_an_archive_repeats_its_study_without_the_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,13 +1,9 @@
 """How far a run is: by work, not by cases; how cases ended by name; throughput and the time left as measured."""
 
-from __future__ import annotations
-
-import threading
 import time
 from collections import Counter
 from pathlib import Path
 
-import IPython.display
 import nbformat
 import numpy as np
 import pytest
@@ -17,7 +13,7 @@ from quick import interrupted, quick
 from studies import ILL, cut_finely, parsed
 from workflow.archive import parts_of
 from workflow.cases import _waiting_for, seconds_compiled, waiting_for
-from workflow.run import Advance, Outcome, _progress, in_words, run_study
+from workflow.run import Advance, _progress, in_words, run_study
 from workflow.run._progress import ProgressCounter
 from workflow.run._task import Report
 
@@ -148,32 +144,6 @@ def test_a_run_names_what_it_waits_for(tmp_path: Path, monkeypatch: pytest.Monke
     run_study(quick(auto, scene=scene, reference={"scheme": "event_driven"}), tmp_path / "a.nc")
     stages = [name for name in dict.fromkeys(named) if name in ("trials of `auto`", "references", "cases", "gathering")]
     assert stages == ["trials of `auto`", "cases", "references", "gathering"]
-
-
-class SlowHandle:
-    """The line of a notebook whose first drawing anew is under way while the run ends."""
-
-    def __init__(self) -> None:
-        self.texts: list[str] = []
-        self.drawing, self.run_has_ended = threading.Event(), threading.Event()
-
-    def update(self, shown: dict[str, str], raw: bool) -> None:
-        if not self.drawing.is_set():
-            self.drawing.set()
-            assert self.run_has_ended.wait(30)
-        self.texts.append(shown["text/plain"])
-
-
-def test_a_line_that_is_being_drawn_does_not_hide_how_the_run_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    handle = SlowHandle()
-    monkeypatch.setattr(IPython.display, "display", lambda *shown, **how: handle)
-    monkeypatch.setattr(_progress, "REDRAWN", 1e-3)
-    with _progress.notebook_line("a.nc") as line:
-        assert handle.drawing.wait(30)
-        line.end(Outcome(Path("a.nc"), {"ok": 8, "diverged": 1}, (), 2.04, 0))
-        handle.run_has_ended.set()
-    assert handle.texts[0] == "a.nc: 0:00 elapsed"
-    assert handle.texts[-1] == "a.nc: 9 cases in 2.0 s (8 ok, 1 diverged)"
 
 
 NOTEBOOK = """

@@ -1,14 +1,7 @@
 """Files that a study names are replaced while it runs: what was hashed is what is assembled."""
 
-from __future__ import annotations
-
 import os
-import random
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from matrix_files import WRITERS, as_directory, matrices_of
+from matrix_files import WRITERS, matrices_of
 from scenes import heavy_chain
 from studies import written
 from workflow import models
@@ -77,12 +70,6 @@ def read(directory: Path, give: Callable[[Path, float], str], schemes: str = "mo
 def swapped(directory: Path, give: Callable[[Path, float], str]) -> None:
     """Replace the files of a structure by those of a stiffer one."""
     give(directory, 3.0)
-
-
-def touched(directory: Path, give: Callable[[Path, float], str]) -> None:
-    for path in directory.rglob("*.*"):
-        if path.suffix != ".yaml" and path.is_file():
-            os.utime(path)
 
 
 def cut(directory: Path, give: Callable[[Path, float], str]) -> None:
@@ -152,61 +139,3 @@ def test_a_file_too_large_to_hold_is_refused(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(files, "MOST_BYTES", 100)
     with pytest.raises(StudyError, match=r"blade\.npz has \d{3,} bytes, and at most 100 are read"):
         read(tmp_path, KINDS["as_npz"])
-
-
-MANY = STUDY.replace("e: [0, 0.5]", "e: {{lin: [0, 1, 21]}}").replace("2e-3", "0.02")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", range(5))
-def test_files_change_at_random_moments(part: int, tmp_path: Path) -> None:
-    """Ten runs: the archive is that of the files it holds, or messages say what is wrong."""
-    chance = random.Random(part)
-    for number in range(10):
-        kind = chance.choice(["as_npz", "as_directory", "calculix", "modes"])
-        give, change = KINDS[kind], chance.choice([swapped, swapped, touched, cut, gone])
-        place = tmp_path / f"{number}"
-        place.mkdir()
-        written(MANY.format(model=give(place, 1.0), schemes="moreau", more=""), place)
-        words = ["--workers", "2"] if chance.random() < 0.2 else []
-        command = [sys.executable, "-m", "workflow", "run", "study.yaml", "-o", "a.nc", *words]
-        with subprocess.Popen(command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-            time.sleep(chance.uniform(0.2, 4.0 if words else 1.5))
-            change(place, give)
-            _, said = process.communicate(timeout=120)
-        if process.returncode == 0:
-            models.structure_of.cache_clear()
-            assert all(check.holds for check in verify(place / "a.nc", 3)), (number, kind, change)
-        else:
-            assert process.returncode == 2, said
-            assert all(line.startswith("study.yaml:3: scene.") for line in said.splitlines()), said
-            assert not (place / "a.nc").exists()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_command_that_is_stopped_leaves_no_files(number: signal.Signals, tmp_path: Path) -> None:
-    """Stopped at moments of a whole run of an archive that brings its matrices, large enough to take a while."""
-    entries = matrices_of(heavy_chain(nodes=250))
-    as_directory(entries, tmp_path)
-    model = "matrices: {file: blade, contact: 249}"
-    text = STUDY.format(model=model, schemes="moreau", more="zip: {m: {mechanical_modes: [2], thermal_modes: [2]}}\n")
-    run_study(read_study(written(text, tmp_path)), tmp_path / "a.nc")
-    room = tmp_path / "room"
-    room.mkdir()
-    seen = 0
-    for k in range(12):
-        command = [sys.executable, "-m", "workflow", "run", "a.nc", "-o", "b.nc"]
-        there = {**os.environ, "TMPDIR": str(room)}
-        with subprocess.Popen(
-            command, cwd=tmp_path, env=there, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
-        ) as run:
-            until = time.monotonic() + 0.15 * k
-            while time.monotonic() < until or (k > 5 and run.poll() is None and not any(room.iterdir())):
-                time.sleep(1e-3)
-            seen += any(room.iterdir())
-            run.send_signal(number)
-            run.wait(timeout=60)
-        assert list(room.iterdir()) == []
-        (tmp_path / "b.nc").unlink(missing_ok=True)
-    assert seen

@@ -1,7 +1,5 @@
 """A failure is a result that can be asked for again: it alone, and nothing of a neighbour's."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -192,24 +190,4 @@ def test_shards_of_a_run_that_was_killed_before_it_removed_them_are_not_taken_ag
     solved.clear()
     assert run_study(quick(), archive, **again).ok  # type: ignore[arg-type]
     assert len(solved) == (3 if "retry" in again else 9)
-    assert not parts_of(archive).exists()
-
-
-@pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])
-@pytest.mark.parametrize("lost", [False, True], ids=["", "its command is lost"])
-def test_a_clock_that_was_set_back_changes_nothing(
-    again: dict[str, bool],
-    lost: bool,
-    tmp_path: Path,
-    broken: set[float],
-    solved: list[int],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    archive = stopped(again, tmp_path, broken, monkeypatch)
-    monkeypatch.setattr(running.time, "time_ns", lambda: -(10**18))
-    if lost:
-        (parts_of(archive) / "command.json").unlink()
-    solved.clear()
-    assert run_study(quick(), archive, threads=1, **again).counts == {"ok": 9}  # type: ignore[arg-type]
-    assert len(solved) == (1 if "retry" in again else 9 if lost else 3)
     assert not parts_of(archive).exists()

@@ -1,7 +1,5 @@
 """Memory of large studies: bounded, and not growing with the number of cases."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`workflow verify` of structures from files: what a processor's linear algebra makes of them passes, and no more."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -5,8 +5,6 @@
 (``outer first``) kills itself.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import time

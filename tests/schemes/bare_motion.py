@@ -1,7 +1,5 @@
 """A motion as kernels of the exact scheme read it, made of tables alone: no structure, no case."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from workflow.schemes._exact.motion import ORDER, Expansion, Motion

@@ -1,7 +1,5 @@
 """Load and casing with their harmonics as ARCHITECTURE writes them: for the schemes with plain matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from workflow.models import Cases, Structure

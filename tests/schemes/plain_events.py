@@ -10,8 +10,6 @@ It shares nothing with the scheme but the matrices of the structure: no modes, n
 where events cannot be predicted (a tip that grazes, impacts that accumulate) and says how far it came.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The θ-method of ARCHITECTURE with plain matrices, by three laws of contact: what modal kernels must reproduce."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Central differences that keep the tip outside, ``carpenter`` and ``paoli_schatzman``: theory, exact solutions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Results of every scheme agree with the table of variables; those that do not make their cases fail."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,27 +1,12 @@
-"""The step that ``penalty`` says it holds up to, measured again: contact that comes and goes creates no energy.
+"""The step that ``penalty`` says it holds up to, measured again: contact that comes and goes creates no energy."""
 
-``python tests/schemes/test_contact_limit.py 300`` measures that many random scenes at several shares of the limit,
-with a second number, θ, those of the implicit scheme at shares of its limit with θ = ½.
-"""
-
-from __future__ import annotations
-
-import sys
 from dataclasses import asdict, replace
-from importlib import import_module
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from random_chains import metal_chain
-
-from scenes import blade, cases, heavy_chain, step
-from workflow import schemes
+from scenes import blade, cases, heavy_chain, metal_chain, step
 from workflow.models import Cases, Structure, critical_alpha, frequencies, tip_flexibility
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, Status, penalty
@@ -73,13 +58,13 @@ def created(seed: int, share: float, **integration: Any) -> float:
     return float(np.max(residual, initial=-np.inf))
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("integration", [{}, {"integration": "implicit", "theta": 0.5}], ids=["explicit", "implicit"])
 def test_contact_that_comes_and_goes_creates_no_energy_at_the_limit(seed: int, integration: dict[str, Any]) -> None:
     assert created(seed, 1.0, **integration) < 1.0
 
 
-@pytest.mark.parametrize("seed", [0, 5, 8, 10, 14])
+@pytest.mark.parametrize("seed", [0, 8, 14])
 def test_a_method_that_dissipates_has_no_limit(seed: int) -> None:
     """At θ = 0.75 and thirty times the limit of θ = ½: what begins and ends within a step creates nothing."""
     assert created(seed, 30.0, integration="implicit", theta=0.75) < 0
@@ -90,15 +75,6 @@ def test_some_times_the_limit_is_too_much(times: float, integration: dict[str, A
     assert np.median([created(seed, times, **integration) for seed in (0, 5, 10, 15)]) > 1.0
 
 
-def test_a_scheme_whose_limit_takes_no_friction_is_asked_as_before() -> None:
-    module = ModuleType("outside")
-    vars(module).update(vars(import_module("workflow.schemes.penalty")))
-    vars(module)["contact_limit"] = lambda structure, options: 3.0
-    limit = schemes.Scheme.of(module).contact_limit
-    assert limit is not None
-    assert limit(heavy_chain(), None, 0.2) == 3.0
-
-
 def test_the_limit_is_below_that_of_lasting_contact() -> None:
     structure, stiff, soft = heavy_chain(), penalty.Options(stiffness=2e9), penalty.Options(stiffness=1e5)
     assert lasting_limit(tip_modes(structure), 2e9) == pytest.approx(2.225e-6, rel=1e-3)
@@ -107,15 +83,3 @@ def test_the_limit_is_below_that_of_lasting_contact() -> None:
     implicit = [penalty.Options(stiffness=2e9, integration="implicit", theta=theta) for theta in (0.5, 0.7, 0.75, 1.0)]
     limits = [penalty.contact_limit(structure, options) for options in implicit]
     assert limits == pytest.approx([0.25 / np.sqrt(2e9 / 2.5e-3)] * 2 + [np.inf] * 2, rel=1e-9)
-
-
-def _measure(count: int, theta: str = "") -> None:
-    integration = {"integration": "implicit", "theta": float(theta)} if theta else {}
-    for share in (0.5, 1.0, 1.5, 2.0, 4.0, *((30.0, 100.0) if theta else ())):
-        residuals = np.array([created(seed, share, **integration) for seed in range(count)])
-        over = np.mean(residuals > 1)
-        print(f"{share:4g} of the limit: largest residual {residuals.max():8.3g}, above 1 in {over:.1%} of scenes")
-
-
-if __name__ == "__main__":
-    _measure(int(sys.argv[1]), *sys.argv[2:])

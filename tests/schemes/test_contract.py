@@ -1,7 +1,5 @@
 """One acceptance test that every scheme in the directory passes unasked."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from operator import attrgetter
 from typing import Any

@@ -1,7 +1,5 @@
 """Errors of the stepping schemes against the exact solution: their size and their order, bounded."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any

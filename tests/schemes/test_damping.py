@@ -1,30 +1,22 @@
 """Damping that is not Rayleigh's: a ratio of every mode, a matrix that couples them, the tip free and held."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy
-from numpy.typing import NDArray
 from test_event_driven_random import against_reference, compare, moving_scene
 
-from given_matrices import given
-from scenes import cases, chain, heavy_chain, relative, sampling, step, with_dashpot
+from scenes import cases, chain, heavy_chain, sampling, with_dashpot
 from workflow import schemes
 from workflow.models import (
-    Array,
     Matrices,
     Rayleigh,
     Structure,
     mechanical_modes,
     modal_damping,
-    structure_from_matrices,
 )
 from workflow.reduction import reduce_structure
-from workflow.schemes import moreau, penalty
-from workflow.schemes._exact.modal_system import free_system, held_system, state_space
+from workflow.schemes._exact.modal_system import free_system, state_space
 
 OVER = sampling(8.0, 0.1)
 
@@ -40,9 +32,6 @@ def test_every_mode_has_the_ratio_and_rigid_ones_none() -> None:
     modes = mechanical_modes(reduced)
     modal = modes.shapes.T @ reduced.damping_matrix @ modes.shapes
     assert np.abs(modal - np.diag(0.06 * modes.values)).max() <= 1e-12 * modal.max()
-
-
-LOAD = {"alpha": 5.0, "gap": 5e-5, "amplitude": 900.0, "frequency": 200.0}
 
 
 def test_what_a_mode_loses_by_itself_holds_its_part_of_a_damping_matrix() -> None:
@@ -68,35 +57,6 @@ def test_a_scheme_that_takes_none_of_these_refuses_it() -> None:
     assert silent.refusal(deep, None) == "it does not record the temperature over a depth"
 
 
-def test_all_modes_keep_a_damping_matrix_and_a_load_elsewhere() -> None:
-    structure = loaded_elsewhere(with_dashpot(heavy_chain(nodes=6), 1, 3, 20.0))
-    reduced, over = reduce_structure(structure, 5, 5).structure, sampling(0.005, 5e-5)
-    one, other = (step(s, cases(s, **LOAD), 1e-5, over) for s in (structure, reduced))
-    assert one.metrics["impacts"][0] > 0
-    assert relative(other.histories["displacement"], one.histories["displacement"]) < 1e-9
-
-
-def test_what_a_contact_spring_asks_of_a_structure_needs_no_modal_damping() -> None:
-    """Its default stiffness and the steps up to which it holds: of M and K1 alone."""
-    structure = with_dashpot(heavy_chain(nodes=6), 1, 3, 20.0)
-    plain = replace(structure, damper=None)
-    for function in (penalty.contact_stiffness_of, penalty.contact_limit):
-        assert function(structure, penalty.Options()) == function(plain, penalty.Options())
-
-
-def test_a_plan_says_what_a_structure_is_stepped_by() -> None:
-    structure = heavy_chain(nodes=6)
-    assert moreau.operator_name(structure) == "6 + 6 modes with the tip's own"
-    by_matrix = replace(structure.matrices(), damping=Rayleigh(), damper=structure.damping_matrix)
-    assert moreau.operator_name(by_matrix) == moreau.operator_name(structure)
-    coupled = with_dashpot(structure, 1, 3, 20.0)
-    assert "6 + 6 modes with the tip's own, coupled by damping" in moreau.operator_name(coupled)
-    exact = schemes.load("event_driven")
-    assert exact.operator_name is not None
-    assert exact.operator_name(structure) == ""
-    assert "poles of 18 states, as damping couples the modes" in exact.operator_name(coupled)
-
-
 def test_random_scenes_in_motion() -> None:
     """Full matrices, weak and strong, with and without heat; loads that may act elsewhere than at the tip."""
     impacts = 0
@@ -107,51 +67,6 @@ def test_random_scenes_in_motion() -> None:
         damper = float(rng.choice([0.05, 0.5, 5.0])) * root @ root.T / len(root)
         impacts += compare(replace(structure.matrices(), damper=damper), case, OVER, 1e-9)
     assert impacts > 20
-
-
-HEAT = {"spacing": 1.0, "expansion": 0.1, "conductance": 0.5, "convection": 0.1}
-
-
-def branches(stiffness: float, mass: float) -> Matrices:
-    """Two branches on a tip, one of them this, with a damping ratio of every mode with the tip free."""
-    tied = np.array([[100.0, 0.0, -100.0], [0.0, stiffness, -stiffness], [-100.0, -stiffness, 150.0 + stiffness]])
-    line = chain(nodes=3, mass=1.0, stiffness=1.0, **HEAT)
-    inertia = np.diag([1.0, mass, 1.0])
-    return structure_from_matrices(given(line, mass=inertia, stiffness=tied, damping=Rayleigh(ratio=0.3)))
-
-
-def held_poles(structure: Structure) -> NDArray[np.complex128]:
-    """Return the poles of two branches with the tip held, one of each pair."""
-    poles = np.linalg.eigvals(state_space(held_system(structure), 0.0)[0][:4, :4])
-    return poles[poles.imag > 0]
-
-
-@pytest.mark.parametrize("alpha", [0.0, 0.3])
-def test_held_poles_that_a_damping_ratio_makes_coincide(alpha: float) -> None:
-    """Poles part as the root of what is changed: a relative 1e-6 of themselves is rounding of a double one."""
-
-    def apart(place: Array) -> list[float]:
-        one, other = held_poles(branches(*place))
-        return [((one - other) ** 2).real, ((one - other) ** 2).imag]
-
-    structure = branches(*scipy.optimize.root(apart, [108.7, 0.942], tol=1e-16).x)
-    one, other = held_poles(structure)
-    assert abs(one - other) < 1e-6 * abs(one)
-    rub = cases(structure, e=0.5, alpha=alpha, gap=0.5, mean=60.0, amplitude=30.0, frequency=0.3)
-    assert against_reference(structure, rub, OVER) <= 1e-10
-
-
-@pytest.mark.parametrize("held", [False, True])
-def test_a_pole_that_is_a_thermal_rate(held: bool) -> None:
-    structure = chain(nodes=3, mass=1.0, stiffness=(1.0, 2.0, 1.5), **HEAT).matrices()
-    damped = with_dashpot(structure, 0, None, 9.0)
-    system = (held_system if held else free_system)(damped)
-    poles = np.linalg.eigvals(state_space(system, 0.0)[0][: 2 * system.frequency.size, : 2 * system.frequency.size])
-    rate = -poles[poles.imag == 0].real.max()
-    slowed = replace(damped.thermal, inertia=damped.heat_capacity * (system.rate[1] / rate))
-    at = replace(damped, thermal=slowed)
-    rub = cases(at, e=0.5, alpha=0.0, gap=0.2, mean=0.5, amplitude=0.4, frequency=0.1, temperature=1.0)
-    assert against_reference(at, rub, OVER) <= 1e-10
 
 
 def test_damping_that_feeds_a_real_pole() -> None:

@@ -1,15 +1,15 @@
-"""Physics of the event-driven scheme: exact solutions, the scenes of scenes.py, limits."""
-
-from __future__ import annotations
+"""Physics of the event-driven scheme: exact solutions, limits, the largest temperatures between samples."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq
 
-from scenes import blade, chain, heavy_chain, relative, sampling, step
+from scenes import cases, chain, heavy_chain, relative, sampling, step
 from scenes import cases as make_cases
-from workflow.models import Rayleigh, Structure
+from workflow.models import Cases, Rayleigh, Structure
 from workflow.schemes import Results, Sampling, Status, event_driven
 
 
@@ -29,9 +29,6 @@ def single(mass: float, stiffness: float = 0.0, damping: Rayleigh | None = None)
         heat_capacity=1.0,
         conductance=1.0,
     )
-
-
-# --- bouncing ball -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("e", [0.5, 0.9])
@@ -89,9 +86,6 @@ def test_tip_beyond_the_gap_is_refused() -> None:
     assert np.isnan(results.metrics["impacts"][0])
 
 
-# --- oscillator with the wall at its equilibrium ----------------------------------------------------
-
-
 @pytest.mark.parametrize("zeta", [0.0, 0.01, 0.2])
 @pytest.mark.parametrize("e", [0.6, 1.0])
 def test_oscillator_with_wall(zeta: float, e: float) -> None:
@@ -111,34 +105,6 @@ def test_oscillator_with_wall(zeta: float, e: float) -> None:
     J = results.histories["impulse"][0][1::2]
     arrival = v0 * ratio ** np.arange(1, 12) / e
     np.testing.assert_allclose(np.diff(J)[:11], (1 + e) * arrival, rtol=1e-10)
-
-
-def test_rigid_body_under_harmonic_load() -> None:
-    results = run(single(2.0), 5.0, 51, gap=1e3, mean=0.1, amplitude=1.0, frequency=1e-3, velocity=0.2)
-    w, t = 2 * np.pi * 1e-3, np.linspace(0, 5, 51)
-    harmonic = t**3 * w / 6 - t**5 * w**3 / 120 + t**7 * w**5 / 5040  # (ω t - sin ω t)/ω², by its series
-    exact = 0.2 * t + 0.1 / 2 * t**2 / 2 + harmonic / 2
-    assert np.abs(results.histories["displacement"][0] - exact).max() <= 1e-13
-
-
-# --- the heavy chain and the blade ------------------------------------------------------------------
-
-
-def test_blade_of_the_example() -> None:
-    r = run(blade(), 2.0, 2001, alpha=30.0, gap=2e-5, amplitude=24.0, frequency=5.0)
-    assert r.metrics["impacts"][0] == 10
-    assert r.metrics["releases"][0] == 10
-    assert r.period_impulse.shape == (1, 10)
-    assert r.period_impulse[0, 0] == pytest.approx(0.106, abs=5e-4)
-    assert r.period_impulse[0, -1] == pytest.approx(0.365, abs=5e-4)
-    assert r.period_impulse.sum() == pytest.approx(r.histories["impulse"][0, -1], rel=1e-13)
-    force = np.diff(r.histories["impulse"][0]) / 1e-3
-    assert force.reshape(10, 200).max(axis=1)[[0, -1]] == pytest.approx([4.2, 9.5], abs=0.05)
-    assert r.metrics["max_temperature"][0] == pytest.approx(408, abs=0.5)
-    assert r.metrics["max_temperature"][0] == pytest.approx(np.nanmax(r.period_temperature), rel=1e-14)
-    assert r.metrics["max_temperature"][0] >= r.histories["temperature"][0].max()
-    assert (r.period_contact[0] * 0.2).sum() == pytest.approx(r.metrics["contact_time"][0], rel=1e-12)
-    assert r.metrics["max_penetration"][0] <= 1e-19
 
 
 HEAVY = {"alpha": 50.0, "gap": 5.0e-5, "amplitude": 100.0, "frequency": 20.0}
@@ -165,9 +131,6 @@ def test_thresholds_do_not_matter(places: list[list[float]]) -> None:
                 assert max(apart) <= (1e-9 if places else 1e-10), (name, factor, history)
 
 
-# --- interface --------------------------------------------------------------------------------------
-
-
 def test_budgets_end_a_case_with_what_it_was_doing() -> None:
     structure = heavy_chain()
     cases, sampling = make_cases(structure, 1, e=0.9, **HEAVY), Sampling(0.3, 1e-3, 301)
@@ -192,14 +155,6 @@ def test_period_metrics_with_events_at_the_boundaries() -> None:
     r = run(structure, 8.0, 81, e=1.0, velocity=-1.0, frequency=0.5)
     assert r.period_impulse[0] == pytest.approx([4.0] * 4, rel=1e-10)
     assert r.histories["impulse"][0, 20::20] == pytest.approx([4.0, 8.0, 12.0, 16.0], rel=1e-10)
-
-
-def test_amplification_is_the_exact_propagator() -> None:
-    frequency, damping = np.array([2.0, 3.0, 0.0]), np.array([0.1, 8.0, 0.5])
-    g = event_driven.amplification(frequency, damping, 0.3, event_driven.Options())
-    assert g.shape == (3, 2)
-    np.testing.assert_allclose(g.prod(axis=1), np.exp(-damping * 0.3), rtol=1e-13)
-    assert event_driven.thermal_amplification(np.array([2.0]), 0.5, event_driven.Options()) == pytest.approx(np.exp(-1))
 
 
 @pytest.mark.parametrize("damping", [3e2, 1e4, 1e7, 1e12])
@@ -234,3 +189,32 @@ def test_impacts_of_a_damped_pressed_tip_that_no_budget_holds(e: float) -> None:
     assert np.abs(results.histories["displacement"][0, 1:]).max() <= lift
     impulse = results.histories["impulse"][0, 1:] - results.histories["impulse"][0, 1]
     np.testing.assert_allclose(impulse, 2.0 * (t[1:] - t[1]), rtol=0, atol=1e-7)
+
+
+def hot(structure: Structure, case: Cases, duration: float, interval: float) -> Results:
+    return step(structure, case, 0.0, sampling(duration, interval), "event_driven", events=1000)
+
+
+@pytest.mark.parametrize("interval", [1000.0, 10.0, 1.0, 0.1])
+@pytest.mark.parametrize("frequency", [0.0, 0.004])
+def test_heat_that_passes_through_the_tip_between_two_samples(interval: float, frequency: float) -> None:
+    """A hot node beside a cold tip far from its casing: the tip warms up, then cools."""
+    structure = chain(nodes=2, mass=1.0e-3, stiffness=1.0e6, conductance=1.0, spacing=1.0, expansion=0.0)
+    rate = -np.linalg.solve(structure.heat_capacity, structure.conductance_matrix)
+    start = np.array([100.0, 0.0])
+    top = brentq(lambda t: (rate @ expm(rate * t) @ start)[1], 0.1, 10.0, xtol=1e-12)
+    exact = (expm(rate * top) @ start)[1]
+    results = hot(structure, cases(structure, gap=1.0, temperature=[start], frequency=frequency), 1000.0, interval)
+    assert results.metrics["max_temperature"][0] == pytest.approx(exact, rel=1e-12)
+    if frequency:  # load periods of 250 s: the tip is warmest in the first, then at the beginning of each
+        boundaries = [(expm(rate * t) @ start)[1] for t in (250.0, 500.0, 750.0)]
+        np.testing.assert_allclose(results.period_temperature[0], [exact, *boundaries], rtol=1e-9, atol=1e-12)
+
+
+def test_a_top_between_load_periods_belongs_to_both() -> None:
+    structure = chain(nodes=1, mass=1.0, stiffness=1.0, conductance=1.0, spacing=1.0, expansion=0.0)
+    case = cases(structure, gap=1.0, heating=1.0, frequency=1.0)
+    results = hot(structure, case, 3.0, 3.0)
+    np.testing.assert_allclose(results.period_temperature[0], -np.expm1([-1.0, -2.0, -3.0]), rtol=1e-13)
+    cooling = hot(structure, cases(structure, gap=1.0, temperature=1.0, frequency=1.0), 3.0, 3.0)
+    np.testing.assert_allclose(cooling.period_temperature[0], np.exp([0.0, -1.0, -2.0]), rtol=1e-13)

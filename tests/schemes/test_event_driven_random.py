@@ -1,6 +1,4 @@
-"""The event-driven scheme against an independent solution on random scenes."""
-
-from __future__ import annotations
+"""The event-driven scheme against an independent solution on random scenes; its motion from state to state."""
 
 from dataclasses import replace
 
@@ -10,9 +8,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from plain_events import Reference
 
-from scenes import cases, chain, sampling, step
+from scenes import blade, blade_rub, cases, chain, sampling, step
 from workflow.models import Cases, Harmonics, Rayleigh, Structure
+from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, event_driven
+from workflow.schemes._exact.batch import make_operator
+from workflow.schemes._exact.layout import Budget
+from workflow.schemes._exact.trajectory import Trajectory, one_case, trajectory
 
 TIMES = sampling(20.0, 0.1)
 NAMES = ("displacement", "temperature", "impulse")
@@ -162,3 +164,23 @@ def test_a_critically_damped_mode_under_friction_heat(alpha: float, damping: flo
     )
     load = {"mean": 1.0, "amplitude": 0.5, "frequency": 0.1}
     assert against_reference(structure, cases(structure, alpha=alpha, gap=0.1, **load)) <= 1e-10
+
+
+def advanced(structure: Structure, batch: Cases, span: float, kept: int, events: int = 10**5) -> Trajectory:
+    one = one_case(make_operator(structure, Budget(events, 10**6)), batch, 1.0)
+    return trajectory(one, one.own.modal, False, 0.0, span, kept=kept)
+
+
+def test_more_events_than_are_guessed_are_kept() -> None:
+    structure = reduce_structure(blade(), 3, 12).structure
+    few, many = (advanced(structure, blade_rub(structure, e=0.5), 0.6, kept) for kept in (1, 1000))
+    assert few.times.size > 6
+    assert np.array_equal(few.times, many.times)
+    assert np.array_equal(few.X, many.X)
+
+
+def test_a_state_that_is_not_reached_is_told() -> None:
+    ball = chain(nodes=1, mass=1.0, stiffness=0.0)
+    course = advanced(ball, cases(ball, e=1.0, mean=1.0, gap=1.0), 100.0, 1, events=10)
+    assert np.isnan(course.X).all()
+    assert "after 10 contact events" in course.failure

@@ -1,7 +1,5 @@
 """Bounds of an expansion: the signal of oscillating, decaying, driven and growing parts lies within them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ y (tangential) and x (normal), K = [[k, c], [c, k]] and the load F on the tip
     k y + c x = µ λ,   c y + k x = F - λ   at rest on the casing, x = d.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -57,9 +55,6 @@ def rubbing(structure: Any, count: int = 1, **values: Any) -> Cases:
     return cases(structure, count, **{**rub, "casing_harmonics": [[2e-4, 5.0, 0.3]], **values})
 
 
-# An independent solver.
-
-
 @pytest.mark.parametrize(
     ("friction", "alpha", "e", "damping"),
     [
@@ -75,9 +70,6 @@ def test_the_exact_solution(friction: float, alpha: float, e: float, damping: Ra
     structure = replace(random_structure(np.random.default_rng(7), 3), damping=damping)
     batch = rubbing(structure, friction=friction, alpha=alpha, e=e)
     assert against_reference(structure, batch, sampling(0.3, 0.01)) <= 1e-10
-
-
-# Closed forms of a mass on two springs.
 
 
 def pressed(friction: float, load: float, gap: float, cross: float, k: float = 100.0) -> tuple[float, float]:
@@ -118,20 +110,6 @@ def test_where_an_impulse_pushes_inwards_contact_has_no_solution(scheme: str) ->
     assert results.status.tolist() == [Status.OK, Status.ILL_POSED, Status.OK, Status.OK]
     assert "friction" in results.messages[1]
     assert np.isnan(results.histories["displacement"][1, -1])
-
-
-@pytest.mark.slow
-def test_a_contact_spring_is_ill_posed_later() -> None:
-    """1 + hθW (hθκ + c) > 0 still holds where W <= 0, if the spring is soft."""
-    structure = slider(inertia=-0.5)
-    batch = cases(structure, 2, friction=2.5, velocity=[0.0, 0.5], gap=0.01)
-    for stiffness, status in ((1e3, Status.OK), (1e9, Status.ILL_POSED)):
-        options = {"stiffness": stiffness, "integration": "implicit"}
-        results = step(structure, batch, 1e-3, sampling(0.03, 0.01), "penalty", **options)
-        assert results.status.tolist() == [status, status]
-
-
-# Bits, growth.
 
 
 @pytest.mark.parametrize("scheme", [*EVERY, "event_driven"])

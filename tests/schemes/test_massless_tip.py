@@ -1,7 +1,5 @@
 """A tip that its reduction leaves without mass: contact by place, no impacts, and schemes that cannot."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What ``moreau`` leaves behind: samples and load periods in their places, a pressed tip on its casing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

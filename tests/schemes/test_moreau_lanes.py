@@ -1,7 +1,5 @@
 """Lanes, packs and groups of modes: layout that must never show in a result."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 

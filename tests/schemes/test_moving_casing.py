@@ -1,7 +1,5 @@
 """A casing that moves and loads with harmonics: a pressed tip, closed forms, the same said in other words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -96,23 +94,6 @@ def test_the_force_of_a_pressed_tip_is_what_its_casing_asks_for() -> None:
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
 
 
-@pytest.mark.slow
-def test_the_casing_s_power_is_that_of_its_mean_velocity() -> None:
-    """A tip that its spring presses on the casing: the residual is ΔE + Σ p (V_k + V_{k+1})/2 over the largest E."""
-    mass, stiffness, h = 0.01, 1e4, 1e-4
-    structure = chain(nodes=1, mass=mass, stiffness=stiffness)
-    batch = cases(structure, gap=-1e-3, casing_harmonics=[[1e-4, 50.0, 0.3]])
-    batch = replace(batch, displacement=batch.casing_at(0.0)[:, None], velocity=batch.casing_velocity_at(0.0)[:, None])
-    results = step(structure, batch, h, sampling(9e-3, h, balances=True), theta=1.0)
-    place = np.array([plain_casing.place(batch, k * h) for k in range(91)])
-    velocity = np.array([plain_casing.velocity(batch, k * h, h, 1.0) for k in range(91)])
-    energy = 0.5 * (mass * velocity**2 + stiffness * place**2)
-    taken_by_casing = np.sum(np.diff(results.histories["impulse"][0]) * (velocity[:-1] + velocity[1:])) / 2
-    residual = (energy[-1] - energy[0] + taken_by_casing) / energy.max()
-    assert results.metrics["contact_time"] == pytest.approx(9e-3, rel=1e-12)
-    assert results.metrics["energy_residual"] == pytest.approx(residual, abs=1e-11)
-
-
 TURN = 2 * np.pi
 
 
@@ -153,29 +134,6 @@ def test_a_lump_on_a_moving_casing_is_one_under_a_load(e: float, alpha: float) -
         assert moved.metrics[name][0] == pytest.approx(loaded.metrics[name][0], rel=1e-9)
     if e in (0.0, 1.0):  # else how many are counted depends on where the rest is summed up
         assert moved.metrics["impacts"][0] == loaded.metrics["impacts"][0]
-
-
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [
-        (
-            {"amplitude": 100.0, "frequency": 20.0, "phase": 0.2},
-            {"load_harmonics": [[60.0, 20.0, 0.2], [0.0, 500.0, 0.0], [40.0, 20.0, 0.2]]},
-        ),
-        (
-            {"amplitude": 100.0, "frequency": 20.0, "mean": 3.0},
-            {"amplitude": 100.0, "frequency": 20.0, "mean": 1.0, "load_harmonics": [[2.0, 0.0, np.pi / 2]]}
-            | {"gap": 8e-6, "casing_harmonics": [[4e-6, 0.0, np.pi / 6]]},
-        ),
-    ],
-    ids=["parts of the load's sinusoid", "constants that stand still"],
-)
-def test_harmonics_say_in_other_words(one: dict[str, Any], other: dict[str, Any]) -> None:
-    structure, rub, over = heavy_chain(nodes=5), {"e": 0.5, "alpha": 20.0, "gap": 1e-5}, sampling(0.1, 1e-3)
-    first, second = (run(structure, cases(structure, **(rub | said)), over) for said in (one, other))
-    for name in ("displacement", "temperature", "impulse"):
-        assert relative(second.histories[name], first.histories[name]) <= 1e-10
-    np.testing.assert_allclose(second.period_impulse, first.period_impulse, rtol=1e-10)
 
 
 def test_a_casing_shakes_the_node_behind_its_tip_at_resonance() -> None:

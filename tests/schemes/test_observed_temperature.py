@@ -1,7 +1,5 @@
 """Schemes record another temperature than the tip's, a mean over a depth: against all node temperatures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -45,9 +43,11 @@ PLAIN: dict[str, tuple[str, dict[str, Any], Any]] = {
     "implicit": ("penalty", {"stiffness": 1e7, "integration": "implicit", "theta": 1.0},
                  lambda s, c, n: plain_theta.march_on_spring(s, c, H, n, 1e7, 0.0, 1.0)),
 }  # fmt: skip
+SLOW = pytest.mark.slow
+"""Each contact law compiles a kernel of its own for a depth."""
 
 
-@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize("name", ["moreau", *(pytest.param(name, marks=SLOW) for name in PLAIN if name != "moreau")])
 @pytest.mark.parametrize("kind", STRUCTURES)
 def test_steps_record_the_mean_of_the_nodes_they_have(kind: str, name: str) -> None:
     """Samples and the largest of all step ends, and the motion to the bit as without."""

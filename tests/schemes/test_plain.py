@@ -1,7 +1,5 @@
 """Every law that is stepped against plain matrices: in modes, in blocks, on casings in motion, without mass."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -245,12 +243,3 @@ def test_a_tip_without_mass(basis: str, theta: float) -> None:
         expected = plain_theta.march_by_place(structure, alone(batch, case), H, theta, STEPS)
         assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < rounding
     assert theta == 1.0 or np.abs(results.metrics["energy_residual"]).max() < rounding
-
-
-@SLOW
-def test_steps_that_are_too_long_are_said_to_grow() -> None:
-    structure = coupled()
-    for method, options in (("carpenter", {}), LAWS["spring 1e+08 50"], ("moreau", {"theta": 0.3})):
-        results = step(structure, rub(structure), 1e-4, sampling(2e-3, 1e-4), method, **options)
-        assert np.all(results.status == Status.DIVERGED)
-        assert "grows" in results.messages[0]

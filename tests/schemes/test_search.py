@@ -3,8 +3,6 @@
 Each bound is a polynomial on (0, 1] one of whose Bernstein coefficients is all but zero, or negative.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

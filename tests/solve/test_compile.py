@@ -1,7 +1,5 @@
 """Compilation ahead: by a helper process where there are several schemes, by the run itself where that fails."""
 
-from __future__ import annotations
-
 import os
 import signal
 import stat
@@ -14,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import workflow
-from processes import alive, until
 from quick import quick
+from terminal import alive, until
 from workflow import schemes
 from workflow.cases import arrange
 from workflow.solve import _compile as compilation
@@ -36,26 +34,6 @@ def variant_of(method):
     return KernelVariant(method, schemes.load(method).Options(), balances=True)
 """
 
-TOGETHER = """
-class Seen(event.Listener):
-    functions = Counter()
-    def on_start(self, about):
-        self.functions[about.data["dispatcher"].py_func] += 1
-    def on_end(self, about):
-        pass
-
-event.register("numba:compile", Seen())
-with compiled_ahead([variant_of("event_driven"), variant_of("moreau")]):
-    compile_scheme(variant_of("event_driven"))
-    compile_scheme(variant_of("moreau"))
-from workflow.schemes._exact.event_loop import run_cases
-from workflow.schemes import moreau
-from workflow.schemes._fixed.march import KERNELS
-ours = {f.__name__: n for f, n in Seen.functions.items() if (f.__module__ or "").startswith("workflow.schemes.")}
-step = KERNELS[moreau.Newton].dispatcher
-print(max(ours.values()), "march_cases" in ours, sum(step.stats.cache_hits.values()))
-print(*(len(dispatcher.signatures) for dispatcher in (run_cases.dispatcher, step)))
-"""
 
 KILLED = """
 with compiled_ahead([variant_of("moreau"), variant_of("event_driven")]):
@@ -85,16 +63,6 @@ def executable(path: Path, script: str) -> str:
 def children(process: int) -> list[int]:
     lists = [task.read_text() for task in Path(f"/proc/{process}/task").glob("*/children")]
     return [int(child) for text in lists for child in text.split()]
-
-
-@pytest.mark.slow  # it compiles the largest kernel
-def test_kernels_are_compiled_once_and_those_of_a_helper_are_loaded(tmp_path: Path) -> None:
-    """With nothing compiled: a part for one type of arguments alone, the steps of moreau by the helper alone."""
-    lines = subprocess.run(
-        [sys.executable, "-c", START + TOGETHER],
-        capture_output=True, text=True, check=True, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-    ).stdout.splitlines()  # fmt: skip
-    assert lines == ["1 False 1", "1 1"]
 
 
 @pytest.mark.parametrize("script", ["exit 1", "kill -9 $$", "exec < /dev/null", None])

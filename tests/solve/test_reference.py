@@ -1,7 +1,5 @@
 """Errors against a reference: what they compare, what is computed how often; one whose basis is refined."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
 
@@ -17,7 +15,7 @@ from workflow.models import Rayleigh, Structure
 from workflow.plan import plan_study
 from workflow.run import run_study, verify
 from workflow.schemes import Status
-from workflow.solve import Batch, ReferenceBlock, References, Solved, solve, tasks
+from workflow.solve import ReferenceBlock, References, Solved, solve, tasks
 from workflow.solve import _tasks as cutting
 from workflow.solve._solutions import solution_seconds
 from workflow.study import CaseSettings, read_study
@@ -63,26 +61,6 @@ def test_a_case_more_computes_its_own_reference_alone(tmp_path: Path, monkeypatc
     counted_references(CHEAP, monkeypatch, tmp_path / "a.nc")
     more = CHEAP.replace("alpha: [0, 5, 20]", "alpha: [0, 5, 20, 30]")
     assert counted_references(more, monkeypatch, tmp_path / "a.nc") == [1, 1, 1]
-
-
-def test_references_beyond_what_is_held_are_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    grid = arrange(parsed(REFERRED))
-    monkeypatch.setattr("workflow.solve._solutions.HELD_BYTES", 3 * 8 * grid.sampling.count * 4)
-    begun = list[ReferenceBlock]()
-    monkeypatch.setattr("workflow.solve._tasks.SHORTEST", 1e-9)
-    monkeypatch.setattr("workflow.solve._tasks.LONGEST", 1e-9)
-    monkeypatch.setattr("workflow.solve._solutions.unit", lambda *_: 1)
-    inner = np.arange(grid.inner_count)
-    references = References(grid, [Batch(0, inner)], begun.append)
-    first = references.of([Batch(0, inner[:2])])
-    assert references.of([Batch(0, inner[:2])]) == first
-    assert begun == list(first)
-    references.of([Batch(0, inner[2:5])])
-    held = len(begun)
-    references.of([Batch(0, inner[2:5])])
-    assert len(begun) == held
-    assert references.of([Batch(0, inner[:2])]) == first
-    assert begun[held:] == list(first)
 
 
 @pytest.mark.parametrize("scheme", ["event_driven", "moreau, h: 1e-6"])

@@ -1,7 +1,5 @@
 """The tip at the start of each load period, its impacts and its extremes in it, for every scheme of the project."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

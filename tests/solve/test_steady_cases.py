@@ -1,7 +1,5 @@
 """Steady rubs of an archive: kept where they are asked for, part of a case's identity, extended and verified."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -10,8 +8,7 @@ import pytest
 import xarray as xr
 
 from quick import hashes_of, quick
-from steady_studies import steady_study
-from studies import parsed
+from studies import parsed, steady_study
 from workflow import plan_study, run_study
 from workflow.cases import arrange
 from workflow.run import verify

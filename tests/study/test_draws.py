@@ -1,7 +1,5 @@
 """Drawn zips: which values they have, and what stays where a study asks for more of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import qmc

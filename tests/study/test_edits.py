@@ -1,7 +1,5 @@
 """Values replaced by their path: the study, its text and what is said of mistakes."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

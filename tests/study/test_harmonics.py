@@ -90,12 +90,15 @@ def test_the_start_is_judged_against_the_casing_at_0():
         read_study(written("{frequency: 1, phase: 90 deg}", rest=f"{start}\n{axes}"))
 
 
-HARMONICS = "{amplitude: 1, frequency: 3}", "{amplitude: 1 um, frequency: 5}"
+HARMONICS = "{amplitude: 1, frequency: 3}, {amplitude: 1, frequency: 8}", "{amplitude: 1 um, frequency: 5}"
 
 
 @pytest.mark.parametrize(
     ("amplitude", "load", "casing", "periods"),
-    [("1", *HARMONICS, 2), ("0", *HARMONICS, 3), ("0", "", HARMONICS[1], 5), ("0", "", "", 2)],
+    [
+        *(("1", *HARMONICS, 2), ("0", *HARMONICS, 3), ("0", "", "", 2)),
+        ("0", "", f"{HARMONICS[1]}, {{amplitude: 1 um, frequency: 9}}", 5),
+    ],
 )
 def test_periods_are_those_of_the_load_then_of_a_load_harmonic_then_of_the_casing(amplitude, load, casing, periods):
     study = read_study(written(casing, load, amplitude=amplitude))

@@ -1,7 +1,5 @@
 """Broken studies of every kind: each names line, key, problem and remedy, and nothing else."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every value of a study as plan tells it: in SI, with its unit, and what was left to its default."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

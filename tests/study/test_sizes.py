@@ -1,7 +1,5 @@
 """What a study may keep of structures of many degrees of freedom, and of unequal numbers of both kinds."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a study may ask of steady rubs and of branches, and how it is told what is wrong."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

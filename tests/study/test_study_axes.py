@@ -1,13 +1,9 @@
 """Axes: values, order, names, zips, ``full``, and the settings of a case."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math
 import pickle
-import subprocess
-import sys
 
 import pytest
 from hypothesis import given
@@ -222,12 +218,6 @@ def test_json_is_read_as_it_is_and_every_place_has_its_line(tree: dict) -> None:
             value = value[step]
         start = json.dumps(value)[:1]
         assert written.lstrip().startswith(f'"{place[-1]}"' if isinstance(place[-1], str) else start)
-
-
-def test_importing_needs_no_solver() -> None:
-    code = "import sys, workflow.study; print([m for m in ('numba', 'dask', 'xarray', 'pint') if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 def test_schema_follows_the_declarations() -> None:

@@ -1,7 +1,5 @@
 """Numbers with units: exact, of the right dimension, and never evaluated."""
 
-from __future__ import annotations
-
 import re
 from decimal import Decimal
 

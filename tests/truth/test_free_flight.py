@@ -1,7 +1,5 @@
 """Bodies that nothing holds, under fast loads: closed forms, and the matrix exponential in 50 digits."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -67,38 +65,3 @@ def test_dashpots_to_ground_from_none_to_strong(springs: list[float], dashpot: f
             speeds.append(float(state[5]))
     for name, exact in (("displacement", places), ("velocity", speeds)):
         np.testing.assert_allclose(results.histories[name][0], exact, rtol=0, atol=1e-10 * np.abs(exact).max())
-
-
-def test_three_oscillators_under_one_sinusoid(tmp_path: Path) -> None:
-    """x'' + 2 ζ ω x' + ω² x = sin Ω t, from rest; one of them with ω = 0."""
-    archive = flown("free_flight_of_modes", tmp_path)
-    t, drive, exact = archive["t"].values, 2 * np.pi * 2000, 0.0
-    for frequency, ratio in ((0.0, 0.0), (1000.0, 0.02), (5000.0, 0.03)):
-        w = 2 * np.pi * frequency
-        if w == 0:
-            exact = exact + t / drive - np.sin(drive * t) / drive**2
-            continue
-        forced = 1 / complex(w**2 - drive**2, 2 * ratio * w * drive)
-        s = w * complex(-ratio, np.sqrt(1 - ratio**2))
-        # Im(forced e^(iΩt)) + Re(a e^(st)) with value and slope 0
-        value, slope = -forced.imag, -drive * forced.real
-        a = complex(value, (s.real * value - slope) / s.imag)
-        exact = exact + (forced * np.exp(1j * drive * t)).imag + (a * np.exp(s * t)).real
-    ours = archive["displacement"].sel(scheme="event_driven").values.ravel()
-    np.testing.assert_allclose(ours, exact, rtol=0, atol=1e-9 * np.abs(exact).max())
-
-
-def test_a_ball_that_air_brakes_lightly(tmp_path: Path) -> None:
-    """m (x'' + a x') = F sin(Ω t + φ), from rest, for a = 0 and next to 0."""
-    archive = flown("ball_lightly_damped", tmp_path)
-    m, force, w, phase, times = 1e-2, 5.0, 2 * np.pi * 3000, 1.57, archive["t"].values
-    x, v = (archive[name].transpose("mass", "t", ...).values.reshape(5, -1) for name in ("displacement", "velocity"))
-    for k, a in enumerate(archive["mass"].values):
-        with mp.workdps(50):
-            brake, load = mp.mpf(a) + mp.mpf(10) ** -30, force / mp.mpf(m) * mp.expj(phase)
-            ends = -load / (1j * w * brake), load / (brake * (1j * w + brake)), load / (1j * w * (1j * w + brake))
-            motions = [(ends[1] * mp.exp(-brake * t), ends[2] * mp.expj(w * t)) for t in map(mp.mpf, times)]
-            place = np.array([float(mp.im(ends[0] + slow + fast)) for slow, fast in motions])
-            speed = np.array([float(mp.im(-brake * slow + 1j * w * fast)) for slow, fast in motions])
-        np.testing.assert_allclose(x[k], place, rtol=0, atol=1e-10 * np.abs(place).max())
-        np.testing.assert_allclose(v[k], speed, rtol=0, atol=1e-10 * np.abs(speed).max())

@@ -1,7 +1,5 @@
 """The gallery of truth: what each study of ``studies/truth`` must come to, by closed forms and published numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,0 +1,201 @@
+"""Contact phases, growth of impulses, differences, labels and cost of known arrays and of archives."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from quick import quick
+from studies import FALLING_BALL, parsed
+from workflow import compare, contact_phases, work_precision
+from workflow.analysis import NoReferenceError, exact, impulse_growth, labels_of
+from workflow.archive import open_archive
+from workflow.run import run_study
+
+T = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+
+
+def forces(*rows: list[float]) -> xr.Dataset:
+    coords = {"alpha": np.arange(len(rows), dtype=float), "t": T, "gap": 3.0}
+    return xr.Dataset({"contact_force": (("alpha", "t"), np.array(rows))}, coords)
+
+
+def test_phases_of_known_forces() -> None:
+    phases = contact_phases(forces([0, 2, 4, 0, 0, 1], [0, 0, 0, 0, 0, 0], [0, 0, 0, 5, 0, 0], [0, 1, 1, 1, 1, 1]))
+    assert dict(phases.sizes) == {"alpha": 4, "phase": 2}
+    assert phases["begin"].values == pytest.approx(
+        np.array([[0, 0.4], [np.nan, np.nan], [0.2, np.nan], [0, np.nan]]), nan_ok=True
+    )
+    assert phases["end"].values == pytest.approx(
+        np.array([[0.2, 0.5], [np.nan, np.nan], [0.3, np.nan], [0.5, np.nan]]), nan_ok=True
+    )
+    assert phases["impulse"].sel(alpha=0).values == pytest.approx([0.6, 0.1])
+    assert phases["peak_force"].sel(alpha=[0, 2], phase=1).values == pytest.approx([4, 5])
+    assert list(phases["phase"].values) == [1, 2]
+    assert float(phases["gap"]) == 3.0
+    assert phases["impulse"].attrs["units"] == "N s"
+
+
+def test_a_single_case_and_one_without_contact() -> None:
+    one = contact_phases(forces([0, 2, 4, 0, 0, 1]).isel(alpha=0))
+    assert one["begin"].dims == ("phase",)
+    none = contact_phases(forces([0.0] * 6, [np.nan] * 6))
+    assert dict(none.sizes) == {"alpha": 2, "phase": 0}
+
+
+def test_without_forces_there_are_no_phases() -> None:
+    with pytest.raises(ValueError, match=r"no history `contact_force`; name it in `output\.histories`"):
+        contact_phases(forces([0.0] * 6).drop_vars("contact_force"))
+
+
+def test_phases_of_a_ball_hold_its_impacts(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """A ball from 1 m: the first phase holds the first impact, and all of them bear the whole impulse."""
+    rest = "axes: {scheme: event_driven, e: [0, 0.7]}\noutput: {interval: 1 ms, histories: [contact_force]}\n"
+    run_study(parsed(f"study: ball{FALLING_BALL}{rest}"), tmp_path / "ball.nc")
+    with open_archive(tmp_path / "ball.nc") as archive:
+        phases = contact_phases(archive)
+        assert np.all(phases["begin"].sel(phase=1) <= np.sqrt(2 / 9.81))
+        assert np.all(phases["end"].sel(phase=1) >= np.sqrt(2 / 9.81))
+        assert phases["impulse"].sum("phase").values == pytest.approx(archive["contact_impulse"].values, rel=1e-9)
+        assert int(phases["begin"].sel(e=0).count()) == 1  # it lies where it fell
+        bounces = phases["impulse"].sel(e=0.7, phase=[1, 2, 3]).values
+        assert bounces == pytest.approx(1.7 * 2 * np.sqrt(2 * 9.81) * 0.7 ** np.arange(3), rel=1e-9)
+
+
+def cases(scale: float = 1.0, interval: float = 0.1, alphas: tuple[float, ...] = (0.0, 1.0)) -> xr.Dataset:
+    t = interval * np.arange(round(1.2 / interval) + 1)
+    alpha = np.array(alphas)
+    return xr.Dataset(
+        {
+            "displacement": (("alpha", "t"), scale * (1 + alpha[:, None]) * np.sin(t)),
+            "contact_impulse": ("alpha", scale * alpha),
+            "critical_alpha": ("alpha", np.full(alpha.size, np.inf)),
+            "processor_time": ("alpha", np.full(alpha.size, scale)),
+            "status": ("alpha", np.zeros(alpha.size, dtype=np.int8)),
+        },
+        coords={"alpha": alpha, "t": t, "h": 1e-3 * scale},
+    )
+
+
+def test_differences_of_known_arrays() -> None:
+    differences = compare(cases(1.02), cases())
+    assert set(differences) == {"displacement", "contact_impulse", "critical_alpha"}
+    assert differences["displacement"].values == pytest.approx([0.02, 0.02])
+    assert differences["contact_impulse"].values == pytest.approx([0.0, 0.02])
+    assert differences["critical_alpha"].values == pytest.approx([0.0, 0.0])
+    assert compare(cases(), cases(0.0))["displacement"].values == pytest.approx([np.inf, np.inf])
+    assert compare(cases(0.0), cases(0.0))["displacement"].values == pytest.approx([0.0, 0.0])
+
+
+def test_cases_are_paired_by_label_and_samples_by_instant() -> None:
+    """0.3 is not three times 0.1 in binary: instants count, not their bits."""
+    differences = compare(cases(1.02, 0.1, (1.0, 3.0, 2.0)), cases(1.0, 0.3, (2.0, 1.0, 5.0)))
+    assert sorted(differences["alpha"].values) == [1.0, 2.0]
+    assert differences["displacement"].values == pytest.approx([0.02, 0.02])
+    finer, coarser = cases(1.0, 0.1), cases(1.0, 0.3)
+    finer["displacement"][:, 1::3] = 99.0  # at no common instant
+    assert compare(finer, coarser)["displacement"].values == pytest.approx([0, 0], abs=1e-15)
+    one = compare(cases(), cases().sel(alpha=1.0))
+    assert one["displacement"].values == pytest.approx([0.5, 0.0])
+
+
+def test_what_cannot_be_compared_is_said() -> None:
+    with pytest.raises(ValueError, match="no result in common"):
+        compare(cases()[["processor_time"]], cases())
+    with pytest.raises(ValueError, match="no `alpha` in common"):
+        compare(cases(), cases(1.0, 0.1, (7.0,)).sel(alpha=[7.0]))
+    late = cases().assign_coords(t=cases()["t"] + 0.05)
+    with pytest.raises(ValueError, match="no two samples `t` in common"):
+        compare(cases(), late)
+
+
+def test_a_comparison_with_the_exact_case_is_the_error_in_the_archive(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    axes = {"scheme": ["event_driven", "moreau"], "h": [1e-5, 2e-5], "e": None, "alpha": [0.0, 5.0]}
+    output = {"histories": ["displacement", "temperature", "impulse"]}
+    study = quick(axes, reference={"scheme": "event_driven"}, output=output, scene={"load.frequency": 250.0})
+    run_study(study, tmp_path / "a.nc", threads=1)
+    with open_archive(tmp_path / "a.nc") as archive:
+        differences = compare(archive, archive.sel(scheme="event_driven").isel(h=0))
+        for name in ("displacement", "temperature", "impulse"):
+            error = archive[f"{name}_error"].transpose(*differences[name].dims)
+            assert float(error.max()) > 1e-6
+            assert differences[name].values == pytest.approx(error.values, rel=1e-9, abs=1e-15)
+
+
+def test_growth_of_the_impulse_is_of_the_last_complete_period_over_the_first() -> None:
+    nan = np.nan
+    impulse = [[2.0, 3.0, 5.0], [2.0, 3.0, nan], [2.0, nan, nan], [0.0, 1.0, 2.0], [nan, nan, nan]]
+    growth = impulse_growth(xr.Dataset({"period_impulse": (("case", "period"), impulse)}))
+    assert growth == pytest.approx([2.5, 1.5, nan, nan, nan], nan_ok=True)
+    assert impulse_growth(xr.Dataset({"period_impulse": (("case", "period"), [[1.0]])})) is None
+    assert impulse_growth(xr.Dataset()) is None
+
+
+@given(value=st.floats(allow_nan=False, allow_infinity=False))
+def test_a_printed_number_is_the_number(value: float) -> None:
+    """Up to the rounding of a sum: an opened archive finds it, and nobody reads 3.0000000000000004."""
+    assert float(exact(value)) == pytest.approx(value, rel=1.01e-14, abs=0)
+    assert exact(np.float64(value)) == exact(value)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.1 * 3 + 2.7, "3"), (1.1 * 3, "3.3"), (-0.1 - 0.2, "-0.3"), (1e-6 * 3, "3e-06")]
+)
+def test_rounding_of_a_sum_is_not_printed(value: float, text: str) -> None:
+    assert exact(value) == text
+
+
+def test_numbers_are_as_short_as_they_can_be() -> None:
+    values = [1e-6, 3.16227766017e-05, 1e-4, 0.5, 30.0, 1e9]
+    assert [exact(value) for value in values] == ["1e-06", "3.16227766017e-05", "0.0001", "0.5", "30", "1e+09"]
+    assert exact(np.int64(3)) == "3"
+    assert exact("moreau") == "moreau"
+
+
+def test_pictures_round_to_digits_that_tell_values_apart() -> None:
+    alike = [1.00001e-5, 1.00002e-5], ["1.00001e-05 s", "1.00002e-05 s"]
+    for values, texts in (([3.16227766017e-05], ["3.162e-05 s"]), alike):
+        dataset = xr.Dataset(coords={"h": ("h", values, {"units": "s"})})
+        assert labels_of(dataset, "h", named=False, rounded=True) == texts
+        assert labels_of(dataset, "h", rounded=True) == [f"h {text}" for text in texts]
+
+
+def archive() -> xr.Dataset:
+    """Two schemes and three steps in two scenes; the second scene's error is twice as large."""
+    h, gap = np.array([1e-5, 1e-4, 1e-3]), np.array([1e-5, 2e-5])
+    dims, shape = ("scheme", "h", "gap"), (2, 3, 2)
+    error = np.array([1.0, 10.0])[:, None, None] * h[:, None] * np.array([1.0, 2.0])
+    status = np.zeros(shape, dtype=np.int8)
+    status[1, 2, 0] = 1
+    values = {"impulse_error": error, "temperature_error": 3 * error, "displacement_error": 0 * error}
+    return xr.Dataset(
+        {
+            **{name: (dims, value) for name, value in values.items()},
+            "status": (dims, status),
+            "processor_time": (dims, np.broadcast_to(np.array([3e-8, 1e-8])[:, None, None] / h[:, None], shape)),
+        },
+        coords={"scheme": ["fine", "rough"], "h": h, "gap": gap, "alpha": 30.0},
+        attrs={"duration": 2.0},
+    )
+
+
+def test_cost_and_error_of_known_choices() -> None:
+    work = work_precision(archive())
+    assert work["error"].dims == ("scheme", "h")
+    assert work["error"].sel(scheme="fine").values == pytest.approx([6e-5, 6e-4, 6e-3])
+    assert work["error"].sel(scheme="rough").values == pytest.approx([6e-4, 6e-3, np.nan], nan_ok=True)
+    assert work["cost"].sel(scheme="fine").values == pytest.approx([3e-3, 3e-4, 3e-5])
+    assert (work["cost_per_second"] * 2).values == pytest.approx(work["cost"].values)
+    assert work["efficient"].values.tolist() == [[True, True, True], [False, False, False]]
+    assert "gap" not in work.coords
+    assert float(work["alpha"]) == 30.0
+    impulse = work_precision(archive(), "impulse_error")
+    assert impulse["error"].sel(scheme="fine").values == pytest.approx([2e-5, 2e-4, 2e-3])
+
+
+def test_what_is_missing_is_said() -> None:
+    with pytest.raises(NoReferenceError, match="no `reference`"):
+        work_precision(archive().drop_vars("impulse_error"))
+    with pytest.raises(ValueError, match=r"no `force_error`; give one of displacement_error"):
+        work_precision(archive(), "force_error")
