@@ -1,7 +1,5 @@
 """event_driven with several contacts: scenes solved in 80 bits by another program, closed forms, uncoupled copies."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -65,7 +63,6 @@ def run(own: Matrices, gaps: Any, times: Any, **given: Any) -> Results:
     cases = Cases(
         **values,
         gap=gaps[:, 0],
-        **{name: np.zeros(1) for name in ("amplitude", "frequency", "phase")},
         **rows,
         heating=zero,
         temperature=zero,
