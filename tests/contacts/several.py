@@ -63,7 +63,7 @@ def of_entries(entries: dict[str, Any], damping: Rayleigh) -> Structure:
         angle=np.ravel(entries.get("angle", np.zeros(count))).astype(float),
         **{field: entries.get(name) for field, name in residuals.items()},
     )
-    load = own.displacement_basis.T @ entries["load"] if "load" in entries else None
+    load = own.displacement_basis.T @ entries.get("load", np.zeros(size))
     return replace(structure, contacts=contacts, load=load)
 
 

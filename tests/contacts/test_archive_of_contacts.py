@@ -10,14 +10,14 @@ import pytest
 import xarray as xr
 from plain_contacts import place
 from scenes_of_contacts import AXES, OUTPUT, SCENE, chain, study
-from workflow.grid import arrange, case_hashes, plan_study
-from workflow.grid._conditions import conditions
-from workflow.grid._operators import full_structure
 
 from workflow import compare
 from workflow.analysis import casing_motion, contact_phases, most_loaded, standings
 from workflow.archive import content_hash, open_archive, provenance
+from workflow.cases import arrange, case_hashes, full_structure
+from workflow.cases._conditions import conditions
 from workflow.models import Cases
+from workflow.plan import plan_study
 from workflow.plots import histories
 from workflow.report import write_report
 from workflow.run import run_study

@@ -45,7 +45,7 @@ def test_one_contact_is_stepped_as_by_the_scheme_of_one(theta: float) -> None:
 def two_stops(e: float, **more: Any) -> Cases:
     """One mass between two stops without a spring of its own: it flies from one to the other."""
     zero = np.zeros(1)
-    given: dict[str, Any] = dict.fromkeys(("alpha", "gap", "mean", "amplitude", "frequency", "phase"), zero)
+    given: dict[str, Any] = dict.fromkeys(("alpha", "gap", "mean"), zero)
     states = {"steady": zero[None], "heating": zero[None], "displacement": zero[None], "temperature": zero[None]}
     gaps, turns = np.array([[0.4, 0.25]]), np.zeros((1, 2, 0))
     return Cases(**given, **states, e=np.array([e]), velocity=np.ones((1, 1)), gaps=gaps, turns=turns, **more)

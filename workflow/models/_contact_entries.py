@@ -74,12 +74,10 @@ def is_several(entries: Entries, chosen: ChosenContacts) -> bool:
     if isinstance(chosen.contact, tuple):
         return len(chosen.contact) > 1
     name = chosen.contact if isinstance(chosen.contact, str) and chosen.contact in entries else "contact"
-    return (
-        (chosen.contact is None or name != "contact")
-        and name in entries
-        and np.ndim(entries[name]) == 2
-        and len(entries[name]) > 1
-    )
+    if (chosen.contact is not None and name == "contact") or name not in entries or "mass" not in entries:
+        return False
+    rows, size = np.shape(entries[name]), np.shape(entries["mass"])[-1:]
+    return len(rows) == 2 and rows[0] > 1 and rows[1:] == size  # a column is one contact
 
 
 def contacts_of(entries: Entries, chosen: ChosenContacts, labels: Sequence[str], sizes: tuple[int, int]) -> Contacts:
