@@ -183,11 +183,10 @@ def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
 
 
 def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
-    """Refuse what is of one contact where a structure has several."""
-    if not cases.contacts:
+    """Refuse what is of one contact with mass where a structure has several, or one without."""
+    if sizes.structure is None or sizes.structure.contacts is None:
         return
-    assert sizes.structure is not None
-    several = f"and the structure has {len(cases.contacts)} contacts"
+    several = f"and the structure has {len(cases.contacts)} contacts" if cases.contacts else "and it has no mass"
     axis = f"scene.{cases.scene.model}.contact"
     if axis in source.axes:
         yield source.axes[axis], f"is an axis, {several}", "write a study for each choice of contacts"
