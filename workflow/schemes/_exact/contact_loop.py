@@ -578,6 +578,9 @@ def _stop(structure: Contacting, case: ContactCase, record: Record, own: Memory)
     if solve_in_place(a, size):
         for r in range(size):
             own.impulse[r] = a[r, size]
+            for c in range(own.wanted.size):
+                if own.kinds[c] == _LEAVING:
+                    own.approach[c] -= _operator(structure, case, c, own.members[r]) * own.impulse[r]
         _apply(structure, case, record, own, size, False)
 
 
