@@ -48,7 +48,7 @@ def test_a_share_widens_gaps_and_takes_as_much_of_loads(share: float) -> None:
     other = perturbed(one, share, 3.0)
     np.testing.assert_allclose(other.gap - gap, 3.0 * share, rtol=1e-6)
     np.testing.assert_allclose(other.mean - mean, -8.0 * share, rtol=1e-6)
-    np.testing.assert_allclose(other.amplitude - 8.0, -8.0 * share, rtol=1e-6)
+    np.testing.assert_allclose(other.load_harmonics.amplitude - 8.0, -8.0 * share, rtol=1e-6)
     on = cases(lump, 3, displacement=one.casing_at(0.0)[:, None], gap=gap, casing_harmonics=sway)
     start = perturbed(on, share, 0.0)
     assert np.all(start.displacement[:, -1] <= start.casing_at(0.0))

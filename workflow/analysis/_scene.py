@@ -71,7 +71,8 @@ def period_frequency(case: xr.Dataset, scene: Mapping[str, Any]) -> float:
     try:
         scene = _of_case(case, scene)
         speed, load = float(scene.get("speed", 0.0)), scene["load"]
-        own = models.Harmonics(*(np.full((1, 1), float(load.get(name, 0.0))) for name in HARMONIC))
+        amplitude, frequency = (np.full((1, 1), float(load[name])) for name in ("amplitude", "frequency"))
+        own = models.Harmonics(amplitude, frequency, np.zeros((1, 1)))
         listed, casing = (_harmonics(scene.get(group, {}).get("harmonics", []), speed) for group in ("load", "casing"))
         return float(models.period_frequency(own.joined(listed), casing)[0])
     except (ValueError, TypeError, KeyError, IndexError, AttributeError):

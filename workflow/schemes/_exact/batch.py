@@ -118,43 +118,57 @@ def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Resu
     return batch.results()
 
 
+def record_of(cases: Cases, sampling: Sampling, periods: NDArray[np.int64]) -> Record:
+    """Return the arrays of results of a batch, with an axis of contacts where they are several."""
+    numbers, each = np.arange(1, int(periods.max(initial=0)) + 1), cases.contact_shape
+    with np.errstate(divide="ignore", invalid="ignore"):  # of constant loads
+        ends = np.where(numbers <= periods[:, None], numbers / cases.period_frequency[:, None], np.inf)
+    return Record(
+        sampling.times,
+        ends,
+        histories=np.full((cases.count, len(HISTORIES), *each, sampling.count), np.nan),
+        periods=np.full((cases.count, 7, *each, numbers.size), np.nan),
+        tally=np.zeros((cases.count, *each), dtype=TALLY),
+        events=np.zeros((0, 0)),
+    )
+
+
+def status_of(ended: NDArray[np.int64]) -> NDArray[np.int8]:
+    """Return the status of cases by how they ended."""
+    status = np.where(ended == COMPLETED, Status.OK, Status.FAILED).astype(np.int8)
+    status[ended == NO_IMPACT_LAW] = Status.ILL_POSED
+    status[ended == NOT_FINITE] = Status.DIVERGED
+    return status
+
+
+def results_of(record: Record, cases: Cases, counted: NDArray[np.int64], **others: Any) -> Results:
+    """Return the results of a record, its load periods ``counted``, and what it does not hold."""
+    periods, frequency = record.periods, cases.period_frequency
+    return Results(
+        histories={name: record.histories[:, k].copy() for k, name in enumerate(HISTORIES)},
+        period_impulse=periods[:, 0].copy(),
+        period_temperature=periods[:, 1].copy(),
+        period_contact=periods[:, 2] * frequency.reshape(-1, *(1,) * (periods.ndim - 2)),
+        sections=sections_of(periods[:, 3:], counted, record.histories[:, :3, ..., 0]),
+        **others,
+    )
+
+
 class BatchRun:
     """The conditions of the cases of a batch and the arrays of their results."""
 
     def __init__(self, operator: ExactOperator, cases: Cases, sampling: Sampling):
         self.operator, self.cases, self.sampling = operator, cases, sampling
         self.conditions, self.ended = conditions_of(operator, cases, sampling.duration), np.full(cases.count, INVALID)
-        self.frequency = cases.period_frequency
-        self.periods = complete_periods(self.frequency, sampling)
-        numbers = np.arange(1, int(self.periods.max(initial=0)) + 1)
-        with np.errstate(divide="ignore", invalid="ignore"):  # of constant loads
-            ends = np.where(numbers <= self.periods[:, None], numbers / self.frequency[:, None], np.inf)
-        self.record = Record(
-            sampling.times,
-            ends,
-            histories=np.full((cases.count, len(HISTORIES), sampling.count), np.nan),
-            periods=np.full((cases.count, 7, numbers.size), np.nan),
-            tally=np.zeros(cases.count, dtype=TALLY),
-            events=np.zeros((0, 0)),
-        )
+        self.periods = complete_periods(cases.period_frequency, sampling)
+        self.record = record_of(cases, sampling, self.periods)
 
     def results(self) -> Results:
         """Return the results of the batch."""
-        status = np.where(self.ended == COMPLETED, Status.OK, Status.FAILED).astype(np.int8)
-        status[self.ended == NO_IMPACT_LAW] = Status.ILL_POSED
-        status[self.ended == NOT_FINITE] = Status.DIVERGED
-        histories = {name: self.record.histories[:, k].copy() for k, name in enumerate(HISTORIES)}
-        periods = self.record.periods
-        return Results(
-            histories=histories,
-            metrics=self._metrics(status == Status.OK, histories["displacement"]),
-            period_impulse=periods[:, 0].copy(),
-            period_temperature=periods[:, 1].copy(),
-            period_contact=periods[:, 2] * self.frequency[:, None],
-            status=status,
-            messages=self._messages(),
-            sections=sections_of(periods[:, 3:], self.periods, self.record.histories[:, :3, 0]),
-        )
+        status = status_of(self.ended)
+        metrics = self._metrics(status == Status.OK, self.record.histories[:, 0])
+        given = {"metrics": metrics, "status": status, "messages": self._messages()}
+        return results_of(self.record, self.cases, self.periods, **given)
 
     def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:
         """Return the metrics; those of cases that did not complete are NaN, except ``steps``."""
@@ -180,8 +194,11 @@ class BatchRun:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
-def _loads_of(cases: Cases) -> tuple[Array, Array, Array, NDArray[np.int64]]:
-    """Return F0, d0, waves and their number: a sinusoid of frequency 0 is a constant, one of amplitude 0 left out."""
+def loads_of(cases: Cases) -> tuple[Array, Array, Array, NDArray[np.int64], NDArray[np.int64]]:
+    """Return F0, d0, waves, their number, and which harmonic of load and casing each wave is.
+
+    A sinusoid of frequency 0 is a constant, one of amplitude 0 left out.
+    """
     amplitude, frequency, phase = cases.load_harmonics.joined(cases.casing_harmonics).rows
     moves = np.arange(amplitude.shape[1]) >= cases.load_harmonics.width  # the casing
     constants = np.where((amplitude != 0) & (frequency == 0), amplitude * elementwise.sine_cosine(phase)[0], 0.0)
@@ -191,7 +208,7 @@ def _loads_of(cases: Cases) -> tuple[Array, Array, Array, NDArray[np.int64]]:
     first = np.argsort(~acts, axis=1, kind="stable")[:, : int(acts.sum(axis=1).max(initial=0))]
     waves = np.take_along_axis(np.where(acts[:, :, None], waves, 0.0), first[:, :, None], axis=1)
     mean, gap = (_added(own, constants[:, moves == is_casing]) for is_casing, own in enumerate((cases.mean, cases.gap)))
-    return mean, gap, waves, acts.sum(axis=1)
+    return mean, gap, waves, acts.sum(axis=1), first
 
 
 def _added(constant: Array, terms: Array) -> Array:
@@ -206,7 +223,7 @@ def _added(constant: Array, terms: Array) -> Array:
 def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Case:
     """Return the conditions of cases over a time [s], without held regimes: an impulse moves modes by φᵀ(e_n - µ t)."""
     basis, alpha, friction = operator.basis, cases.alpha[:, None], cases.friction[:, None]
-    mean, gap, waves, acting = _loads_of(cases)
+    mean, gap, waves, acting, _ = loads_of(cases)
     struck, casing = basis.tip - friction * basis.tangent, waves[:, :, wave.CASING]
     sin, cos = elementwise.sine_cosine(waves[:, :, wave.PHASE])
     turning = waves[:, :, wave.OMEGA] * (casing * cos)

@@ -12,14 +12,22 @@ from numpy.typing import NDArray
 
 from workflow.kernels import elementwise
 from workflow.models import Array, Cases, ContactBasis, Structure, analyse_contacts, distinct_rows, project
-from workflow.schemes._exact.batch import InseparablePolesError, failure_text
+from workflow.schemes._exact.batch import (
+    InseparablePolesError,
+    failure_text,
+    loads_of,
+    record_of,
+    results_of,
+    status_of,
+)
 from workflow.schemes._exact.closed_sets import fill_set, row_length
 from workflow.schemes._exact.contact_loop import PROGRESS, run_contacts
 from workflow.schemes._exact.contact_motion import ContactCase, Contacting, Memory, contacting, memory
-from workflow.schemes._exact.event_loop import COMPLETED, INSEPARABLE, INVALID, NO_IMPACT_LAW, NOT_FINITE
+from workflow.schemes._exact.event_loop import COMPLETED, INSEPARABLE, INVALID, NO_IMPACT_LAW
 from workflow.schemes._exact.layout import Budget
-from workflow.schemes._exact.record import TALLY, Record
-from workflow.schemes._interface import HISTORIES, Results, Sampling, Status, complete_periods, sections_of
+from workflow.schemes._exact.record import Record
+from workflow.schemes._exact.tables import wave
+from workflow.schemes._interface import Results, Sampling, complete_periods
 
 TOO_MANY_SETS = -2
 """How a case ended that meets more sets of closed contacts than are kept."""
@@ -106,10 +114,10 @@ def make_contact_operator(structure: Structure, budget: Budget) -> ContactOperat
 
 def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Sampling) -> Results:
     """Run all cases that are finite, those of one α and µ after each other, as they share sets."""
-    frequency = cases.period_frequency
-    periods = complete_periods(frequency, sampling)
-    basis = operator.basis
-    record = _record_of(cases, basis, sampling, frequency, periods)
+    periods = complete_periods(cases.period_frequency, sampling)
+    basis, record = operator.basis, record_of(cases, sampling, periods)
+    record.tally["next_sample"] = 1
+    _fill_first_sample(record, basis, cases)
     progress, ended = np.zeros(cases.count, dtype=PROGRESS), np.full(cases.count, INVALID)
     modal = np.full((cases.count, basis.size), np.nan)
     finite = np.flatnonzero(cases.finite)
@@ -122,7 +130,14 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
         own = conditions.modal[which]
         modal[which, : own.shape[1]] = own
         modal[which, own.shape[1] :] = 0.0
-    return _results(operator, cases, sampling, record, progress, ended, modal, periods)
+    return results_of(
+        record,
+        cases,
+        periods,
+        metrics=_metrics(operator, cases, sampling, record, progress, ended == COMPLETED, modal),
+        status=status_of(ended),
+        messages={int(i): _failure(int(ended[i]), progress[i], operator) for i in np.flatnonzero(ended != COMPLETED)},
+    )
 
 
 def _march(
@@ -137,6 +152,15 @@ def _march(
 ) -> None:
     """March cases of one α and µ; the kernel stops at each set that is not known yet, which is made."""
     rows, closed = table.known()
+    contacts = operator.basis.contacts.count
+    record = Record(
+        record.times,
+        record.period_ends,
+        record.histories.reshape(*record.histories.shape[:2], contacts, -1),
+        record.periods.reshape(*record.periods.shape[:2], contacts, record.periods.shape[-1]),
+        record.tally.reshape(-1, contacts),
+        record.events,
+    )
     own, at = memory(operator.bases[heated], conditions.waves.shape[1], max(8, len(closed))), 0
     while True:
         own = _with_room(own, len(closed))
@@ -171,121 +195,69 @@ def _with_room(own: Memory, sets: int) -> Memory:
     return own._replace(tables=tables, filled=np.concatenate([own.filled, np.zeros(more, dtype=np.bool_)]))
 
 
-def _record_of(
-    cases: Cases, basis: ContactBasis, sampling: Sampling, frequency: Array, periods: NDArray[np.int64]
-) -> Record:
-    """Return the arrays of results, with the first sample, the initial state."""
-    numbers, contacts = np.arange(1, int(periods.max(initial=0)) + 1), basis.contacts.count
-    with np.errstate(divide="ignore", invalid="ignore"):  # of constant loads
-        ends = np.where(numbers <= periods[:, None], numbers / frequency[:, None], np.inf)
-    histories = np.full((cases.count, contacts, len(HISTORIES), sampling.count), np.nan)
-    tally = np.zeros((cases.count, contacts), dtype=TALLY)
+def _fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> None:
+    """Write the initial state."""
     rows = basis.contacts.normal, basis.contacts.normal, basis.contacts.heat
     for k, (row, states) in enumerate(zip(rows, (cases.displacement, cases.velocity, cases.temperature), strict=True)):
-        histories[:, :, k, 0] = project(row, states)
-    histories[:, :, 3, 0] = 0.0
-    tally["next_sample"] = 1
-    return Record(
-        sampling.times,
-        ends,
-        histories=histories,
-        periods=np.full((cases.count, contacts, 7, numbers.size), np.nan),
-        tally=tally,
-        events=np.zeros((0, 0)),
-    )
+        record.histories[:, k, ..., 0] = project(row, states).reshape(record.tally.shape)
+    record.histories[:, 3, ..., 0] = 0.0
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
 def conditions_of(basis: ContactBasis, cases: Cases, duration: float) -> ContactCase:
     """Return the conditions of cases over a time [s]: a sinusoid of frequency 0 is a constant."""
-    gaps, turns = cases.gaps, cases.turns
-    m = basis.contacts.count
-    if gaps.shape[1] == 0:  # one contact
-        gaps, turns = cases.gap[:, None], np.zeros((cases.count, 1, cases.casing_harmonics.width))
-    load = np.stack(cases.load_harmonics.rows)
-    places = np.stack(cases.casing_harmonics.rows)
-    count = load.shape[2] + places.shape[2]
-    amplitude, frequency, phase = np.concatenate([load, places], axis=2)
-    waves = np.stack([2 * np.pi * frequency, phase, amplitude, np.zeros_like(phase)], axis=2)
-    waves[:, load.shape[2] :, 2] = 0.0
-    casing = np.zeros((cases.count, count, 2, m))
-    sin, cos = (np.moveaxis(each.reshape(turns.shape), 1, 2) for each in elementwise.sine_cosine(turns.ravel()))
-    casing[:, load.shape[2] :, 0], casing[:, load.shape[2] :, 1] = (places[0][:, :, None] * each for each in (sin, cos))
-    still = (amplitude != 0) & (frequency == 0)
-    sin, cos = elementwise.sine_cosine(phase)
-    mean = cases.mean + np.where(still[:, : load.shape[2]], load[0] * sin[:, : load.shape[2]], 0.0).sum(axis=1)
-    fixed = np.where(still[:, :, None], casing[:, :, 0] * cos[:, :, None] + casing[:, :, 1] * sin[:, :, None], 0.0)
-    acts = (amplitude != 0) & (frequency != 0)
-    order = np.argsort(~acts, axis=1, kind="stable")[:, : int(acts.sum(axis=1).max(initial=0))]
-    waves = np.take_along_axis(np.where(acts[:, :, None], waves, 0.0), order[:, :, None], axis=1)
-    reach = (np.abs(gaps) + np.abs(places[0]).sum(axis=1)[:, None]).max(axis=1)
-    casing = np.take_along_axis(np.where(acts[:, :, None, None], casing, 0.0), order[:, :, None, None], axis=1)
-    rest = np.zeros((cases.count, 2 * m))
+    mean, _, waves, acting, which = loads_of(cases)
+    own, m = cases.casing_harmonics, basis.contacts.count
+    turns = cases.turns if cases.turns.shape[1] else np.zeros((cases.count, 1, own.width))
+    phase = turns + own.phase[:, None]
+    still = np.where(own.frequency == 0, own.amplitude, 0.0)[:, None] * _sine_cosine(phase)[0]
+    ahead = np.concatenate([np.zeros((cases.count, m, cases.load_harmonics.width)), turns], axis=2)
+    sin, cos = _sine_cosine(np.take_along_axis(ahead, which[:, None], axis=2).swapaxes(1, 2))
+    casing = waves[:, :, wave.CASING, None, None] * np.stack([sin, cos], axis=2)
     states = [project(basis.to_modes, cases.displacement), project(basis.to_modes, cases.velocity)]
+    loads = [project(basis.shapes.T, cases.steady), project(basis.heat_shapes.T, cases.heating), mean[:, None]]
     return ContactCase(
         e=np.array(cases.e),
         alpha=np.array(cases.alpha),
         friction=np.array(cases.friction),
-        constant=np.hstack(
-            [
-                project(basis.shapes.T, cases.steady),
-                project(basis.heat_shapes.T, cases.heating),
-                mean[:, None],
-                gaps + fixed.sum(axis=1),
-                rest,
-            ]
-        ),
+        constant=np.hstack([*loads, cases.clearances + still.sum(axis=2), np.zeros((cases.count, 2 * m))]),
         waves=waves,
-        acting=acts.sum(axis=1),
+        acting=acting,
         casing=casing,
         modal=np.hstack([*states, project(basis.to_thermal, cases.temperature)]),
-        reach=reach,
+        reach=np.abs(cases.clearances).max(axis=1) + own.reach,
         duration=duration,
     )
 
 
-def _results(
+def _sine_cosine(angle: Array) -> tuple[Array, Array]:
+    """Return sine and cosine of angles of any shape."""
+    sin, cos = elementwise.sine_cosine(angle.ravel())
+    return sin.reshape(angle.shape), cos.reshape(angle.shape)
+
+
+def _metrics(
     operator: ContactOperator,
     cases: Cases,
     sampling: Sampling,
     record: Record,
     progress: Any,
-    ended: NDArray[np.int64],
+    completed: NDArray[np.bool_],
     modal: Array,
-    periods: NDArray[np.int64],
-) -> Results:
-    """Return the results of the batch; those of one contact have no axis of contacts."""
-    completed, tally, basis = ended == COMPLETED, record.tally, operator.basis
-    status = np.where(completed, Status.OK, Status.FAILED).astype(np.int8)
-    status[ended == NO_IMPACT_LAW] = Status.ILL_POSED
-    status[ended == NOT_FINITE] = Status.DIVERGED
-    each = (slice(None), 0) if basis.contacts.count == 1 else (slice(None),)
-    histories = {name: record.histories[:, :, k].copy()[each] for k, name in enumerate(HISTORIES)}
-    metrics = {name: np.where(completed[:, None], tally[name], np.nan)[each] for name in METRICS_OF_CONTACTS}
-    metrics["max_penetration"] = _penetration(basis, cases, record.histories[:, :, 0], sampling)[each]
-    metrics["releases"] = np.where(completed, tally["releases"].sum(axis=1), np.nan)
+) -> dict[str, Array]:
+    """Return the metrics, those of contacts ``(case, contact)``; those of cases that did not complete are NaN."""
+    tally, basis = record.tally, operator.basis
+    each = completed.reshape(-1, *(1,) * (tally.ndim - 1))
+    metrics = {name: np.where(each, tally[name], np.nan) for name in ("impacts", "contact_time", "max_temperature")}
+    depth = _penetration(basis, cases, record.histories[:, 0].reshape(cases.count, basis.contacts.count, -1), sampling)
+    metrics["max_penetration"] = depth.reshape(tally.shape)
+    releases = tally["releases"].reshape(cases.count, -1).sum(axis=1)
+    metrics["releases"] = np.where(completed, releases, np.nan)
     metrics["steps"] = np.where(progress["steps"] > 0, progress["steps"], np.nan)
     for name in ("energy_residual", "heat_residual") if sampling.balances else ():
         metrics[name] = np.full(cases.count, np.nan)  # of steps; there are none
     growth = project(_static_growth(basis), modal[:, 2 * basis.frequency.size :]).max(axis=1)
-    metrics["thermal_closing"] = np.where(completed, growth, np.nan)
-    rows = record.periods
-    rows[:, :, 2] *= cases.period_frequency[:, None, None]
-    starts = record.histories[:, :, :3, 0]
-    sections = [sections_of(rows[:, c, 3:], periods, starts[:, c]) for c in range(basis.contacts.count)]
-    return Results(
-        histories=histories,
-        metrics=metrics,
-        period_impulse=rows[:, :, 0].copy()[each],
-        period_temperature=rows[:, :, 1].copy()[each],
-        period_contact=rows[:, :, 2].copy()[each],
-        status=status,
-        messages={int(i): _failure(int(ended[i]), progress[i], operator) for i in np.flatnonzero(~completed)},
-        sections={name: np.stack([own[name] for own in sections], axis=1)[each] for name in sections[0]},
-    )
-
-
-METRICS_OF_CONTACTS = ("impacts", "contact_time", "max_temperature")
+    return metrics | {"thermal_closing": np.where(completed, growth, np.nan)}
 
 
 def _failure(ended: int, progress: Any, operator: ContactOperator) -> str:

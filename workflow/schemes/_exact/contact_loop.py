@@ -225,8 +225,8 @@ def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, 
         mine = Record(
             record.times,
             record.period_ends,
-            record.histories[c],
-            record.periods[c],
+            record.histories[:, c],
+            record.periods[:, c],
             record.tally[c],
             record.events,
         )
@@ -244,8 +244,8 @@ def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, 
         mine = Record(
             record.times,
             record.period_ends,
-            record.histories[c],
-            record.periods[c],
+            record.histories[:, c],
+            record.periods[:, c],
             record.tally[c],
             record.events,
         )
