@@ -120,7 +120,7 @@ class InContact:
             return np.abs(moved) / size, each.max(axis=(0, 1), initial=0.0)
 
     def shifted_modes(self, alpha: Array) -> Iterator[tuple[InContact, Complex, NDArray[np.intp]]]:
-        """Yield systems of modes with poles that contact heat shifts, at most the strongest, the others, and which α.
+        """Yield systems of modes that contact heat shifts or acts by, at most the strongest, other poles, and which α.
 
         A larger α shifts the same modes and weaker ones: so many of each kind say which they are.
         """
