@@ -103,27 +103,32 @@ class InContact:
         return np.append(poles(self.modes[0], self.modes[1]), -self.heat[0])
 
     @cached_property
-    def relative_shifts(self) -> Array:
-        """Relative shift of each pole by contact heat per α, to first order: residues of G over poles."""
+    def relative_shifts(self) -> tuple[Array, Array]:
+        """Relative shift by contact heat per α to first order, residues of G over poles.
+
+        Of each pole; then the largest that each thermal mode gives a mechanical pole: it may do so and keep its own.
+        """
         omega, damping, participation, drag = self.modes[:, :, None]
         decay, tip, static = self.heat
-        s = self.poles[: 2 * omega.size].reshape(-1, 2)
-        with np.errstate(divide="ignore", invalid="ignore"):  # of a pole at a thermal rate, of critical damping
-            driven = ((self.coupling * tip)[:, None] / (s[:, :, None] + decay)).sum(axis=2)
-            moved = np.nan_to_num(s * (participation * s + drag) * driven / (2 * s + damping))
-        rest = decay * (decay - damping) + omega**2
-        follows = np.divide(decay * (participation * decay - drag), rest, out=np.zeros_like(rest), where=rest != 0)
-        moved, size = np.append(moved, tip * (static + (follows * self.coupling).sum(axis=0))), np.abs(self.poles)
-        return np.asarray(np.abs(moved) / np.maximum(size, size[size > 0].min(initial=np.inf)))
+        s, size = self.poles[: 2 * omega.size].reshape(-1, 2), np.abs(self.poles)
+        size = np.maximum(size, size[size > 0].min() if size.any() else 1.0)
+        given = (s * (participation * s + drag))[:, :, None] * (self.coupling * tip)[:, None]
+        with np.errstate(all="ignore"):  # of a pole at a thermal rate, of critical damping
+            given = np.nan_to_num(given / ((2 * s + damping)[:, :, None] * (s[:, :, None] + decay)))
+            rest = decay * (decay - damping) + omega**2
+            follows = np.divide(decay * (participation * decay - drag), rest, out=np.zeros_like(rest), where=rest != 0)
+            moved = np.append(given.sum(axis=2), tip * (static + (follows * self.coupling).sum(axis=0)))
+            each = np.abs(given) / size[: s.size].reshape(-1, 2, 1)
+            return np.abs(moved) / size, each.max(axis=(0, 1), initial=0.0)
 
     def shifted_modes(self, alpha: Array) -> Iterator[tuple[InContact, Complex, NDArray[np.intp]]]:
-        """Yield systems of modes with poles that contact heat shifts, at most the strongest, the others, and which α.
+        """Yield systems of modes that contact heat shifts or acts by, at most the strongest, other poles, and which α.
 
         A larger α shifts the same modes and weaker ones: so many of each kind say which they are.
         """
-        count, each = self.modes.shape[1], self.relative_shifts
+        count, (each, given) = self.modes.shape[1], self.relative_shifts
         most = _STRONGEST if self.poles.size > _ALL_STATES else self.poles.size
-        kinds = each[: 2 * count].reshape(count, 2).max(axis=1), each[2 * count :]
+        kinds = each[: 2 * count].reshape(count, 2).max(axis=1), np.maximum(each[2 * count :], given)
         orders = [np.argsort(-kind, kind="stable")[:most] for kind in kinds]
         shifted = [alpha[:, None] * kind[o] > _ROUNDING for kind, o in zip(kinds, orders, strict=True)]
         numbers, group = np.unique([each.sum(axis=1) for each in shifted], axis=1, return_inverse=True)
@@ -227,18 +232,18 @@ def _growth(contact: InContact, alpha: Array, friction: Array) -> Growth:
     for part, others, group in contact.shifted_modes(alpha[uncoupled]):
         some = uncoupled[group]
         values = np.linalg.eigvals(part.matrices(alpha[some], friction[some])).astype(np.complex128)
-        rate[some] = np.maximum(_refined(contact, alpha[some], values), others.real.max(initial=-np.inf))
+        rate[some] = np.maximum(_refined(contact, part, alpha[some], values), others.real.max(initial=-np.inf))
         largest[some] = np.abs(values).max(axis=1, initial=np.abs(contact.poles).max())
     rate = np.maximum(rate, 0.0 if contact.has_rigid else -np.inf) + 0.0
     return Growth(np.where(np.isfinite(rate), rate, np.nan), _UNCERTAIN * largest)
 
 
-def _refined(contact: InContact, alpha: Array, spectrum: Complex) -> Array:
-    """Return the largest real part of each spectrum, refined by Newton's method on 1/G(s) = α, ``(case,)``.
+def _refined(contact: InContact, part: InContact, alpha: Array, spectrum: Complex) -> Array:
+    """Return the largest real part of each spectrum of a part, refined by Newton's method on 1/G(s) = α, ``(case,)``.
 
     An eigenvalue from which it comes to a root nearer to another one is kept: contact heat cannot shift it, so it is no
     root. Where it does not converge they are kept if the spectrum is that of all modes, else left out; NaN if none is
-    left.
+    left. Poles of the part that contact heat does not shift are exact.
     """
     order = np.argsort(np.where(spectrum.imag >= 0, -spectrum.real, np.inf), axis=1, kind="stable")[:, :_REFINED]
     starts = np.take_along_axis(spectrum, order, axis=1)
@@ -259,8 +264,13 @@ def _refined(contact: InContact, alpha: Array, spectrum: Complex) -> Array:
     found = left <= np.maximum(_CONVERGED * np.abs(roots), rounding)
     nearest = np.abs(roots[:, :, None] - spectrum[:, None]).min(axis=2, initial=np.inf)
     refined = found & (np.abs(roots - starts) <= nearest + rounding)
+    distance = np.abs(starts[:, :, None] - part.poles)
+    unshifted = (alpha[:, None] * part.relative_shifts[0] <= _ROUNDING)[:, None] & (distance <= rounding[:, :, None])
+    unshifted &= distance == distance.min(axis=1, keepdims=True, initial=np.inf)
+    exact = np.where(unshifted, part.poles.real, -np.inf).max(axis=2, initial=-np.inf)
     known = above & (found | (contact.poles.size <= _ALL_STATES))
-    rates = np.where(known, np.where(refined, roots, starts).real, -np.inf).max(axis=1, initial=-np.inf)
+    rates = np.where(known, np.where(refined, roots, starts).real, -np.inf)
+    rates = np.where(exact > -np.inf, exact, rates).max(axis=1, initial=-np.inf)
     return np.where(known.any(axis=1) | ~above.any(axis=1), rates, np.nan)
 
 

@@ -100,16 +100,17 @@ def switching_limit(structure: Structure, stiffness: float, friction: float) -> 
     tip mass on the contact spring alone. 2/ω_max is the theoretical limit of a tip that stays in contact
     (:func:`lasting_limit`), at which rounding grows already. The second is measured, as no theory of intermittent
     contact gives it: each contact that begins or ends within a step creates or dissipates some energy, and above the
-    limit their sum grows. ``tests/schemes/test_contact_limit.py`` repeats the measurement: 120 scenes of 16 cases,
-    random chains of 1 to 20 nodes, the heavy chain, the blade and reduced models, κ of 1 to 3e4 static stiffnesses
-    of the tip, with and without damper and friction heat, 50 periods of the first mode or 2e5 steps. Up to this
-    limit no case created more energy than 0.4 times its largest; at 1.5 times the limit 22 % of the
-    scenes have a case that created more than that, at 2 times 32 %, at 4 times all.
+    limit their sum grows. It was measured once, in November 2026, in 120 scenes of 16 cases: random chains of 1 to 20
+    nodes, the heavy chain, the blade and reduced models, κ of 1 to 3e4 static stiffnesses of the tip, with and without
+    damper and friction heat, 50 periods of the first mode or 2e5 steps. Up to this limit no case created more energy
+    than 0.4 times its largest; at 1.5 times the limit 22 % of the scenes have a case that created more than that, at
+    2 times 32 %, at 4 times all. ``tests/schemes/test_contact_limit.py`` repeats five scenes at the limit and four at
+    3.9 times.
 
-    With friction the casing's drive does work, so that an energy balance is no criterion.
-    ``tests/schemes/test_contact_limit_sliding.py`` measures the largest tip displacement: it stays small at an eighth
-    of the limit in 99 of 120 random structures. Of these it is at most 1.84 times as large at the limit, and more than
-    twice as large at 1.5 times the limit in 9 %, at 2 times in 21 %, at 4 times in 88 %.
+    With friction the casing's drive does work, so that an energy balance is no criterion. The largest tip displacement
+    was measured once, in November 2026, and no test repeats it: it stays small at an eighth of the limit in 99 of 120
+    random structures. Of these it is at most 1.84 times as large at the limit, and more than twice as large at 1.5
+    times the limit in 9 %, at 2 times in 21 %, at 4 times in 88 %.
     """
     modes = tip_modes(structure, friction)
     return float(min(_LASTING * lasting_limit(modes, stiffness), _SWITCHING / np.sqrt(stiffness * _mobility(modes))))
@@ -119,9 +120,10 @@ def implicit_limit(structure: Structure, stiffness: float, friction: float) -> f
     """Return the largest stable step of the θ-method with θ < 0.75 in intermittent contact, s: 0.25/√(κ W).
 
     It is stable in lasting contact, but a contact that begins or ends within a step creates energy unless the
-    method dissipates more. ``python tests/schemes/test_contact_limit.py 60 0.5`` measures it in the scenes of explicit
-    steps: with θ = ½ at most 0.31 of the largest energy is created up to this limit, more than all of it at 2 times the
-    limit in 1.7 % of the scenes, at 4 times in 13 %, at 30 times in 95 %. With θ = 0.75 nothing is created at 30 times
-    that limit, 0.24 at most at 100 times.
+    method dissipates more. It was measured once, in November 2026, in 60 of the scenes of explicit steps: with θ = ½
+    at most 0.31 of the largest energy is created up to this limit, more than all of it at 2 times the limit in 1.7 %
+    of the scenes, at 4 times in 13 %, at 30 times in 95 %. With θ = 0.75 nothing is created at 30 times that limit,
+    0.24 at most at 100 times. ``tests/schemes/test_contact_limit.py`` repeats five scenes at the limit and
+    four at 30 times with θ = ½, three at 30 times with θ = 0.75.
     """
     return float(_SWITCHING_IMPLICIT / np.sqrt(stiffness * _mobility(tip_modes(structure, friction))))
