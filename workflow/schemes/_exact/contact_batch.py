@@ -42,8 +42,9 @@ class SetTable:
     def __init__(self, basis: ContactBasis, alpha: float, friction: float):
         self.basis, self.alpha, self.friction = basis, alpha, friction
         self.most = max(1, min(MOST_SETS, MOST_BYTES // (8 * row_length(basis))))
-        self._rows = np.empty((8, row_length(basis)))
-        self._closed = np.zeros((8, basis.contacts.count), dtype=np.bool_)
+        room = min(8, self.most)
+        self._rows = np.empty((room, row_length(basis)))
+        self._closed = np.zeros((room, basis.contacts.count), dtype=np.bool_)
         self.count, self._lock = 0, Lock()
 
     def known(self) -> tuple[Array, NDArray[np.bool_]]:
@@ -262,16 +263,18 @@ def _metrics(
 
 def _failure(ended: int, progress: Any, operator: ContactOperator) -> str:
     """Return the message of a case that did not complete."""
-    if ended == TOO_MANY_SETS:
-        return (
-            f"stopped at t = {progress['time']:.6g} s: it meets more than {MOST_SETS} sets of closed contacts, or more "
-            f"than {MOST_BYTES // 2**20} MB of them; take contacts without mass, fewer contacts, or moreau"
-        )
-    if ended == NO_IMPACT_LAW:
-        names = ", ".join(operator.basis.contacts.labels)
-        return f"contact has no unique solution at t = {progress['time']:.6g} s, contacts {names}: lower the friction"
-    last = {"time": progress["time"], "speed": 0.0, "impacts": 0}
-    return failure_text(ended, last, operator.budget, 0.0)
+    at, names = f"at t = {progress['time']:.6g} s", ", ".join(operator.basis.contacts.labels)
+    own = {
+        TOO_MANY_SETS: f"stopped {at}: it meets more than {MOST_SETS} sets of closed contacts, or more than "
+        f"{MOST_BYTES // 2**20} MB of them; take contacts without mass, fewer contacts, or moreau",
+        NO_IMPACT_LAW: f"contact has no unique solution {at}, contacts {names}: lower the friction coefficient",
+        INSIDE_CASING: f"a contact starts beyond its casing, of contacts {names}",
+        OUT_OF_EVENTS: f"stopped {at} after {operator.budget.events} contact events, its budget: contacts with mass throw "
+        "each other off; take contacts without mass, or raise the scheme's option `events`",
+    }
+    if ended in own:
+        return own[ended]
+    return failure_text(ended, {"time": progress["time"], "speed": 0.0, "impacts": 0}, operator.budget, 0.0)
 
 
 def _static_growth(basis: ContactBasis) -> Array:
