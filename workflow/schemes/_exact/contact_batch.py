@@ -23,7 +23,14 @@ from workflow.schemes._exact.batch import (
 from workflow.schemes._exact.closed_sets import fill_set, row_length
 from workflow.schemes._exact.contact_loop import PROGRESS, run_contacts
 from workflow.schemes._exact.contact_motion import ContactCase, Contacting, Memory, contacting, memory
-from workflow.schemes._exact.event_loop import COMPLETED, INSEPARABLE, INVALID, NO_IMPACT_LAW
+from workflow.schemes._exact.event_loop import (
+    COMPLETED,
+    INSEPARABLE,
+    INSIDE_CASING,
+    INVALID,
+    NO_IMPACT_LAW,
+    OUT_OF_EVENTS,
+)
 from workflow.schemes._exact.layout import Budget
 from workflow.schemes._exact.record import Record
 from workflow.schemes._exact.tables import wave
@@ -269,8 +276,8 @@ def _failure(ended: int, progress: Any, operator: ContactOperator) -> str:
         f"{MOST_BYTES // 2**20} MB of them; take contacts without mass, fewer contacts, or moreau",
         NO_IMPACT_LAW: f"contact has no unique solution {at}, contacts {names}: lower the friction coefficient",
         INSIDE_CASING: f"a contact starts beyond its casing, of contacts {names}",
-        OUT_OF_EVENTS: f"stopped {at} after {operator.budget.events} contact events, its budget: contacts with mass throw "
-        "each other off; take contacts without mass, or raise the scheme's option `events`",
+        OUT_OF_EVENTS: f"stopped {at} after {operator.budget.events} contact events, its budget: contacts with mass "
+        "throw each other off; take contacts without mass, or raise the scheme's option `events`",
     }
     if ended in own:
         return own[ended]
