@@ -56,7 +56,7 @@ def test_thirty_random_structures_are_stepped_as_in_plain_matrices(massless: boo
         for name in METRICS:
             assert apart(ours.metrics[name], truth.metrics[name]) < 1e-9, (seed, name)
         touched += float((np.atleast_2d(ours.metrics["contact_time"]) > 0).mean()) / 30
-    assert touched > 0.5
+    assert touched > 0.4
 
 
 @pytest.mark.parametrize(("theta", "moving"), [(0.5, {}), (0.5, WAVES), (1.0, WAVES)])
