@@ -5,7 +5,8 @@ With w_i, t_i and s_i the rows of contact i, Ŵ = M + hθC1 + h²θ²K1 and T̂ 
     W_ij = w_iᵀ Ŵ⁻¹ (w_j - µ t_j + α hθ K12 T̂⁻¹ s_j),   0 <= p ⊥ W p - b >= 0,   b_i = w_iᵀv_free - V_i' + e u_i
 
 over the contacts with x_i - d_i + h/2 u_i >= 0, u_i = w_iᵀv - V_i. Contacts without mass have
-0 <= p ⊥ (hθ W + (R - µ R^t)/h) p - (x_free - d') >= 0 instead, λ = p/h, and x_i takes -(R - µ R^t) λ besides.
+0 <= p ⊥ (hθ W + (R - µ R^t)/h + α r T̂⁻¹ s) p - (x_free - d') >= 0 instead, λ = p/h, and x_i takes
+-(R - µ R^t) λ - r T besides.
 """
 
 from __future__ import annotations
@@ -108,6 +109,7 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
     flexibility = contacts.flexibility(friction) if contacts.is_massless else np.zeros((count, count))
     along = np.zeros(count) if contacts.residual_load is None else contacts.residual_load
     x, v, T = cases.displacement[case], cases.velocity[case], cases.temperature[case]
+    expands = np.zeros((count, T.size)) if contacts.residual_coupling is None else contacts.residual_coupling
 
     def load(t: float) -> float:
         return float(cases.take(slice(case, case + 1)).load_at(t)[0])
@@ -115,14 +117,14 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
     def force(t: float) -> Array:
         return np.asarray(load(t) * structure.load_direction + cases.steady[case])
 
-    def elastic(t: float, impulse: Array) -> Array:
-        return np.asarray(along * load(t) - flexibility @ impulse / h)
+    def elastic(t: float, impulse: Array, T: Array) -> Array:
+        return np.asarray(along * load(t) - flexibility @ impulse / h - expands @ T)
 
     pressed = np.zeros(count)
     if contacts.is_massless:
-        pressed = h * complementary(flexibility, w @ x + elastic(0.0, pressed) - place(cases, case, 0.0))
+        pressed = h * complementary(flexibility, w @ x + elastic(0.0, pressed, T) - place(cases, case, 0.0))
     r, V = w @ x - place(cases, case, 0.0), speed(cases, case, 0.0, h, theta)
-    impulses, path = [np.zeros(count)], [(w @ x + elastic(0.0, pressed), w @ v, contacts.heat @ T, T)]
+    impulses, path = [np.zeros(count)], [(w @ x + elastic(0.0, pressed, T), w @ v, contacts.heat @ T, T)]
     for k in range(steps):
         T_new = np.linalg.solve(T_hat, C2 @ T - h * (1 - theta) * K2 @ T + h * cases.heating[case])
         right = M @ v - h * (1 - theta) * C1 @ v - h * K1 @ (x + h * theta * (1 - theta) * v)
@@ -131,8 +133,9 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
         free, ahead = np.linalg.solve(W_hat, right), speed(cases, case, (k + 1) * h, h, theta)
         p, end = np.zeros(count), (k + 1) * h
         if contacts.is_massless:
-            over = w @ (x + h * (theta * free + (1 - theta) * v)) + elastic(end, p) - place(cases, case, end)
-            p = complementary(h * theta * delassus + flexibility / h, over)
+            over = w @ (x + h * (theta * free + (1 - theta) * v)) + elastic(end, p, T_new)
+            law = h * theta * delassus + flexibility / h + alpha * expands @ warm
+            p = complementary(law, over - place(cases, case, end))
         else:
             u = w @ v - V
             active = np.flatnonzero(r + h / 2 * u >= 0)
@@ -143,7 +146,7 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
         r, V = r + h * (theta * (w @ v_new - ahead) + (1 - theta) * (w @ v - V)), ahead
         v = v_new
         impulses.append(p)
-        path.append((w @ x + elastic(end, p), w @ v, contacts.heat @ T, T))
+        path.append((w @ x + elastic(end, p, T), w @ v, contacts.heat @ T, T))
     displacement, velocity, temperature, whole = (np.array(states) for states in zip(*path, strict=True))
     running = np.cumsum(impulses, axis=0)
     histories = dict(zip(HISTORIES, (displacement, velocity, temperature, running), strict=True))
@@ -160,6 +163,8 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     when = schedule(sampling, h)
     times, ends = sampling.times, h * np.arange(when.steps + 1)
     growth = [-structure.mechanical.solve(normal) @ structure.coupling_matrix for normal in contacts.normal]
+    if contacts.residual_coupling is not None:
+        growth = [row - expands for row, expands in zip(growth, contacts.residual_coupling, strict=True)]
     counts = complete_periods(cases.period_frequency, sampling)
     parts: dict[str, list[Any]] = {}
 

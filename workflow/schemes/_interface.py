@@ -258,8 +258,8 @@ class Scheme:
     GENERAL
         What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction``
         along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: the mean
-        temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``
-        (``Structure.contacts``, ``Cases.gaps``).
+        temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``,
+        or one without mass (``Structure.contacts``, ``Cases.gaps``).
     about
         One line on the scheme; by default the first paragraph of the module's docstring.
     """
@@ -310,7 +310,7 @@ class Scheme:
         if structure.observed is not None and "depth" not in self.GENERAL:
             return "it does not record the temperature over a depth"
         if structure.contacts is not None and "contacts" not in self.GENERAL:
-            return "it takes one contact, which has mass"
+            return "it takes one contact, with mass"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"
         if structure.has_massless_tip and (reason := self.massless_tip(options)) is not None:

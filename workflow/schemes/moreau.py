@@ -8,8 +8,9 @@
 
 with temperatures T and v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1
 is the implicit Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts:
-contact is the complementarity of gap and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read. A
-structure is stepped in its modes (:mod:`workflow.schemes._fixed`).
+contact is the complementarity of gap and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read.
+Several contacts take their impulses together (:mod:`workflow.schemes._fixed.contact_steps`). A structure is stepped in
+its modes (:mod:`workflow.schemes._fixed`).
 """
 
 from __future__ import annotations
@@ -20,15 +21,17 @@ from typing import Any, NamedTuple
 from workflow.declare import quantity
 from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
-from workflow.models import Array, Structure
+from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import decoupled, theta_method
 from workflow.schemes._fixed.complementarity import BY_POSITION, count_no_rebound
 from workflow.schemes._fixed.contact import Contact, Response, Tip, count_rebound
+from workflow.schemes._fixed.contact_cases import ContactSteps, make_contact_steps, step_contacts
 from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.theta_method import Operator
+from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"e", "h", "alpha"})
-GENERAL = frozenset({"damping", "depth", "friction", "load"})
+GENERAL = frozenset({"contacts", "damping", "depth", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.2e-10
@@ -66,14 +69,22 @@ defines(count_rebound, Newton)(count_no_rebound)  # e is given
 CONTACT = Contact(lambda cases: Newton(cases.e))
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator:
+def init(structure: Structure, h: float, options: Options) -> Operator | ContactSteps:
     """Diagonalise the structure once for a batch."""
     theta = float(options.theta)
+    if structure.contacts is not None:
+        return make_contact_steps(structure, float(h), theta)
     contact = BY_POSITION if structure.has_massless_tip else CONTACT
     return theta_method.init(structure, float(h), theta, contact)
 
 
-compute = theta_method.compute
+def compute(operator: Operator | ContactSteps, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch."""
+    if isinstance(operator, ContactSteps):
+        return step_contacts(operator, cases, sampling)
+    return theta_method.compute(operator, cases, sampling)
+
+
 operator_name = decoupled.operator_name
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from workflow import models
 from workflow.cases import COMPILING, waiting_for
 from workflow.kernels.compiled import directory_of
-from workflow.models import Cases, Harmonics
+from workflow.models import Cases, Contacts, Harmonics
 from workflow.schemes import Sampling, load
 
 
@@ -44,6 +44,8 @@ class KernelVariant:
     """Whether friction acts along a tangent."""
     coupled: bool = False
     """Whether the structure has to be stepped by its matrices."""
+    contacts: bool = False
+    """Whether it has several contacts, or one without mass."""
 
     @property
     def words(self) -> tuple[Any, ...]:
@@ -126,13 +128,15 @@ def _run(variant: KernelVariant) -> None:
     parameters = chain.Parameters(1, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
     whole = chain.assemble(parameters).matrices()
     massless = replace(whole.mechanical, inertia=np.zeros((1, 1)))
+    one, node = np.ones(1), np.zeros((1, 1))
     structure = replace(
         whole,
         mechanical=massless if variant.massless_tip else whole.mechanical,
         tangent=np.ones(1) if variant.slides else None,
         load=np.ones(1) if variant.coupled else None,
+        contacts=Contacts(("tip",), node + 1, node, node + 1, np.zeros(1)) if variant.contacts else None,
     )
-    scheme, none, one, node = load(variant.method), np.zeros(1), np.ones(1), np.zeros((1, 1))
+    scheme, none = load(variant.method), np.zeros(1)
     harmonics, friction = Harmonics(*np.zeros((3, 1, int(variant.harmonics)))), np.full(1, 0.5 * variant.slides)
     cases = Cases(none, one, one, none, node, node, node, node, node, casing_harmonics=harmonics)
     operator, over = scheme.init(structure, 0.5, variant.options), Sampling(1.0, 0.5, 3, balances=variant.balances)

@@ -67,7 +67,8 @@ def kernel_variant(settings: CaseSettings, balances: bool) -> KernelVariant | No
     coupled, driven = needs_matrices(structure), bool(settings.scene.casing.harmonics or settings.scene.load.harmonics)
     slides = structure.slides and settings.scene.friction is not None
     kind = {"massless_tip": structure.has_massless_tip, "harmonics": driven, "slides": slides, "coupled": coupled}
-    return KernelVariant(settings.scheme.method, settings.scheme.options, balances, **kind)
+    contacts = structure.contacts is not None
+    return KernelVariant(settings.scheme.method, settings.scheme.options, balances, contacts=contacts, **kind)
 
 
 def compile_for(settings: CaseSettings, balances: bool) -> None:

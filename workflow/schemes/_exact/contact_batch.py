@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import elementwise
+from workflow.kernels.lemke import complementarity
 from workflow.models import Array, Cases, ContactBasis, Structure, analyse_contacts, distinct_rows, project
 from workflow.schemes._exact.batch import (
     InseparablePolesError,
@@ -125,7 +126,7 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
     periods = complete_periods(cases.period_frequency, sampling)
     basis, record = operator.basis, record_of(cases, sampling, periods)
     record.tally["next_sample"] = 1
-    _fill_first_sample(record, basis, cases)
+    fill_first_sample(record, basis, cases)
     progress, ended = np.zeros(cases.count, dtype=PROGRESS), np.full(cases.count, INVALID)
     modal = np.full((cases.count, basis.size), np.nan)
     finite = np.flatnonzero(cases.finite)
@@ -160,15 +161,7 @@ def _march(
 ) -> None:
     """March cases of one α and µ; the kernel stops at each set that is not known yet, which is made."""
     rows, closed = table.known()
-    contacts = operator.basis.contacts.count
-    record = Record(
-        record.times,
-        record.period_ends,
-        record.histories.reshape(*record.histories.shape[:2], contacts, -1),
-        record.periods.reshape(*record.periods.shape[:2], contacts, record.periods.shape[-1]),
-        record.tally.reshape(-1, contacts),
-        record.events,
-    )
+    record = with_contacts(record, operator.basis)
     own, at = memory(operator.bases[heated], conditions.waves.shape[1], max(8, len(closed))), 0
     while True:
         own = _with_room(own, len(closed))
@@ -194,6 +187,19 @@ def _march(
         rows, closed = table.known()
 
 
+def with_contacts(record: Record, basis: ContactBasis) -> Record:
+    """Return views of the arrays of results with an axis of contacts, of one contact too."""
+    contacts = basis.contacts.count
+    return Record(
+        record.times,
+        record.period_ends,
+        record.histories.reshape(*record.histories.shape[:2], contacts, -1),
+        record.periods.reshape(*record.periods.shape[:2], contacts, record.periods.shape[-1]),
+        record.tally.reshape(-1, contacts),
+        record.events,
+    )
+
+
 def _with_room(own: Memory, sets: int) -> Memory:
     """Return memory for the motions in so many sets; those that are there stay."""
     if sets <= len(own.filled):
@@ -203,12 +209,27 @@ def _with_room(own: Memory, sets: int) -> Memory:
     return own._replace(tables=tables, filled=np.concatenate([own.filled, np.zeros(more, dtype=np.bool_)]))
 
 
-def _fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> None:
+def fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> None:
     """Write the initial state."""
     rows = basis.contacts.normal, basis.contacts.normal, basis.contacts.heat
     for k, (row, states) in enumerate(zip(rows, (cases.displacement, cases.velocity, cases.temperature), strict=True)):
         record.histories[:, k, ..., 0] = project(row, states).reshape(record.tally.shape)
     record.histories[:, 3, ..., 0] = 0.0
+    if basis.contacts.is_massless:
+        record.histories[:, 0, ..., 0] = _places_without_mass(basis, cases).reshape(record.tally.shape)
+
+
+def _places_without_mass(basis: ContactBasis, cases: Cases) -> Array:
+    """Return x_i of contacts without mass at t = 0, m, ``(case, contact)``: d where λ > 0; NaN where there is no λ."""
+    contacts, (place, _) = basis.contacts, cases.casing_of_contacts(0.0)
+    tau = project(basis.to_thermal, cases.temperature)
+    free = project(contacts.normal, cases.displacement) - project(basis.residual_coupling, tau)
+    free += cases.load_at(0.0)[:, None] * basis.residual_load
+    for i in np.flatnonzero((free > place).any(axis=1)):
+        flexibility = contacts.flexibility(float(cases.friction[i]))
+        force = complementarity(flexibility, place[i] - free[i])
+        free[i] = np.nan if force is None else np.where(force > 0, place[i], free[i] - flexibility @ force)
+    return free
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
@@ -264,7 +285,7 @@ def _metrics(
     metrics["steps"] = np.where(progress["steps"] > 0, progress["steps"], np.nan)
     for name in ("energy_residual", "heat_residual") if sampling.balances else ():
         metrics[name] = np.full(cases.count, np.nan)  # of steps; there are none
-    growth = project(_static_growth(basis), modal[:, 2 * basis.frequency.size :]).max(axis=1)
+    growth = project(static_growth(basis), modal[:, 2 * basis.frequency.size :]).max(axis=1)
     return metrics | {"thermal_closing": np.where(completed, growth, np.nan)}
 
 
@@ -284,7 +305,7 @@ def _failure(ended: int, progress: Any, operator: ContactOperator) -> str:
     return failure_text(ended, {"time": progress["time"], "speed": 0.0, "impacts": 0}, operator.budget, 0.0)
 
 
-def _static_growth(basis: ContactBasis) -> Array:
+def static_growth(basis: ContactBasis) -> Array:
     """Return the quasi-static motion of each contact per τ, m, ``(contact, thermal mode)``, of modes that are held."""
     held = basis.frequency > 0
     flexible = basis.normal[:, held] / basis.frequency[held] ** 2

@@ -191,7 +191,7 @@ def drive_of(cases: Cases, h: float, theta: float) -> tuple[DriveRows | None, Ca
     load, casing = cases.load_harmonics[:, 1:], cases.casing_harmonics
     if load.width + casing.width == 0:
         return None, cases
-    gains = _gains(casing, h, theta)
+    gains = discrete_gains(casing.amplitude, casing.angular, h, theta)
     rows = DriveRows(_waves(load, h), _waves(casing, h), np.zeros((rows_in(Moving), cases.count)))
     drive, state = rows.named, rows.named.state
     begins = _discrete_velocity(casing, gains, 0.0)
@@ -216,14 +216,14 @@ def _moves_along(cases: Cases, apart: Array) -> NDArray[np.bool_]:
     return np.asarray((np.abs(apart) <= _ROUNDING * lengths) & (beside <= _ROUNDING * speeds))
 
 
-def _gains(casing: Harmonics, h: float, theta: float) -> tuple[Array, Array]:
-    """Return a Re g and a Im g of the casing's harmonics, ``(case, harmonic)``: V per sine and per cosine.
+def discrete_gains(amplitude: Array | float, angular: Array, h: float, theta: float) -> tuple[Array, Array]:
+    """Return a Re g and a Im g of harmonics of the casing, ``(case, harmonic)``: V per sine and per cosine.
 
     With s, c = sin, cos(ωh/2): g = (2/h) s (i c + (2θ-1) s) / (c² + (2θ-1)² s²).
     """
-    s, c = elementwise.sine_cosine(0.5 * casing.angular * h)
+    s, c = elementwise.sine_cosine(0.5 * angular * h)
     lean = (2 * theta - 1) * s
-    factor = casing.amplitude * (2 / h) * s / (c * c + lean * lean)
+    factor = amplitude * (2 / h) * s / (c * c + lean * lean)
     return factor * lean, factor * c
 
 

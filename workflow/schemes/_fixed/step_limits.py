@@ -7,6 +7,7 @@ from collections.abc import Callable
 from decimal import ROUND_FLOOR, Context, Decimal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import eigenvalues, singular
@@ -36,6 +37,17 @@ def largest_step(holds: Callable[[float], bool], h: float) -> float:
             return _between(holds, good, step) if good > 0 else 0.0
         good = step
     return good
+
+
+def largest_stable_step(lam: NDArray[np.complex128], theta: float) -> float:
+    """Return the step of the θ-method up to which no pole λ [1/s] grows, s; ``inf`` where θ >= 1/2.
+
+    2 Re λ + (1-2θ) h |λ|² <= 0 for every λ.
+    """
+    if theta >= 0.5:
+        return np.inf
+    lam = lam[lam != 0]
+    return float(np.min(-2 * lam.real / ((1 - 2 * theta) * (lam.real**2 + lam.imag**2)), initial=np.inf))
 
 
 def limit_text(limit: float, digits: int = 6) -> str:

@@ -312,12 +312,12 @@ class Ended(NamedTuple):
     balance: Balance | None
 
 
-def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = None) -> Watch:
-    """Return the samples and load periods of a batch that is stepped with ``h``, and its tips at t = 0."""
-    casing, plan = cases.casing_at(0.0), schedule(sampling, h)
-    periods = complete_periods(cases.period_frequency, sampling)
-    longest = int(periods.max(initial=0))
-    ends = np.arange(1, longest + 1)
+def period_marks(cases: Cases, periods: NDArray[np.int64], steps: int, h: float) -> tuple[NDArray[np.int64], Array]:
+    """Return the step in which each load period ends, :data:`NEVER` beyond ``periods``, and at which fraction of it.
+
+    ``(case, period)`` each.
+    """
+    ends = np.arange(1, int(periods.max(initial=0)) + 1)
     counted = ends <= periods[:, None]
     position = np.zeros(counted.shape)
     np.divide(ends / h, cases.period_frequency[:, None], out=position, where=counted)
@@ -325,7 +325,14 @@ def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, driv
     on_step = np.abs(position - nearest) <= 1e-9 * np.maximum(nearest, 1.0)  # the tolerance of the step count
     weight = np.where(on_step, 1.0, position - np.floor(position))
     due = np.where(on_step, nearest, np.ceil(position)).astype(np.int64)
-    due = np.where(counted, np.minimum(due, plan.steps), NEVER)
+    return np.where(counted, np.minimum(due, steps), NEVER), weight
+
+
+def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = None) -> Watch:
+    """Return the samples and load periods of a batch that is stepped with ``h``, and its tips at t = 0."""
+    casing, plan = cases.casing_at(0.0), schedule(sampling, h)
+    periods = complete_periods(cases.period_frequency, sampling)
+    due, weight = period_marks(cases, periods, plan.steps, h)
 
     tips = np.zeros((rows_in(Tips), cases.count))
     tip = named_rows(Tips, tips)
@@ -334,7 +341,7 @@ def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, driv
     tip.gap = casing
     tip.penetration = np.fmax(0.0, tip.displacement - casing) + 0.0  # of two zeros fmax returns either
 
-    histories, record = np.empty((cases.count, 4, plan.due.size)), np.full((cases.count, 7, longest), np.nan)
+    histories, record = np.empty((cases.count, 4, plan.due.size)), np.full((cases.count, 7, due.shape[1]), np.nan)
     histories[..., 0] = np.stack([tip.displacement, tip.velocity, tip.temperature, tip.impulse], axis=-1)
     return Watch(cases, plan, sampling.interval, h, tip_loads(cases), tips, drive, histories, record, due, weight)
 

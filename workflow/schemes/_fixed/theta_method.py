@@ -24,7 +24,7 @@ from workflow.schemes._fixed.decoupled import Decoupled, decouple
 from workflow.schemes._fixed.loads import drive_of
 from workflow.schemes._fixed.march import step_batch
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, friction_message, judged
-from workflow.schemes._fixed.step_limits import largest_step, limit_text
+from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
 from workflow.schemes._fixed.stepping import collect
 from workflow.schemes._interface import Results, Sampling
 
@@ -145,12 +145,12 @@ def _spectral_radius(operator: Operator, blocks: Blocks) -> float:
 
 
 def _largest_stable_step(operator: Operator, modal: Decoupled) -> float:
-    """Return the step up to which no free mode grows where θ < 1/2: 2 Re λ + (1-2θ) h |λ|² <= 0 for every λ."""
+    """Return the step up to which no free mode grows."""
     if operator.structure.has_massless_tip:
         return 0.0
-    lam = np.concatenate([poles(modal.frequency, modal.damping).ravel(), -modal.rate + 0j])
-    lam, theta = lam[lam != 0], operator.theta
-    return float(np.min(-2 * lam.real / ((1 - 2 * theta) * (lam.real**2 + lam.imag**2)), initial=np.inf))
+    return largest_stable_step(
+        np.concatenate([poles(modal.frequency, modal.damping).ravel(), -modal.rate + 0j]), operator.theta
+    )
 
 
 def _message(operator: Operator, alpha: float, friction: float, duration: float) -> str:
