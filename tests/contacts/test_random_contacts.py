@@ -41,7 +41,6 @@ def test_smaller_steps_of_the_plain_scheme_come_closer_to_the_exact_motion(seed:
         assert apart(fine[name], truth[name]) < 0.15, name
 
 
-@pytest.mark.skipif("contacts" not in schemes.load("moreau").GENERAL, reason="moreau takes one contact")
 @pytest.mark.parametrize("theta", [0.5, 1.0])
 @pytest.mark.parametrize("massless", [False, True])
 @pytest.mark.parametrize("seed", SEEDS)
