@@ -119,7 +119,7 @@ def test_imports_are_those_of_the_syntax_tree() -> None:
 def test_kernels_of_one_scheme_are_no_matter_of_another() -> None:
     exact, stepped = (
         compiled._closure("workflow.schemes._exact.event_loop"),
-        compiled._closure("workflow.schemes.moreau"),
+        compiled._closure("workflow.schemes._fixed.newton"),
     )
     assert "workflow.schemes._exact.expansion" in exact - stepped
     assert "workflow.schemes._fixed.march" in stepped - exact

@@ -16,17 +16,15 @@ its modes (:mod:`workflow.schemes._fixed`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from workflow.declare import quantity
-from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Cases, Structure
 from workflow.schemes._fixed import decoupled, theta_method
-from workflow.schemes._fixed.complementarity import BY_POSITION, count_no_rebound
-from workflow.schemes._fixed.contact import Contact, Response, Tip, count_rebound
+from workflow.schemes._fixed.complementarity import BY_POSITION
 from workflow.schemes._fixed.contact_cases import ContactSteps, make_contact_steps, step_contacts
-from workflow.schemes._fixed.march import contact_law
+from workflow.schemes._fixed.newton import NEWTON
 from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._interface import Results, Sampling
 
@@ -44,37 +42,12 @@ class Options:
     theta: float = quantity("1", "weight of the step's end, 1: implicit Euler", default=1.0, at_least=0, at_most=1)
 
 
-class Newton(NamedTuple):
-    """Newton's law."""
-
-    e: Any
-    """A number, or one for each case, ``(case,)``."""
-
-
-@contact_law(Newton)
-def respond(law: Newton, tip: Tip, h: float, theta: float) -> Response:
-    """Return the impulse and the velocity, -e v_n,k to the bit and without the rounding of v_free - W p.
-
-    A tip at rest on its casing stays there, in active contact, for any number of steps.
-    """
-    if tip.place + 0.5 * h * tip.velocity < tip.gap:
-        return 0.0, tip.free, 0.0
-    p = (tip.free + law.e * tip.velocity) / tip.mobility
-    if p <= 0.0:
-        return 0.0, tip.free, 0.0
-    return p, -law.e * tip.velocity, p
-
-
-defines(count_rebound, Newton)(count_no_rebound)  # e is given
-CONTACT = Contact(lambda cases: Newton(cases.e))
-
-
 def init(structure: Structure, h: float, options: Options) -> Operator | ContactSteps:
     """Diagonalise the structure once for a batch."""
     theta = float(options.theta)
     if structure.contacts is not None:
         return make_contact_steps(structure, float(h), theta)
-    contact = BY_POSITION if structure.has_massless_tip else CONTACT
+    contact = BY_POSITION if structure.has_massless_tip else NEWTON
     return theta_method.init(structure, float(h), theta, contact)
 
 
