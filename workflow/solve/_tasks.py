@@ -181,7 +181,7 @@ def decides_cost(path: str, model: str) -> bool:
 
 
 def bytes_per_case(grid: Grid) -> int:
-    """Return the bytes of a case in memory: its conditions, its results, what is derived, and the copy that is stored."""
+    """Return the bytes of a case in memory: conditions, results, what is derived of them, the copy that is stored."""
     contacts = math.prod(grid.study.contact_shape)
     return 8 * (10 * grid.sampling.count + 8 * grid.longest_period_count + 80) * contacts + steady_bytes(grid)
 
