@@ -15,8 +15,13 @@ from threadpoolctl import ThreadpoolController
 
 from workflow.kernels import Array
 from workflow.models._cases import Cases, Harmonics, distinct_rows, period_frequency, project
-from workflow.models._contact_statics import stops_together
-from workflow.models._contact_system import ContactBasis, ContactSystem, analyse_contacts, contact_system
+from workflow.models._contact_system import (
+    ContactBasis,
+    ContactSystem,
+    analyse_contacts,
+    contact_system,
+    stops_together,
+)
 from workflow.models._contacts import Contacts
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
 from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse

@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
-from workflow.models._contact_statics import rates_in_contact
-from workflow.models._contact_system import ContactBasis, analyse_contacts
+from workflow.models._contact_system import ContactBasis, analyse_contacts, rates_in_contact
 from workflow.models._modes import held_damping, is_rayleigh, poles
 from workflow.models._pair import Modes
 from workflow.models._structure import Structure

@@ -22,7 +22,7 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._cases import Cases, distinct_rows
-from workflow.models._contact_statics import contacts_at_rest, critical_alpha_of_contacts
+from workflow.models._contact_system import contacts_at_rest, critical_alpha_of_contacts
 from workflow.models._modes import coupled_damping, mechanical_modes
 from workflow.models._pair import UNBALANCED
 from workflow.models._structure import Structure

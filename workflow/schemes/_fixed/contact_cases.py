@@ -16,8 +16,7 @@ from workflow.schemes._exact.contact_batch import conditions_of, fill_first_samp
 from workflow.schemes._exact.contact_motion import ContactCase
 from workflow.schemes._exact.event_loop import COMPLETED, NO_IMPACT_LAW, NOT_FINITE
 from workflow.schemes._exact.tables import wave
-from workflow.schemes._fixed.contact_record import Marks
-from workflow.schemes._fixed.contact_steps import Stepping, memory, step_cases, stepping
+from workflow.schemes._fixed.contact_steps import Marks, Stepping, memory, step_cases, stepping
 from workflow.schemes._fixed.loads import discrete_gains
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
