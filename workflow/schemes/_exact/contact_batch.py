@@ -22,7 +22,7 @@ from workflow.schemes._exact.batch import (
     status_of,
 )
 from workflow.schemes._exact.closed_sets import fill_set, row_length
-from workflow.schemes._exact.contact_loop import PROGRESS, run_contacts
+from workflow.schemes._exact.contact_loop import PROGRESS, Outcome, Sets, run_contacts
 from workflow.schemes._exact.contact_motion import ContactCase, Contacting, Memory, contacting, memory
 from workflow.schemes._exact.event_loop import (
     COMPLETED,
@@ -40,6 +40,9 @@ from workflow.schemes._interface import Results, Sampling, complete_periods
 TOO_MANY_SETS = -2
 """How a case ended that meets more sets of closed contacts than are kept."""
 
+UNLIMITED = Budget(2**62, 2**62)
+"""Of schemes that count no events."""
+
 MOST_SETS, MOST_BYTES = 2000, 2**29
 """Sets of closed contacts that are kept of a structure at one α and µ."""
 
@@ -55,9 +58,9 @@ class SetTable:
         self._closed = np.zeros((room, basis.contacts.count), dtype=np.bool_)
         self.count, self._lock = 0, Lock()
 
-    def known(self) -> tuple[Array, NDArray[np.bool_]]:
-        """Return rows and closed contacts of all sets, which do not change."""
-        return self._rows[: self.count], self._closed[: self.count]
+    def known(self) -> Sets:
+        """Return all sets; they do not change."""
+        return Sets(self._rows[: self.count], self._closed[: self.count])
 
     def add(self, closed: NDArray[np.bool_]) -> int:
         """Add a set, if it is not there; return how a case ends that cannot have it, 0 else."""
@@ -131,11 +134,12 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
     modal = np.full((cases.count, basis.size), np.nan)
     finite = np.flatnonzero(cases.finite)
     first, variant = distinct_rows(*(row[finite, None] for row in (cases.alpha, cases.friction, cases.heated)))
+    outcome = Outcome(with_contacts(record, basis), progress, ended)
     for k, i in enumerate(finite[first]):
         which, heated = finite[variant == k], bool(cases.heated[i])
         table = operator.sets(heated, float(cases.alpha[i]), float(cases.friction[i]))
-        conditions = conditions_of(operator.bases[heated], cases, sampling.duration)
-        _march(operator, table, heated, conditions, which, record, progress, ended)
+        conditions = conditions_of(operator.bases[heated], cases, sampling.duration, operator.budget)
+        _march(operator, table, heated, conditions, which, outcome)
         own = conditions.modal[which]
         modal[which, : own.shape[1]] = own
         modal[which, own.shape[1] :] = 0.0
@@ -155,36 +159,21 @@ def _march(
     heated: bool,
     conditions: ContactCase,
     which: NDArray[np.int64],
-    record: Record,
-    progress: Any,
-    ended: NDArray[np.int64],
+    outcome: Outcome,
 ) -> None:
     """March cases of one α and µ; the kernel stops at each set that is not known yet, which is made."""
-    rows, closed = table.known()
-    record = with_contacts(record, operator.basis)
-    own, at = memory(operator.bases[heated], conditions.waves.shape[1], max(8, len(closed))), 0
+    sets, at = table.known(), 0
+    own = memory(operator.bases[heated], conditions.waves.shape[1], max(8, len(sets.closed)))
     while True:
-        own = _with_room(own, len(closed))
-        at = run_contacts(
-            rows,
-            closed,
-            operator.structures[heated],
-            conditions,
-            which,
-            at,
-            record,
-            progress,
-            own,
-            operator.budget,
-            ended,
-        )
+        own = _with_room(own, len(sets.closed))
+        at = run_contacts(sets, operator.structures[heated], conditions, which, at, outcome, own)
         if at == which.size:
             return
         fault = table.add(own.wanted)
         if fault:
-            ended[which[at]] = fault
+            outcome.ended[which[at]] = fault
             at += 1
-        rows, closed = table.known()
+        sets = table.known()
 
 
 def with_contacts(record: Record, basis: ContactBasis) -> Record:
@@ -233,7 +222,7 @@ def _places_without_mass(basis: ContactBasis, cases: Cases) -> Array:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
-def conditions_of(basis: ContactBasis, cases: Cases, duration: float) -> ContactCase:
+def conditions_of(basis: ContactBasis, cases: Cases, duration: float, budget: Budget = UNLIMITED) -> ContactCase:
     """Return the conditions of cases over a time [s]: a sinusoid of frequency 0 is a constant."""
     mean, _, waves, acting, which = loads_of(cases)
     own, m = cases.casing_harmonics, basis.contacts.count
@@ -256,6 +245,7 @@ def conditions_of(basis: ContactBasis, cases: Cases, duration: float) -> Contact
         modal=np.hstack([*states, project(basis.to_thermal, cases.temperature)]),
         reach=np.abs(cases.clearances).max(axis=1) + own.reach,
         duration=duration,
+        budget=budget,
     )
 
 

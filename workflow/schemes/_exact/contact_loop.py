@@ -17,7 +17,7 @@ contact whose next bounce would be lower than 1e-11 of the largest motion is hel
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,6 @@ from workflow.schemes._exact.event_loop import (
     RUNNING,
 )
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
-from workflow.schemes._exact.layout import Budget
 from workflow.schemes._exact.propagation import advance, copy_state, integral, observe
 from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
 from workflow.schemes._exact.step import Start, certified_step, has_no_zero
@@ -78,46 +77,51 @@ _OPEN, _LEAVING, _RESTING, _RETURNING = 0, 1, 2, 3
 is not followed."""
 
 
+class Sets(NamedTuple):
+    """The sets that are known of a structure at one α and µ."""
+
+    rows: Array
+    """As :func:`~workflow.schemes._exact.closed_sets.closed_set_of` reads them, ``(set, number)``."""
+    closed: NDArray[np.bool_]
+    """Which contacts are closed, ``(set, contact)``."""
+
+
+class Outcome(NamedTuple):
+    """What a march fills: the results of cases, :data:`PROGRESS`, and how they ended, ``(case,)``."""
+
+    record: Record
+    progress: Any
+    ended: NDArray[np.int64]
+
+
 @kernel
 def run_contacts(
-    rows: Array,
-    closed: NDArray[np.bool_],
+    sets: Sets,
     structure: Contacting,
     cases: ContactCase,
     which: NDArray[np.int64],
     begin: int,
-    record: Record,
-    progress: Any,
+    outcome: Outcome,
     own: Memory,
-    budget: Budget,
-    ended: NDArray[np.int64],
 ) -> int:
     """Run cases from position ``begin`` of ``which`` on; return the position of one that waits for a set, or the end.
 
-    ``rows`` are the sets whose contacts are ``closed``, ``(set, contact)``. A case that waits goes on where it waited.
+    A case that waits goes on where it waited.
     """
+    record, ended = outcome.record, outcome.ended
     for k in range(begin, which.size):
         i = which[k]
         mine = Record(
             record.times, record.period_ends[i], record.histories[i], record.periods[i], record.tally[i], record.events
         )
-        ended[i] = _march(rows, closed, structure, of_case(cases, i), mine, progress[i], own, budget)
+        ended[i] = _march(sets, structure, of_case(cases, i), mine, outcome.progress[i], own)
         if ended[i] == WAITING:
             return k
     return which.size
 
 
 @part
-def _march(
-    rows: Array,
-    closed: NDArray[np.bool_],
-    structure: Contacting,
-    case: ContactCase,
-    record: Record,
-    at: Any,
-    own: Memory,
-    budget: Budget,
-) -> int:
+def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record, at: Any, own: Memory) -> int:
     """March a case to its end or until it waits for a set."""
     T = case.duration
     if at.begun == 0:
@@ -128,10 +132,10 @@ def _march(
         if ended != RUNNING:
             return ended
     while True:
-        slot = _slot(closed, own.wanted)
+        slot = _slot(sets.closed, own.wanted)
         if slot < 0:
             return WAITING
-        s = closed_set_in(rows[slot])
+        s = closed_set_in(sets.rows[slot])
         motion = motion_in(s, case, own, slot)
         enter(motion, s, own, at.time)
         struck = -1
@@ -142,7 +146,7 @@ def _march(
                 _finish(motion, s, case, record, own)
                 return COMPLETED
             at.steps += 1
-            if at.steps > budget.steps:
+            if at.steps > case.budget.steps:
                 return OUT_OF_STEPS
             h, struck = _first_zero(motion, own, at, T)
             if not np.isfinite(h):
@@ -155,7 +159,7 @@ def _march(
             for c in range(own.zeros.size):
                 own.zeros[c], own.speed[c] = 0, -1.0
         at.events += 1
-        if at.events > budget.events:
+        if at.events > case.budget.events:
             return OUT_OF_EVENTS
         _fill_casing(case, at.time, own)
         leave(motion, s, own, at.time)

@@ -18,12 +18,14 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lemke import Complementarity, problem
 from workflow.models import ContactBasis
 from workflow.schemes._exact.closed_sets import ClosedSet
+from workflow.schemes._exact.layout import Budget
 from workflow.schemes._exact.motion import (
     ORDER,
     PLACE,
     SIGNAL,
     TEMPERATURE,
     Expansion,
+    LoadedTables,
     Motion,
     add_harmonic_outputs,
     add_particular_outputs,
@@ -63,6 +65,7 @@ class ContactCase(NamedTuple):
     reach: Any
     """Largest |d_i| plus the amplitudes of the casing, m."""
     duration: float
+    budget: Budget
 
 
 class Contacting(NamedTuple):
@@ -211,7 +214,7 @@ def motion_in(s: ClosedSet, case: ContactCase, own: Memory, slot: int) -> SetMot
     if not own.filled[slot]:
         for i in range(numbers.size):
             numbers[i] = 0.0
-        _fill(s, case, own, b, f, rows, views, outputs, counts)
+        _fill(s, case, own, LoadedTables(b, f, outputs, rows), views, counts)
         own.filled[slot] = True
     fastest, most = s.fastest, max(columns, wide)
     for i in range(waves):
@@ -250,18 +253,9 @@ def motion_in(s: ClosedSet, case: ContactCase, own: Memory, slot: int) -> SetMot
 
 
 @part
-def _fill(
-    s: ClosedSet,
-    case: ContactCase,
-    own: Memory,
-    b: Array,
-    f: Array,
-    rows: Array,
-    views: Array,
-    outputs: Array,
-    counts: Array,
-) -> None:
+def _fill(s: ClosedSet, case: ContactCase, own: Memory, loaded: LoadedTables, views: Array, counts: Array) -> None:
     """Fill the tables of a motion, which are 0, and what each contact sees."""
+    b, f, outputs, rows = loaded
     for row in range(block.ROWS):
         for k in range(b.shape[1]):
             b[row, k] = s.block[row, k]

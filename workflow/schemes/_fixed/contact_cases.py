@@ -16,7 +16,7 @@ from workflow.schemes._exact.contact_batch import conditions_of, fill_first_samp
 from workflow.schemes._exact.contact_motion import ContactCase
 from workflow.schemes._exact.event_loop import COMPLETED, NO_IMPACT_LAW, NOT_FINITE
 from workflow.schemes._exact.tables import wave
-from workflow.schemes._fixed.contact_steps import Marks, Stepping, memory, step_cases, stepping
+from workflow.schemes._fixed.contact_steps import CasingSteps, Ending, Marks, Stepping, memory, step_cases, stepping
 from workflow.schemes._fixed.loads import discrete_gains
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
@@ -70,7 +70,8 @@ def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool)
     marks = Marks(when.steps, when.due, when.weight, *period_marks(cases, periods, when.steps, h))
     ended, which, split = np.full(cases.count, NOT_FINITE), np.flatnonzero(cases.finite), with_contacts(record, basis)
     depth = np.zeros((cases.count, basis.contacts.count))
-    step_cases(step, conditions, speeds, begun, which, split, marks, memory(step), ended, depth)
+    casing, ending = CasingSteps(speeds, begun), Ending(ended, depth)
+    step_cases(step, conditions, casing, which, split, marks, memory(step), ending)
     tally, completed = record.tally, ended == COMPLETED
     each = completed.reshape(-1, *(1,) * (tally.ndim - 1))
     metrics = {name: np.where(each, tally[name], np.nan) for name in ("impacts", "contact_time", "max_temperature")}

@@ -240,32 +240,42 @@ def memory(s: Stepping) -> Now:
     return Now(y, v, tau, free, force, warm, *contacts, tried, problem(m), shown)
 
 
+class CasingSteps(NamedTuple):
+    """The casing as steps see it."""
+
+    speeds: Array
+    """V per cos ψ and sin ψ of each wave, ``(case, wave, 2, contact)``."""
+    begun: Array
+    """r and u at t = 0, ``(case, 2, contact)``."""
+
+
+class Ending(NamedTuple):
+    """How cases ended, ``(case,)``, and the largest penetration, m, ``(case, contact)``."""
+
+    ended: NDArray[np.int64]
+    penetration: Array
+
+
 @kernel
 def step_cases(
     s: Stepping,
     cases: ContactCase,
-    speeds: Array,
-    begun: Array,
+    casing: CasingSteps,
     which: NDArray[np.int64],
     record: Record,
     marks: Marks,
     now: Now,
-    ended: NDArray[np.int64],
-    penetration: Array,
+    ending: Ending,
 ) -> None:
-    """Step cases one after the other; fill how they ended and their penetration, m, ``(case, contact)``.
-
-    Their states at the end are left in ``cases.modal``. ``speeds`` are V per cos ψ and sin ψ, ``(case, wave, 2,
-    contact)``, ``begun`` r and u at t = 0, ``(case, 2, contact)``.
-    """
+    """Step cases one after the other; their states at the end are left in ``cases.modal``."""
     for i in which:
         mine = Record(
             record.times, record.period_ends[i], record.histories[i], record.periods[i], record.tally[i], record.events
         )
         own = Marks(marks.steps, marks.sample_due, marks.sample_weight, marks.period_due[i], marks.period_weight[i])
-        ended[i] = _march(s, of_case(cases, i), speeds[i], begun[i], mine, own, now)
+        ending.ended[i] = _march(s, of_case(cases, i), casing.speeds[i], casing.begun[i], mine, own, now)
         for c in range(now.place.size):
-            penetration[i, c] = now.shown.deepest[c]
+            ending.penetration[i, c] = now.shown.deepest[c]
 
 
 @part
