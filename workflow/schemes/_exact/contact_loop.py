@@ -156,7 +156,7 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
             copy_state(motion.m.after, motion.m.now)
             at.time = T if h >= T - at.time else at.time + h
             at.guess = 2.0 * h
-            for c in range(own.zeros.size):
+            for c in range(own.zeros.size if h > _SAME_TIME * T else 0):  # the zeros of events at one instant stay
                 own.zeros[c], own.speed[c] = 0, -1.0
         at.events += 1
         if at.events > case.budget.events:
@@ -302,7 +302,7 @@ def _begin(structure: Contacting, case: ContactCase, record: Record, at: Any, ow
     for i in range(own.modal.size):
         own.modal[i] = case.modal[i]
     for c in range(own.wanted.size):
-        own.wanted[c] = False
+        own.wanted[c], own.zeros[c], own.speed[c] = False, 0, -1.0
         tally = record.tally[c]
         tally.contact_begin = np.inf
         tally.max_temperature = tally.period_temperature = _temperature(structure, own, c)
@@ -328,14 +328,12 @@ def _pass(
 
     State and casing are those of the instant.
     """
-    for c in range(own.wanted.size):
-        own.zeros[c], own.speed[c] = 0, -1.0
     moment = _MOMENT / fastest if fastest > 0.0 else 0.0
     if structure.massless:
         _fill_distances(structure, case, own, at.time)
         sound = _next_set_without_mass(structure, case, own, at.time, moment, struck)
     elif struck >= 0 and own.wanted[struck]:
-        own.wanted[struck], own.zeros[struck], sound = False, 3, True
+        own.wanted[struck], own.zeros[struck], own.speed[struck], sound = False, 3, -1.0, True
     else:
         inside = _fill_kinds(structure, case, at, own, struck)
         if inside:
@@ -481,10 +479,14 @@ def _fill_push(structure: Contacting, case: ContactCase, own: Memory, t: float, 
             for k in range(n):
                 a[1, k] -= structure.coupling[k, j] * warming
     for c in range(own.wanted.size):
-        total = -own.casing[2 + row, c]
+        total, size = -own.casing[2 + row, c], abs(own.casing[2 + row, c])
         for k in range(n):
             total += structure.normal[c, k] * a[row, k]
+            elastic = structure.frequency[k] * structure.frequency[k] * y[k]
+            size += abs(structure.normal[c, k]) * (abs(a[0, k]) + abs(elastic))
         own.push[row, c] = total
+        if row == 0:
+            own.rounding[c] = _ZERO_FORCE * SUM_ROUNDING * size
 
 
 @part
@@ -527,7 +529,8 @@ def _next_set(structure: Contacting, case: ContactCase, record: Record, at: Any,
         if own.kinds[c] == _RESTING:
             own.wanted[c] = p.active[size]
             size += 1
-            own.zeros[c] = (0 if was else -1) if own.wanted[c] else 2
+            loose = 2 if _parting(structure, case, own, c) > own.rounding[c] else 3
+            own.zeros[c], own.speed[c] = (own.zeros[c] if was else -1) if own.wanted[c] else loose, -1.0
         elif own.kinds[c] == _LEAVING:
             own.zeros[c], own.speed[c] = 1, -own.approach[c]
     return True
@@ -547,16 +550,23 @@ def _solve_forces(structure: Contacting, case: ContactCase, own: Memory, moment:
 
 
 @part
+def _parting(structure: Contacting, case: ContactCase, own: Memory, c: int) -> float:
+    """Return the acceleration of a contact's gap under the forces of those at rest, m/s²."""
+    bend, size = -own.push[0, c], 0
+    for i in range(own.wanted.size):
+        if own.kinds[i] == _RESTING:
+            bend += _operator(structure, case, c, i) * own.problem.solution[size]
+            size += 1
+    return float(bend)
+
+
+@part
 def _hold_low_bounces(structure: Contacting, case: ContactCase, at: Any, own: Memory) -> bool:
     """Let contacts rest that leave so slowly that they would return from a height of nothing; return whether any do."""
     any_held = False
     for c in range(own.wanted.size):
         if own.kinds[c] == _LEAVING:
-            bend, size = -own.push[0, c], 0
-            for i in range(own.wanted.size):
-                if own.kinds[i] == _RESTING:
-                    bend += _operator(structure, case, c, i) * own.problem.solution[size]
-                    size += 1
+            bend = _parting(structure, case, own, c)
             if bend < 0.0 and own.approach[c] * own.approach[c] <= -2.0 * bend * LOWEST_BOUNCE * at.length:
                 own.kinds[c] = _RETURNING
                 any_held = True
@@ -626,6 +636,6 @@ def _next_set_without_mass(
         p.active[struck] = not p.active[struck]
     for c in range(contacts):
         if p.active[c] != own.wanted[c]:
-            own.zeros[c] = 1 if struck >= 0 else -1 if p.active[c] else 0
+            own.zeros[c], own.speed[c] = 1 if struck >= 0 else -1 if p.active[c] else 0, -1.0
         own.wanted[c] = p.active[c]
     return True

@@ -146,6 +146,8 @@ class Memory(NamedTuple):
     """d and its first three derivatives, ``(4, contact)``."""
     push: Array
     """w (g - c y' - ω² y - G τ) - d'' and its rate, ``(2, contact)``."""
+    rounding: Array
+    """Of the first of these, ``(contact,)``."""
     impulse: Array
     """p, N s, ``(contact,)``."""
     force: Array
@@ -184,6 +186,7 @@ def memory(basis: ContactBasis, waves: int, sets: int) -> Memory:
         distance=np.zeros(m),
         casing=np.zeros((4, m)),
         push=np.zeros((2, m)),
+        rounding=np.zeros(m),
         impulse=np.zeros(m),
         force=np.zeros(m),
         acceleration=np.zeros((2, n)),
