@@ -41,7 +41,7 @@ TOO_MANY_SETS = -2
 """How a case ended that meets more sets of closed contacts than are kept."""
 
 UNLIMITED = Budget(2**62, 2**62)
-"""Of schemes that count no events."""
+"""For steps of a fixed size, which have no events."""
 
 MOST_SETS, MOST_BYTES = 2000, 2**29
 """Sets of closed contacts that are kept of a structure at one α and µ."""

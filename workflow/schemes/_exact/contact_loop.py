@@ -38,12 +38,15 @@ from workflow.schemes._exact.contact_motion import (
 )
 from workflow.schemes._exact.event_loop import (
     COMPLETED,
+    FIRST_STEP,
     INSIDE_CASING,
+    LATE,
     NO_IMPACT_LAW,
     NOT_FINITE,
     OUT_OF_EVENTS,
     OUT_OF_STEPS,
     RUNNING,
+    SAME_TIME,
 )
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
 from workflow.schemes._exact.propagation import advance, copy_state, integral, observe
@@ -64,13 +67,11 @@ LOWEST_BOUNCE = 1e-11
 """Height of a bounce, over the largest motion of any contact, below which the contact is held."""
 
 _MOMENT = 1e-9
-"""δ over the time constant of the fastest pole: a million roundings of what changes in it, and no more than them."""
+"""δ over the time constant of the fastest pole: rates change forces by 1e-9 in it, above rounding and below what
+decides between forces that are not 0."""
 
-_SAME_TIME = 16.0 * 2.220446049250313e-16
-_LATE = 1e-9
-_FIRST_STEP = 0.1
 _ZERO_FORCE = 64.0
-"""As in :mod:`workflow.schemes._exact.event_loop`; force over the rounding of its terms below which it begins at 0."""
+"""Force and acceleration, over the rounding of their terms, below which they are 0 when a contact begins or opens."""
 
 _OPEN, _LEAVING, _RESTING, _RETURNING = 0, 1, 2, 3
 """Kinds of contacts at an event: away from the casing, leaving it with a speed, at rest on it, leaving by a bounce that
@@ -140,7 +141,7 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
         enter(motion, s, own, at.time)
         struck = -1
         if at.events > 0:
-            at.guess = _FIRST_STEP / motion.m.fastest if motion.m.fastest > 0.0 else T
+            at.guess = FIRST_STEP / motion.m.fastest if motion.m.fastest > 0.0 else T
         while struck < 0:
             if at.time >= T:
                 _finish(motion, s, case, record, own)
@@ -152,11 +153,11 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
             if not np.isfinite(h):
                 return NOT_FINITE
             advance(motion.m, motion.m.now, at.time, h, motion.m.after)
-            _record(motion, record, own, at.time, h, _SAME_TIME * T)
+            _record(motion, record, own, at.time, h, SAME_TIME * T)
             copy_state(motion.m.after, motion.m.now)
             at.time = T if h >= T - at.time else at.time + h
             at.guess = 2.0 * h
-            for c in range(own.zeros.size if h > _SAME_TIME * T else 0):  # the zeros of events at one instant stay
+            for c in range(own.zeros.size if h > SAME_TIME * T else 0):  # else another event of this instant
                 own.zeros[c], own.speed[c] = 0, -1.0
         at.events += 1
         if at.events > case.budget.events:
@@ -199,7 +200,7 @@ def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[floa
             if has_no_zero(m, 0, h):
                 continue
         length, falls = certified_step(
-            m, Start(zeros, own.speed[c], True, guess), t, h, _SAME_TIME * T if c == 0 else 0.0
+            m, Start(zeros, own.speed[c], True, guess), t, h, SAME_TIME * T if c == 0 else 0.0
         )
         if not np.isfinite(length):
             return length, -1
@@ -255,7 +256,7 @@ def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, 
         )
         select(motion, c)
         observed = observe(motion.m, motion.m.now, T)
-        while next_due(mine) <= T * (1.0 + _LATE):
+        while next_due(mine) <= T * (1.0 + LATE):
             write(mine, T, observed, mine.tally.impulse)
         mine.tally.contact_time = contact_time(mine.tally, T)
     _fill_casing(case, T, own)

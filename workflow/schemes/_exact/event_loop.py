@@ -37,13 +37,13 @@ COMPLETED, OUT_OF_EVENTS, OUT_OF_STEPS, INSIDE_CASING, NOT_FINITE, RUNNING, INVA
 )
 """How a case ended; a batch sets :data:`INVALID` where a value of the case is not finite, and :data:`INSEPARABLE`."""
 
-_SAME_TIME = 16.0 * 2.220446049250313e-16
+SAME_TIME = 16.0 * 2.220446049250313e-16
 """Difference of times, over the duration, up to which they are equal: a dozen roundings of sums of steps."""
 
-_LATE = 1e-9
+LATE = 1e-9
 """Delay of a sample, over the duration, up to which it is due at the end: the tolerance of the sampling interval."""
 
-_FIRST_STEP = 0.1
+FIRST_STEP = 0.1
 """First step tried after an event, over the time constant of the fastest pole; it is lengthened while certified."""
 
 
@@ -155,7 +155,7 @@ def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Sta
 def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) -> tuple[Start, Observed]:
     """End a contact, or apply an impact and begin a contact if the tip stays; return the start of the next step."""
     free, t = motions.free, tally.time
-    guess = _FIRST_STEP / free.fastest if free.fastest > 0.0 else case.duration
+    guess = FIRST_STEP / free.fastest if free.fastest > 0.0 else case.duration
     if tally.held:
         release(motions, tally)
         return Start(3, -1.0, False, guess), observe(free, free.now, t)
@@ -180,7 +180,7 @@ def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed)
 
     The length is NaN where the state is not finite.
     """
-    tally, t, tolerance = record.tally, record.tally.time, _SAME_TIME * T
+    tally, t, tolerance = record.tally, record.tally.time, SAME_TIME * T
     if not start.expanded:
         expand(m, m.now, t)
     h, event = certified_step(m, start, t, T - t, tolerance)
@@ -202,7 +202,7 @@ def _finish(motions: Motions, case: Case, record: Record, observed: Observed) ->
     """Write the samples and periods that are due at the end, after any event there."""
     tally, modal, T = record.tally, motions.free.modal, case.duration
     fill_modal(motions, tally.held != 0, tally.time)
-    while next_due(record) <= T * (1.0 + _LATE):
+    while next_due(record) <= T * (1.0 + LATE):
         write(record, T, observed, tally.impulse)
     for i in range(modal.size):
         case.modal[i] = modal[i]
