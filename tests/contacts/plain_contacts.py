@@ -106,7 +106,7 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
     warm = np.linalg.solve(T_hat, contacts.heat.T)
     kick = np.linalg.solve(W_hat, (w - friction * contacts.tangent).T + alpha * h * theta * K12 @ warm)
     delassus = w @ kick
-    flexibility = contacts.flexibility(friction) if contacts.is_massless else np.zeros((count, count))
+    flexibility = contacts.flexibility(friction) if contacts.is_compliant else np.zeros((count, count))
     along = np.zeros(count) if contacts.residual_load is None else contacts.residual_load
     x, v, T = cases.displacement[case], cases.velocity[case], cases.temperature[case]
     expands = np.zeros((count, T.size)) if contacts.residual_coupling is None else contacts.residual_coupling
@@ -121,7 +121,7 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
         return np.asarray(along * load(t) - flexibility @ impulse / h - expands @ T)
 
     pressed = np.zeros(count)
-    if contacts.is_massless:
+    if contacts.is_compliant:
         pressed = h * complementary(flexibility, w @ x + elastic(0.0, pressed, T) - place(cases, case, 0.0))
     r, V = w @ x - place(cases, case, 0.0), speed(cases, case, 0.0, h, theta)
     impulses, path = [np.zeros(count)], [(w @ x + elastic(0.0, pressed, T), w @ v, contacts.heat @ T, T)]
@@ -132,7 +132,7 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
         right -= h * K12 @ (theta * T_new + (1 - theta) * T)
         free, ahead = np.linalg.solve(W_hat, right), speed(cases, case, (k + 1) * h, h, theta)
         p, end = np.zeros(count), (k + 1) * h
-        if contacts.is_massless:
+        if contacts.is_compliant:
             over = w @ (x + h * (theta * free + (1 - theta) * v)) + elastic(end, p, T_new)
             law = h * theta * delassus + flexibility / h + alpha * expands @ warm
             p = complementary(law, over - place(cases, case, end))
@@ -191,7 +191,7 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 
         depth = motion.histories["displacement"] - motion.casing
         values = {name: sampled(states) for name, states in motion.histories.items()} | {
-            "impacts": 0.0 * starts.sum(axis=0) if contacts.is_massless else starts.sum(axis=0),
+            "impacts": 0.0 * starts.sum(axis=0) if contacts.is_compliant else starts.sum(axis=0),
             "contact_time": held[-1],
             "max_penetration": np.maximum(depth.max(axis=0), 0.0),
             "max_temperature": motion.histories["temperature"].max(axis=0),

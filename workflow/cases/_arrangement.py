@@ -26,7 +26,9 @@ _MOST_SETTINGS = 256
 
 TOLERANCE = "tolerance"
 
-_OPERATOR_AXES = frozenset({"scheme", "h", "reduction", "mechanical_modes", "thermal_modes", TOLERANCE})
+_OPERATOR_AXES = frozenset(
+    {"scheme", "h", "reduction", "mechanical_modes", "thermal_modes", "scene.casing.flexibility", TOLERANCE}
+)
 
 
 def fixes_operator(path: str, model: str) -> bool:

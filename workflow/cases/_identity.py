@@ -13,9 +13,9 @@ from workflow import schemes
 from workflow.cases._arrangement import TOLERANCE, Grid, Indices
 from workflow.cases._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load, spread, turns_of
 from workflow.cases._reference import exact_settings, reference_settings
+from workflow.cases._structures import full_structure
 from workflow.declare import plain
 from workflow.judges.trials import EXACT
-from workflow.models import structure_of
 from workflow.reduction import DEFAULT
 from workflow.registry import outside_sources
 from workflow.schemes import SOLVER_VERSION
@@ -106,6 +106,7 @@ def _read(settings: CaseSettings) -> frozenset[str]:
 def _numerics(settings: CaseSettings, read: frozenset[str]) -> dict[str, Any]:
     parameters = plain(settings.scene.parameters)
     parameters.pop("heating", None)  # a condition
+    flexibility = settings.scene.casing.flexibility
     named = {settings.scene.model, settings.scheme.method, settings.reduction}
     outside = {name: source for name, source in outside_sources().items() if name in named}
     return {
@@ -115,6 +116,7 @@ def _numerics(settings: CaseSettings, read: frozenset[str]) -> dict[str, Any]:
         "options": plain(settings.scheme.options),
         "modes": [settings.mechanical_modes, settings.thermal_modes],
         **({"outside": outside} if outside else {}),
+        **({"casing_flexibility": flexibility} if flexibility else {}),
         "h": float(settings.h).hex() if "h" in read else None,
         **({} if settings.reduction == DEFAULT else {"reduction": settings.reduction}),  # of old it was the only one
     }
@@ -145,7 +147,7 @@ def _of_casing(settings: CaseSettings, varying: Any, count: int) -> dict[str, An
     else:
         columns["scene.casing.gap"] = spread(varying, "scene.casing.gap", casing.gap, count) + clearance
     if any(entry.order is not None for entry in casing.harmonics):
-        structure = structure_of(settings.scene.model, settings.scene.parameters)
+        structure = full_structure(settings)
         if casing.angles is not None or structure.contacts is not None:
             turns = turns_of(settings.scene, structure, varying, count)
             columns |= {f"scene.casing.turns.{k}": column for k, column in enumerate(turns.reshape(count, -1).T)}
@@ -174,7 +176,7 @@ def _rows(grid: Grid, outer: int, settings: CaseSettings, varying: Any, count: i
     values |= _of_casing(settings, varying, count)
     values |= {"alpha": alpha_of(settings, varying, count), **_harmonic_columns(scene, varying, count)}
     if scene.friction is not None:
-        structure = structure_of(scene.model, scene.parameters)
+        structure = full_structure(settings)
         values |= {"friction": friction_of(settings, structure, varying, count)} if structure.slides else {}
     columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
     columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]

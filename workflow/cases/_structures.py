@@ -15,33 +15,42 @@ _MOST_STRUCTURES = 16
 
 
 def full_structure(settings: CaseSettings) -> Structure:
-    """Return the full structure of a case, on whose nodes its conditions are given."""
-    return structure_of(settings.scene.model, settings.scene.parameters)
+    """Return the full structure of a case before its casing, on whose nodes its conditions are given."""
+    scene = settings.scene
+    return _full(scene.model, scene.parameters, scene.casing.flexibility)
+
+
+@lru_cache(maxsize=_MOST_STRUCTURES)
+def _full(model: str, parameters: Any, casing_flexibility: float) -> Structure:
+    return structure_of(model, parameters).on_casing(casing_flexibility)
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """What decides the structure that a case is run on: model, basis, counts of modes, duration."""
+    """What decides the structure that a case is run on: model, basis, counts of modes, duration, casing."""
 
     model: str
     parameters: Any
     basis: str
     modes: tuple[int, int]
     duration: float
+    casing_flexibility: float
 
 
 def reduced(settings: CaseSettings) -> Reduced:
     """Return what decides the structure that a case is run on."""
     scene = settings.scene
     modes = settings.mechanical_modes, settings.thermal_modes
-    return Reduced(scene.model, scene.parameters, settings.reduction, modes, scene.duration)
+    casing = scene.casing.flexibility
+    return Reduced(scene.model, scene.parameters, settings.reduction, modes, scene.duration, casing)
 
 
 @lru_cache(maxsize=_MOST_STRUCTURES)
 def model_on(by: Reduced) -> ReducedModel:
     """Return the structure of a model as its basis leaves it, and its reduction."""
     with one_thread():
-        return reduced_model(structure_of(by.model, by.parameters), *by.modes, by.basis, by.duration)
+        model = reduced_model(structure_of(by.model, by.parameters), *by.modes, by.basis, by.duration)
+    return model._replace(structure=model.structure.on_casing(by.casing_flexibility))
 
 
 def reduced_structure(settings: CaseSettings) -> Structure:

@@ -219,7 +219,7 @@ def _numbers(name: str, entries: Entries, which: Any, shape: tuple[int, ...]) ->
     return values
 
 
-def _residuals(entries: Entries, which: Any, shape: tuple[int, int]) -> dict[str, Array]:
+def _residuals(entries: Entries, which: Any, shape: tuple[int, int]) -> dict[str, Any]:
     """Return the residual flexibility of contacts without mass, and what belongs to it; nothing for those with mass."""
     if "residual_flexibility" not in entries:
         return {}

@@ -8,9 +8,9 @@ With the contacts S closed:
 
       λ = D⁻¹ (w_S (g - c y' - ω² y - G τ) - d_S''),   D = w_S (w_S - µ t_S)ᵀ,   z'' = Zᵀ (g - … + µ t_Sᵀ λ);
 
-- **without mass** their forces are linear in all modes, which stay,
+- **without mass**, or on an elastic casing c, their forces are linear in all modes, which stay,
 
-      λ = Q (w_S y - r_S τ + ρ_S F - d_S),   Q = (R - µ R^t)_SS⁻¹.
+      λ = Q (w_S y - r_S τ + ρ_S F - d_S),   Q = (R - µ R^t + c)_SS⁻¹.
 
 Static answers with all contacts closed: α_c, growth rate, equilibrium.
 """
@@ -140,7 +140,7 @@ def contact_system(
     basis: ContactBasis, closed: NDArray[np.bool_], alpha: float, friction: float
 ) -> ContactSystem | None:
     """Return the system with the contacts ``closed``, ``(contact,)``; ``None`` where their forces are not unique."""
-    build = _without_mass if basis.contacts.is_massless else _with_mass
+    build = _compliant if basis.contacts.is_compliant else _with_mass
     return build(basis, np.flatnonzero(closed), alpha, friction)
 
 
@@ -209,11 +209,11 @@ def _with_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) -> Co
     return ContactSystem(A, B, signals, inputs, null, place)
 
 
-def _without_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) -> ContactSystem | None:
+def _compliant(basis: ContactBasis, S: Any, alpha: float, friction: float) -> ContactSystem | None:
     n, heats, m = basis.frequency.size, basis.rate.size, basis.contacts.count
     flexibility = basis.contacts.flexibility(friction)
     try:
-        stiffness = np.linalg.inv(flexibility[np.ix_(S, S)])  # Q
+        stiffness = np.linalg.inv(basis.contacts.compliance(friction)[np.ix_(S, S)])  # Q
     except np.linalg.LinAlgError:
         return None
     size, F = basis.size, n + heats
@@ -255,7 +255,7 @@ def stops_together(basis: ContactBasis) -> list[NDArray[np.bool_]]:
     unit = basis.normal / np.linalg.norm(basis.normal, axis=1)[:, None]
     pairs = np.argwhere(np.triu(unit @ unit.T < _OPPOSITE - 1))
     sets = []
-    for left in product(*pairs.tolist()) if not basis.contacts.is_massless else [()]:
+    for left in product(*pairs.tolist()) if not basis.contacts.is_compliant else [()]:
         closed = np.ones(basis.contacts.count, dtype=np.bool_)
         closed[list(left)] = False
         sets.append(closed)
@@ -265,8 +265,9 @@ def stops_together(basis: ContactBasis) -> list[NDArray[np.bool_]]:
 def critical_alpha_of_contacts(structure: Structure, friction: float = 0.0) -> float:
     """Return the least α > 0 at which the static problem with all contacts closed is singular, W/N.
 
-    det(S - α B) = 0 with S_ij = w_iᵀ K1⁻¹ (w_j - µ t_j) + R_ij - µ R^t_ij and B_ij = -(w_iᵀ K1⁻¹ K12 + r_i) K2⁻¹ s_j.
-    Rigid motions are unknowns beside the forces. ``inf`` for none, 0 where heat that cannot leave pushes a contact out.
+    det(S - α B) = 0 with S_ij = w_iᵀ K1⁻¹ (w_j - µ t_j) + R_ij - µ R^t_ij + c δ_ij and
+    B_ij = -(w_iᵀ K1⁻¹ K12 + r_i) K2⁻¹ s_j. Rigid motions are unknowns beside the forces. ``inf`` for none, 0 where heat
+    that cannot leave pushes a contact out.
     """
     basis = analyse_contacts(structure)
     return min(_critical_alpha(basis, closed, friction) for closed in stops_together(basis))
@@ -280,8 +281,8 @@ def _critical_alpha(basis: ContactBasis, closed: NDArray[np.bool_], friction: fl
     if np.any(np.abs(grows[:, ~warm] @ basis.heat[closed][:, ~warm].T) > 0):
         return 0.0
     S = flexible @ sliding[:, elastic].T
-    if basis.contacts.is_massless:
-        S = S + basis.contacts.flexibility(friction)[np.ix_(closed, closed)]
+    if basis.contacts.is_compliant:
+        S = S + basis.contacts.compliance(friction)[np.ix_(closed, closed)]
     B = (grows[:, warm] / basis.rate[warm]) @ basis.heat[closed][:, warm].T
     rigid = int((~elastic).sum())
     still, heated = np.zeros((2, rigid + len(S), rigid + len(S)))
@@ -312,8 +313,8 @@ def rates_in_contact(basis: ContactBasis, alpha: Array, friction: Array) -> tupl
 def contacts_at_rest(structure: Structure, cases: Cases) -> Cases | None:
     """Return cases that start in equilibrium under their constant loads and the gaps at t = 0.
 
-    0 <= d - w x + (R - µ R^t) λ ⊥ λ >= 0; a contact that is pressed has the velocity of its casing. ``None`` where a
-    case has none: loads move a structure that is not held, or heat cannot leave it.
+    0 <= d - w x + (R - µ R^t + c) λ ⊥ λ >= 0; a contact that is pressed has the velocity of its casing. ``None`` where
+    a case has none: loads move a structure that is not held, or heat cannot leave it.
     """
     basis, contacts = analyse_contacts(structure), structure.contacts
     assert contacts is not None
@@ -333,13 +334,13 @@ def contacts_at_rest(structure: Structure, cases: Cases) -> Cases | None:
         depth = (
             basis.normal @ free[i] - basis.residual_coupling @ tau[i] + basis.residual_load * cases.mean[i] - place[i]
         )
-        if contacts.is_massless:
-            S = S + contacts.flexibility(float(cases.friction[i]))
+        if contacts.is_compliant:
+            S = S + contacts.compliance(float(cases.friction[i]))
         pressed = complementarity(S, -depth)
         if pressed is None:
             return None
         y[i] -= (pressed @ sliding) / basis.frequency**2
-        if not contacts.is_massless:
+        if not contacts.is_compliant:
             velocity[i] = np.linalg.pinv(basis.normal[pressed > 0]) @ speed[i, pressed > 0]
     return replace(
         cases,

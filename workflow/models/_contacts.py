@@ -4,7 +4,9 @@
     0 <= d_i - x_i ⊥ λ_i >= 0,
     x_i = w_iᵀx + ρ_i F - Σ_j (R_ij - µ R^t_ij) λ_j - Σ_j r_ij θ_j
 
-with the residual flexibility R of contacts without mass: what the modes lack of the static answer to forces there.
+with the residual flexibility R of contacts without mass: what the modes lack of the static answer to forces there. On
+an elastic casing gaps are d_i + c λ_i - x_i. Contacts without mass or on an elastic casing are compliant: their forces
+are finite, and there is no impact law.
 """
 
 from __future__ import annotations
@@ -37,6 +39,8 @@ class Contacts:
         r = w ΔF K12, m/K, ``(contact, thermal)``.
     residual_load
         ρ = w ΔF b, m/N, ``(contact,)``.
+    casing_flexibility
+        c of an elastic casing, m/N; 0 for a rigid one.
     """
 
     labels: tuple[str, ...]
@@ -48,6 +52,7 @@ class Contacts:
     residual_tangent: Array | None = None
     residual_coupling: Array | None = None
     residual_load: Array | None = None
+    casing_flexibility: float = 0.0
 
     @property
     def count(self) -> int:
@@ -55,9 +60,9 @@ class Contacts:
         return len(self.normal)
 
     @property
-    def is_massless(self) -> bool:
-        """Whether the contacts have a residual flexibility and no mass."""
-        return self.residual is not None
+    def is_compliant(self) -> bool:
+        """Whether contact forces are finite: contacts without mass, or on an elastic casing."""
+        return self.residual is not None or self.casing_flexibility > 0
 
     def transformed(self, displacements: Any, temperatures: Any) -> Contacts:
         """Return the contacts in coordinates of which these bases, dense or sparse, give the present ones."""
@@ -68,7 +73,12 @@ class Contacts:
 
     def flexibility(self, friction: float) -> Array:
         """Return R - µ R^t, m/N, ``(contact, contact)``."""
-        assert self.residual is not None
+        if self.residual is None:
+            return np.zeros((self.count, self.count))
         if friction == 0 or self.residual_tangent is None:
             return self.residual
         return np.asarray(self.residual - friction * self.residual_tangent)
+
+    def compliance(self, friction: float) -> Array:
+        """Return R - µ R^t + c, m/N, ``(contact, contact)``."""
+        return self.flexibility(friction) + self.casing_flexibility * np.eye(self.count)

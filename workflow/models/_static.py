@@ -93,12 +93,13 @@ def static_tip_growth(structure: Structure) -> Array:
 def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
     """Return α_c = S/β above which a tip in permanent contact runs away, W/N; 0 where it is never stable there.
 
-    S = e_nᵀ K1⁻¹ (e_n - µ t), see :mod:`workflow.models._static`, and β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. With the steady
-    temperatures χ for 1 K at the tip and the conductance σ of the tip K2⁻¹ e_n = χ/σ. Singular cases are decided by
-    rank: ``inf`` where the root is free or heat at the tip does not push it out (β <= 0), 0 where heat that cannot
-    leave the structure (σ = 0) pushes the tip out.
+    S = e_nᵀ K1⁻¹ (e_n - µ t) + c on a casing of flexibility c, see :mod:`workflow.models._static`, and
+    β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. With the steady temperatures χ for 1 K at the tip and the conductance σ of the tip
+    K2⁻¹ e_n = χ/σ. Singular cases are decided by rank: ``inf`` where the root is free or heat at the tip does not push
+    it out (β <= 0), 0 where heat that cannot leave the structure (σ = 0) pushes the tip out.
     """
-    if structure.contacts is not None:
+    rows = structure.contacts
+    if rows is not None and (rows.count > 1 or rows.residual is not None):
         return critical_alpha_of_contacts(structure, friction)
     yields = 1 - friction * static_share(structure)
     if yields <= 0:
@@ -107,7 +108,8 @@ def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
     pushed, flexibility = float(terms.sum()), tip_flexibility(structure)
     if np.isinf(flexibility) or pushed <= _CANCELLED * np.abs(terms).max(initial=0.0):
         return float("inf")
-    return structure.thermal.tip_stiffness * flexibility / pushed * yields
+    casing = 0.0 if rows is None else rows.casing_flexibility
+    return structure.thermal.tip_stiffness * (flexibility * yields + casing) / pushed
 
 
 def instantaneous_growth(structure: Structure) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -181,6 +181,22 @@ class Structure:
         if self.coordinates is None:
             return self.contacts.normal
         return np.asarray((self.coordinates.displacement_projection.T @ self.contacts.normal.T).T)
+
+    @property
+    def rows(self) -> Contacts:
+        """Rows of all contacts; of one with mass those of the tip."""
+        if self.contacts is not None:
+            return self.contacts
+        normal, heat = self.mechanical.unit_tip[None], self.thermal.unit_tip[None]
+        tangent = np.zeros_like(normal) if self.tangent is None else self.tangent[None]
+        return Contacts(("tip",), normal, tangent, heat, angle=np.zeros(1))
+
+    def on_casing(self, flexibility: float) -> Structure:
+        """Return the structure on a casing of this flexibility, m/N."""
+        if flexibility == 0:
+            return self
+        assert is_dataclass(self)
+        return replace(self, contacts=replace(self.rows, casing_flexibility=flexibility))
 
     @property
     def slides(self) -> bool:

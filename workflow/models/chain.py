@@ -28,6 +28,7 @@ import scipy
 from workflow.declare import Values, quantity
 from workflow.kernels import Array
 from workflow.kernels.algebra import MOST_BY_JACOBI
+from workflow.models._contacts import Contacts
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
 from workflow.models._structure import Rayleigh, Structure
 
@@ -242,6 +243,7 @@ class Chain(Structure):
     damping: Rayleigh = field(default_factory=Rayleigh)
     lengths: Array = field(default_factory=lambda: np.zeros(0))
     observed: Array | None = None
+    contacts: Contacts | None = None
 
     @cached_property
     def mechanical(self) -> ChainPair:  # type: ignore[override]

@@ -223,11 +223,15 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
 
 
 def _of_contacts(grid: Grid, names: set[str]) -> Iterator[tuple[str, xr.Variable]]:
-    """Yield what no axis gives of the casing: clearance, and labels and angles of contacts."""
+    """Yield what no axis gives of the casing: clearance, flexibility, and labels and angles of contacts."""
     study, casing = grid.study, grid.study.scene.casing
-    if casing.clearance and "clearance" not in names:
-        about = {"units": "m", "long_name": "added to the gap of every contact", "study_path": "scene.casing.clearance"}
-        yield "clearance", _variable((), np.asarray(casing.clearance), about)
+    for name, unit, meaning in (
+        ("clearance", "m", "added to the gap of every contact"),
+        ("flexibility", "m N-1", "flexibility of the casing"),
+    ):
+        if getattr(casing, name) and name not in names:
+            about = {"units": unit, "long_name": meaning, "study_path": f"scene.casing.{name}"}
+            yield name, _variable((), np.asarray(getattr(casing, name)), about)
     angle: Any = casing.angles
     if study.contacts:
         yield "contact", _variable(("contact",), np.asarray(study.contacts, dtype=object), {"long_name": "contact"})

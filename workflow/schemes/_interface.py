@@ -259,7 +259,8 @@ class Scheme:
         What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction``
         along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: the mean
         temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``,
-        or one without mass (``Structure.contacts``, ``Cases.gaps``).
+        or one without mass (``Structure.contacts``, ``Cases.gaps``), an ``elastic`` casing
+        (``Contacts.casing_flexibility``).
     about
         One line on the scheme; by default the first paragraph of the module's docstring.
     """
@@ -309,6 +310,8 @@ class Scheme:
             return "its load does not act on the tip, which the scheme does not take"
         if structure.observed is not None and "depth" not in self.GENERAL:
             return "it does not record the temperature over a depth"
+        if structure.rows.casing_flexibility > 0 and "elastic" not in self.GENERAL:
+            return "it takes a rigid casing; `event_driven` and `moreau` take one with `flexibility`"
         if structure.contacts is not None and "contacts" not in self.GENERAL:
             return "it takes one contact, with mass"
         if "damping" not in self.GENERAL and couples_free_modes(structure):

@@ -30,7 +30,7 @@ from workflow.schemes._exact.layout import Budget
 from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"e", "alpha"})
-GENERAL = frozenset({"contacts", "damping", "depth", "friction", "load"})
+GENERAL = frozenset({"contacts", "damping", "depth", "elastic", "friction", "load"})
 
 HARMONICS = frozenset({"load", "casing"})
 STEP_SECONDS = 1.4e-8

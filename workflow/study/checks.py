@@ -39,6 +39,7 @@ def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     yield from _harmonics(cases, source)
     yield from _friction(cases, source)
     yield from _contacts(cases, sizes, source)
+    yield from _elastic(cases, source)
     yield from _support(cases, source)
     yield from _branch(cases)
     yield from _start(cases, sizes, source)
@@ -175,11 +176,14 @@ def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
         reason = scheme.cannot_take(load, casing)
         if reason is not None:
             yield place, f"`{label}` {reason}", "name another scheme, or leave `harmonics` out"
-        if cases.contacts and "contacts" not in scheme.GENERAL:
-            able = [name for name in schemes.names() if not schemes.fault(name)]
-            able = [name for name in able if "contacts" in schemes.load(name).GENERAL]
-            problem = f"`{label}` takes one contact, and the structure has {len(cases.contacts)}"
-            yield place, problem, f"write {' or '.join(able)}"
+        for word, asked, problem in (
+            ("contacts", cases.contacts, f"takes one contact, and the structure has {len(cases.contacts)}"),
+            ("elastic", _is_elastic(cases), "takes a rigid casing, and this one has a `flexibility`"),
+        ):
+            if asked and word not in scheme.GENERAL:
+                able = [name for name in schemes.names() if not schemes.fault(name)]
+                able = [name for name in able if word in schemes.load(name).GENERAL]
+                yield place, f"`{label}` {problem}", f"write {' or '.join(able)}"
 
 
 def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
@@ -214,6 +218,25 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
         )
 
 
+def _is_elastic(cases: CaseSpace) -> bool:
+    path = "scene.casing.flexibility"
+    values = [value for axis in cases.axes() if axis.path == path for value in axis.values]
+    return any(values or [cases.scene.casing.flexibility])
+
+
+def _elastic(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
+    """Refuse what is of a rigid casing before an elastic one."""
+    if not _is_elastic(cases):
+        return
+    of_rigid = "is of a rigid casing, and this one has a `flexibility`"
+    if cases.is_auto:
+        yield ("axes", "tolerance"), of_rigid, "write counts of modes"
+    if cases.branch is not None:
+        yield ("axes", cases.branch.axis.path), of_rigid, "write a list, or leave the flexibility out"
+    elif cases.output.steady is not None:
+        yield ("output", "steady"), of_rigid, "leave it out, or the flexibility"
+
+
 def _branch(cases: CaseSpace) -> Iterator[Fault]:
     """Refuse a branch of other schemes than event_driven, or beside a reference."""
     if cases.branch is None:
@@ -229,7 +252,8 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     """Refuse a contact that starts inside the casing, beyond d(0), in some case; without mass it may."""
     initial, casing, structure = cases.scene.initial, cases.scene.casing, sizes.structure
     contacts = None if structure is None else structure.contacts
-    if not isinstance(initial, Initial) or (contacts is not None and contacts.is_massless):
+    compliant = _is_elastic(cases) or (contacts is not None and contacts.is_compliant)
+    if not isinstance(initial, Initial) or compliant:
         return
     rows, angle = np.ones((1, 1)), np.zeros(1)
     if structure is not None:

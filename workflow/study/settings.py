@@ -79,6 +79,7 @@ class Casing:
     gap: Values = quantity("m", "tip clearance at rest, cold; any sign", per="contact")
     harmonics: tuple[CasingHarmonic, ...] = ()
     clearance: float = quantity("m", "added to the gap of every contact", default=0.0)
+    flexibility: float = quantity("m/N", "of an elastic casing; 0: rigid", default=0.0, at_least=0)
     angles: Values | None = quantity(
         "rad",
         "angle of each contact in the direction in which the blade turns; the file's where left out",

@@ -105,7 +105,7 @@ class Study(CaseSpace):
             **({"license": self.license} if self.license else {}),
             "scene": {
                 scene.model: plain(scene.parameters),
-                "casing": _without_empty(scene.casing, "harmonics", "clearance", "angles"),
+                "casing": _without_empty(scene.casing, "harmonics", "clearance", "flexibility", "angles"),
                 "load": _without_empty(scene.load, "harmonics"),
                 "initial": scene.initial if isinstance(scene.initial, str) else dataclasses.asdict(scene.initial),
                 "duration": scene.duration,

@@ -204,20 +204,21 @@ def fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> None
     for k, (row, states) in enumerate(zip(rows, (cases.displacement, cases.velocity, cases.temperature), strict=True)):
         record.histories[:, k, ..., 0] = project(row, states).reshape(record.tally.shape)
     record.histories[:, 3, ..., 0] = 0.0
-    if basis.contacts.is_massless:
-        record.histories[:, 0, ..., 0] = _places_without_mass(basis, cases).reshape(record.tally.shape)
+    if basis.contacts.is_compliant:
+        record.histories[:, 0, ..., 0] = _compliant_places(basis, cases).reshape(record.tally.shape)
 
 
-def _places_without_mass(basis: ContactBasis, cases: Cases) -> Array:
-    """Return x_i of contacts without mass at t = 0, m, ``(case, contact)``: d where λ > 0; NaN where there is no λ."""
+def _compliant_places(basis: ContactBasis, cases: Cases) -> Array:
+    """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + c λ where they touch; NaN without a λ."""
     contacts, (place, _) = basis.contacts, cases.casing_of_contacts(0.0)
     tau = project(basis.to_thermal, cases.temperature)
     free = project(contacts.normal, cases.displacement) - project(basis.residual_coupling, tau)
     free += cases.load_at(0.0)[:, None] * basis.residual_load
     for i in np.flatnonzero((free > place).any(axis=1)):
-        flexibility = contacts.flexibility(float(cases.friction[i]))
-        force = complementarity(flexibility, place[i] - free[i])
-        free[i] = np.nan if force is None else np.where(force > 0, place[i], free[i] - flexibility @ force)
+        friction, c = float(cases.friction[i]), contacts.casing_flexibility
+        force = complementarity(contacts.compliance(friction), place[i] - free[i])
+        yields = np.nan if force is None else free[i] - contacts.flexibility(friction) @ force
+        free[i] = yields if force is None else np.where(force > 0, place[i] + c * force, yields)
     return free
 
 
@@ -246,6 +247,7 @@ def conditions_of(basis: ContactBasis, cases: Cases, duration: float, budget: Bu
         reach=np.abs(cases.clearances).max(axis=1) + own.reach,
         duration=duration,
         budget=budget,
+        flexibility=np.full(cases.count, basis.contacts.casing_flexibility),
     )
 
 

@@ -10,9 +10,9 @@ each of which heats at its place, and those that stay are a complementarity prob
 
     0 <= λ ⊥ W λ - (b + δ b') >= 0,   b = w (g - c y' - ω² y - G τ) - d'',
 
-whose rates b', a moment δ later, decide where a force leaves a contact at zero. Without mass forces are continuous:
-0 <= λ ⊥ d - w y + (R - µ R^t) λ >= 0, a moment later. Bounces may accumulate at e = 0 too where W is not diagonal; a
-contact whose next bounce would be lower than 1e-11 of the largest motion is held.
+whose rates b', a moment δ later, decide where a force leaves a contact at zero. Without mass, or on an elastic casing,
+forces are continuous: 0 <= λ ⊥ d - w y + (R - µ R^t + c) λ >= 0, a moment later. Bounces may accumulate at e = 0 too
+where W is not diagonal; a contact whose next bounce would be lower than 1e-11 of the largest motion is held.
 """
 
 from __future__ import annotations
@@ -305,7 +305,7 @@ def _begin(structure: Contacting, case: ContactCase, record: Record, at: Any, ow
     for c in range(own.wanted.size):
         own.wanted[c], own.zeros[c], own.speed[c] = False, 0, -1.0
         tally = record.tally[c]
-        tally.contact_begin = np.inf
+        tally.contact_begin, tally.casing_flexibility = np.inf, case.flexibility
         tally.max_temperature = tally.period_temperature = _temperature(structure, own, c)
     at.length = case.reach
     _fill_casing(case, 0.0, own)
@@ -330,9 +330,9 @@ def _pass(
     State and casing are those of the instant.
     """
     moment = _MOMENT / fastest if fastest > 0.0 else 0.0
-    if structure.massless:
+    if structure.compliant:
         _fill_distances(structure, case, own, at.time)
-        sound = _next_set_without_mass(structure, case, own, at.time, moment, struck)
+        sound = _next_compliant_set(structure, case, own, at.time, moment, struck)
     elif struck >= 0 and own.wanted[struck]:
         own.wanted[struck], own.zeros[struck], own.speed[struck], sound = False, 3, -1.0, True
     else:
@@ -392,7 +392,7 @@ def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, 
 
 @part
 def _operator(structure: Contacting, case: ContactCase, i: int, j: int) -> float:
-    """Return W, or R - µ R^t without mass, of a pair of contacts."""
+    """Return W, or R - µ R^t + c of compliant contacts, of a pair."""
     return float(structure.delassus[i, j] - case.friction * structure.tangential[i, j])
 
 
@@ -601,7 +601,7 @@ def _stop(structure: Contacting, case: ContactCase, record: Record, own: Memory)
 
 @part
 def _fill_distances(structure: Contacting, case: ContactCase, own: Memory, t: float) -> None:
-    """Fill d - x and its rate of contacts without mass and without forces."""
+    """Fill d - x and its rate of compliant contacts without forces."""
     n, heats = structure.frequency.size, structure.rate.size
     load, rate = _load(case, t)
     mean = case.constant[n + heats]
@@ -618,7 +618,7 @@ def _fill_distances(structure: Contacting, case: ContactCase, own: Memory, t: fl
 
 
 @part
-def _next_set_without_mass(
+def _next_compliant_set(
     structure: Contacting, case: ContactCase, own: Memory, t: float, moment: float, struck: int
 ) -> bool:
     """Fill the contacts that are closed a moment later; return whether their forces have a solution."""

@@ -66,6 +66,8 @@ class ContactCase(NamedTuple):
     """Largest |d_i| plus the amplitudes of the casing, m."""
     duration: float
     budget: Budget
+    flexibility: Any
+    """c of an elastic casing, m/N; 0 for a rigid one."""
 
 
 class Contacting(NamedTuple):
@@ -82,20 +84,20 @@ class Contacting(NamedTuple):
     load: Array
     """φᵀ b, ``(mode,)``."""
     delassus: Array
-    """w wᵀ, or R of contacts without mass, ``(contact, contact)`` …"""
+    """w wᵀ, or R + c of compliant contacts, ``(contact, contact)`` …"""
     tangential: Array
     """… and their decrease per friction coefficient."""
     residual_load: Array
     residual_coupling: Array
-    massless: bool
+    compliant: bool
 
 
 def contacting(basis: ContactBasis) -> Contacting:
     """Return the arrays of a basis for kernels."""
-    own, massless = basis.contacts, basis.contacts.is_massless
+    own, compliant = basis.contacts, basis.contacts.is_compliant
     operator, tangential = basis.delassus(0.0), basis.normal @ basis.tangent.T
-    if own.residual is not None:
-        operator, tangential = own.residual, own.residual - own.flexibility(1.0)
+    if compliant:
+        operator, tangential = own.compliance(0.0), own.flexibility(0.0) - own.flexibility(1.0)
     return Contacting(
         basis.frequency,
         np.atleast_2d(basis.damping),
@@ -109,7 +111,7 @@ def contacting(basis: ContactBasis) -> Contacting:
         np.ascontiguousarray(tangential),
         basis.residual_load,
         np.ascontiguousarray(basis.residual_coupling),
-        massless,
+        compliant,
     )
 
 

@@ -54,6 +54,7 @@ TALLY = np.dtype(
         ("unsettled_speed", "f8"),  # half the impact speed at which chattering was last found not to end, m/s
         ("summed_speed", "f8"),  # of chattering that is summed because it exceeds the budget: largest speed, m/s
         ("summed_height", "f8"),  # … largest height above the casing, m
+        ("casing_flexibility", "f8"),  # of an elastic casing, m/N
         ("leaving_speed", "f8"),  # … largest speed with which the tip then leaves, if it does not come to rest, m/s
     ]
 )
@@ -126,8 +127,9 @@ def write(record: Record, t: float, outputs: Observed, impulse: float) -> None:
     sample, period = tally.next_sample, tally.next_period
     due = record.times[sample] if sample < record.times.size else np.inf
     end = record.period_ends[period] if period < record.period_ends.size else np.inf
-    x = outputs.place if tally.held else outputs.place - outputs.signal
-    v = outputs.speed if tally.held else -(outputs.signal_rate - outputs.speed)
+    yields = tally.casing_flexibility
+    x = outputs.place + yields * outputs.signal if tally.held else outputs.place - outputs.signal
+    v = outputs.speed + yields * outputs.signal_rate if tally.held else -(outputs.signal_rate - outputs.speed)
     if due <= end:
         histories[_DISPLACEMENT, sample] = x
         histories[_VELOCITY, sample] = v

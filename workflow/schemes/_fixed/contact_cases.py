@@ -104,7 +104,7 @@ def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: A
     sin, cos = elementwise.sine_cosine(conditions.waves[:, :, wave.PHASE])
     begins = (speeds[:, :, 0] * cos[:, :, None] + speeds[:, :, 1] * sin[:, :, None]).sum(axis=1)
     begun = np.stack([x - place, v - begins], axis=1)
-    if basis.contacts.is_massless:
+    if basis.contacts.is_compliant:
         return begun
     length = project(np.abs(rows), np.abs(cases.displacement)) + np.abs(cases.clearances) + own.reach[:, None]
     speed = project(np.abs(rows), np.abs(cases.velocity)) + np.abs(own.amplitude * own.angular).sum(axis=1)[:, None]

@@ -175,7 +175,7 @@ def stepping(basis: ContactBasis, h: float, theta: float) -> Stepping:
     forces = np.stack([basis.normal, -basis.tangent, lever * (basis.coupling @ warming).T])
     kicks = forces @ inverse if couples else forces * inverse
     law = delassus = basis.normal @ kicks.swapaxes(1, 2)
-    if contacts.is_massless:
+    if contacts.is_compliant:
         cold = contacts.flexibility(0.0)
         per_friction = contacts.flexibility(1.0) - cold
         law = lever * delassus + np.stack([cold / h, per_friction / h, basis.residual_coupling @ warming])
@@ -196,7 +196,7 @@ def stepping(basis: ContactBasis, h: float, theta: float) -> Stepping:
         "residual_coupling": basis.residual_coupling.T,
     }
     laid_out = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
-    return Stepping(h=h, theta=theta, massless=contacts.is_massless, couples=couples, **laid_out)
+    return Stepping(h=h, theta=theta, massless=contacts.is_compliant, couples=couples, **laid_out)
 
 
 class Now(NamedTuple):

@@ -1,0 +1,148 @@
+"""An elastic casing: exact in closed form, the limit of a contact spring, and the same through a study."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from workflow import run_study, schemes
+from workflow.archive import open_archive
+from workflow.models import Cases, Harmonics, Structure, at_rest, critical_alpha, growth_rate
+from workflow.models._contact_system import critical_alpha_of_contacts
+from workflow.models.chain import Parameters, Rayleigh, assemble
+from workflow.schemes import Results, Sampling
+from workflow.study import StudyError, read_study
+
+CASING = 2e-5
+CHAIN = Parameters(
+    nodes=3,
+    mass=0.1,
+    stiffness=4000.0,
+    heat_capacity=5.0,
+    expansion=1e-3,
+    spacing=0.1,
+    conductance=0.5,
+    convection=0.1,
+)
+
+
+def cases(size: int, **given: Any) -> Cases:
+    """Return one case at rest, its values as numbers."""
+    zeros, row = np.zeros((1, size)), np.zeros(1)
+    values: dict[str, Any] = {"e": row, "alpha": row, "gap": row, "mean": row}
+    values |= dict.fromkeys(("steady", "heating", "displacement", "velocity", "temperature"), zeros)
+    return Cases(**values | given)
+
+
+def run(method: str, structure: Structure, case: Cases, sampling: Sampling, h: float, **options: Any) -> Results:
+    """Run one case with a scheme."""
+    if structure.contacts is not None:
+        case = replace(case, gaps=case.gap[:, None], turns=np.zeros((1, 1, case.casing_harmonics.width)))
+    scheme = schemes.load(method)
+    return scheme.compute(scheme.init(structure, h, scheme.Options(**options)), case, sampling)
+
+
+def test_mass_on_an_elastic_stop() -> None:
+    """code_aster's SDND101A: m 100 kg, k 1e4 N/m, stop 1e6 N/m, v0 1 m/s."""
+    mass = assemble(Parameters(nodes=1, mass=100.0, stiffness=1e4, heat_capacity=1.0)).on_casing(1e-6)
+    omega = np.sqrt(1.01e6 / 100)
+    done = run(
+        "event_driven", mass, cases(1, velocity=np.ones((1, 1))), Sampling(np.pi / omega, np.pi / omega / 2, 3), 1
+    )
+    assert done.status[0] == 0
+    np.testing.assert_allclose(done.histories["displacement"][0] * 1e6, [0, 1e6 / omega, 0], atol=1e-6)
+    np.testing.assert_allclose(done.metrics["max_penetration"], 9950.371902e-6, rtol=1e-9)
+    np.testing.assert_allclose(done.histories["impulse"][0, -1], 198.0198019802, rtol=1e-12)
+    np.testing.assert_allclose(done.metrics["contact_time"], 0.03126001526812332, rtol=1e-9)
+    assert done.metrics["impacts"] == 0
+
+
+@pytest.mark.parametrize("integration", ["explicit", "implicit"])
+def test_a_contact_spring_converges_to_it(integration: str) -> None:
+    """Second order, but for where in a step contacts begin and end: over an eightfold step 1.5 at least."""
+    chain, sampling = assemble(CHAIN), Sampling(0.5, 1e-3, 501)
+    load = Harmonics(np.array([[4.0]]), np.array([[12.0]]), np.zeros((1, 1)))
+    case = cases(3, alpha=np.full(1, 0.5), gap=np.full(1, 1e-3), load_harmonics=load)
+    exact = run("event_driven", chain.on_casing(CASING), case, sampling, 1).histories
+    assert exact["temperature"].max() > 0.01
+
+    def error(h: float) -> float:
+        own = run("penalty", chain, case, sampling, h, stiffness=1 / CASING, integration=integration, theta=0.5)
+        names = ("displacement", "impulse", "temperature")
+        return max(float(np.abs(own.histories[name] - exact[name]).max() / np.abs(exact[name]).max()) for name in names)
+
+    coarse, fine = error(2e-5), error(2.5e-6)
+    assert fine < 5e-6
+    assert np.log(coarse / fine) / np.log(8) > 1.25
+
+
+def test_it_adds_to_the_flexibility_in_contact() -> None:
+    chain = assemble(replace(CHAIN, damping=Rayleigh(stiffness=1e-3)))
+    elastic = chain.on_casing(CASING)
+    np.testing.assert_allclose(critical_alpha(elastic), critical_alpha(chain) * (1 + CASING * 4000 / 3), rtol=1e-12)
+    np.testing.assert_allclose(critical_alpha_of_contacts(elastic), critical_alpha(elastic), rtol=1e-12)
+    above = 1.001 * critical_alpha(elastic)
+    assert growth_rate(elastic, above) > 0 > growth_rate(elastic, 0.999 * critical_alpha(elastic))
+
+
+def test_a_static_start_rests_on_it() -> None:
+    """x = (f + d/c)/(k + 1/c) of a single mass, and it stays there."""
+    k, c, f, d = 4000.0, 2e-4, 9.0, 1e-3
+    mass = assemble(Parameters(nodes=1, mass=0.1, stiffness=k, heat_capacity=1.0)).on_casing(c)
+    case = cases(1, gap=np.full(1, d), gaps=np.full((1, 1), d), turns=np.zeros((1, 1, 0)), mean=np.full(1, f))
+    resting = at_rest(mass, case)
+    np.testing.assert_allclose(resting.displacement, (f + d / c) / (k + 1 / c), rtol=1e-13)
+    for method in ("event_driven", "moreau"):
+        done = run(method, mass, resting, Sampling(0.1, 0.01, 11), 1e-4)
+        np.testing.assert_allclose(done.histories["displacement"][0], resting.displacement[0, 0], rtol=1e-11)
+        np.testing.assert_allclose(
+            done.histories["impulse"][0, -1], 0.1 * (resting.displacement[0, 0] - d) / c, rtol=1e-9
+        )
+
+
+STUDY: dict[str, Any] = {
+    "study": "elastic",
+    "scene": {
+        "chain": {"nodes": 3, "mass": 0.1, "stiffness": 4000, "heat_capacity": 5},
+        "casing": {"gap": 1e-3},
+        "load": {"amplitude": 4, "frequency": 12},
+        "duration": 0.2,
+    },
+    "schemes": {
+        "exact": {"method": "event_driven"},
+        "moreau": {"method": "moreau", "theta": 0.5},
+        "carpenter": {"method": "carpenter"},
+    },
+    "axes": {"scheme": ["exact", "moreau"], "alpha": 0, "e": 0, "h": 1e-5, "scene.casing.flexibility": [0, 2e-6, 2e-5]},
+    "output": {"interval": 1e-3},
+}
+
+
+def written(directory: Path, **axes: Any) -> Path:
+    place = directory / "elastic.yaml"
+    place.write_text(yaml.safe_dump(STUDY | {"axes": STUDY["axes"] | axes}))
+    return place
+
+
+def test_its_flexibility_is_an_axis(tmp_path: Path) -> None:
+    run_study(read_study(written(tmp_path)), tmp_path / "a", threads=1)
+    with open_archive(tmp_path / "a") as cases:
+        assert (cases["status"] == 0).all()
+        deep = cases["max_penetration"].sel(scheme="exact").squeeze().values
+        assert deep[0] < 1e-15 < 1e-6 < deep[1] < deep[2]
+        apart = cases["displacement"].sel(scheme="moreau") - cases["displacement"].sel(scheme="exact")
+        assert float(abs(apart).max()) < 1e-4 * float(abs(cases["displacement"]).max())
+
+
+def test_other_schemes_refuse_it(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"carpenter.*rigid casing"):
+        run_study(read_study(written(tmp_path, scheme=["exact", "carpenter"])), tmp_path / "a", threads=1)
+    steady = yaml.safe_dump(STUDY | {"output": {"interval": 1e-3, "steady": {"periods": 5}}})
+    (tmp_path / "b.yaml").write_text(steady)
+    with pytest.raises(StudyError, match=r"steady.*is of a rigid casing"):
+        read_study(tmp_path / "b.yaml")
