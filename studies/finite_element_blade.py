@@ -3,10 +3,12 @@
     python studies/finite_element_blade.py data/compressor_blade.npz              the matrices kept in data/
     python studies/finite_element_blade.py fine.npz --elements 10 40 1            a finer mesh
     python studies/finite_element_blade.py fine --elements 10 40 1                a directory of Matrix Market files
+    python studies/finite_element_blade.py data/chord.npz --chord --elements 4 3 1    contacts along the whole tip
 
 The blade is of Ti-6Al-4V, 100 mm long, 40 mm wide, 2.4 mm thick in the middle and 0.8 mm at its edges, set at 20° to
 the engine's axis at the root and at 50° at the tip. Its root is clamped and cold; its surface loses heat to the air. It
-touches a conical casing with the leading edge of its tip. Elements are hexahedra with 27 nodes, for displacement and
+touches a conical casing with the leading edge of its tip, or with its chord: the corners of the elements there, at
+half the thickness, from the leading to the trailing edge. Elements are hexahedra with 27 nodes, for displacement and
 temperature alike, so that one of them through the thickness bends as it should.
 """
 
@@ -34,6 +36,9 @@ SPECIFIC_HEAT, CONDUCTIVITY, CONVECTION, EXPANSION = 560.0, 7.0, 400.0, 9.0e-6
 CONE = np.radians(15.0)
 """Angle of the casing to the engine's axis."""
 
+HUB = 0.25
+"""Radius of the root, m; the engine turns from z towards y."""
+
 ELEMENTS = (4, 5, 1)
 """Along the chord, the span and the thickness, of the matrices in data/."""
 
@@ -49,7 +54,7 @@ def mesh(elements: tuple[int, int, int]) -> MeshHex:
     return MeshHex(place, flat.t)
 
 
-def matrices(elements: tuple[int, int, int]) -> dict[str, scipy.sparse.csr_matrix | np.ndarray]:
+def matrices(elements: tuple[int, int, int], chord: bool = False) -> dict[str, scipy.sparse.csr_matrix | np.ndarray]:
     """Return the matrices without the clamped, cold root, the vectors of the contact, and the nodes' places [m]."""
     body = mesh(elements)
     moving = Basis(body, ElementVector(ElementHex2()), intorder=5)
@@ -60,7 +65,11 @@ def matrices(elements: tuple[int, int, int]) -> dict[str, scipy.sparse.csr_matri
     rows = {"mass": free, "stiffness": free, "coupling": free, "heat_capacity": rises, "conductance": rises}
     columns = {**rows, "coupling": rises}
     tidy = {name: _tidy(whole[name][rows[name]][:, columns[name]], name != "coupling") for name in whole}
-    return {**tidy, **_contact(moving, warm, free, rises), "places": warm.doflocs[:, rises]}
+    contact = _chord(moving, warm, elements[0]) if chord else _contact(moving, warm)
+    kept = {name: rises if name == "thermal_contact" else free for name in ("contact", "tangent", "thermal_contact")}
+    contact |= {name: contact[name][..., kept[name]] for name in kept if name in contact}
+    axes = np.array([f"{k // 3}.{'xyz'[k % 3]}" for k in range(moving.N)])
+    return {**tidy, **contact, "labels": axes[free], "places": warm.doflocs[:, rises]}
 
 
 def mechanical_matrices(moving: Basis, warm: Basis) -> dict[str, scipy.sparse.csr_matrix]:
@@ -95,7 +104,7 @@ def _tidy(matrix: scipy.sparse.csr_matrix, symmetric: bool) -> scipy.sparse.csr_
     return matrix
 
 
-def _contact(moving: Basis, warm: Basis, free: np.ndarray, rises: np.ndarray) -> dict[str, np.ndarray]:
+def _contact(moving: Basis, warm: Basis) -> dict[str, np.ndarray]:
     """Return the casing's normal at the leading edge of the tip, and the temperature that takes the heat."""
     angle = STAGGER[1]
     corner = np.array([-np.cos(angle) * WIDTH / 2, -np.sin(angle) * WIDTH / 2, LENGTH])
@@ -105,8 +114,34 @@ def _contact(moving: Basis, warm: Basis, free: np.ndarray, rises: np.ndarray) ->
     normal[there] = [-np.sin(CONE), 0.0, np.cos(CONE)]
     heat = np.zeros(warm.N)
     heat[at] = 1.0
-    axes = np.array([f"{k // 3}.{'xyz'[k % 3]}" for k in range(moving.N)])
-    return {"contact": normal[free], "thermal_contact": heat[rises], "labels": axes[free]}
+    return {"contact": normal, "thermal_contact": heat}
+
+
+def _chord(moving: Basis, warm: Basis, elements: int) -> dict[str, np.ndarray]:
+    """Return normals, sliding directions and temperatures of the contacts along the tip, their angles and names.
+
+    The casing is a cone about the x axis, which lies a hub's radius below the root. It slides against the turning.
+    """
+    count, angle = elements + 1, STAGGER[1]
+    along = (np.linspace(0, 1, count) - 0.5) * WIDTH
+    normal, tangent, heat, angles = (
+        np.zeros((count, moving.N)),
+        np.zeros((count, moving.N)),
+        np.zeros((count, warm.N)),
+        [],
+    )
+    for k, p in enumerate(along):
+        corner = np.array([p * np.cos(angle), p * np.sin(angle), LENGTH])
+        at = np.linalg.norm(warm.doflocs - corner[:, None], axis=0).argmin()
+        there = np.linalg.norm(moving.doflocs - warm.doflocs[:, [at]], axis=0) < 1e-9
+        psi = np.arctan2(corner[1], HUB + LENGTH)
+        normal[k, there] = [-np.sin(CONE), np.cos(CONE) * np.sin(psi), np.cos(CONE) * np.cos(psi)]
+        tangent[k, there] = [0.0, -np.cos(psi), np.sin(psi)]
+        heat[k, at] = 1.0
+        angles.append(psi)
+    names = ["leading", *(f"{k / elements:.0%}".replace("%", " %") for k in range(1, elements)), "trailing"]
+    rows = {"contact": normal, "tangent": tangent, "thermal_contact": heat}
+    return {**rows, "angle": np.array(angles), "contact_labels": np.array(names)}
 
 
 def write_npz(found: dict, place: Path) -> None:
@@ -127,10 +162,10 @@ def write_matrix_market(found: dict, place: Path) -> None:
     for name, value in found.items():
         if name == "places":
             continue
-        if name == "labels":
-            (place / "labels.txt").write_text("\n".join(value) + "\n")
+        if name in ("labels", "contact_labels"):
+            (place / f"{name}.txt").write_text("\n".join(value) + "\n")
             continue
-        matrix = value if scipy.sparse.issparse(value) else value[:, None]
+        matrix = value if scipy.sparse.issparse(value) else value.reshape(len(value), -1)
         scipy.io.mmwrite(place / f"{name}.mtx", matrix, precision=17)
 
 
@@ -139,8 +174,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("place", type=Path, help="FILE.npz, or a directory for Matrix Market files")
     parser.add_argument("--elements", type=int, nargs=3, default=ELEMENTS, metavar=("CHORD", "SPAN", "THICKNESS"))
+    parser.add_argument("--chord", action="store_true", help="contacts along the tip, not at its leading edge alone")
     arguments = parser.parse_args()
-    found = matrices(tuple(arguments.elements))
+    found = matrices(tuple(arguments.elements), arguments.chord)
     write = write_npz if arguments.place.suffix == ".npz" else write_matrix_market
     write(found, arguments.place)
     print(f"{arguments.place}: {found['mass'].shape[0]} displacements, {found['heat_capacity'].shape[0]} temperatures")
