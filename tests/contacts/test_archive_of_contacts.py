@@ -18,7 +18,7 @@ from workflow.cases import arrange, case_hashes, full_structure
 from workflow.cases._conditions import conditions
 from workflow.models import Cases
 from workflow.plan import plan_study
-from workflow.plots import histories
+from workflow.plots import contacts, histories
 from workflow.report import write_report
 from workflow.run import run_study
 from workflow.run._verify import verify
@@ -264,3 +264,18 @@ def test_an_interrupted_run_is_viewed_and_goes_on(tmp_path: Path, monkeypatch: p
     np.testing.assert_array_equal(longer.dataset["displacement"].isel(h=slice(2)), seen)
     assert "the largest of all contacts" in longer.dataset["thermal_closing"].attrs["comment"]
     assert longer.dataset["displacement"].attrs["long_name"] == "displacement of a contact towards the casing"
+
+
+def test_a_picture_of_contacts_has_the_most_loaded_first(archive: xr.Dataset) -> None:
+    case = archive.isel(h=0, clearance=0).squeeze()
+    impulse = case["contact_impulse"].values
+    first = str(case["contact"].values[impulse.argmax()])
+    figure = contacts(case)
+    panel = figure.axes[0]
+    assert panel.get_yticklabels()[0].get_text() == first
+    assert figure.get_suptitle().endswith(f"contact {first}")
+    drawn = panel.collections[0].get_array()
+    steps = np.diff(case["t"].values)
+    np.testing.assert_allclose((drawn.filled(0.0) * steps).sum(axis=1), np.sort(impulse)[::-1], rtol=1e-9)
+    with pytest.raises(ValueError, match="one contact"):
+        contacts(case.isel(contact=0))

@@ -8,6 +8,7 @@ from workflow.analysis._cases import (
     exact,
     failures,
     finest,
+    is_of_contacts,
     labels,
     labels_of,
     modes_along,

@@ -24,9 +24,14 @@ def case_dims(dataset: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(name) for name in dataset["status"].dims)
 
 
+def is_of_contacts(dataset: xr.Dataset) -> bool:
+    """Tell whether an archive has several contacts."""
+    return "contact" in dataset.dims and "contact" not in case_dims(dataset)  # an axis may have that name
+
+
 def most_loaded(dataset: xr.Dataset) -> xr.Dataset:
     """Return an archive at that of several contacts which takes the largest impulse in any ok case; else as it is."""
-    if "contact" not in dataset.dims or "contact" in case_dims(dataset):  # an axis may have that name
+    if not is_of_contacts(dataset):
         return dataset
     impulse = dataset["contact_impulse"].where(dataset["status"] == Status.OK, 0.0)
     return dataset.isel(contact=int(np.argmax(impulse.max(case_dims(dataset)).values)))

@@ -127,6 +127,7 @@ def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
             limits=sections.where_it_settles(dataset),
             answer=answer,
             maps=maps,
+            contacts=sections.along_contacts(opened),
             branches=branches,
             explore=explore,
             cases=sections.cases(dataset),
