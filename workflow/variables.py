@@ -422,7 +422,6 @@ _OF_SEVERAL = {
     "thermal_closing": "the largest of all contacts",
     "critical_alpha": "static limit with all contacts closed; with opposite stops the worst of each stop alone",
     "growth_rate": "with all contacts closed; with opposite stops the worst of each stop alone",
-    "predictability": "missing: it is not computed of several contacts",
 }
 
 

@@ -40,20 +40,22 @@ def relative_distance(values: Array, truth: Array) -> Array:
 def predictability(run: Callable[[Cases], Results], cases: Cases, displacement: Array, *, is_static: bool) -> Array:
     """Return the larger relative change of the displacement for a slightly wider or narrower gap, ``(case,)``.
 
-    The gap changes by 1e-12 of a length of the motion, the larger of |gap| and the largest |x_n|. Where a narrower gap
-    would put the start inside the casing only the wider one counts; a static start moves with the gap. NaN where no
-    perturbed run ended ok.
+    The gaps of all contacts change by 1e-12 of a length of the motion, the larger of the largest |d_i| and |x_i| in
+    ``displacement``, ``(case, t)`` or ``(case, contact, t)``. Where narrower gaps would put the start inside the casing
+    only the wider ones count; a static start moves with the gap. NaN where no perturbed run ended ok.
     """
-    trifle = GAP_SHARE * np.maximum(np.abs(cases.gap), np.abs(displacement).max(axis=1))
+    motion = displacement.reshape(cases.count, -1, displacement.shape[-1])
+    trifle = GAP_SHARE * np.maximum(np.abs(cases.clearances).max(axis=1), np.abs(motion).max(axis=(1, 2)))
     change = np.full(cases.count, np.nan)
-    outside = cases.displacement[:, -1] <= cases.casing_at(0.0) - trifle
+    outside = (motion[:, :, 0] <= cases.casing_of_contacts(0.0)[0] - trifle[:, None]).all(axis=1)
     may_close = np.ones(cases.count, dtype=bool) if is_static else outside
     for which, sign in ((np.arange(cases.count), 1.0), (np.flatnonzero(may_close), -1.0)):
         if which.size:
             part = cases.take(which)
             wider = sign * trifle[which]
             results = run(replace(part, gap=part.gap + wider, gaps=part.gaps + wider[:, None]))
-            moved = np.where((results.status == Status.OK)[:, None], results.histories["displacement"], np.nan)
+            moved = results.histories["displacement"].copy()
+            moved[results.status != Status.OK] = np.nan
             change[which] = np.fmax(change[which], relative_distance(moved, displacement[which]))
     return change
 

@@ -237,7 +237,7 @@ def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool
     results = run(cases)
     ok, histories = results.status == Status.OK, _compared(results)
     change, sound = np.full(inner.size, np.nan), np.flatnonzero(ok)
-    if not is_exact and sound.size and not cases.contact_shape:
+    if not is_exact and sound.size:
         displacement, is_static = histories["displacement"][sound], settings.scene.initial == "static"
         change[sound] = predictability(run, cases.take(sound), displacement, is_static=is_static)
     failures = {k: results.messages.get(k, "it did not end ok") for k in np.flatnonzero(~ok).tolist()}
