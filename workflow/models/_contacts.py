@@ -66,6 +66,11 @@ class Contacts:
             heat["residual_coupling"] = self.residual_coupling @ temperatures
         return replace(self, normal=self.normal @ displacements, tangent=self.tangent @ displacements, **heat)
 
+    def with_residual(self, **more: Array) -> Contacts:
+        """Return the contacts with these residuals added to their own."""
+        both: dict[str, Any] = {name: (getattr(self, name), value) for name, value in more.items()}
+        return replace(self, **{name: new if own is None else own + new for name, (own, new) in both.items()})
+
     def flexibility(self, friction: float) -> Array:
         """Return R - µ R^t, m/N, ``(contact, contact)``."""
         assert self.residual is not None
