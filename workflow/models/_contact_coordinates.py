@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from workflow.kernels import Array
+from workflow.models._contacts import Contacts
 from workflow.models._pair import DensePair, Pair, congruent
 from workflow.models._sparse_pair import SparsePair, sparse_congruent
 from workflow.models._structure import Structure
@@ -61,6 +62,12 @@ def _row_last(row: Array, replaced: int) -> tuple[scipy.sparse.csr_array, scipy.
     shares = scipy.sparse.csr_array(np.append(-row[others], 1.0)[None] / row[replaced])
     beside = scipy.sparse.hstack([each[:, others], scipy.sparse.csr_array((size, 1))])
     return scipy.sparse.csr_array(beside + each[:, [replaced]] @ shares), projection
+
+
+def independent_rows(contacts: Contacts) -> tuple[int, int]:
+    """Return how many displacements and temperatures a basis of the contacts holds."""
+    held = contacts.normal[: 1 if contacts.is_massless else None]
+    return rows_last(held).boundary, rows_last(contacts.heat).boundary
 
 
 def contacts_last(structure: Structure) -> ContactsLast:
