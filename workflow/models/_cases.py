@@ -120,6 +120,9 @@ class Cases:
     turns
         Phases k ψ_i by which contact i sees harmonics of the casing of order k ahead, rad, ``(case, contact,
         harmonic)``; 0 for those given by a frequency, none for one contact.
+    offset
+        Displacement of contacts without mass by constant loads beside that of the modes, m, ``(case, contact)``; 0 by
+        default.
     """
 
     e: Array
@@ -136,6 +139,7 @@ class Cases:
     friction: Array = field(default_factory=lambda: np.zeros(0))
     gaps: Array = field(default_factory=lambda: np.zeros((0, 0)))
     turns: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    offset: Array = field(default_factory=lambda: np.zeros((0, 1)))
 
     def __post_init__(self) -> None:
         """Fill friction and harmonics that are left out with a row for each case."""
@@ -143,6 +147,8 @@ class Cases:
             object.__setattr__(self, "friction", np.zeros(self.count))
         if self.gaps.size == 0:
             object.__setattr__(self, "gaps", np.zeros((self.count, 0)))
+        if self.offset.size == 0:
+            object.__setattr__(self, "offset", np.zeros((self.count, 1)))
         if self.turns.size == 0:
             shape = self.count, self.gaps.shape[1], self.casing_harmonics.width
             object.__setattr__(self, "turns", np.zeros(shape))
@@ -157,8 +163,8 @@ class Cases:
 
     @property
     def clearances(self) -> Array:
-        """Clearances of all contacts, m, ``(case, contact)``."""
-        return self.gaps if self.contact_shape else self.gap[:, None]
+        """Clearances of all contacts less their offset, m, ``(case, contact)``."""
+        return (self.gaps if self.contact_shape else self.gap[:, None]) - self.offset
 
     @property
     def contact_shape(self) -> tuple[int, ...]:

@@ -60,9 +60,14 @@ class Contacts:
         return len(self.normal)
 
     @property
+    def is_massless(self) -> bool:
+        """Whether the contacts have a residual flexibility and no mass."""
+        return self.residual is not None
+
+    @property
     def is_compliant(self) -> bool:
         """Whether contact forces are finite: contacts without mass, or on an elastic casing."""
-        return self.residual is not None or self.casing_flexibility > 0
+        return self.is_massless or self.casing_flexibility > 0
 
     def transformed(self, displacements: Any, temperatures: Any) -> Contacts:
         """Return the contacts in coordinates of which these bases, dense or sparse, give the present ones."""
@@ -70,6 +75,11 @@ class Contacts:
         if self.residual_coupling is not None:
             heat["residual_coupling"] = self.residual_coupling @ temperatures
         return replace(self, normal=self.normal @ displacements, tangent=self.tangent @ displacements, **heat)
+
+    def with_residual(self, **more: Array) -> Contacts:
+        """Return the contacts with these residuals added to their own."""
+        both: dict[str, Any] = {name: (getattr(self, name), value) for name, value in more.items()}
+        return replace(self, **{name: new if own is None else own + new for name, (own, new) in both.items()})
 
     def flexibility(self, friction: float) -> Array:
         """Return R - µ R^t, m/N, ``(contact, contact)``."""

@@ -25,6 +25,7 @@ from scipy.linalg import solve_triangular
 from threadpoolctl import threadpool_limits
 
 from workflow.kernels import Array
+from workflow.models._contact_coordinates import rows_last, sparse_pair
 from workflow.models._contacts import Contacts
 from workflow.models._factors import NotHeldError, factorised, warn_of_fill
 from workflow.models._pair import (
@@ -39,7 +40,7 @@ from workflow.models._pair import (
     scale_of,
     symmetric,
 )
-from workflow.models._sparse_pair import MOST_REDUCED, SparsePair
+from workflow.models._sparse_pair import MOST_REDUCED, SparsePair, sparse_congruent
 from workflow.models._static import static_tip_growth
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 
@@ -137,7 +138,7 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
 
 
 def structure_of_forms(mass: Array, stiffness: Array, coupling: Array, capacity: Array, conductance: Array) -> Matrices:
-    """Return the structure of M, K1, K12, C2 and K2, the tip last, such as a projection Xᵀ M X."""
+    """Return the structure of M, K1, K12, C2 and K2, such as a projection Xᵀ M X."""
     springs, conductors = factored(stiffness, "stiffness"), factored(conductance, "conductance")
     pairs = _pair(symmetric(mass), springs), _pair(symmetric(capacity), conductors)
     return Matrices(*pairs, _expansion(springs, coupling), np.ones(len(capacity)))
@@ -195,7 +196,7 @@ def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str)
             problem = "the contact heats what has no heat capacity, and an impact would heat it without bound"
         raise UnusableMatricesError(problem, f"choose a degree of freedom that has {names[0].replace('_', ' ')}")
     into, projection = np.zeros((contact.size, inertial.size)), np.zeros((inertial.size, contact.size))
-    into[inertial], projection[:, inertial] = (matrix.toarray() for matrix in _tip_last(contact[inertial]))
+    into[inertial], projection[:, inertial] = (matrix.toarray() for matrix in rows_last(contact[None, inertial])[:2])
     projection[:, loose] = -projection @ null
     projection[-1] = contact
     if loose.size:
@@ -351,10 +352,10 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
         if shares > MOST_SHARES:
             remedy = f"it may act on up to {MOST_SHARES} of a structure this large"
             raise UnusableMatricesError(f"`{name}` acts on {shares} degrees of freedom", remedy)
-    basis, projection = _tip_last(matrices.contact)
-    heat_basis, heat_projection = _tip_last(matrices.thermal_contact)
-    mechanical = SparsePair(_congruent(matrices.stiffness, basis), _congruent(matrices.mass, basis))
-    thermal = SparsePair(_congruent(matrices.conductance, heat_basis), _congruent(matrices.heat_capacity, heat_basis))
+    rows, heat_rows = rows_last(matrices.contact[None]), rows_last(matrices.thermal_contact[None])
+    (basis, projection, _), (heat_basis, heat_projection, _) = rows, heat_rows
+    mechanical = sparse_pair(matrices.stiffness, matrices.mass, rows)
+    thermal = sparse_pair(matrices.conductance, matrices.heat_capacity, heat_rows)
     for pair, kind in ((mechanical, "displacements"), (thermal, "temperatures")):
         warn_of_fill(pair.stiffness, kind)
         fault = pair.fault()
@@ -368,7 +369,7 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
     if matrices.damper is not None:
         loose = np.flatnonzero(matrices.mass.diagonal() == 0)
         refuse_dashpots(matrices, loose, scipy.sparse.eye_array(matrices.mass.shape[0], format="csc")[:, loose])
-        damper = _congruent(matrices.damper, basis)
+        damper = sparse_congruent(matrices.damper, basis)
         rayleigh = _as_rayleigh(damper, mechanical)
         damping, damper = (damping, damper) if rayleigh is None else (rayleigh, None)
     given = matrices.steady, matrices.heating, -np.asarray(matrices.coupling @ _rise_without_capacity(matrices))
@@ -412,22 +413,3 @@ def _as_rayleigh(damper: scipy.sparse.csc_array, pair: SparsePair) -> Rayleigh |
         return None
     mass, stiffness = (max(0.0, float(share / size)) for share, size in zip(shares, parts, strict=True))
     return Rayleigh(mass=mass, stiffness=stiffness)
-
-
-def _tip_last(contact: Array) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
-    """Return E, from coordinates with the tip last to the given ones, and its inverse."""
-    size, tip = contact.size, int(np.argmax(np.abs(contact)))
-    others, each = np.delete(np.arange(size), tip), scipy.sparse.eye_array(size, format="csr")
-    projection = scipy.sparse.vstack([each[others], scipy.sparse.csr_array(contact[None])], format="csr")
-    row = scipy.sparse.csr_array(np.append(-contact[others], 1.0)[None] / contact[tip])
-    beside = scipy.sparse.hstack([each[:, others], scipy.sparse.csr_array((size, 1))])
-    basis = scipy.sparse.csr_array(beside + each[:, [tip]] @ row)
-    return basis, projection
-
-
-def _congruent(matrix: Any, basis: scipy.sparse.csr_array) -> scipy.sparse.csc_array:
-    """Return basisᵀ · matrix · basis, symmetric to the bit."""
-    transformed = scipy.sparse.csc_array(basis.T @ scipy.sparse.csc_array(matrix) @ basis)
-    transformed = scipy.sparse.csc_array((transformed + transformed.T) / 2)
-    transformed.sort_indices()
-    return transformed

@@ -163,16 +163,18 @@ class Modes:
         """Return the ``count`` lowest modes, all where ``None``."""
         return self if count is None else Modes(self.values[:count], self.shapes[:, :count])
 
-    def with_tip_held(self) -> Modes:
-        """Return modes of all coordinates but the tip, extended by 0 at the tip."""
-        return Modes(self.values, np.ascontiguousarray(np.vstack([self.shapes, np.zeros(self.values.size)])))
+    def with_boundary_held(self, boundary: int) -> Modes:
+        """Return modes of all coordinates but the last ``boundary``, extended by 0 there."""
+        held = np.zeros((boundary, self.values.size))
+        return Modes(self.values, np.ascontiguousarray(np.vstack([self.shapes, held])))
 
 
 class Pair(ABC):
     """Interface of a pair of stiffness and inertia, for any storage.
 
     Displacements u deform springs or conductors by d = D u, and K u = forces(d): K = Dᵀ diag(weights) D. Where there
-    are no springs, d are the forces K u themselves.
+    are no springs, d are the forces K u themselves. What is ``held`` is the boundary, the coordinates of the contacts:
+    one contact is the last coordinate, several are made the last ones for a reduction.
 
     Attributes
     ----------
@@ -182,10 +184,13 @@ class Pair(ABC):
         Springs [N/m] or conductors [W/K], ``(spring,)``.
     most_modes
         Largest number of modes or vectors of a structure that cannot be kept full.
+    boundary
+        Number of last coordinates that are held.
     constraint
         Constraint mode ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``; 0 in parts not linked to the tip.
+        Of a larger boundary one mode for each coordinate, ``(coordinate, boundary)``.
     deformed
-        D ψ, ``(spring,)``, exactly 0 where ψ deforms nothing.
+        D ψ, ``(spring,)`` or ``(spring, boundary)``, exactly 0 where ψ deforms nothing.
     """
 
     stiffness: Any
@@ -193,6 +198,7 @@ class Pair(ABC):
     deformation: Any
     weights: Array
     most_modes: int
+    boundary: int = 1
     constraint: Array
     deformed: Array
 
@@ -249,11 +255,11 @@ class Pair(ABC):
 
     @abstractmethod
     def modes(self, count: int | None = None, held: bool = False) -> Modes:
-        """Return the ``count`` lowest modes, all by default, with the tip free, or ``held`` at 0."""
+        """Return the ``count`` lowest modes, all by default, with the boundary free, or ``held`` at 0."""
 
     @abstractmethod
     def solve(self, load: Array, held: bool = False) -> Array:
-        """Return K⁻¹ f with the tip free or ``held``, ``(coordinate,)``.
+        """Return K⁻¹ f with the boundary free or ``held``, ``(coordinate,)``.
 
         Loads on an unconstrained part are balanced by its inertia first, f - M r with r its rigid motion, and the
         deformation is determined without a rigid motion (inertia relief).
@@ -266,14 +272,14 @@ class Pair(ABC):
 
     @abstractmethod
     def shifted_solver(self) -> Callable[[Array, float], Array]:
-        """Return a solver of (K + s M) u = f with the tip held, of f ``(coordinate,)`` and s > 0."""
+        """Return a solver of (K + s M) u = f with the boundary held, of f ``(coordinate,)`` and s > 0."""
 
     @abstractmethod
     def rigid_motions(self, held: bool) -> Array:
-        """Return the rigid motions, ``(coordinate, motion)``, with the tip free or ``held``."""
+        """Return the rigid motions, ``(coordinate, motion)``, with the boundary free or ``held``."""
 
     def moves(self, load: Array, held: bool = False) -> bool:
-        """Tell whether a load ``(coordinate,)`` has a resultant on a rigid motion, with the tip free or ``held``."""
+        """Tell whether a load ``(coordinate,)`` has a resultant on a rigid motion, the boundary free or ``held``."""
         rigid = self.rigid_motions(held)
         return bool(np.any(np.abs(rigid.T @ load) > UNBALANCED * np.abs(rigid).max(axis=0) * np.abs(load).sum()))
 
@@ -293,6 +299,7 @@ class DensePair(Pair):
     inertia: Array
     weights: Array
     deformation: Array
+    boundary: int = 1
     most_modes = MOST_FULL
 
     @property
@@ -313,17 +320,18 @@ class DensePair(Pair):
     @cached_property
     def constraint(self) -> Array:  # type: ignore[override]
         """ψ: the vector of least deformation energy with the tip at 1, of minimum norm."""
-        weighted = self.weighted
-        return np.append(least_squares(weighted[:, :-1], -weighted[:, -1]), 1.0)
+        weighted, held = self.weighted, self.boundary
+        shapes = np.vstack([least_squares(weighted[:, :-held], -weighted[:, -held:]), np.eye(held)])
+        return shapes if held > 1 else shapes[:, 0]
 
     @cached_property
     def deformed(self) -> Array:  # type: ignore[override]
         """D ψ, 0 where it is below the rounding that decides ranks."""
         deformed, weighted = self.deformation @ self.constraint, self.weighted
         rounding = 10 * max(weighted.shape) * np.finfo(float).eps  # ten times matrix_rank's: ψ is rounded too
-        least = rounding * np.linalg.norm(weighted) * np.linalg.norm(self.constraint)
-        moved = np.linalg.norm(np.sqrt(self.weights) * deformed) > least
-        return deformed if moved else np.zeros_like(deformed)
+        least = rounding * np.linalg.norm(weighted) * np.linalg.norm(self.constraint, axis=0)
+        moved = np.linalg.norm(np.sqrt(self.weights) * deformed.T, axis=-1) > least
+        return np.where(moved, deformed, 0.0)
 
     @cached_property
     def _free(self) -> Modes:
@@ -332,7 +340,8 @@ class DensePair(Pair):
 
     @cached_property
     def _held(self) -> Modes:
-        return _singular_modes(self.inertia[:-1, :-1], self.weighted[:, :-1]).with_tip_held()
+        inside = np.s_[: -self.boundary]
+        return _singular_modes(self.inertia[inside, inside], self.weighted[:, inside]).with_boundary_held(self.boundary)
 
     def modes(self, count: int | None = None, held: bool = False) -> Modes:
         return (self._held if held else self._free).lowest(count)

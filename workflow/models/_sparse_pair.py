@@ -24,7 +24,7 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._factors import NotHeldError, Solver, elimination_order, factorised
-from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError, factored
+from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError, factored, symmetric
 
 _RESIDUAL = 1e-8
 """Largest residual K φ - λ M φ of a mode over λ M φ, besides the rounding of K φ: the relative error of the eigenvalue
@@ -68,6 +68,7 @@ class SparsePair(Pair):
 
     stiffness: scipy.sparse.csc_array
     inertia: scipy.sparse.csc_array
+    boundary: int = 1
     most_modes = MOST_REDUCED
 
     @cached_property
@@ -75,7 +76,7 @@ class SparsePair(Pair):
         if self.size > MOST_FULL:
             raise TooManyCoordinatesError(self.size, MOST_REDUCED)
         deformation = factored(self.stiffness.toarray(), "stiffness").deformation
-        return DensePair(self.inertia.toarray(), np.ones(len(deformation)), deformation)
+        return DensePair(self.inertia.toarray(), np.ones(len(deformation)), deformation, self.boundary)
 
     @property
     def deformation(self) -> scipy.sparse.csc_array:
@@ -98,11 +99,15 @@ class SparsePair(Pair):
 
     @cached_property
     def _interior(self) -> Solver:
-        return factorised(self.stiffness[:-1, :-1], self._order)
+        return factorised(self.stiffness[self._inside], self._order)
+
+    @property
+    def _inside(self) -> tuple[slice, slice]:
+        return np.s_[: -self.boundary, : -self.boundary]
 
     @cached_property
     def _order(self) -> Array | None:
-        return elimination_order((abs(self.stiffness) + abs(self.inertia))[:-1, :-1])
+        return elimination_order((abs(self.stiffness) + abs(self.inertia))[self._inside])
 
     @cached_property
     def constraint(self) -> Array:  # type: ignore[override]
@@ -110,29 +115,42 @@ class SparsePair(Pair):
 
         On a finite element blade processors agree on S to 2e-12 and on α_c to 2e-11, without refinement to 7e-10.
         """
-        below = self.stiffness[:-1, [-1]].toarray()[:, 0]
-        shape = np.append(-self._interior(below), 1.0)
-        for _ in range(_CORRECTIONS):
-            shape[:-1] -= self._interior(_product_with_more_digits(self.stiffness, shape)[:-1])
-        return shape
+        held = self.boundary
+        below = self.stiffness[:-held, -held:].toarray()
+        shapes = np.vstack([np.column_stack([-self._interior(column) for column in below.T]), np.eye(held)])
+        for shape in [*shapes.T] * _CORRECTIONS:
+            shape[:-held] -= self._interior(_product_with_more_digits(self.stiffness, shape)[:-held])
+        return shapes if held > 1 else shapes[:, 0]
 
     @cached_property
     def tip_stiffness(self) -> float:
-        own = float(self.stiffness[-1, -1])
+        own = self.stiffness.diagonal()[-self.boundary :]
+        if self.boundary > 1:
+            held = self._boundary_stiffness
+            is_held = np.linalg.eigvalsh(held / np.sqrt(np.multiply.outer(own, own)))[0] > _RIGID
+            return 1 / float(np.linalg.inv(held)[-1, -1]) if is_held else 0.0
         stiffness = float(self.stiffness[[-1], :].toarray()[0] @ self.constraint)
-        return stiffness if stiffness > _RIGID * own else 0.0
+        return stiffness if stiffness > _RIGID * own[0] else 0.0
+
+    @cached_property
+    def _boundary_stiffness(self) -> Array:
+        """ΨᵀKΨ of a boundary of several coordinates."""
+        return symmetric(self.stiffness[-self.boundary :] @ self.constraint)
 
     @property
     def deformed(self) -> Array:  # type: ignore[override]
         """K ψ = σ e_n."""
-        forces = np.zeros(self.size)
-        forces[-1] = self.tip_stiffness
+        forces = np.zeros(self.constraint.shape)
+        forces[-self.boundary :] = self._boundary_stiffness if self.boundary > 1 else self.tip_stiffness
         return forces
 
     def solve(self, load: Array, held: bool = False) -> Array:
         """Return K⁻¹ f, ``(coordinate,)``; where the tip moves freely, with inertia relief and the tip at 0."""
         if held:
-            return np.append(self._interior(load[:-1]), 0.0)
+            return np.append(self._interior(load[: -self.boundary]), np.zeros(self.boundary))
+        if self.boundary > 1:
+            moved = np.linalg.solve(self._boundary_stiffness, self.constraint.T @ load)
+            return self.solve(load, held=True) + self.constraint @ moved
         if self.tip_stiffness > 0:
             return self.solve(load, held=True) + self.constraint * (self.constraint @ load / self.tip_stiffness)
         inertia = self.inertia_of(self.constraint)
@@ -140,22 +158,23 @@ class SparsePair(Pair):
 
     def rigid_motions(self, held: bool) -> Array:
         """Return the rigid motion of a tip that moves freely; the pair has no other one."""
-        return self.constraint[:, None][:, : self.tip_stiffness == 0 and not held]
+        return self.constraint.reshape(self.size, -1)[:, : self.tip_stiffness == 0 and not held]
 
     def shifted_solver(self) -> Callable[[Array, float], Array]:
         @lru_cache(maxsize=1)
         def factors(shift: float) -> Solver:
-            return factorised((self.stiffness + shift * self.inertia)[:-1, :-1], self._order)
+            return factorised((self.stiffness + shift * self.inertia)[self._inside], self._order)
 
-        return lambda load, shift: np.append(factors(shift)(load[:-1]), 0.0)
+        held = self.boundary
+        return lambda load, shift: np.append(factors(shift)(load[:-held]), np.zeros(held))
 
     def modes(self, count: int | None = None, held: bool = False) -> Modes:
         """Return the lowest modes; where the tip moves freely the lowest λ is exactly 0."""
         if count is None:
             return self.dense.modes(held=held)
         if held:
-            inside = self.stiffness[:-1, :-1], self.inertia[:-1, :-1]
-            return Modes(*_lowest(*inside, self._interior, count, 0.0)).with_tip_held()
+            inside = self.stiffness[self._inside], self.inertia[self._inside]
+            return Modes(*_lowest(*inside, self._interior, count, 0.0)).with_boundary_held(self.boundary)
         if self.tip_stiffness > 0 or self.size == 1:
             return Modes(*_lowest(self.stiffness, self.inertia, self.solve, count, 0.0))
         shift = float(self.modes(1, held=True).values[0])
@@ -188,7 +207,7 @@ class SparsePair(Pair):
 
     def fault(self) -> str | None:
         """Return why the pair cannot be used: a tip without inertia, an indefinite matrix; or ``None``."""
-        if not self.inertia[-1, -1] > 0:
+        if not np.all(self.inertia.diagonal()[-self.boundary :] > 0):
             return "the contact acts on what has no inertia"
         for name, matrix in (("inertia", self.inertia), ("stiffness", self.stiffness)):
             diagonal = matrix.diagonal()
@@ -196,6 +215,14 @@ class SparsePair(Pair):
             if diagonal.min() < 0 or _spectrum_ends(scipy.sparse.csc_array(root @ matrix @ root))[0] < -_NEGATIVE:
                 return f"the {name} is indefinite"
         return None
+
+
+def sparse_congruent(matrix: Any, basis: Any) -> scipy.sparse.csc_array:
+    """Return basisᵀ · matrix · basis, symmetric to the bit."""
+    transformed = scipy.sparse.csc_array(basis.T @ scipy.sparse.csc_array(matrix) @ basis)
+    transformed = scipy.sparse.csc_array((transformed + transformed.T) / 2)
+    transformed.sort_indices()
+    return transformed
 
 
 def _product_with_more_digits(matrix: scipy.sparse.csc_array, vector: Array) -> Array:

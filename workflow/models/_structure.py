@@ -152,8 +152,8 @@ class Structure:
 
     @property
     def has_massless_tip(self) -> bool:
-        """Whether a reduction has left the tip without mass: M is singular, and contact has no impacts."""
-        return not np.any(self.mechanical.inertia_of(self.mechanical.unit_tip))
+        """Whether contacts have no mass, and so no impacts."""
+        return self.contacts is not None and self.contacts.is_massless
 
     @property
     def load_direction(self) -> Array:
@@ -166,6 +166,15 @@ class Structure:
         if self.coordinates is None:
             return self.mechanical_size, self.thermal_size
         return self.coordinates.displacement_basis.shape[0], self.coordinates.temperature_basis.shape[0]
+
+    @property
+    def contact_rows(self) -> Contacts:
+        """All contacts, one with mass too."""
+        if self.contacts is not None:
+            return self.contacts
+        tip, warm = self.mechanical.unit_tip[None], self.thermal.unit_tip[None]
+        tangent = np.zeros_like(tip) if self.tangent is None else self.tangent[None]
+        return Contacts(("tip",), tip, tangent, warm, np.zeros(1))
 
     @property
     def input_contact(self) -> Array:
@@ -182,21 +191,12 @@ class Structure:
             return self.contacts.normal
         return np.asarray((self.coordinates.displacement_projection.T @ self.contacts.normal.T).T)
 
-    @property
-    def rows(self) -> Contacts:
-        """Rows of all contacts; of one with mass those of the tip."""
-        if self.contacts is not None:
-            return self.contacts
-        normal, heat = self.mechanical.unit_tip[None], self.thermal.unit_tip[None]
-        tangent = np.zeros_like(normal) if self.tangent is None else self.tangent[None]
-        return Contacts(("tip",), normal, tangent, heat, angle=np.zeros(1))
-
     def on_casing(self, flexibility: float) -> Structure:
         """Return the structure on a casing of this flexibility, m/N."""
         if flexibility == 0:
             return self
         assert is_dataclass(self)
-        return replace(self, contacts=replace(self.rows, casing_flexibility=flexibility))
+        return replace(self, contacts=replace(self.contact_rows, casing_flexibility=flexibility))
 
     @property
     def slides(self) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from workflow.models import Array, Sparse, Structure, TooManyCoordinatesError
+from workflow.models import Array, Contacts, Sparse, Structure, TooManyCoordinatesError, contacts_last
 from workflow.reduction._reduction import (
     ReducedModel,
     Reduction,
@@ -38,17 +38,26 @@ class Basis:
     ----------
     mechanical
         ``mechanical(structure, count, duration)``: ``count`` interior displacements, 0 at the tip and orthonormal in M,
-        and the tip's own vector, for cases of a duration [s], ``None`` where there are no cases.
+        and the tip's own vector, for cases of a duration [s], ``None`` where there are no cases. Of a structure with
+        several contacts the last ``structure.mechanical.boundary`` coordinates are theirs.
     thermal
         The same for temperatures, orthonormal in C2.
     carried
         ``carried(structure, mechanical, thermal)``: static displacements per temperature, see
         :class:`~workflow.reduction._reduction.Reduction`. Optional.
+    CONTACTS
+        Kinds of contacts besides one with mass that it takes: ``several`` of them, or ``massless`` ones.
     """
 
     mechanical: Callable[[Structure, int, float | None], Vectors]
     thermal: Callable[[Structure, int, float | None], Vectors]
     carried: Callable[[Structure, Vectors, Vectors], Array] | None = None
+    CONTACTS: frozenset[str] = frozenset()
+
+
+def takes(basis: str, contacts: Contacts | None) -> bool:
+    """Tell whether a basis takes the contacts of a structure."""
+    return contacts is None or ("massless" if contacts.is_massless else "several") in load(basis).CONTACTS
 
 
 _BASES = Registry(__name__, ("mechanical", "thermal"))
@@ -58,7 +67,8 @@ names, fault = _BASES.names, _BASES.fault
 def load(name: str) -> Basis:
     """Return the basis ``name``, see :meth:`~workflow.registry.Registry.load`."""
     module = _BASES.load(name)
-    return Basis(module.mechanical, module.thermal, getattr(module, "carried", None))
+    offered = {name: getattr(module, name) for name in ("carried", "CONTACTS") if hasattr(module, name)}
+    return Basis(module.mechanical, module.thermal, **offered)
 
 
 def reduce_structure(
@@ -68,7 +78,7 @@ def reduce_structure(
     basis: str = DEFAULT,
     duration: float | None = None,
 ) -> Reduction:
-    """Reduce the interior nodes to vectors of a basis, and retain the tip (x_n, v_n, θ_n).
+    """Reduce the interior nodes to vectors of a basis, and retain the contacts, such as the tip (x_n, v_n, θ_n).
 
     Parameters
     ----------
@@ -76,7 +86,8 @@ def reduce_structure(
         The full structure, or a reduced one.
     mechanical_modes, thermal_modes
         Vectors retained besides the tip's own, at most ``size - 1`` each; ``None`` leaves displacements or
-        temperatures unreduced. A structure with a sliding direction gets one more vector.
+        temperatures unreduced. A structure with a sliding direction gets one more vector. Several contacts have a
+        vector of their own for each row that does not depend on others.
     basis
         Name of the basis, one of :func:`names`.
     duration
@@ -86,11 +97,23 @@ def reduce_structure(
     ------
     ValueError
         A count is negative or exceeds the number of interior vectors, or that of modes of a chain without matrices;
-        or the basis needs a duration and there is none.
+        the basis needs a duration and there is none, or does not take the contacts.
     """
+    if not takes(basis, structure.contacts):
+        raise ValueError(f"{basis} does not take several contacts, or contacts without mass")
+    if structure.contacts is not None:
+        last = contacts_last(structure)
+        return _reduce(last.structure, mechanical_modes, thermal_modes, basis, duration).given_in(last)
+    return _reduce(structure, mechanical_modes, thermal_modes, basis, duration)
+
+
+def _reduce(
+    structure: Structure, mechanical_modes: int | None, thermal_modes: int | None, basis: str, duration: float | None
+) -> Reduction:
+    """Reduce a structure whose contacts are its last coordinates."""
     for count, pair in ((mechanical_modes, structure.mechanical), (thermal_modes, structure.thermal)):
-        if count is not None and not 0 <= count <= pair.size - 1:
-            raise ValueError(f"{count} interior modes of a structure that has {pair.size - 1}")
+        if count is not None and not 0 <= count <= pair.size - pair.boundary:
+            raise ValueError(f"{count} interior modes of a structure that has {pair.size - pair.boundary}")
         large = not structure.has_matrices and pair.size > pair.most_modes + 1
         if large and (count is None or count > pair.most_modes):
             raise TooManyCoordinatesError(pair.size, pair.most_modes)
@@ -98,26 +121,28 @@ def reduce_structure(
     if mechanical_modes is None:
         mechanical = unreduced(structure.mechanical)
     else:
-        mechanical = _counted(chosen.mechanical(structure, mechanical_modes, duration), mechanical_modes, basis)
+        mechanical = chosen.mechanical(structure, mechanical_modes, duration)
+        _check(mechanical, mechanical_modes, structure.mechanical.boundary, basis)
     if thermal_modes is None:
         thermal = unreduced(structure.thermal)
     else:
-        thermal = _counted(chosen.thermal(structure, thermal_modes, duration), thermal_modes, basis)
+        thermal = chosen.thermal(structure, thermal_modes, duration)
+        _check(thermal, thermal_modes, structure.thermal.boundary, basis)
     carried = None
-    if structure.tangent is not None and mechanical_modes is not None:
-        mechanical = with_friction(structure, structure.tangent, mechanical)
+    if mechanical_modes is not None and mechanical.residual is None:
+        mechanical = with_friction(structure, mechanical)
     if chosen.carried is not None and mechanical_modes is not None:
         carried = chosen.carried(structure, mechanical, thermal)
     return galerkin(structure, mechanical, thermal, carried)
 
 
-def _counted(vectors: Vectors, count: int, basis: str) -> Vectors:
-    """Return the vectors of a basis after a check that they are ``count`` and the tip's own."""
+def _check(vectors: Vectors, count: int, boundary: int, basis: str) -> None:
+    """Check that the vectors of a basis are ``count`` and the contacts' own."""
     if not isinstance(vectors, Vectors):
         raise BrokenModuleError(f"the basis {basis} returns {type(vectors).__name__}, not Vectors")
-    if vectors.shapes.shape[1] != count + 1:
-        raise BrokenModuleError(f"the basis {basis} gives {vectors.shapes.shape[1] - 1} vectors for {count}")
-    return vectors
+    given = vectors.shapes.shape[1] - (boundary if vectors.residual is None else 0)
+    if given != count:
+        raise BrokenModuleError(f"the basis {basis} gives {given} vectors for {count}")
 
 
 def reduced_model(

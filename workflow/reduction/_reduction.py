@@ -1,8 +1,12 @@
 """Vectors of a basis, orthonormal in the inertia and 0 at the tip, and what the Galerkin projection on them yields.
 
-For friction every basis gets one more vector. A contact force acts along n - µt, the gap is measured along n. By its
-constraint mode a basis contains the static response to a force along n at the tip; the response to t with the tip held,
-K_ii⁻¹ t_i, is added, orthonormal to the others in M. With both S = nᵀK1⁻¹(n - µt) is exact for every µ.
+For friction a basis gets one more vector of each contact. A contact force acts along n - µt, the gap is measured along
+n. By its constraint modes a basis contains the static responses to forces along n; the response to t with the contacts
+held, K_ii⁻¹ t_i, is added, orthonormal to the others in M. With both S = nᵀK1⁻¹(n - µt) is exact for every µ.
+
+A basis that leaves contacts without mass has the unit matrix as mass, and the residual ΔF w_i: the static displacement
+per force on a contact that its vectors lack. From it follow R = w ΔF wᵀ, R^t, r and ρ of
+:class:`~workflow.models.Contacts`, and what constant loads add to the place of a contact (``Cases.offset``).
 """
 
 from __future__ import annotations
@@ -17,17 +21,19 @@ import numpy as np
 from workflow.models import (
     Array,
     Cases,
+    Contacts,
+    ContactsLast,
     DensePair,
     Matrices,
     Pair,
     Sparse,
     Structure,
-    UnusableMatricesError,
     distinct_rows,
     project,
     static_tip_growth,
 )
 from workflow.models._from_matrices import structure_of_forms
+from workflow.models._pair import symmetric
 
 Inertia = Callable[[Array], Array]
 """Product of an inertia and vectors."""
@@ -54,8 +60,9 @@ def relative_thermal_modes(structure: Structure, count: int) -> Array:
     ValueError
         Fewer modes are independent of the tip.
     """
-    shapes = structure.thermal.modes(count + 1).shapes  # one may be the constraint mode
-    return relative(shapes, structure.thermal.constraint, structure.thermal.inertia_of, count)
+    pair = structure.thermal
+    shapes = pair.modes(count + pair.boundary).shapes  # some may be constraint modes
+    return relative(shapes, pair.constraint, pair.inertia_of, count)
 
 
 def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> Array:
@@ -66,7 +73,7 @@ def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> 
     shapes
         Vectors in their order, ``(node, vector)``; those that depend on the tip's and earlier ones are skipped.
     constraint
-        Constraint mode, 1 at the tip, ``(node,)``.
+        Constraint modes, ``(node,)`` or ``(node, boundary)``.
     inertia
         Product of the inertia and vectors.
 
@@ -75,10 +82,10 @@ def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> 
     ValueError
         Fewer are independent of the tip and of each other.
     """
-    span = Orthonormal(shapes.shape[0], count, inertia)
+    span, held = Orthonormal(shapes.shape[0], count, inertia), np.atleast_2d(constraint.T).T
     for shape in shapes.T:
-        new = shape - shape[-1] * constraint
-        new[-1] = 0.0
+        new = shape - held @ shape[-held.shape[1] :]
+        new[-held.shape[1] :] = 0.0
         span.add(new, np.sqrt(np.dot(shape, inertia(shape))))
     return span.all()
 
@@ -106,6 +113,11 @@ class Orthonormal:
         """Whether the number of vectors is reached."""
         return self._count == self._vectors.shape[1]
 
+    @property
+    def vectors(self) -> Array:
+        """Those added so far, ``(entry, vector)``."""
+        return self._vectors[:, : self._count]
+
     def add(self, vector: Array, length: float | None = None) -> Array | None:
         """Add the new part of a vector and return it normalised, ``None`` where the vector is dependent.
 
@@ -127,7 +139,7 @@ class Orthonormal:
 
     def apart(self, vector: Array) -> Array:
         """Return the part of a vector that is orthogonal to those added so far."""
-        vectors = self._vectors[:, : self._count]
+        vectors = self.vectors
         for _ in range(2):  # the second pass removes the rounding of the first
             vector = vector - vectors @ (vectors.T @ self._inertia(vector))
         return vector
@@ -161,16 +173,18 @@ class Reduction:
     Attributes
     ----------
     structure
-        The reduced structure; its coordinates are interior vectors, then the tip.
+        The reduced structure; its coordinates are interior vectors, then the contacts that have mass.
     displacement_basis, temperature_basis
         x = displacement_basis · x_r (and v likewise), θ = temperature_basis · θ_r, shapes
-        ``(node, mechanical)`` and ``(node, thermal)``; the tip's row is (0, …, 0, 1).
+        ``(node, mechanical)`` and ``(node, thermal)``; the row of a tip with mass is (0, …, 0, 1).
     displacement_projection, temperature_projection
         Projection of initial states: the tip itself, the interior inertia-orthogonally to its vectors, shapes
         ``(mechanical, node)`` and ``(thermal, node)``.
     carried
         Static displacement per temperature, m/K, ``(node, thermal)``: x = displacement_basis · x_r + carried · θ_r,
         v = displacement_basis · v_r. It is 0 at the tip and M-orthogonal to the interior vectors. ``None`` for none.
+    residual
+        ΔF w_i, m/N, ``(node, contact)``, of contacts that the basis leaves without mass; else ``None``.
     """
 
     structure: Structure
@@ -179,16 +193,31 @@ class Reduction:
     displacement_projection: Array
     temperature_projection: Array
     carried: Array | None = None
+    residual: Array | None = None
 
     def project(self, cases: Cases) -> Cases:
         """Return the cases of the full structure in reduced coordinates."""
+        beside = 0.0 if self.residual is None else project(self.residual.T, cases.steady)
         return replace(
             cases,
+            offset=cases.offset + beside,
             steady=project(self.displacement_basis.T, cases.steady),
             heating=project(self.temperature_basis.T, cases.heating),
             displacement=project(self.displacement_projection, cases.displacement),
             velocity=project(self.displacement_projection, cases.velocity),
             temperature=project(self.temperature_projection, cases.temperature),
+        )
+
+    def given_in(self, coordinates: ContactsLast) -> Reduction:
+        """Return the reduction of the structure whose contacts these coordinates put last."""
+        x, theta = coordinates.displacements, coordinates.temperatures
+        return replace(
+            self,
+            displacement_basis=x.basis @ self.displacement_basis,
+            temperature_basis=theta.basis @ self.temperature_basis,
+            displacement_projection=self.displacement_projection @ x.projection,
+            temperature_projection=self.temperature_projection @ theta.projection,
+            residual=None if self.residual is None else x.basis @ self.residual,
         )
 
 
@@ -210,71 +239,61 @@ class Vectors:
     Attributes
     ----------
     shapes
-        Interior vectors, 0 at the tip, then the tip's own vector, 1 at the tip, shape ``(node, coordinate)``.
+        Interior vectors, 0 at the contacts, then the contacts' own, 1 at one of them each, ``(node, coordinate)``; of
+        contacts without mass vectors of any kind, on which M is the unit matrix.
     deformation
         Elongation of each spring, or temperature difference across each conductor, per coordinate,
         shape ``(spring, coordinate)``.
     projection
         Transform of states to coordinates, shape ``(coordinate, node)``.
-    has_massless_tip
-        Whether the tip's own vector has no inertia, and the interior ones the unit matrix.
+    residual
+        ΔF w_i of contacts without mass, m/N, ``(node, contact)``; else ``None``.
     """
 
     shapes: Array
     deformation: Array
     projection: Array
-    has_massless_tip: bool = False
+    residual: Array | None = None
 
 
 def mechanical_vectors(structure: Structure, interior: Array) -> Vectors:
-    """Return interior displacements, orthonormal in M and 0 at the tip, followed by the constraint mode."""
+    """Return interior displacements, orthonormal in M and 0 at the contacts, followed by the constraint modes."""
     return _with_constraint(structure.mechanical, interior)
 
 
 def thermal_vectors(structure: Structure, interior: Array) -> Vectors:
-    """Return interior temperatures, orthonormal in C2 and 0 at the tip, followed by the constraint mode."""
+    """Return interior temperatures, orthonormal in C2 and 0 at the contacts, followed by the constraint modes."""
     return _with_constraint(structure.thermal, interior)
 
 
 def _with_constraint(pair: Pair, interior: Array) -> Vectors:
-    gram = interior.T @ pair.inertia_of(interior)
-    if np.any(interior[-1]) or not np.allclose(gram, np.eye(gram.shape[0]), rtol=0.0, atol=_ORTHONORMAL):
+    """Return interior vectors and constraint modes; states are projected to the contacts, the rest to the interior."""
+    gram, held = interior.T @ pair.inertia_of(interior), pair.boundary
+    if np.any(interior[-held:]) or not np.allclose(gram, np.eye(gram.shape[0]), rtol=0.0, atol=_ORTHONORMAL):
         raise ValueError("vectors of a basis are 0 at the tip and orthonormal in the inertia")
-    return _with_tip(pair, interior, pair.constraint, pair.deformed, interior)
+    projection = np.vstack([pair.inertia_of(interior).T, np.zeros((held, pair.size))])
+    projection[-held:, -held:] = np.eye(held)
+    projection[:-held, -held:] = -(projection[:-held, :-held] @ pair.constraint[:-held]).reshape(-1, held)
+    deformation = np.column_stack([pair.deformation_of(interior), pair.deformed])
+    return Vectors(np.column_stack([interior, pair.constraint]), deformation, projection)
 
 
-def massless_vectors(pair: Pair, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
-    """Return interior displacements and the tip's vector without inertia.
+def massless_vectors(structure: Structure, shapes: Array, modes: Array, residual: Array) -> Vectors:
+    """Return vectors that leave the contacts without mass.
 
     Parameters
     ----------
-    pair
-        K1 and M of the full structure.
-    interior
-        0 at the tip, ``(node, vector)``.
-    tip
-        1 at the tip and orthogonal to ``modes`` in M, ``(node,)``; ``strain`` is its elongation of the springs.
+    structure
+        The full structure.
+    shapes
+        Displacements, ``(node, vector)``.
     modes
-        Orthonormal in M, ``(node, vector)``: the interior vectors up to multiples of the tip's.
+        Those that have the inertia, orthonormal in M, ``(node, vector)``.
+    residual
+        ΔF w_i, m/N, ``(node, contact)``, orthogonal to the shapes in K1.
     """
-    return replace(_with_tip(pair, interior, tip, strain, modes), has_massless_tip=True)
-
-
-def _with_tip(pair: Pair, interior: Array, tip: Array, strain: Array, modes: Array) -> Vectors:
-    """Return interior vectors and the tip's; states are projected to the tip itself, the rest of them to ``modes``."""
-    projection = np.vstack([pair.inertia_of(modes).T, pair.unit_tip])
-    projection[:-1, -1] = -projection[:-1, :-1] @ tip[:-1]
-    deformation = np.column_stack([pair.deformation_of(interior), strain])
-    return Vectors(np.column_stack([interior, tip]), deformation, projection)
-
-
-def _mass(structure: Structure, mechanical: Vectors) -> Array:
-    """Return Xᵀ M X, or the unit matrix on the interior vectors where the tip has no mass."""
-    if mechanical.has_massless_tip:
-        mass = np.eye(mechanical.shapes.shape[1])
-        mass[-1, -1] = 0.0
-        return mass
-    return mechanical.shapes.T @ structure.mechanical.inertia_of(mechanical.shapes)
+    pair = structure.mechanical
+    return Vectors(shapes, pair.deformation_of(shapes), pair.inertia_of(modes).T, residual)
 
 
 def unreduced(pair: Pair) -> Vectors:
@@ -288,9 +307,9 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
 
     Static displacements Γ per temperature, ``(node, thermal)``, relieve the springs: expansion Θ - D Γ.
     """
-    x, theta = mechanical.shapes, thermal.shapes
-    mass, capacity = _mass(structure, mechanical), theta.T @ structure.thermal.inertia_of(theta)
-    expansion = structure.expansions(theta)
+    x, theta, residual = mechanical.shapes, thermal.shapes, mechanical.residual
+    mass = np.eye(x.shape[1]) if residual is not None else x.T @ structure.mechanical.inertia_of(x)
+    capacity, expansion = theta.T @ structure.thermal.inertia_of(theta), structure.expansions(theta)
     if carried is not None:
         expansion = expansion - structure.mechanical.deformation_of(carried)
     if isinstance(structure, Sparse):
@@ -303,37 +322,43 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
             expansion,
             structure.uniform_rise,
         )
+    contacts = structure.contacts if residual is None else _without_mass(structure, residual)
+    load = structure.load if residual is None else structure.load_direction
     reduced = replace(
         reduced,
+        mechanical=replace(reduced.mechanical, boundary=1 if residual is not None else structure.mechanical.boundary),
+        thermal=replace(reduced.thermal, boundary=structure.thermal.boundary),
         uniform_rise=thermal.projection @ structure.uniform_rise,
         damping=structure.damping,
-        tip_growth=static_tip_growth(structure) @ theta,
-        load=None if structure.load is None else x.T @ structure.load,
+        tip_growth=None if contacts is not None else static_tip_growth(structure) @ theta,
+        load=None if load is None else x.T @ load,
         damper=None if structure.damper is None else x.T @ np.asarray(structure.damper @ x),
-        tangent=None if structure.tangent is None else x.T @ structure.tangent,
+        tangent=None if structure.tangent is None or contacts is not None else x.T @ structure.tangent,
+        contacts=None if contacts is None else contacts.transformed(x, theta),
     )
-    return Reduction(reduced, x, theta, mechanical.projection, thermal.projection, carried)
+    return Reduction(reduced, x, theta, mechanical.projection, thermal.projection, carried, residual)
 
 
-def with_friction(structure: Structure, tangent: Array, mechanical: Vectors) -> Vectors:
-    """Return a basis with the static response to a force along the tangent added, if it is not contained.
+def _without_mass(structure: Structure, residual: Array) -> Contacts:
+    """Return the contacts of a structure with ΔF w_i, ``(node, contact)``, as their residual."""
+    pair, contacts = structure.mechanical, structure.contact_rows
+    return contacts.with_residual(
+        residual=symmetric(contacts.normal @ residual),
+        residual_tangent=residual.T @ contacts.tangent.T,
+        residual_coupling=-pair.work(residual, pair.deformation_of(residual), structure.expansion),
+        residual_load=residual.T @ structure.load_direction,
+    )
 
-    Raises
-    ------
-    UnusableMatricesError
-        The basis leaves the tip without mass.
-    """
-    if mechanical.has_massless_tip:
-        raise UnusableMatricesError(
-            "the basis leaves the tip without mass, and friction acts along a direction of its own",
-            "what that deforms cannot be left without inertia; choose craig_bampton, rubin or krylov",
-        )
-    pair, interior = structure.mechanical, mechanical.shapes[:, :-1]
-    span = Orthonormal(pair.size, min(interior.shape[1] + 1, pair.size - 1), pair.inertia_of)
+
+def with_friction(structure: Structure, mechanical: Vectors) -> Vectors:
+    """Return a basis with the static responses to forces along the tangents added, if they are not contained."""
+    pair, tangents = structure.mechanical, structure.contact_rows.tangent
+    interior, acting = mechanical.shapes[:, : -pair.boundary], tangents[tangents.any(axis=1)]
+    most = min(interior.shape[1] + len(acting), pair.size - pair.boundary)
+    span = Orthonormal(pair.size, most, pair.inertia_of)
     span.add_each(interior)
-    if span.add(pair.solve(tangent, held=True)) is None:
-        return mechanical
-    return mechanical_vectors(structure, span.all())
+    added = [span.add(pair.solve(tangent, held=True)) for tangent in acting]
+    return mechanical if all(new is None for new in added) else mechanical_vectors(structure, span.vectors)
 
 
 def projection_residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array:

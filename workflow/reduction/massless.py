@@ -1,13 +1,17 @@
-"""Massless: Craig–Bampton with the inertia of the tip redistributed to the modes, so that the tip has none.
+"""Massless: Craig–Bampton with the inertia of the contacts redistributed to the modes, so that they have none.
 
-Mechanical: x = Σ φ_j η_j + ψ̃ x_n with the fixed-interface modes φ and, instead of the constraint mode ψ,
+Mechanical: x = Φ η + Ψ̃ x_c with the fixed-interface modes Φ and, instead of the constraint modes Ψ,
 
-    ψ̃ = ψ - Φ Φᵀ M ψ,   that is Ψ̃ = Ψ - Φ Φᵀ (M_ib + M_ii Ψ) in the interior (i) and 1 at the tip (b).
+    Ψ̃ = Ψ - Φ Φᵀ M Ψ,   that is Ψ - Φ Φᵀ (M_ib + M_ii Ψ) in the interior (i) and 1 at the contacts (b).
 
-With Φ it spans the same space, and it is orthogonal to Φ in M. The inertia of ψ̃, which falls as modes are added, is
-neglected: M = diag(1, …, 1, 0). Contact has no impacts then, see :mod:`workflow.schemes.moreau`. A free tip whose
-inertia no mode contains keeps its mass, as with craig_bampton. Thermal: as craig_bampton. α_c is exact: S and K2⁻¹ e_n
-need the constraint modes only.
+With Φ they span the same space, and they are orthogonal to Φ in M. The inertia of Ψ̃, which falls as modes are added, is
+neglected, and x_c follows the forces statically: with K_cc = Ψ̃ᵀ K1 Ψ̃
+
+    x = (Φ - Ψ̃ K_cc⁻¹ Ψ̃ᵀ K1 Φ) η + ΔF f,   ΔF = Ψ̃ K_cc⁻¹ Ψ̃ᵀ.
+
+Contacts have no impacts then (:class:`~workflow.models.Contacts`). Contacts of which one moves freely with inertia that
+no mode contains keep their mass, as with craig_bampton. Thermal: as craig_bampton. α_c is exact: S and K2⁻¹ e_n need
+the constraint modes only.
 
 Source: Monjaraz Tec, Gross, Krack, arXiv 2111.07693.
 """
@@ -17,25 +21,29 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Structure
-from workflow.reduction._reduction import (
-    DEPENDENT,
-    Vectors,
-    fixed_interface_modes,
-    massless_vectors,
-    mechanical_vectors,
-)
+from workflow.models._pair import symmetric
+from workflow.reduction._reduction import Vectors, fixed_interface_modes, massless_vectors, mechanical_vectors
 from workflow.reduction.craig_bampton import thermal
 
-__all__ = ["mechanical", "thermal"]
+__all__ = ["CONTACTS", "mechanical", "thermal"]
+
+CONTACTS = frozenset({"several"})
+
+_FREE = 1e-13
+"""Stiffness of a contact, over that with all else held, up to which it is the rounding of zero."""
 
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
-    """Return the lowest ``count`` fixed-interface modes, and ψ̃ without inertia."""
-    modes = fixed_interface_modes(structure, count)
-    pair, constraint = structure.mechanical, structure.mechanical.constraint
-    inertia = pair.inertia_of(constraint)
-    share = modes.T @ inertia
-    if pair.tip_stiffness == 0 and np.dot(share, share) <= DEPENDENT**2 * np.dot(constraint, inertia):
+    """Return the lowest ``count`` fixed-interface modes with x_c condensed, and ΔF w_i of the contacts."""
+    pair, modes = structure.mechanical, fixed_interface_modes(structure, count)
+    held, size = pair.boundary, pair.size
+    constraint, strain = pair.constraint.reshape(size, held), pair.deformed.reshape(-1, held)
+    share = modes.T @ pair.inertia_of(constraint)
+    tip, forces = constraint - modes @ share, pair.forces(strain - pair.deformation_of(modes) @ share)
+    stiffness = symmetric(tip.T @ forces)
+    alone = np.sqrt([pair.energies(unit).sum() or 1.0 for unit in np.eye(held, size, size - held)])
+    if np.linalg.eigvalsh(stiffness / alone / alone[:, None])[0] <= _FREE:
         return mechanical_vectors(structure, modes)
-    tip = constraint - modes @ share
-    return massless_vectors(pair, modes, tip, pair.deformed - pair.deformation_of(modes) @ share, modes)
+    residual = tip @ np.linalg.inv(stiffness)
+    rows = structure.contact_rows.normal[:, -held:]
+    return massless_vectors(structure, modes - residual @ (forces.T @ modes), modes, residual @ rows.T)

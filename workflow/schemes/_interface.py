@@ -310,7 +310,7 @@ class Scheme:
             return "its load does not act on the tip, which the scheme does not take"
         if structure.observed is not None and "depth" not in self.GENERAL:
             return "it does not record the temperature over a depth"
-        if structure.rows.casing_flexibility > 0 and "elastic" not in self.GENERAL:
+        if structure.contact_rows.casing_flexibility > 0 and "elastic" not in self.GENERAL:
             return "it takes a rigid casing; `event_driven` and `moreau` take one with `flexibility`"
         if structure.contacts is not None and "contacts" not in self.GENERAL:
             return "it takes one contact, with mass"

@@ -194,14 +194,7 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
     axis = f"scene.{cases.scene.model}.contact"
     if axis in source.axes:
         yield source.axes[axis], f"is an axis, {several}", "write a study for each choice of contacts"
-    for path, counts in sizes.coordinates.items():
-        varied = next((each.values for each in cases.axes() if each.path == path), ())
-        reference = () if cases.reference is None else (cases.reference.values.get(path, counts[0] - 1),)
-        if {*varied, *reference} - {counts[0] - 1, FULL}:
-            place = source.axes.get(path, ("reference", path))
-            yield place, f"is not `full`, {several}", "leave it out: none is reduced yet"
-    if any(axis.path == "reduction" and set(axis.values) != {reduction.DEFAULT} for axis in cases.axes()):
-        yield source.axes["reduction"], f"is a basis of one contact, {several}", "leave it out: none is reduced yet"
+    yield from _reduced_contacts(cases, sizes, source, several)
     if cases.branch is not None:
         yield ("axes", cases.branch.axis.path), f"is a branch, {several}", "write a list, or choose one contact"
     elif cases.output.steady is not None:
@@ -235,6 +228,34 @@ def _elastic(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
         yield ("axes", cases.branch.axis.path), of_rigid, "write a list, or leave the flexibility out"
     elif cases.output.steady is not None:
         yield ("output", "steady"), of_rigid, "leave it out, or the flexibility"
+
+
+def _reduced_contacts(cases: CaseSpace, sizes: Sizes, source: StudyText, several: str) -> Iterator[Fault]:
+    """Refuse bases that do not take several contacts, or one without mass, and counts of modes that leave out one."""
+    assert sizes.structure is not None
+    contacts = sizes.structure.contacts
+    assert contacts is not None
+    values: dict[str, set[Any]] = {axis.path: set(axis.values) for axis in cases.axes()}
+    for path, value in {} if cases.reference is None else cases.reference.values.items():
+        values.setdefault(path, set()).add(value)
+
+    def place(path: str) -> Place:
+        return source.axes.get(path, ("reference", path))
+
+    is_reduced = False
+    for path, own in zip(MODES, models.independent_rows(contacts), strict=True):
+        size = sizes.coordinates[path][0]
+        counts = values[path] - {size - 1, FULL}
+        is_reduced |= bool(counts)
+        if CHOSEN in counts:
+            yield place(path), f"is `auto`, {several}", "write counts"
+        elif max(counts, default=0) > size - own:
+            remedy = f"write at most {size - own}, or `full`"
+            yield place(path), f"{max(counts)} is more than the {size - own} interior modes, {several}", remedy
+    able = [name for name in reduction.names() if not reduction.fault(name) and reduction.takes(name, contacts)]
+    for basis in sorted(values["reduction"] - set(able) if is_reduced else ()):
+        where = source.axes.get("reduction", ("axes", "reduction"))
+        yield where, f"`{basis}` does not take it, {several}", f"write {' or '.join(able)}"
 
 
 def _branch(cases: CaseSpace) -> Iterator[Fault]:

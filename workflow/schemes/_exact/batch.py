@@ -144,6 +144,9 @@ def status_of(ended: NDArray[np.int64]) -> NDArray[np.int8]:
 def results_of(record: Record, cases: Cases, counted: NDArray[np.int64], **others: Any) -> Results:
     """Return the results of a record, its load periods ``counted``, and what it does not hold."""
     periods, frequency = record.periods, cases.period_frequency
+    if cases.offset.any():  # the casing was seen from there
+        for displacement in (record.histories[:, 0], periods[:, 3]):
+            displacement += cases.offset.reshape(*record.tally.shape, 1)
     return Results(
         histories={name: record.histories[:, k].copy() for k, name in enumerate(HISTORIES)},
         period_impulse=periods[:, 0].copy(),
