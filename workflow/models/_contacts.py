@@ -95,8 +95,8 @@ class Contacts:
         return np.asarray(self.residual - friction * self.residual_tangent)
 
 
-def checked_contacts(contacts: Contacts) -> Contacts:
-    """Return the contacts of a file, of which each can act, the residual flexibility symmetric.
+def checked_contacts(contacts: Contacts, residual: str = "residual_flexibility") -> Contacts:
+    """Return the contacts of a file, of which each can act, R symmetric; messages call it ``residual``.
 
     Raises
     ------
@@ -115,22 +115,22 @@ def checked_contacts(contacts: Contacts) -> Contacts:
             problem = f"`tangent`{of} is the direction of the contact"
             raise UnusableMatricesError(problem, "write the direction in which the casing slides")
     if contacts.residual is None:
-        _refuse_dependent(contacts)
+        _refuse_dependent(contacts, residual)
         return contacts
     symmetric = (contacts.residual + contacts.residual.T) / 2
     apart = np.abs(contacts.residual - contacts.residual.T).max()
     if apart > _PARALLEL * np.abs(symmetric).max() or np.linalg.eigvalsh(symmetric).min() <= 0:
         remedy = "write w ΔF wᵀ, the static flexibility less that of the modes that are given"
-        raise UnusableMatricesError("`residual_flexibility` is not symmetric and positive definite", remedy)
+        raise UnusableMatricesError(f"`{residual}` is not symmetric and positive definite", remedy)
     return replace(contacts, residual=symmetric)
 
 
-def _refuse_dependent(contacts: Contacts) -> None:
+def _refuse_dependent(contacts: Contacts, residual: str) -> None:
     """Refuse contacts with mass whose rows depend on each other; of two opposite stops one counts."""
     which = np.delete(np.arange(contacts.count), [j for _, j, _ in contacts.opposite])
     rows = contacts.normal[which]
     left, singular, _ = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)
     if len(rows) > rows.shape[1] or singular.min() <= _PARALLEL * singular.max():
         those = [contacts.labels[k] for k, share in zip(which, left[:, -1], strict=True) if abs(share) > _PARALLEL]
-        remedy = "leave one out, or write `residual_flexibility`, with which contacts have no mass"
+        remedy = f"leave one out, or write `{residual}`, with which contacts have no mass"
         raise UnusableMatricesError(f"contacts {', '.join(those)} depend on each other", remedy)
