@@ -217,9 +217,11 @@ def file(description: str, *, default: Any = MISSING, files: Callable[[Path], tu
     return field(default=default, metadata={"word": Word(description, file=True, files=files)})
 
 
-def rows(description: str, columns: tuple[tuple[str, str], ...] = (), *, default: Any = MISSING) -> Any:
+def rows(
+    description: str, columns: tuple[tuple[str, str], ...] = (), *, default: Any = MISSING, later: bool = False
+) -> Any:
     """Declare a field of type ``File | Rows``: a file, or rows of numbers with some columns, or with any."""
-    return field(default=default, metadata={"word": Word(description, file=True, columns=columns)})
+    return field(default=default, metadata={"word": Word(description, file=True, columns=columns, later=later)})
 
 
 def word_of(declared: Field[Any]) -> Word | None:

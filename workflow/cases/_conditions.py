@@ -110,7 +110,7 @@ def gaps_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, 
 
 def turns_of(scene: Scene, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
     """Return order · ψ_i of the casing's harmonics, 0 of those by a frequency, rad, ``(case, contact, harmonic)``."""
-    own = np.zeros(1) if structure.contacts is None else structure.contacts.angle
+    own = structure.angles
     angles = np.asarray(own if scene.casing.angles is None else scene.casing.angles)
     if "scene.casing.angles" in varying:
         angles = varying["scene.casing.angles"][:, None]

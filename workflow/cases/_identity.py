@@ -93,10 +93,12 @@ def _steady(study: Study, settings: CaseSettings) -> dict[str, Any]:
 
 
 def _widths(scene: Scene) -> dict[str, Any]:
-    """Return the numbers of load and casing harmonics, which decide what the entries of a row mean."""
+    """Return the numbers of load and casing harmonics, which decide what the entries of a row mean, and the profile."""
     widths = len(scene.load.harmonics), len(scene.casing.harmonics)
-    gaps = {"gaps": len(scene.casing.gap)} if isinstance(scene.casing.gap, tuple) else {}
-    return {**({"harmonics": widths} if any(widths) else {}), **gaps}
+    casing, own = scene.casing, dict[str, Any]()
+    own |= {"gaps": len(casing.gap)} if isinstance(casing.gap, tuple) else {}
+    own |= {} if casing.profile is None else {"profile": plain(casing.profile)}
+    return {**({"harmonics": widths} if any(widths) else {}), **own}
 
 
 def _read(settings: CaseSettings) -> frozenset[str]:

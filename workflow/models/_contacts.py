@@ -2,7 +2,7 @@
 
     M x'' + C1 x' + K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i),   C2 θ' + K2 θ = q + Σ α λ_i s_i,
     0 <= d_i - x_i ⊥ λ_i >= 0,
-    x_i = w_iᵀx + ρ_i F - Σ_j (R_ij - µ R^t_ij) λ_j - Σ_j r_ij θ_j
+    x_i = w_iᵀx + ρ_i F + x̄_i - Σ_j (R_ij - µ R^t_ij) λ_j - Σ_j r_ij θ_j
 
 with the residual flexibility R of contacts without mass: what the modes lack of the static answer to forces there. On
 an elastic casing gaps are d_i + c λ_i - x_i. Contacts without mass or on an elastic casing are compliant: their forces
@@ -17,6 +17,13 @@ from typing import Any
 import numpy as np
 
 from workflow.kernels import Array
+from workflow.models._pair import UnusableMatricesError
+
+MOST_CONTACTS = 64
+"""Largest number of contacts of a structure."""
+
+_PARALLEL = 1e-10
+"""1 - |cosine| of the angle between rows up to which they are parallel, and asymmetry of R over its largest entry."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +46,8 @@ class Contacts:
         r = w ΔF K12, m/K, ``(contact, thermal)``.
     residual_load
         ρ = w ΔF b, m/N, ``(contact,)``.
+    residual_steady
+        x̄ = w ΔF f̄, m, ``(contact,)``: the residual's answer to the constant loads of the file.
     casing_flexibility
         c of an elastic casing, m/N; 0 for a rigid one.
     """
@@ -52,6 +61,7 @@ class Contacts:
     residual_tangent: Array | None = None
     residual_coupling: Array | None = None
     residual_load: Array | None = None
+    residual_steady: Array | None = None
     casing_flexibility: float = 0.0
 
     @property
@@ -68,6 +78,17 @@ class Contacts:
     def is_compliant(self) -> bool:
         """Whether contact forces are finite: contacts without mass, or on an elastic casing."""
         return self.is_massless or self.casing_flexibility > 0
+
+    @property
+    def opposite(self) -> list[tuple[int, int, float]]:
+        """Pairs i < j of stops with w_j = -c w_i, and c; a contact is in one pair at most."""
+        sizes = np.linalg.norm(self.normal, axis=1)
+        cosines = self.normal @ self.normal.T / np.multiply.outer(sizes, sizes)
+        pairs: list[tuple[int, int, float]] = []
+        for j, i in np.argwhere(np.tril(cosines < _PARALLEL - 1)).tolist():
+            if not any({i, j} & {*pair[:2]} for pair in pairs):
+                pairs.append((i, j, float(sizes[j] / sizes[i])))
+        return pairs
 
     def transformed(self, displacements: Any, temperatures: Any) -> Contacts:
         """Return the contacts in coordinates of which these bases, dense or sparse, give the present ones."""
@@ -92,3 +113,44 @@ class Contacts:
     def compliance(self, friction: float) -> Array:
         """Return R - µ R^t + c, m/N, ``(contact, contact)``."""
         return self.flexibility(friction) + self.casing_flexibility * np.eye(self.count)
+
+
+def checked_contacts(contacts: Contacts, residual: str = "residual_flexibility") -> Contacts:
+    """Return the contacts of a file, of which each can act, R symmetric; messages call it ``residual``.
+
+    Raises
+    ------
+    UnusableMatricesError
+        They are too many, depend on each other, slide along their own direction, or have a residual that is none.
+    """
+    count, labels = contacts.count, contacts.labels
+    if count > MOST_CONTACTS:
+        raise UnusableMatricesError(f"it has {count} contacts", f"choose up to {MOST_CONTACTS} of them")
+    for label, w, t in zip(labels, contacts.normal, contacts.tangent, strict=True):
+        of = f" of contact {label}" if count > 1 else ""
+        if not np.any(w):
+            raise UnusableMatricesError(f"`contact`{of} is zero everywhere", "write what it acts on")
+        size = np.linalg.norm(w) * np.linalg.norm(t)
+        if size > 0 and abs(w @ t) > (1 - _PARALLEL) * size:
+            problem = f"`tangent`{of} is the direction of the contact"
+            raise UnusableMatricesError(problem, "write the direction in which the casing slides")
+    if contacts.residual is None:
+        _refuse_dependent(contacts, residual)
+        return contacts
+    symmetric = (contacts.residual + contacts.residual.T) / 2
+    apart = np.abs(contacts.residual - contacts.residual.T).max()
+    if apart > _PARALLEL * np.abs(symmetric).max() or np.linalg.eigvalsh(symmetric).min() <= 0:
+        remedy = "write w ΔF wᵀ, the static flexibility less that of the modes that are given"
+        raise UnusableMatricesError(f"`{residual}` is not symmetric and positive definite", remedy)
+    return replace(contacts, residual=symmetric)
+
+
+def _refuse_dependent(contacts: Contacts, residual: str) -> None:
+    """Refuse contacts with mass whose rows depend on each other; of two opposite stops one counts."""
+    which = np.delete(np.arange(contacts.count), [j for _, j, _ in contacts.opposite])
+    rows = contacts.normal[which]
+    left, singular, _ = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], full_matrices=False)
+    if len(rows) > rows.shape[1] or singular.min() <= _PARALLEL * singular.max():
+        those = [contacts.labels[k] for k, share in zip(which, left[:, -1], strict=True) if abs(share) > _PARALLEL]
+        remedy = f"leave one out, or write `{residual}`, with which contacts have no mass"
+        raise UnusableMatricesError(f"contacts {', '.join(those)} depend on each other", remedy)

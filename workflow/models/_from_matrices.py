@@ -413,3 +413,30 @@ def _as_rayleigh(damper: scipy.sparse.csc_array, pair: SparsePair) -> Rayleigh |
         return None
     mass, stiffness = (max(0.0, float(share / size)) for share, size in zip(shares, parts, strict=True))
     return Rayleigh(mass=mass, stiffness=stiffness)
+
+
+def with_contacts(structure: Matrices | Sparse, contacts: Contacts) -> Matrices | Sparse:
+    """Return a structure of given matrices with contacts in their coordinates; one with mass is its tip.
+
+    Raises
+    ------
+    UnusableMatricesError
+        A contact acts on what is held, or moves without mass.
+    """
+    own = structure.coordinates
+    assert own is not None
+    if contacts.count == 1 and not contacts.is_massless:
+        return replace(structure, coordinates=replace(own, angle=float(contacts.angle[0])))
+    moving, projection = (
+        contacts.transformed(own.displacement_basis, own.temperature_basis),
+        own.displacement_projection,
+    )
+    seen = np.asarray(abs(projection).sum(axis=0)).ravel() > 0
+    apart = np.abs(contacts.normal - (projection.T @ moving.normal.T).T)[:, seen]
+    for label, row, beyond in zip(contacts.labels, moving.normal, apart, strict=True):
+        if not np.any(row):
+            raise UnusableMatricesError(f"contact {label} acts on nothing but what is held", "choose what moves")
+        if beyond.max() > _UNBALANCED * np.abs(row).max():
+            remedy = "choose degrees of freedom that have mass"
+            raise UnusableMatricesError(f"contact {label} moves what has no mass: there is no impact law", remedy)
+    return replace(structure, contacts=moving)

@@ -1,17 +1,25 @@
-"""Entries of a file of matrices: one table, their check and conversion to SI, perturbed ones, and their writer."""
+"""Entries of a file of matrices: their check and conversion to SI, the rows of contacts, and perturbed ones.
+
+A contact is a row of the displacements: a label or an index stands for a row with a single 1, an entry of the file for
+one row or several. Directions of sliding and shares of heat are rows beside them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from workflow.kernels import Array
+from workflow.models._contacts import Contacts, checked_contacts
 from workflow.models._from_matrices import ASYMMETRY, COLD, GivenMatrices
-from workflow.models._matrix_files import LABELS, MATRICES, VECTORS, Entries
+from workflow.models._matrix_files import LABELS, MATRICES, ROWS, VECTORS, Entries
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._structure import Rayleigh
 
@@ -30,8 +38,13 @@ _TO_SI = {
     "residual_tangent": 1e-3,
     "residual_coupling": 1e-3,
     "residual_load": 1e-3,
+    "residual_steady": 1e-3,
 }
-"""Factors from t, N/mm, N s/mm, N/K, mJ/K, mW/K, mW, mm/N and mm/K."""
+"""Factors from t, N/mm, N s/mm, N/K, mJ/K, mW/K, mW, mm/N, mm/K and mm."""
+
+
+_SQUARE = ("residual_flexibility", "residual_tangent")
+"""Entries with a row and a column for each contact."""
 
 
 def in_si(entries: Entries, units: str) -> dict[str, Any]:
@@ -41,16 +54,20 @@ def in_si(entries: Entries, units: str) -> dict[str, Any]:
     return {name: value * _TO_SI[name] if name in _TO_SI else value for name, value in entries.items()}
 
 
+Choice = str | int | tuple[str | int, ...] | None
+"""Labels, indices or names of entries; ``None`` for the file's own entry."""
+
+
 class Chosen(NamedTuple):
-    """A study's choice from a file: labels, indices or names of vectors; ``None`` for the file's own entry."""
+    """A study's choice from a file, of several contacts a list of labels and indices, or an entry with their rows."""
 
-    contact: str | int | None = None
-    thermal_contact: str | int | None = None
-    tangent: str | int | None = None
+    contact: Choice = None
+    thermal_contact: Choice = None
+    tangent: Choice = None
 
 
-def checked_matrices(entries: Entries, chosen: Chosen, damping: Rayleigh) -> GivenMatrices:
-    """Return the matrices of entries in SI, all of them sparse.
+def given_by(entries: Entries, chosen: Chosen, damping: Rayleigh) -> tuple[GivenMatrices, Contacts]:
+    """Return the matrices of entries in SI, all of them sparse, and the contacts; the first is that of the matrices.
 
     Raises
     ------
@@ -63,32 +80,34 @@ def checked_matrices(entries: Entries, chosen: Chosen, damping: Rayleigh) -> Giv
         raise UnusableMatricesError(problem, remedy)
     mass = _symmetric(entries, "mass")
     size = mass.shape[0]
-    labels = _texts("labels", entries, size)
-    normal = _direction(chosen.contact, "contact", entries, labels, size)
+    labels, heat = _texts("labels", entries, size), _heat(entries, size)
+    contacts = _contacts(entries, chosen, labels, (size, 0 if heat is None else len(heat["heating"])))
     damper = _symmetric(entries, "damping", size) if "damping" in entries else None
     if damper is not None and damping != Rayleigh():
         raise UnusableMatricesError("it has a `damping`, and the study has one too", "keep one of them")
-    return GivenMatrices(
+    load = np.zeros(size) if contacts.count > 1 else None  # there is no one contact that it would act along
+    slides = contacts.tangent[np.any(contacts.tangent != 0, axis=1)]
+    given = GivenMatrices(
         damper=damper,
-        load=_nonzero("load", _vector("load", entries, size)) if "load" in entries else None,
+        load=_nonzero("load", _vector("load", entries, size)) if "load" in entries else load,
         mass=mass,
         stiffness=_symmetric(entries, "stiffness", size),
-        contact=normal,
-        tangent=_tangent(entries, labels, chosen.tangent, normal),
+        contact=contacts.normal[0],
+        thermal_contact=contacts.heat[0],
+        tangent=slides[0] if len(slides) else None,
         damping=damping,
         steady=_vector("steady", entries, size),
         labels=labels,
-        **_heat(entries, labels, chosen.thermal_contact, normal),
+        **(_cold(size) if heat is None else heat),
     )
+    return given, contacts
 
 
-def _heat(entries: Entries, labels: Sequence[str], chosen: str | int | None, contact: Array) -> dict[str, Any]:
-    """Return the thermal entries; for a file without temperatures a single one that stays 0 without any effect."""
-    size, own = contact.size, ("heat_capacity", "conductance", "coupling")
+def _heat(entries: Entries, size: int) -> dict[str, Any] | None:
+    """Return the thermal entries; ``None`` for a file without temperatures."""
+    own = ("heat_capacity", "conductance", "coupling")
     if not any(name in entries for name in own):
-        one, none = scipy.sparse.csc_array(np.ones((1, 1))), scipy.sparse.csc_array((size, 1))
-        cold = {"heat_capacity": COLD * one, "conductance": 0 * one, "coupling": none}
-        return {**cold, "thermal_contact": np.ones(1), "heating": np.zeros(1)}
+        return None
     for name in own[:2]:
         if name not in entries:
             remedy = "write both of heat_capacity and conductance, or neither and no coupling"
@@ -103,75 +122,186 @@ def _heat(entries: Entries, labels: Sequence[str], chosen: str | int | None, con
         "heat_capacity": capacity,
         "conductance": _symmetric(entries, "conductance", count),
         "coupling": coupling,
-        "thermal_contact": _thermal_contact(entries, labels, chosen, contact, count),
         "heating": _vector("heating", entries, count),
     }
 
 
-def _thermal_contact(
-    entries: Entries, labels: Sequence[str], chosen: str | int | None, contact: Array, count: int
-) -> Array:
-    """Return the weights of the contact heat; by default those of a contact at one node, with as many temperatures."""
-    own = _texts("thermal_labels", entries, count) or (labels if len(labels) == count else ())
-    if chosen is None and "thermal_contact" not in entries and count == contact.size and np.count_nonzero(contact) == 1:
-        return np.asarray(contact != 0, dtype=np.float64)
-    shares = _direction(chosen, "thermal_contact", entries, own, count)
-    if abs(shares.sum() - 1) > _WHOLE:
-        raise UnusableMatricesError(
-            f"the shares of `thermal_contact` are {float(shares.sum())!r} in sum", "they must be 1 in sum"
+def _cold(size: int) -> dict[str, Any]:
+    """Return a single temperature that stays 0 without any effect."""
+    one, none = scipy.sparse.csc_array(np.ones((1, 1))), scipy.sparse.csc_array((size, 1))
+    return {"heat_capacity": COLD * one, "conductance": 0 * one, "coupling": none, "heating": np.zeros(1)}
+
+
+def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tuple[int, int]) -> Contacts:
+    """Return the contacts in the coordinates of the file with ``sizes`` displacements and temperatures, 0 for cold."""
+    size, heats = sizes
+    contact, thermal_contact, sliding = (one[0] if isinstance(one, tuple) and len(one) == 1 else one for one in chosen)
+    own = _labelled(entries, contact, labels, size)
+    names: tuple[str | int, ...] = contact if isinstance(contact, tuple) else (contact or 0,)
+    if all(name in own for name in names):
+        entries, own, contact = (
+            _rows_of(entries, names, tuple(own)),
+            {str(name): own[str(name)] for name in names},
+            None,
         )
+    normal = _rows("contact", contact, entries, labels, size, own)
+    count = len(normal)
+    if contact is None or (isinstance(contact, str) and contact not in labels):
+        names = tuple(own) if len(own) == count else tuple(range(1, count + 1))
+    elif "residual_flexibility" in entries:
+        problem = "contacts without mass are chosen by displacements"
+        raise UnusableMatricesError(problem, "choose them by `contact_labels`: the file has residuals of these")
+    slides = sliding is not None or "tangent" in entries
+    tangent = _beside("tangent", sliding, entries, labels, size, count) if slides else np.zeros_like(normal)
+    heat = np.ones((count, 1))
+    if heats:
+        warm = _texts("thermal_labels", entries, heats) or (labels if len(labels) == heats else ())
+        alone = thermal_contact is None and "thermal_contact" not in entries
+        found = _own_temperatures(names, normal, warm, heats) if alone else None
+        heat = _beside("thermal_contact", thermal_contact, entries, warm, heats, count) if found is None else found
+    worst = max(heat.sum(axis=1).tolist(), key=lambda total: abs(total - 1))
+    if abs(worst - 1) > _WHOLE:
+        raise UnusableMatricesError(f"the shares of `thermal_contact` are {worst!r} in sum", "they must be 1 in sum")
+    angle = _of_each("angle", entries, (count,))
+    contacts = Contacts(tuple(map(str, names)), normal, tangent, heat, angle)
+    if "residual_flexibility" in entries:
+        contacts = replace(
+            contacts,
+            residual=_of_each("residual_flexibility", entries, (count, count)),
+            residual_tangent=_of_each("residual_tangent", entries, (count, count)),
+            residual_coupling=_of_each("residual_coupling", entries, heat.shape),
+            residual_load=_of_each("residual_load", entries, (count,)),
+            residual_steady=_of_each("residual_steady", entries, (count,)),
+        )
+    return checked_contacts(contacts)
+
+
+def _labelled(entries: Entries, chosen: Choice, labels: Sequence[str], size: int) -> dict[str, Array]:
+    """Return the rows of the file's entry of contacts by their labels, none where it labels none."""
+    name = chosen if isinstance(chosen, str) and "contact" not in entries else "contact"
+    if "contact_labels" not in entries or name not in entries:
+        return {}
+    rows = _rows(name, None, entries, labels, size)
+    return dict(zip(_texts("contact_labels", entries, len(rows)), rows, strict=True))
+
+
+def _rows_of(entries: Entries, names: Sequence[str | int], own: Sequence[str]) -> Entries:
+    """Return the entries of a file that has no contacts but those of some labels, of all its ``own``."""
+    which, changed = [own.index(str(name)) for name in names], dict(entries)
+    for name in {"contact", "thermal_contact", "tangent", *ROWS} & set(entries):
+        value = _dense(entries[name])
+        if name in ROWS and value.size % len(own) == 0:
+            value = value.reshape(len(own), -1)
+        elif value.ndim < 2 or (1 in value.shape and len(value) != len(own)):
+            continue  # a label, an index or one vector
+        if len(value) != len(own):
+            raise UnusableMatricesError(f"`{name}` has {len(value)} rows", "write one for each row of `contact`")
+        changed[name] = value[which][:, which] if name in _SQUARE else value[which]
+    return changed
+
+
+def _beside(name: str, chosen: Choice, entries: Entries, labels: Sequence[str], size: int, count: int) -> Array:
+    """Return the rows of sliding or of heat that go with so many contacts."""
+    rows = _rows(name, chosen, entries, labels, size)
+    if len(rows) != count:
+        remedy = f"write one for each of {count}, and choose them by `contact_labels` where a file has more"
+        raise UnusableMatricesError(f"`{name}` has {len(rows)} rows, and contacts are {count}", remedy)
+    return rows
+
+
+def _of_each(name: str, entries: Entries, shape: tuple[int, ...]) -> Array:
+    """Return an entry with a number, or a row, for each contact; 0 where the file has none."""
+    values = _numbers(name, entries.get(name, np.zeros(shape)))
+    values = values.ravel() if len(shape) == 1 else np.atleast_2d(values)
+    if values.shape != shape:
+        remedy = f"write finite numbers of {shape}, a row for each contact"
+        raise UnusableMatricesError(f"`{name}` has the shape {values.shape}", remedy)
+    return values
+
+
+def _own_temperatures(names: Sequence[str | int], normal: Array, labels: Sequence[str], count: int) -> Array | None:
+    """Return shares of the heat of contacts that each have a temperature, ``(contact, count)``; ``None`` for others.
+
+    It is that of the contact's label, that of its one displacement where there are as many, or the only one.
+    """
+    shares = np.zeros((len(normal), count))
+    for row, name, normal_row in zip(shares, names, normal, strict=True):
+        at = np.flatnonzero(normal_row)
+        if isinstance(name, str) and name in labels:
+            row[list(labels).index(name)] = 1.0
+        elif at.size == 1 and count == normal_row.size:
+            row[at] = 1.0
+        elif count == 1:
+            row[0] = 1.0
+        else:
+            return None
     return shares
 
 
-def _tangent(entries: Entries, labels: Sequence[str], chosen: str | int | None, normal: Array) -> Array | None:
-    """Return the sliding direction, which must not be that of the contact; ``None`` where none is given."""
-    if chosen is None and "tangent" not in entries:
-        return None
-    tangent = _direction(chosen, "tangent", entries, labels, normal.size)
-    along = abs(tangent @ normal) / (np.linalg.norm(tangent) * np.linalg.norm(normal))
-    if along > 1 - ASYMMETRY:
-        problem, remedy = "`tangent` is the direction of the contact", "write the direction in which the casing slides"
-        raise UnusableMatricesError(problem, remedy)
-    return tangent
+def _rows(
+    name: str,
+    chosen: Choice,
+    entries: Entries,
+    labels: Sequence[str],
+    size: int,
+    own: Mapping[str, Array] = MappingProxyType({}),
+) -> Array:
+    """Return the rows, ``(row, size)``, of a label, an index (from 0) or the name of an entry, or of a list of these.
 
-
-def _direction(chosen: str | int | None, name: str, entries: Entries, labels: Sequence[str], size: int) -> Array:
-    """Return the vector, ``(size,)``, of a label, an index (from 0) or the name of a vector.
-
-    ``chosen`` is the study's; for ``None`` it is the entry ``name`` of the file, which may be any of these.
+    ``chosen`` is the study's; for ``None`` it is the entry ``name`` of the file, which may be any of these. ``own`` are
+    rows with labels of their own.
     """
+    if isinstance(chosen, tuple):
+        each = [own[str(one)][None] if one in own else _rows(name, one, entries, labels, size) for one in chosen]
+        for one, rows in zip(chosen, each, strict=True):
+            if len(rows) > 1:
+                raise UnusableMatricesError(f"`{name}: {one}` has {len(rows)} rows", "name it alone, not in a list")
+        return np.vstack(each)
     if chosen is None:
         if name not in entries:
             remedy = "write a label, an index or a vector"
             raise UnusableMatricesError(f"`{name}` is given neither in the study nor in the file", remedy)
-        value = entries[name].toarray() if hasattr(entries[name], "toarray") else np.asarray(entries[name])
+        value = _dense(entries[name])
         if value.size == 0:
             raise UnusableMatricesError(f"`{name}` is empty", "write a label, an index or a vector, or leave it out")
         if value.size > 1 or (size == 1 and value.dtype.kind == "f"):
-            return _nonzero(name, _vector(name, entries, size))
+            return _entry_rows(name, entries, size)
         is_index = value.dtype.kind in "iu" or (value.dtype.kind == "f" and float(value.item()).is_integer())
         chosen = int(value.item()) if is_index else str(value.item())
     if isinstance(chosen, str):
         if chosen not in labels:
             vectors = [entry for entry in entries if entry not in (*MATRICES, *LABELS)]
             if chosen in vectors:
-                return _nonzero(chosen, _vector(chosen, entries, size))
-            own = [entry for entry in vectors if entry == name or entry not in VECTORS]
-            near = get_close_matches(chosen, labels, 5) or labels[:5]
-            some = ", ".join(f"`{text}`" for text in (*own, *near)) + ", …" * (len(labels) > len(near))
+                return _entry_rows(chosen, entries, size)
+            vectors = [entry for entry in vectors if entry == name or entry not in (*VECTORS, *ROWS)]
+            near = get_close_matches(chosen, [*own, *labels], 5) or [*own, *labels][:5]
+            more = ", …" * (len(own) + len(labels) > len(near))
+            some = ", ".join(f"`{text}`" for text in (*vectors, *near)) + more
             remedy = f"write {some + ' or ' if some else ''}an index from 0 to {size - 1}"
             raise UnusableMatricesError(f"`{name}: {chosen}` is neither a label nor a vector of the file", remedy)
         chosen = list(labels).index(chosen)
     if not 0 <= chosen < size:
         raise UnusableMatricesError(f"`{name}: {chosen}` is no index", f"write one from 0 to {size - 1}")
-    unit = np.zeros(size)
-    unit[chosen] = 1.0
+    unit = np.zeros((1, size))
+    unit[0, chosen] = 1.0
     return unit
+
+
+def _entry_rows(name: str, entries: Entries, size: int) -> Array:
+    """Return a vector as one row, or the rows of a matrix with ``size`` columns."""
+    shape = np.shape(entries[name])
+    if len(shape) == 2 and shape[0] > 1 and shape[1] == size:
+        return _numbers(name, entries[name])
+    return _nonzero(name, _vector(name, entries, size))[None]
+
+
+def _dense(value: Any) -> NDArray[Any]:
+    return np.asarray(value.toarray() if hasattr(value, "toarray") else value)
 
 
 def _numbers(name: str, value: Any) -> Array:
     """Return a value as finite real numbers."""
-    array = np.asarray(value)
+    array = _dense(value)
     if array.dtype.kind not in "fiub":
         raise UnusableMatricesError(f"`{name}` holds no real numbers", "write real numbers")
     if not np.isfinite(array).all():
@@ -209,7 +339,7 @@ def _symmetric(entries: Entries, name: str, size: int | None = None) -> scipy.sp
 def _vector(name: str, entries: Entries, size: int) -> Array:
     """Return a vector with an entry per degree of freedom, zeros where the file has none."""
     value = entries.get(name, np.zeros(size))
-    array = _numbers(name, value.toarray() if hasattr(value, "toarray") else value)
+    array = _numbers(name, value)
     if array.size != size or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
         remedy = f"it must have {size} entries, as the matrices have rows"
         raise UnusableMatricesError(f"`{name}` has the shape {array.shape}", remedy)
@@ -223,15 +353,18 @@ def _nonzero(name: str, values: Array) -> Array:
 
 
 def _texts(name: str, entries: Entries, size: int) -> tuple[str, ...]:
-    """Return labels, one per degree of freedom, all different; none where the file has none."""
+    """Return labels, one per degree of freedom or contact, all different; none where the file has none."""
     if name not in entries:
         return ()
     labels = tuple(str(text).strip() for text in np.asarray(entries[name]).astype(str).ravel())
+    each, rows = "degree of freedom", "the matrices have"
+    if name == "contact_labels":
+        each, rows = "contact", "`contact` has"
     if len(labels) != size:
-        raise UnusableMatricesError(f"`{name}` has {len(labels)} labels", f"write {size}, as the matrices have rows")
+        raise UnusableMatricesError(f"`{name}` has {len(labels)} labels", f"write {size}, as {rows} rows")
     if len(set(labels)) < size:
         twice = next(label for label in labels if labels.count(label) > 1)
-        raise UnusableMatricesError(f"`{name}` has {twice[:40]!r} twice", "name each degree of freedom once")
+        raise UnusableMatricesError(f"`{name}` has {twice[:40]!r} twice", f"name each {each} once")
     return labels
 
 

@@ -73,9 +73,8 @@ MOST_COORDINATES = 200_000
 
 MATRICES = ("mass", "stiffness", "damping", "coupling", "heat_capacity", "conductance")
 VECTORS = ("contact", "thermal_contact", "load", "steady", "heating", "tangent")
-RESIDUALS = ("residual_flexibility", "residual_tangent", "residual_coupling", "residual_load")
-ROWS = ("angle", *RESIDUALS)
-"""Of several contacts, which have rows of `contact`, `tangent` and `thermal_contact` too."""
+ROWS = ("angle", *(f"residual_{name}" for name in ("flexibility", "tangent", "coupling", "load", "steady")))
+"""Of contacts, which have rows of `contact`, `tangent` and `thermal_contact` too."""
 
 LABELS = ("labels", "thermal_labels", "contact_labels")
 

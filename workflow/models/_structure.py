@@ -47,6 +47,8 @@ class Coordinates:
         Constant force by heat loads on temperatures without heat capacity, N, ``(given,)``.
     held
         Numbers of displacements and temperatures that the source holds at 0.
+    angle
+        ψ of the one contact with mass, rad.
     """
 
     displacement_basis: Array
@@ -57,6 +59,7 @@ class Coordinates:
     heating: Array
     expansive: Array
     held: tuple[int, int] = (0, 0)
+    angle: float = 0.0
 
     def transformed(self, cases: Cases) -> Cases:
         """Transform cases from these coordinates to the structure's, and add the constant loads of the source."""
@@ -197,6 +200,13 @@ class Structure:
             return self
         assert is_dataclass(self)
         return replace(self, contacts=replace(self.contact_rows, casing_flexibility=flexibility))
+
+    @property
+    def angles(self) -> Array:
+        """ψ_i of all contacts, rad, ``(contact,)``."""
+        if self.contacts is not None:
+            return self.contacts.angle
+        return np.array([0.0 if self.coordinates is None else self.coordinates.angle])
 
     @property
     def slides(self) -> bool:

@@ -18,9 +18,14 @@ from numpy.typing import NDArray
 
 from workflow.declare import File, file, label
 from workflow.kernels.algebra import MOST_BY_JACOBI
-from workflow.models._contact_entries import ChosenContacts, given_by
-from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
-from workflow.models._matrix_entries import in_si, shaken
+from workflow.models._from_matrices import (
+    GivenMatrices,
+    Sparse,
+    structure_from_matrices,
+    structure_from_sparse,
+    with_contacts,
+)
+from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, shaken
 from workflow.models._matrix_files import LABELS, MATRICES, ROWS, VECTORS, files_of, read_entries
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._structure import Matrices, Rayleigh
@@ -48,7 +53,7 @@ def with_held_left_out(given: GivenMatrices, build: Callable[[GivenMatrices], Ma
     left: dict[str, Any] = {name: value if value is None else into.T @ value for name, value in vectors.items()}
     left["thermal_contact"] = heat_into.T @ given.thermal_contact
     for name in ("contact", "load", "tangent", "thermal_contact"):
-        if left[name] is not None and not np.any(left[name]):
+        if left[name] is not None and not np.any(left[name]) and np.any(getattr(given, name)):
             raise UnusableMatricesError(f"`{name}` acts on nothing but what is held by {_HUGE:g}", "choose what moves")
     rest = replace(
         given,
@@ -85,10 +90,6 @@ def _is_held(matrix: Any) -> NDArray[np.bool_]:
     return np.asarray((diagonal >= _HUGE) & (beside <= _BESIDE * diagonal))
 
 
-Labels = str | int | tuple[str | int, ...] | None
-"""Label, index or name of a vector; of several contacts one of each."""
-
-
 @dataclass(frozen=True)
 class Parameters:
     """Matrices from a file, and the degrees of freedom in contact."""
@@ -98,20 +99,20 @@ class Parameters:
         "thermal_contact, load, steady, heating, tangent, labels",
         files=files_of,
     )
-    contact: Labels = label(
+    contact: Choice = label(
         "degree of freedom that touches the casing by its label or index (from 0), or the name of a vector in the "
         "file; of several contacts a list, or the name of an entry with a row for each; the file's `contact` where "
         "left out",
         default=None,
         many=True,
     )
-    thermal_contact: Labels = label(
+    thermal_contact: Choice = label(
         "temperature that takes the contact heat, or the name of a vector of shares; of several contacts as `contact`; "
         "the file's where left out",
         default=None,
         many=True,
     )
-    tangent: Labels = label(
+    tangent: Choice = label(
         "direction in which the casing slides, by the label or index of a degree of freedom or the name of a vector in "
         "the file, of several contacts as `contact`: with `friction.coefficient` µ the contact force acts along "
         "contact - µ tangent; the file's where left out",
@@ -134,14 +135,9 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     entries = in_si(read_entries(Path(parameters.file.place)), parameters.units)
     if parameters.file.shaken != 0:
         entries = shaken(entries, parameters.file.shaken)
-    chosen = ChosenContacts(parameters.contact, parameters.thermal_contact, parameters.tangent)
+    chosen = Chosen(parameters.contact, parameters.thermal_contact, parameters.tangent)
     given, contacts = given_by(entries, chosen, parameters.damping)
-    structure = with_held_left_out(given, _dense_or_sparse)
-    if contacts is None:
-        return structure
-    own = structure.coordinates
-    assert own is not None
-    return replace(structure, contacts=contacts.transformed(own.displacement_basis, own.temperature_basis))
+    return with_contacts(with_held_left_out(given, _dense_or_sparse), contacts)
 
 
 def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:
@@ -166,7 +162,7 @@ def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: An
         tangent also as an index or a label, and texts ``labels`` and ``thermal_labels``. Of several contacts rows
         ``contact``, ``thermal_contact``, ``tangent``, texts ``contact_labels``, and ``angle``, rad; of contacts without
         mass ``residual_flexibility`` R = w ΔF wᵀ, ``residual_tangent`` w ΔF tᵀ, m/N, ``residual_coupling`` w ΔF K12,
-        ``residual_load``.
+        m/K, ``residual_load``, m/N along ``load``, and ``residual_steady``, m.
 
     Raises
     ------
@@ -201,6 +197,7 @@ def _check(given: dict[str, Any]) -> None:
     contact, checked = None, given
     if "contact" not in given:
         contact, checked = 0, {name: value for name, value in given.items() if name != "tangent"}
-    several = "contact" in given and len(np.shape(given["contact"])) == 2
-    heat = None if "thermal_contact" in given or "heat_capacity" not in given or several else 0
-    given_by(checked, ChosenContacts(contact, heat), Rayleigh())
+    heat: Choice = None
+    if "thermal_contact" not in given and "heat_capacity" in given:
+        heat = (0,) * (len(given["contact"]) if len(np.shape(given.get("contact", 0))) == 2 else 1)
+    given_by(checked, Chosen(contact, heat), Rayleigh())

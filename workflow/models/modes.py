@@ -5,21 +5,23 @@ With mass-normalised modes x_n = Σ φ_j η_j, θ_n = Σ χ_l τ_l, and equation
     η_j'' + 2 ζ_j ω_j η_j' + ω_j² η_j + Σ G_jl τ_l = φ_j (f - λ),   τ_l' + μ_l τ_l = χ_l α λ.
 
 Its tip is x_n, θ_n (:mod:`workflow.models._from_matrices`). Modes beyond the table are truncated: x_n lacks their
-static response, which a mode of high frequency may replace. Tables are rows of a CSV file or of a study.
+static response, which a mode of high frequency, or the residual flexibility of contacts without mass, may replace.
+Tables are rows of a CSV file or of a study; one of several contacts has columns ``tip_1`` to ``tip_m``.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from workflow.declare import NUMBER, File, Rows, rows
 from workflow.kernels import Array
-from workflow.models._from_matrices import COLD, GivenMatrices, structure_from_matrices
+from workflow.models._contacts import Contacts, checked_contacts
+from workflow.models._from_matrices import COLD, GivenMatrices, Sparse, structure_from_matrices, with_contacts
 from workflow.models._matrix_files import in_c
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._structure import Matrices, Rayleigh
@@ -33,6 +35,7 @@ _SPELLINGS = {
     "1/kg**0.5": ("1/√kg", "1/sqrt(kg)", "1/kg**0.5"),
     "1/s": ("1/s",),
     "K**0.5/J**0.5": ("1/√(J/K)", "1/sqrt(J/K)", "(K/J)**0.5"),
+    **{unit: (unit,) for unit in ("deg", "m")},
 }
 """Accepted spellings of a column's unit, in brackets after its name; messages use the first one."""
 
@@ -44,8 +47,8 @@ _BLANK = " \t,"
 MOST_MODES = 2000
 
 
-def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array:
-    """Return a table with a row for each mode and the columns in the given order, ``(mode, column)``.
+def read_table(source: File | Rows, columns: Sequence[tuple[str, str]], most: int = MOST_MODES) -> Array:
+    """Return a table with at most so many rows and the columns in the given order, ``(row, column)``.
 
     The header of a CSV file names them in any order, with or without their units: ``frequency [Hz]``.
 
@@ -56,23 +59,42 @@ def read_table(source: File | Rows, columns: Sequence[tuple[str, str]]) -> Array
     """
     names = [name for name, _ in columns]
     if not isinstance(source, File):
-        return _table("the table", source, len(names))
-    lines = _lines(source)
-    start = next(k for k, line in enumerate(lines) if line.strip(_BLANK))
-    head = lines[start]
-    parsed = [_HEADING.fullmatch(word.strip(' "')) for word in head.split(",")]
-    written = {match[1]: match[2] for match in parsed if match}
-    if sorted(written) != sorted(names) or len(parsed) != len(names):
-        raise UnusableMatricesError(f"`{source.name}` has the columns {head[:80]}", f"write {', '.join(names)}")
+        return _table("the table", source, len(names), most=most)
+    lines, start, written = _headed(source)
+    if sorted(written) != sorted(names) or lines[start].count(",") != len(names) - 1:
+        problem = f"`{source.name}` has the columns {lines[start][:80]}"
+        raise UnusableMatricesError(problem, f"write {', '.join(names)}")
     for name, unit in columns:
         if written[name] not in (None, *_SPELLINGS[unit]):
             problem = f"`{source.name}` has `{name}` in {written[name]}"
             raise UnusableMatricesError(problem, f"write `{name} [{_SPELLINGS[unit][0]}]`")
-    table = _table(f"`{source.name}`", _numbers(source, lines, len(names), start + 1), len(names))
+    table = _table(f"`{source.name}`", _numbers(source, lines, len(names), start + 1), len(names), most=most)
     return _shaken(source, table[:, [list(written).index(name) for name in names]])
 
 
-def read_matrix(source: File | Rows, shape: tuple[int, int]) -> Array:
+def columns_of_contacts(
+    source: File | Rows, columns: Sequence[tuple[str, str]], beside: str = ""
+) -> tuple[tuple[str, str], ...]:
+    """Return the columns of a table, the last as often as it is numbered, and then those ``beside`` it, if any."""
+    *others, (last, unit) = columns
+    if not isinstance(source, File):
+        return tuple(columns)
+    written = _headed(source)[2]
+    count = sum(bool(re.fullmatch(rf"{last}_\d+", name)) for name in written)
+    ends = [f"_{k + 1}" for k in range(count)] or [""]
+    names = (last, beside) if beside and any(name.startswith(beside) for name in written) else (last,)
+    return (*others, *((f"{name}{end}", unit) for name in names for end in ends))
+
+
+def _headed(source: File) -> tuple[list[str], int, dict[str, str | None]]:
+    """Return the lines of a file, the place of its header among them, and the units of its columns by name."""
+    lines = _lines(source)
+    start = next(k for k, line in enumerate(lines) if line.strip(_BLANK))
+    parsed = (_HEADING.fullmatch(word.strip(' "')) for word in lines[start].split(","))
+    return lines, start, {match[1]: match[2] for match in parsed if match}
+
+
+def read_matrix(source: File | Rows, shape: tuple[int, int], name: str = "coupling") -> Array:
     """Return a matrix of numbers from a CSV file without a header, or from rows.
 
     Raises
@@ -81,7 +103,7 @@ def read_matrix(source: File | Rows, shape: tuple[int, int]) -> Array:
         It has another shape.
     """
     if not isinstance(source, File):
-        return _table("the coupling", source, shape[1], shape[0])
+        return _table(f"the {name}", source, shape[1], shape[0])
     return _shaken(source, _table(f"`{source.name}`", _numbers(source, _lines(source), shape[1]), shape[1], shape[0]))
 
 
@@ -92,8 +114,9 @@ def _shaken(file: File, table: Array) -> Array:
 
 def _lines(file: File) -> list[str]:
     """Return the lines of a file, of which one at least is not empty."""
+    content = next(iter(file.contents.values())) if file.contents else Path(file.place).read_bytes()
     try:
-        lines = Path(file.place).read_text(encoding="utf-8-sig").split("\n")
+        lines = content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise UnusableMatricesError(
             f"`{file.name}` is no CSV file: {error}", "write values with commas between"
@@ -111,10 +134,10 @@ def _numbers(file: File, lines: list[str], width: int, start: int = 0) -> Array:
     return np.fromstring(text.translate({ord(mark): " " for mark in '",'}), sep=" ").reshape(-1, width)
 
 
-def _table(name: str, rows: Rows | Array, width: int, height: int | None = None) -> Array:
+def _table(name: str, rows: Rows | Array, width: int, height: int | None = None, most: int = MOST_MODES) -> Array:
     """Return rows as an array of finite numbers ``(height, width)``, of any height up to the limit where ``None``."""
-    if not 0 < len(rows) <= MOST_MODES:
-        raise UnusableMatricesError(f"{name} has {len(rows)} rows", f"write 1 to {MOST_MODES}")
+    if not 0 < len(rows) <= most:
+        raise UnusableMatricesError(f"{name} has {len(rows)} rows", f"write 1 to {most}")
     widths = sorted({len(row) for row in rows})
     if widths != [width] or len(rows) != (height or len(rows)):
         problem = f"{name} has {len(rows)} rows of {' and '.join(map(str, widths))} numbers"
@@ -131,12 +154,13 @@ class Parameters:
 
     table: File | Rows = rows(
         "CSV file, or rows, with columns frequency [Hz], damping_ratio and tip: the tip's displacement in the mode of "
-        "unit modal mass [1/√kg], positive towards the casing",
+        "unit modal mass [1/√kg], positive towards the casing; a file of several contacts has tip_1, tip_2, …; "
+        "tangent, or tangent_1, …, where the casing slides along",
         COLUMNS,
     )
     heat: File | Rows | None = rows(
         "CSV file, or rows, with columns rate [1/s] and tip: the tip's temperature in the thermal mode of unit modal "
-        "heat capacity [1/√(J/K)]",
+        "heat capacity [1/√(J/K)]; tip_1, tip_2, … of several contacts, or one tip for all",
         HEAT_COLUMNS,
         default=None,
     )
@@ -144,45 +168,80 @@ class Parameters:
         "CSV file, or rows, of φᵀK12χ [N/K/√kg/√(J/K)]: a row for each mode, a column for each thermal mode",
         default=None,
     )
+    residual: File | Rows | None = rows(
+        "CSV file, or rows, of w ΔF wᵀ [m/N], the static flexibility that the modes lack: a row and a column for each "
+        "contact, which has no mass then",
+        default=None,
+        later=True,
+    )
+    residual_tangent: File | Rows | None = rows(
+        "CSV file, or rows, of w ΔF tᵀ [m/N], to tangential forces; 0 where left out", default=None, later=True
+    )
 
 
-def assemble(parameters: Parameters) -> Matrices:
-    """Return the structure of equations (1a) and (1b), its last coordinate the tip.
+def assemble(parameters: Parameters) -> Matrices | Sparse:
+    """Return the structure of equations (1a) and (1b), its last coordinate the tip, or a contact of the table.
 
     Raises
     ------
     UnusableMatricesError
         A table is not one of modes.
     """
-    frequency, ratio, tip = read_table(parameters.table, COLUMNS).T
+    columns = columns_of_contacts(parameters.table, COLUMNS, "tangent")
+    frequency, ratio, *tips = read_table(parameters.table, columns).T
+    count = sum(name.startswith("tip") for name, _ in columns)
     _check(np.all(frequency >= 0), "frequency", "at least 0")
     _check(np.all(ratio >= 0), "damping_ratio", "at least 0")
-    _check(np.any(tip != 0), "tip", "other than 0 in some mode")
-    if parameters.heat is None and parameters.coupling is not None:
-        raise UnusableMatricesError("`coupling` is given without `heat`", "give both, or neither")
-    one = ((0.0, 1 / float(np.sqrt(COLD))),)
-    rate, heat_tip = read_table(one if parameters.heat is None else parameters.heat, HEAT_COLUMNS).T
+    for (name, _), row in zip(columns[2 : 2 + count], tips, strict=False):
+        _check(np.any(row != 0), name, "other than 0 in some mode")
+    for name in ("coupling", "residual_tangent"):
+        beside = "heat" if name == "coupling" else "residual"
+        if getattr(parameters, beside) is None and getattr(parameters, name) is not None:
+            raise UnusableMatricesError(f"`{name}` is given without `{beside}`", "give both, or neither")
+    warm: File | Rows = ((0.0, 1 / float(np.sqrt(COLD))),) if parameters.heat is None else parameters.heat
+    heat_columns = columns_of_contacts(warm, HEAT_COLUMNS)
+    rate, *shares = read_table(warm, heat_columns).T
+    heat_names = [name for name, _ in heat_columns[1:]]
     _check(np.all(rate >= 0), "rate", "at least 0")
-    _check(np.any(heat_tip != 0), "tip", "other than 0 in some thermal mode")
+    for name, row in zip(heat_names, shares, strict=True):
+        _check(np.any(row != 0), name, "other than 0 in some thermal mode")
+    if len(shares) not in (1, count):
+        problem = f"`heat` has the tips {', '.join(heat_names)}, and `table` has {count}"
+        raise UnusableMatricesError(problem, "write one for each, or one `tip` for all")
+    normal, heat = np.array(tips[:count]), np.array(shares * (count if len(shares) == 1 else 1))
+    tangent, square = np.array(tips[count:]) if tips[count:] else np.zeros_like(normal), (count, count)
+    contacts = Contacts(tuple(map(str, range(1, count + 1))), normal, tangent, heat, np.zeros(count))
+    if parameters.residual is not None:
+        sliding = parameters.residual_tangent
+        contacts = replace(
+            contacts,
+            residual=read_matrix(parameters.residual, square, "residual"),
+            residual_tangent=np.zeros(square) if sliding is None else read_matrix(sliding, square, "residual_tangent"),
+        )
+    contacts, slides = checked_contacts(contacts, "residual"), tangent[np.any(tangent != 0, axis=1)]
     shape = frequency.size, rate.size
     omega = 2 * np.pi * frequency
     even = bool(np.all(ratio[omega > 0] == ratio.max()))
-    return structure_from_matrices(
+    whole = heat[0] / float(heat[0] @ heat[0]) if len(shares) == 1 else np.linalg.lstsq(heat, np.ones(count))[0]
+    structure = structure_from_matrices(
         GivenMatrices(
             mass=np.eye(shape[0]),
             stiffness=np.diag(omega**2),
             coupling=np.zeros(shape) if parameters.coupling is None else read_matrix(parameters.coupling, shape),
             heat_capacity=np.eye(shape[1]),
             conductance=np.diag(rate),
-            contact=tip,
-            thermal_contact=heat_tip,
+            contact=normal[0],
+            thermal_contact=heat[0],
+            tangent=slides[0] if len(slides) else None,
+            load=np.zeros(shape[0]) if count > 1 else None,
             steady=np.zeros(shape[0]),
             heating=np.zeros(shape[1]),
             damping=Rayleigh(ratio=float(ratio.max())) if even else Rayleigh(),
             damper=None if even else np.diag(2 * ratio * omega),
-            uniform_rise=heat_tip / float(heat_tip @ heat_tip),
+            uniform_rise=whole,
         )
     )
+    return with_contacts(structure, contacts)
 
 
 def _check(holds: bool | np.bool_, column: str, what: str) -> None:

@@ -134,15 +134,18 @@ def _lists(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
 
 
 def _harmonics(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
-    """Refuse harmonics without one frequency, and orders without a speed."""
+    """Refuse harmonics without one frequency, and orders, as those of a profile, without a speed."""
+    speed = "write `speed` in the scene, e.g. `speed: 9000 rpm`"
+    if cases.scene.casing.profile is not None and not source.has("scene.speed"):
+        yield ("scene", "casing", "profile"), "turns at a speed that is not given", speed
     for group, harmonics in _harmonics_of(cases).items():
         for k, harmonic in enumerate(harmonics):
             place: Place = ("scene", group, "harmonics", k)
             yield from _either(place, harmonic, ("frequency", "order"))
-            if harmonic.order is not None and harmonic.frequency is None and not source.has("scene.speed"):
-                remedy = "write `speed` in the scene, e.g. `speed: 9000 rpm`, or `frequency` in the place of `order`"
-                order = source.place_of(f"scene.{group}.harmonics.{k}.order")
-                yield order, "is a multiple of a speed that is not given", remedy
+            order = f"scene.{group}.harmonics.{k}.order"
+            if harmonic.frequency is None and source.has(order) and not source.has("scene.speed"):
+                remedy = f"{speed}, or `frequency` in the place of `order`"
+                yield source.place_of(order), "is a multiple of a speed that is not given", remedy
 
 
 def _harmonics_of(cases: CaseSpace) -> dict[str, tuple[LoadHarmonic | CasingHarmonic, ...]]:
@@ -278,7 +281,7 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
         return
     rows, angle = np.ones((1, 1)), np.zeros(1)
     if structure is not None:
-        rows, angle = structure.input_contacts, angle if contacts is None else contacts.angle
+        rows, angle = structure.input_contacts, structure.angles
     start, own = np.atleast_1d(initial.displacement)[-rows.shape[1] :], (casing.gap, casing.angles)
     if start.size not in (1, rows.shape[1]) or any(np.size(one or 0) not in (1, len(rows)) for one in own):
         return  # told as a list of another length

@@ -31,6 +31,7 @@ from workflow.study.forms import (
     usable,
 )
 from workflow.study.mistakes import one_of, quoted, wrong
+from workflow.study.profile import casing_of
 from workflow.study.ranges import MOST_VALUES, SAMPLES, axis_values, between, drawn
 from workflow.study.settings import (
     AUTO,
@@ -52,7 +53,7 @@ from workflow.study.settings import (
 
 DEFAULT_SCHEME = "moreau"
 REDUCTION = "reduction"
-OF_SCENE = ("model", "parameters", "initial")
+OF_SCENE = ("model", "parameters", "casing", "initial")
 """Fields of a scene that are not read as they are declared."""
 
 
@@ -156,7 +157,8 @@ def _broken(model: str, value: Any) -> None:
 def _scene(names: tuple[str, ...]) -> RecordKind:
     """Return the form of a scene: one entry per model, of which a scene has one, and the rest."""
     start = Entry(either(no_mapping, record_of(Initial), _STATIC), summary(Initial))
-    entries = entries_of(Scene, OF_SCENE) | {"initial": start}
+    casing = Entry(record(summary(Casing), entries_of(Casing), casing_of), summary(Casing), MISSING)
+    entries = entries_of(Scene, OF_SCENE) | {"casing": casing, "initial": start}
     for model in names:
         if models.fault(model) is None:
             entries[model] = Entry(record_of(models.load(model).Parameters), summary(models.load(model)))

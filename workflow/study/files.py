@@ -65,7 +65,7 @@ MOST_ATTACHED = 2**27
 
 def packed(study: CaseSpace) -> str:
     """Return the files that a study names as a text, empty where there is none, or where they are too large."""
-    files = {file.name: file for file in files_of(study.scene.parameters)}
+    files = {file.name: file for file in files_of(study.scene)}
     if not files or sum(len(content) for file in files.values() for content in file.contents.values()) > MOST_ATTACHED:
         return ""
     return json.dumps(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from workflow import models, reduction
-from workflow.declare import Values, quantity, word
+from workflow.declare import File, Values, file, quantity, word
 from workflow.study.ranges import Drawn, Value
 
 FULL = "full"
@@ -76,7 +76,7 @@ class Initial:
 class Casing:
     """The casing that the tip rubs on, e.g. ``casing: {gap: 20 um}``; ``angles`` are ``None`` for those of the file."""
 
-    gap: Values = quantity("m", "tip clearance at rest, cold; any sign", per="contact")
+    gap: Values = quantity("m", "tip clearance at rest, cold; any sign; or profile", default=None, per="contact")
     harmonics: tuple[CasingHarmonic, ...] = ()
     clearance: float = quantity("m", "added to the gap of every contact", default=0.0)
     flexibility: float = quantity("m/N", "of an elastic casing; 0: rigid", default=0.0, at_least=0)
@@ -87,6 +87,11 @@ class Casing:
         at_least=-LARGEST_PHASE,
         at_most=LARGEST_PHASE,
         per="contact",
+    )
+    profile: File | None = file(
+        "CSV file with columns angle [deg], in equal steps from 0 to 360 as the blade turns, and gap [m], in the place "
+        "of gap and harmonics by an order",
+        default=None,
     )
 
 

@@ -31,6 +31,7 @@ from workflow.study.settings import (
     TOLERANCE,
     CaseSettings,
     CaseSpace,
+    Casing,
     Dimension,
     Output,
     Reference,
@@ -99,13 +100,17 @@ class Study(CaseSpace):
     def resolved(self) -> dict[str, Any]:
         """Return everything resolved as plain JSON values: SI, defaults filled in, no file names."""
         scene = self.scene
+        casing, profile = dataclasses.replace(scene.casing, profile=None), scene.casing.profile
         values = {
             "study": self.name,
             "title": self.title,
             **({"license": self.license} if self.license else {}),
             "scene": {
                 scene.model: plain(scene.parameters),
-                "casing": _without_empty(scene.casing, "harmonics", "clearance", "flexibility", "angles"),
+                "casing": {
+                    **_without_empty(casing, "harmonics", "clearance", "flexibility", "angles", "profile"),
+                    **({} if profile is None else {"profile": plain(profile)}),
+                },
                 "load": _without_empty(scene.load, "harmonics"),
                 "initial": scene.initial if isinstance(scene.initial, str) else dataclasses.asdict(scene.initial),
                 "duration": scene.duration,
@@ -357,8 +362,8 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     output = _output(asked, scene.duration)
     if sizes.contacts:
         output = dataclasses.replace(output, balances=asked.get("balances") or False)
-    elif isinstance(scene.gap, tuple) and len(scene.gap) == 1:
-        scene = dataclasses.replace(scene, casing=dataclasses.replace(scene.casing, gap=scene.gap[0]))
+    else:
+        scene = dataclasses.replace(scene, casing=_casing_of_one(scene, sizes, source))
     cases = CaseSpace(
         scene=scene,
         schemes=defined,
@@ -374,6 +379,16 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
         source.report(*fault)
     source.refuse()
     return cases
+
+
+def _casing_of_one(scene: Scene, sizes: Sizes, source: StudyText) -> Casing:
+    """Return the casing of one contact: numbers in the place of lists of one, and the angle of the file."""
+    own = scene.casing
+    gap = own.gap[0] if isinstance(own.gap, tuple) and len(own.gap) == 1 else own.gap
+    angle = own.angles[0] if isinstance(own.angles, tuple) and len(own.angles) == 1 else own.angles
+    if angle is None and sizes.structure is not None and f"scene.{scene.model}.contact" not in source.axes:
+        angle = float(sizes.structure.angles[0]) or None
+    return dataclasses.replace(own, gap=gap, angles=angle)
 
 
 def _reserved(defined: Mapping[str, SchemeChoice], steady: bool) -> frozenset[str]:
@@ -465,19 +480,21 @@ def resolved_values(study: Study, cell: CaseSettings) -> tuple[ResolvedValue, ..
         values = axes[path].values if path in axes else _values_at(study, cell, path)
         if values is not None:
             words = tuple(AUTO if path in MODES and value == CHOSEN else value for value in values)
-            origin: Origin = "study" if study.gives(path) else "default"
+            profiled = study.gives("scene.casing.profile") and path.startswith(("scene.casing.gap", "scene.casing.h"))
+            origin: Origin = "study" if study.gives(path) or profiled else "default"
             varied = path in axes and path not in single
             resolved.append(ResolvedValue(path, words, units[path], "axis" if varied else origin, ranges.get(path)))
     return (*resolved, *_output_values(study))
 
 
 def _files(cell: CaseSettings) -> Iterator[ResolvedValue]:
-    """Yield the files and tables that the model of a case is read from, a table of the study by its size."""
-    for entry in dataclasses.fields(cell.scene.parameters):
-        word, value = word_of(entry), getattr(cell.scene.parameters, entry.name)
-        if word is not None and word.file and value is not None:
-            text = value.name if isinstance(value, File) else f"{len(value)} rows"
-            yield ResolvedValue(f"scene.{cell.scene.model}.{entry.name}", (text,), "", "study")
+    """Yield the files and tables that model and casing of a case are read from, a table of the study by its size."""
+    for group, owner in ((cell.scene.model, cell.scene.parameters), ("casing", cell.scene.casing)):
+        for entry in dataclasses.fields(owner):
+            word, value = word_of(entry), getattr(owner, entry.name)
+            if word is not None and word.file and value is not None:
+                text = value.name if isinstance(value, File) else f"{len(value)} rows"
+                yield ResolvedValue(f"scene.{group}.{entry.name}", (text,), "", "study")
 
 
 def _values_at(study: Study, cell: CaseSettings, path: str) -> tuple[Any, ...] | None:
