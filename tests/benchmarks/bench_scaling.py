@@ -34,7 +34,7 @@ from studies import HEAVY_SCENE, parsed
 from workflow import run_study
 from workflow.kernels.compiled import Deferred
 from workflow.run import _threads
-from workflow.study import Study
+from workflow.study import Study, read_study
 
 TASK_FUNCTIONS = ("store_task", "compute_block")
 """What threads run of ``workflow.run._threads``."""
@@ -63,6 +63,11 @@ def stepped(cases: int) -> Study:
         .replace("duration: 0.3", "duration: 0.02")
         .replace("interval: 0.3", "interval: 0.02")
     )
+
+
+def chord() -> Study:
+    """Return the 200 exact cases of ``studies/chord.yaml``: five contacts, sets for each µ and α."""
+    return read_study(ROOT / "studies" / "chord.yaml")
 
 
 @dataclass
@@ -179,11 +184,12 @@ def workers(cases: int, threads: int) -> Line:
 def lines(threads: list[int], cases: int, runs: int) -> Iterator[Line]:
     """Yield all lines, after what they need has been compiled."""
     most = max(threads)
-    for study in (exact(4000), exact(4000, reference=True), stepped(200), parsed(trivial(100, METRICS))):
+    for study in (exact(4000), exact(4000, reference=True), stepped(200), parsed(trivial(100, METRICS)), chord()):
         run(study, threads=most)
     yield from python_inside(cases, most, runs)
     yield from speed_ups(exact(cases), f"{cases} exact cases", threads, runs)
     yield from speed_ups(stepped(cases), f"{cases} cases of 2 000 steps", threads, runs)
+    yield from speed_ups(chord(), "200 exact cases of five contacts", threads, runs)
     for count, times in ((cases // 4, runs), (5 * cases, 1)):
         yield over_kernels(f"run of {count} exact cases", exact(count), exact(400), times)
     yield durable(cases, most, runs)

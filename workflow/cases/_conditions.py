@@ -71,6 +71,7 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         friction=friction_of(settings, structure, varying, count),
         gaps=gaps,
         turns=turns,
+        offset=offset_of(structure, count),
     )
     return cases if structure.coordinates is None else structure.coordinates.transformed(cases)
 
@@ -106,6 +107,12 @@ def gaps_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, 
     gap = varying["scene.casing.gap"][:, None] if "scene.casing.gap" in varying else np.asarray(casing.gap)
     clearance = spread(varying, "scene.casing.clearance", casing.clearance, count)
     return np.array(np.broadcast_to(gap + clearance[:, None], (count, contacts)))
+
+
+def offset_of(structure: Structure, count: int) -> Array:
+    """Return what constant loads of a file move its contacts by beside its modes, m, ``(case, contact)``."""
+    own = None if structure.contacts is None else structure.contacts.residual_steady
+    return np.tile(np.zeros(1) if own is None else own, (count, 1))
 
 
 def turns_of(scene: Scene, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
