@@ -187,10 +187,19 @@ REFUSED = {
     ),
     "a scheme of one": ({"axes": {"scheme": ["plain_contacts", "carpenter"]}}, "`carpenter` takes one contact"),
     "its reference": ({"reference": {"scheme": "penalty"}}, "reference.scheme: `penalty` takes one contact"),
-    "modes": ({"axes": {"mechanical_modes": [2, "full"]}}, "axes.mechanical_modes: is not `full`"),
-    "modes of a reference": ({"reference": {"scheme": "plain_contacts", "thermal_modes": 1}}, "thermal_modes: is not"),
-    "auto": ({"axes": {"mechanical_modes": "auto", "tolerance": 0.01}}, "axes.mechanical_modes: is not `full`"),
-    "a basis": ({"axes": {"reduction": ["macneal"]}}, "axes.reduction: is a basis of one contact"),
+    "modes": (
+        {"axes": {"mechanical_modes": [2, 4, "full"], "thermal_modes": 3}},
+        "axes.mechanical_modes: has `full` twice",
+    ),
+    "too many modes": (
+        {"reference": {"scheme": "plain_contacts", "mechanical_modes": 5}},
+        "reference.mechanical_modes: 5 is more than the 3 interior modes, and the structure has 2 contacts",
+    ),
+    "auto": ({"axes": {"mechanical_modes": "auto", "tolerance": 0.01}}, "axes.mechanical_modes: is `auto`, and the"),
+    "a basis": (
+        {"axes": {"reduction": ["macneal", "krylov"], "mechanical_modes": 2}},
+        "axes.reduction: `krylov` does not take it, and the structure has 2 contacts",
+    ),
     "steady": ({"output": OUTPUT | {"steady": True}}, "output.steady: is of one contact"),
     "a branch": ({"axes": {"alpha": {"branch": [1, 2, 3]}}}, "axes.alpha: is a branch, and the structure has 2"),
     "balances": ({"output": OUTPUT | {"balances": True}}, "output.balances: are of one contact"),
