@@ -187,10 +187,6 @@ REFUSED = {
     ),
     "a scheme of one": ({"axes": {"scheme": ["plain_contacts", "carpenter"]}}, "`carpenter` takes one contact"),
     "its reference": ({"reference": {"scheme": "penalty"}}, "reference.scheme: `penalty` takes one contact"),
-    "modes": (
-        {"axes": {"mechanical_modes": [2, 4, "full"], "thermal_modes": 3}},
-        "axes.mechanical_modes: has `full` twice",
-    ),
     "too many modes": (
         {"reference": {"scheme": "plain_contacts", "mechanical_modes": 5}},
         "reference.mechanical_modes: 5 is more than the 3 interior modes, and the structure has 2 contacts",

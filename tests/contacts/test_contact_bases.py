@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import scipy
 from random_contacts import DURATION, drawn
+from scenes_of_contacts import chain, study
 from several import of_entries
 
 import scenes
@@ -29,7 +30,9 @@ from workflow.models import (
     structure_from_sparse,
 )
 from workflow.models.matrices import write_matrices
+from workflow.plan import plan_study
 from workflow.reduction import Reduction, projection_residual, reduce_structure
+from workflow.run import run_study
 from workflow.schemes import Results, Sampling
 
 BASES = ("craig_bampton", "macneal", "massless")
@@ -358,3 +361,32 @@ def test_other_bases_say_what_they_do_not_take() -> None:
             reduce_structure(drawn(3).structure, 1, 0, basis, DURATION)
     with pytest.raises(ValueError, match="contacts without mass"):
         reduce_structure(drawn(3, massless=True).structure, 1, 0)
+
+
+def test_a_study_takes_counts_and_bases_of_several_contacts(tmp_path: Path) -> None:
+    """Three modes are all of five displacements with two contacts, and three all of five temperatures."""
+    given = study(
+        tmp_path,
+        chain(),
+        scene={"matrices": {"file": str(tmp_path / "several.npz")}},
+        axes={
+            "scheme": ["event_driven", "moreau"],
+            "reduction": list(BASES),
+            "mechanical_modes": [1, 3],
+            "thermal_modes": 3,
+            "alpha": 10,
+            "h": 1e-5,
+        },
+        reference={"scheme": "event_driven", "mechanical_modes": "full", "thermal_modes": "full"},
+    )
+    del given["scene"]["several"]
+    assert not [warning for warning in plan_study(given).warnings if "fails" in warning]
+    archive = run_study(given, tmp_path / "a.nc", threads=1).dataset.load().squeeze()
+    assert (archive["status"] == 0).all()
+    assert archive["displacement"].dims == ("scheme", "reduction", "mechanical_modes", "contact", "t")
+    exact = archive.sel(scheme="event_driven")
+    assert float(exact["impulse_error"].sel(reduction="craig_bampton", mechanical_modes=3)) < 1e-9
+    assert (exact["impulse_error"].sel(mechanical_modes=1) > 1e-4).all()
+    assert (archive["projection_residual"].sel(reduction="craig_bampton", mechanical_modes=3) < 1e-9).all()
+    assert (archive["impulse_scheme_error"].sel(scheme="moreau") > 0).all()
+    assert (archive["impulse_model_error"].sel(mechanical_modes=1) > 1e-4).all()
