@@ -42,14 +42,9 @@ def test_run_show_report(tmp_path: Path) -> None:
     assert "again.nc: 60 cases" in repeated.stdout
 
 
-MASSLESS = "reduction: massless, mechanical_modes: 1"
-
-
 @pytest.mark.parametrize(
     ("command", "entry", "axes", "remedy"),
     [
-        ("plan", {"tangent": np.eye(3)[0]}, MASSLESS, "choose craig_bampton, rubin or krylov"),
-        ("run", {"tangent": np.eye(3)[0]}, MASSLESS, "choose craig_bampton, rubin or krylov"),
         ("plan", {"damping": np.eye(3)}, "scene.matrices.damping.ratio: [0, 0.01]", "keep one of them"),
     ],
 )

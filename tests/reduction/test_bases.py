@@ -144,9 +144,19 @@ def test_all_modes_lose_nothing() -> None:
 
 
 @pytest.mark.parametrize("basis", ["macneal", "massless"])
-def test_a_basis_without_mass_at_the_tip_is_refused(basis: str) -> None:
-    with pytest.raises(ValueError, match="without mass, and friction acts along a direction of its own"):
-        reduce_structure(random_structure(np.random.default_rng(4), 8, 3), 2, None, basis)
+@pytest.mark.parametrize("count", [0, 1, 4])
+def test_the_static_answer_without_mass_is_exact_for_every_friction(basis: str, count: int) -> None:
+    """α_c is S/β, and the tip moves by S for each newton."""
+    full = random_structure(np.random.default_rng(4), 8, 3)
+    reduced = reduce_structure(full, count, None, basis).structure
+    assert reduced.mechanical_size == count
+    assert reduced.contacts is not None
+    for friction in (0.0, 0.3, -0.8):
+        across = reduced.contacts.normal - friction * reduced.contacts.tangent
+        answer = reduced.contacts.normal @ np.linalg.solve(reduced.stiffness_matrix, across.T)
+        answer += reduced.contacts.flexibility(friction)
+        assert answer.item() == pytest.approx(static(full, friction), rel=1e-10)
+        assert critical_alpha(reduced, friction) == pytest.approx(critical_alpha(full, friction), rel=1e-9)
 
 
 DURATION = 0.3

@@ -50,23 +50,27 @@ def test_matrices_are_symmetric_and_definite_and_the_tip_is_a_coordinate(basis: 
     for count in range(whole.mechanical_size):
         reduction = built(whole, basis, count, count)
         small = reduction.structure
-        assert (small.mechanical_size, small.thermal_size) == (count + 1, count + 1)
+        assert (small.mechanical_size, small.thermal_size) == (count + (not small.has_massless_tip), count + 1)
         for matrix in (small.mass, small.stiffness_matrix, small.heat_capacity, small.conductance_matrix):
-            assert np.abs(matrix - matrix.T).max() <= 1e-13 * np.abs(matrix).max()
-        mass = small.mass[:-1, :-1] if small.has_massless_tip else small.mass
-        for inertia in (mass, small.heat_capacity):
+            assert np.abs(matrix - matrix.T).max(initial=0) <= 1e-13 * np.abs(matrix).max(initial=0)
+        for inertia in (small.mass, small.heat_capacity):
             assert np.linalg.eigvalsh((inertia + inertia.T) / 2).min(initial=1.0) > 0
         assert not small.has_massless_tip or basis in LIGHTENED
-        for shapes in (reduction.displacement_basis, reduction.temperature_basis):
+        retained = [reduction.temperature_basis]
+        if small.contacts is None:
+            retained.append(reduction.displacement_basis)
+        else:
+            assert small.contacts.flexibility(0.0) > 0
+        for shapes in retained:
             assert np.array_equal(shapes[-1], np.eye(count + 1)[-1])
         warmths = reduction.temperature_basis[:, :-1]
-        assert np.abs(small.mass[:-1, :-1] - np.eye(count)).max(initial=0) < 1e-12
-        assert not small.has_massless_tip or not small.mass[-1].any()
+        assert np.abs(small.mass[:count, :count] - np.eye(count)).max(initial=0) < 1e-12
         for shapes, onto in (
             (reduction.displacement_basis, reduction.displacement_projection),
             (reduction.temperature_basis, reduction.temperature_projection),
         ):
-            assert np.abs(onto @ shapes - np.eye(count + 1)).max() < 1e-11 * np.abs(shapes).max()
+            apart = np.abs(onto @ shapes - np.eye(len(onto)))
+            assert apart.max(initial=0) <= 1e-11 * np.abs(shapes).max(initial=0)
         assert np.abs(warmths.T @ whole.thermal.inertia_of(warmths) - np.eye(count)).max(initial=0) < 1e-12
 
 
@@ -177,7 +181,7 @@ def test_critical_alpha_is_that_of_the_full_model(basis: str, structure: Chain, 
 
 
 @pytest.mark.parametrize("theta", [1.0, 0.5])
-@pytest.mark.parametrize("basis", BASES)
+@pytest.mark.parametrize("basis", EXACT)
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(structure=chains(), data=st.data())
 def test_energy_never_grows_without_load(basis: str, theta: float, structure: Chain, data: st.DataObject) -> None:
@@ -203,9 +207,9 @@ def test_more_vectors_than_there_are_nodes_are_refused(basis: str) -> None:
 def test_a_long_chain_is_reduced_without_its_matrices(basis: str) -> None:
     long = finer_chain(5000)
     reduction = built(long, basis, 5, 7)
-    assert reduction.structure.mass.shape == (6, 6)
+    assert reduction.structure.mass.shape in ((5, 5), (6, 6))
     assert critical_alpha(reduction.structure) == pytest.approx(critical_alpha(long), rel=1e-6)
-    assert np.abs(reduction.structure.mass[:-1, :-1] - np.eye(5)).max() < 1e-10
+    assert np.abs(reduction.structure.mass[:5, :5] - np.eye(5)).max() < 1e-10
 
 
 @pytest.mark.parametrize("basis", EXACT)

@@ -252,10 +252,12 @@ _REAL = 1e-9
 
 def stops_together(basis: ContactBasis) -> list[NDArray[np.bool_]]:
     """Return the largest sets of contacts that can be closed at once: all, or one of each pair of opposite stops."""
-    unit = basis.normal / np.linalg.norm(basis.normal, axis=1)[:, None]
-    pairs = np.argwhere(np.triu(unit @ unit.T < _OPPOSITE - 1))
+    normal, residual = basis.normal, basis.contacts.residual
+    products = normal @ normal.T if residual is None else residual
+    size = np.sqrt(np.diag(products))
+    pairs = np.argwhere(np.triu(products / size / size[:, None] < _OPPOSITE - 1))
     sets = []
-    for left in product(*pairs.tolist()) if not basis.contacts.is_compliant else [()]:
+    for left in product(*pairs.tolist()):
         closed = np.ones(basis.contacts.count, dtype=np.bool_)
         closed[list(left)] = False
         sets.append(closed)

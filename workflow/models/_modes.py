@@ -41,8 +41,7 @@ def poles(frequency: Array, damping: Array) -> NDArray[np.complex128]:
 def mechanical_modes(structure: Structure) -> Modes:
     """Return the undamped mechanical modes, values ω [rad/s]: K1 φ = ω² M φ, φᵀ M φ = 1.
 
-    Rayleigh damping is diagonal in them, c = a_M + a_K ω². The last mode of a tip without mass is its static
-    deformation, with the root of its stiffness as value, √(N/m).
+    Rayleigh damping is diagonal in them, c = a_M + a_K ω².
     """
     modes = structure.mechanical.modes()
     return replace(modes, values=np.sqrt(modes.values))
@@ -56,7 +55,7 @@ def thermal_modes(structure: Structure) -> Modes:
 def frequencies(structure: Structure) -> Array:
     """Return ω of the modes, rad/s, ascending; for a chain without matrices the lowest and the highest only.
 
-    For sparse matrices they are the lowest and about the highest. The last one is infinite for a tip without mass.
+    For sparse matrices they are the lowest and about the highest.
     """
     return np.sqrt(structure.mechanical.spectrum())
 
@@ -85,7 +84,7 @@ def modal_damping(structure: Structure, modes: Modes) -> Array:
 
 def coupled_damping(structure: Structure, modes: Modes) -> Array:
     """Return c of each mode with the tip free, 1/s, ``(mode,)``; φᵀ C1 φ, ``(mode, mode)``, if damping couples them."""
-    damping = structure.damping.of_modes(modes.values, modes.inertia)
+    damping = structure.damping.of_modes(modes.values)
     if structure.damper is None:
         return damping
     own = modes.shapes.T @ (structure.damper @ modes.shapes)

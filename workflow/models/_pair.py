@@ -285,7 +285,7 @@ class Pair(ABC):
 
     @abstractmethod
     def spectrum(self) -> Array:
-        """Return λ of all modes, ascending, infinite for a static deformation; of large pairs lowest and highest."""
+        """Return λ of all modes, ascending; of large pairs lowest and highest."""
 
     def largest(self) -> float:
         """Return the largest λ; for sparse matrices an estimate."""
@@ -335,8 +335,7 @@ class DensePair(Pair):
 
     @cached_property
     def _free(self) -> Modes:
-        massless = self.size > 0 and not np.any(self.inertia[-1])
-        return (_condensed_modes if massless else _singular_modes)(self.inertia, self.weighted)
+        return _singular_modes(self.inertia, self.weighted)
 
     @cached_property
     def _held(self) -> Modes:
@@ -361,7 +360,7 @@ class DensePair(Pair):
         return modes.shapes[:, modes.values == 0]
 
     def spectrum(self) -> Array:
-        return np.where(self._free.inertia > 0, self._free.values, np.inf)
+        return self._free.values
 
 
 def _by_modes(modes: Modes, loads: Array) -> Array:
@@ -371,12 +370,11 @@ def _by_modes(modes: Modes, loads: Array) -> Array:
     return project(shapes, project(shapes.T, loads) / modes.values[elastic])
 
 
-def _singular_modes(inertia: Array, deformation: Array, whole: Array | None = None) -> Modes:
+def _singular_modes(inertia: Array, deformation: Array) -> Modes:
     """Solve deformationᵀ deformation φ = s² inertia φ through singular values s; λ = s².
 
     Singular values keep low frequencies of graded chains accurate to eps·ω_max/ω, eigenvalues of the squared matrix
-    only to eps·(ω_max/ω)². ``whole`` is the deformation before a condensation: ranks are decided by the rounding of the
-    larger one.
+    only to eps·(ω_max/ω)².
     """
     size = inertia.shape[0]
     if size == 0:
@@ -385,27 +383,6 @@ def _singular_modes(inertia: Array, deformation: Array, whole: Array | None = No
     scaled = solve_triangular(root, deformation.T, lower=True).T
     values, vectors = singular(scaled)
     rounding = max(scaled.shape) * np.finfo(float).eps  # numpy.linalg.matrix_rank's own rule
-    before = 0.0  # or ten times the norm before the condensation: its entries are rounded sums
-    if whole is not None:
-        before = 10 * float(np.linalg.norm(solve_triangular(root, whole.T, lower=True)))
-    values[values <= rounding * values.max(initial=before)] = 0.0
+    values[values <= rounding * values.max(initial=0.0)] = 0.0
     shapes = solve_triangular(root, vectors, lower=True, trans="T")
     return Modes(values[::-1] ** 2, np.ascontiguousarray(shapes[:, ::-1]))
-
-
-def _condensed_modes(mass: Array, strain: Array) -> Modes:
-    """Return the modes of a structure whose tip has no mass, then the static deformation by a force on the tip.
-
-    In the modes the tip is condensed statically, x_n = -K_nn⁻¹ K_ni x_i; the static deformation is a unit displacement
-    of the tip alone, of stiffness K_nn. All are orthogonal in M, K1 and C1.
-    """
-    others, tip = strain[:, :-1], strain[:, -1]
-    stiffness, follows = np.dot(tip, tip), np.zeros(others.shape[1])
-    condensed = others
-    for _ in range(2):  # the second pass removes the rounding of the first
-        share = (condensed.T @ tip) / stiffness
-        condensed, follows = condensed - tip[:, None] * share, follows - share
-    modes = _singular_modes(mass[:-1, :-1], condensed, others)
-    shapes = np.zeros((strain.shape[1], strain.shape[1]))
-    shapes[:-1, :-1], shapes[-1, :-1], shapes[-1, -1] = modes.shapes, follows @ modes.shapes, 1.0
-    return Modes(np.append(modes.values, stiffness), shapes, has_static=True)

@@ -57,8 +57,7 @@ def critical_friction(structure: Structure) -> CriticalFriction:
     if structure.tangent is None:
         return CriticalFriction(np.inf, np.inf)
     modes = mechanical_modes(structure)
-    inertial = modes.inertia > 0
-    tip, along = modes.tip[inertial], modes.shapes.T[inertial] @ structure.tangent
+    tip, along = modes.tip, modes.shapes.T @ structure.tangent
     normal, aside, static = np.dot(tip, tip), np.dot(tip, along), static_share(structure)
     return CriticalFriction(normal / aside if aside > 0 else np.inf, 1 / static if static > 0 else np.inf)
 

@@ -24,10 +24,10 @@ class Rayleigh:
         "1", "damping ratio of every mode with the tip free, instead of both", default=0.0, at_least=0, later=True
     )
 
-    def of_modes(self, frequency: Array, inertia: Array | float = 1.0) -> Array:
-        """Return c = a_M m + a_K ω² + 2 ζ ω m of modes with the tip free, ω in rad/s; m is 1, or 0 for a static one."""
-        damping = self.mass * inertia + self.stiffness * frequency**2
-        return np.asarray(damping if self.ratio == 0 else damping + 2 * self.ratio * frequency * inertia)
+    def of_modes(self, frequency: Array) -> Array:
+        """Return c = a_M + a_K ω² + 2 ζ ω of modes with the tip free, ω in rad/s."""
+        damping = self.mass + self.stiffness * frequency**2
+        return np.asarray(damping if self.ratio == 0 else damping + 2 * self.ratio * frequency)
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +259,7 @@ class Structure:
         if self.damping.ratio != 0:
             modes = self.mechanical.modes()
             moved = self.mass @ modes.shapes
-            whole = whole + moved @ (2 * self.damping.ratio * np.sqrt(modes.values) * modes.inertia * moved).T
+            whole = whole + moved @ (2 * self.damping.ratio * np.sqrt(modes.values) * moved).T
         return np.asarray(whole if self.damper is None else whole + self.damper)
 
     @property

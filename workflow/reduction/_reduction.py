@@ -278,24 +278,6 @@ def _with_constraint(pair: Pair, interior: Array) -> Vectors:
     return Vectors(np.column_stack([interior, pair.constraint]), deformation, projection)
 
 
-def massless_vectors(structure: Structure, shapes: Array, modes: Array, residual: Array) -> Vectors:
-    """Return vectors that leave the contacts without mass.
-
-    Parameters
-    ----------
-    structure
-        The full structure.
-    shapes
-        Displacements, ``(node, vector)``.
-    modes
-        Those that have the inertia, orthonormal in M, ``(node, vector)``.
-    residual
-        ΔF w_i, m/N, ``(node, contact)``, orthogonal to the shapes in K1.
-    """
-    pair = structure.mechanical
-    return Vectors(shapes, pair.deformation_of(shapes), pair.inertia_of(modes).T, residual)
-
-
 def unreduced(pair: Pair) -> Vectors:
     """Return a unit vector for every coordinate."""
     every = np.eye(pair.size)
@@ -391,13 +373,17 @@ def _residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array
     """Return the projection residual of distinct cases."""
     small = reduction.project(cases)
     loads = cases.steady + cases.mean[:, None] * structure.load_direction
+    static: Array | float = 0.0
+    if reduction.residual is not None:  # ΔF f of what ΔF w_i span
+        within = reduction.residual @ np.linalg.pinv(structure.contact_rows.normal @ reduction.residual)
+        static = project(within, project(reduction.residual.T, loads))
     carried = 0.0 if reduction.carried is None else project(reduction.carried, small.temperature)
     displacements = (
         (cases.displacement, small.displacement, carried),
         (
             structure.mechanical.static_solutions(loads),
             reduction.structure.mechanical.static_solutions(project(reduction.displacement_basis.T, loads)),
-            0.0,
+            static,
         ),
     )
     steady = (

@@ -18,7 +18,7 @@ import numpy as np
 
 from workflow.models import Structure
 from workflow.reduction import rubin
-from workflow.reduction._reduction import DEPENDENT, Orthonormal, Vectors, massless_vectors
+from workflow.reduction._reduction import DEPENDENT, Orthonormal, Vectors
 from workflow.reduction.rubin import thermal
 
 __all__ = ["CONTACTS", "mechanical", "thermal"]
@@ -40,4 +40,6 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     left, whole = (np.sum(contacts.normal.T * each, axis=0) for each in (residual, static))
     if not contacts.is_massless and np.any(left <= DEPENDENT * whole):
         return rubin.mechanical(structure, count, duration)
-    return massless_vectors(structure, modes, modes, residual)
+    deformation = pair.deformation_of(modes)
+    deformation[:, : rigid.shape[1]] = 0.0
+    return Vectors(modes, deformation, pair.inertia_of(modes).T, residual)

@@ -22,7 +22,7 @@ import numpy as np
 
 from workflow.models import Structure
 from workflow.models._pair import symmetric
-from workflow.reduction._reduction import Vectors, fixed_interface_modes, massless_vectors, mechanical_vectors
+from workflow.reduction._reduction import Vectors, fixed_interface_modes, mechanical_vectors
 from workflow.reduction.craig_bampton import thermal
 
 __all__ = ["CONTACTS", "mechanical", "thermal"]
@@ -30,20 +30,25 @@ __all__ = ["CONTACTS", "mechanical", "thermal"]
 CONTACTS = frozenset({"several"})
 
 _FREE = 1e-13
-"""Stiffness of a contact, over that with all else held, up to which it is the rounding of zero."""
+"""Stiffness of a contact, over that with all else held, or deformation in a vector, over that of its mode, up to which
+it is the rounding of zero."""
 
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the lowest ``count`` fixed-interface modes with x_c condensed, and ΔF w_i of the contacts."""
     pair, modes = structure.mechanical, fixed_interface_modes(structure, count)
-    held, size = pair.boundary, pair.size
-    constraint, strain = pair.constraint.reshape(size, held), pair.deformed.reshape(-1, held)
+    held, size, deformation = pair.boundary, pair.size, pair.deformation_of(modes)
+    constraint = pair.constraint.reshape(size, held)
     share = modes.T @ pair.inertia_of(constraint)
-    tip, forces = constraint - modes @ share, pair.forces(strain - pair.deformation_of(modes) @ share)
+    tip, strain = constraint - modes @ share, pair.deformed.reshape(-1, held) - deformation @ share
+    forces = pair.forces(strain)
     stiffness = symmetric(tip.T @ forces)
     alone = np.sqrt([pair.energies(unit).sum() or 1.0 for unit in np.eye(held, size, size - held)])
     if np.linalg.eigvalsh(stiffness / alone / alone[:, None])[0] <= _FREE:
         return mechanical_vectors(structure, modes)
-    residual = tip @ np.linalg.inv(stiffness)
-    rows = structure.contact_rows.normal[:, -held:]
-    return massless_vectors(structure, modes - residual @ (forces.T @ modes), modes, residual @ rows.T)
+    follows = -np.linalg.solve(stiffness, forces.T @ modes)
+    condensed, rows = deformation + strain @ follows, structure.contact_rows.normal[:, -held:]
+    own, left = (np.linalg.norm(np.sqrt(pair.weights) * each.T, axis=1) for each in (deformation, condensed))
+    condensed[:, left <= _FREE * own] = 0.0
+    residual = np.linalg.solve(stiffness, tip.T).T @ rows.T
+    return Vectors(modes + tip @ follows, condensed, pair.inertia_of(modes).T, residual)

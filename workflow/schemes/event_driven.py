@@ -30,7 +30,7 @@ from workflow.schemes._exact.layout import Budget
 from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"e", "alpha"})
-GENERAL = frozenset({"contacts", "damping", "depth", "elastic", "friction", "load"})
+GENERAL = frozenset({"contacts", "damping", "depth", "elastic", "friction", "load", "massless"})
 
 HARMONICS = frozenset({"load", "casing"})
 STEP_SECONDS = 1.4e-8
@@ -59,10 +59,6 @@ def compute(operator: ExactOperator | ContactOperator, cases: Cases, sampling: S
     if isinstance(operator, ContactOperator):
         return run_contact_batch(operator, cases, sampling)
     return run_batch(operator, cases, sampling)
-
-
-def massless_tip(options: Options) -> None:
-    """Return that a tip without mass is solved."""
 
 
 def operator_name(structure: Structure) -> str:

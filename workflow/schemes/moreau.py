@@ -29,7 +29,7 @@ from workflow.schemes._fixed.theta_method import Operator
 from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"e", "h", "alpha"})
-GENERAL = frozenset({"contacts", "damping", "depth", "elastic", "friction", "load"})
+GENERAL = frozenset({"contacts", "damping", "depth", "elastic", "friction", "load", "massless"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.2e-10

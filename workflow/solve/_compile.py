@@ -37,7 +37,6 @@ class KernelVariant:
     method: str
     options: Any
     balances: bool
-    massless_tip: bool = False
     harmonics: bool = False
     """Whether load or casing have harmonics."""
     slides: bool = False
@@ -128,12 +127,11 @@ def _run(variant: KernelVariant) -> None:
     parameters = chain.Parameters(1, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
     whole = chain.assemble(parameters).matrices()
     one, node = np.ones(1), np.zeros((1, 1))
-    contact = Contacts(("tip",), node + 1, node, node + 1, np.zeros(1), node + 1 if variant.massless_tip else None)
     structure = replace(
         whole,
         tangent=np.ones(1) if variant.slides else None,
         load=np.ones(1) if variant.coupled else None,
-        contacts=contact if variant.contacts else None,
+        contacts=Contacts(("tip",), node + 1, node, node + 1, np.zeros(1)) if variant.contacts else None,
     )
     scheme, none = load(variant.method), np.zeros(1)
     harmonics, friction = Harmonics(*np.zeros((3, 1, int(variant.harmonics)))), np.full(1, 0.5 * variant.slides)

@@ -1,0 +1,392 @@
+"""Bases of several contacts, and bases that leave contacts without mass."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy
+from random_contacts import DURATION, drawn
+from scenes_of_contacts import chain, study
+from several import of_entries
+
+import scenes
+from workflow import models, schemes
+from workflow.declare import File
+from workflow.models import (
+    Array,
+    Cases,
+    Contacts,
+    GivenMatrices,
+    Harmonics,
+    Rayleigh,
+    Sparse,
+    Structure,
+    at_rest,
+    critical_alpha,
+    structure_from_sparse,
+)
+from workflow.models.matrices import write_matrices
+from workflow.plan import plan_study
+from workflow.reduction import Reduction, projection_residual, reduce_structure
+from workflow.run import run_study
+from workflow.schemes import Results, Sampling
+
+BASES = ("craig_bampton", "macneal", "massless")
+WITHOUT_MASS = ("macneal", "massless")
+
+
+def run(structure: Structure, cases: Cases, duration: float = DURATION) -> Results:
+    """Return the exact results."""
+    exact = schemes.load("event_driven")
+    return exact.compute(exact.init(structure, 0.0, exact.Options()), cases, Sampling(duration, duration / 100, 101))
+
+
+def apart(these: Results, those: Results) -> float:
+    """Return the largest difference of any history, over its largest value."""
+    pairs = [(these.histories[name], those.histories[name]) for name in ("displacement", "temperature", "impulse")]
+    return max(float(np.abs(a - b).max() / (np.abs(b).max() or 1.0)) for a, b in pairs)
+
+
+def reduced_run(reduction: Reduction, cases: Cases, duration: float = DURATION) -> Results:
+    return run(reduction.structure, reduction.project(cases), duration)
+
+
+def static(structure: Structure, friction: float) -> Array:
+    """Return S_ij = w_i K1⁻¹ (w_j - µ t_j) + R_ij - µ R^t_ij, m/N."""
+    contacts = structure.contact_rows
+    across = (contacts.normal - friction * contacts.tangent).T
+    answer = np.zeros((contacts.count, contacts.count))
+    if structure.mechanical_size:
+        answer = contacts.normal @ np.linalg.solve(structure.stiffness_matrix, across)
+    return np.asarray(answer + (contacts.flexibility(friction) if contacts.is_massless else 0.0))
+
+
+@pytest.mark.parametrize("seed", [0, 3, 4, 6, 7, 11])
+def test_all_modes_lose_nothing(seed: int) -> None:
+    """Two to five contacts with friction, heat, a moving casing and temperatures that contacts share."""
+    case = drawn(seed)
+    contacts = case.structure.contacts
+    assert contacts is not None
+    heats = case.structure.thermal_size - np.linalg.matrix_rank(contacts.heat)
+    reduction = reduce_structure(case.structure, case.structure.mechanical_size - contacts.count, int(heats))
+    assert apart(reduced_run(reduction, case.cases), run(case.structure, case.cases)) < 1e-9
+
+
+@pytest.mark.parametrize("basis", BASES)
+@pytest.mark.parametrize("count", [0, 1, 3])
+@pytest.mark.parametrize("seed", [3, 4, 10])
+def test_static_answers_and_critical_coupling_are_exact(basis: str, count: int, seed: int) -> None:
+    full = drawn(seed).structure
+    assert full.contacts is not None
+    count = min(count, full.mechanical_size - full.contacts.count)
+    small = reduce_structure(full, count, 0, basis).structure
+    assert small.has_massless_tip == (basis != "craig_bampton")
+    for friction in (0.0, 0.3):
+        assert static(small, friction) == pytest.approx(static(full, friction), rel=1e-9)
+        assert critical_alpha(small, friction) == pytest.approx(critical_alpha(full, friction), rel=1e-9)
+    if small.has_massless_tip and count > 1:  # MacNeal's residual is added to what there is
+        twice = reduce_structure(small, 1, 0, "macneal").structure
+        assert static(twice, 0.3) == pytest.approx(static(full, 0.3), rel=1e-9)
+        assert critical_alpha(twice, 0.3) == pytest.approx(critical_alpha(full, 0.3), rel=1e-9)
+
+
+def clamped(nodes: int) -> dict[str, Any]:
+    """Return a clamped rod of 1 kg with contacts in the middle and at the end, rubbed in front of both."""
+    links = np.eye(nodes) - np.eye(nodes, k=-1)
+    stiffness = 2e7 * nodes * links.T @ links
+    return {
+        "mass": np.eye(nodes) / nodes,
+        "stiffness": stiffness,
+        "damping": 20 * np.eye(nodes) / nodes + 1e-6 * stiffness,
+        "contact": np.eye(nodes)[[nodes // 2, nodes - 1]],
+        "tangent": 0.5 * np.eye(nodes)[[nodes // 3, nodes // 4]],
+        "load": np.eye(nodes)[-1],
+    }
+
+
+def rub(structure: Structure, **values: Any) -> Cases:
+    """Return a load on the end that presses both contacts of a rod, in the coordinates of its file."""
+    (mechanical, thermal), gaps = structure.input_sizes, np.array([[2e-7, 4e-7]])[:, : structure.contact_rows.count]
+    given: dict[str, Any] = {"alpha": 0.0, "friction": 0.1, "steady": 0.0, "amplitude": 20.0, **values}
+    cases = Cases(
+        e=np.zeros(1),
+        gap=gaps[:, 0],
+        mean=np.zeros(1),
+        steady=np.broadcast_to(given["steady"], (1, mechanical)).astype(float),
+        heating=np.zeros((1, thermal)),
+        displacement=np.zeros((1, mechanical)),
+        velocity=np.zeros((1, mechanical)),
+        temperature=np.zeros((1, thermal)),
+        load_harmonics=Harmonics(*np.array([[[given["amplitude"]]], [[300.0]], [[0.2]]])),
+        gaps=gaps,
+        turns=np.zeros((1, gaps.size, 0)),
+        **{name: np.array([given[name]]) for name in ("alpha", "friction")},
+    )
+    return cases if structure.coordinates is None else structure.coordinates.transformed(cases)
+
+
+def test_more_modes_come_closer() -> None:
+    """Displacements by Craig–Bampton as 1/count³, by MacNeal's modes as 1/count²."""
+    full = of_entries(clamped(60), Rayleigh())
+    cases = rub(full)
+    whole = run(full, cases, 0.01)
+    assert whole.metrics["impacts"].min() > 5
+    for basis, errors in {"craig_bampton": (0.02, 2e-3, 2e-4), "macneal": (0.2, 0.04, 0.02)}.items():
+        for count, most in zip((5, 10, 20), errors, strict=True):
+            assert apart(reduced_run(reduce_structure(full, count, None, basis), cases, 0.01), whole) < most
+
+
+def test_massless_with_all_modes_is_the_structure_whose_contacts_have_no_mass() -> None:
+    """x_c = -K_cc⁻¹ (K_ci x_i + λ): its interior has the stiffness K_ii - K_ic K_cc⁻¹ K_ci, and R = K_cc⁻¹."""
+    entries = {name: value for name, value in clamped(12).items() if name != "damping"} | {"load": np.eye(12)[1]}
+    c = np.flatnonzero(entries["contact"].any(axis=0))
+    i = np.delete(np.arange(12), c)
+    K, M = entries["stiffness"], entries["mass"]
+    residual = np.linalg.inv(K[np.ix_(c, c)])
+    rows = -residual @ K[np.ix_(c, i)]
+    condensed = {
+        "mass": M[np.ix_(i, i)],
+        "stiffness": K[np.ix_(i, i)] + K[np.ix_(i, c)] @ rows,
+        "contact": rows,
+        "tangent": entries["tangent"][:, i],
+        "load": entries["load"][i],
+        "residual_flexibility": residual,
+    }
+    full, exact = of_entries(entries, Rayleigh(mass=20)), of_entries(condensed, Rayleigh(mass=20))
+    reduction = reduce_structure(full, 10, None, "massless")
+    assert apart(reduced_run(reduction, rub(full), 0.01), run(exact, rub(exact), 0.01)) < 1e-9
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_residual_flexibility_of_a_uniform_chain(count: int) -> None:
+    """ω_j = 2 √(k/m) sin a_j/2, φ_ij = 2 sin(i a_j)/√(m (2n + 1)), a_j = (2j - 1) π/(2n + 1): MacNeal's R."""
+    n, m, k = 8, 0.3, 5e4
+    links = np.eye(n) - np.eye(n, k=-1)
+    at, j = np.array([3, 8]), np.arange(1, n + 1)
+    angles = (2 * j - 1) * np.pi / (2 * n + 1)
+    modes = 2 / np.sqrt(m * (2 * n + 1)) * np.sin(np.outer(np.arange(1, n + 1), angles))
+    squares = 4 * k / m * np.sin(angles / 2) ** 2
+    exact = (modes[:, count:] / squares[count:]) @ modes[:, count:].T
+    tangent, load = np.eye(n)[[1, 5]], np.eye(n)[4]
+    entries = {"mass": m * np.eye(n), "stiffness": k * links.T @ links, "contact": np.eye(n)[at - 1]}
+    full = of_entries(entries | {"tangent": tangent, "load": load}, Rayleigh())
+    contacts = reduce_structure(full, count, None, "macneal").structure.contacts
+    assert contacts is not None
+    for ours, theirs in (
+        (contacts.residual, exact[np.ix_(at - 1, at - 1)]),
+        (contacts.residual_tangent, exact[at - 1] @ tangent.T),
+        (contacts.residual_load, exact[at - 1] @ load),
+    ):
+        assert ours == pytest.approx(theirs, rel=1e-10, abs=1e-12 * np.abs(exact).max())
+
+
+def large(entries: dict[str, Any]) -> Sparse:
+    """Return the structure by sparse matrices."""
+    size, rows = len(entries["mass"]), entries["contact"]
+    names = ("mass", "stiffness", "coupling", "heat_capacity", "conductance")
+    given = GivenMatrices(
+        **{name: scipy.sparse.csc_array(entries[name]) for name in names},
+        contact=rows[0],
+        thermal_contact=entries["thermal_contact"][0],
+        steady=np.zeros(size),
+        heating=np.zeros(len(entries["heat_capacity"])),
+        damping=Rayleigh(mass=20.0),
+    )
+    structure = structure_from_sparse(given)
+    assert isinstance(structure, Sparse)
+    own = structure.coordinates
+    assert own is not None
+    contacts = Contacts(("a", "b", "c"), rows, entries["tangent"], entries["thermal_contact"], np.zeros(3))
+    return replace(
+        structure,
+        contacts=contacts.transformed(own.displacement_basis, own.temperature_basis),
+        load=np.asarray(own.displacement_basis.T @ entries["load"]),
+    )
+
+
+@pytest.mark.parametrize("basis", BASES)
+def test_sparse_matrices_give_the_same_as_dense_ones(basis: str) -> None:
+    """Rows of several entries; the last two contacts share a temperature."""
+    n, heats = 310, 12
+    rows = np.zeros((3, n))
+    rows[0, [150, 151]], rows[1, [151, 152, 153]], rows[2, -1] = [0.5, 0.5], [0.2, 1.0, -0.3], 1.0
+    links, heat_links = np.eye(n) - np.eye(n, k=-1), np.eye(heats) - np.eye(heats, k=-1)
+    entries = clamped(n) | {
+        "contact": rows,
+        "tangent": 0.5 * np.eye(n)[[3, 100, 250]],
+        "heat_capacity": 0.1 * np.eye(heats),
+        "conductance": 5 * heat_links.T @ heat_links,
+        "coupling": -20 * links.T @ np.repeat(np.eye(heats), 26, axis=0)[:n],
+        "thermal_contact": np.eye(heats)[[6, 11, 11]],
+    }
+    sparse = large(entries)
+    dense = sparse.matrices()
+    batch = replace(rub(dense, alpha=0.01), gaps=np.array([[1.6e-7, 1.46e-7, 4e-7]]), turns=np.zeros((1, 3, 0)))
+    ours, theirs = (reduce_structure(structure, 8, 4, basis) for structure in (sparse, dense))
+    a, b = ours.structure, theirs.structure
+    assert (a.mechanical_size, a.thermal_size) == (b.mechanical_size, b.thermal_size)
+    assert b.mechanical_size == (14 if basis == "craig_bampton" else 8)  # three contacts, three tangents
+    assert models.frequencies(a) == pytest.approx(models.frequencies(b), rel=1e-8)
+    assert static(a, 0.1) == pytest.approx(static(b, 0.1), rel=1e-9)
+    assert static(a, 0.1) == pytest.approx(static(dense, 0.1), rel=1e-9)
+    lost = [projection_residual(full, one, batch)[0] for full, one in ((sparse, ours), (dense, theirs))]
+    assert lost[0] == pytest.approx(lost[1], abs=1e-8)
+    whole = reduced_run(theirs, batch, 0.003)
+    assert whole.histories["impulse"].max(axis=2).min() > 0
+    assert apart(reduced_run(ours, batch, 0.003), whole) < 1e-7
+
+
+@pytest.mark.parametrize("basis", BASES)
+def test_two_opposite_stops(basis: str) -> None:
+    """Of rows w and -2 w one is held; without mass both stops have one residual flexibility, and R is singular."""
+    entries, ends = clamped(20), np.eye(20)[[-1, 9, -1]] * np.array([[1.0], [-1.0], [-2.0]])
+    full = of_entries(entries | {"contact": ends, "tangent": np.zeros((3, 20))}, Rayleigh())
+    batch = replace(rub(full), gaps=np.array([[2e-7, 1e-7, 5e-7]]), turns=np.zeros((1, 3, 0)))
+    reduction = reduce_structure(full, 18, None, basis)
+    assert reduction.structure.mechanical_size == (20 if basis == "craig_bampton" else 18)
+    assert static(reduction.structure, 0.0) == pytest.approx(static(full, 0.0), rel=1e-9)
+    ours = reduced_run(reduction, batch, 0.01)
+    assert ours.status.tolist() == [0]
+    assert ours.histories["impulse"].max(axis=2).min() > 0
+    if basis == "craig_bampton":
+        assert apart(ours, run(full, batch, 0.01)) < 1e-9
+    if basis == "massless":
+        moreau, over, errors = schemes.load("moreau"), Sampling(0.01, 1e-4, 101), []
+        for h in (2.5e-7, 6.25e-8):
+            operator = moreau.init(reduction.structure, h, moreau.Options(theta=0.5))
+            errors.append(apart(moreau.compute(operator, reduction.project(batch), over), ours))
+        assert errors[1] < 0.5 * errors[0] < 0.03
+
+
+@pytest.mark.parametrize("basis", BASES)
+def test_critical_coupling_of_opposite_stops_is_that_of_the_worse_one(basis: str) -> None:
+    links, end = np.eye(8) - np.eye(8, k=-1), np.eye(8)[[-1]]
+    entries = clamped(8) | {
+        "contact": np.vstack([end, -end]),
+        "tangent": np.zeros((2, 8)),
+        "heat_capacity": np.eye(8),
+        "conductance": links.T @ links,
+        "coupling": -2e3 * links.T,
+        "thermal_contact": np.eye(8)[[-1, 3]],
+    }
+    full = of_entries(entries, Rayleigh())
+    flexibility = float((end @ np.linalg.solve(entries["stiffness"], end.T)).item())
+    warm = np.linalg.solve(entries["conductance"], entries["thermal_contact"].T)
+    moved = -(end @ np.linalg.solve(entries["stiffness"], entries["coupling"] @ warm))[0]
+    alone = [flexibility / (sign * moved[k]) for k, sign in enumerate((1, -1))]
+    exact = min(alpha for alpha in alone if alpha > 0)
+    assert critical_alpha(full) == pytest.approx(exact, rel=1e-9)
+    assert critical_alpha(reduce_structure(full, 2, 3, basis).structure) == pytest.approx(exact, rel=1e-9)
+
+
+def test_rows_that_share_temperatures() -> None:
+    """Three contacts heat two temperatures: two are held, and all others kept lose nothing."""
+    case = drawn(4)
+    contacts = case.structure.contacts
+    assert contacts is not None
+    heat = contacts.heat[[0, 1, 0, 1]]
+    full = replace(case.structure, contacts=replace(contacts, heat=heat))
+    reduction = reduce_structure(full, None, 1)
+    assert reduction.structure.thermal_size == 3
+    assert apart(reduced_run(reduction, case.cases), run(full, case.cases)) < 1e-9
+    assert critical_alpha(reduce_structure(full, None, 0).structure) == pytest.approx(critical_alpha(full), rel=1e-9)
+
+
+@pytest.mark.parametrize("basis", WITHOUT_MASS)
+def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, tmp_path: Path) -> None:
+    """The reduced matrices, written to a file; and `moreau` with θ = ½ comes to the same as its step falls."""
+    full = scenes.heavy_chain()
+    reduction = reduce_structure(full, 3, 5, basis)
+    small = reduction.structure
+    c = small.contacts
+    assert c is not None
+    residuals = {"tangent": "tangent", "coupling": "coupling", "load": "load"}
+    file = write_matrices(
+        tmp_path / "small.npz",
+        mass=small.mass,
+        stiffness=small.stiffness_matrix,
+        damping=small.damping_matrix,
+        coupling=small.coupling_matrix,
+        heat_capacity=small.heat_capacity,
+        conductance=small.conductance_matrix,
+        contact=c.normal,
+        thermal_contact=c.heat,
+        load=small.load_direction,
+        residual_flexibility=c.residual,
+        **{f"residual_{name}": getattr(c, f"residual_{own}") for name, own in residuals.items()},
+    )
+    model = models.load("matrices")
+    written = model.assemble(model.Parameters(File("", "small.npz", str(file))))
+    assert critical_alpha(written) == pytest.approx(critical_alpha(full), rel=1e-9)
+    values: dict[str, Any] = {"alpha": 0.5, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}
+    exact = reduced_run(reduction, scenes.cases(full, **values), 0.05)
+    assert exact.histories["impulse"][0, -1] > 0
+    assert exact.metrics["impacts"].tolist() == [0]
+    theirs = scenes.cases(written, **values)
+    assert apart(run(written, replace(theirs, gaps=np.full((1, 1), 5e-5)), 0.05), exact) < 1e-9
+    moreau, batch = schemes.load("moreau"), reduction.project(scenes.cases(full, **values))
+    over, errors = Sampling(0.05, 0.05 / 100, 101), []
+    for h in (4e-6, 1e-6):
+        errors.append(apart(moreau.compute(moreau.init(small, h, moreau.Options(theta=0.5)), batch, over), exact))
+    assert errors[1] < 0.5 * errors[0] < 2e-3
+
+
+@pytest.mark.parametrize("basis", WITHOUT_MASS)
+@pytest.mark.parametrize("gaps", [[1.0, 1.0], [2e-7, 4e-7]])
+def test_constant_loads_act_on_contacts_without_mass(basis: str, gaps: list[float]) -> None:
+    """At rest, free or pressed, places and forces are those of the full structure; ``Cases.offset`` holds the rest."""
+    full = of_entries(clamped(20), Rayleigh())
+    batch = replace(rub(full, steady=np.linspace(0.0, 3.0, 20), amplitude=0.0), gaps=np.array([gaps]))
+    reduction = reduce_structure(full, 1, None, basis)
+    small = reduction.project(batch)
+    assert np.abs(small.offset).min() > 0
+    ours = run(reduction.structure, at_rest(reduction.structure, small), 1e-3)
+    rest = at_rest(full, batch)
+    assert full.contacts is not None
+    place = full.contacts.normal @ rest.displacement[0]
+    assert ours.histories["displacement"][0] == pytest.approx(np.tile(place[:, None], 101), rel=1e-9)
+    theirs = run(full, rest, 1e-3)
+    impulse, most = ours.histories["impulse"], np.abs(theirs.histories["impulse"]).max()
+    assert impulse == pytest.approx(theirs.histories["impulse"], abs=1e-9 * most)
+    assert projection_residual(full, reduction, batch)[0] < 1
+
+
+def test_other_bases_say_what_they_do_not_take() -> None:
+    for basis in ("krylov", "rubin", "weakly_coupled"):
+        with pytest.raises(ValueError, match="does not take several contacts"):
+            reduce_structure(drawn(3).structure, 1, 0, basis, DURATION)
+    with pytest.raises(ValueError, match="contacts without mass"):
+        reduce_structure(drawn(3, massless=True).structure, 1, 0)
+
+
+def test_a_study_takes_counts_and_bases_of_several_contacts(tmp_path: Path) -> None:
+    """Three modes are all of five displacements with two contacts, and three all of five temperatures."""
+    given = study(
+        tmp_path,
+        chain(),
+        scene={"matrices": {"file": str(tmp_path / "several.npz")}},
+        axes={
+            "scheme": ["event_driven", "moreau"],
+            "reduction": list(BASES),
+            "mechanical_modes": [1, 3],
+            "thermal_modes": 3,
+            "alpha": 10,
+            "h": 1e-5,
+        },
+        reference={"scheme": "event_driven", "mechanical_modes": "full", "thermal_modes": "full"},
+    )
+    del given["scene"]["several"]
+    assert not [warning for warning in plan_study(given).warnings if "fails" in warning]
+    archive = run_study(given, tmp_path / "a.nc", threads=1).dataset.load().squeeze()
+    assert (archive["status"] == 0).all()
+    assert archive["displacement"].dims == ("scheme", "reduction", "mechanical_modes", "contact", "t")
+    exact = archive.sel(scheme="event_driven")
+    assert float(exact["impulse_error"].sel(reduction="craig_bampton", mechanical_modes=3)) < 1e-9
+    assert (exact["impulse_error"].sel(mechanical_modes=1) > 1e-4).all()
+    assert (archive["projection_residual"].sel(reduction="craig_bampton", mechanical_modes=3) < 1e-9).all()
+    assert (archive["impulse_scheme_error"].sel(scheme="moreau") > 0).all()
+    assert (archive["impulse_model_error"].sel(mechanical_modes=1) > 1e-4).all()
