@@ -360,9 +360,9 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     if sections.get("reference") is not None:
         reference = Reference(_reference(source, sections["reference"], sizes, nodes, dimensions))
     output = _output(asked, scene.duration)
-    if sizes.contacts:
+    if sizes.structure is not None and sizes.structure.contacts is not None:
         output = dataclasses.replace(output, balances=asked.get("balances") or False)
-    else:
+    if not sizes.contacts:
         scene = dataclasses.replace(scene, casing=_casing_of_one(scene, sizes, source))
     cases = CaseSpace(
         scene=scene,
