@@ -243,19 +243,14 @@ def _without_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) ->
     return ContactSystem(A, B, signals, inputs, np.eye(n), np.zeros((m, n)))
 
 
-_OPPOSITE = 1e-10
-"""Sine of the angle between the rows of two stops below which they are opposite."""
-
 _REAL = 1e-9
 """Imaginary part of an eigenvalue, over it, up to which it is the rounding of a real one."""
 
 
 def stops_together(basis: ContactBasis) -> list[NDArray[np.bool_]]:
     """Return the largest sets of contacts that can be closed at once: all, or one of each pair of opposite stops."""
-    unit = basis.normal / np.linalg.norm(basis.normal, axis=1)[:, None]
-    pairs = np.argwhere(np.triu(unit @ unit.T < _OPPOSITE - 1))
-    sets = []
-    for left in product(*pairs.tolist()) if not basis.contacts.is_massless else [()]:
+    pairs, sets = [pair[:2] for pair in basis.contacts.opposite], []
+    for left in product(*pairs) if not basis.contacts.is_massless else [()]:
         closed = np.ones(basis.contacts.count, dtype=np.bool_)
         closed[list(left)] = False
         sets.append(closed)

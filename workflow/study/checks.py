@@ -40,10 +40,10 @@ def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     yield from _harmonics(cases, source)
     yield from _friction(cases, source)
     yield from _contacts(cases, sizes, source)
-    yield from _stops(cases, sizes, source)
     yield from _support(cases, source)
     yield from _branch(cases)
     yield from _start(cases, sizes, source)
+    yield from _stops(cases, sizes, source)
     yield from _extent(cases, source)
     yield from _interval(cases)
 
