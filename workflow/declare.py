@@ -239,6 +239,10 @@ def plain(declared: Any) -> Any:
     """Return declared values as nested dictionaries: what results depend on, of a file its content alone."""
     if isinstance(declared, File):
         return {"sha256": declared.digest}
+    if isinstance(declared, tuple):
+        return tuple(map(plain, declared))
+    if isinstance(declared, Mapping):
+        return {name: plain(value) for name, value in declared.items()}
     if dataclasses.is_dataclass(declared):
         entries = {entry.name: entry for entry in dataclasses.fields(declared)}
         return {name: plain(getattr(declared, name)) for name, entry in entries.items() if not _silent(declared, entry)}

@@ -132,7 +132,7 @@ REFUSED: dict[str, tuple[Array, Array, dict[str, Any], str]] = {
     "half a turn": (ANGLES / 2, ROUND, {}, "in steps of 5 deg, which 2.5 deg is not"),
     "too few": (np.array([0.0, 180.0]), np.ones(2), {}, "the profile has 2 angles"),
     "a step": (np.linspace(0, 360, 73), np.linspace(1e-5, 2e-5, 73), {}, "1e-05 m at 0 deg and 2e-05 m"),
-    "a rough one": (FINE, np.sign(np.sin(np.radians(FINE + 0.1))) * 1e-6, {}, "32 orders leave 0.41 of the range of the profile; smooth it until 32 orders leave"),
+    "a rough one": (FINE, np.sign(np.sin(np.radians(FINE + 0.1))) * 1e-6, {}, "32 orders leave 0.41 of the range"),
     "too coarse a one": (ANGLES[::18], np.array([0, 1e-6, 0, 1e-6]), {}, "1 orders leave 0.5 of the range"),
 }  # fmt: skip
 

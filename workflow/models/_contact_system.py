@@ -243,21 +243,14 @@ def _compliant(basis: ContactBasis, S: Any, alpha: float, friction: float) -> Co
     return ContactSystem(A, B, signals, inputs, np.eye(n), np.zeros((m, n)))
 
 
-_OPPOSITE = 1e-10
-"""Sine of the angle between the rows of two stops below which they are opposite."""
-
 _REAL = 1e-9
 """Imaginary part of an eigenvalue, over it, up to which it is the rounding of a real one."""
 
 
 def stops_together(basis: ContactBasis) -> list[NDArray[np.bool_]]:
     """Return the largest sets of contacts that can be closed at once: all, or one of each pair of opposite stops."""
-    normal, residual = basis.normal, basis.contacts.residual
-    products = normal @ normal.T if residual is None else residual
-    size = np.sqrt(np.diag(products))
-    pairs = np.argwhere(np.triu(products / size / size[:, None] < _OPPOSITE - 1))
-    sets = []
-    for left in product(*pairs.tolist()):
+    pairs, sets = [pair[:2] for pair in basis.contacts.opposite], []
+    for left in product(*pairs):
         closed = np.ones(basis.contacts.count, dtype=np.bool_)
         closed[list(left)] = False
         sets.append(closed)

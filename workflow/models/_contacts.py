@@ -81,9 +81,13 @@ class Contacts:
 
     @property
     def opposite(self) -> list[tuple[int, int, float]]:
-        """Pairs i < j of stops with w_j = -c w_i, and c; a contact is in one pair at most."""
-        sizes = np.linalg.norm(self.normal, axis=1)
-        cosines = self.normal @ self.normal.T / np.multiply.outer(sizes, sizes)
+        """Pairs i < j of stops with w_j = -c w_i, of contacts without mass x_j = -c x_i under all forces, and c.
+
+        A contact is in one pair at most.
+        """
+        products = self.normal @ self.normal.T if self.residual is None else self.residual
+        sizes = np.sqrt(np.diag(products))
+        cosines = products / np.multiply.outer(sizes, sizes)
         pairs: list[tuple[int, int, float]] = []
         for j, i in np.argwhere(np.tril(cosines < _PARALLEL - 1)).tolist():
             if not any({i, j} & {*pair[:2]} for pair in pairs):

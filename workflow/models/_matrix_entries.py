@@ -252,7 +252,7 @@ def _rows(
     rows with labels of their own.
     """
     if isinstance(chosen, tuple):
-        each = [own[str(one)][None] if one in own else _rows(name, one, entries, labels, size) for one in chosen]
+        each = [own[str(one)][None] if one in own else _rows(name, one, entries, labels, size, own) for one in chosen]
         for one, rows in zip(chosen, each, strict=True):
             if len(rows) > 1:
                 raise UnusableMatricesError(f"`{name}: {one}` has {len(rows)} rows", "name it alone, not in a list")

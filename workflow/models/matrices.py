@@ -1,4 +1,4 @@
-"""Structure of any kind from its matrices: a finite element model from files, with one contact.
+"""Structure of any kind from its matrices: a finite element model from files, with one contact or several.
 
 Freedoms that a program holds by a huge number on the diagonal (1e36 of Abaqus, 1e20 or 1e30 of others) are left out,
 with their rows and columns, and stay 0: beside such a number nothing else of the matrix is left in floating point, and

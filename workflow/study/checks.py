@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 from itertools import chain, islice, product
 from typing import Any
 
@@ -43,6 +44,7 @@ def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     yield from _support(cases, source)
     yield from _branch(cases)
     yield from _start(cases, sizes, source)
+    yield from _stops(cases, sizes, source)
     yield from _extent(cases, source)
     yield from _interval(cases)
 
@@ -290,10 +292,7 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     if values is None:
         return
 
-    def each(path: str, value: Any) -> Any:
-        """Return the values of an axis along the combinations, before contacts, or what there is for all."""
-        return values[path][:, None] if path in values else np.asarray(value)
-
+    each = partial(_each, values)
     tips = each(paths[0], 0.0) * rows.sum(axis=1) if paths[0] in values else (rows * start).sum(axis=1)
     gaps = each(paths[1], casing.gap) + each(paths[2], casing.clearance)
     angles = each(paths[3], angle if casing.angles is None else casing.angles)
@@ -306,6 +305,32 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
         problem = f"{one} starts inside the casing, at {x!r} m with a gap of {gap!r} m"
         problem += "" if begins == gap else f" and the casing at {begins!r} m"
         yield source.place_of(*paths[:2]), problem, "start at or below the gap, or write `initial: static`"
+
+
+def _stops(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
+    """Refuse opposite stops w_j = -c w_i with mass unless d_j + c d_i > 0 at all times, by the amplitudes."""
+    casing, contacts = cases.scene.casing, None if sizes.structure is None else sizes.structure.contacts
+    if contacts is None or contacts.is_massless or np.size(casing.gap) not in (1, contacts.count):
+        return
+    paths = [f"{_CASING_HARMONICS}.{k}.amplitude" for k in range(len(casing.harmonics))]
+    values = _combined(cases, lambda path: path in (*paths, "scene.casing.gap", "scene.casing.clearance"))
+    if values is None:
+        return
+    each = partial(_each, values)
+    moves = sum(np.abs(each(path, one.amplitude)) for path, one in zip(paths, casing.harmonics, strict=True))
+    least = each("scene.casing.gap", casing.gap) + each("scene.casing.clearance", casing.clearance) - moves
+    least = np.broadcast_to(least, np.broadcast_shapes(least.shape, (1, contacts.count)))
+    for i, j, ratio in contacts.opposite:
+        room = float((least[:, j] + ratio * least[:, i]).min())
+        if room <= 0:
+            names = " and ".join(f"`{contacts.labels[k]}`" for k in (i, j))
+            problem = f"contacts {names} are opposite stops {room!r} m apart where the casing is closest"
+            yield source.place_of("scene.casing.gap"), problem, "write gaps that leave room between the two"
+
+
+def _each(values: Mapping[str, Any], path: str, value: Any) -> Any:
+    """Return the values of an axis along the combinations, before contacts, or what there is for all."""
+    return values[path][:, None] if path in values else np.asarray(value)
 
 
 def _combined(cases: CaseSpace, matters: Callable[[str], bool]) -> dict[str, Any] | None:

@@ -100,17 +100,13 @@ class Study(CaseSpace):
     def resolved(self) -> dict[str, Any]:
         """Return everything resolved as plain JSON values: SI, defaults filled in, no file names."""
         scene = self.scene
-        casing, profile = dataclasses.replace(scene.casing, profile=None), scene.casing.profile
         values = {
             "study": self.name,
             "title": self.title,
             **({"license": self.license} if self.license else {}),
             "scene": {
                 scene.model: plain(scene.parameters),
-                "casing": {
-                    **_without_empty(casing, "harmonics", "clearance", "flexibility", "angles", "profile"),
-                    **({} if profile is None else {"profile": plain(profile)}),
-                },
+                "casing": _without_empty(scene.casing, "harmonics", "clearance", "flexibility", "angles", "profile"),
                 "load": _without_empty(scene.load, "harmonics"),
                 "initial": scene.initial if isinstance(scene.initial, str) else dataclasses.asdict(scene.initial),
                 "duration": scene.duration,
@@ -132,7 +128,7 @@ class Study(CaseSpace):
 
 def _without_empty(owner: Any, *later: str) -> dict[str, Any]:
     """Return the values of a dataclass without those added later that are empty: a study keeps its identity."""
-    return {name: value for name, value in dataclasses.asdict(owner).items() if name not in later or value}
+    return {name: value for name, value in plain(owner).items() if name not in later or value}
 
 
 def _listed(value: Any) -> Any:
@@ -360,9 +356,9 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     if sections.get("reference") is not None:
         reference = Reference(_reference(source, sections["reference"], sizes, nodes, dimensions))
     output = _output(asked, scene.duration)
-    if sizes.contacts:
+    if sizes.structure is not None and sizes.structure.contacts is not None:
         output = dataclasses.replace(output, balances=asked.get("balances") or False)
-    else:
+    if not sizes.contacts:
         scene = dataclasses.replace(scene, casing=_casing_of_one(scene, sizes, source))
     cases = CaseSpace(
         scene=scene,
