@@ -66,7 +66,6 @@ def compile_common() -> None:
         ("event_driven", {}, {"balances": True}),
         *(("moreau", {}, {"balances": balances}) for balances in (False, True)),
         ("moreau", {}, {"balances": True, "harmonics": True}),
-        ("moreau", {}, {"balances": True, "massless_tip": True}),
         *(("moreau", {}, {"balances": True, "slides": True, "harmonics": waves}) for waves in (False, True)),
         *(("carpenter", {}, {"balances": balances}) for balances in (False, True)),
         ("penalty", {"integration": "implicit"}, {"balances": True}),

@@ -200,9 +200,11 @@ class RefusedStructureError(ValueError):
     """A scheme cannot step a structure; the text says why."""
 
 
-def _needs_mass(options: Any) -> str | None:
-    """Return why a scheme that does not define ``massless_tip`` cannot step a tip without mass."""
-    return "the scheme does not say that it can step a structure whose reduction leaves the tip without mass"
+NEEDS_MASS = (
+    "its contacts are without mass, by which a step of the scheme divides; moreau, event_driven and implicit penalty "
+    "take them"
+)
+"""Why a scheme cannot step contacts without mass."""
 
 
 def _of_friction(limit: Callable[..., float]) -> Callable[[Structure, Any, float], float]:
@@ -253,13 +255,11 @@ class Scheme:
     HARMONICS
         Which of ``load`` and ``casing`` may have harmonics. By default the load (``Recorder.load`` and
         ``Cases.load_at`` include them); ``casing`` declares that it takes a moving casing (``Cases.casing_at``).
-    massless_tip
-        ``massless_tip(options)``: why it cannot step a tip without mass, ``None`` where it can. By default it cannot.
     GENERAL
         What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction``
         along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: the mean
-        temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``,
-        or one without mass (``Structure.contacts``, ``Cases.gaps``).
+        temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``
+        (``Structure.contacts``, ``Cases.gaps``), and ``massless``: those without mass, one too.
     about
         One line on the scheme; by default the first paragraph of the module's docstring.
     """
@@ -279,7 +279,6 @@ class Scheme:
     rigid: Callable[[Structure, float], Any] | None = None
     HARMONICS: frozenset[str] = frozenset({"load"})
     GENERAL: frozenset[str] = frozenset()
-    massless_tip: Callable[[Any], str | None] = _needs_mass
     about: str = ""
 
     @classmethod
@@ -311,10 +310,10 @@ class Scheme:
             return "it does not record the temperature over a depth"
         if structure.contacts is not None and "contacts" not in self.GENERAL:
             return "it takes one contact, with mass"
+        if structure.contacts is not None and structure.contacts.is_massless and "massless" not in self.GENERAL:
+            return NEEDS_MASS
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"
-        if structure.has_massless_tip and (reason := self.massless_tip(options)) is not None:
-            return reason
         try:
             if self.contact_stiffness_of is not None:
                 self.contact_stiffness_of(structure, options)

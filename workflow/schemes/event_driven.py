@@ -30,7 +30,7 @@ from workflow.schemes._exact.layout import Budget
 from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"e", "alpha"})
-GENERAL = frozenset({"contacts", "damping", "depth", "friction", "load"})
+GENERAL = frozenset({"contacts", "damping", "depth", "friction", "load", "massless"})
 
 HARMONICS = frozenset({"load", "casing"})
 STEP_SECONDS = 1.4e-8
@@ -59,14 +59,6 @@ def compute(operator: ExactOperator | ContactOperator, cases: Cases, sampling: S
     if isinstance(operator, ContactOperator):
         return run_contact_batch(operator, cases, sampling)
     return run_batch(operator, cases, sampling)
-
-
-def massless_tip(options: Options) -> str | None:
-    """Return why a tip without mass has no events."""
-    return (
-        "the reduction leaves the tip without mass: it has no impacts, from one to the next of which this scheme goes; "
-        "moreau and implicit penalty step it"
-    )
 
 
 def operator_name(structure: Structure) -> str:

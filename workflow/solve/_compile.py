@@ -37,7 +37,6 @@ class KernelVariant:
     method: str
     options: Any
     balances: bool
-    massless_tip: bool = False
     harmonics: bool = False
     """Whether load or casing have harmonics."""
     slides: bool = False
@@ -127,11 +126,9 @@ def _run(variant: KernelVariant) -> None:
     chain = models.load("chain")
     parameters = chain.Parameters(1, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
     whole = chain.assemble(parameters).matrices()
-    massless = replace(whole.mechanical, inertia=np.zeros((1, 1)))
     one, node = np.ones(1), np.zeros((1, 1))
     structure = replace(
         whole,
-        mechanical=massless if variant.massless_tip else whole.mechanical,
         tangent=np.ones(1) if variant.slides else None,
         load=np.ones(1) if variant.coupled else None,
         contacts=Contacts(("tip",), node + 1, node, node + 1, np.zeros(1)) if variant.contacts else None,

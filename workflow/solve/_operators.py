@@ -66,7 +66,7 @@ def kernel_variant(settings: CaseSettings, balances: bool) -> KernelVariant | No
         return None
     coupled, driven = needs_matrices(structure), bool(settings.scene.casing.harmonics or settings.scene.load.harmonics)
     slides = structure.slides and settings.scene.friction is not None
-    kind = {"massless_tip": structure.has_massless_tip, "harmonics": driven, "slides": slides, "coupled": coupled}
+    kind = {"harmonics": driven, "slides": slides, "coupled": coupled}
     contacts = structure.contacts is not None
     return KernelVariant(settings.scheme.method, settings.scheme.options, balances, contacts=contacts, **kind)
 

@@ -246,6 +246,7 @@ def conditions_of(basis: ContactBasis, cases: Cases, duration: float, budget: Bu
         reach=np.abs(cases.clearances).max(axis=1) + own.reach,
         duration=duration,
         budget=budget,
+        flexibility=np.zeros(cases.count),
     )
 
 

@@ -66,6 +66,8 @@ class ContactCase(NamedTuple):
     """Largest |d_i| plus the amplitudes of the casing, m."""
     duration: float
     budget: Budget
+    flexibility: Any
+    """c of the casing, m/N."""
 
 
 class Contacting(NamedTuple):
