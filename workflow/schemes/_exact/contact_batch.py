@@ -198,26 +198,29 @@ def _with_room(own: Memory, sets: int) -> Memory:
     return own._replace(tables=tables, filled=np.concatenate([own.filled, np.zeros(more, dtype=np.bool_)]))
 
 
-def fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> None:
-    """Write the initial state."""
+def fill_first_sample(record: Record, basis: ContactBasis, cases: Cases, yields: float = 0.0) -> None:
+    """Write the initial state; contacts without mass have it on a casing that ``yields`` [m/N]."""
     rows = basis.contacts.normal, basis.contacts.normal, basis.contacts.heat
     for k, (row, states) in enumerate(zip(rows, (cases.displacement, cases.velocity, cases.temperature), strict=True)):
         record.histories[:, k, ..., 0] = project(row, states).reshape(record.tally.shape)
     record.histories[:, 3, ..., 0] = 0.0
     if basis.contacts.is_massless:
-        record.histories[:, 0, ..., 0] = _places_without_mass(basis, cases).reshape(record.tally.shape)
+        record.histories[:, 0, ..., 0] = _places_without_mass(basis, cases, yields).reshape(record.tally.shape)
 
 
-def _places_without_mass(basis: ContactBasis, cases: Cases) -> Array:
-    """Return x_i of contacts without mass at t = 0, m, ``(case, contact)``: d where λ > 0; NaN where there is no λ."""
+def _places_without_mass(basis: ContactBasis, cases: Cases, yields: float) -> Array:
+    """Return x_i of contacts without mass at t = 0, m, ``(case, contact)``: d + yields λ where λ > 0; NaN without λ."""
     contacts, (place, _) = basis.contacts, cases.casing_of_contacts(0.0)
     tau = project(basis.to_thermal, cases.temperature)
     free = project(contacts.normal, cases.displacement) - project(basis.residual_coupling, tau)
     free += cases.load_at(0.0)[:, None] * basis.residual_load
     for i in np.flatnonzero((free > place).any(axis=1)):
         flexibility = contacts.flexibility(float(cases.friction[i]))
-        force = complementarity(flexibility, place[i] - free[i])
-        free[i] = np.nan if force is None else np.where(force > 0, place[i], free[i] - flexibility @ force)
+        force = complementarity(flexibility + yields * np.eye(contacts.count), place[i] - free[i])
+        if force is None:
+            free[i] = np.nan
+        else:
+            free[i] = np.where(force > 0, place[i] + yields * force, free[i] - flexibility @ force)
     return free
 
 

@@ -97,7 +97,7 @@ def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool)
     periods, when = complete_periods(cases.period_frequency, sampling), schedule(sampling, h)
     record, conditions = record_of(cases, sampling, periods), conditions_of(basis, cases, sampling.duration)
     record.tally["next_sample"] = 1
-    fill_first_sample(record, basis, cases)
+    fill_first_sample(record, basis, cases, 1 / method.spring if method.spring > 0 else 0.0)
     if not method.rebounds:
         conditions.e[:] = 0.0
     speeds = _speeds(conditions, h, method.theta)

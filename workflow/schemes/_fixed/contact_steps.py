@@ -350,13 +350,15 @@ def _begin(s: Stepping, case: ContactCase, casing: CasingSteps, record: Record, 
     _turn(case, casing.speeds, -s.h, now)
     load = _turn(case, casing.speeds, 0.0, now)
     for i in range(m):
-        now.apart[i], now.parting[i], now.pushes[i] = casing.begun[0, i], casing.begun[1, i], 0.0
-        now.approach[i] = 0.0
+        now.apart[i], now.parting[i] = casing.begun[0, i], casing.begun[1, i]
+        now.pushes[i] = now.approach[i] = 0.0
         for row in range(3):
             now.shown.after[row, i] = record.histories[row, i, 0]
         now.shown.after[DEPTH, i] = now.shown.after[PLACE, i] - now.place[i]
         record.tally[i].max_temperature = record.tally[i].period_temperature = now.shown.after[TEMPERATURE, i]
         now.shown.deepest[i] = max(0.0, now.shown.after[DEPTH, i])
+        if s.massless and s.method.spring > 0.0:
+            now.pushes[i] = s.method.spring * now.shown.deepest[i]
         for j in range(n):
             now.kicks[i, j] = s.kicks[0, i, j] + case.friction * s.kicks[1, i, j] + case.alpha * s.kicks[2, i, j]
         for j in range(m):
