@@ -185,15 +185,14 @@ REFUSED = {
                                                 "angles": [0.0, -1.5]}}},
         "contact `end` starts inside the casing",
     ),
-    "a scheme of one": ({"axes": {"scheme": ["plain_contacts", "carpenter"]}}, "`carpenter` takes one contact"),
-    "its reference": ({"reference": {"scheme": "penalty"}}, "reference.scheme: `penalty` takes one contact"),
+    "a scheme of one": ({"axes": {"scheme": ["plain_contacts", "one_contact"]}}, "`one_contact` takes one contact"),
+    "its reference": ({"reference": {"scheme": "one_contact"}}, "reference.scheme: `one_contact` takes one contact"),
     "modes": ({"axes": {"mechanical_modes": [2, "full"]}}, "axes.mechanical_modes: is not `full`"),
     "modes of a reference": ({"reference": {"scheme": "plain_contacts", "thermal_modes": 1}}, "thermal_modes: is not"),
     "auto": ({"axes": {"mechanical_modes": "auto", "tolerance": 0.01}}, "axes.mechanical_modes: is not `full`"),
     "a basis": ({"axes": {"reduction": ["macneal"]}}, "axes.reduction: is a basis of one contact"),
     "steady": ({"output": OUTPUT | {"steady": True}}, "output.steady: is of one contact"),
     "a branch": ({"axes": {"alpha": {"branch": [1, 2, 3]}}}, "axes.alpha: is a branch, and the structure has 2"),
-    "balances": ({"output": OUTPUT | {"balances": True}}, "output.balances: are of one contact"),
 }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflow.declare import measure
+from workflow.judges.blow_ups import statics
 from workflow.models import (
     Array,
     Cases,
@@ -46,9 +47,6 @@ FEW = 6
 
 _FAR = 100
 """Static tip displacement by a load, over the gap, above which units are doubtful: a rub has a few."""
-
-_RINGS = 0.9
-"""Amplification of a disturbance of a tip without mass by a step from which on it rings."""
 
 
 def scene_cautions(
@@ -134,8 +132,8 @@ def _friction_limits(structure: Structure, cases: Cases) -> Iterator[str]:
 
 
 def soft_spring(structure: Structure, stiffness: float, label: str) -> Iterator[str]:
-    """Yield that a contact spring [N/m] is softer than the full structure at its tip."""
-    flexibility = tip_flexibility(structure)
+    """Yield that a contact spring [N/m] is softer than the full structure at its tip, or at any of its contacts."""
+    flexibility = tip_flexibility(structure) if structure.contacts is None else statics(structure)[0]
     if 0 < flexibility < np.inf and stiffness * flexibility < 1:
         yield (
             f"the contact spring of {label}, {stiffness:.3g} N/m, is softer than the tip, "
@@ -157,7 +155,7 @@ class FreeModes(NamedTuple):
 def free_modes(structure: Structure) -> FreeModes:
     """Return the modes of a structure with its tip free."""
     omega = frequencies(structure)
-    damping = structure.damping.of_modes(np.where(np.isinf(omega), 0.0, omega))
+    damping = structure.damping.of_modes(omega)
     if structure.damper is not None:
         damping = modal_damping(structure, mechanical_modes(structure))
     return FreeModes(omega, damping, rates(structure))
@@ -171,8 +169,8 @@ class SchemeStep:
     ----------
     scheme, options, h
         The scheme, its options and its step, s.
-    structure, modes, basis
-        The structure it steps, its free modes, and the name of its basis.
+    structure, modes
+        The structure it steps, and its free modes.
     friction
         Smallest and largest coefficient of friction of the cases.
     frequency
@@ -184,7 +182,6 @@ class SchemeStep:
     h: float
     structure: Structure
     modes: FreeModes
-    basis: str
     friction: tuple[float, float]
     frequency: float
 
@@ -198,7 +195,7 @@ class StepCaution(NamedTuple):
 
 
 def step_cautions(step: SchemeStep) -> Iterator[StepCaution]:
-    """Yield the cautions about a step: it diverges, or it rings, is unstable in contact, damps or is coarse."""
+    """Yield the cautions about a step: it diverges, or is unstable in contact, damps or is coarse."""
     scheme, modes, h = step.scheme, step.modes, step.h
     if "h" not in scheme.READS or scheme.amplification is None or scheme.thermal_amplification is None:
         return
@@ -208,10 +205,6 @@ def step_cautions(step: SchemeStep) -> Iterator[StepCaution]:
     if growth > 1 + _GROWS:
         yield StepCaution("diverges, its free step grows", f"{growth:.6g}-fold", growth)
         return
-    ringing = free[np.isinf(modes.omega)].max(initial=0.0)
-    if ringing >= _RINGS:
-        what = f"makes the tip ring, which {step.basis} leaves without mass (theta = 1 is advised): each step turns a"
-        yield StepCaution(f"{what} disturbance over and leaves", f"{ringing:.3g} of it", ringing)
     if scheme.contact_limit is not None:
         limit = min(scheme.contact_limit(step.structure, step.options, coefficient) for coefficient in step.friction)
         if h > limit:
@@ -228,7 +221,7 @@ def _numerical_damping(scheme: Scheme, step: SchemeStep) -> Iterator[StepCaution
     """
     assert scheme.amplification is not None
     omega, damping = step.modes.omega[:1], step.modes.damping[:1]
-    if not (0 < omega[0] < np.inf and damping[0] < 2 * omega[0]):
+    if not (omega[0] > 0 and damping[0] < 2 * omega[0]):
         return
     z = complex(scheme.amplification(omega, damping, step.h, step.options)[0, 0])
     exponent = complex(np.log(z)) if z else complex(-1.0)

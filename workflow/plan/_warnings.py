@@ -312,10 +312,11 @@ def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
         friction = friction_of(settings, structure, grid.inner_values(np.arange(grid.inner_count)), grid.inner_count)
         ends = float(friction.min()), float(friction.max())
         modes = _free_modes(reduced(settings))
-        step = SchemeStep(scheme, options, settings.h, structure, modes, settings.reduction, ends, grid.fastest)
+        step = SchemeStep(scheme, options, settings.h, structure, modes, ends, grid.fastest)
         said = list(step_cautions(step))
     else:
-        basis = f" with {settings.reduction}" if structure.has_massless_tip else ""
+        massless = structure.contacts is not None and structure.contacts.is_massless
+        basis = f" with {settings.reduction}" if massless else ""
         said = [StepCaution(f"fails{basis}, as {refusal}", "", 0.0)]
     yield from (_Caution(basis_text(settings), settings.scheme.label, settings.h, one) for one in said)
 

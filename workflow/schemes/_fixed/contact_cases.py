@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -94,12 +94,11 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     basis, step, h, method = operator.bases[heated], operator.steps[heated], operator.h, operator.method
+    cases = cases if method.rebounds else replace(cases, e=np.zeros(cases.count))
     periods, when = complete_periods(cases.period_frequency, sampling), schedule(sampling, h)
     record, conditions = record_of(cases, sampling, periods), conditions_of(basis, cases, sampling.duration)
     record.tally["next_sample"] = 1
     fill_first_sample(record, basis, cases, 1 / method.spring if method.spring > 0 else 0.0)
-    if not method.rebounds:
-        conditions.e[:] = 0.0
     speeds = _speeds(conditions, h, method.theta)
     casing = CasingSteps(speeds, _begun(basis, cases, conditions, speeds, operator))
     marks = Marks(when.steps, when.due, when.weight, *period_marks(cases, periods, when.steps, h))
