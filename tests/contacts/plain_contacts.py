@@ -11,6 +11,7 @@ over the contacts with x_i - d_i + h/2 u_i >= 0, u_i = w_iᵀv - V_i. Contacts w
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -23,7 +24,7 @@ from workflow.schemes import HISTORIES, Results, Sampling, Status, complete_peri
 
 READS = frozenset({"e", "h", "alpha"})
 HARMONICS = frozenset({"load", "casing"})
-GENERAL = frozenset({"contacts", "damping", "load", "friction"})
+GENERAL = frozenset({"contacts", "damping", "load", "friction", "massless"})
 MOST = 8
 """Contacts: 256 sets of them are tried."""
 
@@ -155,8 +156,18 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Step every case and sample its step ends linearly."""
-    structure, h = operator.structure, operator.h
+    """Step every case."""
+    contacts = operator.structure.contacts
+    assert contacts is not None
+    return computed(
+        operator.structure, operator.h, cases, sampling, lambda *which: march(operator, contacts, cases, *which)
+    )
+
+
+def computed(
+    structure: Structure, h: float, cases: Cases, sampling: Sampling, march: Callable[[int, int], Motion]
+) -> Results:
+    """Step every case by ``march(case, steps)``, and sample its step ends linearly."""
     contacts = structure.contacts
     assert contacts is not None
     assert contacts.count <= MOST
@@ -174,7 +185,7 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
         return np.asarray((before + when.weight[:, None] * (ahead - before)).T)
 
     for case in range(cases.count):
-        motion = march(operator, contacts, cases, case, when.steps)
+        motion = march(case, when.steps)
         touches = motion.impulses > 0
         starts = touches & ~np.vstack([np.zeros_like(touches[:1]), touches[:-1]])
         edges = np.arange(counts.max(initial=0) + 1) / max(float(cases.period_frequency[case]), 1e-300)

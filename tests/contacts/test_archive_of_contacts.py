@@ -185,8 +185,8 @@ REFUSED = {
                                                 "angles": [0.0, -1.5]}}},
         "contact `end` starts inside the casing",
     ),
-    "a scheme of one": ({"axes": {"scheme": ["plain_contacts", "carpenter"]}}, "`carpenter` takes one contact"),
-    "its reference": ({"reference": {"scheme": "penalty"}}, "reference.scheme: `penalty` takes one contact"),
+    "a scheme of one": ({"axes": {"scheme": ["plain_contacts", "one_contact"]}}, "`one_contact` takes one contact"),
+    "its reference": ({"reference": {"scheme": "one_contact"}}, "reference.scheme: `one_contact` takes one contact"),
     "too many modes": (
         {"reference": {"scheme": "plain_contacts", "mechanical_modes": 5}},
         "reference.mechanical_modes: 5 is more than the 3 interior modes, and the structure has 2 contacts",
@@ -198,7 +198,6 @@ REFUSED = {
     ),
     "steady": ({"output": OUTPUT | {"steady": True}}, "output.steady: is of one contact"),
     "a branch": ({"axes": {"alpha": {"branch": [1, 2, 3]}}}, "axes.alpha: is a branch, and the structure has 2"),
-    "balances": ({"output": OUTPUT | {"balances": True}}, "output.balances: are of one contact"),
 }  # fmt: skip
 
 

@@ -12,11 +12,11 @@ import pytest
 from plain_contacts import Operator
 from random_contacts import Drawn, drawn
 from ruamel.yaml import YAML
-from several import of_entries
+from two_masses import pressed, two_masses
 
 import workflow
 from scenes import WAVES, alone, everything_acts, heavy_chain, same_bits, sampling, step
-from workflow.models import Array, Cases, Contacts, Harmonics, Rayleigh, Structure, at_rest
+from workflow.models import Array, Cases, Contacts, Harmonics, Structure, at_rest
 from workflow.schemes import HISTORIES, Status
 
 SCENES = Path(__file__).parent / "scenes"
@@ -121,26 +121,6 @@ def test_a_case_alone_has_the_bits_it_has_in_a_batch(massless: bool) -> None:
 
 
 PERIODS = ("period_impulse", "period_temperature", "period_contact")
-
-
-def two_masses(**entries: Any) -> Structure:
-    """Return two masses on springs, a contact at each."""
-    return of_entries(
-        {"mass": np.diag([1.0, 2.0]), "stiffness": np.diag([1e4, 1e4]), "contact": np.eye(2), **entries}, Rayleigh()
-    )
-
-
-def pressed(structure: Structure, **more: Any) -> Cases:
-    """Return a case that is pushed against both its contacts, in equilibrium."""
-    assert structure.contacts is not None
-    size, zero = structure.contacts.count, np.zeros(1)
-    given: dict[str, Any] = dict.fromkeys(("e", "alpha", "gap", "mean"), zero)
-    states = {name: np.zeros((1, 2)) for name in ("displacement", "velocity")} | {
-        name: np.zeros((1, structure.thermal_size)) for name in ("heating", "temperature")
-    }
-    given |= {"steady": np.array([[30.0, 50.0]]), "gaps": np.full((1, size), 1e-3), "turns": np.zeros((1, size, 1))}
-    assert structure.coordinates is not None
-    return structure.coordinates.transformed(Cases(**{**given, **states, **more}))
 
 
 @pytest.mark.parametrize("massless", [False, True])

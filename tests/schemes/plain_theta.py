@@ -1,4 +1,4 @@
-"""The θ-method of ARCHITECTURE with plain matrices, by three laws of contact: what modal kernels must reproduce."""
+"""The θ-method of ARCHITECTURE with plain matrices, by two laws of contact: what modal kernels must reproduce."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -38,19 +38,6 @@ def march(structure: Structure, batch: Cases, h: float, theta: float, steps: int
         return max(0.0, (free - ahead + e * u) / kick) if x + h / 2 * u >= plain_casing.place(batch, k * h) else 0.0
 
     return _march(structure, batch, h, theta, steps, law)
-
-
-def march_by_place(structure: Structure, batch: Cases, h: float, theta: float, steps: int) -> Trajectory:
-    """Step the first case of a batch, with complementarity of place and impulse; for a tip without mass."""
-    place = np.array([plain_casing.place(batch, k * h) for k in range(steps + 1)])
-
-    def law(k: int, x: float, v: float, free: float, kick: float) -> float:
-        return max(0.0, (x + h * (theta * free + (1 - theta) * v) - place[k + 1]) / (h * theta * kick))
-
-    trajectory = _march(structure, batch, h, theta, steps, law)
-    pressed = trajectory.impulse > 0
-    trajectory.displacement[1:, -1][pressed] = place[1:][pressed]  # up to rounding it is there
-    return trajectory
 
 
 def march_on_spring(

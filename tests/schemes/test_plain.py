@@ -227,19 +227,3 @@ def test_random_structures_on_a_casing_that_slides(law: str) -> None:
         )
         struck += int(results.metrics["impacts"].min() > 0)
     assert struck > 3
-
-
-@pytest.mark.parametrize("theta", [0.5, pytest.param(1.0, marks=SLOW)])
-@pytest.mark.parametrize("basis", [pytest.param("massless", marks=SLOW), pytest.param("macneal", marks=SLOW)])
-def test_a_tip_without_mass(basis: str, theta: float) -> None:
-    """θ = ½ keeps each rounding of the tip's own block, which alternates: ε, 1000 steps, its poles' condition 30."""
-    whole = coupled()
-    reduction = reduce_structure(whole, 3, 4, basis)
-    structure, batch = reduction.structure, reduction.project(rub(whole))
-    results = stepped(f"moreau {theta}", structure, batch, H, STEPS)
-    assert results.metrics["impacts"].min() > 1
-    rounding = 1e-11 if theta == 0.5 else 1e-12
-    for case in range(3):
-        expected = plain_theta.march_by_place(structure, alone(batch, case), H, theta, STEPS)
-        assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < rounding
-    assert theta == 1.0 or np.abs(results.metrics["energy_residual"]).max() < rounding

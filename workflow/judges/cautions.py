@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflow.declare import measure
+from workflow.judges.blow_ups import statics
 from workflow.models import (
     Array,
     Cases,
@@ -136,8 +137,8 @@ def _friction_limits(structure: Structure, cases: Cases) -> Iterator[str]:
 
 
 def soft_spring(structure: Structure, stiffness: float, label: str) -> Iterator[str]:
-    """Yield that a contact spring [N/m] is softer than the full structure at its tip."""
-    flexibility = tip_flexibility(structure)
+    """Yield that a contact spring [N/m] is softer than the full structure at its tip, or at any of its contacts."""
+    flexibility = tip_flexibility(structure) if structure.contacts is None else statics(structure)[0]
     if 0 < flexibility < np.inf and stiffness * flexibility < 1:
         yield (
             f"the contact spring of {label}, {stiffness:.3g} N/m, is softer than the tip, "
@@ -222,7 +223,7 @@ def _numerical_damping(scheme: Scheme, step: SchemeStep) -> Iterator[StepCaution
     """
     assert scheme.amplification is not None
     omega, damping = step.modes.omega[:1], step.modes.damping[:1]
-    if not np.any((omega > 0) & (damping < 2 * omega)):
+    if not (omega[0] > 0 and damping[0] < 2 * omega[0]):
         return
     z = complex(scheme.amplification(omega, damping, step.h, step.options)[0, 0])
     exponent = complex(np.log(z)) if z else complex(-1.0)

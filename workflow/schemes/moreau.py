@@ -7,10 +7,9 @@
     v_k+1 = v_free - Ŵ⁻¹ (e_n - µ t) p,   x_k+1 = x_k + h (θ v_k+1 + (1-θ) v_k)
 
 with temperatures T and v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1
-is the implicit Euler scheme of Thorin, Guérin and Legrand. A tip that its reduction leaves without mass has no impacts:
-contact is the complementarity of gap and impulse (:mod:`workflow.schemes._fixed.complementarity`), and e is not read.
-Several contacts take their impulses together (:mod:`workflow.schemes._fixed.contact_steps`). A structure is stepped in
-its modes (:mod:`workflow.schemes._fixed`).
+is the implicit Euler scheme of Thorin, Guérin and Legrand. Several contacts take their impulses together; contacts
+without mass have no impacts: contact is the complementarity of gap and force, and e is not read
+(:mod:`workflow.schemes._fixed.contact_steps`). A structure is stepped in its modes (:mod:`workflow.schemes._fixed`).
 """
 
 from __future__ import annotations
@@ -20,13 +19,10 @@ from typing import Any
 
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
-from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import decoupled, theta_method
-from workflow.schemes._fixed.complementarity import BY_POSITION
-from workflow.schemes._fixed.contact_cases import ContactSteps, make_contact_steps, step_contacts
+from workflow.models import Array, Structure
+from workflow.schemes._fixed import contact_cases, decoupled, theta_method
+from workflow.schemes._fixed.contact_cases import Operator
 from workflow.schemes._fixed.newton import NEWTON
-from workflow.schemes._fixed.theta_method import Operator
-from workflow.schemes._interface import Results, Sampling
 
 READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"contacts", "damping", "depth", "elastic", "friction", "load", "massless"})
@@ -42,28 +38,15 @@ class Options:
     theta: float = quantity("1", "weight of the step's end, 1: implicit Euler", default=1.0, at_least=0, at_most=1)
 
 
-def init(structure: Structure, h: float, options: Options) -> Operator | ContactSteps:
+def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
     theta = float(options.theta)
     if structure.contacts is not None:
-        return make_contact_steps(structure, float(h), theta)
-    contact = BY_POSITION if structure.has_massless_tip else NEWTON
-    return theta_method.init(structure, float(h), theta, contact)
+        return contact_cases.theta_steps(structure, float(h), theta, rebounds=True)
+    return theta_method.init(structure, float(h), theta, NEWTON)
 
 
-def compute(operator: Operator | ContactSteps, cases: Cases, sampling: Sampling) -> Results:
-    """Step a whole batch."""
-    if isinstance(operator, ContactSteps):
-        return step_contacts(operator, cases, sampling)
-    return theta_method.compute(operator, cases, sampling)
-
-
-operator_name = decoupled.operator_name
-
-
-def massless_tip(options: Options) -> str | None:
-    """Return why a tip without mass cannot be stepped: it takes an implicit step."""
-    return None if options.theta > 0 else theta_method.NEEDS_IMPLICIT
+compute, operator_name = contact_cases.compute, decoupled.operator_name
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:

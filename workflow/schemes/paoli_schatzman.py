@@ -4,7 +4,9 @@ Paoli, Schatzman, SIAM J. Numer. Anal. 40 (2002) 702–733, 734–768. With the 
 negative in flight,
 
     s_k+1 = -e s_k-1  where the free step has s_k+1 + e s_k-1 > 0,
-    p_k = max(0, (s_k+1,free + e s_k-1)/(h W)),   W = e_nᵀ (M + h/2 C1)⁻¹ (e_n - µ t).
+    p_k = max(0, (s_k+1,free + e s_k-1)/(h W)),   W = e_nᵀ (M + h/2 C1)⁻¹ (e_n - µ t),
+
+of several contacts 0 <= p ⊥ W p - (s_k+1,free + e s_k-1)/h >= 0 (:mod:`workflow.schemes._fixed.contact_steps`).
 
 The tip may pass the casing by e times the way of one step before an impact. With e = 0 the scheme is
 :mod:`~workflow.schemes.carpenter`. Stable below h = 2/ω_max and, with explicit heat, 2/μ_max: see
@@ -18,15 +20,14 @@ from typing import Any, NamedTuple
 from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Structure
-from workflow.schemes._fixed import central, decoupled
+from workflow.schemes._fixed import central, contact_cases, decoupled
 from workflow.schemes._fixed.central import Differences as Options
-from workflow.schemes._fixed.central import Operator
-from workflow.schemes._fixed.complementarity import count_no_rebound
-from workflow.schemes._fixed.contact import Contact, Response, Tip, count_rebound
+from workflow.schemes._fixed.contact import Contact, Response, Tip, count_no_rebound, count_rebound
+from workflow.schemes._fixed.contact_cases import Operator
 from workflow.schemes._fixed.march import contact_law
 
 READS = frozenset({"e", "h", "alpha"})
-GENERAL = frozenset({"damping", "depth", "friction", "load"})
+GENERAL = frozenset({"contacts", "damping", "depth", "friction", "load"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.3e-10
@@ -55,9 +56,10 @@ CONTACT = Contact(lambda cases: Newton(cases.e))
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
+    if structure.contacts is not None:
+        return contact_cases.central_steps(structure, float(h), options, rebounds=True)
     return central.init(structure, float(h), options, CONTACT)
 
 
-compute, massless_tip = central.compute, central.massless_tip
+compute, operator_name = contact_cases.compute, decoupled.operator_name
 amplification, thermal_amplification = central.amplification, central.thermal_amplification
-operator_name = decoupled.operator_name

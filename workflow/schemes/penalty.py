@@ -6,7 +6,9 @@
 (:mod:`workflow.schemes._fixed.central`); with the tip in contact ω_max is that of the structure with κ at its
 tip, which grows with κ; ``implicit`` is the θ-method with λ at the step's end. Both laws are in
 :mod:`workflow.schemes._fixed.spring`. There is no restitution coefficient: without c a single mass leaves as fast as it
-came. As h → 0 the scheme converges to the motion with this spring, and to that with a rigid casing only as κ → ∞, see
+came. Several contacts have a spring and a damper each (:mod:`workflow.schemes._fixed.contact_steps`).
+
+As h → 0 the scheme converges to the motion with this spring, and to that with a rigid casing only as κ → ∞, see
 :func:`rigid`.
 """
 
@@ -17,18 +19,17 @@ from typing import Any, Literal
 
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
-from workflow.models import Array, Cases, Structure
-from workflow.schemes._fixed import central, decoupled, spring, step_limits, theta_method
+from workflow.models import Array, Structure
+from workflow.schemes._fixed import central, contact_cases, decoupled, spring, step_limits, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
-from workflow.schemes._interface import Results, Sampling
+from workflow.schemes._fixed.contact_cases import Operator
+from workflow.schemes._interface import NEEDS_MASS, RefusedStructureError
 
 READS = frozenset({"h", "alpha"})
-GENERAL = frozenset({"damping", "depth", "friction", "load"})
+GENERAL = frozenset({"contacts", "damping", "depth", "friction", "load", "massless"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.3e-10
-
-Operator = central.Operator | theta_method.Operator
 
 _CENTRAL = central.Differences(heat="explicit")
 
@@ -54,28 +55,39 @@ class Options:
 
 
 def contact_stiffness_of(structure: Structure, options: Options) -> float:
-    """Return κ [N/m]: the given one, or ten times the static stiffness of the tip relative to its rigid motion."""
+    """Return κ [N/m]: the given one, or ten times the static stiffness of the tip relative to its rigid motion.
+
+    Of several contacts that is the stiffest.
+
+    Raises
+    ------
+    RefusedStructureError
+        A free mass has no stiffness; or contacts are without mass, and the step is explicit.
+    """
+    if structure.contacts is not None and structure.contacts.is_massless and options.integration == "explicit":
+        raise RefusedStructureError(NEEDS_MASS)
     return options.stiffness if options.stiffness > 0 else spring.default_stiffness(structure)
 
 
 def rigid(structure: Structure, h: float) -> Options:
     """Return options with which the scheme converges to a rigid casing with e = 0 as h → 0.
 
-    κ and c are those that stop the free tip mass within a few steps: κ = 1/(4 h² W), c = 1/(h W), an
+    κ and c are those that stop the free tip mass within a few steps: κ = 1/(4 h² W), c = 1/(h W), W = e_nᵀ M⁻¹ e_n, an
     overdamped contact (damping ratio 1) about at the limit of the step.
     """
-    w = central.delassus(structure, h, _CENTRAL)
+    w = step_limits.mobility(step_limits.contact_modes(structure))
     return Options(stiffness=1 / (4 * h * h * w), damping=1 / (h * w))
 
 
 def contact_limit(structure: Structure, options: Options, friction: float = 0.0) -> float:
     """Return the largest step that is stable in intermittent contact, s: infinite where implicit with θ >= 0.75.
 
-    So it is for a tip without mass. Measured, see :mod:`~workflow.schemes._fixed.step_limits`; ``friction`` is µ.
+    So it is for contacts without mass. Measured, see :mod:`~workflow.schemes._fixed.step_limits`; ``friction`` is µ.
     """
     if options.integration == "explicit":
         return step_limits.switching_limit(structure, contact_stiffness_of(structure, options), friction)
-    if options.theta >= step_limits.DISSIPATES or structure.has_massless_tip:
+    massless = structure.contacts is not None and structure.contacts.is_massless
+    if options.theta >= step_limits.DISSIPATES or massless:
         return float("inf")
     return step_limits.implicit_limit(structure, contact_stiffness_of(structure, options), friction)
 
@@ -83,27 +95,17 @@ def contact_limit(structure: Structure, options: Options, friction: float = 0.0)
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
     h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
-    if options.integration == "explicit":
+    theta, explicit = float(options.theta), options.integration == "explicit"
+    if structure.contacts is not None and explicit:
+        return contact_cases.central_steps(structure, h, _CENTRAL, spring=stiffness, damper=damping)
+    if structure.contacts is not None:
+        return contact_cases.theta_steps(structure, h, theta, spring=stiffness, damper=damping)
+    if explicit:
         return central.init(structure, h, _CENTRAL, spring.central_contact(stiffness, damping))
-    theta = float(options.theta)
     return theta_method.init(structure, h, theta, spring.theta_contact(theta, stiffness, damping))
 
 
-def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Step a whole batch; ``e`` is not read."""
-    if isinstance(operator, theta_method.Operator):
-        return theta_method.compute(operator, cases, sampling)
-    return central.compute(operator, cases, sampling)
-
-
-operator_name = decoupled.operator_name
-
-
-def massless_tip(options: Options) -> str | None:
-    """Return why a tip without mass cannot be stepped: it takes an implicit step."""
-    if options.integration == "explicit":
-        return central.NEEDS_MASS
-    return None if options.theta > 0 else theta_method.NEEDS_IMPLICIT
+compute, operator_name = contact_cases.compute, decoupled.operator_name
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:

@@ -28,6 +28,10 @@ _ALWAYS, _EACH_PERIOD = 250, 30
 _TIP = 10
 """States that take as long as the tip and its contact."""
 
+_CONTACT_STEP = 2e-8
+"""Seconds of a step with several contacts, or without mass, for each state and contact: 1 to 5 of it were measured, for
+5 to 100 modes and 1 to 16 contacts."""
+
 _RUB = 5e-5
 """Seconds of a steady rub for each of its states squared."""
 
@@ -48,6 +52,8 @@ def case_seconds(settings: CaseSettings, structure: Structure, sampling: Samplin
     if has_steps and needs_matrices(structure):
         blocks *= 1 + (blocks if sampling.balances else 1)
     audit = 1.5 if sampling.balances and has_steps else 1.0
+    if has_steps and structure.contacts is not None:
+        return steps * _CONTACT_STEP * (_states(structure) + structure.contacts.count) * audit
     return steps * blocks * (scheme.STEP_SECONDS or _UNMEASURED) * audit
 
 

@@ -204,8 +204,6 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
         yield ("axes", cases.branch.axis.path), f"is a branch, {several}", "write a list, or choose one contact"
     elif cases.output.steady is not None:
         yield ("output", "steady"), f"is of one contact, {several}", "leave it out, or choose one contact"
-    if cases.output.balances:
-        yield ("output", "balances"), f"are of one contact, {several}", "leave it out"
     acts = any(axis.path.startswith("scene.load.") and "steady" not in axis.path for axis in cases.axes())
     load = cases.scene.load
     if not np.any(sizes.structure.load_direction) and (acts or load.mean or load.amplitude or load.harmonics):

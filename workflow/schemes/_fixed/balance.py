@@ -190,7 +190,7 @@ def count_work(
     store(sums.relative, lane, relative)
     working = fused(spread(account.energy_lever / step.h, lane), relative - before, before)
     store(sums.energy_bound, lane, fused(impulse, working, pack(sums.energy_bound, lane)))
-    gain = contact_gain(step, end, impulse, relative - before, free, own, tip, lane)
+    gain = contact_gain(step, end, free, own, tip, lane)
     _add_to(sums.dissipated, fused(impulse, -0.5 * (relative + before), gain), lane)
 
 
@@ -442,13 +442,11 @@ class Balances:
         self._loss = self._content * modal.rate
         self._load_direction = structure.load_direction
         self._at_tip = np.where(modal.is_coupled, 1.0, modes_at_tip(modal.tip))
-        self._kinetic = modal.mass - modal.frequency**2 * (step.lever - step.energy_lever) ** 2
+        self._kinetic = 1.0 - modal.frequency**2 * (step.lever - step.energy_lever) ** 2
         self._kinetic -= 0.5 * step.tip.h * modal.damping if step.lagged else 0.0
         self._is_dense = modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
 
         v, xi = blocks.in_modes(begun.states)
-        massless = modal.mass == 0
-        self._moving = 0.5 * project((step.tip.h * modal.frequency[massless]) ** 2, v[massless].T ** 2)
         inputs, scaled, self._unscale = _energy_rows(blocks, contact_heat(blocks, cases)), self._at_tip, self._at_tip
         sums = self._first_sums(v, xi, inputs)
         if self._is_dense:
@@ -543,8 +541,7 @@ class Balances:
         warmed = ended["tau"] / modal.heat_scale[:, None] - begun.heat + elapsed * begun.warming_modes
         initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled).T)
         heating = elapsed * project(self._content, project(modal.heat_shapes.T, self._cases.heating))
-        rest = self._rest_energy(elapsed) + self._moving
-        return Balance(sums, project(self._content, warmed.T), initial, heating, rest)
+        return Balance(sums, project(self._content, warmed.T), initial, heating, self._rest_energy(elapsed))
 
     def _rest_energy(self, elapsed: float) -> Array:
         """Return the energy below which the tip is at rest, J, ``(case,)``.
@@ -553,7 +550,7 @@ class Balances:
         force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
         """
         modal, cases, begun = self._blocks.modal, self._cases, self._begun
-        mobility, h = np.sum(modal.mass * modal.tip**2), self._free.tip.h
+        mobility, h = np.sum(modal.tip**2), self._free.tip.h
         drifts = np.abs(begun.steady).sum(axis=0) / h
         impulse = elapsed * (np.abs(cases.mean) + cases.load_harmonics.reach)
         return np.asarray(0.5 * mobility * (REST * impulse) ** 2 + 0.5 * (REST * elapsed * drifts) ** 2)

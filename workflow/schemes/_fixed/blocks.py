@@ -191,8 +191,8 @@ def separate(modal: Decoupled, step: Step) -> Blocks:
     pull = step.moved_by(-h * modal.coupling * step.load_weight)
     if modal.damping_matrix is None:
         c, k = step.moved_by(modal.damping + step.stiffening * stiffness), step.moved_by(stiffness)
-        mass, damping, spring = (values[:, None] for values in (modal.mass, modal.damping, stiffness))
-        terms = mass * step.slope**2, damping * (step.damping_weight * step.slope), spring * step.stiffness_weight
+        damping, spring = modal.damping[:, None], stiffness[:, None]
+        terms = step.slope**2, damping * (step.damping_weight * step.slope), spring * step.stiffness_weight
         places, pairs = _response(terms, -modal.coupling * step.load_weight)
         response, g = np.stack([step.slope * places, places]), np.stack([pull, np.zeros_like(pull)])
         return Blocks(modal, step, c, k, None, None, response, pairs, g)

@@ -36,12 +36,6 @@ from workflow.schemes._fixed.step_limits import limit_text
 from workflow.schemes._fixed.stepping import collect
 from workflow.schemes._interface import Results, Sampling
 
-NEEDS_MASS = (
-    "the reduction leaves the tip without mass: central differences divide by the mass that contact acts on; "
-    "moreau and implicit penalty step it"
-)
-"""Why central differences cannot step a tip without mass."""
-
 
 @dataclass(frozen=True)
 class Differences:
@@ -103,11 +97,6 @@ class Differences:
         return 1 / max(limits) if max(limits) > 0 else float("inf")
 
 
-def massless_tip(options: Differences) -> str | None:
-    """Return why a tip without mass cannot be stepped."""
-    return NEEDS_MASS
-
-
 def amplification(frequency: Array, damping: Array, h: float, options: Differences) -> Any:
     """Return the eigenvalues of the free step of each mode."""
     return options.amplification(frequency, damping, h)
@@ -158,12 +147,6 @@ def step(modal: Decoupled, h: float, differences: Differences) -> Step:
     )
 
 
-def delassus(structure: Structure, h: float, differences: Differences) -> float:
-    """Return W = e_nᵀ (M + h/2 C1)⁻¹ e_n, 1/kg: the tip's half-step velocity per unit impulse."""
-    modal = decouple(structure)
-    return float(step(modal, h, differences).delassus(modal, 0.0, 0.0))
-
-
 def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
     """Return the modal w_-½ = v_0 - (h/2) a_0, with the acceleration without contact, ``(case, mode)``."""
     velocity = project(modal.to_modes, cases.velocity)
@@ -193,20 +176,31 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     return collect(ended, *_judge(operator, blocks, cases, contact.factor(h, w) <= 0, finite))
 
 
-def _judge(operator: Operator, blocks: Blocks, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:
-    """Return the status of each case; contact has no unique solution in those that are ``ambiguous``, one or all."""
-    h, modal, differences, free = operator.h, blocks.modal, operator.differences, blocks.spectral_radius
+def growth(structure: Structure, h: float, differences: Differences) -> str | None:
+    """Return how the free step of a structure grows, ``None`` where it does not."""
+    modal = decouple(structure)
+    return _growth(separate(modal, step(modal, h, differences)), h, differences)
+
+
+def _growth(blocks: Blocks, h: float, differences: Differences) -> str | None:
+    modal, free = blocks.modal, blocks.spectral_radius
     if blocks.outward is None:
         free = np.abs(differences.amplification(modal.frequency, modal.damping, h)).max(initial=0.0)
     heat = np.abs(blocks.step.decay).max(initial=0.0)
-    growth, grown = float(max(free, heat)), None
-    if growth > 1 + ROUNDING:
-        limit = differences.largest_stable_step(modal.frequency, modal.damping, modal.rate)
-        what = "free step" if free >= heat else "explicit heat step"
-        grown = (
-            f"the {what} grows {growth:.6g}-fold at h = {h:.6g} s; central differences are stable up to "
-            f"{limit_text(limit, 7)} s"
-        )
+    grown = float(max(free, heat))
+    if grown <= 1 + ROUNDING:
+        return None
+    limit = differences.largest_stable_step(modal.frequency, modal.damping, modal.rate)
+    what = "free step" if free >= heat else "explicit heat step"
+    return (
+        f"the {what} grows {grown:.6g}-fold at h = {h:.6g} s; central differences are stable up to "
+        f"{limit_text(limit, 7)} s"
+    )
+
+
+def _judge(operator: Operator, blocks: Blocks, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:
+    """Return the status of each case; contact has no unique solution in those that are ``ambiguous``, one or all."""
+    h, grown = operator.h, _growth(blocks, operator.h, operator.differences)
 
     def explain(case: int) -> str:
         return friction_message(h, float(cases.friction[case]), operator.contact.name)

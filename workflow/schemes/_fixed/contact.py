@@ -189,6 +189,10 @@ def count_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Own, l
     own.separated[lane] -= ended * velocity
 
 
+def count_no_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Own, lane: int) -> None:
+    """Count nothing: the restitution is given."""
+
+
 @part
 def _apply_law(law: Law, step: TipStep, own: Own, first: int, stop: int) -> None:
     """Evaluate the law in some lanes; no branch but the law's own, so that the compiler can vectorise the loop."""
@@ -306,28 +310,21 @@ def _contact_centrally(step: TipStep, law: Law, free: TipInput, own: Own, tip: T
 
 
 @by_type
-def contact_gain(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: TipInput, own: Own, tip: Tips, lane: Lane
-) -> Pack:
+def contact_gain(step: TipStep, end: End, free: TipInput, own: Own, tip: Tips, lane: Lane) -> Pack:
     """Return the energy that contact creates in a step, J, besides the work of its impulse at the mean velocity.
 
-    Of a contact spring that is the gain of its energy less the work done on it. ``impulse`` is that of load less
-    contact at the tip, ``change`` that of its relative velocity; ``tip`` is the tip at the step's beginning.
+    Of a contact spring that is the gain of its energy less the work done on it; ``tip`` is the tip at the step's
+    beginning.
     """
     raise NotImplementedError
 
 
 @defines(contact_gain, TipStep)
-def _gain_by_theta(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: TipInput, own: Own, tip: Tips, lane: Lane
-) -> Pack:
+def _gain_by_theta(step: TipStep, end: End, free: TipInput, own: Own, tip: Tips, lane: Lane) -> Pack:
     """Return Δ(κ δ²/2) - h κ δ_θ (v + v')/2 with the depths δ, 0 where the tip is not beyond the casing.
 
-    Velocities are relative to the casing where that moves. A tip without mass has no impacts: its impulses S work at
-    v_θ, which differs from the work at the mean velocity by -(θ - 1/2) S Δv.
+    Velocities are relative to the casing where that moves.
     """
-    if step.holds:
-        return (0.5 - step.theta) * (impulse * change)
     drive = free.drive
     begins = pack(tip.displacement, lane) - gap_before(drive, free.gap, lane)
     ended = end.displacement - free.gap
@@ -340,9 +337,7 @@ def _gain_by_theta(
 
 
 @defines(contact_gain, CentralStep)
-def _gain_centrally(
-    step: TipStep, end: End, impulse: Pack, change: Pack, free: TipInput, own: Own, tip: Tips, lane: Lane
-) -> Pack:
+def _gain_centrally(step: TipStep, end: End, free: TipInput, own: Own, tip: Tips, lane: Lane) -> Pack:
     """Return κ δ_k (s_k+1 - s_k-1)/2, with the depth δ and the distance s from the casing.
 
     That is the change of κ δ_k δ_k+1 / 2 less the work of κ δ_k over (x_k+1 - x_k-1)/2: 0 while contact lasts.

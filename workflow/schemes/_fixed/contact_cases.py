@@ -1,24 +1,41 @@
-"""A batch of the θ-method with several contacts, or contacts without mass: its beginning, results and messages."""
+"""A batch of fixed steps with several contacts, or contacts without mass: its beginning, results and messages."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array, elementwise
 from workflow.kernels.algebra import eigenvalues
+from workflow.kernels.lanes import named_rows, rows_in
 from workflow.models import Cases, ContactBasis, Structure, analyse_contacts, poles, project, stops_together
 from workflow.schemes._exact.batch import record_of, results_of
 from workflow.schemes._exact.contact_batch import conditions_of, fill_first_sample, static_growth, with_contacts
 from workflow.schemes._exact.contact_motion import ContactCase
 from workflow.schemes._exact.event_loop import COMPLETED, NO_IMPACT_LAW, NOT_FINITE
 from workflow.schemes._exact.tables import wave
-from workflow.schemes._fixed.contact_steps import CasingSteps, Ending, Marks, Stepping, memory, step_cases, stepping
+from workflow.schemes._fixed import central, theta_method
+from workflow.schemes._fixed.balance import REST, Balance
+from workflow.schemes._fixed.central import Differences
+from workflow.schemes._fixed.contact_record import Marks
+from workflow.schemes._fixed.contact_steps import (
+    SUMS,
+    Balancing,
+    CasingSteps,
+    Ending,
+    Method,
+    Stepping,
+    memory,
+    step_cases,
+    stepping,
+)
 from workflow.schemes._fixed.loads import discrete_gains
-from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, judged
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, effective_restitution, judged
+from workflow.schemes._fixed.rows import Totals
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
 from workflow.schemes._fixed.stepping import period_marks
 from workflow.schemes._interface import Results, Sampling, complete_periods, schedule
@@ -30,11 +47,13 @@ some hundred terms of a static start."""
 
 @dataclass(frozen=True, eq=False)
 class ContactSteps:
-    """Common data of a batch: the structure in modes, step h [s] and θ."""
+    """Common data of a batch: the structure, in modes, its step h [s] and contact, and difference formulas, if any."""
 
+    structure: Structure
     basis: ContactBasis
     h: float
-    theta: float
+    method: Method
+    differences: Differences | None
 
     @cached_property
     def bases(self) -> tuple[ContactBasis, ContactBasis]:
@@ -44,45 +63,89 @@ class ContactSteps:
     @cached_property
     def steps(self) -> tuple[Stepping, Stepping]:
         """The steps of both."""
-        cold, warm = (stepping(basis, self.h, self.theta) for basis in self.bases)
+        cold, warm = (stepping(basis, self.h, self.method) for basis in self.bases)
         return cold, warm
 
 
-def make_contact_steps(structure: Structure, h: float, theta: float) -> ContactSteps:
-    """Return a structure with several contacts, or one without mass, in its modes."""
-    return ContactSteps(analyse_contacts(structure), h, theta)
+def theta_steps(structure: Structure, h: float, theta: float, **contact: Any) -> ContactSteps:
+    """Return the θ-method for a structure with contacts; ``contact`` are fields of :class:`Method`."""
+    method = Method(theta, theta, **contact)
+    return ContactSteps(structure, analyse_contacts(structure), h, method, None)
 
 
-def step_contacts(operator: ContactSteps, cases: Cases, sampling: Sampling) -> Results:
-    """Step a whole batch; thermal states are carried only in the cases where they can act."""
-    return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
+def central_steps(structure: Structure, h: float, differences: Differences, **contact: Any) -> ContactSteps:
+    """Return central differences for a structure with contacts; ``contact`` are fields of :class:`Method`."""
+    method = Method(0.0, float(differences.implicit_heat), True, differences.lagged, **contact)
+    return ContactSteps(structure, analyse_contacts(structure), h, method, differences)
+
+
+Operator = ContactSteps | central.Operator | theta_method.Operator
+
+
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch: one contact with mass in packs, others case by case."""
+    if isinstance(operator, ContactSteps):  # thermal states are carried only in the cases where they can act
+        return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
+    if isinstance(operator, central.Operator):
+        return central.compute(operator, cases, sampling)
+    return theta_method.compute(operator, cases, sampling)
 
 
 def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
-    basis, step, h = operator.bases[heated], operator.steps[heated], operator.h
+    basis, step, h, method = operator.bases[heated], operator.steps[heated], operator.h, operator.method
+    cases = cases if method.rebounds else replace(cases, e=np.zeros(cases.count))
     periods, when = complete_periods(cases.period_frequency, sampling), schedule(sampling, h)
     record, conditions = record_of(cases, sampling, periods), conditions_of(basis, cases, sampling.duration)
     record.tally["next_sample"] = 1
-    fill_first_sample(record, basis, cases)
-    speeds = _speeds(conditions, h, operator.theta)
-    begun = _begun(basis, cases, conditions, speeds)
+    fill_first_sample(record, basis, cases, 1 / method.spring if method.spring > 0 else 0.0)
+    speeds = _speeds(conditions, h, method.theta)
+    casing = CasingSteps(speeds, _begun(basis, cases, conditions, speeds, operator))
     marks = Marks(when.steps, when.due, when.weight, *period_marks(cases, periods, when.steps, h))
     ended, which, split = np.full(cases.count, NOT_FINITE), np.flatnonzero(cases.finite), with_contacts(record, basis)
-    depth = np.zeros((cases.count, basis.contacts.count))
-    casing, ending = CasingSteps(speeds, begun), Ending(ended, depth)
-    step_cases(step, conditions, casing, which, split, marks, memory(step), ending)
+    content = operator.structure.content @ basis.heat_shapes
+    begun = conditions.modal.copy()
+    ending = Ending(ended, np.zeros((cases.count, basis.contacts.count)), np.zeros(cases.count, dtype=SUMS))
+    balancing = Balancing(sampling.balances, content)
+    step_cases(step, conditions, casing, which, split, marks, memory(step), balancing, ending)
     tally, completed = record.tally, ended == COMPLETED
     each = completed.reshape(-1, *(1,) * (tally.ndim - 1))
     metrics = {name: np.where(each, tally[name], np.nan) for name in ("impacts", "contact_time", "max_temperature")}
-    metrics["max_penetration"] = np.where(each, depth.reshape(tally.shape), np.nan)
+    metrics["max_penetration"] = np.where(each, ending.penetration.reshape(tally.shape), np.nan)
     closing = project(static_growth(basis), conditions.modal[:, 2 * basis.frequency.size :]).max(axis=1)
-    metrics["thermal_closing"] = np.where(completed, closing, np.nan)
+    own = {"thermal_closing": closing}
+    if method.spring > 0 or not method.rebounds:
+        own |= effective_restitution(ending.sums["approached"], ending.sums["separated"])
+    if sampling.balances:
+        own |= _balance(basis, cases, conditions, begun, content, when.steps * h, ending.sums).residuals()
+    metrics |= {name: np.where(completed, values, np.nan) for name, values in own.items()}
     metrics["steps"] = np.full(cases.count, float(when.steps))
-    for name in ("energy_residual", "heat_residual") if sampling.balances else ():
-        metrics[name] = np.full(cases.count, np.nan)  # not balanced
-    status, messages = _judge(operator, cases, ended, split.tally["time"][:, 0])
+    status, messages = _judge(operator, conditions, ended, split.tally["time"][:, 0])
     return results_of(record, cases, periods, metrics=metrics, status=status, messages=messages)
+
+
+def _balance(
+    basis: ContactBasis,
+    cases: Cases,
+    conditions: ContactCase,
+    begun: Array,
+    content: Array,
+    elapsed: float,
+    sums: NDArray[np.void],
+) -> Balance:
+    """Return the balances of a march over ``elapsed`` seconds, from [y, y', τ] that ``begun`` it and what it summed."""
+    totals, n = named_rows(Totals, np.zeros((rows_in(Totals), cases.count))), basis.frequency.size
+    for name in ("first_energy", "last_energy", "largest_energy", "dissipated", "lost", "turned_over", "friction_heat"):
+        setattr(totals, name, sums[name])
+    load = np.abs(cases.mean) + cases.load_harmonics.reach
+    pushed = elapsed * (np.abs(conditions.constant[:, :n]) + load[:, None] * np.abs(basis.load))
+    return Balance(
+        totals,
+        sums["gained"],
+        initial=project(np.abs(content), np.abs(begun[:, 2 * n :])),
+        heating=elapsed * project(content, conditions.constant[:, n : n + content.size]),
+        rest=0.5 * ((REST * pushed) ** 2).sum(axis=1),
+    )
 
 
 def _speeds(conditions: ContactCase, h: float, theta: float) -> Array:
@@ -92,24 +155,28 @@ def _speeds(conditions: ContactCase, h: float, theta: float) -> Array:
     return np.stack([real * cos + imaginary * sin, real * sin - imaginary * cos], axis=2)
 
 
-def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: Array) -> Array:
-    """Return r and u at t = 0, ``(case, 2, contact)``.
+def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: Array, operator: ContactSteps) -> Array:
+    """Return r and u at t = 0, ``(case, 2, contact)``; of central differences u is half a step before.
 
-    Contacts with mass that start on the casing and move with it, both up to rounding, have r = u = 0, and their modes
-    the velocity V(0) there.
+    In the θ-method contacts with mass that start on the casing and move with it, both up to rounding, have r = u = 0,
+    and their modes the velocity V(0) there; in central differences modes begin with w_-½.
     """
-    own, rows = cases.casing_harmonics, basis.contacts.normal
+    own, rows, central = cases.casing_harmonics, basis.contacts.normal, operator.method.central
     x, v = project(rows, cases.displacement), project(rows, cases.velocity)
     place, moves = cases.casing_of_contacts(0.0)
-    sin, cos = elementwise.sine_cosine(conditions.waves[:, :, wave.PHASE])
+    before = operator.h * conditions.waves[:, :, wave.OMEGA] if central else 0.0
+    sin, cos = elementwise.sine_cosine(conditions.waves[:, :, wave.PHASE] - before)
     begins = (speeds[:, :, 0] * cos[:, :, None] + speeds[:, :, 1] * sin[:, :, None]).sum(axis=1)
+    modal = conditions.modal[:, basis.frequency.size : 2 * basis.frequency.size]
+    if central:
+        modal -= 0.5 * operator.h * _free_acceleration(basis, cases, conditions)
+        v = project(basis.normal, modal)
     begun = np.stack([x - place, v - begins], axis=1)
-    if basis.contacts.is_compliant:
+    if basis.contacts.is_compliant or central:
         return begun
     length = project(np.abs(rows), np.abs(cases.displacement)) + np.abs(cases.clearances) + own.reach[:, None]
     speed = project(np.abs(rows), np.abs(cases.velocity)) + np.abs(own.amplitude * own.angular).sum(axis=1)[:, None]
     held = (np.abs(x - place) <= _AT_REST * length) & (np.abs(v - moves) <= _AT_REST * speed)
-    modal = conditions.modal[:, basis.frequency.size : 2 * basis.frequency.size]
     for i in np.flatnonzero(held.any(axis=1)):
         modal[i] += np.linalg.pinv(basis.normal[held[i]]) @ (begins - v)[i, held[i]]
         begun[i, 1] = basis.normal @ modal[i] - begins[i]
@@ -117,18 +184,23 @@ def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: A
     return begun
 
 
-def _judge(operator: ContactSteps, cases: Cases, ended: NDArray[np.int64], reached: Array) -> Outcome:
+def _free_acceleration(basis: ContactBasis, cases: Cases, conditions: ContactCase) -> Array:
+    """Return y'' at t = 0 without contact, ``(case, mode)``."""
+    n = basis.frequency.size
+    y, v, tau = np.split(conditions.modal, [n, 2 * n], axis=1)
+    damped = project(basis.damping, v) if basis.damping.ndim == 2 else basis.damping * v
+    load = conditions.constant[:, :n] + cases.load_at(0.0)[:, None] * basis.load
+    return np.asarray(load - damped - basis.frequency**2 * y - project(basis.coupling, tau))
+
+
+def _judge(operator: ContactSteps, conditions: ContactCase, ended: NDArray[np.int64], reached: Array) -> Outcome:
     """Return status and message of each case."""
-    basis, h, theta, grown = operator.basis, operator.h, operator.theta, None
-    limit = largest_stable_step(np.concatenate([_poles(basis), -basis.rate]), theta)
-    if h > limit * (1 + ROUNDING):
-        grown = (
-            f"the free step grows at theta = {theta:g} and h = {h:.6g} s; it is stable up to h = {limit_text(limit)} s"
-        )
+    basis, h, method = operator.basis, operator.h, operator.method
 
     @cache  # a limit takes hundreds of trials
-    def advice(alpha: float, friction: float) -> str:
-        least = largest_step(lambda step: _is_unique(stepping(basis, step, theta), basis, alpha, friction), h)
+    def advice(alpha: float, friction: float, flexibility: float) -> str:
+        own = alpha, friction, flexibility
+        least = largest_step(lambda step: _is_unique(stepping(basis, step, method), basis, *own), h)
         if least > 0:
             return f"the symmetric part of its matrix is positive definite up to h = {limit_text(least)} s"
         return (
@@ -137,13 +209,25 @@ def _judge(operator: ContactSteps, cases: Cases, ended: NDArray[np.int64], reach
         )
 
     def explain(case: int) -> str:
+        own = (float(row[case]) for row in (conditions.alpha, conditions.friction, conditions.flexibility))
         return (
             f"contact has no unique solution at h = {h:.6g} s, t = {reached[case]:.6g} s, contacts "
-            f"{', '.join(basis.contacts.labels)}: {advice(float(cases.alpha[case]), float(cases.friction[case]))}"
+            f"{', '.join(basis.contacts.labels)}: {advice(*own)}"
         )
 
     left = f"the state left the finite numbers at h = {h:.6g} s"
-    return judged(ended == COMPLETED, ended == NO_IMPACT_LAW, explain, grown, left)
+    return judged(ended == COMPLETED, ended == NO_IMPACT_LAW, explain, _grown(operator), left)
+
+
+def _grown(operator: ContactSteps) -> str | None:
+    """Return how the free step grows, ``None`` where it does not."""
+    h, theta = operator.h, operator.method.theta
+    if operator.differences is not None:
+        return central.growth(operator.structure, h, operator.differences)
+    limit = largest_stable_step(np.concatenate([_poles(operator.basis), -operator.basis.rate]), theta)
+    if h <= limit * (1 + ROUNDING):
+        return None
+    return f"the free step grows at theta = {theta:g} and h = {h:.6g} s; it is stable up to h = {limit_text(limit)} s"
 
 
 def _poles(basis: ContactBasis) -> NDArray[np.complex128]:
@@ -154,8 +238,10 @@ def _poles(basis: ContactBasis) -> NDArray[np.complex128]:
     return eigenvalues(np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(basis.frequency**2), -basis.damping]]))
 
 
-def _is_unique(s: Stepping, basis: ContactBasis, alpha: float, friction: float) -> bool:
+def _is_unique(s: Stepping, basis: ContactBasis, alpha: float, friction: float, flexibility: float) -> bool:
     """Whether the symmetric part of the step's matrix is positive definite; of opposite stops that of either."""
-    matrix = s.law[0] + friction * s.law[1] + alpha * s.law[2]
+    m, elastic = basis.contacts.count, flexibility > 0 and not s.massless
+    parts = s.h * s.method.theta * s.delassus if elastic else s.law[:, :m, :m]
+    matrix = parts[0] + friction * parts[1] + alpha * parts[2] + flexibility / s.h * np.eye(m)
     sets = (matrix[np.ix_(closed, closed)] for closed in stops_together(basis))
     return all(np.linalg.eigvalsh(one + one.T)[0] > 0 for one in sets)

@@ -1,29 +1,42 @@
-"""The θ-method with several contacts, or contacts without mass, in the modes with all contacts open.
+"""Fixed steps with several contacts, or contacts without mass, in the modes with all contacts open.
 
-With Ŵ = 1 + hθc + h²θ²ω², T̂ = 1 + hθμ, r_i = w_iᵀy - d_i and u_i = w_iᵀy' - V_i, V of :mod:`.loads`, a step is
+With r_i = w_iᵀy - d_i and u_i = w_iᵀy' - V_i, V of :mod:`.loads`, and T̂ = 1 + hϑμ the **θ-method** is, ϑ = θ,
 
-    Ŵ (v_free - v) = h (g_θ - c v - ω² (y + hθv) - G τ_θ),   T̂ (τ_free - τ) = h (q - μ τ),
-    v⁺ = v_free - Σ p_j Ŵ⁻¹ (w_j - µ t_j + α hθ G T̂⁻¹ s_j),   τ⁺ = τ_free + α Σ p_j T̂⁻¹ s_j,
+    Ŵ (v_free - v) = h (g_θ - c v - ω² (y + hθv) - G τ_θ),   Ŵ = 1 + hθc + h²θ²ω²,
+    T̂ (τ_free - τ) = h (q - μ τ),   τ⁺ = τ_free + α Σ p_j T̂⁻¹ s_j,
+    v⁺ = v_free - Σ p_j Ŵ⁻¹ (w_j - µ t_j + α hθ G T̂⁻¹ s_j),
     u⁺ = u_free - W p,   W_ij = w_iᵀ Ŵ⁻¹ (w_j - µ t_j + α hθ G T̂⁻¹ s_j),   r⁺ = r + h (θ u⁺ + (1-θ) u),
 
-y⁺ like r⁺. Contacts **with mass** are active where r + h/2 u >= 0, and take the impulses of Newton's law together,
+y⁺ like r⁺. **Central differences** are the same at θ = 0 with Ŵ = 1 + hc/2, or 1 where damping lags, from v = w_k-½ to
+v⁺ = w_k+½ by the force at t_k and p_k centred on it, then y⁺ = y + h v⁺, r⁺ = r + h u⁺; ϑ is 1 where heat is implicit,
+else 0. What is shown at t_k is that of :mod:`.central`: the mean velocity, half the heat of p_k, and (p_k-1 + p_k)/2.
 
-    0 <= p ⊥ W p - (u_free + e u) >= 0,   u⁺ = -e u to the bit where p > 0:
+The impulses of a step solve one complementarity problem (:mod:`workflow.kernels.lemke`); the contacts that were pressed
+in the step before are tried first:
 
-what is pressed follows its casing without drift. Contacts **without mass** have the force λ = p/h at the step's end,
+- Newton's law, θ-method: 0 <= p ⊥ W p - (u_free + e u) >= 0 over the contacts with r + h/2 u >= 0; u⁺ = -e u to the
+  bit where p > 0: what is pressed follows its casing without drift.
+- Newton's law, central: 0 <= p ⊥ W p - ((1 + e) r/h + u_free - e u) >= 0; r⁺ = -e (r - h u) to the bit where p > 0.
+- By place: contacts without mass, and an elastic casing of flexibility c, have the force λ = p/h at the step's end,
+  0 <= p ⊥ L p - (r + h (θ u_free + (1-θ) u) + ρ F⁺ - R_τ τ_free) >= 0, L = hθ W + (R - µ R^t + c)/h + α R_τ T̂⁻¹ s.
+- A spring κ and a damper c, θ-method, p = h (θ λ⁺ + (1-θ) λ): with r⁺ and u⁺ linear in λ⁺, and r⁺ that of the place
+  with -(R - µ R^t) λ⁺ of contacts without mass, λ⁺ = max(0, min(κ r⁺ + c u⁺, λ⁺ + κ r⁺)). The second keeps a contact
+  that the damper alone would push out on its casing; with σ >= 0 for what it takes away,
+  0 <= λ⁺ ⊥ λ⁺ - κ r⁺ - c u⁺ + σ >= 0,   0 <= σ ⊥ λ⁺ - c u⁺ + σ >= 0. Without damper σ = 0 is left out.
+- The same, central: 0 <= p ⊥ (1 + hc/2 W) p - h (κ r + c/2 (u + u_free)) >= 0 over the contacts with r > 0.
 
-    0 <= p ⊥ L p - (r + h (θ u_free + (1-θ) u) + ρ F⁺ - R_τ τ_free) >= 0,
-    L = hθ W + (R - µ R^t)/h + α R_τ T̂⁻¹ s,
+R_τ is the residual coupling. The velocity of a contact without mass, in its record and its damper, is that of the
+modes: the residual is a spring without damping. Cases are stepped one after the other; no pack of lanes holds several.
 
-R_τ the residual coupling: no impact law, and any θ. The contacts that were pressed in the step before are tried first
-(:mod:`workflow.kernels.lemke`). Cases are stepped one after the other; no pack of lanes holds several.
+Balances are those of :mod:`.balance`, of the whole motion as in :mod:`.plain_balance`: the energy of all modes, with
+the work of contact by the velocities that its law states; of contacts without mass the modes alone.
 
 Source: Acary & Brogliato (2008), chapters 8 and 10.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,102 +49,39 @@ from workflow.schemes._exact.contact_motion import ContactCase
 from workflow.schemes._exact.event_loop import COMPLETED, NO_IMPACT_LAW, NOT_FINITE, RUNNING
 from workflow.schemes._exact.record import Record
 from workflow.schemes._exact.tables import wave
-
-PLACE, SPEED, TEMPERATURE, DEPTH = range(4)
-"""Rows of what is shown: x_i [m], x_i' [m/s], θ_i [K] and x_i - d_i [m]."""
-
-
-class Marks(NamedTuple):
-    """Number of steps, and those in which a sample or the end of a load period is due, with its fraction of the step.
-
-    Those of load periods are of a case ``(period,)``, or of all cases ``(case, period)``.
-    """
-
-    steps: int
-    sample_due: NDArray[np.int64]
-    sample_weight: Array
-    period_due: NDArray[np.int64]
-    period_weight: Array
+from workflow.schemes._fixed.contact_record import (
+    DEPTH,
+    PLACE,
+    SPEED,
+    TEMPERATURE,
+    Marks,
+    Shown,
+    between,
+    record_end,
+)
 
 
-class Shown(NamedTuple):
-    """What the contacts show."""
+class Method(NamedTuple):
+    """A fixed step and its contact."""
 
-    before: Array
-    after: Array
-    """At the beginning and the end of a step, ``(4, contact)``."""
-    impulse: Array
-    """p of the step, N s, ``(contact,)``."""
-    deepest: Array
-    """Largest penetration so far, m, ``(contact,)``."""
-
-
-@inlined
-def _between(before: float, after: float, share: float) -> float:
-    """Interpolate at a fraction of a step; the step's end itself is exact."""
-    return after if share == 1.0 else before + share * (after - before)
-
-
-@part
-def record_end(step: int, h: float, has_impacts: bool, record: Record, marks: Marks, shown: Shown) -> None:
-    """Write the samples and load periods that are due within a step, and count its end."""
-    first = record.tally[0]
-    while first.next_sample < marks.sample_due.size and marks.sample_due[first.next_sample] == step:
-        _sample(first.next_sample, marks.sample_weight[first.next_sample], record, shown)
-        first.next_sample += 1
-    while first.next_period < marks.period_due.size and marks.period_due[first.next_period] == step:
-        _close_period(first.next_period, marks.period_weight[first.next_period], h, has_impacts, record, shown)
-        first.next_period += 1
-    share = marks.sample_weight[-1] if step == marks.steps else 1.0
-    for i in range(shown.impulse.size):
-        tally, pressed = record.tally[i], shown.impulse[i] > 0.0
-        for k in range(4):
-            shown.after[k, i] = _between(shown.before[k, i], shown.after[k, i], share)
-        tally.max_temperature = max(tally.max_temperature, shown.after[TEMPERATURE, i])
-        tally.period_temperature = max(tally.period_temperature, shown.after[TEMPERATURE, i])
-        shown.deepest[i] = max(shown.deepest[i], shown.after[DEPTH, i])
-        if pressed:
-            tally.impacts += has_impacts and not tally.held
-            tally.contact_time += share * h
-            tally.impulse += share * shown.impulse[i]
-        tally.held = pressed
-
-
-@part
-def _sample(k: int, share: float, record: Record, shown: Shown) -> None:
-    """Write sample k at a fraction of the step."""
-    for i in range(shown.impulse.size):
-        for row in range(3):
-            record.histories[row, i, k] = _between(shown.before[row, i], shown.after[row, i], share)
-        impulse = record.tally[i].impulse
-        record.histories[3, i, k] = _between(impulse, impulse + shown.impulse[i], share)
-
-
-@part
-def _close_period(k: int, share: float, h: float, has_impacts: bool, record: Record, shown: Shown) -> None:
-    """Write load period k, which ends at a fraction of the step, and begin the next one."""
-    for i in range(shown.impulse.size):
-        tally, pressed = record.tally[i], shown.impulse[i] > 0.0
-        impulse = _between(tally.impulse, tally.impulse + shown.impulse[i], share)
-        contact = tally.contact_time + (share * h if pressed else 0.0)
-        impacts = tally.impacts + (1 if pressed and has_impacts and not tally.held else 0)
-        for row in range(3):
-            record.periods[3 + row, i, k] = _between(shown.before[row, i], shown.after[row, i], share)
-        reached = record.periods[3 + TEMPERATURE, i, k]
-        record.periods[0, i, k] = impulse - tally.period_impulse
-        record.periods[1, i, k] = max(tally.period_temperature, reached)
-        record.periods[2, i, k] = contact - tally.period_contact
-        record.periods[6, i, k] = impacts - tally.period_impacts
-        tally.max_temperature = max(tally.max_temperature, reached)
-        tally.period_impulse, tally.period_contact = impulse, contact
-        tally.period_temperature, tally.period_impacts = reached, impacts
+    theta: float = 0.0
+    heat_theta: float = 0.0
+    """θ of the motion, 0 of central differences, and ϑ of heat."""
+    central: bool = False
+    lagged: bool = False
+    """Whether steps are central differences; whether the velocity of the step before damps."""
+    spring: float = 0.0
+    damper: float = 0.0
+    """κ [N/m], 0 for Newton's law, and c [N s/m]."""
+    rebounds: bool = False
+    """Whether Newton's law reads e; else e = 0."""
 
 
 class Stepping(NamedTuple):
     """A step of a structure, as kernels take it."""
 
     h: float
-    theta: float
+    method: Method
     massless: bool
     couples: bool
     """Whether damping couples modes: c and Ŵ⁻¹ are ``(mode, mode)`` then, else ``(1, mode)``."""
@@ -142,13 +92,15 @@ class Stepping(NamedTuple):
     """Ŵ⁻¹."""
     coupling: Array
     """Gᵀ, ``(thermal mode, mode)``."""
+    rate: Array
     decay: Array
     weight: Array
-    """Factor (1 - h(1-θ)μ)/(1 + hθμ) of a free step, and T̂⁻¹, ``(thermal mode,)``."""
+    """μ, factor (1 - h(1-ϑ)μ)/(1 + hϑμ) of a free step, and T̂⁻¹, ``(thermal mode,)``."""
     load: Array
     """φᵀb, ``(mode,)``."""
     normal: Array
-    """wᵀ, ``(mode, contact)``."""
+    tangent: Array
+    """wᵀ and tᵀ, ``(mode, contact)``."""
     heat: Array
     """sᵀ, ``(thermal mode, contact)``."""
     kicks: Array
@@ -156,47 +108,84 @@ class Stepping(NamedTuple):
     delassus: Array
     """W, likewise, ``(3, contact, contact)``."""
     law: Array
-    """Matrix of the complementarity problem, likewise: W, or L of contacts without mass."""
+    """Matrix of the complementarity problem on a rigid casing, likewise, ``(3, unknown, unknown)``."""
+    residual: Array
+    """R and -R^t, ``(2, contact, contact)``."""
     residual_load: Array
     residual_coupling: Array
     """ρ, ``(contact,)``, and R_τᵀ, ``(thermal mode, contact)``."""
 
 
-def stepping(basis: ContactBasis, h: float, theta: float) -> Stepping:
+def stepping(basis: ContactBasis, h: float, method: Method) -> Stepping:
     """Return the step of a basis; Ŵ of damping that couples modes is inverted once."""
-    lever, contacts, couples = h * theta, basis.contacts, basis.damping.ndim == 2
+    lever, later, contacts, couples = h * method.theta, h * method.heat_theta, basis.contacts, basis.damping.ndim == 2
     damping, square = np.atleast_2d(basis.damping), basis.frequency**2
+    damped = (0.0 if method.lagged else h / 2) if method.central else lever
     if couples:
-        inverse = np.linalg.inv(np.diag(1 + lever**2 * square) + lever * damping)
+        inverse = np.linalg.inv(np.diag(1 + lever**2 * square) + damped * damping)
     else:
-        inverse = 1 / (1 + lever * damping + lever**2 * square)
-    weight = 1 / (1 + lever * basis.rate)
+        inverse = 1 / (1 + damped * damping + lever**2 * square)
+    weight = 1 / (1 + later * basis.rate)
     warming = weight[:, None] * basis.heat.T
     forces = np.stack([basis.normal, -basis.tangent, lever * (basis.coupling @ warming).T])
     kicks = forces @ inverse if couples else forces * inverse
-    law = delassus = basis.normal @ kicks.swapaxes(1, 2)
-    if contacts.is_compliant:
-        cold = contacts.flexibility(0.0)
-        per_friction = contacts.flexibility(1.0) - cold
-        law = lever * delassus + np.stack([cold / h, per_friction / h, basis.residual_coupling @ warming])
+    delassus, residual = basis.normal @ kicks.swapaxes(1, 2), np.zeros((2, contacts.count, contacts.count))
+    if contacts.is_massless:
+        residual[0] = contacts.flexibility(0.0)
+        residual[1] = contacts.flexibility(1.0) - residual[0]
     arrays = {
         "stiffness": square,
         "damping": damping,
         "inverse": inverse,
         "coupling": basis.coupling.T,
-        "decay": (1 - h * (1 - theta) * basis.rate) * weight,
+        "rate": basis.rate,
+        "decay": (1 - (h - later) * basis.rate) * weight,
         "weight": weight,
         "load": basis.load,
         "normal": basis.normal.T,
+        "tangent": basis.tangent.T,
         "heat": basis.heat.T,
         "kicks": kicks,
         "delassus": delassus,
-        "law": law,
+        "law": _law(h, method, delassus, np.stack([*residual, basis.residual_coupling @ warming])),
+        "residual": residual,
         "residual_load": basis.residual_load,
         "residual_coupling": basis.residual_coupling.T,
     }
-    laid_out = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
-    return Stepping(h=h, theta=theta, massless=contacts.is_compliant, couples=couples, **laid_out)
+    laid_out: dict[str, Any] = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
+    return Stepping(h=h, method=method, massless=contacts.is_massless, couples=couples, **laid_out)
+
+
+def _law(h: float, method: Method, delassus: Array, residual: Array) -> Array:
+    """Return the matrices of the law of a step, from W and from R, -R^t and R_τ T̂⁻¹ s, ``(3, unknown, unknown)``."""
+    lever, one = h * method.theta, np.zeros_like(delassus)
+    one[0] = np.eye(delassus.shape[1])
+    if method.spring == 0.0:
+        per_impulse = np.array([1 / h, 1 / h, 1.0])[:, None, None]
+        return lever * delassus + per_impulse * residual if residual.any() else delassus
+    if method.central:
+        return one + 0.5 * h * method.damper * delassus
+    per_force = np.array([1.0, 1.0, lever])[:, None, None]
+    yields, slows = lever * lever * delassus + per_force * residual, one + lever * method.damper * delassus
+    pressed = slows + method.spring * yields
+    return pressed if method.damper == 0.0 else np.block([[pressed, one], [slows, one]])
+
+
+SUMS = np.dtype(
+    [
+        ("first_energy", "f8"),  # J
+        ("last_energy", "f8"),
+        ("largest_energy", "f8"),
+        ("dissipated", "f8"),  # less the work of loads and contact, J
+        ("lost", "f8"),  # heat, J
+        ("turned_over", "f8"),  # sum of |lost| over the steps, J
+        ("friction_heat", "f8"),  # J
+        ("gained", "f8"),  # heat content at the end less that at t = 0, J
+        ("approached", "f8"),  # sums of effective_restitution, (m/s)²
+        ("separated", "f8"),
+    ]
+)
+"""Sums of a case."""
 
 
 class Now(NamedTuple):
@@ -204,40 +193,54 @@ class Now(NamedTuple):
 
     y: Array
     v: Array
+    """Modal state, ``(mode,)``; v is w_k-½ of central differences."""
     tau: Array
-    """Modal state, ``(mode,)`` and ``(thermal mode,)``."""
+    tau_before: Array
+    """Thermal modes, and those at the step's beginning, ``(thermal mode,)``."""
     free: Array
     force: Array
     warm: Array
-    """v_free and the force on it, ``(mode,)``; τ_free, ``(thermal mode,)``."""
+    """v_free and the force on it, ``(mode,)``; τ_free, ``(thermal mode,)``; with the impulses v⁺ and τ⁺."""
     apart: Array
+    ahead: Array
+    """r and r⁺, ``(contact,)``."""
     parting: Array
     loose: Array
-    """r, u and u_free, ``(contact,)``."""
+    leaving: Array
+    """u, u_free less W p, and u⁺ as the law states it, ``(contact,)``."""
     place: Array
     speed: Array
-    """d and V, ``(contact,)``."""
+    speed_before: Array
+    """d, V and V a step before, ``(contact,)``."""
+    pushes: Array
+    pushed: Array
+    """λ⁺ of a spring in the θ-method, else what the law finds of p; and that of the step before, ``(contact,)``."""
+    impulse: Array
+    impulse_before: Array
+    """p, and p of the step before, ``(contact,)``."""
+    approach: Array
+    """u before the present contact began, ``(contact,)``."""
     kicks: Array
     delassus: Array
     law: Array
-    """As in :class:`Stepping`, at µ and α of the case."""
+    flexibility: Array
+    """As in :class:`Stepping`, at µ and α of the case, and R - µ R^t."""
     tried: NDArray[np.int64]
     """Contacts in the complementarity problem, ``(contact,)``."""
     problem: Complementarity
     shown: Shown
-    """With p."""
 
 
 def memory(s: Stepping) -> Now:
     """Return memory for one case."""
-    (thermal, m), modes = s.heat.shape, s.load.size
+    (thermal, m), modes, unknowns = s.heat.shape, s.load.size, s.law.shape[1]
     y, v, free, force = np.zeros((4, modes))
-    tau, warm = np.zeros((2, thermal))
-    apart, parting, loose, place, speed = np.zeros((5, m))
-    kicks, (delassus, law) = np.zeros((m, modes)), np.zeros((2, m, m))
-    tried, shown = np.zeros(m, dtype=np.int64), Shown(*np.zeros((2, 4, m)), *np.zeros((2, m)))
-    contacts = apart, parting, loose, place, speed, kicks, delassus, law
-    return Now(y, v, tau, free, force, warm, *contacts, tried, problem(m), shown)
+    tau, tau_before, warm = np.zeros((3, thermal))
+    matrices = np.zeros((m, modes)), np.zeros((m, m)), np.zeros((unknowns, unknowns)), np.zeros((m, m))
+    shown = Shown(*np.zeros((2, 4, m)), *np.zeros((2, m)))
+    scratch = np.zeros(m, dtype=np.int64), problem(unknowns), shown
+    rows: Any = (y, v, tau, tau_before, free, force, warm, *np.zeros((13, m)), *matrices, *scratch)
+    return Now(*rows)
 
 
 class CasingSteps(NamedTuple):
@@ -249,11 +252,19 @@ class CasingSteps(NamedTuple):
     """r and u at t = 0, ``(case, 2, contact)``."""
 
 
+class Balancing(NamedTuple):
+    """Whether balances are counted, and the heat content per thermal mode, J/K."""
+
+    counts: bool
+    content: Array
+
+
 class Ending(NamedTuple):
-    """How cases ended, ``(case,)``, and the largest penetration, m, ``(case, contact)``."""
+    """How cases ended, ``(case,)``, the largest penetration, m, ``(case, contact)``, and :data:`SUMS` of each."""
 
     ended: NDArray[np.int64]
     penetration: Array
+    sums: Any
 
 
 @kernel
@@ -265,61 +276,103 @@ def step_cases(
     record: Record,
     marks: Marks,
     now: Now,
+    balancing: Balancing,
     ending: Ending,
 ) -> None:
-    """Step cases one after the other; their states at the end are left in ``cases.modal``."""
+    """Step cases one after the other; their thermal modes at the end are left in ``cases.modal``."""
     for i in which:
         mine = Record(
             record.times, record.period_ends[i], record.histories[i], record.periods[i], record.tally[i], record.events
         )
         own = Marks(marks.steps, marks.sample_due, marks.sample_weight, marks.period_due[i], marks.period_weight[i])
-        ending.ended[i] = _march(s, of_case(cases, i), casing.speeds[i], casing.begun[i], mine, own, now)
+        casing_of_case = CasingSteps(casing.speeds[i], casing.begun[i])
+        ending.ended[i] = _march(s, of_case(cases, i), casing_of_case, mine, own, now, balancing, ending.sums[i])
         for c in range(now.place.size):
             ending.penetration[i, c] = now.shown.deepest[c]
 
 
 @part
-def _march(s: Stepping, case: ContactCase, speeds: Array, begun: Array, record: Record, marks: Marks, now: Now) -> int:
+def _march(
+    s: Stepping,
+    case: ContactCase,
+    casing: CasingSteps,
+    record: Record,
+    marks: Marks,
+    now: Now,
+    balancing: Balancing,
+    sums: Any,
+) -> int:
     """Step a case; return how it ended."""
-    load = _begin(s, case, speeds, begun, record, now)
+    load, central, share, ended = _begin(s, case, casing, record, now), s.method.central, 1.0, RUNNING
+    _begin_sums(s, now, balancing, sums)
+    if central:
+        ended = _press(s, case, load, load, now, balancing, sums)
+        for i in range(now.impulse.size):
+            now.impulse_before[i] = 2.0 * now.impulse[i]  # p_0 spans half a step and counts whole
     for step in range(1, marks.steps + 1):
-        record.tally[0].time = step * s.h
-        before, load = load, _turn(case, speeds, step * s.h, now)
-        _step_freely(s, case, s.theta * load + (1.0 - s.theta) * before, now)
-        ended = _press(s, case.e, load, now)
         if ended != RUNNING:
             return ended
-        if not _end(s, case, marks.sample_weight[-1] if step == marks.steps else 1.0, now):
-            return NOT_FINITE
-        record_end(step, s.h, not s.massless, record, marks, now.shown)
-    n = now.y.size
+        record.tally[0].time = step * s.h
+        if central:
+            _advance(s, case, now, balancing, sums)
+        before, load = load, _turn(case, casing.speeds, step * s.h, now)
+        ended = _press(s, case, before, load, now, balancing, sums)
+        if ended == RUNNING:
+            if central:
+                finite = _show_centrally(s, case, now)
+            else:
+                _advance(s, case, now, balancing, sums)
+                finite = _show(s, case, load, now)
+            if not finite:
+                return NOT_FINITE
+            share = marks.sample_weight[-1] if step == marks.steps else 1.0
+            record_end(step, s.h, not _is_by_place(s, case), record, marks, now.shown)
     for q in range(now.tau.size):
-        case.modal[2 * n + q] = now.tau[q]
-    return COMPLETED
+        sums.gained += balancing.content[q] * now.tau[q]
+        case.modal[2 * now.y.size + q] = between(now.tau_before[q], now.tau[q], share)
+    return COMPLETED if ended == RUNNING else ended
+
+
+@inlined
+def _is_by_place(s: Stepping, case: ContactCase) -> bool:
+    """Tell whether contact has no impacts: without mass, or on an elastic casing."""
+    return s.massless or case.flexibility > 0.0
 
 
 @part
-def _begin(s: Stepping, case: ContactCase, speeds: Array, begun: Array, record: Record, now: Now) -> float:
+def _begin(s: Stepping, case: ContactCase, casing: CasingSteps, record: Record, now: Now) -> float:
     """Set state and matrices of a case to its beginning; return the load."""
-    n, m = now.y.size, now.place.size
+    n, m, unknowns = now.y.size, now.place.size, s.law.shape[1]
     for j in range(n):
         now.y[j], now.v[j] = case.modal[j], case.modal[n + j]
     for q in range(now.tau.size):
-        now.tau[q] = case.modal[2 * n + q]
-    load = _turn(case, speeds, 0.0, now)
+        now.tau[q] = now.tau_before[q] = case.modal[2 * n + q]
+    _turn(case, casing.speeds, -s.h, now)
+    load = _turn(case, casing.speeds, 0.0, now)
     for i in range(m):
-        now.apart[i], now.parting[i], now.shown.impulse[i] = begun[0, i], begun[1, i], 0.0
+        now.apart[i], now.parting[i] = casing.begun[0, i], casing.begun[1, i]
+        now.pushes[i] = now.approach[i] = 0.0
         for row in range(3):
             now.shown.after[row, i] = record.histories[row, i, 0]
         now.shown.after[DEPTH, i] = now.shown.after[PLACE, i] - now.place[i]
         record.tally[i].max_temperature = record.tally[i].period_temperature = now.shown.after[TEMPERATURE, i]
         now.shown.deepest[i] = max(0.0, now.shown.after[DEPTH, i])
+        if s.massless and s.method.spring > 0.0:
+            now.pushes[i] = s.method.spring * now.shown.deepest[i]
         for j in range(n):
             now.kicks[i, j] = s.kicks[0, i, j] + case.friction * s.kicks[1, i, j] + case.alpha * s.kicks[2, i, j]
         for j in range(m):
             cold = s.delassus[0, i, j] + case.friction * s.delassus[1, i, j]
             now.delassus[i, j] = cold + case.alpha * s.delassus[2, i, j]
+            now.flexibility[i, j] = s.residual[0, i, j] + case.friction * s.residual[1, i, j]
+    for i in range(unknowns):
+        for j in range(unknowns):
             now.law[i, j] = s.law[0, i, j] + case.friction * s.law[1, i, j] + case.alpha * s.law[2, i, j]
+    if case.flexibility > 0.0:
+        for i in range(m):
+            for j in range(m):
+                now.law[i, j] = now.law[i, j] if s.massless else s.h * s.method.theta * now.delassus[i, j]
+            now.law[i, i] += case.flexibility / s.h
     return load
 
 
@@ -329,7 +382,7 @@ def _turn(case: ContactCase, speeds: Array, t: float, now: Now) -> float:
     inputs, m = now.y.size + now.tau.size, now.place.size
     load = case.constant[inputs]
     for i in range(m):
-        now.place[i], now.speed[i] = case.constant[inputs + 1 + i], 0.0
+        now.place[i], now.speed_before[i], now.speed[i] = case.constant[inputs + 1 + i], now.speed[i], 0.0
     for k in range(case.acting):
         sin, cos = elementary.sine_cosine(case.waves[k, wave.OMEGA] * t + case.waves[k, wave.PHASE])
         load += case.waves[k, wave.LOAD] * sin
@@ -340,14 +393,51 @@ def _turn(case: ContactCase, speeds: Array, t: float, now: Now) -> float:
 
 
 @part
+def _press(
+    s: Stepping, case: ContactCase, before: float, load: float, now: Now, balancing: Balancing, sums: Any
+) -> int:
+    """Fill p, v⁺, u⁺, r⁺ and τ⁺ of a step between two loads; return RUNNING or how the case ended."""
+    method, h = s.method, s.h
+    mean = load if method.central else method.theta * load + (1.0 - method.theta) * before
+    _step_freely(s, case, mean, now)
+    for i in range(now.impulse.size):
+        now.impulse[i], now.pushed[i] = 0.0, now.pushes[i]
+        if method.spring > 0.0 and not method.central and now.pushes[i] > 0.0:
+            _strike(s, case, i, h * (1.0 - method.theta) * now.pushes[i], now)
+    ended = _solve(s, case, load, now)
+    if ended != RUNNING:
+        return ended
+    for i in range(now.impulse.size):
+        pressed = now.pushes[i] > 0.0
+        now.leaving[i] = now.loose[i]
+        if method.central:
+            now.ahead[i] = now.apart[i] + h * now.leaving[i]
+            if pressed and method.spring == 0.0:
+                now.ahead[i] = -case.e * (now.apart[i] - h * now.parting[i])
+                now.leaving[i] = (now.ahead[i] - now.apart[i]) / h
+        else:
+            if pressed and method.spring == 0.0 and not _is_by_place(s, case):
+                now.leaving[i] = -case.e * now.parting[i]
+            now.ahead[i] = now.apart[i] + h * (method.theta * now.leaving[i] + (1.0 - method.theta) * now.parting[i])
+        if pressed and now.pushed[i] <= 0.0:
+            now.approach[i] = now.parting[i]
+        elif now.pushed[i] > 0.0 and not pressed:
+            sums.approached += now.approach[i] * now.approach[i]
+            sums.separated -= now.approach[i] * now.leaving[i]
+    if balancing.counts:
+        _count_work(s, case, mean, now, sums)
+    return RUNNING
+
+
+@part
 def _step_freely(s: Stepping, case: ContactCase, load: float, now: Now) -> None:
     """Fill v_free, τ_free and u_free."""
-    n, m, h, lever = now.y.size, now.place.size, s.h, s.h * s.theta
+    n, m, h, theta = now.y.size, now.place.size, s.h, s.method.theta
     for j in range(n):
-        now.force[j] = case.constant[j] + load * s.load[j] - s.stiffness[j] * (now.y[j] + lever * now.v[j])
+        now.force[j] = case.constant[j] + load * s.load[j] - s.stiffness[j] * (now.y[j] + h * theta * now.v[j])
     for q in range(now.tau.size):
         now.warm[q] = s.decay[q] * now.tau[q] + h * s.weight[q] * case.constant[n + q]
-        mean = s.theta * now.warm[q] + (1.0 - s.theta) * now.tau[q]
+        mean = theta * now.warm[q] + (1.0 - theta) * now.tau[q]
         for j in range(n):
             now.force[j] -= s.coupling[q, j] * mean
     if s.couples:
@@ -370,73 +460,209 @@ def _step_freely(s: Stepping, case: ContactCase, load: float, now: Now) -> None:
 
 
 @part
-def _press(s: Stepping, e: float, load: float, now: Now) -> int:
-    """Fill p; return RUNNING or how the case ended."""
-    p, impulse, size, meet = now.problem, now.shown.impulse, 0, False
-    for i in range(impulse.size):
-        if s.massless:
-            over = now.apart[i] + s.h * (s.theta * now.loose[i] + (1.0 - s.theta) * now.parting[i])
-            over += s.residual_load[i] * load
-            for q in range(now.warm.size):
-                over -= s.residual_coupling[q, i] * now.warm[q]
+def _strike(s: Stepping, case: ContactCase, i: int, p: float, now: Now) -> None:
+    """Add an impulse of contact ``i`` to those of the step, with what it does to v⁺, u⁺ and τ⁺."""
+    now.impulse[i] += p
+    for j in range(now.free.size):
+        now.free[j] -= now.kicks[i, j] * p
+    for k in range(now.loose.size):
+        now.loose[k] -= now.delassus[k, i] * p
+    for q in range(now.warm.size):
+        now.warm[q] += case.alpha * s.weight[q] * s.heat[q, i] * p
+
+
+@inlined
+def _place_ahead(s: Stepping, i: int, load: float, now: Now) -> float:
+    """Return r of contact ``i`` at the end of a step of the θ-method, with its residual but for the force there."""
+    place = now.apart[i] + s.h * (s.method.theta * now.loose[i] + (1.0 - s.method.theta) * now.parting[i])
+    if s.massless:
+        place += s.residual_load[i] * load
+        for q in range(now.warm.size):
+            place -= s.residual_coupling[q, i] * now.warm[q]
+    return float(place)
+
+
+@part
+def _solve(s: Stepping, case: ContactCase, load: float, now: Now) -> int:
+    """Solve the law of the step, and strike by its impulses; return RUNNING or how the case ended."""
+    p, m, method, h = now.problem, now.pushes.size, s.method, s.h
+    size, meets, slowed = 0, False, method.damper > 0.0 and not method.central
+    for i in range(m):
+        if method.spring > 0.0 and method.central:
+            may, deep = now.apart[i] > 0.0, now.apart[i]
+            over = h * (method.spring * deep + 0.5 * method.damper * (now.parting[i] + now.loose[i]))
+        elif method.spring > 0.0:
+            may, deep = True, _place_ahead(s, i, load, now)
+            over = method.spring * deep + method.damper * now.loose[i]
+        elif method.central:
+            over = (1.0 + case.e) * (now.apart[i] / h) + now.loose[i] - case.e * now.parting[i]
+            may, deep = True, over
+        elif _is_by_place(s, case):
+            over = _place_ahead(s, i, load, now)
+            may, deep = True, over
         else:
-            over = now.loose[i] + e * now.parting[i]
+            over = now.loose[i] + case.e * now.parting[i]
+            may, deep = now.apart[i] + 0.5 * h * now.parting[i] >= 0.0, over
         if not np.isfinite(over):
             return NOT_FINITE
-        if s.massless or now.apart[i] + 0.5 * s.h * now.parting[i] >= 0.0:
-            p.constant[size], p.active[size], now.tried[size] = -over, impulse[i] > 0.0, i
-            size, meet = size + 1, meet or over > 0.0
-        impulse[i] = 0.0
-    if not meet:
+        if may:
+            p.constant[size], p.active[size], now.tried[size] = -over, now.pushes[i] > 0.0, i
+            size, meets = size + 1, meets or (over > 0.0 and deep > 0.0)
+        if slowed:
+            p.constant[m + i], p.active[m + i] = -method.damper * now.loose[i], False
+        now.pushes[i] = 0.0
+    if not meets:
         return RUNNING
     for k in range(size):
         for q in range(size):
             p.matrix[k, q] = now.law[now.tried[k], now.tried[q]]
-    if not solve_complementarity(p, size):
+    if slowed:  # all contacts are tried
+        for k in range(2 * m):
+            for q in range(2 * m):
+                p.matrix[k, q] = now.law[k, q]
+    if not solve_complementarity(p, 2 * m if slowed else size):
         return NO_IMPACT_LAW
     for k in range(size):
-        impulse[now.tried[k]] = max(0.0, p.solution[k])
+        if p.solution[k] > 0.0:
+            now.pushes[now.tried[k]] = p.solution[k]
+            lever = h * method.theta if method.spring > 0.0 and not method.central else 1.0
+            _strike(s, case, now.tried[k], lever * p.solution[k], now)
     return RUNNING
 
 
 @part
-def _end(s: Stepping, case: ContactCase, share: float, now: Now) -> bool:
-    """Advance the state by the impulses, temperatures to a share of the step; return whether it is finite."""
-    n, m, h, theta, shown = now.y.size, now.place.size, s.h, s.theta, now.shown
-    for i in range(m):
-        p = shown.impulse[i]
-        if p > 0.0:
-            for j in range(n):
-                now.free[j] -= now.kicks[i, j] * p
-            for k in range(m):
-                now.loose[k] -= now.delassus[k, i] * p
-            for q in range(now.tau.size):
-                now.warm[q] += case.alpha * s.weight[q] * s.heat[q, i] * p
-    for j in range(n):
-        now.y[j] += h * (theta * now.free[j] + (1.0 - theta) * now.v[j])
+def _advance(s: Stepping, case: ContactCase, now: Now, balancing: Balancing, sums: Any) -> None:
+    """Move on to the end of a step."""
+    theta, later = 1.0 if s.method.central else s.method.theta, s.method.heat_theta
+    for j in range(now.y.size):
+        now.y[j] += s.h * (theta * now.free[j] + (1.0 - theta) * now.v[j])
         now.v[j] = now.free[j]
-    total = 0.0
-    for i in range(m):
-        pressed = shown.impulse[i] > 0.0
-        u = -case.e * now.parting[i] if pressed and not s.massless else now.loose[i]
-        now.apart[i] += h * (theta * u + (1.0 - theta) * now.parting[i])
-        now.parting[i] = u
-        depth = now.apart[i]
-        if s.massless:  # it is -(L p - over), 0 where p > 0
-            depth = 0.0 if pressed else -now.problem.constant[i]
-            for k in range(m):
-                depth -= 0.0 if pressed else now.law[i, k] * shown.impulse[k]
-        for row in range(4):
-            shown.before[row, i] = shown.after[row, i]
-        shown.after[PLACE, i], shown.after[SPEED, i], shown.after[DEPTH, i] = (
-            now.place[i] + depth,
-            now.speed[i] + u,
-            depth,
-        )
-        shown.after[TEMPERATURE, i] = 0.0
-        for q in range(now.tau.size):
-            shown.after[TEMPERATURE, i] += s.heat[q, i] * now.warm[q]
-        total += abs(depth) + abs(u) + abs(shown.after[TEMPERATURE, i])
+    lost = 0.0
     for q in range(now.tau.size):
-        now.tau[q] = now.warm[q] if share == 1.0 else now.tau[q] + share * (now.warm[q] - now.tau[q])
+        now.tau_before[q], now.tau[q] = now.tau[q], now.warm[q]
+        if balancing.counts:
+            loss = later * now.tau[q] + (1.0 - later) * now.tau_before[q]
+            lost += s.h * balancing.content[q] * s.rate[q] * loss
+    sums.lost += lost
+    sums.turned_over += abs(lost)
+    for i in range(now.apart.size):
+        now.apart[i], now.parting[i] = now.ahead[i], now.leaving[i]
+        sums.friction_heat += case.alpha * now.impulse[i]
+    if balancing.counts and not s.method.central:
+        _measure(s, now.v, 0.0, now, sums)
+
+
+@part
+def _show(s: Stepping, case: ContactCase, load: float, now: Now) -> bool:
+    """Fill what a step of the θ-method shows at its end; return whether it is finite."""
+    shown, total, by_place = now.shown, 0.0, s.method.spring == 0.0 and _is_by_place(s, case)
+    for i in range(now.apart.size):
+        depth, pressed = now.apart[i], now.pushes[i] > 0.0
+        if s.massless:
+            depth += s.residual_load[i] * load
+            for q in range(now.tau.size):
+                depth -= s.residual_coupling[q, i] * now.tau[q]
+            for k in range(now.apart.size):
+                depth -= now.flexibility[i, k] * (now.pushes[k] / s.h if by_place else now.pushes[k])
+        if by_place and pressed:
+            depth = case.flexibility * now.pushes[i] / s.h
+        temperature = 0.0
+        for q in range(now.tau.size):
+            temperature += s.heat[q, i] * now.tau[q]
+        total += _show_contact(shown, i, now.place[i] + depth, now.speed[i] + now.parting[i], temperature, depth)
+        shown.impulse[i] = now.impulse[i]
     return bool(np.isfinite(total))
+
+
+@part
+def _show_centrally(s: Stepping, case: ContactCase, now: Now) -> bool:
+    """Fill what central differences show at t_k; return whether it is finite."""
+    shown, total = now.shown, 0.0
+    for i in range(now.apart.size):
+        speed = 0.5 * (now.parting[i] + now.speed_before[i] + now.leaving[i] + now.speed[i])
+        temperature = 0.0
+        for q in range(now.tau.size):
+            heat = 0.0
+            for k in range(now.apart.size):
+                heat += s.heat[q, k] * now.impulse[k]
+            temperature += s.heat[q, i] * (now.tau[q] + 0.5 * case.alpha * s.weight[q] * heat)
+        total += _show_contact(shown, i, now.place[i] + now.apart[i], speed, temperature, now.apart[i])
+        shown.impulse[i] = 0.5 * (now.impulse_before[i] + now.impulse[i])
+        now.impulse_before[i] = now.impulse[i]
+    return bool(np.isfinite(total))
+
+
+@inlined
+def _show_contact(shown: Shown, i: int, place: float, speed: float, temperature: float, depth: float) -> float:
+    """Fill what a contact shows at the end of a step; return a number that is finite where that is."""
+    for row in range(4):
+        shown.before[row, i] = shown.after[row, i]
+    shown.after[PLACE, i], shown.after[SPEED, i] = place, speed
+    shown.after[TEMPERATURE, i], shown.after[DEPTH, i] = temperature, depth
+    return abs(place) + abs(speed) + abs(temperature)
+
+
+@part
+def _begin_sums(s: Stepping, now: Now, balancing: Balancing, sums: Any) -> None:
+    """Set the sums of a case to t = 0."""
+    if balancing.counts:
+        for q in range(now.tau.size):
+            sums.gained -= balancing.content[q] * now.tau[q]
+        _measure(s, now.v, -s.h if s.method.central else 0.0, now, sums)
+        sums.first_energy = sums.last_energy
+
+
+@part
+def _measure(s: Stepping, v: Array, lever: float, now: Now, sums: Any) -> None:
+    """Compute the energy, (v² + ω² y (y + lever v))/2 over all modes."""
+    energy = 0.0
+    for j in range(now.y.size):
+        energy += 0.5 * (v[j] * v[j] + s.stiffness[j] * now.y[j] * (now.y[j] + lever * v[j]))
+    sums.last_energy = energy
+    sums.largest_energy = max(sums.largest_energy, energy)
+
+
+@part
+def _count_work(s: Stepping, case: ContactCase, load: float, now: Now, sums: Any) -> None:
+    """Add what damping, heat and contact take from the motion in a step, less what loads give."""
+    n, h, method = now.y.size, s.h, s.method
+    taken = 0.0
+    for j in range(n):
+        now.force[j] = -case.constant[j] - load * s.load[j]
+    for q in range(now.tau.size):
+        tau = now.tau[q] if method.central else 0.5 * (now.tau[q] + now.warm[q])
+        for j in range(n):
+            now.force[j] += s.coupling[q, j] * tau
+    for k in range(n):
+        damps = now.v[k] if method.lagged else 0.5 * (now.v[k] + now.free[k])
+        if s.couples:
+            for j in range(n):
+                now.force[j] += s.damping[k, j] * damps
+        else:
+            now.force[k] += s.damping[0, k] * damps
+    for j in range(n):
+        taken += 0.5 * h * now.force[j] * (now.v[j] + now.free[j])
+    for i in range(now.impulse.size):
+        p = now.impulse[i]
+        if p > 0.0:
+            along = 0.5 * (now.parting[i] + now.speed_before[i] + now.leaving[i] + now.speed[i])
+            for j in range(n):
+                along -= 0.5 * case.friction * s.tangent[j, i] * (now.v[j] + now.free[j])
+            taken += p * along
+        if method.spring > 0.0 and not s.massless:
+            taken += method.spring * _spring_gain(s, i, now)
+    sums.dissipated += taken
+    if method.central:
+        _measure(s, now.free, h, now, sums)
+
+
+@part
+def _spring_gain(s: Stepping, i: int, now: Now) -> float:
+    """Return the energy that a contact spring of stiffness 1 creates in a step, as in :func:`.contact.contact_gain`."""
+    h, theta, begins, ends = s.h, s.method.theta, now.apart[i], now.ahead[i]
+    if s.method.central:
+        behind = begins - h * now.parting[i]
+        return float(0.5 * max(0.0, begins) * (min(0.0, behind) - min(0.0, ends)))
+    before, after = max(0.0, begins), max(0.0, ends)
+    worked = (theta * after + (1.0 - theta) * before) * (0.5 * h * (now.parting[i] + now.leaving[i]))
+    return float(0.5 * (after * after - before * before) - worked)

@@ -36,9 +36,8 @@ class Decoupled:
 
     Attributes
     ----------
-    mass, frequency, damping
-        1, ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``. The last mode of a tip without mass is its static
-        deformation: 0, the root of its stiffness [√(N/m)] and a_K times the stiffness.
+    frequency, damping
+        ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``.
     tip
         φ_jn, 1/√kg, ``(mode,)``.
     rate, heat_tip
@@ -61,7 +60,6 @@ class Decoupled:
         wᵀχ_l of another temperature than the tip's that is recorded, 1/√(J/K), ``(thermal mode,)``.
     """
 
-    mass: Array
     frequency: Array
     damping: Array
     tip: Array
@@ -123,14 +121,13 @@ def decouple(structure: Structure) -> Decoupled:
     coupling = modal_coupling(structure, mechanical, thermal)
     damper = coupled_damping(structure, mechanical)
     return Decoupled(
-        mass=mechanical.inertia,
         frequency=mechanical.values,
         damping=np.diag(damper).copy() if damper.ndim == 2 else damper,
         tip=mechanical.tip,
         rate=thermal.values,
         heat_tip=thermal.tip,
         coupling=coupling,
-        to_modes=_to_modes(structure, mechanical),
+        to_modes=mechanical.shapes.T @ structure.mass,
         to_thermal=thermal.shapes.T @ structure.heat_capacity,
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
@@ -140,15 +137,6 @@ def decouple(structure: Structure) -> Decoupled:
         load=None if structure.load is None else mechanical.shapes.T @ structure.load,
         observed=None if structure.observed is None else structure.observed @ thermal.shapes,
     )
-
-
-def _to_modes(structure: Structure, modes: Modes) -> Array:
-    """Return the transform to modal displacements; the static deformation of a tip is what the modes leave of it."""
-    projection = modes.shapes.T @ structure.mass
-    if modes.has_static:
-        projection[-1] = -modes.tip[:-1] @ projection[:-1]
-        projection[-1, -1] += 1.0
-    return projection
 
 
 def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coupling: Array) -> Array:

@@ -432,5 +432,6 @@ def step_batch(
     closing = begun.closing + begun.closing_rate * sampling.duration
     heat = watched.reached(ended["tau_before"], ended["tau"])
     closing += project(modal.static_growth / modal.heat_scale, heat.T)
-    rebounds = effective_restitution(named_rows(Own, ended["own"])) if contact.rebounds else {}
+    own = named_rows(Own, ended["own"])
+    rebounds = effective_restitution(own.approached, own.separated) if contact.rebounds else {}
     return Ended(watched, closing, rebounds, None if balances is None else balances.result(ended, watched.elapsed))

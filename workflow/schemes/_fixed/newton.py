@@ -8,8 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from workflow.kernels.compiled import defines
-from workflow.schemes._fixed.complementarity import count_no_rebound
-from workflow.schemes._fixed.contact import Contact, Response, Tip, count_rebound
+from workflow.schemes._fixed.contact import Contact, Response, Tip, count_no_rebound, count_rebound
 from workflow.schemes._fixed.march import contact_law
 
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.models import Cases
-from workflow.schemes._fixed.rows import Own
 from workflow.schemes._interface import Results, Status, merge
 
 Outcome = tuple[NDArray[np.int8], dict[int, str]]
@@ -20,9 +19,8 @@ ROUNDING = 16 * np.finfo(float).eps
 """Excess of a spectral radius over 1 up to which it is the rounding of the few operations that compute it."""
 
 
-def effective_restitution(own: Own) -> dict[str, Array]:
+def effective_restitution(approached: Array, separated: Array) -> dict[str, Array]:
     """Return -Σ v⁺v⁻ / Σ (v⁻)² of each case; NaN where no contact has ended or a sum is not finite."""
-    approached, separated = own.approached, own.separated
     met = (approached > 0) & np.isfinite(approached) & np.isfinite(separated)
     return {"effective_restitution": np.where(met, separated / np.where(met, approached, 1.0), np.nan)}
 

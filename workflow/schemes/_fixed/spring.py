@@ -23,9 +23,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workflow.models import Structure, mechanical_modes
+from workflow.models import Structure
 from workflow.schemes._fixed.contact import Contact, Response, Tip
 from workflow.schemes._fixed.march import contact_law
+from workflow.schemes._fixed.step_limits import contact_modes
 from workflow.schemes._interface import RefusedStructureError
 
 _TIMES_STATIC = 10.0
@@ -75,14 +76,19 @@ def _respond_centrally(law: CentralSpring, tip: Tip, h: float, theta: float) -> 
 def default_stiffness(structure: Structure) -> float:
     """Return ten times the static stiffness of the tip relative to its rigid motion, N/m.
 
+    Of several contacts it is that of the stiffest, each alone; without mass its residual flexibility counts.
+
     Raises
     ------
     RefusedStructureError
         The structure is a free mass.
     """
-    modes = mechanical_modes(structure)
-    elastic = modes.values > 0
-    flexibility = np.sum((modes.tip[elastic] / modes.values[elastic]) ** 2)
+    frequency, rows, _ = contact_modes(structure)
+    elastic, contacts = frequency > 0, structure.contacts
+    each = np.sum((rows[:, elastic] / frequency[elastic]) ** 2, axis=1)
+    if contacts is not None and contacts.is_massless:
+        each = each + np.diag(contacts.flexibility(0.0))
+    flexibility = float(each.min())
     if flexibility == 0:
         text = "a free mass has no stiffness to take ten times of; give the scheme's `stiffness` in N/m"
         raise RefusedStructureError(text)

@@ -1,4 +1,4 @@
-"""Largest time steps: by trial, with their text in messages, and of stability with a contact spring at the tip."""
+"""Largest time steps: by trial, with their text in messages, and of stability with a spring at each contact."""
 
 from __future__ import annotations
 
@@ -72,37 +72,43 @@ _SWITCHING_IMPLICIT, DISSIPATES = 0.25, 0.75
 """Largest h √(κ W) of the θ-method, and the θ from which on it has no limit, see :func:`implicit_limit`."""
 
 
-TipModes = tuple[Array, Array, Array]
-"""ω [rad/s], φ_n and φ_n - µ φᵀt [1/√kg] of all modes; φ_n twice where no friction acts."""
+ContactModes = tuple[Array, Array, Array]
+"""ω [rad/s] of all modes, and w_i and w_i - µ t_i of the contacts in them, 1/√kg, ``(contact, mode)``; w_i twice where
+no friction acts."""
 
 
-def tip_modes(structure: Structure, friction: float = 0.0) -> TipModes:
-    """Return the components of the modes at the tip, with a coefficient of friction along the structure's tangent."""
-    modes = mechanical_modes(structure)
-    if structure.tangent is None or friction == 0:
-        return modes.values, modes.tip, modes.tip
-    return modes.values, modes.tip, modes.tip - friction * (modes.shapes.T @ structure.tangent)
+def contact_modes(structure: Structure, friction: float = 0.0) -> ContactModes:
+    """Return the modes at the contacts, the tip of one, with a coefficient of friction along their tangents."""
+    modes, contacts = mechanical_modes(structure), structure.contacts
+    tangent = structure.tangent if contacts is None else contacts.tangent.T
+    rows = modes.tip[None] if contacts is None else contacts.normal @ modes.shapes
+    if tangent is None or friction == 0:
+        return modes.values, rows, rows
+    return modes.values, rows, rows - friction * np.atleast_2d((modes.shapes.T @ tangent).T)
 
 
-def lasting_limit(modes: TipModes, stiffness: float) -> float:
-    """Return the largest stable step in lasting contact, s: 2/ω_max of K1 with κ at the tip.
+def lasting_limit(modes: ContactModes, stiffness: float) -> float:
+    """Return the largest stable step in lasting contact, s: 2/ω_max of K1 with κ at each contact.
 
     Central damping does not change it. Where friction turns the contact force away from the normal, ω_max² is the
-    largest |eigenvalue| of diag(ω²) + κ (φ_n - µ φᵀt) φ_nᵀ. Where that matrix has eigenvalues that are not positive
+    largest |eigenvalue| of diag(ω²) + κ Σ (w_i - µ t_i) w_iᵀ. Where that matrix has eigenvalues that are not positive
     the motion itself grows in contact, at any step.
     """
-    frequency, tip, force = modes
-    if force is not tip:
-        spectrum = eigenvalues(np.diag(frequency**2) + stiffness * force[:, None] * tip)
+    frequency, rows, forces = modes
+    if forces is not rows:
+        spectrum = eigenvalues(np.diag(frequency**2) + stiffness * forces.T @ rows)
         return float(2 / np.sqrt(np.sqrt(np.max(spectrum.real**2 + spectrum.imag**2))))
-    at_tip = np.sqrt(stiffness) * tip  # square-root factor of κ at the tip, stacked below that of K1
-    return float(2 / singular(np.vstack([np.diag(frequency), at_tip]))[0][0])
+    springs = np.sqrt(stiffness) * rows  # square-root factor of κ at the contacts, stacked below that of K1
+    return float(2 / singular(np.vstack([np.diag(frequency), springs]))[0][0])
 
 
-def _mobility(modes: TipModes) -> float:
-    """Return W = e_nᵀ M⁻¹ e_n, or e_nᵀ M⁻¹ (e_n - µ t) where friction makes that larger, 1/kg."""
-    _, tip, force = modes
-    return max(np.sum(tip**2), np.sum(tip * force))
+def mobility(modes: ContactModes) -> float:
+    """Return W = e_nᵀ M⁻¹ e_n, or e_nᵀ M⁻¹ (e_n - µ t) where friction makes that larger, 1/kg.
+
+    Of several contacts it is the largest singular value of W_ij = w_iᵀ M⁻¹ (w_j - µ t_j): all move together.
+    """
+    _, rows, forces = modes
+    return float(max(np.linalg.norm(rows @ rows.T, 2), np.linalg.norm(rows @ forces.T, 2)))
 
 
 def switching_limit(structure: Structure, stiffness: float, friction: float) -> float:
@@ -122,10 +128,10 @@ def switching_limit(structure: Structure, stiffness: float, friction: float) -> 
     With friction the casing's drive does work, so that an energy balance is no criterion. The largest tip displacement
     was measured once, in November 2026, and no test repeats it: it stays small at an eighth of the limit in 99 of 120
     random structures. Of these it is at most 1.84 times as large at the limit, and more than twice as large at 1.5
-    times the limit in 9 %, at 2 times in 21 %, at 4 times in 88 %.
+    times the limit in 9 %, at 2 times in 21 %, at 4 times in 88 %. Several contacts were not measured.
     """
-    modes = tip_modes(structure, friction)
-    return float(min(_LASTING * lasting_limit(modes, stiffness), _SWITCHING / np.sqrt(stiffness * _mobility(modes))))
+    modes = contact_modes(structure, friction)
+    return float(min(_LASTING * lasting_limit(modes, stiffness), _SWITCHING / np.sqrt(stiffness * mobility(modes))))
 
 
 def implicit_limit(structure: Structure, stiffness: float, friction: float) -> float:
@@ -138,4 +144,4 @@ def implicit_limit(structure: Structure, stiffness: float, friction: float) -> f
     0.24 at most at 100 times. ``tests/schemes/test_contact_limit.py`` repeats five scenes at the limit and
     four at 30 times with θ = ½, three at 30 times with θ = 0.75.
     """
-    return float(_SWITCHING_IMPLICIT / np.sqrt(stiffness * _mobility(tip_modes(structure, friction))))
+    return float(_SWITCHING_IMPLICIT / np.sqrt(stiffness * mobility(contact_modes(structure, friction))))

@@ -4,8 +4,7 @@
     C2 (T' - T) = h (q - K2 T_θ) + α p e_n,
 
 with temperatures T and (·)_θ = θ (·)' + (1-θ) (·). With ξ = x - hθv that is the step of
-:mod:`~workflow.schemes._fixed.blocks`. The static deformation of a tip without mass has the modal mass 0, and its free
-step the factor -(1-θ)/θ.
+:mod:`~workflow.schemes._fixed.blocks`.
 """
 
 from __future__ import annotations
@@ -27,9 +26,6 @@ from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, friction
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
 from workflow.schemes._fixed.stepping import collect
 from workflow.schemes._interface import Results, Sampling
-
-NEEDS_IMPLICIT = "the reduction leaves the tip without mass, which an explicit step (theta = 0) cannot move"
-"""Why an explicit θ-method cannot step a tip without mass."""
 
 _MOST_GROWTH = 300.0
 """Logarithm of the largest growth within a run whose squares are still finite (355), with a margin of 1e24 for loads
@@ -63,12 +59,9 @@ def init(structure: Structure, h: float, theta: float, contact: Contact) -> Oper
 
 
 def amplification(frequency: Array, damping: Array, h: float, theta: float) -> Any:
-    """Return the eigenvalues (1 + (1-θ)hλ)/(1 - θhλ) of the free step of each mode; -(1-θ)/θ where ω is infinite."""
-    infinite = np.isinf(frequency)
-    lam = poles(np.where(infinite, 0.0, frequency), np.where(infinite, 0.0, damping))
-    factors = (1 + (1 - theta) * h * lam) / (1 - theta * h * lam)
-    factors[infinite] = -(1 - theta) / theta if theta > 0 else -np.inf
-    return factors
+    """Return the eigenvalues (1 + (1-θ)hλ)/(1 - θhλ) of the free step of each mode."""
+    lam = poles(frequency, damping)
+    return np.asarray((1 + (1 - theta) * h * lam) / (1 - theta * h * lam))
 
 
 def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
@@ -80,7 +73,7 @@ def step(modal: Decoupled, h: float, theta: float) -> Step:
     """Return the coefficients of the step."""
     lever = h * theta
     weight = 1 / (1 + lever * modal.rate)
-    inertia = modal.mass + lever * modal.damping + lever * lever * modal.frequency**2
+    inertia = 1 + lever * modal.damping + lever * lever * modal.frequency**2
     return Step(
         tip=TipStep(h, theta, 1.0 - theta, np.sum(modal.recorded * modal.heat_tip * weight)),
         inertia=modal.effective_mass(inertia, lever),
@@ -121,9 +114,11 @@ def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, fi
     h, theta, growth = operator.h, operator.theta, _spectral_radius(operator, blocks)
     grown = None
     if growth > 1 + ROUNDING:
-        limit = _largest_stable_step(operator, blocks.modal)
-        grown = f"the free step grows {growth:.6g}-fold at theta = {theta:g} and h = {h:.6g} s; " + (
-            f"it is stable up to h = {limit_text(limit)} s" if limit > 0 else "it is stable at no h"
+        modal = blocks.modal
+        limit = largest_stable_step(np.concatenate([poles(modal.frequency, modal.damping).ravel(), -modal.rate]), theta)
+        grown = (
+            f"the free step grows {growth:.6g}-fold at theta = {theta:g} and h = {h:.6g} s; "
+            f"it is stable up to h = {limit_text(limit)} s"
         )
 
     @cache  # a limit takes hundreds of trials
@@ -142,15 +137,6 @@ def _spectral_radius(operator: Operator, blocks: Blocks) -> float:
     if operator.theta >= 0.5 and blocks.outward is None:
         return 1.0
     return max(blocks.spectral_radius, float(np.abs(blocks.step.decay).max(initial=0.0)))
-
-
-def _largest_stable_step(operator: Operator, modal: Decoupled) -> float:
-    """Return the step up to which no free mode grows."""
-    if operator.structure.has_massless_tip:
-        return 0.0
-    return largest_stable_step(
-        np.concatenate([poles(modal.frequency, modal.damping).ravel(), -modal.rate + 0j]), operator.theta
-    )
 
 
 def _message(operator: Operator, alpha: float, friction: float, duration: float) -> str:

@@ -1,0 +1,137 @@
+"""Contacts without mass in fixed steps, one too, and an elastic casing: what they are limits of, rest, any θ."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import plain_contacts
+import pytest
+from plain_contacts import Operator
+from random_contacts import Drawn, drawn
+from two_masses import pressed, two_masses
+
+from scenes import sampling, step
+from workflow.models import Array, Cases, Contacts, Structure, at_rest
+from workflow.schemes import HISTORIES, Results, Status
+from workflow.schemes._fixed import contact_cases
+
+H = 4e-5
+EVERY_STEP = sampling(150 * H, H, balances=True)
+
+
+def residual(structure: Structure, flexibility: Array) -> Structure:
+    """Return a structure whose contacts have a residual flexibility."""
+    assert structure.contacts is not None
+    return replace(structure, contacts=replace(structure.contacts, residual=flexibility))
+
+
+def one(seed: int) -> Drawn:
+    """Return a random structure with the first of its contacts, with mass, pressed by its load."""
+    case = drawn(seed)
+    own = case.structure.contacts
+    assert own is not None
+    rows = {name: getattr(own, name)[:1] for name in ("normal", "tangent", "heat", "angle")}
+    structure = replace(case.structure, contacts=Contacts(("tip",), **rows))
+    gap = case.cases.gaps[:, 0]
+    return Drawn(structure, replace(case.cases, gap=gap, gaps=gap[:, None], turns=case.cases.turns[:, :1]))
+
+
+@pytest.fixture
+def on_elastic_casing(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return a function that steps a structure against a casing of some flexibility."""
+
+    def stepped(flexibility: float, structure: Structure, cases: Cases, **options: Any) -> Results:
+        usual = contact_cases.conditions_of
+        with monkeypatch.context() as context:
+            context.setattr(
+                contact_cases,
+                "conditions_of",
+                lambda *given: usual(*given)._replace(flexibility=np.full(cases.count, flexibility)),
+            )
+            return step(structure, cases, H, EVERY_STEP, "moreau", **options)
+
+    return stepped
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_stiff_spring_is_near_the_law_by_place(seed: int) -> None:
+    case = one(seed)
+    structure = residual(case.structure, np.array([[2e-6]]))
+    rigid = step(structure, case.cases, H, EVERY_STEP, theta=1.0)
+    assert rigid.status.tolist() == [Status.OK]
+    apart = []
+    for stiffness in (1e8, 1e10):
+        options = {"integration": "implicit", "stiffness": stiffness}
+        soft = step(structure, case.cases, H, EVERY_STEP, "penalty", **options)
+        apart.append(np.abs(soft.histories["impulse"] - rigid.histories["impulse"]).max())
+        assert soft.metrics["impacts"].tolist() == [0.0]
+    assert rigid.histories["impulse"].max() > 0
+    assert apart[1] < 0.02 * apart[0] < 0.02 * 0.02 * rigid.histories["impulse"].max()
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.2, 0.5])
+@pytest.mark.parametrize("seed", range(2))
+def test_any_weight_of_the_end_steps_contacts_without_mass(seed: int, theta: float) -> None:
+    """Explicit steps, θ = 0, are stable up to the damping of the modes."""
+    case, h = drawn(seed, massless=True), 2e-6
+    over = sampling(1000 * h, 10 * h)
+    ours = step(case.structure, case.cases, h, over, theta=theta)
+    truth = plain_contacts.compute(Operator(case.structure, h, theta), case.cases, over)
+    assert ours.status.tolist() == [Status.OK], ours.messages
+    for name in HISTORIES:
+        values = truth.histories[name]
+        np.testing.assert_allclose(ours.histories[name], values, rtol=0, atol=1e-9 * np.abs(values).max(), err_msg=name)
+
+
+@pytest.mark.parametrize("theta", [0.5, 1.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_an_elastic_casing_is_a_residual_that_the_displacement_does_not_have(
+    seed: int, theta: float, on_elastic_casing: Any
+) -> None:
+    """x = d + cλ in the place of x = d, with the same forces; beside a residual R it is R + c."""
+    case, c = drawn(seed), 3e-6
+    structure, cases = case.structure, case.cases
+    assert structure.contacts is not None
+    m = structure.contacts.count
+    for own in (np.zeros((m, m)), 2e-6 * np.eye(m)):
+        given = residual(structure, own) if own.any() else structure
+        elastic = on_elastic_casing(c, given, cases, theta=theta)
+        flexible = step(residual(structure, own + c * np.eye(m)), cases, H, EVERY_STEP, theta=theta)
+        scale = flexible.histories["impulse"].max()
+        assert scale > 0
+        for name in ("impulse", "velocity", "temperature"):
+            np.testing.assert_allclose(elastic.histories[name], flexible.histories[name], rtol=0, atol=1e-9)
+        forces = np.diff(flexible.histories["impulse"], axis=-1, prepend=0) / H
+        place = flexible.histories["displacement"] + c * forces
+        np.testing.assert_allclose(elastic.histories["displacement"], place, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(elastic.metrics["max_penetration"], c * forces.max(axis=-1), atol=1e-12)
+        assert elastic.metrics["impacts"].tolist() == [[0.0] * m]
+        assert theta == 1.0 or abs(elastic.metrics["energy_residual"][0]) < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_implicit_spring_at_theta_one_is_an_elastic_casing(seed: int, on_elastic_casing: Any) -> None:
+    case, c = drawn(seed), 3e-6
+    elastic = on_elastic_casing(c, case.structure, case.cases, theta=1.0)
+    options = {"integration": "implicit", "stiffness": 1 / c}
+    sprung = step(case.structure, case.cases, H, EVERY_STEP, "penalty", **options)
+    for name in HISTORIES:
+        values = sprung.histories[name]
+        np.testing.assert_allclose(elastic.histories[name], values, rtol=0, atol=1e-10 * np.abs(values).max())
+
+
+@pytest.mark.parametrize("theta", [0.5, 1.0])
+def test_a_spring_before_contacts_without_mass_starts_pressed_and_stays(theta: float) -> None:
+    """λ = (f - k d)/(1 + k (R + 1/κ)), x = d + λ/κ, from the start on."""
+    kappa, over = 1e7, sampling(0.1, 1e-3)
+    structure = two_masses(residual_flexibility=1e-6 * np.eye(2))
+    yields = two_masses(residual_flexibility=(1e-6 + 1 / kappa) * np.eye(2))
+    case = at_rest(yields, pressed(yields))
+    options = {"integration": "implicit", "stiffness": kappa, "theta": theta}
+    ours = step(structure, case, 1e-3, over, "penalty", **options)
+    force = (np.array([30.0, 50.0]) - 1e4 * 1e-3) / (1 + 1e4 * (1e-6 + 1 / kappa))
+    place = np.repeat((1e-3 + force / kappa)[:, None], over.count, axis=1)
+    np.testing.assert_allclose(ours.histories["displacement"][0], place, rtol=1e-9)
+    np.testing.assert_allclose(ours.histories["impulse"][0], force[:, None] * over.times, rtol=1e-9, atol=1e-15)
