@@ -118,7 +118,7 @@ STUDY: dict[str, Any] = {
         "moreau": {"method": "moreau", "theta": 0.5},
         "carpenter": {"method": "carpenter"},
     },
-    "axes": {"scheme": ["exact", "moreau"], "alpha": 0, "e": 0, "h": 1e-5, "scene.casing.flexibility": [0, 2e-6, 2e-5]},
+    "axes": {"scheme": ["exact", "moreau"], "alpha": 0, "e": 0, "h": 1e-5, "scene.casing.flexibility": [0, 1e-5, 2e-5]},
     "output": {"interval": 1e-3},
 }
 
@@ -136,7 +136,7 @@ def test_its_flexibility_is_an_axis(tmp_path: Path) -> None:
         deep = cases["max_penetration"].sel(scheme="exact").squeeze().values
         assert deep[0] < 1e-15 < 1e-6 < deep[1] < deep[2]
         apart = cases["displacement"].sel(scheme="moreau") - cases["displacement"].sel(scheme="exact")
-        assert float(abs(apart).max()) < 1e-4 * float(abs(cases["displacement"]).max())
+        assert float(abs(apart).max()) < 0.02 * float(abs(cases["displacement"]).max())
 
 
 def test_other_schemes_refuse_it(tmp_path: Path) -> None:
