@@ -8,6 +8,7 @@ of opposite stops or of contacts that share a temperature, replace none: a basis
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,8 +71,9 @@ def independent_rows(contacts: Contacts) -> tuple[int, int]:
     return rows_last(held).boundary, rows_last(contacts.heat).boundary
 
 
+@lru_cache(maxsize=2)
 def contacts_last(structure: Structure) -> ContactsLast:
-    """Return a structure with contacts in coordinates with their rows last.
+    """Return a structure with contacts in coordinates with their rows last, kept with its factors for other counts.
 
     Rows of contacts without mass hold nothing; of them the first stays the tip.
     """
