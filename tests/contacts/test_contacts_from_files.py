@@ -361,6 +361,20 @@ def test_the_angle_of_one_contact_turns_the_casing(tmp_path: Path) -> None:
         study(tmp_path, {"matrices": {"file": "one.npz"}}, **at_first)
 
 
+def test_friction_that_makes_the_residual_indefinite_is_refused(tmp_path: Path) -> None:
+    """R = 1e-6, R^t = 2e-6: up to µ = 1/2, along an axis too."""
+    made = entries(1, massless=True) | {"residual_flexibility": [[1e-6]], "residual_tangent": [[2e-6]]}
+    np.savez(tmp_path / "one.npz", **made)
+    for axis, fine in (([0.1, 0.499], True), ([0.5, 0.1], False)):
+        axes = {"scene.friction.coefficient": axis}
+        given = {"matrices": {"file": "one.npz"}}, axes
+        if fine:
+            study(tmp_path, *given, friction=RUBS)
+            continue
+        with pytest.raises(StudyError, match=r"friction.coefficient: 0\.5 makes the symmetric part of R - µ R\^t"):
+            study(tmp_path, *given, friction=RUBS)
+
+
 BALL = {"mass": np.eye(1), "stiffness": np.zeros((1, 1)), "contact": [[1.0], [-2.0]], "load": [1.0]}
 WAVE = [{"frequency": 40, "amplitude": 1e-5}, {"order": 2, "amplitude": -5e-6}]
 
