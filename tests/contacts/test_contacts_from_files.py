@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.io import mmwrite
 from scipy.linalg import eigh
 
+from workflow.cases import arrange, full_structure
 from workflow.declare import File
 from workflow.models import Array, Contacts, Structure, UnusableMatricesError, load, write_matrices
 from workflow.models._matrix_entries import Chosen, given_by, in_si
@@ -23,6 +24,7 @@ from workflow.study import Study, StudyError, read_study
 
 SIZE, WARM = 6, 3
 RATIO = 0.01
+TWO = "frequency,damping_ratio,tip_1,tip_2"
 
 
 def rng_positive(rng: np.random.Generator, size: int, least: float) -> Array:
@@ -138,13 +140,31 @@ def test_one_tip_of_heat_is_that_of_all_contacts(tmp_path: Path) -> None:
     np.testing.assert_array_equal(of_each.contacts.heat, for_all.contacts.heat)  # type: ignore[union-attr]
 
 
+def test_rows_of_a_study_have_several_tips(tmp_path: Path) -> None:
+    """By their names or in order, as in a file; of unlike numbers of tips, or with other names, they are refused."""
+    (tmp_path / "m.csv").write_text(f"{TWO}\n900,0.01,1,2\n700,0.02,2,-1\n")
+    (tmp_path / "h.csv").write_text("rate,tip_1,tip_2\n1,0.5,1\n")
+    named = [dict(zip(TWO.split(","), row, strict=True)) for row in ([900, 0.01, 1, 2], [700, 0.02, 2, -1])]
+    ways = ({"table": "m.csv", "heat": "h.csv"}, {"table": named, "heat": [{"rate": 1, "tip_1": 0.5, "tip_2": 1}]},
+            {"table": [list(row.values()) for row in named], "heat": [[1, 0.5, 1]]})  # fmt: skip
+    found = [full_structure(arrange(study(tmp_path, {"modes": way})).settings(0)).contacts for way in ways]
+    for contacts in found:
+        assert contacts is not None
+        assert contacts.normal.tolist() == found[0].normal.tolist()  # type: ignore[union-attr]
+        assert contacts.heat.tolist() == found[0].heat.tolist()  # type: ignore[union-attr]
+    for wrong in ({"tip_1": 1, "tip_3": 2}, {"tip": 1, "tip_2": 2}, {"tip_1": 1, "tangent_1": 2}):
+        with pytest.raises(StudyError, match="is no row of the table; write frequency, damping_ratio, tip"):
+            study(tmp_path, {"modes": {"table": [{"frequency": 9, "damping_ratio": 0, **wrong}]}})
+    with pytest.raises(StudyError, match="has 2 rows of 3 and 4 numbers; write rows of 4"):
+        study(tmp_path, {"modes": {"table": [[9, 0, 1, 2], [8, 0, 1]]}})
+
+
 def assembled(model: str, place: Path, **parameters: Any) -> Structure:
     kind = load(model)
     files = {name: File("", name, str(place / one)) if "." in str(one) else one for name, one in parameters.items()}
     return kind.assemble(kind.Parameters(**files))
 
 
-TWO = "frequency,damping_ratio,tip_1,tip_2"
 NOT_TABLES: dict[str, tuple[dict[str, str], str]] = {
     "a tip that is missing": (
         {"table": "frequency,damping_ratio,tip_1,tip_3\n9,0,1,1\n"},
@@ -359,6 +379,20 @@ def test_the_angle_of_one_contact_turns_the_casing(tmp_path: Path) -> None:
     at_first = {"casing": {"gap": 4e-6, "harmonics": CASING["harmonics"][:1]}}  # type: ignore[index]
     with pytest.raises(StudyError, match=r"the tip starts inside the casing, at 0\.0 m with a gap of 4e-06 m"):
         study(tmp_path, {"matrices": {"file": "one.npz"}}, **at_first)
+
+
+def test_friction_that_makes_the_residual_indefinite_is_refused(tmp_path: Path) -> None:
+    """R = 1e-6, R^t = 2e-6: up to µ = 1/2, along an axis too."""
+    made = entries(1, massless=True) | {"residual_flexibility": [[1e-6]], "residual_tangent": [[2e-6]]}
+    np.savez(tmp_path / "one.npz", **made)
+    for axis, fine in (([0.1, 0.499], True), ([0.5, 0.1], False)):
+        axes = {"scene.friction.coefficient": axis}
+        given = {"matrices": {"file": "one.npz"}}, axes
+        if fine:
+            study(tmp_path, *given, friction=RUBS)
+            continue
+        with pytest.raises(StudyError, match=r"friction.coefficient: 0\.5 makes the symmetric part of R - µ R\^t"):
+            study(tmp_path, *given, friction=RUBS)
 
 
 BALL = {"mass": np.eye(1), "stiffness": np.zeros((1, 1)), "contact": [[1.0], [-2.0]], "load": [1.0]}

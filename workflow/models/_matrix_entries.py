@@ -139,11 +139,8 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     own = _labelled(entries, contact, labels, size)
     names: tuple[str | int, ...] = contact if isinstance(contact, tuple) else (contact or 0,)
     if all(name in own for name in names):
-        entries, own, contact = (
-            _rows_of(entries, names, tuple(own)),
-            {str(name): own[str(name)] for name in names},
-            None,
-        )
+        entries, contact = _rows_of(entries, names, tuple(own)), None
+        own = {str(name): own[str(name)] for name in names}
     normal = _rows("contact", contact, entries, labels, size, own)
     count = len(normal)
     if contact is None or (isinstance(contact, str) and contact not in labels):
@@ -214,7 +211,7 @@ def _of_each(name: str, entries: Entries, shape: tuple[int, ...]) -> Array:
     values = _numbers(name, entries.get(name, np.zeros(shape)))
     values = values.ravel() if len(shape) == 1 else np.atleast_2d(values)
     if values.shape != shape:
-        remedy = f"write finite numbers of {shape}, a row for each contact"
+        remedy = f"write finite numbers of {shape}, a row for each contact, and choose these by `contact_labels`"
         raise UnusableMatricesError(f"`{name}` has the shape {values.shape}", remedy)
     return values
 

@@ -77,10 +77,10 @@ def columns_of_contacts(
 ) -> tuple[tuple[str, str], ...]:
     """Return the columns of a table, the last as often as it is numbered, and then those ``beside`` it, if any."""
     *others, (last, unit) = columns
-    if not isinstance(source, File):
-        return tuple(columns)
-    written = _headed(source)[2]
+    written = _headed(source)[2] if isinstance(source, File) else {}
     count = sum(bool(re.fullmatch(rf"{last}_\d+", name)) for name in written)
+    if not isinstance(source, File) and source and len(source[0]) > len(columns):
+        count = len(source[0]) - len(others)
     ends = [f"_{k + 1}" for k in range(count)] or [""]
     names = (last, beside) if beside and any(name.startswith(beside) for name in written) else (last,)
     return (*others, *((f"{name}{end}", unit) for name in names for end in ends))
@@ -154,8 +154,8 @@ class Parameters:
 
     table: File | Rows = rows(
         "CSV file, or rows, with columns frequency [Hz], damping_ratio and tip: the tip's displacement in the mode of "
-        "unit modal mass [1/√kg], positive towards the casing; a file of several contacts has tip_1, tip_2, …; "
-        "tangent, or tangent_1, …, where the casing slides along",
+        "unit modal mass [1/√kg], positive towards the casing; of several contacts tip_1, tip_2, …; in a "
+        "file also tangent, or tangent_1, …, along which the casing slides",
         COLUMNS,
     )
     heat: File | Rows | None = rows(

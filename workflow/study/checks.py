@@ -38,7 +38,7 @@ def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     yield from _auto(cases, source)
     yield from [*_model(cases, source), *_lists(cases, sizes)] or _mesh(cases)
     yield from _harmonics(cases, source)
-    yield from _friction(cases, source)
+    yield from _friction(cases, sizes, source)
     yield from _contacts(cases, sizes, source)
     yield from _elastic(cases, source)
     yield from _support(cases, source)
@@ -154,9 +154,17 @@ def _harmonics_of(cases: CaseSpace) -> dict[str, tuple[LoadHarmonic | CasingHarm
     return {"casing": cases.scene.casing.harmonics, "load": cases.scene.load.harmonics}
 
 
-def _friction(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
-    """Refuse an alpha beside the friction that makes it."""
+def _friction(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
+    """Refuse an alpha beside the friction that makes it, and µ with which R - µ R^t is not positive definite."""
+    contacts = None if sizes.structure is None else sizes.structure.contacts
     if cases.scene.friction is not None:
+        path = "scene.friction.coefficient"
+        axis = next((axis.values for axis in cases.axes() if axis.path == path), (cases.scene.friction.coefficient,))
+        if contacts is not None and contacts.is_massless:
+            flexibility = contacts.flexibility(most := max(map(float, axis)))
+            if np.linalg.eigvalsh(flexibility + flexibility.T)[0] <= 0:
+                problem = f"{most:g} makes the symmetric part of R - µ R^t, the residuals of contacts, indefinite"
+                yield source.place_of(path), problem, "write less, or check `residual_tangent`"
         reference = {} if cases.reference is None else cases.reference.values
         beside = [source.axes["alpha"]] if "alpha" in source.axes else []
         for place in (*beside, *([("reference", "alpha")] if "alpha" in reference else [])):

@@ -182,21 +182,28 @@ def text(declared: Word) -> Kind:
 
 
 def _row(columns: tuple[tuple[str, str], ...]) -> Kind:
-    """Return the kind of a row of a table: values in the order of its columns or by their names; else any numbers."""
+    """Return the kind of a row of a table: values in the order of its columns or by their names; else any numbers.
+
+    The last column may be several, called ``tip_1``, ``tip_2``, … by name.
+    """
     names = [column for column, _ in columns]
 
     def in_order(value: Any) -> list[Any]:
-        if isinstance(value, dict) and names and set(value) == set(names):
-            value = [value[column] for column in names]
-        if not isinstance(value, list) or not value or (names and len(value) != len(names)):
+        if isinstance(value, dict) and names:
+            several = [f"{names[-1]}_{k + 1}" for k in range(len(value) - len(names) + 1)]
+            wanted = names if set(value) == set(names) else [*names[:-1], *several]
+            value = [value[column] for column in wanted] if set(value) == set(wanted) else value
+        if not isinstance(value, list) or len(value) < max(1, len(names)):
             raise wrong("is no row of the table", f"write {', '.join(names) or 'numbers'}, as a list")
         return value
 
     cells = {column: number(Quantity(unit, column)) for column, unit in columns}
     row = many(number(Quantity("1", "number")))
-    by_name = {"type": "object", "properties": {name: cell.schema for name, cell in cells.items()}, "required": names}
+    properties = {name: cell.schema for name, cell in cells.items()}
+    by_name = {"type": "object", "properties": properties, "required": names[:-1]}
     forms = [row.schema, *([by_name] if names else [])]
-    return Kind(sequence(*cells.values()).core if cells else row.core, {"anyOf": forms}).checked(in_order)
+    each = core_schema.tuple_schema([cell.core for cell in cells.values()], variadic_item_index=len(cells) - 1)
+    return Kind(each if cells else row.core, {"anyOf": forms}).checked(in_order)
 
 
 @dataclass(frozen=True, kw_only=True)

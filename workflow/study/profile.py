@@ -65,14 +65,14 @@ def harmonics_of(angle: Array, gap: Array) -> tuple[float, tuple[CasingHarmonic,
     orders = np.arange(1, (count + 1) // 2)  # that of count/2 has no phase
     shares = 2j / count * np.fft.rfft(gap)[orders] * np.exp(-1j * orders * np.radians(angle[0]))
     mean, radians, kept = float(f"{gap.mean():.12g}"), np.radians(angle), list[CasingHarmonic]()
-    left = gap - mean
+    left, allowed = gap - mean, REMAINDER * span + 1e-11 * abs(mean)  # the mean has 12 digits
     for k in np.argsort(-np.abs(shares), kind="stable")[:MOST_ORDERS]:
-        if np.abs(left).max() <= REMAINDER * span:
+        if np.abs(left).max() <= allowed:
             break
         amplitude, phase = float(f"{abs(shares[k]):.12g}"), round(float(np.angle(shares[k])), 12)
         kept.append(CasingHarmonic(amplitude, phase, order=float(orders[k])))
         left = left - amplitude * np.sin(orders[k] * radians + phase)
-    if np.abs(left).max() > REMAINDER * span:
+    if np.abs(left).max() > allowed:
         problem = f"{len(kept)} orders leave {np.abs(left).max() / span:.2g} of the range of the profile"
         raise UnusableMatricesError(problem, f"smooth it until {MOST_ORDERS} orders leave at most {REMAINDER:g}")
     return mean, tuple(sorted(kept, key=lambda one: one.order or 0.0))
