@@ -1,8 +1,5 @@
 """A tip that its reduction leaves without mass: a contact without impacts, and schemes that cannot step it."""
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 
 from scenes import cases, heavy_chain, sampling, step
@@ -23,9 +20,3 @@ def test_theta_below_one_half_diverges_beyond_a_step() -> None:
     run = step(reduction.structure, batch, 1e-4, sampling(1e-2, 1e-3), theta=0.4)
     assert run.status.tolist() == [Status.DIVERGED]
     assert "it is stable up to h" in run.messages[0]
-
-
-def test_it_has_no_temperature_over_a_depth() -> None:
-    structure = replace(reduce_structure(heavy_chain(), 3, 5, "massless").structure, observed=np.ones(6))
-    with pytest.raises(ValueError, match="temperature over a depth of a contact without mass"):
-        step(structure, cases(heavy_chain(nodes=4)), 1e-6, sampling(1e-3, 1e-4))

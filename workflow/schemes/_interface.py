@@ -306,13 +306,14 @@ class Scheme:
         """Return why the scheme cannot step a structure, ``None`` where it can."""
         if structure.load is not None and "load" not in self.GENERAL:
             return "its load does not act on the tip, which the scheme does not take"
-        if structure.observed is not None and ("depth" not in self.GENERAL or structure.contacts is not None):
-            of = "" if structure.contacts is None else " of a contact without mass"
-            return f"it does not record the temperature over a depth{of}"
+        if structure.observed is not None and "depth" not in self.GENERAL:
+            return "it does not record the temperature over a depth"
         if structure.contacts is not None and "contacts" not in self.GENERAL:
             return "it takes one contact, with mass"
         if structure.contacts is not None and structure.contacts.is_massless and "massless" not in self.GENERAL:
             return NEEDS_MASS
+        if structure.contacts is not None and structure.observed is not None:
+            return "it does not record the temperature over a depth at contacts without mass"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"
         try:
