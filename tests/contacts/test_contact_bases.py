@@ -363,6 +363,13 @@ def test_other_bases_say_what_they_do_not_take() -> None:
         reduce_structure(drawn(3, massless=True).structure, 1, 0)
 
 
+def test_contacts_without_mass_have_no_temperature_over_a_depth() -> None:
+    structure = replace(reduce_structure(scenes.heavy_chain(), 3, 5, "massless").structure, observed=np.ones(6))
+    for scheme in ("event_driven", "moreau"):
+        with pytest.raises(ValueError, match="temperature over a depth at contacts without mass"):
+            schemes.load(scheme).init(structure, 1e-6, schemes.load(scheme).Options())
+
+
 def test_a_study_takes_counts_and_bases_of_several_contacts(tmp_path: Path) -> None:
     """Three modes are all of five displacements with two contacts, and three all of five temperatures."""
     given = study(

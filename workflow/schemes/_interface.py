@@ -315,6 +315,8 @@ class Scheme:
             return "it takes one contact, with mass"
         if structure.contacts is not None and structure.contacts.is_massless and "massless" not in self.GENERAL:
             return NEEDS_MASS
+        if structure.contacts is not None and structure.observed is not None:
+            return "it does not record the temperature over a depth at contacts without mass"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"
         try:
