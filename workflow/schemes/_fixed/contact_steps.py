@@ -17,13 +17,13 @@ in the step before are tried first:
 - Newton's law, θ-method: 0 <= p ⊥ W p - (u_free + e u) >= 0 over the contacts with r + h/2 u >= 0; u⁺ = -e u to the
   bit where p > 0: what is pressed follows its casing without drift.
 - Newton's law, central: 0 <= p ⊥ W p - ((1 + e) r/h + u_free - e u) >= 0; r⁺ = -e (r - h u) to the bit where p > 0.
-- By place: contacts without mass, and an elastic casing of flexibility c, have the force λ = p/h at the step's end,
-  0 <= p ⊥ L p - (r + h (θ u_free + (1-θ) u) + ρ F⁺ - R_τ τ_free) >= 0, L = hθ W + (R - µ R^t + c)/h + α R_τ T̂⁻¹ s.
-- A spring κ and a damper c, θ-method, p = h (θ λ⁺ + (1-θ) λ): with r⁺ and u⁺ linear in λ⁺, and r⁺ that of the place
-  with -(R - µ R^t) λ⁺ of contacts without mass, λ⁺ = max(0, min(κ r⁺ + c u⁺, λ⁺ + κ r⁺)). The second keeps a contact
+- By place: contacts without mass, and an elastic casing of flexibility C, have the force λ = p/h at the step's end,
+  0 <= p ⊥ L p - (r + h (θ u_free + (1-θ) u) + ρ F⁺ - R_τ τ_free) >= 0, L = hθ W + (R - µ R^t + C)/h + α R_τ T̂⁻¹ s.
+- A spring κ and a damper γ, θ-method, p = h (θ λ⁺ + (1-θ) λ): with r⁺ and u⁺ linear in λ⁺, and r⁺ that of the place
+  with -(R - µ R^t) λ⁺ of contacts without mass, λ⁺ = max(0, min(κ r⁺ + γ u⁺, λ⁺ + κ r⁺)). The second keeps a contact
   that the damper alone would push out on its casing; with σ >= 0 for what it takes away,
-  0 <= λ⁺ ⊥ λ⁺ - κ r⁺ - c u⁺ + σ >= 0,   0 <= σ ⊥ λ⁺ - c u⁺ + σ >= 0. Without damper σ = 0 is left out.
-- The same, central: 0 <= p ⊥ (1 + hc/2 W) p - h (κ r + c/2 (u + u_free)) >= 0 over the contacts with r > 0.
+  0 <= λ⁺ ⊥ λ⁺ - κ r⁺ - γ u⁺ + σ >= 0,   0 <= σ ⊥ λ⁺ - γ u⁺ + σ >= 0. Without damper σ = 0 is left out.
+- The same, central: 0 <= p ⊥ (1 + hγ/2 W) p - h (κ r + γ/2 (u + u_free)) >= 0 over the contacts with r > 0.
 
 R_τ is the residual coupling. The velocity of a contact without mass, in its record and its damper, is that of the
 modes: the residual is a spring without damping. Cases are stepped one after the other; no pack of lanes holds several.
@@ -72,7 +72,7 @@ class Method(NamedTuple):
     """Whether steps are central differences; whether the velocity of the step before damps."""
     spring: float = 0.0
     damper: float = 0.0
-    """κ [N/m], 0 for Newton's law, and c [N s/m]."""
+    """κ [N/m], 0 for none, and γ [N s/m]."""
     rebounds: bool = False
     """Whether Newton's law reads e; else e = 0."""
 
@@ -84,7 +84,7 @@ class Stepping(NamedTuple):
     method: Method
     compliant: bool
     casing_flexibility: float
-    """Whether contacts are without mass or on an elastic casing; its c, m/N."""
+    """Whether contacts are without mass or on an elastic casing; its C, m/N."""
     couples: bool
     """Whether damping couples modes: c and Ŵ⁻¹ are ``(mode, mode)`` then, else ``(1, mode)``."""
     stiffness: Array
