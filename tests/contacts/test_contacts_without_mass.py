@@ -15,7 +15,6 @@ from two_masses import pressed, two_masses
 from scenes import sampling, step
 from workflow.models import Array, Cases, Contacts, Structure, at_rest
 from workflow.schemes import HISTORIES, Results, Status
-from workflow.schemes._fixed import contact_cases
 
 H = 4e-5
 EVERY_STEP = sampling(150 * H, H, balances=True)
@@ -38,21 +37,9 @@ def one(seed: int) -> Drawn:
     return Drawn(structure, replace(case.cases, gap=gap, gaps=gap[:, None], turns=case.cases.turns[:, :1]))
 
 
-@pytest.fixture
-def on_elastic_casing(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return a function that steps a structure against a casing of some flexibility."""
-
-    def stepped(flexibility: float, structure: Structure, cases: Cases, **options: Any) -> Results:
-        usual = contact_cases.conditions_of
-        with monkeypatch.context() as context:
-            context.setattr(
-                contact_cases,
-                "conditions_of",
-                lambda *given: usual(*given)._replace(flexibility=np.full(cases.count, flexibility)),
-            )
-            return step(structure, cases, H, EVERY_STEP, "moreau", **options)
-
-    return stepped
+def on_elastic_casing(flexibility: float, structure: Structure, cases: Cases, **options: Any) -> Results:
+    """Step a structure against a casing of some flexibility."""
+    return step(structure.on_casing(flexibility), cases, H, EVERY_STEP, "moreau", **options)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -87,9 +74,7 @@ def test_any_weight_of_the_end_steps_contacts_without_mass(seed: int, theta: flo
 
 @pytest.mark.parametrize("theta", [0.5, 1.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_an_elastic_casing_is_a_residual_that_the_displacement_does_not_have(
-    seed: int, theta: float, on_elastic_casing: Any
-) -> None:
+def test_an_elastic_casing_is_a_residual_that_the_displacement_does_not_have(seed: int, theta: float) -> None:
     """x = d + cλ in the place of x = d, with the same forces; beside a residual R it is R + c."""
     case, c = drawn(seed), 3e-6
     structure, cases = case.structure, case.cases
@@ -112,7 +97,7 @@ def test_an_elastic_casing_is_a_residual_that_the_displacement_does_not_have(
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_an_implicit_spring_at_theta_one_is_an_elastic_casing(seed: int, on_elastic_casing: Any) -> None:
+def test_an_implicit_spring_at_theta_one_is_an_elastic_casing(seed: int) -> None:
     case, c = drawn(seed), 3e-6
     elastic = on_elastic_casing(c, case.structure, case.cases, theta=1.0)
     options = {"integration": "implicit", "stiffness": 1 / c}

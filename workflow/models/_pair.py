@@ -138,26 +138,15 @@ class Modes:
         λ of a pair, ascending; ω [rad/s] of :func:`~workflow.models.mechanical_modes`. Shape ``(mode,)``.
     shapes
         Columns with shapesᵀ · inertia · shapes = 1, shape ``(coordinate, mode)``.
-    has_static
-        Whether the last column is the static deformation by a force on a tip without mass: its inertia is 0 and its
-        λ is its stiffness, N/m, so that shapesᵀ · stiffness · shapes = λ holds for it too.
     """
 
     values: Array
     shapes: Array
-    has_static: bool = False
 
     @property
     def tip(self) -> Array:
         """Participation of the tip (the last coordinate) in each mode, shape ``(mode,)``."""
         return np.asarray(self.shapes[-1])
-
-    @property
-    def inertia(self) -> Array:
-        """shapesᵀ · inertia · shapes: 1, or 0 for a static deformation, shape ``(mode,)``."""
-        inertia = np.ones(self.values.size)
-        inertia[self.values.size - self.has_static :] = 0.0
-        return inertia
 
     def lowest(self, count: int | None) -> Modes:
         """Return the ``count`` lowest modes, all where ``None``."""

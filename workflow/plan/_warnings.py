@@ -315,8 +315,7 @@ def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
         step = SchemeStep(scheme, options, settings.h, structure, modes, ends, grid.fastest)
         said = list(step_cautions(step))
     else:
-        massless = structure.contacts is not None and structure.contacts.is_massless
-        basis = f" with {settings.reduction}" if massless else ""
+        basis = f" with {settings.reduction}" if structure.has_massless_tip else ""
         said = [StepCaution(f"fails{basis}, as {refusal}", "", 0.0)]
     yield from (_Caution(basis_text(settings), settings.scheme.label, settings.h, one) for one in said)
 

@@ -313,7 +313,7 @@ class Scheme:
             return "it takes a rigid casing; `event_driven` and `moreau` take one with `flexibility`"
         if structure.contacts is not None and "contacts" not in self.GENERAL:
             return "it takes one contact, with mass"
-        if structure.contacts is not None and structure.contacts.is_massless and "massless" not in self.GENERAL:
+        if structure.has_massless_tip and "massless" not in self.GENERAL:
             return NEEDS_MASS
         if structure.contacts is not None and structure.observed is not None:
             return "it does not record the temperature over a depth at contacts without mass"

@@ -198,30 +198,27 @@ def _with_room(own: Memory, sets: int) -> Memory:
     return own._replace(tables=tables, filled=np.concatenate([own.filled, np.zeros(more, dtype=np.bool_)]))
 
 
-def fill_first_sample(record: Record, basis: ContactBasis, cases: Cases, yields: float = 0.0) -> None:
-    """Write the initial state; contacts without mass have it on a casing that ``yields`` [m/N]."""
+def fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> None:
+    """Write the initial state."""
     rows = basis.contacts.normal, basis.contacts.normal, basis.contacts.heat
     for k, (row, states) in enumerate(zip(rows, (cases.displacement, cases.velocity, cases.temperature), strict=True)):
         record.histories[:, k, ..., 0] = project(row, states).reshape(record.tally.shape)
     record.histories[:, 3, ..., 0] = 0.0
-    if basis.contacts.is_compliant or yields > 0:
-        record.histories[:, 0, ..., 0] = _compliant_places(basis, cases, yields).reshape(record.tally.shape)
+    if basis.contacts.is_compliant:
+        record.histories[:, 0, ..., 0] = _compliant_places(basis, cases).reshape(record.tally.shape)
 
 
-def _compliant_places(basis: ContactBasis, cases: Cases, yields: float) -> Array:
+def _compliant_places(basis: ContactBasis, cases: Cases) -> Array:
     """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + c λ where they touch; NaN without a λ."""
     contacts, (place, _) = basis.contacts, cases.casing_of_contacts(0.0)
     tau = project(basis.to_thermal, cases.temperature)
     free = project(contacts.normal, cases.displacement) - project(basis.residual_coupling, tau)
     free += cases.load_at(0.0)[:, None] * basis.residual_load
     for i in np.flatnonzero((free > place).any(axis=1)):
-        friction, c = float(cases.friction[i]), contacts.casing_flexibility + yields
-        flexibility = contacts.flexibility(friction)
-        force = complementarity(flexibility + c * np.eye(contacts.count), place[i] - free[i])
-        if force is None:
-            free[i] = np.nan
-        else:
-            free[i] = np.where(force > 0, place[i] + c * force, free[i] - flexibility @ force)
+        friction, c = float(cases.friction[i]), contacts.casing_flexibility
+        force = complementarity(contacts.compliance(friction), place[i] - free[i])
+        yields = np.nan if force is None else free[i] - contacts.flexibility(friction) @ force
+        free[i] = yields if force is None else np.where(force > 0, place[i] + c * force, yields)
     return free
 
 

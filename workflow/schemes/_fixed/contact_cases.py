@@ -98,7 +98,9 @@ def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool)
     periods, when = complete_periods(cases.period_frequency, sampling), schedule(sampling, h)
     record, conditions = record_of(cases, sampling, periods), conditions_of(basis, cases, sampling.duration)
     record.tally["next_sample"] = 1
-    fill_first_sample(record, basis, cases, 1 / method.spring if method.spring > 0 else 0.0)
+    casing_flexibility = 1 / method.spring if method.spring > 0 else basis.contacts.casing_flexibility
+    contacts = replace(basis.contacts, casing_flexibility=casing_flexibility)
+    fill_first_sample(record, replace(basis, contacts=contacts), cases)
     speeds = _speeds(conditions, h, method.theta)
     casing = CasingSteps(speeds, _begun(basis, cases, conditions, speeds, operator))
     marks = Marks(when.steps, when.due, when.weight, *period_marks(cases, periods, when.steps, h))
@@ -120,7 +122,7 @@ def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool)
         own |= _balance(basis, cases, conditions, begun, content, when.steps * h, ending.sums).residuals()
     metrics |= {name: np.where(completed, values, np.nan) for name, values in own.items()}
     metrics["steps"] = np.full(cases.count, float(when.steps))
-    status, messages = _judge(operator, conditions, ended, split.tally["time"][:, 0])
+    status, messages = _judge(operator, cases, ended, split.tally["time"][:, 0])
     return results_of(record, cases, periods, metrics=metrics, status=status, messages=messages)
 
 
@@ -193,14 +195,13 @@ def _free_acceleration(basis: ContactBasis, cases: Cases, conditions: ContactCas
     return np.asarray(load - damped - basis.frequency**2 * y - project(basis.coupling, tau))
 
 
-def _judge(operator: ContactSteps, conditions: ContactCase, ended: NDArray[np.int64], reached: Array) -> Outcome:
+def _judge(operator: ContactSteps, cases: Cases, ended: NDArray[np.int64], reached: Array) -> Outcome:
     """Return status and message of each case."""
     basis, h, method = operator.basis, operator.h, operator.method
 
     @cache  # a limit takes hundreds of trials
-    def advice(alpha: float, friction: float, flexibility: float) -> str:
-        own = alpha, friction, flexibility
-        least = largest_step(lambda step: _is_unique(stepping(basis, step, method), basis, *own), h)
+    def advice(alpha: float, friction: float) -> str:
+        least = largest_step(lambda step: _is_unique(stepping(basis, step, method), basis, alpha, friction), h)
         if least > 0:
             return f"the symmetric part of its matrix is positive definite up to h = {limit_text(least)} s"
         return (
@@ -209,7 +210,7 @@ def _judge(operator: ContactSteps, conditions: ContactCase, ended: NDArray[np.in
         )
 
     def explain(case: int) -> str:
-        own = (float(row[case]) for row in (conditions.alpha, conditions.friction, conditions.flexibility))
+        own = float(cases.alpha[case]), float(cases.friction[case])
         return (
             f"contact has no unique solution at h = {h:.6g} s, t = {reached[case]:.6g} s, contacts "
             f"{', '.join(basis.contacts.labels)}: {advice(*own)}"
@@ -238,10 +239,9 @@ def _poles(basis: ContactBasis) -> NDArray[np.complex128]:
     return eigenvalues(np.block([[np.zeros((n, n)), np.eye(n)], [-np.diag(basis.frequency**2), -basis.damping]]))
 
 
-def _is_unique(s: Stepping, basis: ContactBasis, alpha: float, friction: float, flexibility: float) -> bool:
+def _is_unique(s: Stepping, basis: ContactBasis, alpha: float, friction: float) -> bool:
     """Whether the symmetric part of the step's matrix is positive definite; of opposite stops that of either."""
-    m, elastic = basis.contacts.count, flexibility > 0 and not s.massless
-    parts = s.h * s.method.theta * s.delassus if elastic else s.law[:, :m, :m]
-    matrix = parts[0] + friction * parts[1] + alpha * parts[2] + flexibility / s.h * np.eye(m)
+    parts = s.law[:, : basis.contacts.count, : basis.contacts.count]
+    matrix = parts[0] + friction * parts[1] + alpha * parts[2]
     sets = (matrix[np.ix_(closed, closed)] for closed in stops_together(basis))
     return all(np.linalg.eigvalsh(one + one.T)[0] > 0 for one in sets)

@@ -17,13 +17,13 @@ in the step before are tried first:
 - Newton's law, θ-method: 0 <= p ⊥ W p - (u_free + e u) >= 0 over the contacts with r + h/2 u >= 0; u⁺ = -e u to the
   bit where p > 0: what is pressed follows its casing without drift.
 - Newton's law, central: 0 <= p ⊥ W p - ((1 + e) r/h + u_free - e u) >= 0; r⁺ = -e (r - h u) to the bit where p > 0.
-- By place: contacts without mass, and an elastic casing of flexibility c, have the force λ = p/h at the step's end,
-  0 <= p ⊥ L p - (r + h (θ u_free + (1-θ) u) + ρ F⁺ - R_τ τ_free) >= 0, L = hθ W + (R - µ R^t + c)/h + α R_τ T̂⁻¹ s.
-- A spring κ and a damper c, θ-method, p = h (θ λ⁺ + (1-θ) λ): with r⁺ and u⁺ linear in λ⁺, and r⁺ that of the place
-  with -(R - µ R^t) λ⁺ of contacts without mass, λ⁺ = max(0, min(κ r⁺ + c u⁺, λ⁺ + κ r⁺)). The second keeps a contact
+- By place: contacts without mass, and an elastic casing of flexibility C, have the force λ = p/h at the step's end,
+  0 <= p ⊥ L p - (r + h (θ u_free + (1-θ) u) + ρ F⁺ - R_τ τ_free) >= 0, L = hθ W + (R - µ R^t + C)/h + α R_τ T̂⁻¹ s.
+- A spring κ and a damper γ, θ-method, p = h (θ λ⁺ + (1-θ) λ): with r⁺ and u⁺ linear in λ⁺, and r⁺ that of the place
+  with -(R - µ R^t) λ⁺ of contacts without mass, λ⁺ = max(0, min(κ r⁺ + γ u⁺, λ⁺ + κ r⁺)). The second keeps a contact
   that the damper alone would push out on its casing; with σ >= 0 for what it takes away,
-  0 <= λ⁺ ⊥ λ⁺ - κ r⁺ - c u⁺ + σ >= 0,   0 <= σ ⊥ λ⁺ - c u⁺ + σ >= 0. Without damper σ = 0 is left out.
-- The same, central: 0 <= p ⊥ (1 + hc/2 W) p - h (κ r + c/2 (u + u_free)) >= 0 over the contacts with r > 0.
+  0 <= λ⁺ ⊥ λ⁺ - κ r⁺ - γ u⁺ + σ >= 0,   0 <= σ ⊥ λ⁺ - γ u⁺ + σ >= 0. Without damper σ = 0 is left out.
+- The same, central: 0 <= p ⊥ (1 + hγ/2 W) p - h (κ r + γ/2 (u + u_free)) >= 0 over the contacts with r > 0.
 
 R_τ is the residual coupling. The velocity of a contact without mass, in its record and its damper, is that of the
 modes: the residual is a spring without damping. Cases are stepped one after the other; no pack of lanes holds several.
@@ -44,7 +44,7 @@ from numpy.typing import NDArray
 from workflow.kernels import Array, elementary
 from workflow.kernels.compiled import inlined, kernel, of_case, part
 from workflow.kernels.lemke import Complementarity, problem, solve_complementarity
-from workflow.models import ContactBasis
+from workflow.models import ContactBasis, Contacts
 from workflow.schemes._exact.contact_motion import ContactCase
 from workflow.schemes._exact.event_loop import COMPLETED, NO_IMPACT_LAW, NOT_FINITE, RUNNING
 from workflow.schemes._exact.record import Record
@@ -72,7 +72,7 @@ class Method(NamedTuple):
     """Whether steps are central differences; whether the velocity of the step before damps."""
     spring: float = 0.0
     damper: float = 0.0
-    """κ [N/m], 0 for Newton's law, and c [N s/m]."""
+    """κ [N/m], 0 for none, and γ [N s/m]."""
     rebounds: bool = False
     """Whether Newton's law reads e; else e = 0."""
 
@@ -82,7 +82,9 @@ class Stepping(NamedTuple):
 
     h: float
     method: Method
-    massless: bool
+    compliant: bool
+    casing_flexibility: float
+    """Whether contacts are without mass or on an elastic casing; its C, m/N."""
     couples: bool
     """Whether damping couples modes: c and Ŵ⁻¹ are ``(mode, mode)`` then, else ``(1, mode)``."""
     stiffness: Array
@@ -108,7 +110,7 @@ class Stepping(NamedTuple):
     delassus: Array
     """W, likewise, ``(3, contact, contact)``."""
     law: Array
-    """Matrix of the complementarity problem on a rigid casing, likewise, ``(3, unknown, unknown)``."""
+    """Matrix of the complementarity problem, likewise, ``(3, unknown, unknown)``."""
     residual: Array
     """R and -R^t, ``(2, contact, contact)``."""
     residual_load: Array
@@ -129,10 +131,8 @@ def stepping(basis: ContactBasis, h: float, method: Method) -> Stepping:
     warming = weight[:, None] * basis.heat.T
     forces = np.stack([basis.normal, -basis.tangent, lever * (basis.coupling @ warming).T])
     kicks = forces @ inverse if couples else forces * inverse
-    delassus, residual = basis.normal @ kicks.swapaxes(1, 2), np.zeros((2, contacts.count, contacts.count))
-    if contacts.is_massless:
-        residual[0] = contacts.flexibility(0.0)
-        residual[1] = contacts.flexibility(1.0) - residual[0]
+    delassus, cold = basis.normal @ kicks.swapaxes(1, 2), contacts.flexibility(0.0)
+    residual = np.stack([cold, contacts.flexibility(1.0) - cold])
     arrays = {
         "stiffness": square,
         "damping": damping,
@@ -147,22 +147,25 @@ def stepping(basis: ContactBasis, h: float, method: Method) -> Stepping:
         "heat": basis.heat.T,
         "kicks": kicks,
         "delassus": delassus,
-        "law": _law(h, method, delassus, np.stack([*residual, basis.residual_coupling @ warming])),
+        "law": _law(h, method, delassus, contacts, np.stack([*residual, basis.residual_coupling @ warming])),
         "residual": residual,
         "residual_load": basis.residual_load,
         "residual_coupling": basis.residual_coupling.T,
     }
     laid_out: dict[str, Any] = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
-    return Stepping(h=h, method=method, massless=contacts.is_massless, couples=couples, **laid_out)
+    kind = contacts.is_compliant, contacts.casing_flexibility, couples
+    return Stepping(h, method, *kind, **laid_out)
 
 
-def _law(h: float, method: Method, delassus: Array, residual: Array) -> Array:
+def _law(h: float, method: Method, delassus: Array, contacts: Contacts, residual: Array) -> Array:
     """Return the matrices of the law of a step, from W and from R, -R^t and R_τ T̂⁻¹ s, ``(3, unknown, unknown)``."""
     lever, one = h * method.theta, np.zeros_like(delassus)
     one[0] = np.eye(delassus.shape[1])
-    if method.spring == 0.0:
+    if method.spring == 0.0 and contacts.is_compliant:
         per_impulse = np.array([1 / h, 1 / h, 1.0])[:, None, None]
-        return lever * delassus + per_impulse * residual if residual.any() else delassus
+        return lever * delassus + per_impulse * (residual + contacts.casing_flexibility * one)
+    if method.spring == 0.0:
+        return delassus
     if method.central:
         return one + 0.5 * h * method.damper * delassus
     per_force = np.array([1.0, 1.0, lever])[:, None, None]
@@ -322,21 +325,15 @@ def _march(
                 finite = _show_centrally(s, case, now)
             else:
                 _advance(s, case, now, balancing, sums)
-                finite = _show(s, case, load, now)
+                finite = _show(s, load, now)
             if not finite:
                 return NOT_FINITE
             share = marks.sample_weight[-1] if step == marks.steps else 1.0
-            record_end(step, s.h, not _is_by_place(s, case), record, marks, now.shown)
+            record_end(step, s.h, not s.compliant, record, marks, now.shown)
     for q in range(now.tau.size):
         sums.gained += balancing.content[q] * now.tau[q]
         case.modal[2 * now.y.size + q] = between(now.tau_before[q], now.tau[q], share)
     return COMPLETED if ended == RUNNING else ended
-
-
-@inlined
-def _is_by_place(s: Stepping, case: ContactCase) -> bool:
-    """Tell whether contact has no impacts: without mass, or on an elastic casing."""
-    return s.massless or case.flexibility > 0.0
 
 
 @part
@@ -357,7 +354,7 @@ def _begin(s: Stepping, case: ContactCase, casing: CasingSteps, record: Record, 
         now.shown.after[DEPTH, i] = now.shown.after[PLACE, i] - now.place[i]
         record.tally[i].max_temperature = record.tally[i].period_temperature = now.shown.after[TEMPERATURE, i]
         now.shown.deepest[i] = max(0.0, now.shown.after[DEPTH, i])
-        if s.massless and s.method.spring > 0.0:
+        if s.compliant and s.method.spring > 0.0:
             now.pushes[i] = s.method.spring * now.shown.deepest[i]
         for j in range(n):
             now.kicks[i, j] = s.kicks[0, i, j] + case.friction * s.kicks[1, i, j] + case.alpha * s.kicks[2, i, j]
@@ -368,11 +365,6 @@ def _begin(s: Stepping, case: ContactCase, casing: CasingSteps, record: Record, 
     for i in range(unknowns):
         for j in range(unknowns):
             now.law[i, j] = s.law[0, i, j] + case.friction * s.law[1, i, j] + case.alpha * s.law[2, i, j]
-    if case.flexibility > 0.0:
-        for i in range(m):
-            for j in range(m):
-                now.law[i, j] = now.law[i, j] if s.massless else s.h * s.method.theta * now.delassus[i, j]
-            now.law[i, i] += case.flexibility / s.h
     return load
 
 
@@ -416,7 +408,7 @@ def _press(
                 now.ahead[i] = -case.e * (now.apart[i] - h * now.parting[i])
                 now.leaving[i] = (now.ahead[i] - now.apart[i]) / h
         else:
-            if pressed and method.spring == 0.0 and not _is_by_place(s, case):
+            if pressed and method.spring == 0.0 and not s.compliant:
                 now.leaving[i] = -case.e * now.parting[i]
             now.ahead[i] = now.apart[i] + h * (method.theta * now.leaving[i] + (1.0 - method.theta) * now.parting[i])
         if pressed and now.pushed[i] <= 0.0:
@@ -475,7 +467,7 @@ def _strike(s: Stepping, case: ContactCase, i: int, p: float, now: Now) -> None:
 def _place_ahead(s: Stepping, i: int, load: float, now: Now) -> float:
     """Return r of contact ``i`` at the end of a step of the θ-method, with its residual but for the force there."""
     place = now.apart[i] + s.h * (s.method.theta * now.loose[i] + (1.0 - s.method.theta) * now.parting[i])
-    if s.massless:
+    if s.compliant:
         place += s.residual_load[i] * load
         for q in range(now.warm.size):
             place -= s.residual_coupling[q, i] * now.warm[q]
@@ -497,7 +489,7 @@ def _solve(s: Stepping, case: ContactCase, load: float, now: Now) -> int:
         elif method.central:
             over = (1.0 + case.e) * (now.apart[i] / h) + now.loose[i] - case.e * now.parting[i]
             may, deep = True, over
-        elif _is_by_place(s, case):
+        elif s.compliant:
             over = _place_ahead(s, i, load, now)
             may, deep = True, over
         else:
@@ -553,19 +545,19 @@ def _advance(s: Stepping, case: ContactCase, now: Now, balancing: Balancing, sum
 
 
 @part
-def _show(s: Stepping, case: ContactCase, load: float, now: Now) -> bool:
+def _show(s: Stepping, load: float, now: Now) -> bool:
     """Fill what a step of the θ-method shows at its end; return whether it is finite."""
-    shown, total, by_place = now.shown, 0.0, s.method.spring == 0.0 and _is_by_place(s, case)
+    shown, total, by_place = now.shown, 0.0, s.method.spring == 0.0 and s.compliant
     for i in range(now.apart.size):
         depth, pressed = now.apart[i], now.pushes[i] > 0.0
-        if s.massless:
+        if s.compliant:
             depth += s.residual_load[i] * load
             for q in range(now.tau.size):
                 depth -= s.residual_coupling[q, i] * now.tau[q]
             for k in range(now.apart.size):
                 depth -= now.flexibility[i, k] * (now.pushes[k] / s.h if by_place else now.pushes[k])
         if by_place and pressed:
-            depth = case.flexibility * now.pushes[i] / s.h
+            depth = s.casing_flexibility * now.pushes[i] / s.h
         temperature = 0.0
         for q in range(now.tau.size):
             temperature += s.heat[q, i] * now.tau[q]
@@ -649,7 +641,7 @@ def _count_work(s: Stepping, case: ContactCase, load: float, now: Now, sums: Any
             for j in range(n):
                 along -= 0.5 * case.friction * s.tangent[j, i] * (now.v[j] + now.free[j])
             taken += p * along
-        if method.spring > 0.0 and not s.massless:
+        if method.spring > 0.0 and not s.compliant:
             taken += method.spring * _spring_gain(s, i, now)
     sums.dissipated += taken
     if method.central:

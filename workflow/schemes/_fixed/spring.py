@@ -84,11 +84,8 @@ def default_stiffness(structure: Structure) -> float:
         The structure is a free mass.
     """
     frequency, rows, _ = contact_modes(structure)
-    elastic, contacts = frequency > 0, structure.contacts
-    each = np.sum((rows[:, elastic] / frequency[elastic]) ** 2, axis=1)
-    if contacts is not None and contacts.is_massless:
-        each = each + np.diag(contacts.flexibility(0.0))
-    flexibility = float(each.min())
+    elastic, residual = frequency > 0, structure.contact_rows.flexibility(0.0).diagonal()
+    flexibility = float(np.min(np.sum((rows[:, elastic] / frequency[elastic]) ** 2, axis=1) + residual))
     if flexibility == 0:
         text = "a free mass has no stiffness to take ten times of; give the scheme's `stiffness` in N/m"
         raise RefusedStructureError(text)

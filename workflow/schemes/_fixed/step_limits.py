@@ -79,12 +79,11 @@ no friction acts."""
 
 def contact_modes(structure: Structure, friction: float = 0.0) -> ContactModes:
     """Return the modes at the contacts, the tip of one, with a coefficient of friction along their tangents."""
-    modes, contacts = mechanical_modes(structure), structure.contacts
-    tangent = structure.tangent if contacts is None else contacts.tangent.T
-    rows = modes.tip[None] if contacts is None else contacts.normal @ modes.shapes
-    if tangent is None or friction == 0:
+    modes, contacts = mechanical_modes(structure), structure.contact_rows
+    rows = contacts.normal @ modes.shapes
+    if friction == 0 or not contacts.tangent.any():
         return modes.values, rows, rows
-    return modes.values, rows, rows - friction * np.atleast_2d((modes.shapes.T @ tangent).T)
+    return modes.values, rows, rows - friction * contacts.tangent @ modes.shapes
 
 
 def lasting_limit(modes: ContactModes, stiffness: float) -> float:
