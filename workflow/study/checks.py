@@ -316,8 +316,10 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
 def _stops(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
     """Refuse opposite stops w_j = -c w_i with mass unless d_j + c d_i > 0 at all times, by the amplitudes."""
     casing, contacts = cases.scene.casing, None if sizes.structure is None else sizes.structure.contacts
-    if contacts is None or contacts.is_massless or np.size(casing.gap) not in (1, contacts.count):
+    if contacts is None or contacts.is_massless or _is_elastic(cases):
         return
+    if np.size(casing.gap) not in (1, contacts.count):
+        return  # told as a list of another length
     paths = [f"{_CASING_HARMONICS}.{k}.amplitude" for k in range(len(casing.harmonics))]
     values = _combined(cases, lambda path: path in (*paths, "scene.casing.gap", "scene.casing.clearance"))
     if values is None:
