@@ -138,13 +138,14 @@ class Trials:
 
 
 def largest_change(motions: Results, than: Results, which: Sequence[int]) -> list[float]:
-    """Return the larger relative L2 distance in DECIDING of motions from those ``which`` of others.
+    """Return the largest relative L2 distance in DECIDING, of each contact, of motions from those ``which`` of others.
 
     It is infinite where one of both did not end ok.
     """
     places = np.asarray(which)
-    changes = [relative_distance(motions.histories[name], than.histories[name][places]) for name in DECIDING]
-    change = np.max(changes, axis=0)
+    pairs = [(motions.histories[name], than.histories[name][places]) for name in DECIDING]
+    rows = [(own.reshape(-1, own.shape[-1]), other.reshape(-1, own.shape[-1])) for own, other in pairs]
+    change = np.max([relative_distance(*each).reshape(places.size, -1).max(axis=1) for each in rows], axis=0)
     lost = np.isnan(change) | (motions.status != Status.OK) | (than.status[places] != Status.OK)
     return [float(value) for value in np.where(lost, inf, change)]
 

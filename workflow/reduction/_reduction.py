@@ -217,6 +217,7 @@ class Reduction:
             temperature_basis=theta.basis @ self.temperature_basis,
             displacement_projection=self.displacement_projection @ x.projection,
             temperature_projection=self.temperature_projection @ theta.projection,
+            carried=None if self.carried is None else x.basis @ self.carried,
             residual=None if self.residual is None else x.basis @ self.residual,
         )
 

@@ -10,9 +10,9 @@ fixed-interface modes. Thermal: rational Krylov vectors (K2 + s C2)⁻¹ e_n, wh
 
     w_s = (K2 + s C2)⁻¹ C2 ψ   in the interior,
 
-at as many log-spaced shifts s as vectors, from 1/duration to the larger of 10/duration and the largest eigenvalue with
-the tip held. Dependent vectors are replaced by the slowest modes with the tip held. All vectors are orthonormalised in
-M or C2 one after another, each twice. α_c is exact: S and K2⁻¹ e_n need ψ only.
+at as many log-spaced shifts s as vectors of a contact, from 1/duration to the larger of 10/duration and the largest
+eigenvalue with the tip held. Dependent vectors are replaced by the slowest modes with the tip held. All vectors are
+orthonormalised in M or C2 one after another, each twice. α_c is exact: S and K2⁻¹ e_n need ψ only.
 
 The new part of a moment or a shift falls to 1e-8 of it and below, and rounding of LAPACK and SuperLU then turns the
 last vectors by tenths. Above 300 coordinates, where these find solutions and modes, each vector is therefore computed
@@ -33,8 +33,10 @@ from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models import Array, Pair, Structure
 from workflow.reduction._reduction import Orthonormal, Vectors, mechanical_vectors, thermal_vectors
 
+CONTACTS = frozenset({"several"})
+
 MOST_MOMENTS = 6
-"""Moments at s = 0, the constraint mode included."""
+"""Moments of a contact at s = 0, the constraint mode included."""
 
 MOST_SHIFTS = 6
 """Different shifts where each vector is computed from the one before: on the chains of ``studies/scaling.yaml`` fewer
@@ -42,14 +44,13 @@ have a markedly larger error, twice as many a hardly smaller one."""
 
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
-    """Return up to five moments relative to the tip and fixed-interface modes, and the constraint mode."""
-    pair, constraint = structure.mechanical, structure.mechanical.constraint
-    span = Orthonormal(pair.size, count, pair.inertia_of)
-    if _is_small(structure):
-        _add_moments(pair, span, constraint)
-    else:
-        span.add_each(pair.modes(max(count - MOST_MOMENTS + 1, 0), held=True).shapes)
-        _add_moments(pair, span, span.apart(constraint))
+    """Return up to five moments of each contact relative to it and fixed-interface modes, and the constraint modes."""
+    pair = structure.mechanical
+    begin, span = list(np.atleast_2d(pair.constraint.T)), Orthonormal(pair.size, count, pair.inertia_of)
+    if not _is_small(structure):
+        span.add_each(pair.modes(max(count - (MOST_MOMENTS - 1) * len(begin), 0), held=True).shapes)
+        begin = [span.apart(constraint) for constraint in begin]
+    _add_moments(pair, span, begin)
     if not span.is_full:
         span.add_each(pair.modes(count, held=True).shapes)
     return mechanical_vectors(structure, span.all())
@@ -66,16 +67,17 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
     if duration is None:
         raise ValueError("krylov needs the duration of the cases for its shifts")
     pair = structure.thermal
-    solve, heat = pair.shifted_solver(), pair.inertia_of(pair.constraint)
-    span = Orthonormal(pair.size, count, pair.inertia_of)
-    each_alone = _is_small(structure)
-    different = count if each_alone else min(count, MOST_SHIFTS)
+    solve, heat = pair.shifted_solver(), [pair.inertia_of(each) for each in np.atleast_2d(pair.constraint.T)]
+    span, contacts = Orthonormal(pair.size, count, pair.inertia_of), pair.boundary
+    each_alone, rounds = _is_small(structure), -(-count // contacts)
+    different = rounds if each_alone else min(rounds, MOST_SHIFTS)
     spaced = np.geomspace(1 / duration, max(pair.largest(), 10 / duration), different)
     shifts = [float(f"{shift:.12g}") for shift in spaced]  # digits in which all C libraries agree
     for k in range(count):
-        vector = span.add(solve(heat, shifts[k * different // count]))
+        turn, contact = divmod(k, contacts)
+        vector = span.add(solve(heat[contact], shifts[turn * different // rounds]))
         if vector is not None and not each_alone:
-            heat = pair.inertia_of(vector)
+            heat[contact] = pair.inertia_of(vector)
     if not span.is_full:
         span.add_each(pair.modes(count, held=True).shapes)
     return thermal_vectors(structure, span.all())
@@ -86,9 +88,10 @@ def _is_small(structure: Structure) -> bool:
     return max(structure.mechanical_size, structure.thermal_size) <= MOST_BY_JACOBI
 
 
-def _add_moments(pair: Pair, span: Orthonormal, begin: Array) -> None:
-    """Add up to five Krylov vectors (K⁻¹ M)^k ``begin`` with the tip held; stop at a dependent one."""
-    vector: Array | None = begin
+def _add_moments(pair: Pair, span: Orthonormal, begin: list[Array]) -> None:
+    """Add up to five Krylov vectors (K⁻¹ M)^k of each that ``begin`` with the tip held; stop at a dependent one."""
+    vectors: list[Array | None] = [*begin]
     for _ in range(MOST_MOMENTS - 1):
-        if vector is not None:
-            vector = span.add(pair.solve(pair.inertia_of(vector), held=True))
+        for k, vector in enumerate(vectors):
+            if vector is not None:
+                vectors[k] = span.add(pair.solve(pair.inertia_of(vector), held=True))

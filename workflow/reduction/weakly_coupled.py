@@ -20,12 +20,14 @@ from workflow.models import Array, Structure
 from workflow.reduction._reduction import Vectors
 from workflow.reduction.craig_bampton import mechanical, thermal
 
-__all__ = ["carried", "mechanical", "thermal"]
+__all__ = ["CONTACTS", "carried", "mechanical", "thermal"]
+
+CONTACTS = frozenset({"several"})
 
 
 def carried(structure: Structure, mechanical: Vectors, thermal: Vectors) -> Array:
     """Return Γ, m/K, ``(node, thermal)``."""
     pair = structure.mechanical
     static = np.column_stack([pair.solve(force, held=True) for force in structure.thermal_forces(thermal.shapes).T])
-    modes = mechanical.shapes[:, :-1]
+    modes = mechanical.shapes[:, : -pair.boundary]
     return static - modes @ (pair.inertia_of(modes).T @ static)

@@ -258,9 +258,8 @@ def _reduced_contacts(cases: CaseSpace, sizes: Sizes, source: StudyText, several
         size = sizes.coordinates[path][0]
         counts = values[path] - {size - 1, FULL}
         is_reduced |= bool(counts)
-        if CHOSEN in counts:
-            yield place(path), f"is `auto`, {several}", "write counts"
-        elif max(counts, default=0) > size - own:
+        counts -= {CHOSEN}
+        if max(counts, default=0) > size - own:
             remedy = f"write at most {size - own}, or `full`"
             yield place(path), f"{max(counts)} is more than the {size - own} interior modes, {several}", remedy
     able = [name for name in reduction.names() if not reduction.fault(name) and reduction.takes(name, contacts)]
