@@ -283,6 +283,25 @@ def test_critical_coupling_of_opposite_stops_is_that_of_the_worse_one(basis: str
     assert critical_alpha(reduce_structure(full, 2, 3, basis).structure) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.parametrize("basis", BASES)
+def test_a_free_rod_between_two_walls(basis: str) -> None:
+    """Its rigid motion is kept or the contacts keep their mass; with all modes Craig–Bampton loses nothing."""
+    links = np.diff(np.eye(8), axis=0)
+    entries = {"mass": 0.1 * np.eye(8), "stiffness": 4e5 * links.T @ links, "load": np.eye(8)[3]}
+    full = of_entries(entries | {"contact": np.eye(8)[[7, 0]] * np.array([[1.0], [-1.0]])}, Rayleigh(mass=2.0))
+    batch = replace(rub(full), gaps=np.array([[1e-4, 2e-4]]))
+    for count in (0, 2, 6):
+        reduction = reduce_structure(full, count, 0, basis)
+        assert reduction.structure.has_massless_tip == (basis != "craig_bampton" and count > 0)
+        assert models.frequencies(reduction.structure)[0] == 0.0
+        assert critical_alpha(reduction.structure) == np.inf
+        ours = reduced_run(reduction, batch, 0.1)
+        assert ours.status.tolist() == [0]
+        assert ours.histories["impulse"].max(axis=2).min() > 0
+    if basis == "craig_bampton":
+        assert apart(ours, run(full, batch, 0.1)) < 1e-9
+
+
 def test_rows_that_share_temperatures() -> None:
     """Three contacts heat two temperatures: two are held, and all others kept lose nothing."""
     case = drawn(4)
