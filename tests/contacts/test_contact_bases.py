@@ -355,6 +355,22 @@ def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, t
 
 
 @pytest.mark.parametrize("basis", WITHOUT_MASS)
+def test_without_modes_contacts_follow_their_loads(basis: str) -> None:
+    """Static answers alone: x = w K1⁻¹ b F, and the force that keeps it at the casing."""
+    full = of_entries(clamped(12) | {"contact": np.eye(12)[[-1]], "tangent": np.zeros((1, 12))}, Rayleigh())
+    batch = rub(full, friction=0.0, amplitude=30.0)
+    ours = reduced_run(reduce_structure(full, 0, 0, basis), batch, 0.01)
+    flexibility = static(full, 0.0).item()
+    t = np.linspace(0.0, 0.01, 101)
+    load = 30.0 * np.sin(2 * np.pi * 300 * t + 0.2)
+    place = np.minimum(flexibility * load, batch.gap[0])
+    assert ours.histories["displacement"][0] == pytest.approx(place, rel=1e-9, abs=1e-12 * batch.gap[0])
+    fine = np.linspace(0.0, 0.01, 1_000_001)
+    force = np.maximum(0.0, 30.0 * np.sin(2 * np.pi * 300 * fine + 0.2) - batch.gap[0] / flexibility)
+    assert ours.histories["impulse"][0, -1] == pytest.approx(np.trapezoid(force, fine), rel=1e-6)
+
+
+@pytest.mark.parametrize("basis", WITHOUT_MASS)
 @pytest.mark.parametrize("gaps", [[1.0, 1.0], [2e-7, 4e-7]])
 def test_constant_loads_act_on_contacts_without_mass(basis: str, gaps: list[float]) -> None:
     """At rest, free or pressed, places and forces are those of the full structure; ``Cases.offset`` holds the rest."""
