@@ -283,6 +283,25 @@ def test_critical_coupling_of_opposite_stops_is_that_of_the_worse_one(basis: str
     assert critical_alpha(reduce_structure(full, 2, 3, basis, DURATION).structure) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.parametrize("basis", BASES)
+def test_a_free_rod_between_two_walls(basis: str) -> None:
+    """Its rigid motion is kept or the contacts keep their mass; with all modes Craig–Bampton loses nothing."""
+    links = np.diff(np.eye(8), axis=0)
+    entries = {"mass": 0.1 * np.eye(8), "stiffness": 4e5 * links.T @ links, "load": np.eye(8)[3]}
+    full = of_entries(entries | {"contact": np.eye(8)[[7, 0]] * np.array([[1.0], [-1.0]])}, Rayleigh(mass=2.0))
+    batch = replace(rub(full), gaps=np.array([[1e-4, 2e-4]]))
+    for count in (0, 2, 6):
+        reduction = reduce_structure(full, count, 0, basis)
+        assert reduction.structure.has_massless_tip == (basis != "craig_bampton" and count > 0)
+        assert models.frequencies(reduction.structure)[0] == 0.0
+        assert critical_alpha(reduction.structure) == np.inf
+        ours = reduced_run(reduction, batch, 0.1)
+        assert ours.status.tolist() == [0]
+        assert ours.histories["impulse"].max(axis=2).min() > 0
+    if basis == "craig_bampton":
+        assert apart(ours, run(full, batch, 0.1)) < 1e-9
+
+
 def test_rows_that_share_temperatures() -> None:
     """Three contacts heat two temperatures: two are held, and all others kept lose nothing."""
     case = drawn(4)
@@ -333,6 +352,22 @@ def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, t
     for h in (4e-6, 1e-6):
         errors.append(apart(moreau.compute(moreau.init(small, h, moreau.Options(theta=0.5)), batch, over), exact))
     assert errors[1] < 0.5 * errors[0] < 2e-3
+
+
+@pytest.mark.parametrize("basis", WITHOUT_MASS)
+def test_without_modes_contacts_follow_their_loads(basis: str) -> None:
+    """Static answers alone: x = w K1⁻¹ b F, and the force that keeps it at the casing."""
+    full = of_entries(clamped(12) | {"contact": np.eye(12)[[-1]], "tangent": np.zeros((1, 12))}, Rayleigh())
+    batch = rub(full, friction=0.0, amplitude=30.0)
+    ours = reduced_run(reduce_structure(full, 0, 0, basis), batch, 0.01)
+    flexibility = static(full, 0.0).item()
+    t = np.linspace(0.0, 0.01, 101)
+    load = 30.0 * np.sin(2 * np.pi * 300 * t + 0.2)
+    place = np.minimum(flexibility * load, batch.gap[0])
+    assert ours.histories["displacement"][0] == pytest.approx(place, rel=1e-9, abs=1e-12 * batch.gap[0])
+    fine = np.linspace(0.0, 0.01, 1_000_001)
+    force = np.maximum(0.0, 30.0 * np.sin(2 * np.pi * 300 * fine + 0.2) - batch.gap[0] / flexibility)
+    assert ours.histories["impulse"][0, -1] == pytest.approx(np.trapezoid(force, fine), rel=1e-6)
 
 
 @pytest.mark.parametrize("basis", WITHOUT_MASS)

@@ -309,8 +309,6 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
     load = structure.load if residual is None else structure.load_direction
     reduced = replace(
         reduced,
-        mechanical=replace(reduced.mechanical, boundary=1 if residual is not None else structure.mechanical.boundary),
-        thermal=replace(reduced.thermal, boundary=structure.thermal.boundary),
         uniform_rise=thermal.projection @ structure.uniform_rise,
         damping=structure.damping,
         tip_growth=None if contacts is not None else static_tip_growth(structure) @ theta,

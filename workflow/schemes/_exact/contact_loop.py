@@ -309,7 +309,8 @@ def _begin(structure: Contacting, case: ContactCase, record: Record, at: Any, ow
         tally.max_temperature = tally.period_temperature = _temperature(structure, own, c)
     at.length = case.reach
     _fill_casing(case, 0.0, own)
-    return _pass(structure, case, record, at, own, structure.frequency[structure.frequency.size - 1], -1)
+    fastest = structure.frequency[structure.frequency.size - 1] if structure.frequency.size > 0 else 0.0
+    return _pass(structure, case, record, at, own, fastest, -1)
 
 
 @part
