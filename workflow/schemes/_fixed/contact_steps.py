@@ -229,7 +229,7 @@ class Now(NamedTuple):
     flexibility: Array
     """As in :class:`Stepping`, at µ and α of the case, and R - µ R^t."""
     tried: NDArray[np.int64]
-    """Contacts in the complementarity problem, ``(contact,)``."""
+    """Unknowns of the law in the complementarity problem: contacts, then σ of each, ``(unknown,)``."""
     problem: Complementarity
     shown: Shown
 
@@ -241,7 +241,7 @@ def memory(s: Stepping) -> Now:
     tau, tau_before, warm = np.zeros((3, thermal))
     matrices = np.zeros((m, modes)), np.zeros((m, m)), np.zeros((unknowns, unknowns)), np.zeros((m, m))
     shown = Shown(*np.zeros((2, 4, m)), *np.zeros((2, m)))
-    scratch = np.zeros(m, dtype=np.int64), problem(unknowns), shown
+    scratch = np.zeros(unknowns, dtype=np.int64), problem(unknowns), shown
     rows: Any = (y, v, tau, tau_before, free, force, warm, *np.zeros((13, m)), *matrices, *scratch)
     return Now(*rows)
 
@@ -474,51 +474,52 @@ def _place_ahead(s: Stepping, i: int, load: float, now: Now) -> float:
     return float(place)
 
 
+@inlined
+def _demand(s: Stepping, case: ContactCase, i: int, load: float, now: Now) -> tuple[float, bool]:
+    """Return b of contact ``i``, what its law lacks without forces at the end, and whether it may press then."""
+    method, h = s.method, s.h
+    if method.spring > 0.0 and method.central:
+        mean = 0.5 * (now.parting[i] + now.loose[i])
+        return h * (method.spring * now.apart[i] + method.damper * mean), now.apart[i] > 0.0
+    if method.spring > 0.0:
+        place = _place_ahead(s, i, load, now)
+        return method.spring * place + method.damper * now.loose[i], place > 0.0
+    if method.central:
+        return (1.0 + case.e) * (now.apart[i] / h) + now.loose[i] - case.e * now.parting[i], True
+    if s.compliant:
+        return _place_ahead(s, i, load, now), True
+    return now.loose[i] + case.e * now.parting[i], now.apart[i] + 0.5 * h * now.parting[i] >= 0.0
+
+
 @part
 def _solve(s: Stepping, case: ContactCase, load: float, now: Now) -> int:
     """Solve the law of the step, and strike by its impulses; return RUNNING or how the case ended."""
-    p, m, method, h = now.problem, now.pushes.size, s.method, s.h
-    size, meets, slowed = 0, False, method.damper > 0.0 and not method.central
+    p, m, count, meets = now.problem, now.pushes.size, 0, False
+    ends = s.method.spring > 0.0 and not s.method.central  # its unknowns are forces at the end, of all contacts
     for i in range(m):
-        if method.spring > 0.0 and method.central:
-            may, deep = now.apart[i] > 0.0, now.apart[i]
-            over = h * (method.spring * deep + 0.5 * method.damper * (now.parting[i] + now.loose[i]))
-        elif method.spring > 0.0:
-            may, deep = True, _place_ahead(s, i, load, now)
-            over = method.spring * deep + method.damper * now.loose[i]
-        elif method.central:
-            over = (1.0 + case.e) * (now.apart[i] / h) + now.loose[i] - case.e * now.parting[i]
-            may, deep = True, over
-        elif s.compliant:
-            over = _place_ahead(s, i, load, now)
-            may, deep = True, over
-        else:
-            over = now.loose[i] + case.e * now.parting[i]
-            may, deep = now.apart[i] + 0.5 * h * now.parting[i] >= 0.0, over
-        if not np.isfinite(over):
+        lacks, may = _demand(s, case, i, load, now)
+        if not np.isfinite(lacks):
             return NOT_FINITE
-        if may:
-            p.constant[size], p.active[size], now.tried[size] = -over, now.pushes[i] > 0.0, i
-            size, meets = size + 1, meets or (over > 0.0 and deep > 0.0)
-        if slowed:
-            p.constant[m + i], p.active[m + i] = -method.damper * now.loose[i], False
+        if may or ends:
+            p.constant[count], p.active[count], now.tried[count] = -lacks, now.pushes[i] > 0.0, i
+            count, meets = count + 1, meets or (may and lacks > 0.0)
         now.pushes[i] = 0.0
     if not meets:
         return RUNNING
+    size = count
+    if ends and s.method.damper > 0.0:
+        for i in range(m):  # σ
+            p.constant[size], p.active[size], now.tried[size] = -s.method.damper * now.loose[i], False, m + i
+            size += 1
     for k in range(size):
         for q in range(size):
             p.matrix[k, q] = now.law[now.tried[k], now.tried[q]]
-    if slowed:  # all contacts are tried
-        for k in range(2 * m):
-            for q in range(2 * m):
-                p.matrix[k, q] = now.law[k, q]
-    if not solve_complementarity(p, 2 * m if slowed else size):
+    if not solve_complementarity(p, size):
         return NO_IMPACT_LAW
-    for k in range(size):
+    for k in range(count):
         if p.solution[k] > 0.0:
             now.pushes[now.tried[k]] = p.solution[k]
-            lever = h * method.theta if method.spring > 0.0 and not method.central else 1.0
-            _strike(s, case, now.tried[k], lever * p.solution[k], now)
+            _strike(s, case, now.tried[k], (s.h * s.method.theta if ends else 1.0) * p.solution[k], now)
     return RUNNING
 
 
