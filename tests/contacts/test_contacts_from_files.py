@@ -395,6 +395,29 @@ def test_friction_that_makes_the_residual_indefinite_is_refused(tmp_path: Path) 
             study(tmp_path, *given, friction=RUBS)
 
 
+def test_constant_loads_move_contacts_without_mass_beside_their_modes(tmp_path: Path) -> None:
+    """By `residual_steady`: gaps are narrower by it, and the recorded displacement has it."""
+    made, moved = entries(2, massless=True), np.array([2e-6, -1e-6])
+    np.savez(tmp_path / "given.npz", **made, residual_steady=moved)
+    np.savez(tmp_path / "plain.npz", **made)
+    load = {"load": {"steady": pressing(made).tolist()}}
+    axes = {"scheme": ["exact", "midpoint"], "h": 1e-5}
+    runs = []
+    for name, gaps in (("given", [1.2e-5, 1.2e-5]), ("plain", (1.2e-5 - moved).tolist())):
+        whole = {"matrices": {"file": f"{name}.npz"}, "casing": CASING | {"gap": gaps}, "duration": 0.02, "speed": 50.0}
+        schemes = {"exact": {"method": "event_driven"}, "midpoint": {"method": "moreau", "theta": 0.5}}
+        output = {"histories": ["displacement", "impulse"]}
+        text = {"study": "steady", "scene": whole | load, "schemes": schemes, "axes": axes, "output": output}
+        (tmp_path / "study.yaml").write_text(json.dumps(text))
+        runs.append(run_study(read_study(tmp_path / "study.yaml"), tmp_path / f"{name}.nc", threads=1).dataset.load())
+    given, plain = runs
+    assert (given["contact_impulse"] > 0).all()
+    np.testing.assert_allclose(given["impulse"], plain["impulse"], rtol=1e-9, atol=1e-12)
+    beside = given["displacement"] - plain["displacement"] - moved[:, None]
+    assert float(abs(beside).max()) < 1e-9 * float(abs(given["displacement"]).max())
+    np.testing.assert_allclose(given["max_penetration"], plain["max_penetration"], atol=1e-15)
+
+
 BALL = {"mass": np.eye(1), "stiffness": np.zeros((1, 1)), "contact": [[1.0], [-2.0]], "load": [1.0]}
 WAVE = [{"frequency": 40, "amplitude": 1e-5}, {"order": 2, "amplitude": -5e-6}]
 
