@@ -24,7 +24,7 @@ _SAME = 1e-9
 
 
 def open_dataset(path: Path, chunks: Any) -> xr.Dataset:
-    """Open a file with xarray and give an index to each coordinate along a dimension of another name.
+    """Open a file with xarray and give an index to each coordinate along a dimension of cases of another name.
 
     ``chunks="auto"`` cuts each variable by the size of its numbers: dimensions are then cut as finely as any of them,
     so that all have one set of chunks.
@@ -36,7 +36,7 @@ def open_dataset(path: Path, chunks: Any) -> xr.Dataset:
     indexed = dataset.assign({name: turnable(each) for name, each in texts.items() if chunks is None})
     along: dict[Hashable, list[Hashable]] = {}  # without the lock: dask reads coordinates in threads
     for name, coordinate in dataset.coords.items():
-        if coordinate.ndim == 1 and name not in dataset.xindexes:
+        if coordinate.ndim == 1 and name not in dataset.xindexes and coordinate.dims != ("contact",):
             along.setdefault(coordinate.dims[0], []).append(name)
     for names in along.values():
         indexed = indexed.set_xindex(names, ZipIndex if len(names) > 1 else None)
