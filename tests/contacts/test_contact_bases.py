@@ -15,6 +15,7 @@ from several import of_entries
 
 import scenes
 from workflow import models, schemes
+from workflow.analysis import decided
 from workflow.declare import File
 from workflow.models import (
     Array,
@@ -429,3 +430,28 @@ def test_a_study_takes_counts_and_bases_of_several_contacts(tmp_path: Path) -> N
     assert (archive["projection_residual"].sel(reduction="craig_bampton", mechanical_modes=3) < 1e-9).all()
     assert (archive["impulse_scheme_error"].sel(scheme="moreau") > 0).all()
     assert (archive["impulse_model_error"].sel(mechanical_modes=1) > 1e-4).all()
+
+
+def test_auto_meets_its_tolerance_on_each_contact(tmp_path: Path) -> None:
+    """Checked against the full structure of 12 displacements and temperatures."""
+    links = np.eye(12) - np.eye(12, k=-1)
+    heat = {"heat_capacity": 0.1 * np.eye(12), "conductance": 5 * links.T @ links, "coupling": -20 * links.T}
+    shares = {"thermal_contact": np.eye(12)[[6, 11]]}
+    made = clamped(12) | heat | shares | {"contact_labels": ["mid", "end"]}
+    scene = {
+        "matrices": {"file": str(write_matrices(tmp_path / "rod.npz", **made))},
+        "casing": {"gap": [2e-7, 4e-7]},
+        "load": {"amplitude": 20.0, "frequency": 300.0},
+        "duration": 0.01,
+    }
+    modes = {"mechanical_modes": "auto", "thermal_modes": "auto", "tolerance": 0.02}
+    axes = {"scheme": "event_driven", "reduction": "krylov", "alpha": 0.5, "e": 0}
+    text = {"study": "auto", "scene": scene, "output": {"interval": 1e-4, "histories": ["displacement", "temperature"]}}
+    whole, chosen = (
+        run_study(text | {"axes": axes | more}, tmp_path / f"{len(more)}.nc", threads=1).dataset.load()
+        for more in ({}, modes)
+    )
+    assert int(decided(chosen)[0].mechanical_modes) < 10
+    for name in ("displacement", "temperature"):
+        own, full = (run[name].transpose(..., "contact", "t").values for run in (chosen, whole))
+        assert (np.linalg.norm(own - full, axis=-1) < 0.02 * np.linalg.norm(full, axis=-1)).all()
