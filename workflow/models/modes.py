@@ -194,20 +194,10 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     _check(np.all(ratio >= 0), "damping_ratio", "at least 0")
     for (name, _), row in zip(columns[2 : 2 + count], tips, strict=False):
         _check(np.any(row != 0), name, "other than 0 in some mode")
-    for name in ("coupling", "residual_tangent"):
-        beside = "heat" if name == "coupling" else "residual"
+    for name, beside in (("coupling", "heat"), ("residual_tangent", "residual")):
         if getattr(parameters, beside) is None and getattr(parameters, name) is not None:
             raise UnusableMatricesError(f"`{name}` is given without `{beside}`", "give both, or neither")
-    warm: File | Rows = ((0.0, 1 / float(np.sqrt(COLD))),) if parameters.heat is None else parameters.heat
-    heat_columns = columns_of_contacts(warm, HEAT_COLUMNS)
-    rate, *shares = read_table(warm, heat_columns).T
-    heat_names = [name for name, _ in heat_columns[1:]]
-    _check(np.all(rate >= 0), "rate", "at least 0")
-    for name, row in zip(heat_names, shares, strict=True):
-        _check(np.any(row != 0), name, "other than 0 in some thermal mode")
-    if len(shares) not in (1, count):
-        problem = f"`heat` has the tips {', '.join(heat_names)}, and `table` has {count}"
-        raise UnusableMatricesError(problem, "write one for each, or one `tip` for all")
+    rate, shares = _heat(parameters, count)
     normal, heat = np.array(tips[:count]), np.array(shares * (count if len(shares) == 1 else 1))
     tangent, square = np.array(tips[count:]) if tips[count:] else np.zeros_like(normal), (count, count)
     contacts = Contacts(tuple(map(str, range(1, count + 1))), normal, tangent, heat, np.zeros(count))
@@ -222,7 +212,8 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     shape = frequency.size, rate.size
     omega = 2 * np.pi * frequency
     even = bool(np.all(ratio[omega > 0] == ratio.max()))
-    whole = heat[0] / float(heat[0] @ heat[0]) if len(shares) == 1 else np.linalg.lstsq(heat, np.ones(count))[0]
+    one = len(shares) == 1
+    whole: Array = heat[0] / float(heat[0] @ heat[0]) if one else np.linalg.lstsq(heat, np.ones(count))[0]
     structure = structure_from_matrices(
         GivenMatrices(
             mass=np.eye(shape[0]),
@@ -242,6 +233,21 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
         )
     )
     return with_contacts(structure, contacts)
+
+
+def _heat(parameters: Parameters, count: int) -> tuple[Array, list[Array]]:
+    """Return rates and the rows of tips of the thermal modes; of a structure that stays cold one mode."""
+    warm: File | Rows = ((0.0, 1 / float(np.sqrt(COLD))),) if parameters.heat is None else parameters.heat
+    columns = columns_of_contacts(warm, HEAT_COLUMNS)
+    rate, *shares = read_table(warm, columns).T
+    names = [name for name, _ in columns[1:]]
+    _check(np.all(rate >= 0), "rate", "at least 0")
+    for name, row in zip(names, shares, strict=True):
+        _check(np.any(row != 0), name, "other than 0 in some thermal mode")
+    if len(shares) not in (1, count):
+        problem = f"`heat` has the tips {', '.join(names)}, and `table` has {count}"
+        raise UnusableMatricesError(problem, "write one for each, or one `tip` for all")
+    return rate, shares
 
 
 def _check(holds: bool | np.bool_, column: str, what: str) -> None:

@@ -107,9 +107,9 @@ def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool)
     ended, which, split = np.full(cases.count, NOT_FINITE), np.flatnonzero(cases.finite), with_contacts(record, basis)
     content = operator.structure.content @ basis.heat_shapes
     begun = conditions.modal.copy()
-    ending = Ending(ended, np.zeros((cases.count, basis.contacts.count)), np.zeros(cases.count, dtype=SUMS))
-    balancing = Balancing(sampling.balances, content)
-    step_cases(step, conditions, casing, which, split, marks, memory(step), balancing, ending)
+    deepest, sums = np.zeros((cases.count, basis.contacts.count)), np.zeros(cases.count, dtype=SUMS)
+    ending = Ending(ended, deepest, sums, Balancing(sampling.balances, content))
+    step_cases(step, conditions, casing, which, split, marks, memory(step), ending)
     tally, completed = record.tally, ended == COMPLETED
     each = completed.reshape(-1, *(1,) * (tally.ndim - 1))
     metrics = {name: np.where(each, tally[name], np.nan) for name in ("impacts", "contact_time", "max_temperature")}

@@ -268,6 +268,7 @@ class Ending(NamedTuple):
     ended: NDArray[np.int64]
     penetration: Array
     sums: Any
+    balancing: Balancing
 
 
 @kernel
@@ -279,7 +280,6 @@ def step_cases(
     record: Record,
     marks: Marks,
     now: Now,
-    balancing: Balancing,
     ending: Ending,
 ) -> None:
     """Step cases one after the other; their thermal modes at the end are left in ``cases.modal``."""
@@ -289,7 +289,7 @@ def step_cases(
         )
         own = Marks(marks.steps, marks.sample_due, marks.sample_weight, marks.period_due[i], marks.period_weight[i])
         casing_of_case = CasingSteps(casing.speeds[i], casing.begun[i])
-        ending.ended[i] = _march(s, of_case(cases, i), casing_of_case, mine, own, now, balancing, ending.sums[i])
+        ending.ended[i] = _march(s, of_case(cases, i), casing_of_case, mine, own, now, ending.balancing, ending.sums[i])
         for c in range(now.place.size):
             ending.penetration[i, c] = now.shown.deepest[c]
 
