@@ -213,7 +213,7 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     omega = 2 * np.pi * frequency
     even = bool(np.all(ratio[omega > 0] == ratio.max()))
     one = len(shares) == 1
-    whole: Array = heat[0] / float(heat[0] @ heat[0]) if one else np.linalg.lstsq(heat, np.ones(count))[0]
+    whole = heat[0] / float(heat[0] @ heat[0]) if one else np.asarray(np.linalg.lstsq(heat, np.ones(count))[0], float)
     structure = structure_from_matrices(
         GivenMatrices(
             mass=np.eye(shape[0]),
