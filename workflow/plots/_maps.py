@@ -150,7 +150,7 @@ def _draw(axes: Any, cut: xr.Dataset, dims: tuple[str, str], panel: Panel) -> No
 
 
 def _panels(cut: xr.Dataset) -> list[Panel]:
-    """Return the maps of a cut ``(up, across)`` that have a value, four at most, NaN where a tip never touches."""
+    """Return the maps of a cut ``(up, across)`` that are not 0, four at most, NaN where a tip never touches."""
     ok = np.asarray(cut["status"].values) == 0
     touches = ok & (np.asarray(cut["contact_impulse"].values) > 0)
 
@@ -166,7 +166,7 @@ def _panels(cut: xr.Dataset) -> list[Panel]:
         Panel("impacts", shown(cut["impacts"].values), has_contours=False),
         Panel("largest temperature rise of the tip [K]", shown(cut["max_temperature"].values)),
     ]
-    return [panel for panel in panels if np.isfinite(panel.values).any()]
+    return [panel for panel in panels if (panel.values > 0).any()]
 
 
 def _critical(cut: xr.Dataset) -> NDArray[np.float64]:
