@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure
+from workflow.schemes import RefusedStructureError
 from workflow.schemes._exact.batch import make_operator
 from workflow.schemes._exact.layout import Budget, Regime
 from workflow.schemes._exact.record import RELEASE, TOUCH
@@ -46,9 +47,17 @@ def common_period(cases: Cases) -> float:
 
 
 class AnalysedStructure:
-    """A structure and its operator, with the tip free and held, for all its cases."""
+    """A structure and its operator, with the tip free and held, for all its cases.
+
+    Raises
+    ------
+    RefusedStructureError
+        It has several contacts, or one without mass.
+    """
 
     def __init__(self, structure: Structure):
+        if structure.contacts is not None:
+            raise RefusedStructureError("steady rubs and branches are of one contact with mass; take another basis")
         self.structure, self.operator = structure, make_operator(structure, _BUDGET)
 
 
