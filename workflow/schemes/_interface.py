@@ -316,7 +316,7 @@ class Scheme:
         if structure.has_massless_tip and "massless" not in self.GENERAL:
             return NEEDS_MASS
         if structure.contacts is not None and structure.observed is not None:
-            return "it does not record the temperature over a depth at contacts without mass"
+            return "it does not record the temperature over a depth at contacts without mass, or on an elastic casing"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"
         try:
