@@ -41,6 +41,7 @@ def written_here(directory: Path, names: list[str]) -> dict[str, str]:
     return written(directory)
 
 
+@pytest.mark.slow  # those of all studies are, too
 def test_a_study_has_one_hash(tmp_path: Path) -> None:
     names = ["schemes", "coupled"]
     assert written_here(tmp_path / "a", names) == hashes(SETTINGS["C library without FMA"], tmp_path / "b", names)
