@@ -10,50 +10,38 @@ import numpy as np
 import pytest
 import yaml
 
-from workflow import run_study, schemes
+from scenes import cases, chain, step
+from workflow import run_study
 from workflow.archive import open_archive
-from workflow.models import Cases, Harmonics, Structure, at_rest, critical_alpha, growth_rate
+from workflow.models import Cases, Rayleigh, at_rest, critical_alpha, growth_rate
 from workflow.models._contact_system import critical_alpha_of_contacts
-from workflow.models.chain import Parameters, Rayleigh, assemble
-from workflow.schemes import Results, Sampling
+from workflow.schemes import Sampling
 from workflow.study import StudyError, read_study
 
 CASING = 2e-5
-CHAIN = Parameters(
-    nodes=3,
-    mass=0.1,
-    stiffness=4000.0,
-    heat_capacity=5.0,
-    expansion=1e-3,
-    spacing=0.1,
-    conductance=0.5,
-    convection=0.1,
-)
+CHAIN = {
+    "nodes": 3,
+    "mass": 0.1,
+    "stiffness": 4000.0,
+    "heat_capacity": 5.0,
+    "expansion": 1e-3,
+    "spacing": 0.1,
+    "conductance": 0.5,
+    "convection": 0.1,
+}
 
 
-def cases(size: int, **given: Any) -> Cases:
-    """Return one case at rest, its values as numbers."""
-    zeros, row = np.zeros((1, size)), np.zeros(1)
-    values: dict[str, Any] = {"e": row, "alpha": row, "gap": row, "mean": row}
-    values |= dict.fromkeys(("steady", "heating", "displacement", "velocity", "temperature"), zeros)
-    return Cases(**values | given)
-
-
-def run(method: str, structure: Structure, case: Cases, sampling: Sampling, h: float, **options: Any) -> Results:
-    """Run one case with a scheme."""
-    if structure.contacts is not None:
-        case = replace(case, gaps=case.gap[:, None], turns=np.zeros((1, 1, case.casing_harmonics.width)))
-    scheme = schemes.load(method)
-    return scheme.compute(scheme.init(structure, h, scheme.Options(**options)), case, sampling)
+def as_row(batch: Cases) -> Cases:
+    """Return cases of one contact as those of a contact that is given by its row."""
+    return replace(batch, gaps=batch.gap[:, None], turns=np.zeros((1, 1, batch.casing_harmonics.width)))
 
 
 def test_mass_on_an_elastic_stop() -> None:
     """code_aster's SDND101A: m 100 kg, k 1e4 N/m, stop 1e6 N/m, v0 1 m/s."""
-    mass = assemble(Parameters(nodes=1, mass=100.0, stiffness=1e4, heat_capacity=1.0)).on_casing(1e-6)
+    mass = chain(nodes=1, mass=100.0, stiffness=1e4).on_casing(1e-6)
     omega = np.sqrt(1.01e6 / 100)
-    done = run(
-        "event_driven", mass, cases(1, velocity=np.ones((1, 1))), Sampling(np.pi / omega, np.pi / omega / 2, 3), 1
-    )
+    over = Sampling(np.pi / omega, np.pi / omega / 2, 3)
+    done = step(mass, as_row(cases(mass, velocity=1.0)), 1.0, over, "event_driven")
     assert done.status[0] == 0
     np.testing.assert_allclose(done.histories["displacement"][0] * 1e6, [0, 1e6 / omega, 0], atol=1e-6)
     np.testing.assert_allclose(done.metrics["max_penetration"], 9950.371902e-6, rtol=1e-9)
@@ -65,14 +53,13 @@ def test_mass_on_an_elastic_stop() -> None:
 @pytest.mark.parametrize("integration", ["explicit", "implicit"])
 def test_a_contact_spring_converges_to_it(integration: str) -> None:
     """Second order, but for where in a step contacts begin and end: over an eightfold step 1.5 at least."""
-    chain, sampling = assemble(CHAIN), Sampling(0.5, 1e-3, 501)
-    load = Harmonics(np.array([[4.0]]), np.array([[12.0]]), np.zeros((1, 1)))
-    case = cases(3, alpha=np.full(1, 0.5), gap=np.full(1, 1e-3), load_harmonics=load)
-    exact = run("event_driven", chain.on_casing(CASING), case, sampling, 1).histories
+    rod, over = chain(**CHAIN), Sampling(0.5, 1e-3, 501)
+    batch = cases(rod, alpha=0.5, gap=1e-3, amplitude=4.0, frequency=12.0)
+    exact = step(rod.on_casing(CASING), as_row(batch), 1.0, over, "event_driven").histories
     assert exact["temperature"].max() > 0.01
 
     def error(h: float) -> float:
-        own = run("penalty", chain, case, sampling, h, stiffness=1 / CASING, integration=integration, theta=0.5)
+        own = step(rod, batch, h, over, "penalty", stiffness=1 / CASING, integration=integration, theta=0.5)
         names = ("displacement", "impulse", "temperature")
         return max(float(np.abs(own.histories[name] - exact[name]).max() / np.abs(exact[name]).max()) for name in names)
 
@@ -82,9 +69,9 @@ def test_a_contact_spring_converges_to_it(integration: str) -> None:
 
 
 def test_it_adds_to_the_flexibility_in_contact() -> None:
-    chain = assemble(replace(CHAIN, damping=Rayleigh(stiffness=1e-3)))
-    elastic = chain.on_casing(CASING)
-    np.testing.assert_allclose(critical_alpha(elastic), critical_alpha(chain) * (1 + CASING * 4000 / 3), rtol=1e-12)
+    rod = chain(**CHAIN, damping=Rayleigh(stiffness=1e-3))
+    elastic = rod.on_casing(CASING)
+    np.testing.assert_allclose(critical_alpha(elastic), critical_alpha(rod) * (1 + CASING * 4000 / 3), rtol=1e-12)
     np.testing.assert_allclose(critical_alpha_of_contacts(elastic), critical_alpha(elastic), rtol=1e-12)
     above = 1.001 * critical_alpha(elastic)
     assert growth_rate(elastic, above) > 0 > growth_rate(elastic, 0.999 * critical_alpha(elastic))
@@ -93,12 +80,11 @@ def test_it_adds_to_the_flexibility_in_contact() -> None:
 def test_a_static_start_rests_on_it() -> None:
     """x = (f + d/c)/(k + 1/c) of a single mass, and it stays there."""
     k, c, f, d = 4000.0, 2e-4, 9.0, 1e-3
-    mass = assemble(Parameters(nodes=1, mass=0.1, stiffness=k, heat_capacity=1.0)).on_casing(c)
-    case = cases(1, gap=np.full(1, d), gaps=np.full((1, 1), d), turns=np.zeros((1, 1, 0)), mean=np.full(1, f))
-    resting = at_rest(mass, case)
+    mass = chain(nodes=1, mass=0.1, stiffness=k).on_casing(c)
+    resting = at_rest(mass, as_row(cases(mass, gap=d, mean=f)))
     np.testing.assert_allclose(resting.displacement, (f + d / c) / (k + 1 / c), rtol=1e-13)
     for method in ("event_driven", "moreau"):
-        done = run(method, mass, resting, Sampling(0.1, 0.01, 11), 1e-4)
+        done = step(mass, resting, 1e-4, Sampling(0.1, 0.01, 11), method)
         np.testing.assert_allclose(done.histories["displacement"][0], resting.displacement[0, 0], rtol=1e-11)
         np.testing.assert_allclose(
             done.histories["impulse"][0, -1], 0.1 * (resting.displacement[0, 0] - d) / c, rtol=1e-9
@@ -131,12 +117,12 @@ def written(directory: Path, **axes: Any) -> Path:
 
 def test_its_flexibility_is_an_axis(tmp_path: Path) -> None:
     run_study(read_study(written(tmp_path)), tmp_path / "a", threads=1)
-    with open_archive(tmp_path / "a") as cases:
-        assert (cases["status"] == 0).all()
-        deep = cases["max_penetration"].sel(scheme="exact").squeeze().values
+    with open_archive(tmp_path / "a") as archive:
+        assert (archive["status"] == 0).all()
+        deep = archive["max_penetration"].sel(scheme="exact").squeeze().values
         assert deep[0] < 1e-15 < 1e-6 < deep[1] < deep[2]
-        apart = cases["displacement"].sel(scheme="moreau") - cases["displacement"].sel(scheme="exact")
-        assert float(abs(apart).max()) < 0.02 * float(abs(cases["displacement"]).max())
+        apart = archive["displacement"].sel(scheme="moreau") - archive["displacement"].sel(scheme="exact")
+        assert float(abs(apart).max()) < 0.02 * float(abs(archive["displacement"]).max())
 
 
 def test_other_schemes_refuse_it(tmp_path: Path) -> None:
@@ -144,5 +130,5 @@ def test_other_schemes_refuse_it(tmp_path: Path) -> None:
         run_study(read_study(written(tmp_path, scheme=["exact", "carpenter"])), tmp_path / "a", threads=1)
     steady = yaml.safe_dump(STUDY | {"output": {"interval": 1e-3, "steady": {"periods": 5}}})
     (tmp_path / "b.yaml").write_text(steady)
-    with pytest.raises(StudyError, match=r"steady.*is of a rigid casing"):
+    with pytest.raises(StudyError, match=r"steady.*takes a rigid casing"):
         read_study(tmp_path / "b.yaml")

@@ -15,7 +15,7 @@ _MOST_STRUCTURES = 16
 
 
 def full_structure(settings: CaseSettings) -> Structure:
-    """Return the full structure of a case before its casing, on whose nodes its conditions are given."""
+    """Return the full structure of a case with the flexibility of its casing; conditions are given on its nodes."""
     scene = settings.scene
     return _full(scene.model, scene.parameters, scene.casing.flexibility)
 

@@ -177,7 +177,7 @@ class Structure:
             return self.contacts
         tip, warm = self.mechanical.unit_tip[None], self.thermal.unit_tip[None]
         tangent = np.zeros_like(tip) if self.tangent is None else self.tangent[None]
-        return Contacts(("tip",), tip, tangent, warm, np.zeros(1))
+        return Contacts(("tip",), tip, tangent, warm, self.angles)
 
     @property
     def input_contact(self) -> Array:
@@ -195,7 +195,7 @@ class Structure:
         return np.asarray((self.coordinates.displacement_projection.T @ self.contacts.normal.T).T)
 
     def on_casing(self, flexibility: float) -> Structure:
-        """Return the structure on a casing of this flexibility, m/N."""
+        """Return the structure with an elastic casing of this flexibility, m/N; 0 is a rigid one."""
         if flexibility == 0:
             return self
         assert is_dataclass(self)

@@ -229,10 +229,10 @@ def _is_elastic(cases: CaseSpace) -> bool:
 
 
 def _elastic(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
-    """Refuse what is of a rigid casing before an elastic one."""
+    """Refuse what takes a rigid casing only, where the casing is elastic."""
     if not _is_elastic(cases):
         return
-    of_rigid = "is of a rigid casing, and this one has a `flexibility`"
+    of_rigid = "takes a rigid casing, and this one has a `flexibility`"
     if cases.is_auto:
         yield ("axes", "tolerance"), of_rigid, "write counts of modes"
     if cases.branch is not None:
