@@ -21,6 +21,7 @@ _EXPORTS = {
     "recommend": "workflow.analysis",
     "run_study": "workflow.run",
     "sobol": "workflow.analysis",
+    "spectrum": "workflow.analysis",
     "work_precision": "workflow.analysis",
     "write_matrices": "workflow.models",
 }

@@ -51,4 +51,5 @@ from workflow.analysis._recommend_words import (
     undecidable,
 )
 from workflow.analysis._scene import casing_motion, contact_phases, gap_of, impulse_growth, period_frequency
+from workflow.analysis._spectrum import spectrum
 from workflow.analysis._standing import ERRORS, RULE, SENSELESS, Line, lines, observed_order, ranges, standings

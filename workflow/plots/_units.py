@@ -37,6 +37,8 @@ def scaled(unit: str, values: NDArray[Any]) -> tuple[str, float]:
 def in_units(values: xr.DataArray) -> tuple[NDArray[Any], str]:
     """Return values in a readable unit, and their label."""
     unit, factor = scaled(str(values.attrs.get("units", "1")), values.values)
+    if values.attrs.get("study_path") == "scene.speed":
+        unit, factor = "rpm", 60.0
     return np.asarray(values.values) * factor, str(values.name).replace("_", " ") + (f" [{unit}]" if unit else "")
 
 

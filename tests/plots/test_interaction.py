@@ -1,0 +1,73 @@
+"""Interaction maps and spectra of archives whose lines are known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from workflow import plots, spectrum
+
+SPEED, TIMES, FREE = np.linspace(50.0, 150.0, 21), np.arange(4001) / 4000, 730.0
+
+
+def archive() -> xr.Dataset:
+    """An answer of 3 µm at order 4 and of 0.5 µm at a free frequency, about a mean; the last case has diverged."""
+    phase = 2 * np.pi * TIMES
+    rows = [7e-6 + 3e-6 * np.sin(4 * n * phase) + 0.5e-6 * np.cos(FREE * phase + 1) for n in SPEED]
+    gauge = np.stack([rows, np.zeros_like(rows)], axis=1)
+    status = np.zeros(SPEED.size, np.int8)
+    status[-1] = 1
+    return xr.Dataset(
+        {"sensor_value": (("speed", "sensor", "t"), gauge), "status": ("speed", status)},
+        coords={
+            "speed": ("speed", SPEED, {"units": "Hz", "study_path": "scene.speed"}),
+            "t": ("t", TIMES, {"units": "s"}),
+            "sensor": ["edge", "root"],
+            "sensor_unit": ("sensor", ["m", "K"]),
+            "gap": ((), 1e-5, {"casing_order": [4.0, np.nan]}),
+        },
+    )
+
+
+def test_a_spectrum_finds_frequencies_and_amplitudes() -> None:
+    found = spectrum(archive()["sensor_value"].sel(sensor="edge"))
+    step = float(found["frequency"][1])
+    for k, n in enumerate(SPEED):
+        line = found.isel(speed=k)
+        assert abs(float(line.idxmax("frequency")) - 4 * n) <= step
+        beside = line.where(abs(line["frequency"] - 4 * n) > 8 * step)
+        if abs(4 * n - FREE) > 16 * step:
+            assert abs(float(beside.idxmax("frequency")) - FREE) <= step
+    assert float(found.sel(speed=100.0, frequency=400.0)) == pytest.approx(3e-6, rel=1e-3)
+    with pytest.raises(ValueError, match="`status` has no dimension `t`"):
+        spectrum(archive()["status"])
+    with pytest.raises(ValueError, match="a spectrum of 2 samples"):
+        spectrum(archive()["sensor_value"].isel(t=slice(4)))
+
+
+def test_a_map_draws_what_lies_on_orders_and_free_frequencies(tmp_path: Path) -> None:
+    free = xr.DataArray(np.full((1, 2), FREE), {"speed": [0.0, 200.0]}, ("mode", "speed"))
+    figure = plots.interaction_map(archive(), "edge", free=free)
+    panel, bar = figure.axes
+    decibels = np.ma.filled(panel.collections[0].get_array(), np.nan)
+    up = panel.collections[0].get_coordinates()[:, 0, 1]
+    middles = (up[1:] + up[:-1]) / 2
+    assert np.isnan(decibels[:, -1]).all()
+    assert np.nanmax(decibels) == 0
+    peaks = middles[decibels[:, :-1].argmax(axis=0)]
+    assert np.abs(peaks - 4 * SPEED[:-1]).max() <= middles[1] - middles[0]
+    order, level = panel.get_lines()
+    assert np.asarray(order.get_ydata()) == pytest.approx(4 * SPEED)
+    assert np.asarray(order.get_xdata()) == pytest.approx(60 * SPEED)
+    assert np.asarray(level.get_ydata()) == pytest.approx(FREE)
+    assert bar.get_ylabel() == "amplitude [dB], 0 is 3 µm"
+    assert figure.get_suptitle() == "edge: last 0.5 s, Hann's window, resolution 4 Hz"
+    plots.save(figure, tmp_path / "map.png")
+
+
+def test_what_no_map_can_show() -> None:
+    with pytest.raises(ValueError, match="`gap` is no dimension with numbers; the cases lie along speed"):
+        plots.interaction_map(archive(), "edge", along="gap")
+    with pytest.raises(ValueError, match="`tip` is neither a sensor nor a history of the dataset; it has edge, root"):
+        plots.interaction_map(archive(), "tip")
