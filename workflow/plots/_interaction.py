@@ -26,6 +26,7 @@ def interaction_map(
     along: str = "speed",
     orders: Sequence[float] | None = None,
     free: xr.DataArray | None = None,
+    highest: float | None = None,
 ) -> Figure:
     """Draw the amplitude spectrum of a sensor over the speed: frequency up, decibels of the largest amplitude.
 
@@ -47,6 +48,8 @@ def interaction_map(
     free
         Free frequencies [Hz], ``(mode, speed)``, with the speeds as a coordinate, as :func:`workflow.plots.campbell`
         draws them.
+    highest
+        Highest frequency drawn, Hz; all where left out.
 
     Raises
     ------
@@ -61,7 +64,7 @@ def interaction_map(
     found = spectrum(_history(cut, sensor).where(cut["status"] == 0)).transpose("frequency", along)
     figure = new_figure(5.6, 4.2)
     panel: Any = figure.subplots()
-    (x, x_label), top = in_units(cut[along]), float(found["frequency"][-1])
+    (x, x_label), top = in_units(cut[along]), highest or float(found["frequency"][-1])
     drawn = panel.pcolormesh(
         x, found["frequency"].values, _decibels(found.values), cmap="magma_r", vmin=_FAINTEST, vmax=0.0,
         shading="nearest", rasterized=True,
