@@ -44,6 +44,7 @@ from workflow.analysis._recommend import (
 )
 from workflow.analysis._recommend_words import (
     RECOMMENDATION_COLUMNS,
+    answer_lines,
     recommendation_cautions,
     recommendation_entries,
     recommendation_row,

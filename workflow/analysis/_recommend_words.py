@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis._cases import exact
-from workflow.analysis._recommend import SPREAD, Choice, Recommendation, Worst
+from workflow.analysis._recommend import Choice, Recommendation, Worst
 from workflow.declare import measure
 from workflow.schemes import Status, limit_text
 from workflow.study import AUTO, MODES
@@ -40,7 +39,7 @@ def named_choice(choice: Choice, units: Mapping[str, str]) -> str:
     words = [str(settings.pop("scheme", "the scheme"))]
     h = settings.pop("h", None)
     if h is not None:
-        words.append(f"h = {exact(h)} s" if choice.step_matters else "whatever h")
+        words.append(f"h = {h:.3g} s" if choice.step_matters else "any h")
     modes = settings.pop("mechanical_modes", None), settings.pop("thermal_modes", None)
     if None not in modes:
         counts = [choice.used.get(name, count) for name, count in zip(MODES, modes, strict=True)]
@@ -70,25 +69,32 @@ def named_case(case: Mapping[str, Any], units: Mapping[str, str]) -> str:
     return ", ".join(f"{name} = {_with_unit(name, value, units)}" for name, value in case.items()) or "the only case"
 
 
-def sentence(recommendation: Recommendation) -> str:
-    """Return the answer as sentences that can be quoted."""
+def answer_lines(recommendation: Recommendation) -> tuple[str, ...]:
+    """Return the answer as short sentences: the choice, its largest error, its cost, why not the next cheaper one."""
     tolerance, units = percent(recommendation.tolerance), recommendation.units
-    if recommendation.choice is None:
-        if recommendation.next is not None and recommendation.next.worst.status == "not_run":
-            return f"No choice that has run in all its cases meets {tolerance}. Run the study to its end."
-        nearest = _nearest(recommendation)
-        return f"Nothing in this study meets {tolerance} in {_judged(recommendation, recommendation.next)}. {nearest}"
-    choice, worst = recommendation.choice, recommendation.choice.worst
-    evidence = f"{percent(worst.error)} ({worst.variable}, {named_case(worst.case, units)}), {_limit(worst)}"
-    text = (
-        f"{named_choice(choice, units)} keeps within {tolerance} in {_judged(recommendation, choice)}, at "
-        f"{_cost(choice)}: of all that do, the most accurate that costs at most {100 * SPREAD:.0f} % more than the "
-        f"cheapest of them. Its largest error is {evidence}."
-    )
-    if recommendation.next is not None:
-        cheaper = recommendation.next
-        text += f" The next cheaper one, {named_choice(cheaper, units)} ({_cost(cheaper)}), {_failure(cheaper, units)}."
-    return text
+    choice, cheaper = recommendation.choice, recommendation.next
+    if choice is None:
+        if cheaper is not None and cheaper.worst.status == "not_run":
+            return (f"No choice that has run in all its cases meets {tolerance}.", "Run the study to its end.")
+        first = f"Nothing in this study meets {tolerance} in {_judged(recommendation, cheaper)}."
+        return first, *_nearest(recommendation)
+    worst = choice.worst
+    where = f"{worst.variable}, {named_case(worst.case, units)}"
+    lines = [
+        f"{named_choice(choice, units)} keeps within {tolerance} in {_judged(recommendation, choice)}.",
+        f"Its largest error is {percent(worst.error)} ({where}), {_limit(worst)}.",
+        f"It costs {_cost(choice)}.",
+    ]
+    if cheaper is not None:
+        lines.append(
+            f"The next cheaper, {named_choice(cheaper, units)} ({_cost(cheaper)}), {_failure(cheaper, units)}."
+        )
+    return tuple(lines)
+
+
+def sentence(recommendation: Recommendation) -> str:
+    """Return the answer as one text that can be quoted."""
+    return " ".join(answer_lines(recommendation))
 
 
 def undecidable(recommendation: Recommendation) -> str:
@@ -193,11 +199,11 @@ def _cost(choice: Choice) -> str:
 def _limit(worst: Worst) -> str:
     """Say what an error comes from."""
     return {
-        "step": f"which comes from the step ({percent(worst.scheme_error)}; the basis: {percent(worst.model_error)})",
-        "basis": f"which comes from the basis ({percent(worst.model_error)}; the step: {percent(worst.scheme_error)})",
-        "nothing": "as it is computed as the reference is",
+        "step": f"from the step ({percent(worst.scheme_error)}; basis {percent(worst.model_error)})",
+        "basis": f"from the basis ({percent(worst.model_error)}; step {percent(worst.scheme_error)})",
+        "nothing": "as it is the reference's own model and scheme",
         "status": f"as the case is {worst.status}",
-        "unknown": "of which this archive does not hold the parts",
+        "unknown": "from the step or from the basis: the archive does not hold the parts",
     }[worst.limited_by]
 
 
@@ -209,25 +215,28 @@ def _failure(choice: Choice, units: Mapping[str, str]) -> str:
         return f"fails as {where} is {worst.status.replace('_', ' ')}{why}"
     if math.isnan(worst.error):
         return f"fails as {where} has no error{why}"
-    return f"fails with {percent(worst.error)} ({worst.variable}, {where}), {_limit(worst)}"
+    return f"errs by {percent(worst.error)} ({worst.variable}, {where}), {_limit(worst)}"
 
 
-def _nearest(recommendation: Recommendation) -> str:
-    """Say which choice comes nearest and what to add."""
+def _nearest(recommendation: Recommendation) -> tuple[str, ...]:
+    """Say which choice comes nearest and what to add, a sentence each."""
     choice, tolerance, units = recommendation.next, recommendation.tolerance, recommendation.units
     if choice is None:
-        return "It has no case."
+        return ("It has no case.",)
     text = (
         f"Nearest comes {named_choice(choice, units)} with {percent(choice.share)} of the cases; it "
-        f"{_failure(choice, units)}. "
+        f"{_failure(choice, units)}."
     )
+    return text, f"Add {_remedy(choice, tolerance)}."
+
+
+def _remedy(choice: Choice, tolerance: float) -> str:
+    """Say what may bring a choice within the tolerance."""
     worst, h = choice.worst, choice.settings.get("h")
     if worst.limited_by == "step" and h is not None and choice.step_matters:
-        return text + f"Add smaller steps: at order one about h = {limit_text(h * tolerance / worst.error, 1)} s."
-    if worst.limited_by == "basis" and choice.used:
-        return text + "Add a smaller tolerance of `auto`."
+        return f"smaller steps: at order one about h = {limit_text(h * tolerance / worst.error, 1)} s"
     if worst.limited_by == "basis":
-        return text + "Add more modes, or `full`."
+        return "a smaller tolerance of `auto`" if choice.used else "more modes, or `full`"
     if worst.limited_by == "status":
-        return text + "Add a scheme or a step at which that case ends ok."
-    return text + "Add smaller steps and more modes."
+        return "a scheme or a step at which that case ends ok"
+    return "smaller steps and more modes"

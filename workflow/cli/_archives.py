@@ -135,6 +135,8 @@ WIDE = 240
 def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson = False) -> None:
     """Name scheme, step and reduced model that meet a tolerance in all cases at about the least cost, and the evidence.
 
+    Of all that meet it and cost at most 25 % more than the cheapest of them, the most accurate is named.
+
     Exit status: 0 answered, 1 nothing in the archive meets it, 2 the archive has no reference.
     """
     from workflow.analysis import (
@@ -180,10 +182,11 @@ def _write_text(recommendation: Recommendation, table: list[Recommendation]) -> 
     from rich.table import Table
     from rich.text import Text
 
-    from workflow.analysis import RECOMMENDATION_COLUMNS, recommendation_row, sentence, undecidable
+    from workflow.analysis import RECOMMENDATION_COLUMNS, answer_lines, recommendation_row, undecidable
     from workflow.cli._terminal import clean
 
-    say(sentence(recommendation))
+    for line in answer_lines(recommendation):
+        say(line)
     if recommendation.choice is None and recommendation.next and recommendation.next.worst.status == "not_run":
         return  # every row would say so
     if recommendation.undecidable:

@@ -18,6 +18,7 @@ from workflow.analysis import (
     Line,
     NoReferenceError,
     NothingSteadyError,
+    answer_lines,
     case_dims,
     count_sentence,
     decided,
@@ -40,7 +41,6 @@ from workflow.analysis import (
     recommendation_cautions,
     recommendation_row,
     runaways,
-    sentence,
     standings,
     undecidable,
     usual_recommendations,
@@ -102,7 +102,7 @@ def answered(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[Section, 
         return {"explanation": explanation}, None
     usual = usual_recommendations(dataset, recommendation)
     answer = {
-        "sentence": sentence(recommendation),
+        "lines": answer_lines(recommendation),
         "cautions": recommendation_cautions(dataset),
         "undecidable": list(dict.fromkeys(undecidable(one) for one in usual if one.undecidable)),
         "columns": RECOMMENDATION_COLUMNS,
