@@ -29,7 +29,7 @@ OWN = {
     "density: 4430": "density: 7800",
     "amplitude: 24": "amplitude: 30",
 }
-"""What a newcomer changes in the README's study to have their own blade in it."""
+"""What a newcomer changes in the guide's study to have their own blade in it."""
 
 AXES = """axes:
   scheme: [moreau, midpoint, event_driven]
@@ -91,8 +91,8 @@ def block(language: str, holding: str = "", document: str = README) -> str:
 
 
 def own_study(axes: str = AXES) -> str:
-    """Return the README's study with another blade and axes of their own."""
-    text = block("yaml")
+    """Return the guide's study with another blade and axes of their own."""
+    text = block("yaml", document=GUIDE)
     for old, new in OWN.items():
         assert old in text
         text = text.replace(old, new)
@@ -117,7 +117,7 @@ def own_blade(place: Place) -> None:
 def figure_and_tables(place: Place) -> None:
     """Slice and plot as in the first screen, and write both tables for a paper, with steps as ``1e-05``."""
     first = block("python", "open_archive").replace('"blade.nc"', '"mine.nc"')
-    assert "temperature_error" in place.python(first + block("python", "to_latex"))
+    assert "temperature_error" in place.python(first + block("python", "to_latex", GUIDE))
     assert (place.directory / "rub.pdf").read_bytes().startswith(b"%PDF")
     head, *rows = (place.directory / "errors.csv").read_text().splitlines()
     assert head == "h,moreau,midpoint,event_driven"
@@ -141,9 +141,9 @@ def mistakes(place: Place) -> None:
 
 
 def own_beam(place: Place) -> None:
-    """Matrices of finite elements, written and run as README says."""
-    place.python(BEAM + block("python", "write_matrices"))
-    model = block("yaml", "matrices:").partition("scene:\n")[2]
+    """Matrices of finite elements, written and run as the guide says."""
+    place.python(BEAM + block("python", "write_matrices", GUIDE))
+    model = block("yaml", "matrices:", GUIDE).partition("scene:\n")[2]
     text = re.sub(r"  blade: .*?\n(?=  casing)", model, own_study(), flags=re.DOTALL).replace(
         "study: mine", "study: fe"
     )
@@ -230,8 +230,7 @@ def test_a_newcomer_installs_it_first(tmp_path: Path) -> None:
         lambda source: typed(str(binary / "python"), "-c", source, cwd=tmp_path / "work").stdout,
     )
     answer = typed(str(binary / "workflow"), "recommend", "blade.nc").stdout
-    quoted = block("console").partition("\n")[2].replace("\n", " ")
-    for words in (r"^.*?, at ", r"Its largest error is .*?,"):  # costs are those of a machine
-        assert re.findall(words, answer) == re.findall(words, quoted)
+    quoted = block("console").splitlines()[1:]
+    assert answer.splitlines()[:2] == quoted[:2]  # costs are those of a machine
     for part in PARTS:
         part(place)

@@ -1,7 +1,6 @@
 """The performance table: ``python tests/benchmarks/bench_table.py``; ``--write`` keeps it in TABLE.md.
 
-Some of its lines go into the README, too. ``--quick`` measures shorter runs. What something costs stands beside what it
-should: measured in one run, on a machine that should have nothing else to do (its load is printed).
+``--quick`` measures shorter runs. What something costs stands beside what it should: measured in one run, on a machine that should have nothing else to do (its load is printed).
 """
 
 import os
@@ -17,19 +16,7 @@ import bench_workflow
 from threadpoolctl import threadpool_limits
 from timing import QUICK, Line, Size
 
-README = Path(__file__).parents[2] / "README.md"
 TABLE = Path(__file__).with_name("TABLE.md")
-RUN = "workflow run tests/benchmarks/blade.yaml"
-HEADLINES = {
-    f"{RUN}, nothing compiled |": f"`{RUN}`, 540 cases, first time",
-    f"{RUN}, later |": "the same, later",
-    "included: `moreau`": "a case of 20 nodes over 0.3 s in a study of many, one thread: `moreau`, h = 1e-5 s",
-    "included: `event_driven`": "… `event_driven`, exact",
-    "included: NumPy": "… a loop of NumPy, h = 1e-5 s",
-    "included: SciPy": "… SciPy's DOP853 with events",
-}
-"""What a row of the table holds that the README shows, and its words there."""
-
 BEGIN, END = "<!-- performance -->\n", "<!-- end of performance -->\n"
 
 
@@ -72,20 +59,9 @@ def parts(document: Path) -> tuple[str, str, str]:
     return before, within, after
 
 
-def headlines(text: str) -> str:
-    """Return the README's table: what a few rows were measured to take."""
-    about, _, *rows = text.splitlines()
-    shown = ["| what | takes |", "|---|---|"]
-    for held, words in HEADLINES.items():
-        takes = next(row.split("|")[3] for row in rows if held in row)
-        shown.append(f"| {words} |{takes}|")
-    return "\n".join([about, "", *shown]) + "\n"
-
-
 if __name__ == "__main__":
     measured = table(QUICK if "--quick" in sys.argv else Size())
     print(measured, end="")
     if "--write" in sys.argv:
-        for document, text in ((TABLE, measured), (README, headlines(measured))):
-            before, _, after = parts(document)
-            document.write_text(before + BEGIN + text + END + after, encoding="utf-8")
+        before, _, after = parts(TABLE)
+        TABLE.write_text(before + BEGIN + measured + END + after, encoding="utf-8")

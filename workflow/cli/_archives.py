@@ -112,9 +112,9 @@ def _statuses(dataset: xr.Dataset) -> Iterator[str]:
     yield "  status: " + ", ".join(f"{number} {name}" for name, number in counts.items())
     above, flutter = runaways(dataset)
     if above:
-        yield f"  {above} ok cases above their critical alpha (flag runaway)"
+        yield f"  {above} ok cases above their critical alpha: physics, not failure (flag runaway)"
     if flutter:
-        yield f"  {flutter} ok cases whose contact would flutter below it (flag runaway)"
+        yield f"  {flutter} ok cases below it whose permanent contact oscillates with growing amplitude (flag runaway)"
     groups = failures(dataset)
     for group in groups[:FAILURES_SHOWN]:
         many = "" if group.cases == 1 else f" and {group.cases - 1} more"

@@ -93,8 +93,8 @@ def answered(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[Section, 
         recommendation = recommend(dataset)
     except (NoReferenceError, ValueError) as error:
         explanation = (
-            "Every case is the exact solution of its model (event_driven): there is no step to choose. By how much the "
-            "model errs the archive does not say: its study has no `reference`."
+            "Every case is the exact solution of its model (event_driven): there is no step to choose. "
+            "The study has no `reference`, so the error of the model is not known."
             if is_exact(dataset, methods)
             else f"Which method, which step: {error}. Run the study with `reference: {{scheme: event_driven}}` to "
             "another archive, with -o."
