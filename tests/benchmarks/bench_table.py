@@ -1,6 +1,7 @@
 """The performance table: ``python tests/benchmarks/bench_table.py``; ``--write`` keeps it in TABLE.md.
 
-``--quick`` measures shorter runs. What something costs stands beside what it should: measured in one run, on a machine that should have nothing else to do (its load is printed).
+``--quick`` measures shorter runs. What something costs stands beside what it should: measured in one run, on a
+machine that should have nothing else to do (its load is printed).
 """
 
 import os
