@@ -4,11 +4,13 @@
     python studies/finite_element_blade.py fine.npz --elements 10 40 1            a finer mesh
     python studies/finite_element_blade.py fine --elements 10 40 1                a directory of Matrix Market files
     python studies/finite_element_blade.py data/chord.npz --chord --elements 4 3 1    contacts along the whole tip
+    python studies/finite_element_blade.py data/spinning_blade.npz --spin --elements 4 3 1    what the speed does to it
 
 The blade is of Ti-6Al-4V, 100 mm long, 40 mm wide, 2.4 mm thick in the middle and 0.8 mm at its edges, set at 20° to
 the engine's axis at the root and at 50° at the tip. Its root is clamped and cold; its surface loses heat to the air. It
 touches a conical casing with the leading edge of its tip, or with its chord: the corners of the elements there, at
-half the thickness, from the leading to the trailing edge. Elements are hexahedra with 27 nodes, for displacement and
+half the thickness, from the leading to the trailing edge. With --spin the file holds what a speed Ω adds: centrifugal loads,
+the stiffness of the stress that they make, less what turning with the rotor takes; Coriolis' forces are left out. Elements are hexahedra with 27 nodes, for displacement and
 temperature alike, so that one of them through the thickness bends as it should.
 """
 
@@ -20,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 import scipy.sparse
-from skfem import Basis, BilinearForm, ElementHex2, ElementVector, FacetBasis, MeshHex
+from skfem import Basis, BilinearForm, ElementHex2, ElementVector, FacetBasis, LinearForm, MeshHex, condense, solve
 from skfem.helpers import ddot, div, dot, eye, grad, sym_grad, trace
 
 LENGTH, WIDTH, THICKNESS, EDGE = 0.100, 0.040, 2.4e-3, 0.8e-3
@@ -54,7 +56,9 @@ def mesh(elements: tuple[int, int, int]) -> MeshHex:
     return MeshHex(place, flat.t)
 
 
-def matrices(elements: tuple[int, int, int], chord: bool = False) -> dict[str, scipy.sparse.csr_matrix | np.ndarray]:
+def matrices(
+    elements: tuple[int, int, int], chord: bool = False, spin: bool = False
+) -> dict[str, scipy.sparse.csr_matrix | np.ndarray]:
     """Return the matrices without the clamped, cold root, the vectors of the contact, and the nodes' places [m]."""
     body = mesh(elements)
     moving = Basis(body, ElementVector(ElementHex2()), intorder=5)
@@ -66,10 +70,38 @@ def matrices(elements: tuple[int, int, int], chord: bool = False) -> dict[str, s
     columns = {**rows, "coupling": rises}
     tidy = {name: _tidy(whole[name][rows[name]][:, columns[name]], name != "coupling") for name in whole}
     contact = _chord(moving, warm, elements[0]) if chord else _contact(moving, warm)
+    if spin:
+        stiffening, load = spinning(moving, whole["stiffness"], free)
+        tidy["stiffness_speed2"] = _tidy(stiffening[free][:, free], True)
+        contact |= {
+            "load_speed2": load[free],
+            "trailing_edge": _normal(moving, 1.0)[free],
+            "load": contact["contact"][free],
+        }
     kept = {name: rises if name == "thermal_contact" else free for name in ("contact", "tangent", "thermal_contact")}
     contact |= {name: contact[name][..., kept[name]] for name in kept if name in contact}
     axes = np.array([f"{k // 3}.{'xyz'[k % 3]}" for k in range(moving.N)])
     return {**tidy, **contact, "labels": axes[free], "places": warm.doflocs[:, rises]}
+
+
+def spinning(moving: Basis, stiffness: scipy.sparse.csr_matrix, free: np.ndarray) -> tuple:
+    """Return what a speed of 1 rad/s about the engine's axis adds: stiffness [N s2/(m rad2)] and load [N s2/rad2].
+
+    The load is ρ r, r the distance from the axis; the stiffness is that of the stress σ which it makes, ∫ σ : ∇uᵀ∇v, less
+    the mass that moves across the axis, ∫ ρ (u·v)⊥.
+    """
+    across = np.diag([0.0, 1.0, 1.0])[:, :, None, None]
+    load = LinearForm(lambda v, w: DENSITY * (w.x[1] * v[1] + (w.x[2] + HUB) * v[2])).assemble(moving)
+    stretched = moving.interpolate(solve(*condense(stiffness, load, I=free)))
+    strain = sym_grad(stretched)
+    stress = YOUNG / (1 + POISSON) * (strain + POISSON / (1 - 2 * POISSON) * eye(trace(strain), 3))
+    stiffening = BilinearForm(
+        lambda u, v, w: (
+            np.einsum("ij...,ki...,kj...", stress, grad(u), grad(v))
+            - DENSITY * np.einsum("ij...,j...,i...", across, u, v)
+        )
+    ).assemble(moving)
+    return stiffening, load
 
 
 def mechanical_matrices(moving: Basis, warm: Basis) -> dict[str, scipy.sparse.csr_matrix]:
@@ -104,17 +136,23 @@ def _tidy(matrix: scipy.sparse.csr_matrix, symmetric: bool) -> scipy.sparse.csr_
     return matrix
 
 
+def _at(basis: Basis, place: float) -> np.ndarray:
+    """Return which freedoms lie at a place of the tip's chord: -1 is its leading edge, 1 its trailing edge."""
+    corner = np.array([place * np.cos(STAGGER[1]) * WIDTH / 2, place * np.sin(STAGGER[1]) * WIDTH / 2, LENGTH])
+    distance = np.linalg.norm(basis.doflocs - corner[:, None], axis=0)
+    return distance < distance.min() + 1e-9
+
+
+def _normal(moving: Basis, place: float) -> np.ndarray:
+    """Return the casing's normal at a place of the tip's chord."""
+    normal = np.zeros(moving.N)
+    normal[_at(moving, place)] = [-np.sin(CONE), 0.0, np.cos(CONE)]
+    return normal
+
+
 def _contact(moving: Basis, warm: Basis) -> dict[str, np.ndarray]:
     """Return the casing's normal at the leading edge of the tip, and the temperature that takes the heat."""
-    angle = STAGGER[1]
-    corner = np.array([-np.cos(angle) * WIDTH / 2, -np.sin(angle) * WIDTH / 2, LENGTH])
-    at = np.linalg.norm(warm.doflocs - corner[:, None], axis=0).argmin()
-    there = np.linalg.norm(moving.doflocs - warm.doflocs[:, [at]], axis=0) < 1e-9
-    normal = np.zeros(moving.N)
-    normal[there] = [-np.sin(CONE), 0.0, np.cos(CONE)]
-    heat = np.zeros(warm.N)
-    heat[at] = 1.0
-    return {"contact": normal, "thermal_contact": heat}
+    return {"contact": _normal(moving, -1.0), "thermal_contact": _at(warm, -1.0).astype(float)}
 
 
 def _chord(moving: Basis, warm: Basis, elements: int) -> dict[str, np.ndarray]:
@@ -175,8 +213,9 @@ def main() -> None:
     parser.add_argument("place", type=Path, help="FILE.npz, or a directory for Matrix Market files")
     parser.add_argument("--elements", type=int, nargs=3, default=ELEMENTS, metavar=("CHORD", "SPAN", "THICKNESS"))
     parser.add_argument("--chord", action="store_true", help="contacts along the tip, not at its leading edge alone")
+    parser.add_argument("--spin", action="store_true", help="what the speed adds to stiffness and load")
     arguments = parser.parse_args()
-    found = matrices(tuple(arguments.elements), arguments.chord)
+    found = matrices(tuple(arguments.elements), arguments.chord, arguments.spin)
     write = write_npz if arguments.place.suffix == ".npz" else write_matrix_market
     write(found, arguments.place)
     print(f"{arguments.place}: {found['mass'].shape[0]} displacements, {found['heat_capacity'].shape[0]} temperatures")
