@@ -9,9 +9,10 @@
 The blade is of Ti-6Al-4V, 100 mm long, 40 mm wide, 2.4 mm thick in the middle and 0.8 mm at its edges, set at 20° to
 the engine's axis at the root and at 50° at the tip. Its root is clamped and cold; its surface loses heat to the air. It
 touches a conical casing with the leading edge of its tip, or with its chord: the corners of the elements there, at
-half the thickness, from the leading to the trailing edge. With --spin the file holds what a speed Ω adds: centrifugal loads,
-the stiffness of the stress that they make, less what turning with the rotor takes; Coriolis' forces are left out. Elements are hexahedra with 27 nodes, for displacement and
-temperature alike, so that one of them through the thickness bends as it should.
+half the thickness, from the leading to the trailing edge. With --spin the file holds what a speed Ω adds: centrifugal
+loads, the stiffness of the stress that they make, less what turning with the rotor takes; Coriolis' forces are left out.
+Elements are hexahedra with 27 nodes, for displacement and temperature alike, so that one of them through the thickness
+bends as it should.
 """
 
 from __future__ import annotations
@@ -87,8 +88,8 @@ def matrices(
 def spinning(moving: Basis, stiffness: scipy.sparse.csr_matrix, free: np.ndarray) -> tuple:
     """Return what a speed of 1 rad/s about the engine's axis adds: stiffness [N s2/(m rad2)] and load [N s2/rad2].
 
-    The load is ρ r, r the distance from the axis; the stiffness is that of the stress σ which it makes, ∫ σ : ∇uᵀ∇v, less
-    the mass that moves across the axis, ∫ ρ (u·v)⊥.
+    The load is ρ r, r the distance from the axis; the stiffness is that of the stress σ which it makes, ∫ σ : ∇uᵀ∇v,
+    less the mass that moves across the axis, ∫ ρ (u·v)⊥.
     """
     across = np.diag([0.0, 1.0, 1.0])[:, :, None, None]
     load = LinearForm(lambda v, w: DENSITY * (w.x[1] * v[1] + (w.x[2] + HUB) * v[2])).assemble(moving)
