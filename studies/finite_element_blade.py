@@ -10,7 +10,7 @@ The blade is of Ti-6Al-4V, 100 mm long, 40 mm wide, 2.4 mm thick in the middle a
 the engine's axis at the root and at 50° at the tip. Its root is clamped and cold; its surface loses heat to the air. It
 touches a conical casing with the leading edge of its tip, or with its chord: the corners of the elements there, at
 half the thickness, from the leading to the trailing edge. With --spin the file holds what a speed Ω adds: centrifugal
-loads, the stiffness of the stress that they make, less what turning with the rotor takes; Coriolis' forces are left out.
+loads, the stiffness of their stress, less what turning with the rotor takes; Coriolis' forces are left out.
 Elements are hexahedra with 27 nodes, for displacement and temperature alike, so that one of them through the thickness
 bends as it should.
 """
