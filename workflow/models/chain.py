@@ -107,11 +107,16 @@ class ChainPair(Pair):
         """b, ``(node,)``."""
         grounded, before = [], np.inf
         for joint, ground in zip(self.joint.tolist(), self.ground.tolist(), strict=True):
-            if joint > 0:  # in series with all before it; the root is rigid
+            if joint > 0 and joint + before > 0:  # in series with all before it; the root is rigid
                 joint *= before / (joint + before) if before < np.inf else 1.0
             before = ground + joint
             grounded.append(before)
         return np.array(grounded)
+
+    @property
+    def is_definite(self) -> bool:
+        """Whether each part from the root to a node is positive definite; where grounds are negative K is then, too."""
+        return bool(np.all(self._grounded > 0))
 
     @cached_property
     def _pivots(self) -> Array:
@@ -368,12 +373,13 @@ def turned(chain: Chain, spin: Spin | None, revolutions: float) -> Chain:
     if chain.masses.size > MOST_FULL:
         raise UnusableMatricesError(f"turns, with {chain.masses.size} nodes", f"write at most {MOST_FULL}")
     angular = 2 * np.pi * revolutions
-    critical = float(np.sqrt(chain.mechanical.modes(1).values[0]))
-    if angular >= critical:
-        problem = f"turns at {revolutions:.6g} rev/s, where K1 - Ω² M is not positive definite"
-        raise UnusableMatricesError(problem, f"stay below {critical / (2 * np.pi):.6g} rev/s, its first frequency")
     load = angular**2 * chain.masses * (spin.radius + np.cumsum(chain.lengths))
-    return replace(chain, angular_speed=angular, centrifugal=load)
+    turning = replace(chain, angular_speed=angular, centrifugal=load)
+    if not turning.mechanical.is_definite:
+        critical = float(np.sqrt(chain.mechanical.modes(1).values[0])) / (2 * np.pi)
+        problem = f"turns at {revolutions:.6g} rev/s, where K1 - Ω² M is not positive definite"
+        raise UnusableMatricesError(problem, f"stay below {critical:.6g} rev/s, its first frequency")
+    return turning
 
 
 def depends_on_speed(parameters: Parameters) -> bool:
