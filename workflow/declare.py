@@ -123,6 +123,11 @@ def quantity(
     return field(default=default, metadata={"quantity": declared})
 
 
+def speed() -> Any:
+    """Declare the ``speed`` of a model's parameters, revolutions per second, which a study takes from its scene."""
+    return field(default=0.0, metadata={"quantity": Quantity("Hz", "of the scene", later=True), "of_scene": True})
+
+
 def quantity_of(declared: Field[Any]) -> Quantity | None:
     """Return the :class:`Quantity` of a dataclass field, ``None`` for nested dataclasses and choices."""
     declaration: Quantity | None = declared.metadata.get("quantity")
@@ -231,8 +236,8 @@ def word_of(declared: Field[Any]) -> Word | None:
 
 
 def _silent(declared: Any, entry: Field[Any]) -> bool:
-    about = quantity_of(entry) or word_of(entry)
-    return about is not None and about.later and getattr(declared, entry.name) == entry.default
+    later = getattr(quantity_of(entry) or word_of(entry), "later", entry.metadata.get("later", False))
+    return later and bool(getattr(declared, entry.name) == entry.default)
 
 
 def plain(declared: Any) -> Any:

@@ -31,10 +31,12 @@ _OPERATOR_AXES = frozenset(
 )
 
 
-def fixes_operator(path: str, model: str) -> bool:
+def fixes_operator(path: str, study: Study) -> bool:
     """Tell whether cases that differ along this axis differ in operators, not only in conditions."""
+    model = study.scene.model
     of_model = path.startswith(f"scene.{model}.") and path != f"scene.{model}.heating"
-    return path in _OPERATOR_AXES or path.startswith("schemes.") or of_model
+    turns = path == "scene.speed" and study.depends_on_speed
+    return path in _OPERATOR_AXES or path.startswith("schemes.") or of_model or turns
 
 
 def reads(method: str, label: str, path: str) -> bool:
@@ -176,7 +178,7 @@ class Grid:
         An axis that is followed has corners too, its ends.
         """
         dimensions, branch = list(self.inner), self.study.branch
-        if branch is not None and not fixes_operator(branch.axis.path, self.study.scene.model):
+        if branch is not None and not fixes_operator(branch.axis.path, self.study):
             dimensions.append(Dimension(branch.axis.name, (branch.axis,)))
         left = [replace(d, axes=tuple(axis for axis in d.axes if axis.path not in replaced)) for d in dimensions]
         settings = self.study.cell({**self._values(outer), **replaced})
@@ -324,8 +326,7 @@ def arrange(study: Study, decided: Choices | None = None) -> Grid:
     The order depends on what varies, neither on how many values it has nor on its place in the file: an axis that
     grows leaves the archive's dimensions as they are. Conditions that are mostly varied finely lie innermost.
     """
-    model = study.scene.model
-    outer = [d for d in study.dimensions if any(fixes_operator(axis.path, model) for axis in d.axes)]
+    outer = [d for d in study.dimensions if any(fixes_operator(axis.path, study) for axis in d.axes)]
     inner = [d for d in study.dimensions if d not in outer]
     outer.sort(key=lambda d: (min(_outermost_first(axis.path) for axis in d.axes), d.name))
     inner.sort(key=lambda d: (max(_innermost_last(axis.path) for axis in d.axes), d.name))

@@ -56,7 +56,7 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         gaps, turns = gaps[:, :0], turns[:, :0]
     initial = Initial() if scene.initial == "static" else scene.initial  # see at_rest
     reads = schemes.load(settings.scheme.method).READS
-    cases = Cases(
+    given = Cases(
         e=of_case("e", settings.e) if "e" in reads else np.full(count, np.nan),
         alpha=alpha_of(settings, varying, count),
         gap=gap,
@@ -73,7 +73,7 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         turns=turns,
         offset=offset_of(structure, count),
     )
-    return cases if structure.coordinates is None else structure.coordinates.transformed(cases)
+    return structure.received(given)
 
 
 def spread(varying: Mapping[str, Array], path: str, value: float, count: int) -> Array:

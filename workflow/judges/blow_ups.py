@@ -18,7 +18,6 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from workflow.models import (
     Array,
@@ -27,6 +26,7 @@ from workflow.models import (
     critical_alpha,
     growth,
     in_contact,
+    one_thread,
     static_tip_growth,
     tip_flexibility,
 )
@@ -203,7 +203,7 @@ class Runaways:
     """Critical coupling and growth rate of the structure on which cases are run, kept for each pair of α and µ."""
 
     def __init__(self, structure: Structure) -> None:
-        with threadpool_limits(limits=1, user_api="blas"):
+        with one_thread():
             self._contact = in_contact(structure)
         self._critical = cache(lambda friction: critical_alpha(structure, friction))
         self._known: dict[tuple[float, float], tuple[float, float, float]] = {}

@@ -8,6 +8,7 @@ growth rates. Others use what is imported here.
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from functools import cache, lru_cache
 from typing import Any, Protocol, cast
 
@@ -104,6 +105,21 @@ def structure_of(name: str, parameters: Any) -> Structure:
     """
     with one_thread(), files_laid_out(parameters) as own:
         return load(name).assemble(own)
+
+
+@lru_cache(maxsize=1024)
+def depends_on_speed(name: str, parameters: Any) -> bool:
+    """Tell whether a model's structure depends on the speed of its scene: its ``depends_on_speed`` says so."""
+    depends = getattr(load(name), "depends_on_speed", None)
+    if depends is None:
+        return False
+    with files_laid_out(parameters) as own:
+        return bool(depends(own))
+
+
+def at_speed(name: str, parameters: Any, speed: float) -> Any:
+    """Return the parameters of a model with the speed of its scene, rev/s, where its structure depends on it."""
+    return replace(parameters, speed=speed) if speed and depends_on_speed(name, parameters) else parameters
 
 
 @lru_cache(maxsize=1024)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array, elementwise
+from workflow.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +201,7 @@ class Cases:
         """Return the casing's velocity ḋ(t) = Σ a_k 2π f_k cos(2π f_k t + φ_k), m/s, ``(case,)``."""
         return self.casing_harmonics.rate_at(t)
 
-    @property
+    @cached_property
     def period_frequency(self) -> Array:
         """Frequency of the load periods that are counted, Hz, ``(case,)``; 0 where there are none."""
         return period_frequency(self.load_harmonics, self.casing_harmonics)
@@ -247,15 +249,24 @@ def distinct_rows(*tables: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.i
     return order[is_new], which
 
 
-@np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
 def project(matrix: Array, states: Array) -> Array:
     """Return ``matrix @ state`` for every case, ``(case, row)``, or for one row ``row @ state``, ``(case,)``.
 
     The bits of a case do not depend on the others, unlike those of a matrix product, which sums in an order that
-    changes with the batch size. Coordinates that are 0 in all cases are skipped: most batches start at rest and cold.
+    changes with the batch size. Coordinates that are 0 are skipped: most batches start at rest and cold.
     """
-    rows, columns = np.atleast_2d(matrix), np.asfortranarray(states).T  # contiguous, as every operation runs over cases
-    result = np.zeros((rows.shape[0], states.shape[0]))
-    for column in np.flatnonzero(columns.any(axis=1)):
-        result += rows[:, column, None] * columns[column]
-    return np.ascontiguousarray(result.T) if matrix.ndim == 2 else result[0]
+    columns = np.ascontiguousarray(np.atleast_2d(matrix).T, dtype=np.float64)
+    result = np.zeros((states.shape[0], columns.shape[1]))
+    _add_products(columns, np.ascontiguousarray(states, dtype=np.float64), result)
+    return result if matrix.ndim == 2 else result[:, 0]
+
+
+@kernel
+def _add_products(columns: Array, states: Array, result: Array) -> None:
+    """Add to each row of the result the columns of a matrix times the entries of a state, one after another."""
+    for case in range(states.shape[0]):
+        for k in range(columns.shape[0]):
+            entry = states[case, k]
+            if entry != 0.0:
+                for row in range(columns.shape[1]):
+                    result[case, row] += columns[k, row] * entry

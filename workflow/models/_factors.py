@@ -19,7 +19,7 @@ import importlib.util
 import warnings
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -83,10 +83,27 @@ def has_cholmod() -> bool:
     return all(importlib.util.find_spec(package) is not None for package in FACTORISING)
 
 
-def _by_superlu(matrix: scipy.sparse.csc_array) -> Solver:
-    """Return the solver by SuperLU with the minimum-degree ordering of A + Aᵀ and pivots on the diagonal."""
+def is_definite(matrix: scipy.sparse.csc_array) -> bool:
+    """Tell whether a sparse symmetric matrix is positive definite, by the signs of its pivots."""
+    order = elimination_order(matrix)
     try:
-        factors = scipy.sparse.linalg.splu(
+        if order is None:
+            return bool(np.all(_superlu(matrix).U.diagonal() > 0))
+        _by_cholmod(matrix, order)
+    except NotHeldError:
+        return False
+    return True
+
+
+def _by_superlu(matrix: scipy.sparse.csc_array) -> Solver:
+    factors = _superlu(matrix)
+    return lambda load: np.asarray(factors.solve(load))
+
+
+def _superlu(matrix: scipy.sparse.csc_array) -> Any:
+    """Return the factors of SuperLU with the minimum-degree ordering of A + Aᵀ and pivots on the diagonal."""
+    try:
+        return scipy.sparse.linalg.splu(
             scipy.sparse.csc_array(matrix),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
@@ -94,7 +111,6 @@ def _by_superlu(matrix: scipy.sparse.csc_array) -> Solver:
         )
     except RuntimeError:
         raise NotHeldError from None
-    return lambda load: np.asarray(factors.solve(load))
 
 
 def _by_cholmod(matrix: scipy.sparse.csc_array, order: Array) -> Solver:

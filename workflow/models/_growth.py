@@ -133,10 +133,16 @@ class InContact:
         numbers, group = np.unique([each.sum(axis=1) for each in shifted], axis=1, return_inverse=True)
         for k, some in enumerate(numbers.T):
             modes, heats = (np.sort(order[:number]) for order, number in zip(orders, some, strict=True))
-            coupling = self.coupling[np.ix_(modes, heats)]
-            part = replace(self, modes=self.modes[:, modes], heat=self.heat[:, heats], coupling=coupling, slid=None)
+            part = self._part(modes, heats)
             others = np.delete(self.poles, np.concatenate([2 * modes, 2 * modes + 1, 2 * count + heats]))
             yield part, others, np.flatnonzero(group == k)
+
+    def _part(self, modes: NDArray[np.intp], heats: NDArray[np.intp]) -> InContact:
+        """Return the system of some modes, without friction."""
+        if self.slid is None and (modes.size, heats.size) == self.coupling.shape:
+            return self
+        coupling = self.coupling[np.ix_(modes, heats)]
+        return replace(self, modes=self.modes[:, modes], heat=self.heat[:, heats], coupling=coupling, slid=None)
 
     def contact_force(self, s: Complex) -> tuple[Complex, Complex]:
         """Return the transfer function G(s) from a heat load at the tip to the contact force, and dG/ds; ``(s,)`` each.

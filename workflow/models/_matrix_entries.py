@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from workflow.kernels import Array
 from workflow.models._contacts import Contacts, checked_contacts
 from workflow.models._from_matrices import ASYMMETRY, COLD, GivenMatrices
-from workflow.models._matrix_files import LABELS, MATRICES, ROWS, VECTORS, Entries
+from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, Entries
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._structure import Rayleigh
 
@@ -29,6 +29,7 @@ _WHOLE = 1e-9
 _TO_SI = {
     "mass": 1e3,
     "stiffness": 1e3,
+    "stiffness_speed2": 1e3,
     "damping": 1e3,
     "coupling": 1.0,
     "heat_capacity": 1e-3,
@@ -66,8 +67,12 @@ class Chosen(NamedTuple):
     tangent: Choice = None
 
 
-def given_by(entries: Entries, chosen: Chosen, damping: Rayleigh) -> tuple[GivenMatrices, Contacts]:
+def given_by(
+    entries: Entries, chosen: Chosen, damping: Rayleigh, angular: float = 0.0
+) -> tuple[GivenMatrices, Contacts]:
     """Return the matrices of entries in SI, all of them sparse, and the contacts; the first is that of the matrices.
+
+    They are those at an angular speed Ω [rad/s]: K1 + Ω² K_Ω and the constant load f + Ω² r.
 
     Raises
     ------
@@ -82,6 +87,11 @@ def given_by(entries: Entries, chosen: Chosen, damping: Rayleigh) -> tuple[Given
     size = mass.shape[0]
     labels, heat = _texts("labels", entries, size), _heat(entries, size)
     contacts = _contacts(entries, chosen, labels, (size, 0 if heat is None else len(heat["heating"])))
+    stiffness, steady = _symmetric(entries, "stiffness", size), _vector("steady", entries, size)
+    if SPEED2[0] in entries:
+        turning = _symmetric(entries, SPEED2[0], size)
+        stiffness = stiffness + angular**2 * turning if angular else stiffness
+    steady = steady + angular**2 * _vector(SPEED2[1], entries, size) if SPEED2[1] in entries else steady
     damper = _symmetric(entries, "damping", size) if "damping" in entries else None
     if damper is not None and damping != Rayleigh():
         raise UnusableMatricesError("it has a `damping`, and the study has one too", "keep one of them")
@@ -91,12 +101,12 @@ def given_by(entries: Entries, chosen: Chosen, damping: Rayleigh) -> tuple[Given
         damper=damper,
         load=_nonzero("load", _vector("load", entries, size)) if "load" in entries else load,
         mass=mass,
-        stiffness=_symmetric(entries, "stiffness", size),
+        stiffness=stiffness,
         contact=contacts.normal[0],
         thermal_contact=contacts.heat[0],
         tangent=slides[0] if len(slides) else None,
         damping=damping,
-        steady=_vector("steady", entries, size),
+        steady=steady,
         labels=labels,
         **(_cold(size) if heat is None else heat),
     )

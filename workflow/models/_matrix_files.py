@@ -9,8 +9,8 @@ as C or Fortran writes them, or refused with file and line: SciPy's readers drop
   ``labels.txt`` with a name in each line.
 - CalculiX, ``*FREQUENCY, SOLVER=MATRIXSTORAGE``: ``blade.sti`` holds K1 and ``blade.mas`` M, a line ``row column
   value`` for each entry on or above the diagonal, counted from 1; ``blade.dof`` names each row ``node.direction``.
-- Nastran OUTPUT4 (extra ``output4``), whose names have up to eight characters: the beginnings of the entries' names, or
-  Nastran's own.
+- Nastran OUTPUT4 (extra ``output4``), whose names have up to eight characters: the beginnings of the entries' names
+  (``s_speed2``, ``l_speed2``), or Nastran's own.
 """
 
 from __future__ import annotations
@@ -71,8 +71,11 @@ def in_c(text: str, row: str, what: str, name: str, line: int = 1) -> str:
 MOST_COORDINATES = 200_000
 """Largest number of rows of a matrix."""
 
-MATRICES = ("mass", "stiffness", "damping", "coupling", "heat_capacity", "conductance")
-VECTORS = ("contact", "thermal_contact", "load", "steady", "heating", "tangent")
+SPEED2 = "stiffness_speed2", "load_speed2"
+"""K_Ω and r of K1 + Ω² K_Ω and f + Ω² r."""
+
+MATRICES = ("mass", "stiffness", "damping", "coupling", "heat_capacity", "conductance", SPEED2[0])
+VECTORS = ("contact", "thermal_contact", "load", "steady", "heating", "tangent", SPEED2[1])
 ROWS = ("angle", *(f"residual_{name}" for name in ("flexibility", "tangent", "coupling", "load", "steady")))
 """Of contacts, which have rows of `contact`, `tangent` and `thermal_contact` too."""
 
@@ -280,7 +283,8 @@ def _op4(place: Path) -> dict[str, Any]:
             "install `rotor-stator-workflow[output4]`, or write NPZ or Matrix Market files",
         ) from None
     _check_output4(place)
-    names = _NASTRAN | {name[:8]: name for name in (*MATRICES, *VECTORS)}
+    names = _NASTRAN | {name[:8]: name for name in (*MATRICES, *VECTORS) if name not in SPEED2}
+    names |= {f"{name[0]}_speed2": name for name in SPEED2}
     written, values, *_ = op4.OP4().listload(str(place), sparse=True)
     read = [names.get(short, short) for short in written]
     _refuse_twice(read, f"as {', '.join(written).upper()}")

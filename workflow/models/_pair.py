@@ -8,7 +8,8 @@ K = DᵀD, with its rank decided by pivots.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -35,6 +36,18 @@ class UnusableMatricesError(ValueError):
     def __init__(self, problem: str, remedy: str):
         super().__init__(f"{problem}: {remedy}")
         self.problem, self.remedy = problem, remedy
+
+
+@contextmanager
+def turning_at(revolutions: float) -> Iterator[None]:
+    """Have what makes matrices unusable said with the speed, rev/s, unless it is 0."""
+    try:
+        yield
+    except UnusableMatricesError as error:
+        if revolutions == 0:
+            raise
+        problem = f"at {revolutions:.6g} rev/s {error.problem}"
+        raise UnusableMatricesError(problem, f"turn slower, or {error.remedy}") from None
 
 
 class Factor(NamedTuple):

@@ -194,6 +194,10 @@ class Structure:
             return self.contacts.normal
         return np.asarray((self.coordinates.displacement_projection.T @ self.contacts.normal.T).T)
 
+    def received(self, cases: Cases) -> Cases:
+        """Return cases as they are given in the structure's coordinates, with the constant loads of its source."""
+        return cases if self.coordinates is None else self.coordinates.transformed(cases)
+
     def on_casing(self, flexibility: float) -> Structure:
         """Return the structure with an elastic casing of this flexibility, m/N; 0 is a rigid one."""
         if flexibility == 0:

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from workflow.declare import Values, quantity
+from workflow.declare import Values, quantity, speed
 from workflow.kernels import Array
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._structure import Rayleigh
-from workflow.models.chain import MOST_NODES, Chain
+from workflow.models.chain import MOST_NODES, Chain, Spin, turned
 
 _TIP_CELL = "length of the cell at the tip; others grow from it to the root by one factor; left out: all are equal"
 
@@ -47,6 +47,8 @@ class Parameters:
     damping: Rayleigh = field(default_factory=Rayleigh)
     heating: Values = quantity("W", "constant heat load", default=0.0, per="node")
     tip_cell: float | None = quantity("m", _TIP_CELL, default=None, above=0, later=True)
+    spin: Spin | None = field(default=None, metadata={"later": True})
+    speed: float = speed()
 
     @property
     def stiffness(self) -> float:
@@ -64,6 +66,11 @@ class Parameters:
 
 EITHER = ("tip_stiffness", "youngs_modulus")
 """Parameters of which a study gives exactly one."""
+
+
+def depends_on_speed(parameters: Parameters) -> bool:
+    """Tell whether the structure depends on the scene's speed."""
+    return parameters.spin is not None
 
 
 def _fill(parameters: Parameters) -> Array:
@@ -95,7 +102,7 @@ def assemble(parameters: Parameters) -> Chain:
     perimeter = 2 * (parameters.width + parameters.thickness)
     shares = 0.5 * (lengths + np.append(lengths[1:], 0.0))
     mass = parameters.density * section * shares
-    return Chain(
+    chain = Chain(
         masses=mass,
         springs=fill * parameters.stiffness,
         damping=parameters.damping,
@@ -105,3 +112,4 @@ def assemble(parameters: Parameters) -> Chain:
         convection=parameters.convection * perimeter * shares,
         lengths=lengths,
     )
+    return turned(chain, parameters.spin, parameters.speed)

@@ -17,7 +17,7 @@ heat.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -25,11 +25,19 @@ from typing import Any
 import numpy as np
 import scipy
 
-from workflow.declare import Values, quantity
+from workflow.declare import Values, quantity, speed
 from workflow.kernels import Array
 from workflow.kernels.algebra import MOST_BY_JACOBI
+from workflow.models._cases import Cases
 from workflow.models._contacts import Contacts
-from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
+from workflow.models._pair import (
+    MOST_FULL,
+    DensePair,
+    Modes,
+    Pair,
+    TooManyCoordinatesError,
+    UnusableMatricesError,
+)
 from workflow.models._structure import Rayleigh, Structure
 
 MOST_ONE_BY_ONE = 100
@@ -99,11 +107,16 @@ class ChainPair(Pair):
         """b, ``(node,)``."""
         grounded, before = [], np.inf
         for joint, ground in zip(self.joint.tolist(), self.ground.tolist(), strict=True):
-            if joint > 0:  # in series with all before it; the root is rigid
+            if joint > 0 and joint + before > 0:  # in series with all before it; the root is rigid
                 joint *= before / (joint + before) if before < np.inf else 1.0
             before = ground + joint
             grounded.append(before)
         return np.array(grounded)
+
+    @property
+    def is_definite(self) -> bool:
+        """Whether each part from the root to a node is positive definite; where grounds are negative K is then, too."""
+        return bool(np.all(self._grounded > 0))
 
     @cached_property
     def _pivots(self) -> Array:
@@ -213,6 +226,48 @@ class ChainPair(Pair):
         return self.dense.largest() if self.size <= MOST_BY_JACOBI else self._value(self.size - 1)
 
 
+@dataclass(frozen=True, eq=False)
+class TurningPair(ChainPair):
+    """K1 - Ω² M of a chain that turns, definite: grounds are -Ω² m_i.
+
+    The factor of the elimination takes the place of springs: K = Dᵀ diag(pivot) D, d_i = u_i - j_{i+1}/pivot_i u_{i+1}.
+    """
+
+    @property
+    def weights(self) -> Array:  # type: ignore[override]
+        """The pivots."""
+        return self._pivots
+
+    @cached_property
+    def _shares(self) -> Array:
+        return np.asarray(self.joint[1:] / self._pivots[:-1])
+
+    def deformation_of(self, u: Array) -> Array:
+        """Return D u."""
+        deformed = np.array(u)
+        deformed[:-1] -= (self._shares * u[1:].T).T
+        return deformed
+
+    def forces(self, deformation: Array) -> Array:
+        """Return Dᵀ diag(pivot) d."""
+        flows = (self.weights * deformation.T).T
+        forces = flows.copy()
+        forces[1:] -= (self._shares * flows[:-1].T).T
+        return forces
+
+    @property
+    def deformed(self) -> Array:  # type: ignore[override]
+        """D ψ = e_n."""
+        return self.unit_tip
+
+    def deformation_by(self, forces: Array) -> Array:
+        """Return the deformation d with Dᵀ diag(pivot) d = f, ``(node, …)``."""
+        flows = np.array(forces)
+        for i, share in enumerate(self._shares, 1):
+            flows[i] += share * flows[i - 1]
+        return np.asarray((flows.T / self.weights).T)
+
+
 MOST_NODES = 200_000
 
 
@@ -232,6 +287,10 @@ class Chain(Structure):
         Rayleigh coefficients.
     lengths
         ℓ_i of the springs, m, shape (n,); empty where they are not known.
+    angular_speed
+        Ω at which the chain turns, rad/s.
+    centrifugal
+        Its constant load by that, N, shape (n,); ``None`` for none.
     """
 
     masses: Array
@@ -244,11 +303,19 @@ class Chain(Structure):
     lengths: Array = field(default_factory=lambda: np.zeros(0))
     observed: Array | None = None
     contacts: Contacts | None = None
+    angular_speed: float = 0.0
+    centrifugal: Array | None = None
 
     @cached_property
     def mechanical(self) -> ChainPair:  # type: ignore[override]
-        """K1 and M."""
+        """K1 and M; K1 - Ω² M of a chain that turns."""
+        if self.angular_speed > 0:
+            return TurningPair(self.springs, self.masses, -(self.angular_speed**2) * self.masses)
         return ChainPair(self.springs, self.masses, np.zeros(self.masses.size))
+
+    def received(self, cases: Cases) -> Cases:
+        """Return cases with the centrifugal load."""
+        return cases if self.centrifugal is None else replace(cases, steady=cases.steady + self.centrifugal)
 
     @cached_property
     def thermal(self) -> ChainPair:  # type: ignore[override]
@@ -260,7 +327,11 @@ class Chain(Structure):
         """Free thermal elongation a ℓ_i (θ_{i-1} + θ_i)/2 of each spring per temperature, m/K."""
         half = self.free_expansion / 2
         if self.has_matrices:
-            return np.diag(half) + np.diag(half[1:], -1)
+            elongation = np.diag(half) + np.diag(half[1:], -1)
+            if isinstance(self.mechanical, TurningPair):  # the same forces, by its factor
+                springs = ChainPair(self.springs, self.masses, np.zeros(self.masses.size))
+                return self.mechanical.deformation_by(springs.forces(elongation))
+            return elongation
         return scipy.sparse.diags_array([half, half[1:]], offsets=[0, -1], format="csr")
 
     def mean_over(self, depth: float) -> Array:
@@ -280,6 +351,43 @@ class Chain(Structure):
 
 
 @dataclass(frozen=True)
+class Spin:
+    """Rotation at Ω = 2π speed: forces Ω² m_i (radius + z_i), z_i from the root, and K1 - Ω² M, without stiffening."""
+
+    radius: float = quantity("m", "distance of the root from the axis of rotation", at_least=0)
+
+
+def turned(chain: Chain, spin: Spin | None, revolutions: float) -> Chain:
+    """Return a chain that points away from the axis about which it turns, at so many revolutions per second.
+
+    Springs keep their stiffness: that the tension of a blade stiffens it across is not in this model.
+
+    Raises
+    ------
+    UnusableMatricesError
+        Ω is not below the first frequency at rest, so that K1 - Ω² M is not positive definite; or there are too many
+        nodes.
+    """
+    if spin is None or revolutions == 0:
+        return chain
+    if chain.masses.size > MOST_FULL:
+        raise UnusableMatricesError(f"turns, with {chain.masses.size} nodes", f"write at most {MOST_FULL}")
+    angular = 2 * np.pi * revolutions
+    load = angular**2 * chain.masses * (spin.radius + np.cumsum(chain.lengths))
+    turning = replace(chain, angular_speed=angular, centrifugal=load)
+    if not turning.mechanical.is_definite:
+        critical = float(np.sqrt(chain.mechanical.modes(1).values[0])) / (2 * np.pi)
+        problem = f"turns at {revolutions:.6g} rev/s, where K1 - Ω² M is not positive definite"
+        raise UnusableMatricesError(problem, f"stay below {critical:.6g} rev/s, its first frequency")
+    return turning
+
+
+def depends_on_speed(parameters: Parameters) -> bool:
+    """Tell whether the structure depends on the scene's speed."""
+    return parameters.spin is not None
+
+
+@dataclass(frozen=True)
 class Parameters:
     """Lumps of the chain, root to tip; each a scalar or one value per node or spring."""
 
@@ -293,6 +401,8 @@ class Parameters:
     conductance: Values = quantity("W/K", "conduction through a spring", default=0.0, at_least=0, per="spring")
     convection: Values = quantity("W/K", "loss to the surroundings", default=0.0, at_least=0, per="node")
     heating: Values = quantity("W", "constant heat load", default=0.0, per="node")
+    spin: Spin | None = field(default=None, metadata={"later": True})
+    speed: float = speed()
 
 
 def assemble(parameters: Parameters) -> Chain:
@@ -302,7 +412,7 @@ def assemble(parameters: Parameters) -> Chain:
     def each(value: Values) -> Array:
         return np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)).copy()
 
-    return Chain(
+    chain = Chain(
         masses=each(parameters.mass),
         springs=each(parameters.stiffness),
         damping=parameters.damping,
@@ -312,3 +422,4 @@ def assemble(parameters: Parameters) -> Chain:
         convection=each(parameters.convection),
         lengths=each(parameters.spacing),
     )
+    return turned(chain, parameters.spin, parameters.speed)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,8 +17,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from workflow.declare import File, file, label
+from workflow.declare import File, file, label, speed
 from workflow.kernels.algebra import MOST_BY_JACOBI
+from workflow.models._factors import is_definite
 from workflow.models._from_matrices import (
     GivenMatrices,
     Sparse,
@@ -26,8 +28,8 @@ from workflow.models._from_matrices import (
     with_contacts,
 )
 from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, shaken
-from workflow.models._matrix_files import LABELS, MATRICES, ROWS, VECTORS, files_of, read_entries
-from workflow.models._pair import UnusableMatricesError
+from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, files_of, read_entries
+from workflow.models._pair import UnusableMatricesError, turning_at
 from workflow.models._structure import Matrices, Rayleigh
 
 _HUGE = 1e17
@@ -96,7 +98,7 @@ class Parameters:
 
     file: File = file(
         "file with entries mass, stiffness, and optionally damping, coupling, heat_capacity, conductance, contact, "
-        "thermal_contact, load, steady, heating, tangent, labels",
+        "thermal_contact, load, steady, heating, tangent, stiffness_speed2, load_speed2, labels",
         files=files_of,
     )
     contact: Choice = label(
@@ -122,6 +124,21 @@ class Parameters:
     )
     units: Literal["SI", "mm-t-s"] = "SI"
     damping: Rayleigh = field(default_factory=Rayleigh)
+    speed: float = speed()
+
+
+def depends_on_speed(parameters: Parameters) -> bool:
+    """Tell whether the structure depends on the scene's speed."""
+    return _has_speed2(parameters.file)
+
+
+@lru_cache(maxsize=64)
+def _has_speed2(of: File) -> bool:
+    """Tell whether a file has an entry that counts times Ω²; of one that cannot be read assembling says why."""
+    try:
+        return any(name in read_entries(Path(of.place)) for name in SPEED2)
+    except UnusableMatricesError:
+        return False
 
 
 def assemble(parameters: Parameters) -> Matrices | Sparse:
@@ -136,8 +153,12 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     if parameters.file.shaken != 0:
         entries = shaken(entries, parameters.file.shaken)
     chosen = Chosen(parameters.contact, parameters.thermal_contact, parameters.tangent)
-    given, contacts = given_by(entries, chosen, parameters.damping)
-    return with_contacts(with_held_left_out(given, _dense_or_sparse), contacts)
+    with turning_at(parameters.speed):
+        given, contacts = given_by(entries, chosen, parameters.damping, 2 * np.pi * parameters.speed)
+        structure = with_contacts(with_held_left_out(given, _dense_or_sparse), contacts)
+        if parameters.speed and isinstance(structure, Sparse) and not is_definite(structure.mechanical.stiffness):
+            raise UnusableMatricesError("K1 + Ω² K_Ω is not positive definite", "check `stiffness_speed2`")
+    return structure
 
 
 def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:
@@ -159,7 +180,8 @@ def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: An
     entries
         ``damping`` C1, ``heat_capacity`` C2, ``conductance`` K2, ``coupling`` K12 (displacement, temperature), the
         vectors ``contact``, ``thermal_contact``, ``load``, ``steady``, ``heating``, ``tangent``, the contacts and the
-        tangent also as an index or a label, and texts ``labels`` and ``thermal_labels``. Of several contacts rows
+        tangent also as an index or a label, ``stiffness_speed2`` K_Ω and ``load_speed2`` r of K1 + Ω² K_Ω and f + Ω² r
+        at the scene's speed, and texts ``labels`` and ``thermal_labels``. Of several contacts rows
         ``contact``, ``thermal_contact``, ``tangent``, texts ``contact_labels``, and ``angle``, rad; of contacts without
         mass ``residual_flexibility`` R = w ΔF wᵀ, ``residual_tangent`` w ΔF tᵀ, m/N, ``residual_coupling`` w ΔF K12,
         m/K, ``residual_load``, m/N along ``load``, and ``residual_steady``, m.

@@ -18,12 +18,19 @@ from pathlib import Path
 
 import numpy as np
 
-from workflow.declare import NUMBER, File, Rows, rows
+from workflow.declare import NUMBER, File, Rows, rows, speed
 from workflow.kernels import Array
 from workflow.models._contacts import Contacts, checked_contacts
-from workflow.models._from_matrices import COLD, GivenMatrices, Sparse, structure_from_matrices, with_contacts
+from workflow.models._from_matrices import (
+    ASYMMETRY,
+    COLD,
+    GivenMatrices,
+    Sparse,
+    structure_from_matrices,
+    with_contacts,
+)
 from workflow.models._matrix_files import in_c
-from workflow.models._pair import UnusableMatricesError
+from workflow.models._pair import UnusableMatricesError, turning_at
 from workflow.models._structure import Matrices, Rayleigh
 
 COLUMNS = (("frequency", "Hz"), ("damping_ratio", "1"), ("tip", "1/kg**0.5"))
@@ -177,6 +184,23 @@ class Parameters:
     residual_tangent: File | Rows | None = rows(
         "CSV file, or rows, of w ΔF tᵀ [m/N], to tangential forces; 0 where left out", default=None, later=True
     )
+    stiffness_speed2: File | Rows | None = rows(
+        "CSV file, or rows, of φᵀK_Ωφ [1/rad²], a row and a column for each mode at rest: K1 + Ω² K_Ω at the scene's "
+        "speed",
+        default=None,
+        later=True,
+    )
+    load_speed2: File | Rows | None = rows(
+        "CSV file, or rows, of φᵀr [N s²/rad²/√kg], one number for each mode: the constant load Ω² r",
+        default=None,
+        later=True,
+    )
+    speed: float = speed()
+
+
+def depends_on_speed(parameters: Parameters) -> bool:
+    """Tell whether the structure depends on the scene's speed."""
+    return parameters.stiffness_speed2 is not None or parameters.load_speed2 is not None
 
 
 def assemble(parameters: Parameters) -> Matrices | Sparse:
@@ -210,29 +234,41 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
         )
     contacts, slides = checked_contacts(contacts, "residual"), tangent[np.any(tangent != 0, axis=1)]
     shape = frequency.size, rate.size
-    omega = 2 * np.pi * frequency
+    omega, modes = 2 * np.pi * frequency, frequency.size
+    stiffness, steady, turns = np.diag(omega**2), np.zeros(modes), (2 * np.pi * parameters.speed) ** 2
+    if parameters.stiffness_speed2 is not None:
+        own = read_matrix(parameters.stiffness_speed2, (modes, modes), "stiffness_speed2")
+        stiffness = stiffness + turns * _symmetric(own)
+    if parameters.load_speed2 is not None:
+        steady = turns * read_matrix(parameters.load_speed2, (modes, 1), "load_speed2")[:, 0]
     even = bool(np.all(ratio[omega > 0] == ratio.max()))
     one = len(shares) == 1
     whole = heat[0] / float(heat[0] @ heat[0]) if one else np.asarray(np.linalg.lstsq(heat, np.ones(count))[0], float)
-    structure = structure_from_matrices(
-        GivenMatrices(
-            mass=np.eye(shape[0]),
-            stiffness=np.diag(omega**2),
-            coupling=np.zeros(shape) if parameters.coupling is None else read_matrix(parameters.coupling, shape),
-            heat_capacity=np.eye(shape[1]),
-            conductance=np.diag(rate),
-            contact=normal[0],
-            thermal_contact=heat[0],
-            tangent=slides[0] if len(slides) else None,
-            load=np.zeros(shape[0]) if count > 1 else None,
-            steady=np.zeros(shape[0]),
-            heating=np.zeros(shape[1]),
-            damping=Rayleigh(ratio=float(ratio.max())) if even else Rayleigh(),
-            damper=None if even else np.diag(2 * ratio * omega),
-            uniform_rise=whole,
-        )
+    given = GivenMatrices(
+        mass=np.eye(shape[0]),
+        stiffness=stiffness,
+        coupling=np.zeros(shape) if parameters.coupling is None else read_matrix(parameters.coupling, shape),
+        heat_capacity=np.eye(shape[1]),
+        conductance=np.diag(rate),
+        contact=normal[0],
+        thermal_contact=heat[0],
+        tangent=slides[0] if len(slides) else None,
+        load=np.zeros(shape[0]) if count > 1 else None,
+        steady=steady,
+        heating=np.zeros(shape[1]),
+        damping=Rayleigh(ratio=float(ratio.max())) if even else Rayleigh(),
+        damper=None if even else np.diag(2 * ratio * omega),
+        uniform_rise=whole,
     )
-    return with_contacts(structure, contacts)
+    with turning_at(parameters.speed):
+        return with_contacts(structure_from_matrices(given), contacts)
+
+
+def _symmetric(matrix: Array) -> Array:
+    """Return φᵀK_Ωφ, the mean of its two halves."""
+    if np.abs(matrix - matrix.T).max() > ASYMMETRY * np.abs(matrix).max():
+        raise UnusableMatricesError("`stiffness_speed2` is not symmetric", "write both halves alike")
+    return np.asarray((matrix + matrix.T) / 2)
 
 
 def _heat(parameters: Parameters, count: int) -> tuple[Array, list[Array]]:

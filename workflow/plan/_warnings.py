@@ -109,6 +109,9 @@ _LIGHTEST = 100.0
 MOST_CASES, MOST_OUTER = 500, 64
 """Cases of an outer index and outer indices that are looked at; of more cases a regular choice."""
 
+_MOST_STRUCTURES = 16
+"""Structures on which steps are judged, a regular choice with both ends: each takes some milliseconds."""
+
 
 def cautions_of_scene(grid: Grid) -> Iterator[str]:
     """Yield what to beware of in springs, structures with the conditions of their cases, and bases."""
@@ -252,7 +255,7 @@ def warnings(grid: Grid) -> tuple[str, ...]:
         for dimension in (*grid.outer, *grid.inner)
         if not any(grid.matters(one)(axis.path) for one in choices for axis in dimension.axes)
     )
-    every = [grid.settings(outer) for outer in looked_at(grid.computed.tolist())]
+    every = [grid.settings(outer) for outer in looked_at(_of_some_structures(grid))]
     cautions = [caution for settings in every for caution in _cautions(grid, settings)]
     steps = _sentences(cautions, len(set(map(basis_text, every))))
     lacks_exact = grid.study.output.steady is not None and all(choice.method != EXACT for choice in choices)
@@ -260,6 +263,15 @@ def warnings(grid: Grid) -> tuple[str, ...]:
     samples = (*_coarse_sections(grid), *fast_samples(grid))
     sentences = (*idle, *steady, *samples, *choice_cautions(grid), *cautions_of_scene(grid), *steps)
     return tuple(dict.fromkeys(sentences))
+
+
+def _of_some_structures(grid: Grid) -> list[int]:
+    """Return the outer indices that are computed; of many structures those of a regular choice with both ends."""
+    parameters = (f"scene.{grid.study.scene.model}.", "scene.speed")
+    of_structure = grid.alike(grid.computed, lambda path: path.startswith(parameters))
+    every = np.unique(of_structure)
+    chosen = np.linspace(0, every.size - 1, min(every.size, _MOST_STRUCTURES)).round().astype(np.int64)
+    return [int(outer) for outer in grid.computed[np.isin(of_structure, every[chosen])]]
 
 
 def _coarse_sections(grid: Grid) -> Iterator[str]:

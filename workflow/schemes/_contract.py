@@ -55,14 +55,12 @@ def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
     expected = [about for about in variables.select(None, "scheme") if about.shape != "flag"]
     expected = [about for about in expected if about.condition != "balances" or sampling.balances]
     expected = [about for about in expected if about.condition != "sections" or results.sections]
+    periods = complete_periods(cases.period_frequency, sampling)
     for about in expected:
-        _check_shape(about, arrays.get(about.name), cases, sampling)
+        _check_shape(about, arrays.get(about.name), cases, sampling, int(periods.max(initial=0)))
     if results.status.shape != (cases.count,) or not np.isin(results.status, [int(s) for s in Status]).all():
         raise ContractError("`status` is not one Status for each case")
-    counted = (
-        np.arange(1, results.period_impulse.shape[-1] + 1)
-        <= complete_periods(cases.period_frequency, sampling)[:, None]
-    )
+    counted = np.arange(1, results.period_impulse.shape[-1] + 1) <= periods[:, None]
     wrong: dict[int, str] = {}
     for about in expected:
         possible = _possible(about, arrays[about.name], counted)
@@ -74,14 +72,15 @@ def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
     return _with_failed(results, wrong) if wrong else results
 
 
-def _check_shape(about: variables.Variable, values: Array | None, cases: Cases, sampling: Sampling) -> None:
-    """Raise where a variable is missing or does not have the shape that the table states."""
+def _check_shape(
+    about: variables.Variable, values: Array | None, cases: Cases, sampling: Sampling, least: int
+) -> None:
+    """Raise where a variable is missing or does not have the shape that the table states, of the ``least`` periods."""
     if values is None:
         raise ContractError(f"the scheme gives no `{about.name}`: {about.meaning}")
     each = (cases.count, *(cases.contact_shape if about.is_of_contact else ()))
     shape = (*each, sampling.count) if about.shape == "history" else each
     if about.shape == "period":
-        least = int(complete_periods(cases.period_frequency, sampling).max(initial=0))
         sound = values.shape[:-1] == each and values.shape[-1] >= least
         expected = f"({', '.join(map(str, each))}, at least {least})"
     else:

@@ -183,7 +183,7 @@ def _decides_coupling(path: str) -> bool:
 
 def decides_cost(path: str, model: str) -> bool:
     """Tell whether the cost model knows of an axis: of options, and of what else varies in a structure, it does not."""
-    return path == f"scene.{model}.nodes" or not path.startswith((f"scene.{model}.", "schemes."))
+    return path == f"scene.{model}.nodes" or not path.startswith((f"scene.{model}.", "scene.speed", "schemes."))
 
 
 def bytes_per_case(grid: Grid) -> int:

@@ -43,6 +43,7 @@ def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     yield from _elastic(cases, source)
     yield from _support(cases, source)
     yield from _branch(cases)
+    yield from _speed(cases, source)
     yield from _start(cases, sizes, source)
     yield from _stops(cases, sizes, source)
     yield from _extent(cases, source)
@@ -277,6 +278,21 @@ def _branch(cases: CaseSpace) -> Iterator[Fault]:
         yield ("axes", cases.branch.axis.path), "is a branch, which event_driven alone follows", remedy
     if cases.reference is not None:
         yield ("reference",), "stands beside a branch, which has no errors", "leave it out"
+
+
+def _speed(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
+    """Refuse a branch over a speed that the structure depends on, and a speed above its critical one."""
+    scene, path = cases.scene, "scene.speed"
+    if not cases.depends_on_speed:
+        return
+    if cases.branch is not None and cases.branch.axis.path == path:
+        problem = "is a branch, and the structure depends on the speed: its states would be those of other structures"
+        yield ("axes", path), problem, "write a list in its place"
+    fastest = max([scene.speed, *(float(value) for axis in cases.axes() if axis.path == path for value in axis.values)])
+    try:
+        models.structure_of(scene.model, models.at_speed(scene.model, scene.parameters, fastest))
+    except models.UnusableMatricesError as error:
+        yield source.place_of(path), error.problem, error.remedy
 
 
 def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:

@@ -362,9 +362,13 @@ def record_of(declared: Any) -> RecordKind:
 
 
 def entries_of(declared: Any, without: tuple[str, ...] = ()) -> dict[str, Entry]:
-    """Return how the fields of a declared dataclass are read, by name, without some that are read otherwise."""
+    """Return how the fields of a declared dataclass are read, by name, without some that are read otherwise.
+
+    Without what the scene gives, too.
+    """
     hints = get_type_hints(declared)
-    fields = (field for field in dataclasses.fields(declared) if field.name not in without)
+    own = (field for field in dataclasses.fields(declared) if not field.metadata.get("of_scene"))
+    fields = (field for field in own if field.name not in without)
     return {field.name: _entry(field, hints[field.name]) for field in fields}
 
 

@@ -306,6 +306,11 @@ class CaseSpace:
         """Whether it leaves a count of modes to its tolerance in some case."""
         return any(CHOSEN in axis.values for axis in self.axes() if axis.path in MODES)
 
+    @property
+    def depends_on_speed(self) -> bool:
+        """Whether the structure depends on the scene's speed, which is one of its parameters then."""
+        return models.depends_on_speed(self.scene.model, self.scene.parameters)
+
     def axes(self) -> Iterator[Axis]:
         """Yield all axes, and the settings that are held."""
         for dimension in self.dimensions:
@@ -337,7 +342,7 @@ class CaseSpace:
                 scheme = dataclasses.replace(scheme, options=_replaced(scheme.options, rest[1:], value))
         mechanical, thermal = values["mechanical_modes"], values["thermal_modes"]
         return CaseSettings(
-            scene,
+            replace(scene, parameters=models.at_speed(scene.model, scene.parameters, scene.speed)),
             scheme,
             e=float(values["e"]),
             alpha=float(values["alpha"]) if scene.friction is None else scene.friction.alpha,
