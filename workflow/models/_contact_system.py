@@ -65,6 +65,8 @@ class ContactBasis:
     """s, ``(contact, thermal mode)``."""
     load: Array
     """φᵀ b, ``(mode,)``."""
+    sensors: Array
+    """Rows of sensors, ``(sensor, mode + thermal mode)``."""
 
     @property
     def residual_load(self) -> Array:
@@ -120,6 +122,7 @@ def analyse_contacts(structure: Structure) -> ContactBasis:
         tangent=contacts.tangent @ mechanical.shapes,
         heat=contacts.heat @ thermal.shapes,
         load=mechanical.shapes.T @ structure.load_direction,
+        sensors=structure.sensed(mechanical.shapes, thermal.shapes),
     )
 
 

@@ -30,6 +30,7 @@ from workflow.kernels import Array
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._contacts import Contacts
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError
+from workflow.models._sensors import Sensors
 from workflow.models._structure import Rayleigh, Structure
 
 MOST_ONE_BY_ONE = 100
@@ -244,6 +245,7 @@ class Chain(Structure):
     lengths: Array = field(default_factory=lambda: np.zeros(0))
     observed: Array | None = None
     contacts: Contacts | None = None
+    sensors: Sensors | None = None
 
     @cached_property
     def mechanical(self) -> ChainPair:  # type: ignore[override]

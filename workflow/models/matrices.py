@@ -17,6 +17,7 @@ import scipy
 from numpy.typing import NDArray
 
 from workflow.declare import File, file, label
+from workflow.kernels import Array
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._from_matrices import (
     GivenMatrices,
@@ -25,10 +26,11 @@ from workflow.models._from_matrices import (
     structure_from_sparse,
     with_contacts,
 )
-from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, shaken
+from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, one_row, shaken
 from workflow.models._matrix_files import LABELS, MATRICES, ROWS, VECTORS, files_of, read_entries
 from workflow.models._pair import UnusableMatricesError
-from workflow.models._structure import Matrices, Rayleigh
+from workflow.models._sensors import Sensor
+from workflow.models._structure import Matrices, Rayleigh, Structure
 
 _HUGE = 1e17
 """Stiffness [N/m] or conductance [W/K] that no part of a machine has: 1e20 in mW/K."""
@@ -138,6 +140,18 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     chosen = Chosen(parameters.contact, parameters.thermal_contact, parameters.tangent)
     given, contacts = given_by(entries, chosen, parameters.damping)
     return with_contacts(with_held_left_out(given, _dense_or_sparse), contacts)
+
+
+def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: Structure) -> list[Array]:
+    """Return the rows of sensors in the coordinates of the file.
+
+    Raises
+    ------
+    UnusableMatricesError
+        The file has no such label, index or vector.
+    """
+    entries = read_entries(Path(parameters.file.place))
+    return [one_row(entries, sensor.at, sensor.of_heat) for sensor in sensors]
 
 
 def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:
