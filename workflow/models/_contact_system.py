@@ -96,6 +96,7 @@ class ContactBasis:
         none: dict[str, Any] = {name: getattr(self, name)[:0] for name in ("rate", "to_thermal")}
         for name in ("heat_shapes", "coupling", "heat"):
             none[name] = getattr(self, name)[:, :0]
+        none["sensors"] = self.sensors[:, : self.frequency.size]
         return replace(self, **none)
 
     def delassus(self, friction: float) -> Array:

@@ -229,6 +229,11 @@ class Structure:
         others = {name: getattr(self, name) for name in [*names, "contacts", "sensors"]}
         return Matrices(self.mechanical.dense, self.thermal.dense, self.expansion, **others)
 
+    @property
+    def sensor_count(self) -> int:
+        """Number of sensors."""
+        return 0 if self.sensors is None else len(self.sensors.shares)
+
     def sensed(self, shapes: Array, heat_shapes: Array) -> Array:
         """Return the rows of the sensors of modal coordinates, ``(sensor, mode + thermal mode)``."""
         if self.sensors is None:

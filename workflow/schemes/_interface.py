@@ -167,6 +167,7 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         status=np.concatenate([r.status for r in results])[order],
         messages={int(where[k]): text for where, r in parts for k, text in r.messages.items()},
         sections={name: joined([r.sections[name] for r in results]) for name in results[0].sections},
+        events={name: joined([r.events[name] for r in results]) for name in results[0].events},
     )
 
 

@@ -209,9 +209,8 @@ def fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> None
     for k, (row, states) in enumerate(zip(rows, (cases.displacement, cases.velocity, cases.temperature), strict=True)):
         record.histories[:, k, ..., 0] = project(row, states).reshape(record.tally.shape)
     record.histories[:, 3, ..., 0] = 0.0
-    modal = project(basis.to_modes, cases.displacement), project(basis.to_thermal, cases.temperature)
-    rows = record.asked.rows[:, : basis.frequency.size + basis.rate.size]
-    record.asked.sensed[:, :, 0] = project(rows, np.hstack(modal))
+    modal = [project(basis.to_modes, cases.displacement), project(basis.to_thermal, cases.temperature)]
+    record.asked.sensed[:, :, 0] = project(basis.sensors, np.hstack(modal))
     if basis.contacts.is_compliant:
         record.histories[:, 0, ..., 0] = _compliant_places(basis, cases).reshape(record.tally.shape)
 

@@ -197,9 +197,7 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
 
 
 @part
-def _step(
-    motions: Motions, record: Record, start: Start, T: float, observed: Observed
-) -> tuple[float, bool, Observed]:
+def _step(motions: Motions, record: Record, start: Start, T: float, observed: Observed) -> tuple[float, bool, Observed]:
     """Do a certified step; return its length, whether an event ends it, and the outputs at its end.
 
     The length is NaN where the state is not finite.

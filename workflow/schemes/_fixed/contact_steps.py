@@ -240,7 +240,8 @@ def memory(s: Stepping, sensors: int) -> Now:
     y, v, free, force = np.zeros((4, modes))
     tau, tau_before, warm = np.zeros((3, thermal))
     matrices = np.zeros((m, modes)), np.zeros((m, m)), np.zeros((unknowns, unknowns)), np.zeros((m, m))
-    shown = Shown(*np.zeros((2, 4, m)), *np.zeros((2, m)), np.zeros((2, sensors)))
+    ends, counts = np.zeros((2, 4, m)), np.zeros((2, m))
+    shown = Shown(ends[0], ends[1], counts[0], counts[1], np.zeros((2, sensors)))
     scratch = np.zeros(unknowns, dtype=np.int64), problem(unknowns), shown
     rows: Any = (y, v, tau, tau_before, free, force, warm, *np.zeros((13, m)), *matrices, *scratch)
     return Now(*rows)

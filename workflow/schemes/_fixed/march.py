@@ -339,7 +339,14 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock, account: Acc
             _step(step, law, now, state, block, account, narrow(first))
         balance.count_step(account, dense_of(account), step, state, now.last, lanes)
         if step.sensors.shape[0] > 0 and (now.marked or now.next_marked):
-            sense(step.sensors, state, tip.new_displacement if now.marked else tip.displacement, now.t, block.record.shown, lanes)
+            sense(
+                step.sensors,
+                state,
+                tip.new_displacement if now.marked else tip.displacement,
+                now.t,
+                block.record.shown,
+                lanes,
+            )
         if now.marked:
             stepping.count_stored(k, block)
     store_heat(step, state, state.tau, lanes)

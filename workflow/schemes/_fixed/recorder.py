@@ -68,7 +68,11 @@ class Recorder:
         self.steps = self._watched.schedule.steps
         waiting = {"samples": np.zeros((4 * WAITING, cases.count))}  # each block's, from step to step
         table = lane_table({**rows_of(self._watched), **waiting})
-        self._rows, self._shown, self._batch = table.cases["tip"], table.cases["shown"], batch_of(self._watched, table, table.lanes["samples"], LANES)
+        self._rows, self._shown, self._batch = (
+            table.cases["tip"],
+            table.cases["shown"],
+            batch_of(self._watched, table, table.lanes["samples"], LANES),
+        )
         self._growth = static_tip_growth(structure)
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
         self._step = 0

@@ -84,7 +84,10 @@ def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> Sensing:
             np.einsum("srb,rb->s", motion, load)[:, None],
         ]
     )
-    both, gains = motion.reshape(count, 2 * blocks.damping.size), (responds + (0.5 if lagged else 1.0) * theta) @ step.heat_gain
+    both, gains = (
+        motion.reshape(count, 2 * blocks.damping.size),
+        (responds + (0.5 if lagged else 1.0) * theta) @ step.heat_gain,
+    )
     ahead = step.tip.h if lagged else 0.0
     own = np.stack(
         [
