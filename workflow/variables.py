@@ -9,20 +9,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
-Shape = Literal["history", "metric", "period", "flag", "phase", "point", "point phase"]
+Shape = Literal["history", "metric", "period", "flag", "phase", "point", "point phase", "event"]
 """``history``: (…, t); ``metric``: (…) float64; ``period``: (…, period), ``phase``: (…, phase) float64; ``flag``: (…)
-int8; ``point``: (…, point) float64 or int8, ``point phase``: (…, point, phase), in archives of branches alone."""
+int8; ``point``: (…, point) float64 or int8, ``point phase``: (…, point, phase), in archives of branches alone;
+``event``: (…, event) float64 or int8. What is of sensors has ``sensor`` before these."""
 
 Origin = Literal["scheme", "workflow"]
 
 Condition = Literal[
-    "always", "depth", "balances", "sections", "steady", "branch", "reference", "scheme", "auto", "auto reference"
+    "always",
+    "depth",
+    "balances",
+    "sections",
+    "sensors",
+    "events",
+    "steady",
+    "steady sensors",
+    "branch",
+    "reference",
+    "scheme",
+    "auto",
+    "auto reference",
 ]
 """When an archive has the variable: always, with ``output.temperature_depth``, ``output.balances``,
-``output.sections`` or ``output.steady``, where an axis is a branch, with a reference, if a scheme declares it, where a
-tolerance decides a count of modes."""
+``output.sections``, ``output.sensors``, ``output.events`` or ``output.steady``, with sensors and steady rubs, where an
+axis is a branch, with a reference, if a scheme declares it, where a tolerance decides a count of modes."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +76,12 @@ class Variable:
     @property
     def is_of_contact(self) -> bool:
         """Whether it has a value for each of several contacts, along ``contact`` before ``t`` or ``period``."""
-        return self.shape == "period" or self.name in _OF_CONTACT
+        return (self.shape == "period" and not self.is_of_sensor) or self.name in _OF_CONTACT
+
+    @property
+    def is_of_sensor(self) -> bool:
+        """Whether it has a value for each sensor, along ``sensor`` before ``t``, ``period``, ``point`` or ``phase``."""
+        return self.condition in ("sensors", "steady sensors")
 
 
 _OF_CONTACT = frozenset(
@@ -71,6 +89,49 @@ _OF_CONTACT = frozenset(
     | {"contact_time", "max_penetration", "max_temperature"}
 )
 """Histories and metrics that each of several contacts has; so has each those of load periods."""
+
+EVENT_KINDS = ("impact", "touches", "leaves")
+"""What values of ``event_kind`` mean, from 0 on."""
+
+
+def _of_sensors() -> Iterator[Variable]:
+    """Yield the variables of sensors."""
+    defined: Any = {"signed": True, "may_be_undefined": True}
+    value = "what a sensor shows"
+    yield Variable("sensor_value", "", value, "history", "scheme", "sensors", signed=True)
+    for name, meaning in (
+        ("sensor_max", "largest value of a sensor"),
+        ("sensor_min", "smallest value of a sensor"),
+        ("sensor_rms", "root mean square of a sensor"),
+    ):
+        half = "of the samples in the last half of the duration"
+        yield Variable(name, "", meaning, condition="sensors", signed=True, comment=half)
+    meaning, within = "largest value of a sensor in a load period", "of the samples in it and at its ends"
+    yield Variable("period_sensor_max", "", meaning, "period", condition="sensors", comment=within, **defined)
+    for name, meaning in (
+        ("steady_sensor_max", "largest value of a sensor in the steady rub"),
+        ("steady_sensor_min", "smallest value of a sensor in the steady rub"),
+    ):
+        samples = "of samples, 16 or more in a period of the fastest mode"
+        yield Variable(name, "", meaning, condition="steady sensors", comment=samples, **defined)
+    meaning = "value of a sensor over a period of the steady rub"
+    yield Variable("orbit_sensor", "", meaning, "phase", condition="steady sensors", **defined)
+
+
+def _of_events() -> Iterator[Variable]:
+    """Yield the variables of the list of events."""
+    for name, unit, meaning in (
+        ("time", "s", "time of an event"),
+        ("kind", "1", "what happens at an event"),
+        ("impulse", "N s", "impulse of the casing at an event"),
+        ("approach", "m s-1", "speed at which a contact meets its casing at an event"),
+        ("contact", "1", "place of the contact of an event, from 0"),
+    ):
+        comment = "-1 beyond the last event" if name in ("kind", "contact") else ""
+        yield Variable(f"event_{name}", unit, meaning, "event", condition="events", signed=True, comment=comment)
+    comment = "event_driven: one for each contact that takes an impulse, touches or leaves; other schemes: 0"
+    yield Variable("event_count", "1", "number of events", condition="events", comment=comment)
+
 
 _STEADY_STATE = (
     "settles: a periodic rub that is met and left, all Floquet multipliers below 1; no_contact, permanent_contact: a "
@@ -390,6 +451,8 @@ TABLE = (
         for end, extreme in (("", "largest"), ("_min", "smallest"))
     ),
     *steady_variables(),
+    *_of_sensors(),
+    *_of_events(),
     Variable("bifurcation", "1", "what happens at a point of a branch of steady rubs", "point", condition="branch"),
     Variable("status", "1", "how the case ended", "flag", "scheme"),
     Variable(
@@ -407,6 +470,9 @@ STRUCTURAL = frozenset({"t", "period", "message", "message_length", "provenance"
 
 STEADY = frozenset({"phase", "point"})
 """Dimensions of archives with steady rubs or branches."""
+
+SENSORS, EVENTS = frozenset({"sensor", "sensor_unit"}), frozenset({"event"})
+"""Dimensions and labels of archives with sensors, or with events."""
 
 BY_NAME = {variable.name: variable for variable in TABLE}
 
@@ -440,10 +506,10 @@ def select(shape: Shape | None = None, origin: Origin | None = None, *conditions
             yield variable
 
 
-def along_branch(name: str, unit: str, meaning: str) -> Iterator[Variable]:
-    """Yield the variables of an archive of branches, at each point: the axis, bifurcations and steady rubs."""
+def along_branch(name: str, unit: str, meaning: str, *more: Condition) -> Iterator[Variable]:
+    """Yield the variables of an archive of branches, at each point: the axis, bifurcations, steady rubs and more."""
     yield Variable(name, unit, meaning, "point", signed=True, may_be_undefined=True)
-    for variable in select(None, None, "steady", "branch"):
+    for variable in select(None, None, "steady", "branch", *more):
         yield replace(variable, shape="point phase" if variable.shape == "phase" else "point")
 
 

@@ -92,7 +92,8 @@ class Grid:
         """Common sampling of all histories."""
         duration, interval = self.study.scene.duration, self.study.output.interval
         count = round(duration / interval) + 1
-        return Sampling(duration, interval, count, balances=self.study.output.balances)
+        output = self.study.output
+        return Sampling(duration, interval, count, balances=output.balances, events=output.events or 0)
 
     @cached_property
     def longest_period_count(self) -> int:

@@ -48,7 +48,7 @@ def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
     A hash covers the solver's version, which stands for the sources of this package, and the sources of modules from
     outside that the case uses; model, conditions, duration and sampling; the scheme with its options, those of e, h
     and α that it reads, basis and mode counts (those that a tolerance decided, with the error that was found); what is
-    asked of steady rubs and of temperatures over a depth; and the reference in the same way: values in SI, to the bit.
+    asked of steady rubs, temperatures over a depth, sensors and events; and the reference in the same way: values in SI, to the bit.
     Labels, titles, the place in the grid, the precision and which histories are stored do not enter.
     """
     settings = grid.settings(outer)
@@ -74,11 +74,19 @@ def _shared(grid: Grid, outer: int, settings: CaseSettings) -> dict[str, Any]:
         **_widths(settings.scene),
         **({} if (depth := grid.study.output.temperature_depth) is None else {"temperature_depth": depth.hex()}),
         **_steady(grid.study, settings),
+        **({} if not (sensors := grid.study.output.sensors) else {"sensors": [plain(one) for one in sensors.values()]}),
+        **_events(grid.study, settings),
         **({} if choice is None else {"basis_error": choice.error.hex()}),
         **({} if of_reference is None else {"reference_basis_error": of_reference.error.hex()}),
         **({} if choice is None or reference is None else {"tolerance": float(grid.value(outer, TOLERANCE))}),
         "lists": {path: value for path, value in _per_node(settings).items() if not isinstance(value, float)},
     }
+
+
+def _events(study: Study, settings: CaseSettings) -> dict[str, Any]:
+    """Return how many events are listed, which event_driven alone has."""
+    most = study.output.events
+    return {} if most is None or settings.scheme.method != EXACT else {"events": most}
 
 
 def _steady(study: Study, settings: CaseSettings) -> dict[str, Any]:

@@ -44,6 +44,7 @@ from workflow.models._modes import (
     thermal_modes,
 )
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError, UnusableMatricesError
+from workflow.models._sensors import Sensor, Sensors, given_sensors, node_rows, sensed_values
 from workflow.models._sparse_pair import MOST_REDUCED
 from workflow.models._static import (
     NoEquilibriumError,
@@ -105,6 +106,23 @@ def structure_of(name: str, parameters: Any) -> Structure:
     """
     with one_thread(), files_laid_out(parameters) as own:
         return load(name).assemble(own)
+
+
+@lru_cache(maxsize=_MOST_STRUCTURES)
+def sensors_of(name: str, parameters: Any, sensors: tuple[Sensor, ...]) -> Sensors:
+    """Return the rows of sensors of a model's full structure.
+
+    A model may define ``sensor_rows(parameters, sensors, structure)``, their rows of the displacements or temperatures
+    in which cases are given; of others a sensor is at a node, from 1 on.
+
+    Raises
+    ------
+    UnusableMatricesError
+        There is no such place.
+    """
+    structure, rows_of = structure_of(name, parameters), getattr(load(name), "sensor_rows", node_rows)
+    with one_thread(), files_laid_out(parameters) as own:
+        return given_sensors(sensors, rows_of(own, sensors, structure), structure)
 
 
 @lru_cache(maxsize=1024)

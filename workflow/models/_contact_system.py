@@ -65,6 +65,8 @@ class ContactBasis:
     """s, ``(contact, thermal mode)``."""
     load: Array
     """φᵀ b, ``(mode,)``."""
+    sensors: Array
+    """Rows of sensors, ``(sensor, mode + thermal mode)``."""
 
     @property
     def residual_load(self) -> Array:
@@ -94,6 +96,7 @@ class ContactBasis:
         none: dict[str, Any] = {name: getattr(self, name)[:0] for name in ("rate", "to_thermal")}
         for name in ("heat_shapes", "coupling", "heat"):
             none[name] = getattr(self, name)[:, :0]
+        none["sensors"] = self.sensors[:, : self.frequency.size]
         return replace(self, **none)
 
     def delassus(self, friction: float) -> Array:
@@ -120,6 +123,7 @@ def analyse_contacts(structure: Structure) -> ContactBasis:
         tangent=contacts.tangent @ mechanical.shapes,
         heat=contacts.heat @ thermal.shapes,
         load=mechanical.shapes.T @ structure.load_direction,
+        sensors=structure.sensed(mechanical.shapes, thermal.shapes),
     )
 
 

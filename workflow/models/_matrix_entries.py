@@ -183,6 +183,30 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     return checked_contacts(contacts)
 
 
+def one_row(entries: Entries, chosen: str | int, of_heat: bool) -> Array:
+    """Return the row of a label, an index or a vector of the displacements, or temperatures, ``(coordinate,)``.
+
+    Raises
+    ------
+    UnusableMatricesError
+        There is none, or there are several.
+    """
+    size = np.shape(entries["mass"])[0]
+    labels, own = _texts("labels", entries, size), _labelled(entries, None, (), size)
+    if of_heat:
+        if "heat_capacity" not in entries:
+            raise UnusableMatricesError("the file has no temperatures", "choose a displacement")
+        heats = np.shape(entries["heat_capacity"])[0]
+        labels = _texts("thermal_labels", entries, heats) or (labels if size == heats else ())
+        size, own = heats, {}
+    if isinstance(chosen, str) and chosen in own:
+        return own[chosen]
+    rows = _rows("sensor", chosen, entries, labels, size, own)
+    if len(rows) > 1:
+        raise UnusableMatricesError(f"`{chosen}` has {len(rows)} rows", "choose a vector")
+    return np.asarray(rows[0])
+
+
 def _labelled(entries: Entries, chosen: Choice, labels: Sequence[str], size: int) -> dict[str, Array]:
     """Return the rows of the file's entry of contacts by their labels, none where it labels none."""
     name = chosen if isinstance(chosen, str) and "contact" not in entries else "contact"

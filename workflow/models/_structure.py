@@ -12,6 +12,7 @@ from workflow.kernels import Array
 from workflow.models._cases import Cases, project
 from workflow.models._contacts import Contacts
 from workflow.models._pair import MOST_FULL, DensePair, Pair
+from workflow.models._sensors import Sensors
 
 
 @dataclass(frozen=True)
@@ -123,6 +124,8 @@ class Structure:
         Weights w of the temperature wᵀθ that schemes record, ``(thermal,)``; ``None`` for that of the tip.
     contacts
         Rows of several contacts, or of one without mass; ``None`` for one with mass, the tip.
+    sensors
+        Rows that schemes record besides; ``None`` for none.
     """
 
     mechanical: Pair
@@ -137,6 +140,7 @@ class Structure:
     coordinates: Coordinates | None = None
     observed: Array | None = None
     contacts: Contacts | None = None
+    sensors: Sensors | None = None
 
     @property
     def mechanical_size(self) -> int:
@@ -226,8 +230,19 @@ class Structure:
             They would be too large.
         """
         names = ["uniform_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates", "observed"]
-        others = {name: getattr(self, name) for name in [*names, "contacts"]}
+        others = {name: getattr(self, name) for name in [*names, "contacts", "sensors"]}
         return Matrices(self.mechanical.dense, self.thermal.dense, self.expansion, **others)
+
+    @property
+    def sensor_count(self) -> int:
+        """Number of sensors."""
+        return 0 if self.sensors is None else len(self.sensors.shares)
+
+    def sensed(self, shapes: Array, heat_shapes: Array) -> Array:
+        """Return the rows of the sensors of modal coordinates, ``(sensor, mode + thermal mode)``."""
+        if self.sensors is None:
+            return np.zeros((0, shapes.shape[1] + heat_shapes.shape[1]))
+        return self.sensors.in_modes(shapes, heat_shapes)
 
     def expansions(self, temperatures: Array) -> Array:
         """Return the free thermal elongation of each spring, m, ``(spring, …)``, for temperatures ``(thermal, …)``."""
@@ -303,6 +318,7 @@ class Matrices(Structure):
     coordinates: Coordinates | None = None
     observed: Array | None = None
     contacts: Contacts | None = None
+    sensors: Sensors | None = None
 
     def matrices(self) -> Matrices:
         """Return itself."""

@@ -38,6 +38,7 @@ from workflow.models._pair import (
     TooManyCoordinatesError,
     UnusableMatricesError,
 )
+from workflow.models._sensors import Sensors
 from workflow.models._structure import Rayleigh, Structure
 
 MOST_ONE_BY_ONE = 100
@@ -305,6 +306,7 @@ class Chain(Structure):
     contacts: Contacts | None = None
     angular_speed: float = 0.0
     centrifugal: Array | None = None
+    sensors: Sensors | None = None
 
     @cached_property
     def mechanical(self) -> ChainPair:  # type: ignore[override]

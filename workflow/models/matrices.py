@@ -18,6 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from workflow.declare import File, file, label, speed
+from workflow.kernels import Array
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._factors import is_definite
 from workflow.models._from_matrices import (
@@ -27,10 +28,11 @@ from workflow.models._from_matrices import (
     structure_from_sparse,
     with_contacts,
 )
-from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, shaken
+from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, one_row, shaken
 from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, files_of, read_entries
 from workflow.models._pair import UnusableMatricesError, turning_at
-from workflow.models._structure import Matrices, Rayleigh
+from workflow.models._sensors import Sensor
+from workflow.models._structure import Matrices, Rayleigh, Structure
 
 _HUGE = 1e17
 """Stiffness [N/m] or conductance [W/K] that no part of a machine has: 1e20 in mW/K."""
@@ -159,6 +161,18 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
         if parameters.speed and isinstance(structure, Sparse) and not is_definite(structure.mechanical.stiffness):
             raise UnusableMatricesError("K1 + Ω² K_Ω is not positive definite", "check `stiffness_speed2`")
     return structure
+
+
+def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: Structure) -> list[Array]:
+    """Return the rows of sensors in the coordinates of the file.
+
+    Raises
+    ------
+    UnusableMatricesError
+        The file has no such label, index or vector.
+    """
+    entries = read_entries(Path(parameters.file.place))
+    return [one_row(entries, sensor.at, sensor.of_heat) for sensor in sensors]
 
 
 def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,8 @@ from workflow.models._from_matrices import (
 )
 from workflow.models._matrix_files import in_c
 from workflow.models._pair import UnusableMatricesError, turning_at
-from workflow.models._structure import Matrices, Rayleigh
+from workflow.models._sensors import Sensor
+from workflow.models._structure import Matrices, Rayleigh, Structure
 
 COLUMNS = (("frequency", "Hz"), ("damping_ratio", "1"), ("tip", "1/kg**0.5"))
 HEAT_COLUMNS = (("rate", "1/s"), ("tip", "K**0.5/J**0.5"))
@@ -53,11 +55,17 @@ _BLANK = " \t,"
 
 MOST_MODES = 2000
 
+_NEARLY = 0.8
+"""Likeness of a column's name to one that is known from which it is misspelt, as difflib measures it."""
 
-def read_table(source: File | Rows, columns: Sequence[tuple[str, str]], most: int = MOST_MODES) -> Array:
+
+def read_table(
+    source: File | Rows, columns: Sequence[tuple[str, str]], most: int = MOST_MODES, others: bool = False
+) -> Array:
     """Return a table with at most so many rows and the columns in the given order, ``(row, column)``.
 
-    The header of a CSV file names them in any order, with or without their units: ``frequency [Hz]``.
+    The header of a CSV file names them in any order, with or without their units: ``frequency [Hz]``. It may have
+    ``others``, of sensors, whose names are not nearly those of a column.
 
     Raises
     ------
@@ -68,14 +76,16 @@ def read_table(source: File | Rows, columns: Sequence[tuple[str, str]], most: in
     if not isinstance(source, File):
         return _table("the table", source, len(names), most=most)
     lines, start, written = _headed(source)
-    if sorted(written) != sorted(names) or lines[start].count(",") != len(names) - 1:
+    width, more = lines[start].count(",") + 1, sorted(set(written) - set(names))
+    misspelt = not others or any(get_close_matches(name, (*names, "tangent"), cutoff=_NEARLY) for name in more)
+    if not set(names) <= set(written) or len(written) != width or (more and misspelt):
         problem = f"`{source.name}` has the columns {lines[start][:80]}"
         raise UnusableMatricesError(problem, f"write {', '.join(names)}")
     for name, unit in columns:
         if written[name] not in (None, *_SPELLINGS[unit]):
             problem = f"`{source.name}` has `{name}` in {written[name]}"
             raise UnusableMatricesError(problem, f"write `{name} [{_SPELLINGS[unit][0]}]`")
-    table = _table(f"`{source.name}`", _numbers(source, lines, len(names), start + 1), len(names), most=most)
+    table = _table(f"`{source.name}`", _numbers(source, lines, width, start + 1), width, most=most)
     return _shaken(source, table[:, [list(written).index(name) for name in names]])
 
 
@@ -212,7 +222,7 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
         A table is not one of modes.
     """
     columns = columns_of_contacts(parameters.table, COLUMNS, "tangent")
-    frequency, ratio, *tips = read_table(parameters.table, columns).T
+    frequency, ratio, *tips = read_table(parameters.table, columns, others=True).T
     count = sum(name.startswith("tip") for name, _ in columns)
     _check(np.all(frequency >= 0), "frequency", "at least 0")
     _check(np.all(ratio >= 0), "damping_ratio", "at least 0")
@@ -271,11 +281,33 @@ def _symmetric(matrix: Array) -> Array:
     return np.asarray((matrix + matrix.T) / 2)
 
 
+def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: Structure) -> list[Array]:
+    """Return the columns of sensors, of the table or, for temperatures, of ``heat``, ``(mode,)`` each.
+
+    Raises
+    ------
+    UnusableMatricesError
+        There is no such column.
+    """
+    rows = []
+    for sensor in sensors:
+        source, known = (parameters.heat, HEAT_COLUMNS) if sensor.of_heat else (parameters.table, COLUMNS)
+        written = _headed(source)[2] if isinstance(source, File) else {}
+        names = [name for name in written if name not in {name for name, _ in known[:-1]}]
+        if not isinstance(source, File) or sensor.at not in names:
+            problem = f"`{sensor.at}` is no column of `{'heat' if sensor.of_heat else 'table'}`"
+            raise UnusableMatricesError(problem, f"write {' or '.join(names) or 'the table as a file with columns'}")
+        columns = {**dict(columns_of_contacts(source, known, "tangent")), str(sensor.at): known[-1][1]}
+        table = read_table(source, tuple(columns.items()), others=True)
+        rows.append(table[:, list(columns).index(str(sensor.at))])
+    return rows
+
+
 def _heat(parameters: Parameters, count: int) -> tuple[Array, list[Array]]:
     """Return rates and the rows of tips of the thermal modes; of a structure that stays cold one mode."""
     warm: File | Rows = ((0.0, 1 / float(np.sqrt(COLD))),) if parameters.heat is None else parameters.heat
     columns = columns_of_contacts(warm, HEAT_COLUMNS)
-    rate, *shares = read_table(warm, columns).T
+    rate, *shares = read_table(warm, columns, others=True).T
     names = [name for name, _ in columns[1:]]
     _check(np.all(rate >= 0), "rate", "at least 0")
     for name, row in zip(names, shares, strict=True):

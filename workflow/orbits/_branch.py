@@ -70,7 +70,8 @@ def branch(problem: Problem, start: float, stop: float, points: int, options: Op
     first = _first(curve, options)
     found, lost = _spread(curve, first, points) if first is not None else ([], [])
     beyond, rubs = points - len(found), [Settled(point.orbit.state, "", point.orbit) for point, _ in found]
-    values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples)
+    sensors = problem(start)[0].sensor_count
+    values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples, sensors)
     values["value"] = np.pad([curve.value(point.q) for point, _ in found], (0, beyond), constant_values=np.nan)
     values["bifurcation"] = np.pad(np.array([flag for _, flag in found], dtype=np.int8), (0, beyond))
     if not found:

@@ -35,19 +35,22 @@ def steady_rubs(structure: Structure, cases: Cases, options: Options) -> tuple[d
     """
     shared, each = AnalysedStructure(structure), [cases.take(slice(i, i + 1)) for i in range(cases.count)]
     found = [settle(Flow(shared, case), options) for case in each]
-    return tabulated(found, options.samples), [f"steady: {one.message}" if one.message else "" for one in found]
+    messages = [f"steady: {one.message}" if one.message else "" for one in found]
+    return tabulated(found, options.samples, structure.sensor_count), messages
 
 
-def tabulated(found: Sequence[Settled], samples: int) -> dict[str, Array]:
+def tabulated(found: Sequence[Settled], samples: int, sensors: int = 0) -> dict[str, Array]:
     """Return the variables of the outcomes of cases, or of points of a branch; NaN where there is no steady rub."""
     values: dict[str, Array] = {}
-    for about in select(None, None, "steady"):
-        values[about.name] = np.full((len(found), samples) if about.shape == "phase" else len(found), np.nan)
+    for about in select(None, None, "steady", "steady sensors" if sensors else "steady"):
+        own = (sensors,) if about.is_of_sensor else ()
+        values[about.name] = np.full((len(found), *own, *((samples,) if about.shape == "phase" else ())), np.nan)
     values["steady_state"] = np.array([one.state for one in found], dtype=np.int8)
     for i, one in enumerate(found):
         values["lyapunov"][i] = one.lyapunov
         for name, value in _described(one.orbit, samples).items() if one.orbit is not None else ():
-            values[name][i] = value
+            if name in values:
+                values[name][i] = value
     return values
 
 
@@ -73,6 +76,9 @@ def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
         "steady_max_displacement": high,
         "steady_min_displacement": low,
         "steady_closing": flow.growth_by_heat(mean),
+        "steady_sensor_max": motion.sensed.max(axis=1),
+        "steady_sensor_min": motion.sensed.min(axis=1),
+        "orbit_sensor": motion.sensed[:, : -1 : (motion.histories.shape[1] - 1) // samples],
         "orbit_displacement": x,
         "orbit_velocity": v,
         "orbit_temperature": temperature,

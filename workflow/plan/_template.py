@@ -46,7 +46,7 @@ def encode(dataset: xr.Dataset) -> xr.Dataset:
     for variable in results:
         fill = {} if variable.dtype.kind == "i" else {"_FillValue": np.nan}
         tail = list(variable.shape[len(shape) :])
-        along = int("contact" in variable.dims)
+        along = len({"contact", "sensor"} & set(variable.dims))
         if len(tail) > along:
             tail[along] = -(-tail[along] // -(-_case_bytes(variable, len(shape)) // CHUNK_BYTES))
         chunks = {**COMPRESSED, "chunksizes": (*cut.values(), *tail)} if variable.dims else {}
@@ -94,6 +94,7 @@ _TAILS: Mapping[str, tuple[str, ...]] = {
     "phase": ("phase",),
     "point": ("point",),
     "point phase": ("point", "phase"),
+    "event": ("event",),
 }
 """Dimensions that variables have beyond the cases."""
 
@@ -141,6 +142,8 @@ def _tails(grid: Grid) -> dict[str, int]:
     steady, branch = grid.study.output.steady, grid.study.branch
     tails = {
         "contact": len(grid.study.contacts),
+        "sensor": len(grid.study.output.sensors),
+        "event": grid.study.output.events or 0,
         "t": grid.sampling.count if grid.study.output.histories else 0,
         "period": grid.longest_period_count if branch is None else 0,
         "point": 0 if branch is None else branch.points,
@@ -153,6 +156,7 @@ def _results(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[variables.V
     """Yield the variables of the table that an archive has, with their attributes, flags last."""
     study, flags = grid.study, _flags(grid.study)
     others = [*metrics_of(study), *(periods_of(study) if "period" in sizes else ()), *steady_of(study)]
+    others += variables.select("event") if "event" in sizes else ()
     kept = [variables.BY_NAME[name] for name in (("status", "runaway") if study.branch is None else ("status",))]
     histories = [variables.BY_NAME[name] for name in study.output.sampled]
     over = {"depth": study.output.temperature_depth}
@@ -160,17 +164,25 @@ def _results(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[variables.V
     for about in (*histories, *(about for about in others if about.name not in flags)):
         about = variables.of_contacts(about) if study.contacts else about
         texts = {name: text for name in ("comment", "cell_methods") if (text := getattr(about, name))}
-        yield about, {"units": about.unit, "long_name": about.meaning, **texts, **depths.get(about.name, {})}
+        units = {"units": unit} if (unit := _unit(about, study)) else {}
+        yield about, {**units, "long_name": about.meaning, **texts, **depths.get(about.name, {})}
     for about in (about for about in (*others, *kept) if about.name in flags):
         meanings = flags[about.name]
-        comment = {"comment": about.comment} if about.name == "steady_state" else {}
+        comment = {"comment": about.comment} if about.name in ("steady_state", "event_kind") else {}
         values = {"flag_values": range(len(meanings)), "flag_meanings": " ".join(meanings)}
         yield about, {"long_name": about.meaning, **comment, **values}
+
+
+def _unit(about: variables.Variable, study: Study) -> str:
+    """Return the unit of a variable; that of sensors where all have one, else none: ``sensor_unit`` tells."""
+    units = {sensor.unit for sensor in study.output.sensors.values()}
+    return about.unit if not about.is_of_sensor else units.pop() if len(units) == 1 else ""
 
 
 def _flags(study: Study) -> dict[str, tuple[str, ...]]:
     """Return what the values of flags mean, from 0 on."""
     flags = {"status": tuple(status.name.lower() for status in Status), "runaway": ("bounded", "runaway")}
+    flags["event_kind"] = variables.EVENT_KINDS
     if study.output.steady is None:
         return flags
     from workflow.orbits import BIFURCATIONS, STATES
@@ -182,9 +194,11 @@ def _result(about: variables.Variable, attributes: Attributes, grid: Grid, sizes
     """Return a variable where nothing has run: NaN, of flags ``not_run``, ``not_asked`` and 0."""
     single = about.shape == "history" and grid.study.output.precision == "float32"
     blank: Any = np.float32(np.nan) if single else np.float64(np.nan)
-    if "flag_values" in attributes:
-        blank = np.int8({"status": Status.NOT_RUN, "steady_state": NOT_ASKED}.get(about.name, 0))
+    if "flag_values" in attributes or about.name == "event_contact":
+        unset = {"status": Status.NOT_RUN, "steady_state": NOT_ASKED, "event_kind": -1, "event_contact": -1}
+        blank = np.int8(unset.get(about.name, 0))
     contact = ("contact",) if about.is_of_contact and "contact" in sizes else ()
+    contact = ("sensor",) if about.is_of_sensor else contact
     dims = (*(name for name, _ in grid.dims), *contact, *_TAILS.get(about.shape, ()))
     return _variable(dims, np.broadcast_to(blank, tuple(sizes[name] for name in dims)), attributes)
 
@@ -206,6 +220,7 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
         about, gap = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}, np.asarray(study.scene.gap)
         yield "gap", _variable(("contact",) * gap.ndim, gap, about)
     yield from _of_contacts(grid, names)
+    yield from _of_sensors(study)
     numbers = np.arange(1, 1 + max(sizes.get(name, 0) for name in ("period", "point")))
     for name, values, unit, meaning in (
         ("t", grid.sampling.times, "s", "time since the start"),
@@ -241,6 +256,16 @@ def _of_contacts(grid: Grid, names: set[str]) -> Iterator[tuple[str, xr.Variable
     if angle is not None and np.any(angle):
         about = {"units": "rad", "long_name": "angle of a contact in the direction in which the blade turns"}
         yield "contact_angle", _variable(("contact",) * np.ndim(angle), np.asarray(angle), about)
+
+
+def _of_sensors(study: Study) -> Iterator[tuple[str, xr.Variable]]:
+    """Yield names and units of sensors."""
+    sensors = study.output.sensors
+    if sensors:
+        units = [sensor.unit for sensor in sensors.values()]
+        yield "sensor", _variable(("sensor",), np.asarray(tuple(sensors), dtype=object), {"long_name": "sensor"})
+        about = {"long_name": "unit of a sensor"}
+        yield "sensor_unit", _variable(("sensor",), np.asarray(units, dtype=object), about)
 
 
 def _of_axis(axis: Axis, dims: tuple[str, ...], more: Attributes) -> xr.Variable:

@@ -26,6 +26,7 @@ from workflow.models import (
     DensePair,
     Matrices,
     Pair,
+    Sensors,
     Sparse,
     Structure,
     distinct_rows,
@@ -207,6 +208,18 @@ class Reduction:
             velocity=project(self.displacement_projection, cases.velocity),
             temperature=project(self.temperature_projection, cases.temperature),
         )
+
+    def sensors(self, full: Sensors, structure: Structure) -> Sensors:
+        """Return the sensors of the full structure; they follow contacts that the basis leaves without mass.
+
+        What the modes lack of x is of ΔF w_i what w_i finds there: a force elsewhere moves no sensor by itself.
+        """
+        small = full.reduced(self.displacement_basis, self.temperature_basis, self.carried)
+        contacts = self.structure.contacts
+        if self.residual is None or contacts is None or structure.contact_rows.is_massless:
+            return small
+        response = self.residual @ np.linalg.pinv(structure.contact_rows.normal @ self.residual)
+        return small.following(contacts, full.displacement @ response)
 
     def given_in(self, coordinates: ContactsLast) -> Reduction:
         """Return the reduction of the structure whose contacts these coordinates put last."""

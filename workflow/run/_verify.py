@@ -311,7 +311,7 @@ def sensitivity(grid: Grid, outer: int, inner: NDArray[np.int64], solved: Solved
     for name, change in spread.items():
         reference = own if name.endswith("_error") or name == "predictability" else 0.0
         reference += moved.get(name.split("_")[0], 0.0) if name.endswith("_error") else 0.0  # else of a choice, stored
-        steady = name in BY_NAME and BY_NAME[name].condition == "steady"
+        steady = name in BY_NAME and BY_NAME[name].condition.startswith("steady")
         allowed[name] = TIMES * (change + reference) + (CONVERGED if steady else ROUNDED) * _size(name, solved.values)
     return allowed
 

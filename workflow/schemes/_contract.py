@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +41,8 @@ def arrays_by_name(results: Results) -> dict[str, Array]:
     return {**results.histories, **results.metrics, **periods, **results.sections}
 
 
-def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
-    """Return the results checked against the table of variables, with impossible cases ``failed``.
+def checked(results: Results, cases: Cases, sampling: Sampling, sensors: int = 0) -> Results:
+    """Return the results, with so many sensors, checked against the table, with impossible cases ``failed``.
 
     A case that ended ok with an impossible value (not finite, or negative where the table allows no sign) becomes
     ``failed``, with NaN everywhere and a message that names the variable; so does one that is not ok without a message.
@@ -55,9 +56,11 @@ def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
     expected = [about for about in variables.select(None, "scheme") if about.shape != "flag"]
     expected = [about for about in expected if about.condition != "balances" or sampling.balances]
     expected = [about for about in expected if about.condition != "sections" or results.sections]
+    expected = [about for about in expected if about.condition != "sensors" or sensors]
     periods = complete_periods(cases.period_frequency, sampling)
+    least = int(periods.max(initial=0))
     for about in expected:
-        _check_shape(about, arrays.get(about.name), cases, sampling, int(periods.max(initial=0)))
+        _check_shape(about, arrays.get(about.name), _sizes(about, cases, sensors), sampling, least)
     if results.status.shape != (cases.count,) or not np.isin(results.status, [int(s) for s in Status]).all():
         raise ContractError("`status` is not one Status for each case")
     counted = np.arange(1, results.period_impulse.shape[-1] + 1) <= periods[:, None]
@@ -72,13 +75,18 @@ def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
     return _with_failed(results, wrong) if wrong else results
 
 
+def _sizes(about: variables.Variable, cases: Cases, sensors: int) -> tuple[int, ...]:
+    """Return the sizes of a variable's dimensions before those of time."""
+    own = (sensors,) if about.is_of_sensor else cases.contact_shape if about.is_of_contact else ()
+    return cases.count, *own
+
+
 def _check_shape(
-    about: variables.Variable, values: Array | None, cases: Cases, sampling: Sampling, least: int
+    about: variables.Variable, values: Array | None, each: tuple[int, ...], sampling: Sampling, least: int
 ) -> None:
-    """Raise where a variable is missing or does not have the shape that the table states, of the ``least`` periods."""
+    """Raise where a variable is missing or has not the shape of the table: ``each`` case's, the ``least`` periods."""
     if values is None:
         raise ContractError(f"the scheme gives no `{about.name}`: {about.meaning}")
-    each = (cases.count, *(cases.contact_shape if about.is_of_contact else ()))
     shape = (*each, sampling.count) if about.shape == "history" else each
     if about.shape == "period":
         sound = values.shape[:-1] == each and values.shape[-1] >= least
@@ -111,12 +119,14 @@ def _with_failed(results: Results, messages: dict[int, str]) -> Results:
 
     status = results.status.copy()
     status[lost] = Status.FAILED
+    periods: dict[str, Any] = {name: blank(getattr(results, name)) for name in PERIODS}
     return replace(
         results,
         histories={name: blank(values) for name, values in results.histories.items()},
         metrics={name: blank(values) for name, values in results.metrics.items()},
-        **{name: blank(getattr(results, name)) for name in PERIODS},
+        **periods,
         status=status,
         messages={**results.messages, **messages},
         sections={name: blank(values) for name, values in results.sections.items()},
+        events={name: blank(values) for name, values in results.events.items()},
     )

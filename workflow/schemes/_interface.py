@@ -46,12 +46,15 @@ class Sampling:
         Number of samples, the initial state included.
     balances
         Whether the metrics ``energy_residual`` and ``heat_residual`` are given; NaN where the scheme is exact.
+    events
+        Most events of a case that are kept, of event_driven.
     """
 
     duration: float
     interval: float
     count: int
     balances: bool = False
+    events: int = 0
 
     @property
     def times(self) -> Array:
@@ -108,7 +111,8 @@ class Results:
     ----------
     histories
         One array per name in :data:`HISTORIES`, shape ``(case, t)``: m, m/s, K, N s. Of several contacts it is
-        ``(case, contact, t)``, as all that the table of variables gives each contact has them after the case.
+        ``(case, contact, t)``, as all that the table of variables gives each contact has them after the case. And
+        ``sensor_value``, ``(case, sensor, t)``, where the structure has sensors.
     metrics
         Shape ``(case,)``: ``impacts``, ``contact_time`` [s], ``max_penetration`` [m],
         ``max_temperature`` [K], ``thermal_closing`` [m], ``steps``; with balances
@@ -119,6 +123,9 @@ class Results:
     sections
         ``section_displacement`` [m], ``section_velocity`` [m/s] and ``section_temperature`` [K] at the start of each of
         these periods, and their ``period_impacts`` [1]; empty where a scheme does not give them.
+    events
+        ``event_time`` [s], ``event_kind``, ``event_impulse`` [N s], ``event_approach`` [m/s], ``event_contact``, ``(case,
+        event)``, NaN beyond the last, and ``event_count``, ``(case,)``; empty where none are asked for or given.
     status
         :class:`Status` of every case, int8, shape ``(case,)``. A case that is not ok has NaN
         from the moment it failed, never another case's or an earlier value.
@@ -135,6 +142,7 @@ class Results:
     status: NDArray[np.int8]
     messages: dict[int, str]
     sections: dict[str, Array] = field(default_factory=dict)
+    events: dict[str, Array] = field(default_factory=dict)
 
 
 def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
@@ -159,6 +167,7 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         status=np.concatenate([r.status for r in results])[order],
         messages={int(where[k]): text for where, r in parts for k, text in r.messages.items()},
         sections={name: joined([r.sections[name] for r in results]) for name in results[0].sections},
+        events={name: joined([r.events[name] for r in results]) for name in results[0].events},
     )
 
 

@@ -17,16 +17,20 @@ from workflow.models import (
     Cases,
     Chain,
     Matrices,
+    Sensor,
     Structure,
     at_rest,
     instantaneous_growth,
     needs_matrices,
+    sensors_of,
     structure_of,
 )
 from workflow.reduction import projection_residual
 from workflow.schemes import Results, Sampling
 from workflow.solve._compile import KernelVariant, compile_scheme
 from workflow.study import CaseSettings
+
+Watched = tuple[Sensor, ...]
 
 _MOST_OPERATORS = 16
 """Operators kept per process; tasks run through them in order, so few are alive at a time."""
@@ -39,13 +43,18 @@ def statics_of(model: str, parameters: Any) -> tuple[float, Array]:
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
-def _operator(by: Reduced, method: str, options: Any, h: float, depth: float | None) -> Any:
-    return schemes.load(method).init(_observed(by, depth), h, options)
+def _operator(by: Reduced, method: str, options: Any, h: float, depth: float | None, sensors: Watched) -> Any:
+    return schemes.load(method).init(_observed(by, depth, sensors), h, options)
 
 
-def _observed(by: Reduced, depth: float | None) -> Structure:
-    """Return the structure that cases are run on, whose schemes record the mean temperature over a depth, if any."""
+@lru_cache(maxsize=_MOST_OPERATORS)
+def _observed(by: Reduced, depth: float | None, sensors: Watched) -> Structure:
+    """Return the structure that cases are run on, with the depth, if any, and the sensors that schemes record."""
     model, full = model_on(by), structure_of(by.model, by.parameters)
+    if sensors:
+        rows = sensors_of(by.model, by.parameters, sensors)
+        own = rows if model.reduction is None else model.reduction.sensors(rows, full)
+        model = model._replace(structure=replace(model.structure, sensors=own))  # type: ignore[type-var]
     if depth is None:
         return model.structure
     assert isinstance(full, Chain), "a study is refused otherwise"
@@ -104,22 +113,24 @@ def judged(settings: CaseSettings, cases: Cases, results: Results, duration: flo
     )
 
 
-def as_run(settings: CaseSettings, cases: Cases) -> tuple[Structure, Cases]:
-    """Return the structure that cases are run on, and cases given on the nodes as they start on it."""
-    model = model_on(reduced(settings))
-    structure, projected = model.structure, model.project(cases)
+def as_run(settings: CaseSettings, cases: Cases, sensors: Watched = ()) -> tuple[Structure, Cases]:
+    """Return the structure that cases are run on, with sensors, and cases given on the nodes as they start on it."""
+    by = reduced(settings)
+    structure, projected = _observed(by, None, sensors), model_on(by).project(cases)
     return structure, at_rest(structure, projected) if settings.scene.initial == "static" else projected
 
 
-def run_batch(settings: CaseSettings, cases: Cases, sampling: Sampling, depth: float | None = None) -> Results:
-    """Run cases, given on the nodes, on the structure and with the scheme of settings.
+def run_batch(
+    settings: CaseSettings, cases: Cases, sampling: Sampling, depth: float | None = None, sensors: Watched = ()
+) -> Results:
+    """Run cases, given on the nodes, on the structure and with the scheme of settings, which records sensors.
 
     With a ``depth`` [m] all temperatures of the results are the mean over it, not that of the tip.
     """
     method = settings.scheme.method
     schemes.refuse(schemes.load(method), cases)
-    operator = _operator(reduced(settings), method, settings.scheme.options, settings.h, depth)
+    operator = _operator(reduced(settings), method, settings.scheme.options, settings.h, depth, sensors)
     _, projected = as_run(settings, cases)
     results = schemes.load(method).compute(operator, projected, sampling)
     results.metrics["thermal_closing"] += instantaneous_growth(full_structure(settings))
-    return schemes.checked(results, projected, sampling)
+    return schemes.checked(results, projected, sampling, len(sensors))

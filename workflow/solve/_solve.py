@@ -24,9 +24,9 @@ from workflow.cases import (
     reference_settings,
     tells_basis_error,
 )
-from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
+from workflow.judges.load_periods import contact_force, largest_per_period, largest_samples, sections, widened
 from workflow.judges.trials import DECIDING, EXACT, reason_of
-from workflow.models import Array, Cases, Structure, instantaneous_growth
+from workflow.models import Array, Cases, Sensor, Structure, instantaneous_growth
 from workflow.schemes import Results, Status
 from workflow.solve._compile import KernelVariant
 from workflow.solve._operators import (
@@ -53,9 +53,17 @@ def steady_of(study: Study) -> Iterator[Variable]:
     """Yield the variables of steady rubs of a study's archive, along its branch where it has one."""
     if study.branch is not None:
         axis = study.branch.axis
-        yield from variables.along_branch(axis.name, axis.unit, axis.description)
+        yield from variables.along_branch(axis.name, axis.unit, axis.description, *_steady_sensors(study))
     elif study.output.steady is not None:
-        yield from variables.select(None, None, "steady")
+        yield from variables.select(None, None, "steady", *_steady_sensors(study))
+
+
+def _steady_sensors(study: Study) -> tuple[Condition, ...]:
+    return ("steady sensors",) if study.output.sensors else ()
+
+
+def _sensors_of(study: Study) -> tuple[Sensor, ...]:
+    return tuple(study.output.sensors.values())
 
 
 def blank(study: Study, count: int) -> Values:
@@ -64,7 +72,8 @@ def blank(study: Study, count: int) -> Values:
     points = () if branch is None else (branch.points,)
     for about in steady_of(study):
         assert steady is not None
-        shape = (count, *points, *((steady.samples,) if "phase" in about.shape else ()))
+        own = (len(study.output.sensors),) if about.is_of_sensor else ()
+        shape = (count, *own, *points, *((steady.samples,) if "phase" in about.shape else ()))
         values[about.name] = np.full(shape, np.nan)
     flags = {"steady_state": NOT_ASKED, "bifurcation": 0}
     return values | {
@@ -79,7 +88,7 @@ def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Val
         return blank(grid.study, cases.count), {}
     from workflow.orbits import Options, steady_rubs
 
-    structure, projected = as_run(settings, cases)
+    structure, projected = as_run(settings, cases, _sensors_of(grid.study))
     options = Options(asked.periods, asked.samples)
     values, messages = steady_rubs(structure, projected, options)
     return _with_instantaneous_growth(settings, values), {k: text for k, text in enumerate(messages) if text}
@@ -90,19 +99,24 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
     from workflow.orbits import Options, branch
 
     followed, asked, first = grid.study.branch, grid.study.output.steady, grid.settings(outer)
+    sensors = _sensors_of(grid.study)
     assert followed is not None
     assert asked is not None
 
     def problem(value: float) -> tuple[Structure, Cases]:
         """Return structure and case at a value of the axis."""
         settings = grid.settings(outer, {followed.axis.path: value})
-        return as_run(*cases_of(settings, grid.inner_values(inner), inner.size, perturbation))
+        return as_run(*cases_of(settings, grid.inner_values(inner), inner.size, perturbation), sensors)
 
     start, stop = map(float, followed.axis.values)
     options = Options(asked.periods, asked.samples)
     values, message = branch(problem, start, stop, followed.points, options)
     values = _with_instantaneous_growth(first, values)
     values[followed.axis.name] = values.pop("value")
+    if sensors:  # before points
+        values |= {
+            about.name: values[about.name].swapaxes(0, 1) for about in variables.select(None, None, "steady sensors")
+        }
     return {name: array[None] for name, array in values.items()}, message
 
 
@@ -215,6 +229,8 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Pertur
         **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},
         **results.metrics,
         **_contact(results, cases, grid),
+        **_of_sensors(results, cases, grid),
+        **_events(results.events, cases.count, grid),
         **_over_depth(grid, settings, cases),
         **steady,
         "critical_alpha": critical,
@@ -242,7 +258,7 @@ def _timed(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Results, f
     seconds: list[float] = []
     while True:
         begun = time.thread_time()
-        results = run_batch(settings, cases, grid.sampling)
+        results = run_batch(settings, cases, grid.sampling, sensors=_sensors_of(grid.study))
         seconds.append(time.thread_time() - begun)
         if grid.study.reference is None or sum(seconds) > SHORT or len(seconds) == REPEATS:
             return results, min(seconds)
@@ -273,9 +289,39 @@ def _contact(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
     }
 
 
+def _of_sensors(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
+    """Return extremes and root mean square of sensors in the last half, and the largest value in each load period."""
+    if not grid.study.output.sensors:
+        return {}
+    sampling, values = grid.sampling, results.histories["sensor_value"]
+    last = values[..., sampling.count // 2 :]
+    return {
+        "sensor_max": last.max(axis=-1),
+        "sensor_min": last.min(axis=-1),
+        "sensor_rms": np.sqrt(np.mean(last**2, axis=-1)),
+        "period_sensor_max": largest_samples(values, cases.period_frequency, sampling, grid.longest_period_count),
+    }
+
+
+def _events(given: Mapping[str, Array], count: int, grid: Grid) -> dict[str, NDArray[Any]]:
+    """Return the list of events; of a scheme without one it is empty."""
+    most = grid.study.output.events
+    if most is None:
+        return {}
+    values: dict[str, NDArray[Any]] = {
+        about.name: given.get(about.name, np.full((count, most), np.nan)) for about in variables.select("event")
+    }
+    for name in ("event_kind", "event_contact"):
+        values[name] = np.where(np.isnan(values[name]), -1, values[name]).astype(np.int8)
+    return values | {"event_count": given.get("event_count", np.zeros(count))}
+
+
 def periods_of(study: Study) -> Iterator[Variable]:
     """Yield the variables of load periods of a study's archive."""
-    return variables.select("period", None, "always", *(("sections",) if study.output.sections else ()))
+    conditions: list[Condition] = ["always"]
+    conditions += ["sections"] if study.output.sections else []
+    conditions += ["sensors"] if study.output.sensors else []
+    return variables.select("period", None, *conditions)
 
 
 def scheme_metrics(study: Study) -> tuple[Variable, ...]:
@@ -290,6 +336,8 @@ def metrics_of(study: Study) -> tuple[Variable, ...]:
     conditions += ["auto"] if study.is_auto else []
     conditions += ["depth"] if study.output.temperature_depth is not None else []
     conditions += ["balances"] if study.output.balances else []
+    conditions += ["sensors"] if study.output.sensors and study.branch is None else []
+    conditions += ["events"] if study.output.events is not None else []
     conditions += ["reference"] if study.reference is not None else []
     conditions += ["auto reference"] if study.reference is not None and study.reference.is_auto else []
     own = () if study.branch is not None else scheme_metrics(study)
@@ -299,13 +347,19 @@ def metrics_of(study: Study) -> tuple[Variable, ...]:
 def _failed(grid: Grid, text: str) -> Solved:
     """Return one case that raised: NaN everywhere, flags unset, with the error as its message."""
     tails = {"history": (grid.sampling.count,), "metric": (), "period": (grid.longest_period_count,)}
-    contacts = grid.study.contact_shape
+    contacts, sensors = grid.study.contact_shape, (len(grid.study.output.sensors),)
+
+    def blanks(about: Variable) -> Array:
+        own = sensors if about.is_of_sensor else contacts if about.is_of_contact else ()
+        return np.full((1, *own, *tails[about.shape]), np.nan)
+
     values: dict[str, NDArray[Any]] = {
-        about.name: np.full((1, *(contacts if about.is_of_contact else ()), *tails[about.shape]), np.nan)
+        about.name: blanks(about)
         for about in (*variables.select("history"), *metrics_of(grid.study), *periods_of(grid.study))
         if about.condition not in ("reference", "auto", "auto reference")
     }
     values |= blank(grid.study, 1)
+    values = _events({}, 1, grid) | values
     values |= {"status": np.full(1, Status.FAILED, dtype=np.int8), "runaway": np.zeros(1, dtype=np.int8)}
     return Solved(values, {0: text})
 

@@ -19,6 +19,7 @@ from workflow.study.axes import Sizes
 from workflow.study.mistakes import Fault, Place, place_of_path, quoted
 from workflow.study.settings import CHOSEN, FULL, MODES, TOLERANCE, CaseSpace, CasingHarmonic, Initial, LoadHarmonic
 from workflow.study.source import StudyText
+from workflow.variables import BY_NAME
 
 MOST_SAMPLES = 2_000_000
 """Samples of a history, and load periods of a case: 16 MB of memory for each variable of each case."""
@@ -42,6 +43,7 @@ def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     yield from _contacts(cases, sizes, source)
     yield from _elastic(cases, source)
     yield from _support(cases, source)
+    yield from _sensors(cases, sizes)
     yield from _branch(cases)
     yield from _speed(cases, source)
     yield from _start(cases, sizes, source)
@@ -221,6 +223,23 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
             f"has no direction, {several}",
             "give the file an entry `load`, the vector it acts along",
         )
+
+
+def _sensors(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
+    """Refuse sensors that the structure does not have, the smallest one where nodes vary, or named as a variable."""
+    model, parameters = cases.scene.model, cases.scene.parameters
+    if hasattr(parameters, "nodes"):
+        parameters = dataclasses.replace(parameters, nodes=min(sizes.inputs["node"]))
+    for name, sensor in cases.output.sensors.items():
+        place = ("output", "sensors", name)
+        if name in BY_NAME:
+            yield place, "is the name of a variable", "choose another name"
+        try:
+            models.sensors_of(model, parameters, (sensor,))
+        except models.UnusableMatricesError as error:
+            yield place, error.problem, error.remedy
+        except Exception:  # whatever else a model raises: its other faults, or its cases, say it
+            return
 
 
 def _is_elastic(cases: CaseSpace) -> bool:

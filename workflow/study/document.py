@@ -9,7 +9,8 @@ from functools import partial
 from typing import Any
 
 from workflow import models, reduction, schemes
-from workflow.declare import Quantity
+from workflow.declare import Quantity, Word
+from workflow.models import Sensor
 from workflow.study.forms import (
     FLAG,
     LINE,
@@ -28,6 +29,7 @@ from workflow.study.forms import (
     record,
     record_of,
     summary,
+    text,
     usable,
 )
 from workflow.study.mistakes import one_of, quoted, wrong
@@ -240,10 +242,20 @@ def _zip(varied: Mapping[str, Entry]) -> Kind:
     return named(name("the dimension"), either(choose, design, _axes(varied, zipped=True)))
 
 
+def _sensors() -> Kind:
+    """Return the form of sensors, by name: where each is, of a temperature in a mapping."""
+    place = text(Word("label, index or vector", number=True))
+    warm = {"temperature": Entry(place, "label, index or vector of a temperature", MISSING)}
+    of_heat = record("A sensor of a temperature.", warm, lambda given: Sensor(given["temperature"], of_heat=True))
+    return named(name("the sensor"), either(no_mapping, of_heat, place.built(Sensor)))
+
+
 def _output() -> RecordKind:
     """Return the form of ``output``, read as it is written; ``steady`` is a flag or its options."""
-    entries = dict(entries_of(Output, ("steady",)))
+    entries = dict(entries_of(Output, ("steady", "sensors")))
     entries["interval"] = dataclasses.replace(entries["interval"], default=None)
+    sensors = next(entry for entry in dataclasses.fields(Output) if entry.name == "sensors")
+    entries["sensors"] = Entry(_sensors(), sensors.metadata["meaning"])
     entries["steady"] = Entry(either(no_mapping, record_of(Steady), FLAG), summary(Steady))
 
     def build(given: dict[str, Any]) -> dict[str, Any]:

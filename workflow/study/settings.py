@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from workflow import models, reduction
 from workflow.declare import File, Values, file, quantity, word
+from workflow.models import Sensor
 from workflow.study.ranges import Drawn, Value
 
 FULL = "full"
@@ -168,6 +169,11 @@ class Steady:
 
 _BALANCES = "whether to keep energy_residual and heat_residual; a step takes about half as long again with them"
 _DEPTH = "depth from the tip over which a mean temperature is kept; each case runs twice for it"
+_EVENTS = "most events of a case of event_driven that are listed: impacts, and contacts that begin or end"
+_SENSORS = (
+    "places that are recorded beside the contacts, by name: a label, an index or a vector of the file, a node of "
+    "`chain` and `blade` from 1, a column of `modes`; {temperature: …} of a temperature"
+)
 _SECTIONS = "whether to keep the tip's state at the start of each load period, its impacts and extreme displacements"
 
 
@@ -182,18 +188,21 @@ class Output:
     sections: bool = field(default=False, metadata={"meaning": _SECTIONS})
     steady: Steady | None = None
     temperature_depth: float | None = quantity("m", _DEPTH, default=None, above=0)
+    sensors: Mapping[str, Sensor] = field(default_factory=dict, metadata={"meaning": _SENSORS})
+    events: int | None = quantity("1", _EVENTS, default=None, at_least=1, at_most=1_000_000)
 
     @property
     def sampled(self) -> tuple[str, ...]:
         """Names of all histories that the archive keeps."""
         depth = ("depth_temperature",) if self.histories and self.temperature_depth is not None else ()
-        return (*self.histories, *depth)
+        sensors = ("sensor_value",) if self.histories and self.sensors else ()
+        return (*self.histories, *depth, *sensors)
 
     @property
     def of_branches(self) -> Output:
-        """What an archive of branches keeps: no histories, balances, sections and depths, always steady rubs."""
-        steady = self.steady or Steady()
-        return replace(self, histories=(), balances=False, sections=False, steady=steady, temperature_depth=None)
+        """What an archive of branches keeps: no histories, balances, sections, depths, events, always steady rubs."""
+        none: dict[str, Any] = {"histories": (), "temperature_depth": None, "events": None}
+        return replace(self, balances=False, sections=False, steady=self.steady or Steady(), **none)
 
 
 @dataclass(frozen=True)

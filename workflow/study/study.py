@@ -49,7 +49,7 @@ from workflow.study.source import (
     text_of,
     written_axes,
 )
-from workflow.variables import STEADY, reserved_names
+from workflow.variables import EVENTS, SENSORS, STEADY, reserved_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +120,7 @@ class Study(CaseSpace):
             "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
             "reference": None if self.reference is None else dict(self.reference.values),
             **({} if self.branch is None else {"branch": dataclasses.asdict(self.branch)}),
-            "output": _without_empty(self.output, "sections", "steady", "temperature_depth"),
+            "output": _without_empty(self.output, "sections", "steady", "temperature_depth", "sensors", "events"),
         }
         resolved: dict[str, Any] = _listed(values)
         return resolved
@@ -349,6 +349,7 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     asked = sections.get("output", {})
     steady = bool(asked.get("steady")) or bool(arrangement.followed)
     names = _reserved(defined, steady) | ({"contact"} if sizes.contacts else frozenset())
+    names |= (SENSORS if asked.get("sensors") else frozenset()) | (EVENTS if asked.get("events") else frozenset())
     dimensions, scalars, branch = arrangement.named(varied, defaults, names)
     if scene.friction is not None:  # alpha is what it makes
         scalars = tuple(axis for axis in scalars if axis.path != "alpha")
@@ -515,7 +516,9 @@ def _values_at(study: Study, cell: CaseSettings, path: str) -> tuple[Any, ...] |
 
 def _output_values(study: Study) -> Iterator[ResolvedValue]:
     values = {entry.name: getattr(study.output, entry.name) for entry in dataclasses.fields(Output)}
-    steady = values.pop("steady")
+    steady, sensors = values.pop("steady"), values.pop("sensors")
+    if sensors:
+        values["sensors"] = tuple(f"{name}: {'temperature ' * one.of_heat}{one.at}" for name, one in sensors.items())
     values |= {"steady": False} if steady is None else {f"steady.{k}": v for k, v in dataclasses.asdict(steady).items()}
     units = {"interval": "s", "temperature_depth": "m"}
     for name, value in ((name, value) for name, value in values.items() if value is not None):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import elementwise
-from workflow.models import Array, Cases, Structure, distinct_rows, project
+from workflow.models import Array, Cases, Sensors, Structure, distinct_rows, project
 from workflow.schemes._exact.event_loop import (
     COMPLETED,
     INSEPARABLE,
@@ -25,7 +25,7 @@ from workflow.schemes._exact.event_loop import (
 from workflow.schemes._exact.layout import Budget, Case, Thresholds, row_length
 from workflow.schemes._exact.modal_system import ModalBasis, analyse, signal_inputs
 from workflow.schemes._exact.motion import scratch
-from workflow.schemes._exact.record import TALLY, Record
+from workflow.schemes._exact.record import EVENT, TALLY, Asked, Record
 from workflow.schemes._exact.regimes import HeldRegimes, Regimes, fill_row
 from workflow.schemes._exact.tables import wave
 from workflow.schemes._interface import (
@@ -72,6 +72,7 @@ class ExactOperator:
     length: int
     """Numbers of the row of a regime, see :func:`~workflow.schemes._exact.layout.unpacked`."""
     budget: Budget
+    sensors: Sensors | None = None
     thresholds: Thresholds = THRESHOLDS
 
     @cached_property
@@ -92,7 +93,7 @@ def make_operator(structure: Structure, budget: Budget) -> ExactOperator:
     basis = analyse(structure)
     size, inputs = 2 * basis.tip.size + basis.free.rate.size, signal_inputs(basis.free).size
     length = row_length(size, basis.tip.size, inputs)
-    operator = ExactOperator(basis, HeldRegimes(basis.held, length), length, budget)
+    operator = ExactOperator(basis, HeldRegimes(basis.held, length), length, budget, structure.sensors)
     if not operator.free.separable[0]:
         raise InseparablePolesError
     return operator
@@ -118,8 +119,11 @@ def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Resu
     return batch.results()
 
 
-def record_of(cases: Cases, sampling: Sampling, periods: NDArray[np.int64]) -> Record:
-    """Return the arrays of results of a batch, with an axis of contacts where they are several."""
+def record_of(cases: Cases, sampling: Sampling, periods: NDArray[np.int64], sensors: Array) -> Record:
+    """Return the arrays of results of a batch, with an axis of contacts where they are several.
+
+    ``sensors`` are the rows of sensors, ``(sensor, mode + thermal mode)``.
+    """
     numbers, each = np.arange(1, int(periods.max(initial=0)) + 1), cases.contact_shape
     with np.errstate(divide="ignore", invalid="ignore"):  # of constant loads
         ends = np.where(numbers <= periods[:, None], numbers / cases.period_frequency[:, None], np.inf)
@@ -130,6 +134,11 @@ def record_of(cases: Cases, sampling: Sampling, periods: NDArray[np.int64]) -> R
         periods=np.full((cases.count, 7, *each, numbers.size), np.nan),
         tally=np.zeros((cases.count, *each), dtype=TALLY),
         events=np.zeros((0, 0)),
+        asked=Asked(
+            np.ascontiguousarray(sensors),
+            np.full((cases.count, len(sensors), sampling.count), np.nan),
+            np.full((cases.count, sampling.events, len(EVENT)), np.nan),
+        ),
     )
 
 
@@ -141,14 +150,28 @@ def status_of(ended: NDArray[np.int64]) -> NDArray[np.int8]:
     return status
 
 
-def results_of(record: Record, cases: Cases, counted: NDArray[np.int64], **others: Any) -> Results:
+def events_of(record: Record, count: Array) -> dict[str, Array]:
+    """Return :attr:`Results.events` of a record, and how many events there were, ``(case,)``; none if none are asked."""
+    events = record.asked.events
+    if not events.shape[1]:
+        return {}
+    return {**{f"event_{name}": events[:, :, k].copy() for k, name in enumerate(EVENT)}, "event_count": count}
+
+
+def results_of(
+    record: Record, cases: Cases, counted: NDArray[np.int64], sensors: Sensors | None, **others: Any
+) -> Results:
     """Return the results of a record, its load periods ``counted``, and what it does not hold."""
     periods, frequency = record.periods, cases.period_frequency
     if cases.offset.any():  # the casing was seen from there
         for displacement in (record.histories[:, 0], periods[:, 3]):
             displacement += cases.offset.reshape(*record.tally.shape, 1)
+    histories = {name: record.histories[:, k].copy() for k, name in enumerate(HISTORIES)}
+    if sensors is not None:
+        places = histories["displacement"].reshape(cases.count, -1, record.times.size)
+        histories["sensor_value"] = sensors.with_contacts(record.asked.sensed, places)
     return Results(
-        histories={name: record.histories[:, k].copy() for k, name in enumerate(HISTORIES)},
+        histories=histories,
         period_impulse=periods[:, 0].copy(),
         period_temperature=periods[:, 1].copy(),
         period_contact=periods[:, 2] * frequency.reshape(-1, *(1,) * (periods.ndim - 2)),
@@ -164,14 +187,15 @@ class BatchRun:
         self.operator, self.cases, self.sampling = operator, cases, sampling
         self.conditions, self.ended = conditions_of(operator, cases, sampling.duration), np.full(cases.count, INVALID)
         self.periods = complete_periods(cases.period_frequency, sampling)
-        self.record = record_of(cases, sampling, self.periods)
+        self.record = record_of(cases, sampling, self.periods, operator.basis.sensors)
 
     def results(self) -> Results:
         """Return the results of the batch."""
         status = status_of(self.ended)
         metrics = self._metrics(status == Status.OK, self.record.histories[:, 0])
         given = {"metrics": metrics, "status": status, "messages": self._messages()}
-        return results_of(self.record, self.cases, self.periods, **given)
+        events = events_of(self.record, np.where(status == Status.OK, self.record.tally["events"], np.nan))
+        return results_of(self.record, self.cases, self.periods, self.operator.sensors, events=events, **given)
 
     def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:
         """Return the metrics; those of cases that did not complete are NaN, except ``steps``."""

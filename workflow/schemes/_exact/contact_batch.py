@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from workflow.kernels import elementwise
 from workflow.kernels.lemke import complementarity
-from workflow.models import Array, Cases, ContactBasis, Structure, analyse_contacts, distinct_rows, project
+from workflow.models import Array, Cases, ContactBasis, Sensors, Structure, analyse_contacts, distinct_rows, project
 from workflow.schemes._exact.batch import (
     InseparablePolesError,
+    events_of,
     failure_text,
     loads_of,
     record_of,
@@ -91,6 +92,7 @@ class ContactOperator:
 
     basis: ContactBasis
     budget: Budget
+    sensors: Sensors | None = None
     _tables: dict[_Variant, SetTable] = field(default_factory=dict)
 
     @cached_property
@@ -118,7 +120,7 @@ def make_contact_operator(structure: Structure, budget: Budget) -> ContactOperat
     InseparablePolesError
         Three poles coincide with all contacts open.
     """
-    operator = ContactOperator(analyse_contacts(structure), budget)
+    operator = ContactOperator(analyse_contacts(structure), budget, structure.sensors)
     if operator.sets(False, 0.0, 0.0).add(np.zeros(operator.basis.contacts.count, dtype=np.bool_)):
         raise InseparablePolesError
     return operator
@@ -127,7 +129,7 @@ def make_contact_operator(structure: Structure, budget: Budget) -> ContactOperat
 def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Sampling) -> Results:
     """Run all cases that are finite, those of one α and µ after each other, as they share sets."""
     periods = complete_periods(cases.period_frequency, sampling)
-    basis, record = operator.basis, record_of(cases, sampling, periods)
+    basis, record = operator.basis, record_of(cases, sampling, periods, operator.basis.sensors)
     record.tally["next_sample"] = 1
     fill_first_sample(record, basis, cases)
     progress, ended = np.zeros(cases.count, dtype=PROGRESS), np.full(cases.count, INVALID)
@@ -147,6 +149,8 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
         record,
         cases,
         periods,
+        operator.sensors,
+        events=events_of(record, np.where(ended == COMPLETED, progress["listed"], np.nan)),
         metrics=_metrics(operator, cases, sampling, record, progress, ended == COMPLETED, modal),
         status=status_of(ended),
         messages={int(i): _failure(int(ended[i]), progress[i], operator) for i in np.flatnonzero(ended != COMPLETED)},
@@ -186,6 +190,7 @@ def with_contacts(record: Record, basis: ContactBasis) -> Record:
         record.periods.reshape(*record.periods.shape[:2], contacts, record.periods.shape[-1]),
         record.tally.reshape(-1, contacts),
         record.events,
+        record.asked,
     )
 
 
@@ -204,6 +209,8 @@ def fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> None
     for k, (row, states) in enumerate(zip(rows, (cases.displacement, cases.velocity, cases.temperature), strict=True)):
         record.histories[:, k, ..., 0] = project(row, states).reshape(record.tally.shape)
     record.histories[:, 3, ..., 0] = 0.0
+    modal = [project(basis.to_modes, cases.displacement), project(basis.to_thermal, cases.temperature)]
+    record.asked.sensed[:, :, 0] = project(basis.sensors, np.hstack(modal))
     if basis.contacts.is_compliant:
         record.histories[:, 0, ..., 0] = _compliant_places(basis, cases).reshape(record.tally.shape)
 

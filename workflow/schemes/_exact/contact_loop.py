@@ -50,7 +50,20 @@ from workflow.schemes._exact.event_loop import (
 )
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
 from workflow.schemes._exact.propagation import advance, copy_state, integral, observe
-from workflow.schemes._exact.record import Record, contact_time, next_due, note_temperature, record_step, write
+from workflow.schemes._exact.record import (
+    IMPACTS,
+    LEAVES,
+    TOUCHES,
+    Record,
+    asked_of,
+    contact_time,
+    next_due,
+    note_event,
+    note_sensors,
+    note_temperature,
+    record_step,
+    write,
+)
 from workflow.schemes._exact.step import Start, certified_step, has_no_zero
 from workflow.schemes._exact.tables import expansion, wave
 
@@ -58,10 +71,11 @@ WAITING = -1
 """What the kernel returns where it waits for a set, see :attr:`Memory.wanted`."""
 
 PROGRESS = np.dtype(
-    [("begun", "i8"), ("time", "f8"), ("events", "i8"), ("steps", "i8"), ("length", "f8"), ("guess", "f8")]
+    [("begun", "i8"), ("time", "f8"), ("events", "i8"), ("listed", "i8"), ("steps", "i8")]
+    + [("length", "f8"), ("guess", "f8")]
 )
-"""Scalars of a case, all 0 at the beginning: whether it has begun; time reached, s; events and certified steps; the
-largest motion of a contact, m; the length of the next step tried first, s."""
+"""Scalars of a case, all 0 at the beginning: whether it has begun; time reached, s; events, those of each contact, and
+certified steps; the largest motion of a contact, m; the length of the next step tried first, s."""
 
 LOWEST_BOUNCE = 1e-11
 """Height of a bounce, over the largest motion of any contact, below which the contact is held."""
@@ -113,7 +127,13 @@ def run_contacts(
     for k in range(begin, which.size):
         i = which[k]
         mine = Record(
-            record.times, record.period_ends[i], record.histories[i], record.periods[i], record.tally[i], record.events
+            record.times,
+            record.period_ends[i],
+            record.histories[i],
+            record.periods[i],
+            record.tally[i],
+            record.events,
+            asked_of(record.asked, i),
         )
         ended[i] = _march(sets, structure, of_case(cases, i), mine, outcome.progress[i], own)
         if ended[i] == WAITING:
@@ -153,7 +173,7 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
             if not np.isfinite(h):
                 return NOT_FINITE
             advance(motion.m, motion.m.now, at.time, h, motion.m.after)
-            _record(motion, record, own, at.time, h, SAME_TIME * T)
+            _record(motion, s, case, record, own, at.time, h)
             copy_state(motion.m.after, motion.m.now)
             at.time = T if h >= T - at.time else at.time + h
             at.guess = 2.0 * h
@@ -163,7 +183,7 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
         if at.events > case.budget.events:
             return OUT_OF_EVENTS
         _fill_casing(case, at.time, own)
-        leave(motion, s, own, at.time)
+        leave(motion, s, own, motion.m.now, at.time)
         ended = _pass(structure, case, record, at, own, motion.m.fastest, struck)
         if ended != RUNNING:
             return ended
@@ -215,17 +235,21 @@ def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[floa
 
 
 @part
-def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, late: float) -> None:
+def _record(
+    motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, h: float
+) -> None:
     """Write samples and load periods within a step, and add the impulses of closed contacts.
 
     Impulses come first: what the integral takes of the propagation over h is overwritten by that to the samples.
     """
-    m = motion.m
+    m, late = motion.m, SAME_TIME * case.duration
     for c in range(motion.views.shape[0]):
         own.impulse[c] = 0.0
         if record.tally[c].held:
             select(motion, c)
             own.impulse[c] = integral(m, m.now, m.after, t, h)
+    if record.asked.rows.shape[0] > 0:
+        _sense(motion, s, case, record, own, t, t + h - late)
     for c in range(motion.views.shape[0]):
         mine = Record(
             record.times,
@@ -234,6 +258,7 @@ def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, 
             record.periods[:, c],
             record.tally[c],
             record.events,
+            record.asked,
         )
         if m.heated or next_due(mine) < t + h - late:
             select(motion, c)
@@ -242,9 +267,24 @@ def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, 
 
 
 @part
+def _sense(
+    motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, end: float
+) -> None:
+    """Write what sensors show at the samples before ``end`` within a step from t on."""
+    m, sample = motion.m, record.tally[0].next_sample
+    while sample < record.times.size and record.times[sample] < end:
+        at = max(t, record.times[sample])
+        advance(m, m.now, t, at - t, m.between)
+        _fill_casing(case, at, own)
+        leave(motion, s, own, m.between, at)
+        note_sensors(record.asked, own.modal, s.place.shape[1], sample)
+        sample += 1
+
+
+@part
 def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory) -> None:
     """Write the samples and periods that are due at the end, after any event there, and the state."""
-    T = case.duration
+    T, next_sample = case.duration, record.tally[0].next_sample
     for c in range(motion.views.shape[0]):
         mine = Record(
             record.times,
@@ -253,6 +293,7 @@ def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, 
             record.periods[:, c],
             record.tally[c],
             record.events,
+            record.asked,
         )
         select(motion, c)
         observed = observe(motion.m, motion.m.now, T)
@@ -260,7 +301,9 @@ def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, 
             write(mine, T, observed, mine.tally.impulse)
         mine.tally.contact_time = contact_time(mine.tally, T)
     _fill_casing(case, T, own)
-    leave(motion, s, own, T)
+    leave(motion, s, own, motion.m.now, T)
+    for sample in range(next_sample, record.times.size):
+        note_sensors(record.asked, own.modal, s.place.shape[1], sample)
     for i in range(own.modal.size):
         case.modal[i] = own.modal[i]
 
@@ -331,20 +374,36 @@ def _pass(
     State and casing are those of the instant.
     """
     moment = _MOMENT / fastest if fastest > 0.0 else 0.0
+    own.taken[:] = 0.0
     if structure.compliant:
         _fill_distances(structure, case, own, at.time)
+        own.taken[0] = own.approach
         sound = _next_compliant_set(structure, case, own, at.time, moment, struck)
     elif struck >= 0 and own.wanted[struck]:
         own.wanted[struck], own.zeros[struck], own.speed[struck], sound = False, 3, -1.0, True
     else:
         inside = _fill_kinds(structure, case, at, own, struck)
+        own.taken[0] = own.approach
         if inside:
             return INSIDE_CASING
         sound = _strike(structure, case, record, own)
         sound = sound and _next_set(structure, case, record, at, own, moment)
     for c in range(own.wanted.size):
+        _note_event(record, at, own, c)
         _note_change(record.tally[c], own.wanted[c], at.time)
     return RUNNING if sound else NO_IMPACT_LAW
+
+
+@part
+def _note_event(record: Record, at: Any, own: Memory, c: int) -> None:
+    """List the event of a contact that takes an impulse, begins or ends."""
+    was = record.tally[c].held != 0
+    if own.taken[1, c] == 0.0 and was == own.wanted[c]:
+        return
+    kind = IMPACTS if was == own.wanted[c] else LEAVES if was else TOUCHES
+    approach = 0.0 if was else own.taken[0, c]
+    note_event(record.asked, at.listed, at.time, kind, own.taken[1, c], approach, c)
+    at.listed += 1
 
 
 @part
@@ -449,6 +508,7 @@ def _apply(structure: Contacting, case: ContactCase, record: Record, own: Memory
                 own.modal[2 * n + j] += case.alpha * impulse * structure.heat[c, j]
             record.tally[c].impulse += impulse
             record.tally[c].impacts += counts
+            own.taken[1, c] += impulse
     for c in range(own.wanted.size):
         if structure.rate.size > 0:
             note_temperature(record.tally[c], _temperature(structure, own, c))

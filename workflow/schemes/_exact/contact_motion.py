@@ -152,6 +152,8 @@ class Memory(NamedTuple):
     """Of the first of these, ``(contact,)``."""
     impulse: Array
     """p, N s, ``(contact,)``."""
+    taken: Array
+    """u before the last event, m/s, and the impulse in it, N s, ``(2, contact)``."""
     force: Array
     """λ, N, ``(contact,)``."""
     acceleration: Array
@@ -190,6 +192,7 @@ def memory(basis: ContactBasis, waves: int, sets: int) -> Memory:
         push=np.zeros((2, m)),
         rounding=np.zeros(m),
         impulse=np.zeros(m),
+        taken=np.zeros((2, m)),
         force=np.zeros(m),
         acceleration=np.zeros((2, n)),
         members=np.zeros(m, dtype=np.int64),
@@ -419,9 +422,9 @@ def _fill_wave(s: ClosedSet, source: Array, i: int, omega: float, b: Array, f: A
 
 
 @part
-def leave(motion: SetMotion, s: ClosedSet, own: Memory, t: float) -> None:
-    """Fill X = [y, y', τ] of the contacts open from the present state; ``own.casing`` is that of t."""
-    to_coordinates(motion.m, motion.m.now, t, own.coordinates)
+def leave(motion: SetMotion, s: ClosedSet, own: Memory, y: Array, t: float) -> None:
+    """Fill X = [y, y', τ] of the contacts open from a state of the motion; ``own.casing`` is that of t."""
+    to_coordinates(motion.m, y, t, own.coordinates)
     n = s.place.shape[1]
     for i in range(own.modal.size):
         own.modal[i] = 0.0

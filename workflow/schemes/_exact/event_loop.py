@@ -17,14 +17,20 @@ from workflow.kernels.compiled import kernel, of_case, part
 from workflow.schemes._exact.events import enter_contact, impact, release
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Case, in_row
-from workflow.schemes._exact.motion import Motion, Motions, Scratch, fill_modal, motions_of, set_free, set_held
+from workflow.schemes._exact.motion import Motions, Scratch, fill_modal, motions_of, set_free, set_held
 from workflow.schemes._exact.propagation import Observed, advance, copy_state, integral, observe
 from workflow.schemes._exact.record import (
     IMPACT,
+    IMPACTS,
+    LEAVES,
     RELEASE,
+    TOUCHES,
     Record,
+    asked_of,
     contact_time,
     next_due,
+    note_event,
+    note_sensors,
     note_temperature,
     record_step,
     write,
@@ -64,7 +70,13 @@ def run_cases(
     for k in range(which.size):
         i = which[k]
         own = Record(
-            record.times, record.period_ends[i], record.histories[i], record.periods[i], record.tally[i], record.events
+            record.times,
+            record.period_ends[i],
+            record.histories[i],
+            record.periods[i],
+            record.tally[i],
+            record.events,
+            asked_of(record.asked, i),
         )
         case = of_case(cases, i)
         motions = motions_of(in_row(free[case.free]), in_row(held[case.held]), case, scratch)
@@ -83,17 +95,19 @@ def _run_case(motions: Motions, case: Case, record: Record) -> int:
             tally.events += 1
             if tally.events > case.budget.events:
                 return OUT_OF_EVENTS
-            was_held, before = tally.held != 0, tally.impulse
+            was_held, before, approach = tally.held != 0, tally.impulse, 0.0 if tally.held else tally.speed
             start, observed = _pass_event(motions, case, tally, observed)
             if tally.events <= record.events.shape[0]:
                 _note_event(motions, record, was_held, before)
+            kind = LEAVES if was_held else TOUCHES if tally.held else IMPACTS
+            note_event(record.asked, tally.events - 1, tally.time, kind, tally.impulse - before, approach, 0)
         if tally.time >= T:
             _finish(motions, case, record, observed)
             return COMPLETED
         tally.steps += 1
         if tally.steps > case.budget.steps:
             return OUT_OF_STEPS
-        h, event, observed = _step(motions.held if tally.held else motions.free, record, start, T, observed)
+        h, event, observed = _step(motions, record, start, T, observed)
         if not np.isfinite(h):
             return NOT_FINITE
         if not tally.held:
@@ -112,10 +126,17 @@ def _run_case(motions: Motions, case: Case, record: Record) -> int:
 def _note_event(motions: Motions, record: Record, was_held: bool, before: float) -> None:
     """Record an event and the state after it, from the impulse ``before`` it and whether the tip was held."""
     tally, row = record.tally, record.events[record.tally.events - 1]
-    fill_modal(motions, tally.held != 0, tally.time)
+    _fill_now(motions, tally)
     row[0], row[1], row[2] = tally.time, RELEASE if was_held else IMPACT + tally.held, tally.impulse - before
     for i in range(motions.free.modal.size):
         row[3 + i] = motions.free.modal[i]
+
+
+@part
+def _fill_now(motions: Motions, tally: Any) -> None:
+    """Fill [y, y', τ] of the free tip from the current state."""
+    held = tally.held != 0
+    fill_modal(motions, held, motions.held.now if held else motions.free.now, tally.time)
 
 
 @part
@@ -139,6 +160,7 @@ def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Sta
     tally.max_temperature = tally.period_temperature = observed.temperature
     given = Observed(case.distance, -case.speed, observed.temperature, 0.0, observed.place, observed.speed)
     write(record, 0.0, given, 0.0)
+    note_sensors(record.asked, free.modal, motions.exit.shape[1], 0)
     expand(free, free.now, 0.0)
     tally.length = case.reach + abs(observed.place - case.distance)
     touches = abs(case.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.expansion.sums[expansion.SIZE, 0])
@@ -175,12 +197,13 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
 
 
 @part
-def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed) -> tuple[float, bool, Observed]:
+def _step(motions: Motions, record: Record, start: Start, T: float, observed: Observed) -> tuple[float, bool, Observed]:
     """Do a certified step; return its length, whether an event ends it, and the outputs at its end.
 
     The length is NaN where the state is not finite.
     """
     tally, t, tolerance = record.tally, record.tally.time, SAME_TIME * T
+    m = motions.held if tally.held else motions.free
     if not start.expanded:
         expand(m, m.now, t)
     h, event = certified_step(m, start, t, T - t, tolerance)
@@ -191,6 +214,8 @@ def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed)
     after = observe(m, m.after, t + h)
     if not (np.isfinite(after.signal) and np.isfinite(after.temperature)):
         return np.nan, False, after
+    if record.asked.rows.shape[0] > 0:
+        _sense(motions, record, t, t + h - tolerance)
     record_step(record, m, t, h, after, tolerance)
     copy_state(m.after, m.now)
     tally.impulse += impulse
@@ -198,10 +223,25 @@ def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed)
 
 
 @part
+def _sense(motions: Motions, record: Record, t: float, end: float) -> None:
+    """Write what sensors show at the samples before ``end`` within a step from t on."""
+    held, sample = record.tally.held != 0, record.tally.next_sample
+    m = motions.held if held else motions.free
+    while sample < record.times.size and record.times[sample] < end:
+        at = max(t, record.times[sample])
+        advance(m, m.now, t, at - t, m.between)
+        fill_modal(motions, held, m.between, at)
+        note_sensors(record.asked, motions.free.modal, motions.exit.shape[1], sample)
+        sample += 1
+
+
+@part
 def _finish(motions: Motions, case: Case, record: Record, observed: Observed) -> None:
     """Write the samples and periods that are due at the end, after any event there."""
     tally, modal, T = record.tally, motions.free.modal, case.duration
-    fill_modal(motions, tally.held != 0, tally.time)
+    _fill_now(motions, tally)
+    for sample in range(tally.next_sample, record.times.size):
+        note_sensors(record.asked, modal, motions.exit.shape[1], sample)
     while next_due(record) <= T * (1.0 + LATE):
         write(record, T, observed, tally.impulse)
     for i in range(modal.size):

@@ -152,7 +152,7 @@ def enter_contact(motions: Motions, threshold: float, t: float) -> int:
     force below ``threshold`` times the rounding of its terms is zero.
     """
     held = motions.held
-    fill_modal(motions, False, t)
+    fill_modal(motions, False, motions.free.now, t)
     set_held(motions, t)
     expand(held, held.now, t)
     force, rate = held.expansion.sums[expansion.D0, held.blocks], held.expansion.sums[expansion.D1, held.blocks]
@@ -165,7 +165,7 @@ def enter_contact(motions: Motions, threshold: float, t: float) -> int:
 @part
 def release(motions: Motions, tally: Any) -> None:
     """End a contact: set the free motion from the held one."""
-    fill_modal(motions, True, tally.time)
+    fill_modal(motions, True, motions.held.now, tally.time)
     set_free(motions, tally.time)
     tally.contact_time += max(0.0, tally.time - tally.contact_begin)
     tally.contact_begin, tally.held = np.inf, 0

@@ -136,6 +136,8 @@ class ModalBasis:
     """e_nᵀ M⁻¹ t, 1/kg, the decrease of the mobility per friction coefficient."""
     heat_jump: float
     """Rise of the temperature that is recorded per heat at the tip, of the tip e_nᵀ C2⁻¹ e_n, K/J."""
+    sensors: Array
+    """Rows of sensors, ``(sensor, mode + thermal mode)``."""
     free: ModalSystem
     held: ModalSystem
 
@@ -156,6 +158,7 @@ def analyse(structure: Structure) -> ModalBasis:
         mobility=np.dot(mechanical.tip, mechanical.tip),
         tangential=np.dot(mechanical.tip, along),
         heat_jump=float(sum(float(tip) * float(seen) for tip, seen in zip(thermal.tip, free.observed, strict=True))),
+        sensors=structure.sensed(mechanical.shapes, thermal.shapes),
         free=free,
         held=held_system(structure),
     )

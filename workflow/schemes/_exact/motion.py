@@ -508,19 +508,19 @@ def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, tar
 
 
 @part
-def fill_modal(motions: Motions, held: bool, t: float) -> None:
-    """Fill [y, y', τ] of the free tip from the current state of the held or the free motion."""
+def fill_modal(motions: Motions, held: bool, y: Array, t: float) -> None:
+    """Fill [y, y', τ] of the free tip from a state of the held or the free motion."""
     if held:
-        _fill(motions.held, t)
+        _fill(motions.held, y, t)
         _change_modes(motions.exit, casing_at(motions.held, t), motions.held.modal, motions.free.modal)
     else:
-        _fill(motions.free, t)
+        _fill(motions.free, y, t)
 
 
 @part
-def _fill(m: Motion, t: float) -> None:
-    """Fill [z, z', τ] of a motion from its current state."""
-    to_coordinates(m, m.now, t, m.coordinates)
+def _fill(m: Motion, y: Array, t: float) -> None:
+    """Fill [z, z', τ] of a motion from a state."""
+    to_coordinates(m, y, t, m.coordinates)
     if not m.is_modal:
         _multiply(m.outward, m.coordinates, m.modal)
 

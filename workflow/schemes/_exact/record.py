@@ -78,6 +78,23 @@ RELEASE, IMPACT, TOUCH = 0.0, 1.0, 2.0
 impulse)."""
 
 
+class Asked(NamedTuple):
+    """What is recorded where it is asked for, of one case or, but for ``rows``, of a batch; else without rows."""
+
+    rows: Array
+    """Rows of sensors of [y, τ], in the modes of the free structure, ``(sensor, mode + thermal mode)``."""
+    sensed: Array
+    """What sensors show at samples, ``(sensor, t)``."""
+    events: Array
+    """With the columns of :data:`EVENT`, ``(event, 5)``; events beyond its rows are left out."""
+
+
+EVENT = ("time", "kind", "impulse", "approach", "contact")
+"""Columns of events: s, place in :data:`~workflow.variables.EVENT_KINDS`, N s, m/s, number of the contact from 0."""
+
+IMPACTS, TOUCHES, LEAVES = range(3)
+
+
 class Record(NamedTuple):
     """Output arrays of one case, or those of a batch: all but sample times and events have one more axis before."""
 
@@ -95,6 +112,33 @@ class Record(NamedTuple):
     events: Array
     """Time [s], kind, impulse [N s] and the state [y, y', τ] after each event, ``(event, 3 + N)``; events beyond its
     rows are left out."""
+    asked: Asked
+
+
+@part
+def asked_of(asked: Asked, i: int) -> Asked:
+    """Return what is asked for of one case of a batch."""
+    return Asked(asked.rows, asked.sensed[i], asked.events[i])
+
+
+@part
+def note_sensors(asked: Asked, modal: Array, modes: int, sample: int) -> None:
+    """Write what sensors show at a sample, in the state [y, y', τ]."""
+    for s in range(asked.rows.shape[0]):
+        value = 0.0
+        for j in range(modes):
+            value += asked.rows[s, j] * modal[j]
+        for j in range(modal.size - 2 * modes):
+            value += asked.rows[s, modes + j] * modal[2 * modes + j]
+        asked.sensed[s, sample] = value
+
+
+@part
+def note_event(asked: Asked, number: int, t: float, kind: int, impulse: float, approach: float, contact: int) -> None:
+    """Write an event of a contact, if there is room for it."""
+    if number < asked.events.shape[0]:
+        row = asked.events[number]
+        row[0], row[1], row[2], row[3], row[4] = t, kind, impulse, approach, contact
 
 
 @part

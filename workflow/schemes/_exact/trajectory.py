@@ -19,7 +19,7 @@ from workflow.schemes._exact.event_loop import COMPLETED, run_cases
 from workflow.schemes._exact.layout import Case, Regime, unpacked
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.motion import scratch
-from workflow.schemes._exact.record import TALLY, TOUCH, Record
+from workflow.schemes._exact.record import TALLY, TOUCH, Asked, Record
 from workflow.schemes._exact.tables import block, first, wave
 from workflow.schemes._interface import HISTORIES
 
@@ -50,6 +50,8 @@ class Trajectory:
     """X after the events, ``(event, N)``."""
     histories: Array
     """x_n, v_n, θ_n and the impulse at samples, ``(4, sample)``."""
+    sensed: Array
+    """What sensors show there, ``(sensor, sample)``."""
     tally: Any
     """One element of an array of :data:`~workflow.schemes._exact.record.TALLY`."""
     failure: str
@@ -77,6 +79,8 @@ class OneCase(NamedTuple):
     conditions: Case
     tip: Array
     """φ_n, ``(mode,)``."""
+    sensors: Array
+    """Rows of sensors in modes, ``(sensor, mode + thermal mode)``."""
 
     @property
     def own(self) -> Case:
@@ -102,7 +106,7 @@ def one_case(operator: ExactOperator, cases: Cases, duration: float, *, heated: 
     if not (free.separable[warm.astype(int)].all() and held.separable.all()):
         raise InseparablePolesError
     conditions = conditions_of(operator, cases, duration)._replace(free=warm.astype(np.int64))
-    return OneCase(free.rows, held.rows, conditions, operator.basis.tip)
+    return OneCase(free.rows, held.rows, conditions, operator.basis.tip, operator.basis.sensors)
 
 
 def trajectory(
@@ -126,7 +130,8 @@ def trajectory(
         tally, events = np.zeros(1, dtype=TALLY), np.zeros((kept, 3 + X.size))
         histories = np.full((1, len(HISTORIES), due.size), np.nan)
         tally["held"] = contact
-        record = Record(due, np.zeros((1, 0)), histories, np.zeros((1, 7, 0)), tally, events)
+        asked = Asked(case.sensors, np.full((1, len(case.sensors), due.size), np.nan), np.zeros((1, 0, 5)))
+        record = Record(due, np.zeros((1, 0)), histories, np.zeros((1, 7, 0)), tally, events, asked)
         run_cases(case.free, case.held, given, np.zeros(1, dtype=np.int64), record, memory, ended)
         count = int(tally["events"][0])
         if count <= kept or not kept:
@@ -138,7 +143,20 @@ def trajectory(
     times, kinds, impulses = events[:count, :3].T
     at_end, states = bool(tally["held"][0]), events[:count, 3:]
     return Trajectory(
-        begin, span, X, contact, end, at_end, times, kinds, impulses, states, histories[0], tally[0], failure
+        begin,
+        span,
+        X,
+        contact,
+        end,
+        at_end,
+        times,
+        kinds,
+        impulses,
+        states,
+        histories[0],
+        asked.sensed[0],
+        tally[0],
+        failure,
     )
 
 

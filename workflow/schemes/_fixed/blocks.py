@@ -34,6 +34,9 @@ NEAR_RESONANCE = 1e-3
 """Size of D - S, relative to the largest of its terms, up to which a block and a thermal mode stay coupled: above it
 their separation loses at most three of sixteen digits."""
 
+_LEAST_SHARE = 1e-30
+"""Component of a mode at the tip that stands for 0, relative to the largest: its motion keeps its digits."""
+
 _PARTING = 1e-8
 """Relative change of F that parts three poles with one eigenvector: by its third root, 2e-3 of their size."""
 
@@ -117,7 +120,10 @@ class Blocks:
     @property
     def scale(self) -> Array:
         """Factor by which kernels scale the states of a block: a mode's component φ_n at the tip, ``(block,)``."""
-        return np.ones_like(self.damping) if self.modal.is_coupled else self.modal.tip
+        if self.modal.is_coupled:
+            return np.ones_like(self.damping)
+        tip = self.modal.tip  # of a mode that moves sensors, but not the tip, less than rounding of it
+        return np.where(tip == 0, _LEAST_SHARE * np.abs(tip).max(), tip) if len(self.modal.sensors) else tip
 
     @property
     def heat_velocity(self) -> Array:

@@ -96,7 +96,8 @@ def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool)
     basis, step, h, method = operator.bases[heated], operator.steps[heated], operator.h, operator.method
     cases = cases if method.rebounds else replace(cases, e=np.zeros(cases.count))
     periods, when = complete_periods(cases.period_frequency, sampling), schedule(sampling, h)
-    record, conditions = record_of(cases, sampling, periods), conditions_of(basis, cases, sampling.duration)
+    record = record_of(cases, sampling, periods, basis.sensors)
+    conditions = conditions_of(basis, cases, sampling.duration)
     record.tally["next_sample"] = 1
     casing_flexibility = 1 / method.spring if method.spring > 0 else basis.contacts.casing_flexibility
     contacts = replace(basis.contacts, casing_flexibility=casing_flexibility)
@@ -109,7 +110,7 @@ def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool)
     begun = conditions.modal.copy()
     deepest, sums = np.zeros((cases.count, basis.contacts.count)), np.zeros(cases.count, dtype=SUMS)
     ending = Ending(ended, deepest, sums, Balancing(sampling.balances, content))
-    step_cases(step, conditions, casing, which, split, marks, memory(step), ending)
+    step_cases(step, conditions, casing, which, split, marks, memory(step, len(basis.sensors)), ending)
     tally, completed = record.tally, ended == COMPLETED
     each = completed.reshape(-1, *(1,) * (tally.ndim - 1))
     metrics = {name: np.where(each, tally[name], np.nan) for name in ("impacts", "contact_time", "max_temperature")}
@@ -123,7 +124,8 @@ def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool)
     metrics |= {name: np.where(completed, values, np.nan) for name, values in own.items()}
     metrics["steps"] = np.full(cases.count, float(when.steps))
     status, messages = _judge(operator, cases, ended, split.tally["time"][:, 0])
-    return results_of(record, cases, periods, metrics=metrics, status=status, messages=messages)
+    sensors = operator.structure.sensors
+    return results_of(record, cases, periods, sensors, metrics=metrics, status=status, messages=messages)
 
 
 def _balance(

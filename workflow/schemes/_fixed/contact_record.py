@@ -41,6 +41,8 @@ class Shown(NamedTuple):
     """Impulse in the step, N s, ``(contact,)``."""
     deepest: Array
     """Largest penetration so far, m, ``(contact,)``."""
+    sensed: Array
+    """What sensors show at the beginning and the end of a step, ``(2, sensor)``."""
 
 
 @inlined
@@ -82,6 +84,8 @@ def _sample(k: int, share: float, record: Record, shown: Shown) -> None:
             record.histories[row, i, k] = between(shown.before[row, i], shown.after[row, i], share)
         impulse = record.tally[i].impulse
         record.histories[3, i, k] = between(impulse, impulse + shown.impulse[i], share)
+    for s in range(shown.sensed.shape[1]):
+        record.asked.sensed[s, k] = between(shown.sensed[0, s], shown.sensed[1, s], share)
 
 
 @part

@@ -47,7 +47,7 @@ from workflow.kernels.lemke import Complementarity, problem, solve_complementari
 from workflow.models import ContactBasis, Contacts
 from workflow.schemes._exact.contact_motion import ContactCase
 from workflow.schemes._exact.event_loop import COMPLETED, NO_IMPACT_LAW, NOT_FINITE, RUNNING
-from workflow.schemes._exact.record import Record
+from workflow.schemes._exact.record import Record, asked_of
 from workflow.schemes._exact.tables import wave
 from workflow.schemes._fixed.contact_record import (
     DEPTH,
@@ -234,13 +234,14 @@ class Now(NamedTuple):
     shown: Shown
 
 
-def memory(s: Stepping) -> Now:
-    """Return memory for one case."""
+def memory(s: Stepping, sensors: int) -> Now:
+    """Return memory for one case, and so many sensors."""
     (thermal, m), modes, unknowns = s.heat.shape, s.load.size, s.law.shape[1]
     y, v, free, force = np.zeros((4, modes))
     tau, tau_before, warm = np.zeros((3, thermal))
     matrices = np.zeros((m, modes)), np.zeros((m, m)), np.zeros((unknowns, unknowns)), np.zeros((m, m))
-    shown = Shown(*np.zeros((2, 4, m)), *np.zeros((2, m)))
+    ends, counts = np.zeros((2, 4, m)), np.zeros((2, m))
+    shown = Shown(ends[0], ends[1], counts[0], counts[1], np.zeros((2, sensors)))
     scratch = np.zeros(unknowns, dtype=np.int64), problem(unknowns), shown
     rows: Any = (y, v, tau, tau_before, free, force, warm, *np.zeros((13, m)), *matrices, *scratch)
     return Now(*rows)
@@ -285,7 +286,13 @@ def step_cases(
     """Step cases one after the other; their thermal modes at the end are left in ``cases.modal``."""
     for i in which:
         mine = Record(
-            record.times, record.period_ends[i], record.histories[i], record.periods[i], record.tally[i], record.events
+            record.times,
+            record.period_ends[i],
+            record.histories[i],
+            record.periods[i],
+            record.tally[i],
+            record.events,
+            asked_of(record.asked, i),
         )
         own = Marks(marks.steps, marks.sample_due, marks.sample_weight, marks.period_due[i], marks.period_weight[i])
         casing_of_case = CasingSteps(casing.speeds[i], casing.begun[i])
@@ -326,6 +333,7 @@ def _march(
             else:
                 _advance(s, case, now, balancing, sums)
                 finite = _show(s, load, now)
+            _sense(s, case, record.asked.rows, now)
             if not finite:
                 return NOT_FINITE
             share = marks.sample_weight[-1] if step == marks.steps else 1.0
@@ -344,6 +352,8 @@ def _begin(s: Stepping, case: ContactCase, casing: CasingSteps, record: Record, 
         now.y[j], now.v[j] = case.modal[j], case.modal[n + j]
     for q in range(now.tau.size):
         now.tau[q] = now.tau_before[q] = case.modal[2 * n + q]
+    for k in range(now.shown.sensed.shape[1]):
+        now.shown.sensed[1, k] = record.asked.sensed[k, 0]
     _turn(case, casing.speeds, -s.h, now)
     load = _turn(case, casing.speeds, 0.0, now)
     for i in range(m):
@@ -583,6 +593,22 @@ def _show_centrally(s: Stepping, case: ContactCase, now: Now) -> bool:
         shown.impulse[i] = 0.5 * (now.impulse_before[i] + now.impulse[i])
         now.impulse_before[i] = now.impulse[i]
     return bool(np.isfinite(total))
+
+
+@part
+def _sense(s: Stepping, case: ContactCase, rows: Array, now: Now) -> None:
+    """Fill what sensors show at the end of a step, or of central differences at t_k, with half the heat of p_k."""
+    shown, modes = now.shown, now.y.size
+    for k in range(rows.shape[0]):
+        shown.sensed[0, k], value = shown.sensed[1, k], 0.0
+        for j in range(modes):
+            value += rows[k, j] * now.y[j]
+        for q in range(now.tau.size):
+            heat = 0.0
+            for i in range(now.impulse.size if s.method.central else 0):
+                heat += 0.5 * case.alpha * s.weight[q] * s.heat[q, i] * now.impulse[i]
+            value += rows[k, modes + q] * (now.tau[q] + heat)
+        shown.sensed[1, k] = value
 
 
 @inlined

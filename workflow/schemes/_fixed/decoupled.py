@@ -58,6 +58,8 @@ class Decoupled:
         φ_jᵀ b of a load that does not act on the tip, 1/√kg, ``(mode,)``.
     observed
         wᵀχ_l of another temperature than the tip's that is recorded, 1/√(J/K), ``(thermal mode,)``.
+    sensors
+        Rows of sensors, ``(sensor, mode + thermal mode)``.
     """
 
     frequency: Array
@@ -71,6 +73,7 @@ class Decoupled:
     shapes: Array
     heat_shapes: Array
     static_growth: Array
+    sensors: Array
     tangent: Array | None = None
     damping_matrix: Array | None = None
     load: Array | None = None
@@ -112,6 +115,7 @@ class Decoupled:
             to_thermal=self.to_thermal[:0],
             heat_shapes=self.heat_shapes[:, :0],
             static_growth=np.zeros(0),
+            sensors=self.sensors[:, : self.tip.size],
         )
 
 
@@ -132,6 +136,7 @@ def decouple(structure: Structure) -> Decoupled:
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
         static_growth=_static_growth(structure, mechanical, thermal, coupling),
+        sensors=structure.sensed(mechanical.shapes, thermal.shapes),
         tangent=None if structure.tangent is None else mechanical.shapes.T @ structure.tangent,
         damping_matrix=damper if damper.ndim == 2 else None,
         load=None if structure.load is None else mechanical.shapes.T @ structure.load,

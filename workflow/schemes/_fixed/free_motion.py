@@ -54,6 +54,8 @@ class FreeStep(NamedTuple):
     """Whether τ at a step's end includes the contact heat of that step; central differences add it in the next step."""
     observed: Array | None
     """Temperature that is recorded per τ, ``(thermal mode,)``; ``None`` for the tip's, the sum of all τ."""
+    sensors: Array
+    """Rows of sensors, see :class:`~workflow.schemes._fixed.sensing.Sensing`."""
 
 
 class State(NamedTuple):
@@ -72,6 +74,8 @@ class State(NamedTuple):
     """τ at the beginning of the last step."""
     tau_paired: Array
     """Either of the two: the τ that loads blocks near resonance."""
+    sensing: Array
+    """Of sensors by each case, ``(3, sensor, lane)``."""
 
 
 @inlined
@@ -131,6 +135,8 @@ class InitialState:
         m/s, K and K/s, ``(case,)``.
     closing, closing_rate
         Quasi-static tip growth of the known temperatures, m and m/s, ``(case,)``.
+    known
+        The known part of u and η, ``(2, block, case)``.
     drifting, steady
         Blocks of first order under constant loads, and the increment of u by these in a step, ``(block, case)``.
     """
@@ -144,6 +150,7 @@ class InitialState:
     warming: Array
     closing: Array
     closing_rate: Array
+    known: Array
     drifting: NDArray[np.int64]
     steady: Array
 
@@ -176,6 +183,7 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
         warming=project(modal.recorded, warming),
         closing=project(modal.static_growth, settled),
         closing_rate=project(modal.static_growth, warming),
+        known=known,
         drifting=drifting,
         steady=constant[0, drifting],
     )
@@ -206,8 +214,8 @@ def drives(blocks: Blocks, cases: Cases) -> Array:
     return contact_heat(blocks, cases) - blocks.of_impulses(blocks.modal.tip[:, None])
 
 
-def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64]) -> FreeStep:
-    """Return the coefficients of a step for kernels."""
+def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64], sensors: Array) -> FreeStep:
+    """Return the coefficients of a step for kernels, with the rows of sensors for them."""
     modal, step, scale = blocks.modal, blocks.step, blocks.modal.heat_scale
     h, (speed, place), (j, k) = step.tip.h, blocks.tip, blocks.pairs.T
     load, load_place = blocks.of_impulses((modal.tip if modal.load is None else modal.load)[:, None])[..., 0]
@@ -226,4 +234,5 @@ def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64]) -> 
         tip=tip,
         heat_counts=step.heat_counts,
         observed=None if modal.observed is None else modal.observed / scale,
+        sensors=sensors,
     )

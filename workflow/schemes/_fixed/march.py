@@ -61,6 +61,7 @@ from workflow.schemes._fixed.free_motion import (
 from workflow.schemes._fixed.loads import DriveRows, start_load, turn_drive, turn_load
 from workflow.schemes._fixed.outcome import effective_restitution
 from workflow.schemes._fixed.rows import Own
+from workflow.schemes._fixed.sensing import sense, sensing_of
 from workflow.schemes._fixed.stepping import Batch, CaseBlock, Ended, Now
 from workflow.schemes._interface import Sampling
 
@@ -337,6 +338,15 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock, account: Acc
         for first in range(in_broad, lanes, PACK):
             _step(step, law, now, state, block, account, narrow(first))
         balance.count_step(account, dense_of(account), step, state, now.last, lanes)
+        if step.sensors.shape[0] > 0 and (now.marked or now.next_marked):
+            sense(
+                step.sensors,
+                state,
+                tip.new_displacement if now.marked else tip.displacement,
+                now.t,
+                block.record.shown,
+                lanes,
+            )
         if now.marked:
             stepping.count_stored(k, block)
     store_heat(step, state, state.tau, lanes)
@@ -375,6 +385,7 @@ def _state(lanes: Mapping[str, Array], free: FreeStep) -> State:
         tau=lanes["tau"],
         tau_before=lanes["tau_before"],
         tau_paired=lanes["tau_before" if free.heat_counts else "tau"],
+        sensing=lanes["sensing"],
     )
 
 
@@ -393,7 +404,8 @@ def step_batch(
     For central differences that is the velocity half a step before t = 0.
     """
     modal, begun = blocks.modal, start(blocks, cases, velocity)
-    free = free_step(blocks, contact, begun.drifting)
+    sensing = sensing_of(blocks, cases, begun)
+    free = free_step(blocks, contact, begun.drifting, sensing.rows)
     watched = stepping.watch(structure, cases, sampling, blocks.step.tip.h, drive)
     states, rows_of_cases = begun.states, np.zeros((rows_in(Own), cases.count))
     own = named_rows(Own, rows_of_cases)
@@ -414,6 +426,7 @@ def step_batch(
             "steady": blocks.scale[begun.drifting, None] * begun.steady,
             "tau": tau,
             "tau_before": np.zeros_like(tau),
+            "sensing": sensing.own,
             **{f"law.{name}": values for name, values in law._asdict().items() if isinstance(values, np.ndarray)},
             **({} if balances is None else balances.rows),
         }

@@ -68,7 +68,11 @@ class Recorder:
         self.steps = self._watched.schedule.steps
         waiting = {"samples": np.zeros((4 * WAITING, cases.count))}  # each block's, from step to step
         table = lane_table({**rows_of(self._watched), **waiting})
-        self._rows, self._batch = table.cases["tip"], batch_of(self._watched, table, table.lanes["samples"], LANES)
+        self._rows, self._shown, self._batch = (
+            table.cases["tip"],
+            table.cases["shown"],
+            batch_of(self._watched, table, table.lanes["samples"], LANES),
+        )
         self._growth = static_tip_growth(structure)
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
         self._step = 0
@@ -106,6 +110,8 @@ class Recorder:
         tip.gap = self._casing()
         tip.new_displacement, tip.new_velocity = displacement[:, -1], velocity[:, -1]
         tip.new_temperature, tip.step_impulse = self._structure.observed_of(temperature), impulse
+        if self._structure.sensors is not None:
+            self._shown[0], self._shown[1] = self._shown[1], self._structure.sensors.of(displacement, temperature).T
         _count(self._step, self._batch)
 
     def _casing(self) -> Array:

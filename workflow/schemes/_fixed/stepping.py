@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import LANES, PACK, ROW, LaneTable, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
-from workflow.models import Array, Cases, Structure
+from workflow.models import Array, Cases, Structure, sensed_values
 from workflow.schemes._fixed import loads
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.contact import End
@@ -57,6 +57,10 @@ class BlockRecord(NamedTuple):
     periods: Array
     """Impulse, largest temperature, contact time, displacement, velocity and temperature at the end, and impacts,
     ``(case, 7, period)``."""
+    sensed: Array
+    """What sensors show at samples, ``(case, sensor, t)``."""
+    shown: Array
+    """What they show at the beginning and the end of the step that is sampled next, ``(2, sensor, lane)``."""
 
 
 class CaseBlock(NamedTuple):
@@ -116,6 +120,10 @@ def _close_periods(step: int, block: CaseBlock) -> None:
 def _sample(k: int, share: float, block: CaseBlock) -> None:
     """Interpolate sample k at a fraction ``share`` of the step; write ``WAITING`` samples at a time."""
     tip, waiting, histories = block.tip, block.record.samples, block.record.histories
+    sensed, shown = block.record.sensed, block.record.shown
+    for sensor in range(sensed.shape[1]):
+        for case in range(sensed.shape[0]):
+            sensed[case, sensor, k] = _between(shown[0, sensor, case], shown[1, sensor, case], share)
     slot = (k - 1) % WAITING
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
@@ -281,6 +289,9 @@ class Watch:
     """Output arrays, ``(case, 4, t)`` and ``(case, 7, period)``: see :class:`BlockRecord`."""
     period_due: NDArray[np.int64]
     period_weight: Array
+    sensed: Array
+    shown: Array
+    """Those of :class:`BlockRecord`, ``(case, sensor, t)`` and ``(2, sensor, case)``."""
 
     @property
     def tip(self) -> Tips:
@@ -343,12 +354,17 @@ def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, driv
 
     histories, record = np.empty((cases.count, 4, plan.due.size)), np.full((cases.count, 7, due.shape[1]), np.nan)
     histories[..., 0] = np.stack([tip.displacement, tip.velocity, tip.temperature, tip.impulse], axis=-1)
-    return Watch(cases, plan, sampling.interval, h, tip_loads(cases), tips, drive, histories, record, due, weight)
+    start = sensed_values(structure.sensors, cases)
+    sensed = np.full((*start.shape, plan.due.size), np.nan)
+    sensed[..., 0], shown = start, np.stack([start.T, start.T])
+    loads, outputs = tip_loads(cases), (histories, record, due, weight, sensed, shown)
+    return Watch(cases, plan, sampling.interval, h, loads, tips, drive, *outputs)
 
 
 def rows_of(watched: Watch) -> dict[str, Array]:
-    """Return the rows of a batch that every block has: load, tip and the drive, if any."""
-    return {"load": watched.loads, "tip": watched.tips, **({} if watched.drive is None else watched.drive._asdict())}
+    """Return the rows of a batch that every block has: load, tip, what sensors show, and the drive, if any."""
+    drive = {} if watched.drive is None else watched.drive._asdict()
+    return {"load": watched.loads, "tip": watched.tips, "shown": watched.shown, **drive}
 
 
 def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Batch:
@@ -365,7 +381,7 @@ def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Ba
         next_mark=np.ones((-(-count // width), 3), dtype=np.int64),  # the first step looks for the first mark
         next_period=np.zeros(count, dtype=np.int64),
     )
-    record = BlockRecord(watched.histories, samples, watched.periods)
+    record = BlockRecord(watched.histories, samples, watched.periods, watched.sensed, lanes["shown"])
     drive = None if watched.drive is None else DriveRows(*(lanes[name] for name in DriveRows._fields)).named
     load, tip = named_rows(TipLoads, lanes["load"]), named_rows(Tips, lanes["tip"])
     return Batch(
@@ -399,7 +415,13 @@ def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
         whole.marks.next_mark[first // batch.width],
         whole.marks.next_period[first:stop],
     )
-    record = BlockRecord(whole.record.histories[first:stop], whole.record.samples, whole.record.periods[first:stop])
+    record = BlockRecord(
+        whole.record.histories[first:stop],
+        whole.record.samples,
+        whole.record.periods[first:stop],
+        whole.record.sensed[first:stop],
+        whole.record.shown,
+    )
     return marks, record, -(-count // PACK) * PACK
 
 
@@ -417,7 +439,7 @@ def _blank_lost_samples(watched: Watch, case: int) -> None:
     histories, periods = watched.histories[case], watched.periods[case]
     bad = ~np.isfinite(histories).all(axis=0)
     first = int(np.argmax(bad)) if bad.any() else histories.shape[1] - 1
-    histories[:, first:] = np.nan
+    histories[:, first:] = watched.sensed[case, :, first:] = np.nan
     ends = np.arange(1, periods.shape[1] + 1)
     periods[:, ends > watched.cases.period_frequency[case] * watched.interval * (first - 1)] = np.nan
 
@@ -441,8 +463,11 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         _blank_lost_samples(watched, int(case))
     impulse, temperature, contact = record[:, :3].swapaxes(0, 1)
     periods = (watched.period_due < NEVER).sum(axis=1)
+    histories = dict(zip(HISTORIES, watched.histories.swapaxes(0, 1), strict=True))
+    if watched.sensed.shape[1]:
+        histories["sensor_value"] = watched.sensed
     return Results(
-        histories=dict(zip(HISTORIES, watched.histories.swapaxes(0, 1), strict=True)),
+        histories=histories,
         metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},
         period_impulse=impulse,
         period_temperature=temperature,

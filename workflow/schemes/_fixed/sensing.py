@@ -1,0 +1,113 @@
+"""What sensors show at the end of a step of packs, from the states of blocks, which lack load and contact of that step.
+
+In the θ-method modes are displaced by z = ξ + hθ v at a step's end. In central differences ξ, one step ahead of τ, is z
+at the time of the sample, which has half the heat of its impulse. Both are linear in u and η of the blocks, their
+response R to thermal modes and the known part by constant loads (:mod:`.free_motion`).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workflow.kernels.compiled import part
+from workflow.models import Array, Cases, project
+from workflow.schemes._fixed.blocks import Blocks
+from workflow.schemes._fixed.free_motion import InitialState, State, drives
+from workflow.schemes._interface import RefusedStructureError
+
+CONSTANT, RATE, IMPULSE = range(3)
+"""What a sensor shows of each case: by constant loads at t = 0, its rate, per unit impulse of contact in the step."""
+
+_TIP, _LOAD = -2, -1
+"""Columns after those of the states: per x_n, and per unit impulse of the load in the step."""
+
+
+class Sensing(NamedTuple):
+    """Rows of sensors in the states of a kernel."""
+
+    rows: Array
+    """Per u and per η of the blocks, per τ, per x_n, per impulse of the load, ``(sensor, 2 block + thermal + 2)``."""
+    own: Array
+    """``(3, sensor, case)``."""
+
+
+@part
+def sense(rows: Array, state: State, place: Array, t: float, shown: Array, lanes: int) -> None:
+    """Move what sensors show at the end of the last step to its beginning, and fill it at the end of this one, at t."""
+    motion, tau, own, sensing = state.motion, state.tau, state.own, state.sensing
+    blocks = motion.shape[0]
+    for s in range(rows.shape[0]):
+        for lane in range(lanes):
+            value = sensing[CONSTANT, s, lane] + sensing[RATE, s, lane] * t
+            value += sensing[IMPULSE, s, lane] * own.impulse[lane]
+            value += rows[s, _LOAD] * own.load[lane] + rows[s, _TIP] * place[lane]
+            for j in range(blocks):
+                value += rows[s, j] * motion[j, 0, lane] + rows[s, blocks + j] * motion[j, 1, lane]
+            for k in range(tau.shape[0]):
+                value += rows[s, 2 * blocks + k] * tau[k, lane]
+            shown[0, s, lane] = shown[1, s, lane]
+            shown[1, s, lane] = value
+
+
+def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> Sensing:
+    """Return the rows of the sensors of a structure in blocks.
+
+    Raises
+    ------
+    RefusedStructureError
+        Damping couples the modes, and the structure has several rigid motions: their blocks have no place.
+    """
+    modal, step = blocks.modal, blocks.step
+    modes, count = modal.frequency.size, len(modal.sensors)
+    x, theta = modal.sensors[:, :modes], modal.sensors[:, modes:]
+    per_tip = np.zeros(count)
+    rigid = np.flatnonzero(modal.frequency == 0)
+    if blocks.outward is not None and rigid.size and x[:, rigid].any():
+        if rigid.size > 1 or modal.tip[rigid[0]] == 0:
+            problem = "its damping couples the modes of several rigid motions, of which the scheme keeps no place"
+            raise RefusedStructureError(f"{problem} for sensors; event_driven does")
+        per_tip = x[:, rigid[0]] / modal.tip[rigid[0]]
+        x = x - per_tip[:, None] * modal.tip
+    places = _places(blocks)
+    motion = np.einsum("sm,mrb->srb", x, places)
+    lagged, responds = not step.heat_counts, np.einsum("srb,rbk->sk", motion, blocks.response)
+    heat = theta + (step.decay * responds if lagged else responds)
+    load = blocks.of_impulses((modal.tip if modal.load is None else modal.load)[:, None])[..., 0]
+    rows = np.hstack(
+        [
+            motion[:, 0] / blocks.scale,
+            motion[:, 1] / blocks.scale,
+            heat / modal.heat_scale,
+            per_tip[:, None],
+            np.einsum("srb,rb->s", motion, load)[:, None],
+        ]
+    )
+    both, gains = (
+        motion.reshape(count, 2 * blocks.damping.size),
+        (responds + (0.5 if lagged else 1.0) * theta) @ step.heat_gain,
+    )
+    ahead = step.tip.h if lagged else 0.0
+    own = np.stack(
+        [
+            _each(both, begun.known) + _each(theta, begun.settled) + ahead * _each(responds, begun.warming_modes),
+            _each(theta + responds, begun.warming_modes),
+            _each(both, drives(blocks, cases)) + gains[:, None] * cases.alpha,
+        ]
+    )
+    return Sensing(np.ascontiguousarray(rows), own)
+
+
+def _places(blocks: Blocks) -> Array:
+    """Return z of the modes, as a sample shows it, per u and η of the blocks, ``(mode, 2, block)``."""
+    lever = blocks.step.lever if blocks.step.heat_counts else 0.0
+    if blocks.outward is None:
+        one = np.eye(blocks.damping.size)
+        return np.stack([lever * one, one], axis=1)
+    return np.asarray(blocks.outward[1] + lever * blocks.outward[0])
+
+
+def _each(rows: Array, states: Array) -> Array:
+    """Return rows · states of each case, ``(sensor, case)``, with bits that do not depend on other cases."""
+    return project(rows, states.reshape(rows.shape[1], -1).T).T
