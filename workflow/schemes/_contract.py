@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,11 +113,12 @@ def _with_failed(results: Results, messages: dict[int, str]) -> Results:
 
     status = results.status.copy()
     status[lost] = Status.FAILED
+    periods: dict[str, Any] = {name: blank(getattr(results, name)) for name in PERIODS}
     return replace(
         results,
         histories={name: blank(values) for name, values in results.histories.items()},
         metrics={name: blank(values) for name, values in results.metrics.items()},
-        **{name: blank(getattr(results, name)) for name in PERIODS},
+        **periods,
         status=status,
         messages={**results.messages, **messages},
         sections={name: blank(values) for name, values in results.sections.items()},
