@@ -56,7 +56,7 @@ def test_a_case_goes_on_from_the_state_in_which_another_ended(
     structure: Structure, method: str, options: dict[str, Any], waves: dict[str, Any]
 ) -> None:
     """Every load acts, contact begins and ends; impacts magnify rounding."""
-    batch, over = everything_acts(structure, 2, e=[0.0, 0.4], **waves), sampling(0.02, 1e-3)
+    batch, over = everything_acts(structure, 2, e=[0.0, 0.4], gap=5e-6, **waves), sampling(0.02, 1e-3)
     whole, begun, rest = halves(structure, batch, 1e-5, over, method, **options)
     assert begun.metrics["contact_time"].min() > 0 or method == "event_driven"
     assert rest.metrics["contact_time"].max() > 0
