@@ -1,20 +1,14 @@
 """Sweeps: each point of an axis starts from the state in which the one before ended, and a line is one unit."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-import workflow.run._task as running
-from studies import SCENE
-from workflow.archive import content_hash, open_archive
 from workflow.cases import arrange
-from workflow.plan import plan_study
-from workflow.run import run_study, verify
 from workflow.schemes import Status
 from workflow.solve import _solve, solve
-from workflow.study import Study, StudyError, checks, read_study
+from workflow.study import Study, checks, read_study
 
 FREQUENCY = "scene.load.frequency"
 CHAIN: dict[str, Any] = {

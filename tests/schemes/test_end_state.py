@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import WAVES, cases, chain, everything_acts, heavy_chain, rubs, sampling, step, with_dashpot
-from workflow.models import Cases, Harmonics, Rayleigh, Structure, static_equilibrium
+from scenes import WAVES, chain, everything_acts, heavy_chain, sampling, step, with_dashpot
+from workflow.models import Cases, Harmonics, Rayleigh, Structure
 from workflow.schemes import Results, Sampling
 
 SMALL = heavy_chain(nodes=4)
@@ -16,6 +16,7 @@ COUPLED = with_dashpot(SMALL, 0, 2, 50.0)
 ELSEWHERE = replace(SMALL.matrices(), load=np.array([0.0, 1.0, 0.0, 0.5]))
 FREE = with_dashpot(chain(nodes=3, mass=0.01, stiffness=[0.0, 1e5, 1e5], damping=Rayleigh(10.0, 0.0)), 0, 1, 5.0)
 ADIABATIC = heavy_chain(nodes=4, conductance=[0.0, 0.605, 0.605, 0.605], convection=0.0)
+STRUCTURES = {"small": SMALL, "coupled": COUPLED, "away": ELSEWHERE, "free": FREE, "adiabatic": ADIABATIC}
 SCHEMES: list[tuple[str, dict[str, Any]]] = [
     ("event_driven", {}),
     ("moreau", {"theta": 1.0}),
@@ -44,13 +45,17 @@ def halves(
     """Return a motion, its first half, and what follows the end of that."""
     first = replace(over, duration=over.duration / 2, count=over.count // 2 + 1)
     begun = step(structure, batch, h, first, method, **options)
-    return step(structure, batch, h, over, method, **options), begun, step(
-        structure, later(batch, begun, first.duration), h, first, method, **options
+    return (
+        step(structure, batch, h, over, method, **options),
+        begun,
+        step(structure, later(batch, begun, first.duration), h, first, method, **options),
     )
 
 
 @pytest.mark.parametrize(("method", "options"), SCHEMES)
-@pytest.mark.parametrize("structure", [SMALL, COUPLED, ELSEWHERE, FREE, ADIABATIC], ids="small coupled away free adiabatic".split())
+@pytest.mark.parametrize(
+    "structure", [SMALL, COUPLED, ELSEWHERE, FREE, ADIABATIC], ids=["small", "coupled", "away", "free", "adiabatic"]
+)
 @pytest.mark.parametrize("waves", [{}, WAVES], ids=["still", "moving"])
 def test_a_case_goes_on_from_the_state_in_which_another_ended(
     structure: Structure, method: str, options: dict[str, Any], waves: dict[str, Any]

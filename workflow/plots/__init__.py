@@ -1,12 +1,12 @@
 """Pictures of an archive with Matplotlib; imported when something is drawn.
 
 For papers: ``histories``, ``contacts``, ``scene_map``, ``work_precision``, ``convergence``, ``sobol_indices``,
-``bifurcation`` and ``branches`` each draw a dataset as a ``Figure``.
+``bifurcation``, ``branches`` and ``sweep`` each draw a dataset as a ``Figure``.
 """
 
 from __future__ import annotations
 
-from workflow.plots._along import bifurcation, branches, metric_by_axis, sobol_indices
+from workflow.plots._along import bifurcation, branches, metric_by_axis, sobol_indices, sweep
 from workflow.plots._contacts import contacts
 from workflow.plots._maps import map_dims, middle, scene_map, single_maps
 from workflow.plots._precision import convergence, work_precision

@@ -163,6 +163,9 @@ def _under(kinds: Mapping[Law, Kind], remedy: str, others: Mapping[str, str]) ->
 INDICES = "sobol_indices"
 SAMPLES = ("latin_hypercube", "random", INDICES)
 
+SWEEP = "sweep"
+"""Attribute of the coordinate of a sweep in an archive."""
+
 POINT, MATRIX = "sample_point", "sample_matrix"
 """Coordinates of an archive along a drawn zip."""
 
