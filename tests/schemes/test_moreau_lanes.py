@@ -85,7 +85,7 @@ def test_idle_lanes_are_at_rest_far_from_their_casing() -> None:
     """Whatever stood in them before, so that they never make a pack look for contact."""
     structure = heavy_chain()
     cases = rubs(structure, LANES + 3, displacement=1e-5, casing_harmonics=[[1e-6, 300.0, 0.0]])
-    drive, cases = drive_of(cases, 1e-4, 0.5)
+    drive, cases = drive_of(cases, 1e-4, 0.5, 1e-3)
     watched = watch(structure, cases, sampling(1e-3, 1e-3), 1e-4, drive)
     batch = batch_of(watched, lane_table(rows_of(watched)), lane_rows(4 * WAITING), LANES)
     block = batch.whole

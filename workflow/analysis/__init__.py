@@ -30,6 +30,7 @@ from workflow.analysis._limits import (
     followed_axis,
     limit_sentence,
     limits,
+    swept_axis,
 )
 from workflow.analysis._notable import exact_partners, exact_place, is_exact, notable_cases, shown_place, total_error
 from workflow.analysis._recommend import (

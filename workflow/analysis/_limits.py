@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from workflow.analysis._cases import case_dims, coordinate_units, exact, labels, naming, unit_of
 from workflow.analysis._recommend import is_numerical
 from workflow.schemes import Status
+from workflow.study import SWEEP
 from workflow.variables import BY_NAME
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ _WORDS = {
 
 
 class NothingSteadyError(ValueError):
-    """The archive has neither steady rubs nor branches."""
+    """The archive has neither steady rubs nor branches, or a sweep."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,11 @@ def followed_axis(dataset: xr.Dataset) -> str | None:
     return next((name for name in along if name not in BY_NAME), None)
 
 
+def swept_axis(dataset: xr.Dataset) -> str | None:
+    """Return the axis that is swept in an archive, ``None`` where none is."""
+    return next((dim for dim in case_dims(dataset) if dim in dataset.coords and SWEEP in dataset[dim].attrs), None)
+
+
 def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
     """Return in which range of each axis rubs settle, touch nothing or stay in contact, and keep within bounds.
 
@@ -111,6 +117,8 @@ def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
     NothingSteadyError
         It has neither.
     """
+    if swept_axis(dataset) is not None:
+        raise NothingSteadyError("holds a sweep, whose points are no cases of their own; run its study with a list")
     if "steady_state" not in dataset:
         raise NothingSteadyError("holds no steady rubs; run its study with `output: {steady: true}`")
     faults, asked = _faults(dataset, bounds)

@@ -6,7 +6,7 @@ one of all other values: together they number a case.
 
 from workflow.cases._arrangement import TOLERANCE, Grid, Indices, arrange, decides_structure, reads
 from workflow.cases._choice import OF_REFERENCE, ChosenModes, choices_text, corner_text, read_choices
-from workflow.cases._conditions import FRICTION, Perturbation, alpha_of, cases_of, friction_of
+from workflow.cases._conditions import FRICTION, Perturbation, Start, alpha_of, cases_of, friction_of
 from workflow.cases._identity import case_hashes
 from workflow.cases._reference import (
     compared_values,

@@ -87,6 +87,22 @@ class Grid:
         """Number of cases for each of them."""
         return math.prod(self.inner_shape)
 
+    @property
+    def points(self) -> int:
+        """Number of points of a line, which are the innermost cases that follow each other; 1 without a sweep."""
+        return 1 if self.study.swept is None else len(self.study.swept.values)
+
+    def lines(self, inner: Indices) -> Indices:
+        """Return the inner indices of all points of the lines that some inner indices are of, ascending."""
+        return np.asarray((np.unique(inner // self.points)[:, None] * self.points + np.arange(self.points)).ravel())
+
+    def at_point(self, outer: int, point: int) -> CaseSettings:
+        """Return the settings of the cases of an outer index at a point of their sweep, by which operators are made."""
+        swept = self.study.swept
+        if swept is None or not fixes_operator(swept.path, self.study.scene.model):
+            return self.settings(outer)
+        return self.settings(outer, {swept.path: swept.values[point]})
+
     @cached_property
     def sampling(self) -> Sampling:
         """Common sampling of all histories."""
@@ -215,7 +231,13 @@ class Grid:
 
     def is_read(self, scheme: SchemeChoice) -> Callable[[str], bool]:
         """Return what tells whether a scheme's results depend on an axis of this study."""
-        return lambda path: self._acts(path) and reads(scheme.method, scheme.label, path)
+        swept = self.study.swept
+
+        def is_read(path: str) -> bool:
+            follows = swept is not None and path == swept.path  # a point has the state of those before
+            return follows or (self._acts(path) and reads(scheme.method, scheme.label, path))
+
+        return is_read
 
     def _acts(self, path: str) -> bool:
         """Tell whether an axis can change results: not a tolerance that decides no count."""
@@ -325,12 +347,13 @@ def arrange(study: Study, decided: Choices | None = None) -> Grid:
     """Order a study's dimensions: operators outermost, then conditions; ``decided`` as :attr:`Grid.choices`.
 
     The order depends on what varies, neither on how many values it has nor on its place in the file: an axis that
-    grows leaves the archive's dimensions as they are. Conditions that are mostly varied finely lie innermost.
+    grows leaves the archive's dimensions as they are. Conditions that are mostly varied finely lie innermost, and
+    within them the points of a sweep, whatever it varies.
     """
-    outer = [d for d in study.dimensions if any(fixes_operator(axis.path, study) for axis in d.axes)]
+    outer = [d for d in study.dimensions if not d.swept and any(fixes_operator(a.path, study) for a in d.axes)]
     inner = [d for d in study.dimensions if d not in outer]
     outer.sort(key=lambda d: (min(_outermost_first(axis.path) for axis in d.axes), d.name))
-    inner.sort(key=lambda d: (max(_innermost_last(axis.path) for axis in d.axes), d.name))
+    inner.sort(key=lambda d: (d.swept, max(_innermost_last(axis.path) for axis in d.axes), d.name))
     return Grid(study, tuple(outer), tuple(inner), decided or {})
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -13,14 +13,40 @@ from workflow import schemes
 from workflow.cases._structures import full_structure
 from workflow.declare import File, Values
 from workflow.judges.distances import perturbed
-from workflow.models import Array, Cases, Harmonics, Structure
+from workflow.models import Array, Cases, EndState, Harmonics, Structure
 from workflow.study import CaseSettings, Initial, Scene
 
 FRICTION = "scene.friction."
 """How the axes begin that make α."""
 
 
-def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Cases:
+class Start(NamedTuple):
+    """How the cases of a point of a sweep start: as those of the point before ended."""
+
+    displacement: Array
+    velocity: Array
+    temperature: Array
+    """In the coordinates in which initial states are given, ``(case, given)``."""
+    load_turns: Array
+    casing_turns: Array
+    """Parts of a turn by which their harmonics are ahead of the phases of the study, 1, ``(case, harmonic)``."""
+
+    @classmethod
+    def after(cls, end: EndState, cases: Cases, start: Start | None, duration: float) -> Start:
+        """Return the start after cases, with that of their own, which ended there after a time [s]."""
+        load, casing = (own.frequency * duration for own in (cases.load_harmonics, cases.casing_harmonics))
+        if start is not None:
+            load, casing = load + start.load_turns, casing + start.casing_turns
+        return cls(*end, load % 1.0, casing % 1.0)
+
+    def take(self, which: Any) -> Start:
+        """Return that of some cases."""
+        return Start(*(rows[which] for rows in self))
+
+
+def conditions(
+    settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int, start: Start | None = None
+) -> Cases:
     """Return the cases of a batch on the full structure; ``initial: static`` is left to ``at_rest``.
 
     A scheme that does not say that it reads e is given NaN: cases that differ in e alone are computed once.
@@ -35,6 +61,8 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         Values of the axes along which the cases differ, by path, each ``(case,)``.
     count
         Number of cases.
+    start
+        How they start, ``None`` for the initial state of the scene.
     """
     scene = settings.scene
 
@@ -55,6 +83,14 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         casing = replace(casing, phase=casing.phase + turns[:, 0])
         gaps, turns = gaps[:, :0], turns[:, :0]
     initial = Initial() if scene.initial == "static" else scene.initial  # see at_rest
+    begins = EndState(
+        of_node("scene.initial.displacement", initial.displacement),
+        of_node("scene.initial.velocity", initial.velocity),
+        of_node("scene.initial.temperature", initial.temperature, thermal),
+    )
+    if start is not None:
+        begins, load_harmonics = EndState(*start[:3]), load_harmonics.turned(start.load_turns)
+        casing = casing.turned(start.casing_turns)
     reads = schemes.load(settings.scheme.method).READS
     given = Cases(
         e=of_case("e", settings.e) if "e" in reads else np.full(count, np.nan),
@@ -63,9 +99,7 @@ def conditions(settings: CaseSettings, structure: Structure, varying: Mapping[st
         mean=of_case("scene.load.mean", load.mean),
         steady=of_node("scene.load.steady", load.steady),
         heating=of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), thermal),
-        displacement=of_node("scene.initial.displacement", initial.displacement),
-        velocity=of_node("scene.initial.velocity", initial.velocity),
-        temperature=of_node("scene.initial.temperature", initial.temperature, thermal),
+        **begins._asdict(),
         load_harmonics=load_harmonics,
         casing_harmonics=casing,
         friction=friction_of(settings, structure, varying, count),
@@ -180,17 +214,23 @@ class Perturbation:
 
 
 def cases_of(
-    settings: CaseSettings, varying: Mapping[str, Array], count: int, perturbation: Perturbation | None = None
+    settings: CaseSettings,
+    varying: Mapping[str, Array],
+    count: int,
+    perturbation: Perturbation | None = None,
+    start: Start | None = None,
 ) -> tuple[CaseSettings, Cases]:
     """Return settings, and their cases on the full structure, both with their data changed if asked.
 
-    See :func:`workflow.cases._conditions.conditions`.
+    See :func:`workflow.cases._conditions.conditions`; settings of cases with a ``start`` have no static one.
     """
+    if start is not None:
+        settings = replace(settings, scene=replace(settings.scene, initial=Initial()))
     if perturbation is None:
-        return settings, conditions(settings, full_structure(settings), varying, count)
+        return settings, conditions(settings, full_structure(settings), varying, count, start)
     share, scene = perturbation.direction * SHARE, settings.scene
     settings = replace(settings, scene=replace(scene, parameters=_changed(scene.parameters, share)))
-    cases = conditions(settings, full_structure(settings), varying, count)
+    cases = conditions(settings, full_structure(settings), varying, count, start)
     return settings, perturbed(cases, share, perturbation.reach)
 
 

@@ -35,8 +35,9 @@ _AT_ONCE = 50_000
 def case_hashes(grid: Grid) -> NDArray[np.uint8]:
     """Return the hash of every case in archive order, ``(case, HASH_BYTES)``, see :func:`hashes_of`."""
     hashes = np.empty((grid.outer_count, grid.inner_count, HASH_BYTES), np.uint8)
-    for first in range(0, grid.inner_count, _AT_ONCE):
-        inner = np.arange(first, min(first + _AT_ONCE, grid.inner_count), dtype=np.int64)
+    at_once = max(1, _AT_ONCE // grid.points) * grid.points  # whole lines
+    for first in range(0, grid.inner_count, at_once):
+        inner = np.arange(first, min(first + at_once, grid.inner_count), dtype=np.int64)
         for outer in range(grid.outer_count):
             hashes[outer, inner] = hashes_of(grid, outer, inner)
     return hashes.reshape(-1, HASH_BYTES)
@@ -50,8 +51,23 @@ def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
     and α that it reads, basis and mode counts (those that a tolerance decided, with the error that was found); what is
     asked of steady rubs, temperatures over a depth, sensors and events; and the reference in the same way: values in SI, to the bit.
     Labels, titles, the place in the grid, the precision and which histories are stored do not enter.
+
+    A point of a sweep has the hash of that of the point before and of its own; ``inner`` are whole lines then.
     """
-    settings = grid.settings(outer)
+    if grid.points == 1:
+        return _hashes_at(grid, outer, grid.settings(outer), inner)
+    lines = inner.reshape(-1, grid.points)
+    hashes = np.empty((*lines.shape, HASH_BYTES), np.uint8)
+    for point, some in enumerate(lines.T):
+        hashes[:, point] = _hashes_at(grid, outer, grid.at_point(outer, point), some)
+        for line in hashes if point else ():
+            chained = hashlib.sha256(line[point - 1].tobytes() + line[point].tobytes()).digest()
+            line[point] = np.frombuffer(chained[:HASH_BYTES], np.uint8)
+    return hashes.reshape(-1, HASH_BYTES)
+
+
+def _hashes_at(grid: Grid, outer: int, settings: CaseSettings, inner: Indices) -> NDArray[np.uint8]:
+    """Return the hashes of some cases that have the same settings but for what varies within a batch."""
     prefix = hashlib.sha256(json.dumps(_shared(grid, outer, settings), sort_keys=True).encode())
     rows = _rows(grid, outer, settings, grid.inner_values(inner), inner.size)
     content, size, digests = rows.tobytes(), rows.strides[0], bytearray()

@@ -155,6 +155,9 @@ def _lines(plan: Plan) -> Iterator[str]:
         yield f"  {value.path:{width}}  {value.text}{origin}"
     yield "  dimensions   " + (" × ".join(f"{name} {size}" for name, size in dims) or "none, a single case")
     yield f"  cases        {plan.cases}, of which {plan.unique} are computed"
+    if plan.points > 1:
+        lines = f"{plan.unique // plan.points} lines × {plan.points} points"
+        yield f"  sweep        {lines}, each from the state before; a line is one unit of work"
     if plan.references:
         yield f"  references   {plan.references}, and {plan.exact} exact solutions of reduced models to split errors"
     yield f"  work         {plan.batches} batches in {plan.tasks} tasks, {plan.steps:.4g} steps"

@@ -15,7 +15,7 @@ from typing import Any, Protocol, cast
 from threadpoolctl import ThreadpoolController
 
 from workflow.kernels import Array
-from workflow.models._cases import Cases, Harmonics, distinct_rows, period_frequency, project
+from workflow.models._cases import Cases, EndState, Harmonics, distinct_rows, period_frequency, project
 from workflow.models._contact_coordinates import ContactsLast, contacts_last, independent_rows
 from workflow.models._contact_system import (
     ContactBasis,

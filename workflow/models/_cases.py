@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array, elementwise
 from workflow.kernels.compiled import kernel
+
+
+class EndState(NamedTuple):
+    """States in which cases end: m, m/s and K, ``(case, coordinate)`` each."""
+
+    displacement: Array
+    velocity: Array
+    temperature: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +59,18 @@ class Harmonics:
     def reach(self) -> Array:
         """Bound Σ |a_k| of the sum, ``(case,)``."""
         return np.asarray(np.abs(self.amplitude).sum(axis=1))
+
+    def rounded(self, duration: float) -> tuple[Array, Array]:
+        """Return Σ |a_k| (1 + |ω_k| T) and of Σ |a_k ω_k| (1 + |ω_k| T), ``(case,)``.
+
+        Rounding of the sum and of its rate within a time T is relative to these.
+        """
+        size = np.abs(self.amplitude) * (1 + np.abs(self.angular) * duration)
+        return size.sum(axis=1), (size * np.abs(self.angular)).sum(axis=1)
+
+    def turned(self, turns: Array) -> Harmonics:
+        """Return the harmonics ahead by so many turns, 1, ``(case, harmonic)``."""
+        return replace(self, phase=self.phase + 2 * np.pi * turns)
 
     def __getitem__(self, which: Any) -> Harmonics:
         """Return the harmonics of some cases."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from workflow.declare import quantity
 from workflow.kernels import Array
-from workflow.models._cases import Cases, project
+from workflow.models._cases import Cases, EndState, project
 from workflow.models._contacts import Contacts
 from workflow.models._pair import MOST_FULL, DensePair, Pair
 from workflow.models._sensors import Sensors
@@ -72,6 +72,12 @@ class Coordinates:
             velocity=_brought(self.displacement_projection, cases.velocity),
             temperature=_brought(self.temperature_projection, cases.temperature),
         )
+
+    def given(self, state: EndState) -> EndState:
+        """Return states of the structure in these coordinates."""
+        x, v, theta = state
+        x, v = (_brought(self.displacement_basis, each) for each in (x, v))
+        return EndState(x, v, _brought(self.temperature_basis, theta))
 
     @property
     def condensed(self) -> tuple[int, int]:

@@ -43,8 +43,8 @@ class Plan:
         Names and sizes of the archive's dimensions, outermost first.
     scene
         Every value with its unit, and what was left to its default.
-    cases, unique
-        Cases of the archive, and those that are computed.
+    cases, unique, points
+        Cases of the archive, those that are computed, and how many of these follow each other in a line of a sweep.
     references, exact
         Reference solutions, and exact solutions of reduced models beside them, which split the errors.
     batches, tasks
@@ -75,6 +75,7 @@ class Plan:
     scene: tuple[ResolvedValue, ...]
     cases: int
     unique: int
+    points: int
     references: int
     exact: int
     batches: int
@@ -125,6 +126,7 @@ def _plan(grid: Grid) -> Plan:
         scene=resolved_values(grid.study, grid.settings(0)),
         cases=cases,
         unique=unique,
+        points=grid.points,
         references=references,
         exact=exact,
         batches=sum(batches),

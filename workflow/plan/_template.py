@@ -16,7 +16,7 @@ from workflow.cases import FRICTION, Grid, alpha_of, full_structure
 from workflow.plan._warnings import tip_cells
 from workflow.schemes import Status
 from workflow.solve import NOT_ASKED, metrics_of, periods_of, steady_of
-from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, Axis, Drawn, Study
+from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, SWEEP, Axis, Drawn, Study
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -82,6 +82,8 @@ HARMONIC = ("amplitude", "frequency", "order", "phase")
 
 WARNINGS = "warnings"
 """Attribute of an archive: what its plan warned of, a line each."""
+
+_SWEPT = "each point starts from the state in which the one before ended"
 
 _SOURCES = (
     "Thorin, Guérin, Legrand: Rotor–stator interaction: reduction of a nonsmooth thermo-elastic unidimensional model; "
@@ -209,7 +211,8 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
     axes = [(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes]
     for axis, dims in (*axes, *((axis, ()) for axis in study.scalars)):
         names.add(axis.name)
-        yield axis.name, _of_axis(axis, dims, moves if axis.name == "gap" else {})
+        more = moves if axis.name == "gap" else {SWEEP: _SWEPT} if axis == study.swept else {}
+        yield axis.name, _of_axis(axis, dims, more)
     for dimension in study.dimensions:
         if dimension.drawn is not None:
             yield from _design(dimension.name, dimension.drawn)

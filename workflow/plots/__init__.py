@@ -1,12 +1,12 @@
 """Pictures of an archive with Matplotlib; imported when something is drawn.
 
 For papers: ``histories``, ``contacts``, ``scene_map``, ``work_precision``, ``convergence``, ``sobol_indices``,
-``bifurcation``, ``branches`` and ``interaction_map`` each draw a dataset as a ``Figure``.
+``bifurcation``, ``branches``, ``interaction_map`` and ``sweep`` each draw a dataset as a ``Figure``.
 """
 
 from __future__ import annotations
 
-from workflow.plots._along import bifurcation, branches, metric_by_axis, sobol_indices
+from workflow.plots._along import bifurcation, branches, metric_by_axis, sobol_indices, sweep
 from workflow.plots._contacts import contacts
 from workflow.plots._interaction import interaction_map
 from workflow.plots._maps import map_dims, middle, scene_map, single_maps

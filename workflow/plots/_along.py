@@ -18,11 +18,13 @@ from workflow.analysis import (
     labels,
     labels_of,
     most_loaded,
+    place_text,
     sobol,
+    swept_axis,
     unit_of,
 )
 from workflow.plots._style import COLOURS, GREY, head, legend_below, new_figure, trim
-from workflow.plots._units import axis_of, in_units
+from workflow.plots._units import axis_of, in_units, scaled
 from workflow.study import POINT
 
 if TYPE_CHECKING:
@@ -154,6 +156,87 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
         panel.legend(fontsize=8, frameon=False)
     trim(panel)
     return figure
+
+
+STEADY = {
+    "period_displacement": "steady_max_displacement",
+    "period_displacement_min": "steady_min_displacement",
+    "period_temperature": "steady_max_temperature",
+}
+"""Variables of the steady rub whose load periods have others; those of other variables begin with ``steady_``."""
+
+
+def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch: xr.Dataset | None = None) -> Figure:
+    """Draw a variable along a sweep, of load periods that of the last of each point, and a branch behind it.
+
+    Of all other dimensions the smallest step, the most modes and the largest α are shown: select what else is shown
+    before. Of the branch its stable rubs are solid, unstable ones dashed.
+
+    Parameters
+    ----------
+    up, down
+        Archives with a sweep, of the same axis in both directions, or selections of their cases.
+    variable
+        One number for each case, as ``max_temperature``, or for each of its load periods, as ``period_impulse``.
+    branch
+        An archive of a branch along the same axis.
+
+    Raises
+    ------
+    ValueError
+        An archive has no sweep or no branch of that axis, or no such variable.
+    """
+    along = swept_axis(up)
+    if along is None:
+        raise ValueError("there is no sweep; write an axis as `{sweep: [from, to, count]}`")
+    if variable not in up or set(up[variable].dims) - {*case_dims(up), "contact", "period"}:
+        raise ValueError(f"`{variable}` is no number of a case or of its load periods")
+    drawn = [_swept(dataset, along, variable) for dataset in (up, down) if dataset is not None]
+    unit, factor = scaled(str(up[variable].attrs.get("units", "1")), np.concatenate([y for _, y in drawn]))
+    figure = new_figure(5.4, 3.9)
+    panel = figure.subplots()
+    if branch is not None:
+        name = _steady_name(branch, variable)
+        if followed_axis(branch) != along:
+            raise ValueError(f"there is no branch along `{along}`")
+        at = {dim: k for dim, k in finest(branch).items() if dim in branch["status"].dims}
+        x, y = np.asarray(branch[along].isel(at).values), np.asarray(branch[name].isel(at).values) * factor
+        stable = labels(branch["steady_state"]).isel(at).values != "unstable"
+        for shown, form, width, what in ((stable, "-", 4.0, "stable"), (~stable, "--", 1.6, "unstable")):
+            if shown.any():
+                label = f"branch, {what}"
+                panel.plot(x, np.where(shown, y, np.nan), form, color=GREY, alpha=0.7, lw=width, label=label)
+    for k, (x, y) in enumerate(drawn):
+        way, form = ("up", "^") if x[-1] > x[0] else ("down", "v")
+        panel.plot(x, y * factor, f"{form}-", color=COLOURS[k], ms=4, lw=0.8, label=f"sweep {way}")
+    which = "of the last load period at each point" if "period" in up[variable].dims else "at each point"
+    panel.set(xlabel=in_units(up[along])[1], ylabel=fill(f"{variable.replace('_', ' ')} [{unit or 1}]", 44))
+    trim(panel)
+    legend_below(figure, panel.get_legend_handles_labels(), 4)
+    shown = place_text(up, {dim: k for dim, k in finest(most_loaded(up)).items() if dim != along})
+    head(figure, fill(", ".join(filter(None, (f"{variable.replace('_', ' ')} {which}", shown))), 70))
+    return figure
+
+
+def _swept(dataset: xr.Dataset, along: str, variable: str) -> tuple[Any, Any]:
+    """Return the points of a sweep and a variable at them, of load periods the last."""
+    if swept_axis(dataset) != along or variable not in dataset:
+        raise ValueError(f"there is no sweep of `{variable}` along `{along}`")
+    dataset = most_loaded(dataset)
+    at = {dim: k for dim, k in finest(dataset).items() if dim != along}
+    values = np.asarray(dataset[variable].where(dataset["status"] == 0).isel(at).transpose(along, ...).values)
+    if values.ndim > 1:
+        last = np.maximum(np.isfinite(values).sum(axis=1) - 1, 0)
+        values = values[np.arange(last.size), last]
+    return np.asarray(dataset[along].values), values
+
+
+def _steady_name(branch: xr.Dataset, variable: str) -> str:
+    """Return the variable of a branch that a variable of load periods, or of a case, settles to."""
+    own = STEADY.get(variable, f"steady_{variable.removeprefix('period_')}")
+    if own not in branch:
+        raise ValueError(f"`{variable}` has no steady value; these have: {', '.join([*STEADY, 'period_impulse'])}")
+    return own
 
 
 def sobol_indices(dataset: xr.Dataset, *metrics: str) -> Figure:

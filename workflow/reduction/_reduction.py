@@ -24,6 +24,7 @@ from workflow.models import (
     Contacts,
     ContactsLast,
     DensePair,
+    EndState,
     Matrices,
     Pair,
     Sensors,
@@ -221,6 +222,12 @@ class Reduction:
         response = self.residual @ np.linalg.pinv(structure.contact_rows.normal @ self.residual)
         return small.following(contacts, full.displacement @ response)
 
+    def expanded(self, state: EndState) -> EndState:
+        """Return states of the reduced structure on the nodes, without what the residual flexibility yields."""
+        x, v = (project(self.displacement_basis, each) for each in state[:2])
+        carried = 0.0 if self.carried is None else project(self.carried, state.temperature)
+        return EndState(x + carried, v, project(self.temperature_basis, state.temperature))
+
     def given_in(self, coordinates: ContactsLast) -> Reduction:
         """Return the reduction of the structure whose contacts these coordinates put last."""
         x, theta = coordinates.displacements, coordinates.temperatures
@@ -244,6 +251,10 @@ class ReducedModel(NamedTuple):
     def project(self, cases: Cases) -> Cases:
         """Return cases given on the full structure in the coordinates of this one."""
         return cases if self.reduction is None else self.reduction.project(cases)
+
+    def expanded(self, state: EndState) -> EndState:
+        """Return states of this structure in the coordinates of the full one."""
+        return state if self.reduction is None else self.reduction.expanded(state)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -192,35 +193,49 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int, other: l
         np.errstate(over="ignore", invalid="ignore"),
     ):
         failed = int(np.sum(dataset["status"].values == Status.FAILED))
-        for number in numbers:
-            outer, inner = divmod(number, grid.inner_count)
-            solved = solve(grid, outer, np.array([inner]))
+        for number, k, outer, inner, solved in _solved_again(grid, numbers):
             case = case_of(dataset, number)
+            if int(case["status"]) == Status.FAILED:
+                continue
             stored = {name: case[name].values[np.newaxis] for name in dtypes if name in case}
             where = labels_of_case(dataset, number) or "the case"
             names = set(stored) - LEFT_OUT
-            again = {name: solved.values[name].astype(dtype) for name, dtype in dtypes.items() if name in names}
+            again = {n: solved.values[n][k : k + 1].astype(dtype) for n, dtype in dtypes.items() if n in names}
             unlike = list(differences(stored, again))
             if unlike and (other or grid.study.branch is not None):
                 is_branch = grid.study.branch is not None
-                allowed = followed(again) if is_branch else sensitivity(grid, outer, np.array([inner]), solved)
+                allowed = followed(again) if is_branch else sensitivity(grid, outer, inner, solved)
                 unlike = list(differences(stored, again, allowed))
                 lost = without_digits(again, allowed)
                 blurred += [f"{where} ({', '.join(lost)})"] if lost else []
             differ += [f"{where}: {text}" for text in unlike]
-            message = truncated_message(solved.messages.get(0, ""))
+            message = truncated_message(solved.messages.get(k, ""))
             kept = str(case["message"].item())
             if kept != message and not other:
                 differ.append(f"{where}: message {kept!r} stored, {message!r} now")
+    again_text = f"{len(numbers)} {'cases' if grid.points == 1 else 'lines of the sweep'} run again"
     how = f"within what rounding makes of each (other {', '.join(other)})" if other else "bit for bit"
     if not differ:
         left = "" if not failed else f"; {failed} that failed hold nothing to compare"
         left += f"; rounding leaves no digit to compare of {'; '.join(blurred[:MOST_DIFFERENCES])}" if blurred else ""
-        yield Check("sample", True, f"{len(numbers)} cases run again, the same {how}{left}")
+        yield Check("sample", True, f"{again_text}, the same {how}{left}")
     for text in differ[:MOST_DIFFERENCES]:
         yield Check("sample", False, text)
     if len(differ) > MOST_DIFFERENCES:
-        yield Check("sample", False, f"and {len(differ) - MOST_DIFFERENCES} more differences in {len(numbers)} cases")
+        yield Check("sample", False, f"and {len(differ) - MOST_DIFFERENCES} more differences: {again_text}")
+
+
+def _solved_again(grid: Grid, numbers: list[int]) -> Iterator[tuple[int, int, int, NDArray[np.int64], Solved]]:
+    """Yield each case by its number, its position among those run with it, their outer and inner indices, and them.
+
+    Of sweeps those are the cases of a line.
+    """
+    for number in numbers:
+        outer, inner = divmod(number, grid.inner_count)
+        line = grid.lines(np.array([inner]))
+        solved = solve(grid, outer, line)
+        for k, one in enumerate(line.tolist()):
+            yield outer * grid.inner_count + one, k, outer, line, solved
 
 
 def _other_versions(texts: dict[str, str]) -> list[str]:
@@ -254,7 +269,8 @@ def _origins(texts: dict[str, str]) -> set[str]:
 def _sample(path: Path, grid: Grid, texts: dict[str, str], count: int) -> list[int]:
     """Choose cases by the content hash: one of each scheme and status first, then any, while there is time.
 
-    Those that failed hold nothing to compare, and need not fail again: a machine was to blame, say.
+    Of the lines of a sweep the first points are chosen. Those that failed hold nothing to compare, and need not fail
+    again: a machine was to blame, say.
     """
     random = np.random.default_rng(int(texts.get("content_hash", "0")[:16], 16))
     with open_archive(path) as dataset:
@@ -265,8 +281,9 @@ def _sample(path: Path, grid: Grid, texts: dict[str, str], count: int) -> list[i
         kinds.setdefault((grid.settings(number // grid.inner_count).scheme.label, int(status[number])), number)
         if len(kinds) >= count:
             break
-    chosen = list(dict.fromkeys([*kinds.values(), *order.tolist()[:count]]))[:count]
-    seconds = {number: seconds_per_case(grid, number // grid.inner_count) for number in chosen}
+    lines = (number - number % grid.points for number in (*kinds.values(), *order.tolist()))
+    chosen = list(islice(dict.fromkeys(lines), count))
+    seconds = {number: grid.points * seconds_per_case(grid, number // grid.inner_count) for number in chosen}
     repeated: list[int] = []
     total = 0.0
     for number in sorted(chosen, key=seconds.__getitem__):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, Cases, Structure, couples_free_modes
+from workflow.models import Array, Cases, EndState, Structure, couples_free_modes
 
 HISTORIES = ("displacement", "velocity", "temperature", "impulse")
 """Tip histories that every scheme samples, each of shape ``(case, t)``."""
@@ -132,6 +132,9 @@ class Results:
     messages
         Why a case is not ok, by its position in the batch; deterministic, without addresses or paths. That of a
         case that is ok begins with :data:`EXTRAPOLATED`.
+    end
+        States at the end, in the structure's coordinates, from which the next point of a sweep starts; ``None`` of a
+        scheme that does not give them.
     """
 
     histories: dict[str, Array]
@@ -143,6 +146,7 @@ class Results:
     messages: dict[int, str]
     sections: dict[str, Array] = field(default_factory=dict)
     events: dict[str, Array] = field(default_factory=dict)
+    end: EndState | None = None
 
 
 def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
@@ -158,6 +162,7 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         wide = [_widened(a, width) if a.ndim > 1 and a.shape[-1] < width else a for a in arrays]
         return np.concatenate(wide)[order]
 
+    ends: list[Any] = [result.end for result in results]
     return Results(
         histories={name: joined([r.histories[name] for r in results]) for name in results[0].histories},
         metrics={name: joined([r.metrics[name] for r in results]) for name in results[0].metrics},
@@ -168,6 +173,7 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         messages={int(where[k]): text for where, r in parts for k, text in r.messages.items()},
         sections={name: joined([r.sections[name] for r in results]) for name in results[0].sections},
         events={name: joined([r.events[name] for r in results]) for name in results[0].events},
+        end=None if None in ends else EndState(*(np.concatenate(rows)[order] for rows in zip(*ends, strict=True))),
     )
 
 

@@ -16,6 +16,7 @@ from workflow.models import (
     Array,
     Cases,
     Chain,
+    EndState,
     Matrices,
     Sensor,
     Structure,
@@ -118,6 +119,26 @@ def as_run(settings: CaseSettings, cases: Cases, sensors: Watched = ()) -> tuple
     by = reduced(settings)
     structure, projected = _observed(by, None, sensors), model_on(by).project(cases)
     return structure, at_rest(structure, projected) if settings.scene.initial == "static" else projected
+
+
+def end_of(settings: CaseSettings, results: Results) -> EndState:
+    """Return the states in which cases ended, in the coordinates in which their initial states are given.
+
+    One contact with mass ends where its last sample is, to the bit.
+
+    Raises
+    ------
+    ContractError
+        The scheme does not give them.
+    """
+    if results.end is None:
+        raise schemes.ContractError("the scheme gives no `end`, the state from which the next point of a sweep starts")
+    model, full = model_on(reduced(settings)), full_structure(settings)
+    if model.structure.contacts is None:
+        for name, rows in results.end._asdict().items():
+            rows[:, -1] = results.histories[name][:, -1]
+    own = model.expanded(results.end)
+    return own if full.coordinates is None else full.coordinates.given(own)
 
 
 def run_batch(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -18,6 +18,7 @@ from workflow.cases import (
     Grid,
     Indices,
     Perturbation,
+    Start,
     cases_of,
     exact_settings,
     full_structure,
@@ -32,6 +33,7 @@ from workflow.solve._compile import KernelVariant
 from workflow.solve._operators import (
     as_run,
     compile_for,
+    end_of,
     judged,
     kernel_variant,
     projection_residual_of,
@@ -135,10 +137,12 @@ class Solved:
     """All variables of a batch, by name, each ``(case, …)``.
 
     ``messages`` holds, by position, what a case did that is not ok, and which errors of an ok one cannot be formed.
+    ``following`` is how the next points of a sweep start, NaN after a case that raised.
     """
 
     values: dict[str, NDArray[Any]]
     messages: dict[int, str]
+    following: Start | None = None
 
 
 def solve(
@@ -150,14 +154,15 @@ def solve(
 ) -> Solved:
     """Run the cases ``inner`` of one outer index.
 
-    Cases that differ only in axes their scheme does not read are run once; the reference may read
-    them, so each has its own errors. If the batch raises, its cases run one by one, and those that
-    raise have the status ``failed``. ``perturbation`` changes the data of the cases, not those of their reference;
-    ``solutions`` are those that errors are measured against, which are computed here if they are not given.
+    Cases that differ only in axes their scheme does not read are run once; the reference may read them, so each has its
+    own errors. Lines of a sweep are run from their first point on. If the batch raises, its cases run one by one, and
+    those that raise have the status ``failed``. ``perturbation`` changes the data of the cases, not those of their
+    reference; ``solutions`` are those that errors are measured against, which are computed here if they are not given.
     """
     settings = grid.settings(outer)
     first, where = np.unique(grid.inner_alike(inner, grid.is_read(settings.scheme)), return_inverse=True)
-    solved = _solve_or_tell(grid, outer, first, perturbation)
+    run = _solve_or_tell if grid.points == 1 else _march
+    solved = run(grid, outer, first, perturbation)
     values = {name: array[where] for name, array in solved.values.items()}
     if solutions is None:
         solutions = solutions_for(grid, Batch(outer, inner))
@@ -193,30 +198,75 @@ def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> d
     return basis
 
 
-def _solve_or_tell(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
+def _march(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
+    """Run lines of a sweep to the last point that is asked for, each from the state in which the one before ended.
+
+    After a point that is not ok its line cannot go on: the points that follow are ``failed``.
+    """
+    points, last, swept = grid.points, int((inner % grid.points).max()), grid.study.swept
+    assert swept is not None
+    lines, start, parts, numbers = np.unique(inner // points), None, list[Solved](), list[Indices]()
+    for point in range(last + 1):
+        solved = _solve_or_tell(grid, outer, lines * points + point, perturbation, start)
+        parts, numbers = [*parts, solved], [*numbers, lines * points + point]
+        ended = solved.values["status"] == Status.OK
+        for k in np.flatnonzero(~ended).tolist():
+            how = Status(int(solved.values["status"][k])).name.lower()
+            text = f"not run: the sweep ended at {swept.name} = {swept.values[point]!r}, which is {how}"
+            following = lines[k] * points + np.arange(point + 1, last + 1)
+            parts, numbers = [*parts, *[_failed(grid, text)] * following.size], [*numbers, following]
+        lines = lines[ended]
+        if not lines.size:
+            break
+        assert solved.following is not None
+        start = solved.following.take(ended)
+    marched, number = _joined(parts), np.concatenate(numbers)
+    rows = np.argsort(number)[np.searchsorted(np.sort(number), inner)]
+    values = {name: array[rows] for name, array in marched.values.items()}
+    return Solved(values, texts_of(marched.messages, rows))
+
+
+def _solve_or_tell(
+    grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None, start: Start | None = None
+) -> Solved:
     """Run distinct cases; if a batch raises, each case runs alone and the one that raises is ``failed``."""
     try:
         with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
-            return _solve_distinct(grid, outer, inner, perturbation)
+            return _solve_distinct(grid, outer, inner, perturbation, start)
     except (Exception, SystemExit) as error:  # whatever a model or scheme raises is that case's result
         if inner.size == 1:
             return _failed(grid, reason_of(error))
-        return _joined([_solve_or_tell(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
+        each = [slice(k, k + 1) for k in range(inner.size)]
+        parts = [_solve_or_tell(grid, outer, inner[k], perturbation, start and start.take(k)) for k in each]
+        return replace(_joined(parts), following=_following([part.following for part in parts]))
 
 
 def _joined(parts: list[Solved]) -> Solved:
-    """Put batches of one case each together, with the variables that all have: a branch that raised has more."""
+    """Put batches together, with the variables that all have: a branch that raised has more."""
     shared = [name for name in parts[0].values if all(name in part.values for part in parts)]
     values = {name: np.concatenate([part.values[name] for part in parts]) for name in shared}
-    return Solved(values, {k: part.messages[0] for k, part in enumerate(parts) if part.messages})
+    first = np.cumsum([0, *(part.values["status"].size for part in parts)]).tolist()
+    messages = {at + k: text for at, part in zip(first, parts, strict=False) for k, text in part.messages.items()}
+    return Solved(values, messages)
 
 
-def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
-    settings = grid.settings(outer)
+def _following(each: list[Start | None]) -> Start | None:
+    """Return how the next points of some cases start, one by one, NaN after one that raised; ``None`` if all did."""
+    known = next((one for one in each if one is not None), None)
+    if known is None:
+        return None
+    blank = Start(*(np.full_like(rows[:1], np.nan) for rows in known))
+    return Start(*map(np.concatenate, zip(*(one or blank for one in each), strict=True)))
+
+
+def _solve_distinct(
+    grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None, start: Start | None
+) -> Solved:
+    settings = grid.at_point(outer, int(inner[0]) % grid.points)
     if grid.study.branch is not None:
         compile_for(settings, grid.sampling.balances)
         return _joined([_followed(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
-    settings, cases = cases_of(settings, grid.inner_values(inner), inner.size, perturbation)
+    settings, cases = cases_of(settings, grid.inner_values(inner), inner.size, perturbation, start)
     if cases.contact_shape != grid.study.contact_shape:
         raise ValueError("its structure has another number of contacts than the archive; give it a study of its own")
     compile_for(settings, grid.sampling.balances)
@@ -243,7 +293,10 @@ def _solve_distinct(grid: Grid, outer: int, inner: Indices, perturbation: Pertur
     }
     lost = np.flatnonzero(np.isnan(values["growth_rate"])).tolist()
     unconverged = dict.fromkeys(lost, "growth_rate: the eigenvalues of the tip in contact did not converge")
-    return Solved(values, _joined_messages(results.messages, remarks, unconverged))
+    messages = _joined_messages(results.messages, remarks, unconverged)
+    if grid.points == 1:
+        return Solved(values, messages)
+    return Solved(values, messages, Start.after(end_of(settings, results), cases, start, grid.sampling.duration))
 
 
 def _followed(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:

@@ -170,7 +170,8 @@ def _costs(grid: Grid, outer: int) -> tuple[float, float, int]:
     full, structure = full_structure(settings), reduced_structure(settings)
     together = schemes.load(settings.scheme.method).TOGETHER
     stepped, couplings = map(grid.inner_distinct_count, (grid.is_read(settings.scheme), _decides_coupling))
-    packed = -(-stepped // PACK) * PACK if together > 1 else stepped
+    lines = stepped // grid.points
+    packed = -(-lines // PACK) * PACK * grid.points if together > 1 else stepped
     each = packed * seconds_per_case(grid, outer) + couplings * growth_seconds(structure)
     handling = handling_seconds(grid.sampling.count, len(grid.study.output.sampled))
     return setup_seconds(full, structure), each / count + handling, together
@@ -206,18 +207,19 @@ def model_seconds(grid: Grid, missing: NDArray[np.bool_] | None = None) -> float
 
 
 def _counts(grid: Grid, missing: NDArray[np.bool_] | None) -> NDArray[np.int64]:
-    """Return how many cases are computed of each outer index that is computed."""
+    """Return how many cases are computed of each outer index that is computed, of sweeps in whole lines."""
     inner = map(grid.inner_computed, grid.computed.tolist())
     if missing is None:
         return np.array([every.size for every in inner])
-    return np.array([np.count_nonzero(missing[k, every]) for k, every in zip(grid.computed, inner, strict=True)])
+    due = (missing[k, every].reshape(-1, grid.points) for k, every in zip(grid.computed, inner, strict=True))
+    return np.array([np.count_nonzero(lines.any(axis=1)) * grid.points for lines in due])
 
 
 def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None, threads: int = 1) -> Iterator[Task]:
     """Yield the tasks of a study in archive order, one at a time; only distinct results are computed.
 
     They cost the same, as far as cases that are stepped together allow: a pack of them is not split, a part of it
-    would cost as much.
+    would cost as much. Of a sweep they are those of whole lines, which cost as much whatever is stored of them.
 
     Parameters
     ----------
@@ -226,26 +228,33 @@ def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None, threads: int = 1
     threads
         Those that share the tasks.
     """
-    outer, (setup, each, together), counts = grid.computed.tolist(), costs(grid), _counts(grid, missing)
-    left, cases_left, most = model_seconds(grid, missing), int(counts.sum()), max(1, TASK_BYTES // bytes_per_case(grid))
+    outer, (setup, each, together) = grid.computed.tolist(), costs(grid)
+    each, counts, bytes_each = (
+        each * grid.points,
+        _counts(grid, missing) // grid.points,
+        bytes_per_case(grid) * grid.points,
+    )
+    left, lines_left, most = model_seconds(grid, missing), int(counts.sum()), max(1, TASK_BYTES // bytes_each)
     units = [min(most, unit(grid, *of_scheme)) for of_scheme in zip(each.tolist(), together.tolist(), strict=True)]
     usual = fair_seconds(left, threads)
-    number, batches, seconds, cases = 0, list[Batch](), 0.0, 0
+    number, batches, seconds, lines = 0, list[Batch](), 0.0, 0
     for k, once, one, least in zip(outer, setup.tolist(), each.tolist(), units, strict=True):
         due = grid.inner_computed(k)
         due = due if missing is None else due[missing[k, due]]
-        while due.size:
-            fair = left / max(1, round(left / usual), -(-cases_left // most))
-            if batches and (seconds + once + least * one / 2 > fair or cases + least > most):
+        begins = np.flatnonzero(np.diff(due // grid.points, prepend=-1))  # where a line begins, or each case
+        while begins.size:
+            fair = left / max(1, round(left / usual), -(-lines_left // most))
+            if batches and (seconds + once + least * one / 2 > fair or lines + least > most):
                 yield Task(number, tuple(batches), seconds)
-                number, left, cases_left = number + 1, left - seconds, cases_left - cases
-                batches, seconds, cases = [], 0.0, 0
+                number, left, lines_left = number + 1, left - seconds, lines_left - lines
+                batches, seconds, lines = [], 0.0, 0
                 continue
-            count = least * max(1, min(round((fair - seconds - once) / (least * one)), (most - cases) // least))
-            count = due.size if 2 * (due.size - count) < least else count  # less than a pack costs as much as one
-            inner, due = due[:count], due[count:]
-            batches.append(Batch(k, inner))
-            seconds, cases, once = seconds + once + inner.size * one, cases + inner.size, 0.0
+            count = least * max(1, min(round((fair - seconds - once) / (least * one)), (most - lines) // least))
+            count = begins.size if 2 * (begins.size - count) < least else count  # less than a pack costs as much as one
+            count = min(count, begins.size)
+            stop = begins[count] if count < begins.size else due.size
+            batches.append(Batch(k, due[begins[0] : stop]))
+            seconds, lines, once, begins = seconds + once + count * one, lines + count, 0.0, begins[count:]
     if batches:
         yield Task(number, tuple(batches), seconds)
 

@@ -11,7 +11,7 @@ from workflow.study.document import MODES, json_schema
 from workflow.study.files import packed, unpacked
 from workflow.study.mistakes import Mistake, StudyError
 from workflow.study.quantities import readable, udunits
-from workflow.study.ranges import MATRIX, POINT, Drawn
+from workflow.study.ranges import MATRIX, POINT, SWEEP, Drawn
 from workflow.study.settings import (
     AUTO,
     CHOSEN,

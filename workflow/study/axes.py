@@ -12,7 +12,7 @@ from workflow import models
 from workflow.models import Structure
 from workflow.study.forms import Entry
 from workflow.study.mistakes import Place, quoted
-from workflow.study.ranges import Content, Drawn, Followed, Value
+from workflow.study.ranges import Content, Drawn, Followed, Swept, Value
 from workflow.study.settings import AUTO, CHOSEN, FULL, MODES, TOLERANCE, Axis, Branch, Dimension, Scene
 from workflow.study.source import StudyText
 
@@ -89,6 +89,7 @@ class _Group:
     columns: dict[str, tuple[Value, ...]]
     name: str = ""
     drawn: Drawn | None = None
+    swept: bool = False
 
     def place_of(self, path: str) -> Place:
         """Return where an axis stands in the study."""
@@ -117,6 +118,8 @@ class Arrangement:
                     remedy = "follow one axis of what event_driven reads"
                     self.source.report(("axes", path), "cannot be followed", remedy)
                 self.followed[path] = content
+            elif isinstance(content, Swept):
+                self._take_sweep(path, content.values)
             elif isinstance(content, tuple):
                 self.groups.append(_Group(("axes", path), {path: content}))
             else:
@@ -129,6 +132,14 @@ class Arrangement:
             place = "axes" if axes else "zip"
             self.source.report((place,), f"come to {count} cases", f"keep them to {MOST_CASES:.0e}")
             self.source.refuse()
+
+    def _take_sweep(self, path: str, values: tuple[float, ...]) -> None:
+        if any(group.swept for group in self.groups):
+            self.source.report(("axes", path), "is a second sweep", "sweep one axis, and list the values of the other")
+        elif not (path in ("alpha", "scene.speed") or path.startswith(("scene.load.", "scene.friction."))):
+            remedy = "sweep a number of the load or of friction, `scene.speed` or `alpha`; list the values of this one"
+            self.source.report(("axes", path), "cannot be swept", remedy)
+        self.groups.append(_Group(("axes", path), {path: values}, swept=True))
 
     def _take_zip(self, name: str, zipped: Zip | Drawn) -> None:
         place: Place = ("zip", name)
@@ -214,7 +225,7 @@ class Arrangement:
         dimensions = []
         for group in self.groups:
             axes = tuple(axis(path, values) for path, values in group.columns.items())
-            dimensions.append(Dimension(group.name or axes[0].name, axes, group.drawn))
+            dimensions.append(Dimension(group.name or axes[0].name, axes, group.drawn, group.swept))
         branches = [Branch(axis(path, (one.low, one.high)), one.points) for path, one in self.followed.items()]
         scalars = tuple(axis(path, (value,)) for path, value in singles.items())
         return tuple(dimensions), scalars, branches[-1] if branches else None

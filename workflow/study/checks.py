@@ -46,6 +46,7 @@ def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     yield from _sensors(cases, sizes)
     yield from _branch(cases)
     yield from _speed(cases, source)
+    yield from _sweep(cases, source)
     yield from _start(cases, sizes, source)
     yield from _stops(cases, sizes, source)
     yield from _extent(cases, source)
@@ -312,6 +313,25 @@ def _speed(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
         models.structure_of(scene.model, models.at_speed(scene.model, scene.parameters, fastest))
     except models.UnusableMatricesError as error:
         yield source.place_of(path), error.problem, error.remedy
+
+
+def _sweep(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
+    """Refuse a sweep beside what looks at single cases, and steps that do not end with the duration."""
+    if cases.swept is None:
+        return
+    place: Place = ("axes", cases.swept.path)
+    drawn = any(dimension.drawn for dimension in cases.dimensions)
+    beside = {"a branch": cases.branch, "a reference": cases.reference, "`auto`": cases.is_auto, "drawn numbers": drawn}
+    for what in (what for what, there in beside.items() if there):
+        yield place, f"is a sweep beside {what}", "leave one of the two out, or write a list in the place of the sweep"
+    if any("h" in schemes.load(cases.schemes[label].method).READS for label in _labels(cases)):
+        steps = next(axis.values for axis in cases.axes() if axis.path == "h")
+        duration = Fraction(repr(cases.scene.duration))
+        for h in (float(h) for h in steps):
+            if (duration / Fraction(repr(h))).denominator != 1:
+                remedy = f"write e.g. {float(duration / max(1, round(duration / Fraction(repr(h))))):.12g} s"
+                yield source.axes.get("h", ("h",)), f"{h!r} s does not divide the duration, as a sweep needs", remedy
+                return
 
 
 def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:

@@ -15,8 +15,8 @@ from workflow.study.forms import Entry, Kind, Number, either, many, no_mapping, 
 from workflow.study.mistakes import quoted, wrong
 
 Value = float | int | str
-Law = Literal["lin", "log", "branch"]
-LAWS: tuple[Law, ...] = ("lin", "log", "branch")
+Law = Literal["lin", "log", "branch", "sweep"]
+LAWS: tuple[Law, ...] = ("lin", "log", "branch", "sweep")
 MOST_VALUES = 10**6
 MOST_POINTS = 10_000
 """Of a branch."""
@@ -49,12 +49,19 @@ class Followed(Range):
     points: int
 
 
-Content = Value | tuple[Value, ...] | Followed
-"""Of an axis: one value, which makes no dimension, several, or a range that is followed."""
+@dataclass(frozen=True)
+class Swept:
+    """Values of an axis each of which starts from the state in which the one before ended."""
+
+    values: tuple[float, ...]
+
+
+Content = Value | tuple[Value, ...] | Followed | Swept
+"""Of an axis: one value, which makes no dimension, several, or a range that is followed or swept."""
 
 
 def axis_values(kind: Kind, zipped: bool = False) -> Kind:
-    """Return the kind of an axis: a scalar, a list, or ``{LAW: [first, last, count]}``, LAW lin, log or branch."""
+    """Return the kind of an axis: a scalar, a list, or ``{LAW: [first, last, count]}``, one of LAWS."""
 
     def choose(value: Any) -> int:
         if isinstance(value, dict):
@@ -73,8 +80,8 @@ def axis_values(kind: Kind, zipped: bool = False) -> Kind:
     kinds = [many(one, minItems=1)]
     if isinstance(kind, Number):
         laws = LAWS[:2] if zipped or kind.whole else LAWS
-        followed = "write a list or lin: a branch is followed along a real-valued axis of its own"
-        kinds.append(_under({law: _spread(law, kind) for law in laws}, _SPREAD, {"branch": followed}))
+        own = "write a list or lin: a branch is followed, and a sweep made, along a real-valued axis of its own"
+        kinds.append(_under({law: _spread(law, kind) for law in laws}, _SPREAD, dict.fromkeys(LAWS[2:], own)))
     return either(choose, *kinds, *([] if zipped else [one]))
 
 
@@ -99,6 +106,8 @@ def _spread(law: Law, kind: Number) -> Kind:
         if law == "branch":
             return Followed(law, first, last, size)
         values = Range(law, first, last).spread(size)
+        if law == "sweep":
+            return Swept(values)
         if not kind.whole:
             return values
         if any(each != int(each) for each in values):
@@ -123,7 +132,8 @@ def between(kind: Number) -> Kind:
 
     remedy = "write [low, high] or {log: [low, high]}"
     lin, log = (_some((kind, kind), "no range", remedy, partial(build, law)) for law in LAWS[:2])
-    return either(no_mapping, _under({"log": log}, remedy, {"lin": "write [low, high]", "branch": remedy}), lin)
+    others: dict[str, str] = {"lin": "write [low, high]", **dict.fromkeys(LAWS[2:], remedy)}
+    return either(no_mapping, _under({"log": log}, remedy, others), lin)
 
 
 def _some(kinds: tuple[Kind, ...], otherwise: str, remedy: str, build: Callable[[Any], Any]) -> Kind:
@@ -152,6 +162,9 @@ def _under(kinds: Mapping[Law, Kind], remedy: str, others: Mapping[str, str]) ->
 
 INDICES = "sobol_indices"
 SAMPLES = ("latin_hypercube", "random", INDICES)
+
+SWEEP = "sweep"
+"""Attribute of the coordinate of a sweep in an archive."""
 
 POINT, MATRIX = "sample_point", "sample_matrix"
 """Coordinates of an archive along a drawn zip."""

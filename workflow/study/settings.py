@@ -232,11 +232,15 @@ class Axis:
 
 @dataclass(frozen=True)
 class Dimension:
-    """A dimension of the archive: one axis, or axes that vary together, as listed or as drawn."""
+    """A dimension of the archive: one axis, or axes that vary together, as listed or as drawn.
+
+    Of one that is ``swept`` each point starts from the state in which the one before ended.
+    """
 
     name: str
     axes: tuple[Axis, ...]
     drawn: Drawn | None = None
+    swept: bool = False
 
     @property
     def size(self) -> int:
@@ -304,6 +308,11 @@ class CaseSpace:
     def contact_shape(self) -> tuple[int, ...]:
         """Shape of what each of several contacts has: their number; none for one contact."""
         return (len(self.contacts),) if self.contacts else ()
+
+    @property
+    def swept(self) -> Axis | None:
+        """The axis that is swept, ``None`` where none is."""
+        return next((dimension.axes[0] for dimension in self.dimensions if dimension.swept), None)
 
     @property
     def samples(self) -> int:

@@ -116,7 +116,7 @@ class Study(CaseSpace):
             "schemes": {
                 label: {"method": choice.method, **plain(choice.options)} for label, choice in self.schemes.items()
             },
-            "dimensions": [_without_empty(dimension, "drawn") for dimension in self.dimensions],
+            "dimensions": [_without_empty(dimension, "drawn", "swept") for dimension in self.dimensions],
             "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
             "reference": None if self.reference is None else dict(self.reference.values),
             **({} if self.branch is None else {"branch": dataclasses.asdict(self.branch)}),

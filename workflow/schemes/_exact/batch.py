@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import elementwise
-from workflow.models import Array, Cases, Sensors, Structure, distinct_rows, project
+from workflow.models import Array, Cases, EndState, Sensors, Structure, distinct_rows, project
 from workflow.schemes._exact.event_loop import (
     COMPLETED,
     INSEPARABLE,
@@ -45,7 +45,7 @@ _REGIME_BYTES = 2**24
 """Memory of the held regimes that are known at a time."""
 
 _ROUNDING = 4.0 * 2.220446049250313e-16
-"""Relative difference of velocities up to which a tip moves with its casing: four roundings."""
+"""Difference up to which a tip is on its casing, or moves with it, relative to what is rounded: four roundings."""
 
 _NEARLY_ELASTIC = 0.99
 """Restitution above which the message on the budget of events states how many impacts it takes to come to rest."""
@@ -150,6 +150,13 @@ def status_of(ended: NDArray[np.int64]) -> NDArray[np.int8]:
     return status
 
 
+def state_of(shapes: Array, heat_shapes: Array, modal: Array) -> EndState:
+    """Return the states of cases by those of their modes [y, y', τ], ``(case, number)``."""
+    n = shapes.shape[1]
+    y, v, tau = np.split(modal, [n, 2 * n], axis=1)
+    return EndState(project(shapes, y), project(shapes, v), project(heat_shapes, tau))
+
+
 def events_of(record: Record, count: Array) -> dict[str, Array]:
     """Return :attr:`Results.events` of a record, and how many events there were, ``(case,)``; none if none are asked."""
     events = record.asked.events
@@ -193,9 +200,11 @@ class BatchRun:
         """Return the results of the batch."""
         status = status_of(self.ended)
         metrics = self._metrics(status == Status.OK, self.record.histories[:, 0])
+        free, modal = self.operator.basis.free, self.conditions.modal
         given = {"metrics": metrics, "status": status, "messages": self._messages()}
-        events = events_of(self.record, np.where(status == Status.OK, self.record.tally["events"], np.nan))
-        return results_of(self.record, self.cases, self.periods, self.operator.sensors, events=events, **given)
+        given["end"] = state_of(free.shapes, free.heat_shapes, modal)
+        given["events"] = events_of(self.record, np.where(status == Status.OK, self.record.tally["events"], np.nan))
+        return results_of(self.record, self.cases, self.periods, self.operator.sensors, **given)
 
     def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:
         """Return the metrics; those of cases that did not complete are NaN, except ``steps``."""
@@ -255,8 +264,10 @@ def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Cas
     sin, cos = elementwise.sine_cosine(waves[:, :, wave.PHASE])
     turning = waves[:, :, wave.OMEGA] * (casing * cos)
     speed = cases.velocity[:, -1] - _added(np.zeros(cases.count), turning)
-    bound = np.abs(waves[:, :, wave.OMEGA] * casing)
+    distance = _added(gap, casing * sin) - cases.displacement[:, -1]
     states = [project(basis.to_modes, cases.displacement), project(basis.to_modes, cases.velocity)]
+    lengths, speeds = cases.casing_harmonics.rounded(duration)
+    lengths, speeds = lengths + np.abs(gap), speeds + project(np.abs(basis.tip), np.abs(states[1]))
     return Case(
         free=np.where(cases.heated, 1, 0),
         held=np.zeros(cases.count, dtype=np.int64),
@@ -271,8 +282,8 @@ def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Cas
         mobility=basis.mobility - cases.friction * basis.tangential,
         drag=project(basis.damped_tip, struck) / project(basis.tip, struck),
         jump=np.hstack([np.zeros_like(struck), -struck, alpha * basis.free.heat_tip]),
-        distance=_added(gap, casing * sin) - cases.displacement[:, -1],
-        speed=np.where(np.abs(speed) <= _ROUNDING * _added(np.zeros(cases.count), bound), 0.0, speed),
+        distance=np.where(np.abs(distance) <= _ROUNDING * lengths, 0.0, distance),
+        speed=np.where(np.abs(speed) <= _ROUNDING * speeds, 0.0, speed),
         reach=_added(np.abs(gap), np.abs(casing)),
         modal=np.hstack([*states, project(basis.to_thermal, cases.temperature)]),
         heat_jump=basis.heat_jump,

@@ -20,6 +20,7 @@ from workflow.schemes._exact.batch import (
     loads_of,
     record_of,
     results_of,
+    state_of,
     status_of,
 )
 from workflow.schemes._exact.closed_sets import fill_set, row_length
@@ -153,6 +154,7 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
         events=events_of(record, np.where(ended == COMPLETED, progress["listed"], np.nan)),
         metrics=_metrics(operator, cases, sampling, record, progress, ended == COMPLETED, modal),
         status=status_of(ended),
+        end=state_of(basis.shapes, basis.heat_shapes, modal),
         messages={int(i): _failure(int(ended[i]), progress[i], operator) for i in np.flatnonzero(ended != COMPLETED)},
     )
 

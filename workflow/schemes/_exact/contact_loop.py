@@ -436,6 +436,10 @@ def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, 
         own.distance[c] = own.casing[0, c] - place
         own.approach[c] = speed - own.casing[1, c]
         at.length = max(at.length, abs(place))
+        for i in range(case.acting if struck < 0 else 0):  # the casing may be as an earlier case left it
+            omega = abs(case.waves[i, wave.OMEGA])
+            turned = omega * case.duration * (abs(case.casing[i, 0, c]) + abs(case.casing[i, 1, c]))
+            size, turning = size + turned, turning + omega * turned
         if own.wanted[c]:
             own.kinds[c], own.approach[c] = _RESTING, 0.0
         elif c == struck or abs(own.distance[c]) <= 4.0 * SUM_ROUNDING * (at.length + size):

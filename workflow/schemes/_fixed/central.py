@@ -167,7 +167,8 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     contact, h, blocks = operator.contact, operator.h, operator.blocks if heated else operator.blocks.without_heat()
-    w, (drive, _) = blocks.step.delassus(blocks.modal, cases.alpha, cases.friction), drive_of(cases, h, theta=0.0)
+    w = blocks.step.delassus(blocks.modal, cases.alpha, cases.friction)
+    drive, _ = drive_of(cases, h, 0.0, sampling.duration)
     before = _half_step_before(blocks.modal, cases, h)
     ended = step_batch(operator.structure, blocks, contact, w, cases, before, sampling, drive)
     # squared: the state of a growing contact may be finite where its energy is not

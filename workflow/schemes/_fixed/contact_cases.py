@@ -13,7 +13,7 @@ from workflow.kernels import Array, elementwise
 from workflow.kernels.algebra import eigenvalues
 from workflow.kernels.lanes import named_rows, rows_in
 from workflow.models import Cases, ContactBasis, Structure, analyse_contacts, poles, project, stops_together
-from workflow.schemes._exact.batch import record_of, results_of
+from workflow.schemes._exact.batch import record_of, results_of, state_of
 from workflow.schemes._exact.contact_batch import conditions_of, fill_first_sample, static_growth, with_contacts
 from workflow.schemes._exact.contact_motion import ContactCase
 from workflow.schemes._exact.event_loop import COMPLETED, NO_IMPACT_LAW, NOT_FINITE
@@ -109,7 +109,7 @@ def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool)
     content = operator.structure.content @ basis.heat_shapes
     begun = conditions.modal.copy()
     deepest, sums = np.zeros((cases.count, basis.contacts.count)), np.zeros(cases.count, dtype=SUMS)
-    ending = Ending(ended, deepest, sums, Balancing(sampling.balances, content))
+    ending = Ending(ended, deepest, sums, Balancing(sampling.balances, content), begun.copy())
     step_cases(step, conditions, casing, which, split, marks, memory(step, len(basis.sensors)), ending)
     tally, completed = record.tally, ended == COMPLETED
     each = completed.reshape(-1, *(1,) * (tally.ndim - 1))
@@ -124,8 +124,9 @@ def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool)
     metrics |= {name: np.where(completed, values, np.nan) for name, values in own.items()}
     metrics["steps"] = np.full(cases.count, float(when.steps))
     status, messages = _judge(operator, cases, ended, split.tally["time"][:, 0])
-    sensors = operator.structure.sensors
-    return results_of(record, cases, periods, sensors, metrics=metrics, status=status, messages=messages)
+    given = {"metrics": metrics, "status": status, "messages": messages}
+    given["end"] = state_of(basis.shapes, basis.heat_shapes, ending.state)
+    return results_of(record, cases, periods, operator.structure.sensors, **given)
 
 
 def _balance(
@@ -178,9 +179,11 @@ def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: A
     begun = np.stack([x - place, v - begins], axis=1)
     if basis.contacts.is_compliant or central:
         return begun
-    length = project(np.abs(rows), np.abs(cases.displacement)) + np.abs(cases.clearances) + own.reach[:, None]
-    speed = project(np.abs(rows), np.abs(cases.velocity)) + np.abs(own.amplitude * own.angular).sum(axis=1)[:, None]
-    held = (np.abs(x - place) <= _AT_REST * length) & (np.abs(v - moves) <= _AT_REST * speed)
+    lengths, speeds = (each[:, None] for each in own.rounded(conditions.duration))
+    lengths = lengths + project(np.abs(rows), np.abs(cases.displacement)) + np.abs(cases.clearances)
+    speeds = speeds + project(np.abs(rows), np.abs(cases.velocity))
+    beside = np.fmin(np.abs(v - moves), np.abs(v - begins))
+    held = (np.abs(x - place) <= _AT_REST * lengths) & (beside <= _AT_REST * speeds)
     for i in np.flatnonzero(held.any(axis=1)):
         modal[i] += np.linalg.pinv(basis.normal[held[i]]) @ (begins - v)[i, held[i]]
         begun[i, 1] = basis.normal @ modal[i] - begins[i]

@@ -264,12 +264,16 @@ class Balancing(NamedTuple):
 
 
 class Ending(NamedTuple):
-    """How cases ended, ``(case,)``, the largest penetration, m, ``(case, contact)``, and :data:`SUMS` of each."""
+    """How cases ended, ``(case,)``, the largest penetration, m, ``(case, contact)``, and :data:`SUMS` of each.
+
+    ``state`` is [y, y', τ] at the end, ``(case, number)``.
+    """
 
     ended: NDArray[np.int64]
     penetration: Array
     sums: Any
     balancing: Balancing
+    state: Array
 
 
 @kernel
@@ -299,6 +303,19 @@ def step_cases(
         ending.ended[i] = _march(s, of_case(cases, i), casing_of_case, mine, own, now, ending.balancing, ending.sums[i])
         for c in range(now.place.size):
             ending.penetration[i, c] = now.shown.deepest[c]
+        _fill_state(s, cases.alpha[i], now, ending.state[i])
+
+
+@part
+def _fill_state(s: Stepping, alpha: float, now: Now, state: Array) -> None:
+    """Fill [y, y', τ] after the last step; of central differences those that are shown at its beginning."""
+    n, central = now.y.size, s.method.central
+    for j in range(n):
+        state[j], state[n + j] = now.y[j], 0.5 * (now.v[j] + now.free[j]) if central else now.v[j]
+    for q in range(now.tau.size):
+        state[2 * n + q] = now.tau[q]
+        for i in range(now.impulse.size if central else 0):
+            state[2 * n + q] += 0.5 * alpha * s.weight[q] * s.heat[q, i] * now.impulse[i]
 
 
 @part

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from workflow.kernels.compiled import inlined
 from workflow.kernels.lanes import ROW
 from workflow.kernels.packs import Lane, Pack, pack, shared
-from workflow.models import Array, Cases, project
+from workflow.models import Array, Cases, EndState, project
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.rows import Own
@@ -129,20 +129,21 @@ class InitialState:
         Remaining u and η, ``(2, block, case)``.
     heat
         Remaining τ, ``(thermal mode, case)``.
+    known
+        The static response in the blocks, ``(2, block, case)``.
     settled, warming_modes
         Modal temperatures of the known part, and their rate [1/s], ``(thermal mode, case)``.
     drift, warmth, warming
         m/s, K and K/s, ``(case,)``.
     closing, closing_rate
         Quasi-static tip growth of the known temperatures, m and m/s, ``(case,)``.
-    known
-        The known part of u and η, ``(2, block, case)``.
     drifting, steady
         Blocks of first order under constant loads, and the increment of u by these in a step, ``(block, case)``.
     """
 
     states: Array
     heat: Array
+    known: Array
     settled: Array
     warming_modes: Array
     drift: Array
@@ -150,7 +151,6 @@ class InitialState:
     warming: Array
     closing: Array
     closing_rate: Array
-    known: Array
     drifting: NDArray[np.int64]
     steady: Array
 
@@ -176,6 +176,7 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
     return InitialState(
         states=states,
         heat=heat.T,
+        known=known,
         settled=settled.T,
         warming_modes=warming.T,
         drift=project(speed, known[0].T) + project(place, known[1].T),
@@ -183,10 +184,66 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
         warming=project(modal.recorded, warming),
         closing=project(modal.static_growth, settled),
         closing_rate=project(modal.static_growth, warming),
-        known=known,
         drifting=drifting,
         steady=constant[0, drifting],
     )
+
+
+@dataclass(frozen=True, eq=False)
+class LastStep:
+    """What kernels leave of the last step, t seconds after the start, which load and contact have not moved yet.
+
+    ``motion`` is u and η, ``drives`` their changes by a unit impulse of contact, ``(2, block, case)``; ``heat`` is τ,
+    ``(thermal mode, case)``, ``load`` and ``contact`` are impulses, ``place`` is x_n, ``(case,)``.
+    """
+
+    t: float
+    motion: Array
+    drives: Array
+    heat: Array
+    load: Array
+    contact: Array
+    place: Array
+
+    def ended(self, blocks: Blocks) -> Array:
+        """Return u and η moved by load and contact."""
+        direction = blocks.modal.tip if blocks.modal.load is None else blocks.modal.load
+        return np.asarray(self.motion + self.drives * self.contact + blocks.of_impulses(direction[:, None]) * self.load)
+
+    def before(self, blocks: Blocks, begun: InitialState) -> Array:
+        """Return u and η at the step's beginning, moved by load and contact there: :meth:`Blocks.ahead` reversed."""
+        h, c, k = blocks.step.tip.h, blocks.damping[:, None], blocks.stiffness[:, None]
+        motion = self.motion.copy()
+        motion[0, begun.drifting] -= begun.steady
+        for block, mode in blocks.pairs:
+            motion[:, block] -= blocks.thermal_load[:, block, mode, None] * self.heat[mode]
+        u = (motion[0] + h * k * motion[1]) / (1 - h * c + h * h * k)
+        return np.stack([u, motion[1] - h * u])
+
+
+def end_state(blocks: Blocks, cases: Cases, begun: InitialState, last: LastStep) -> EndState:
+    """Return the state after the last step; of central differences at t_k, with the velocity (w_k-½ + w_k+½)/2.
+
+    Modes that do not move the tip are not stepped: they end at rest.
+    """
+    modal, step, h = blocks.modal, blocks.step, blocks.step.tip.h
+
+    def in_modes(states: Array, heat: Array, t: float) -> Array:
+        return blocks.in_modes(states + begun.known + blocks.thermal_response(heat + begun.warming_modes * t))
+
+    heat, entered = last.heat, step.heat_gain[:, None] * (cases.alpha * last.contact)
+    if step.heat_counts:
+        velocity, places = in_modes(last.ended(blocks), heat, last.t)
+        z = places + step.lever * velocity
+    else:
+        before, places = in_modes(last.before(blocks, begun), heat, last.t)
+        after, _ = in_modes(last.ended(blocks), step.decay[:, None] * heat + entered, last.t + h)
+        velocity, z, heat = (before + after) / 2, places + h * before, heat + entered / 2
+    rigid = modal.frequency == 0
+    if blocks.outward is not None and (at_tip := np.sum(modal.tip[rigid] ** 2)) > 0:  # blocks have no ξ of them
+        z[rigid] += modal.tip[rigid, None] * ((last.place - project(modal.tip, z.T)) / at_tip)
+    tau = heat + begun.settled + begun.warming_modes * last.t
+    return EndState(project(modal.shapes, z.T), project(modal.shapes, velocity.T), project(modal.heat_shapes, tau.T))
 
 
 def first_free(blocks: Blocks, begun: InitialState) -> tuple[Array, Array, Array]:

@@ -20,7 +20,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow.kernels import elementary, elementwise
 from workflow.kernels.compiled import inlined, part
@@ -183,10 +182,11 @@ class DriveRows(NamedTuple):
         return Drive(load, casing, named_rows(Moving, self.moving))
 
 
-def drive_of(cases: Cases, h: float, theta: float) -> tuple[DriveRows | None, Cases]:
+def drive_of(cases: Cases, h: float, theta: float, duration: float) -> tuple[DriveRows | None, Cases]:
     """Return the drive of cases that are stepped with h and θ, ``(…, case)``, and the cases with their first velocity.
 
-    A tip that starts on the casing and moves with it, both up to rounding, has r = u = 0 and the velocity V(0).
+    A tip that starts on the casing and moves with it, both up to rounding, has r = u = 0 and the velocity V(0): its own
+    is ḋ(0), or V(0) where it ended pressed.
     """
     load, casing = cases.load_harmonics[:, 1:], cases.casing_harmonics
     if load.width + casing.width == 0:
@@ -196,7 +196,10 @@ def drive_of(cases: Cases, h: float, theta: float) -> tuple[DriveRows | None, Ca
     drive, state = rows.named, rows.named.state
     begins = _discrete_velocity(casing, gains, 0.0)
     apart, parting = cases.displacement[:, -1] - cases.casing_at(0.0), cases.velocity[:, -1] - begins
-    held = _moves_along(cases, apart)
+    lengths, speeds = casing.rounded(duration)
+    lengths, speeds = lengths + np.abs(cases.gap), speeds + np.abs(cases.velocity[:, -1])
+    beside = np.fmin(np.abs(parting), np.abs(cases.velocity[:, -1] - cases.casing_velocity_at(0.0)))
+    held = (np.abs(apart) <= _ROUNDING * lengths) & (beside <= _ROUNDING * speeds)
     state.mean_gap = cases.gap
     state.speed = _discrete_velocity(casing, gains, -h)
     state.apart, state.parting = np.where(held, 0.0, apart), np.where(held, 0.0, parting)
@@ -205,15 +208,6 @@ def drive_of(cases: Cases, h: float, theta: float) -> tuple[DriveRows | None, Ca
     for k, wave in enumerate(drive.casing):
         wave.speed_sine, wave.speed_cosine = gains[0][:, k], gains[1][:, k]
     return rows, replace(cases, velocity=velocity)
-
-
-def _moves_along(cases: Cases, apart: Array) -> NDArray[np.bool_]:
-    """Tell which tips start on the casing with its velocity ḋ(0), up to rounding, ``(case,)``."""
-    casing, x, v = cases.casing_harmonics, cases.displacement[:, -1], cases.velocity[:, -1]
-    lengths = np.abs(x) + np.abs(cases.gap) + casing.reach
-    speeds = np.abs(v) + np.abs(casing.amplitude * casing.angular).sum(axis=1)
-    beside = np.abs(v - cases.casing_velocity_at(0.0))
-    return np.asarray((np.abs(apart) <= _ROUNDING * lengths) & (beside <= _ROUNDING * speeds))
 
 
 def discrete_gains(amplitude: Array | float, angular: Array, h: float, theta: float) -> tuple[Array, Array]:

@@ -49,8 +49,10 @@ from workflow.schemes._fixed.free_motion import (
     TIP_PLACE,
     TIP_SPEED,
     FreeStep,
+    LastStep,
     State,
     drives,
+    end_state,
     ended,
     first_free,
     free_step,
@@ -78,6 +80,10 @@ FEW_ROWS = 60
 
 With more rows narrow packs were faster on the processor where it was measured; the bits are the same.
 """
+
+
+_MOVED = "motion", "drives"
+"""Rows of lanes that are scaled as blocks are."""
 
 
 class FreeTip(NamedTuple):
@@ -447,4 +453,10 @@ def step_batch(
     closing += project(modal.static_growth / modal.heat_scale, heat.T)
     own = named_rows(Own, ended["own"])
     rebounds = effective_restitution(own.approached, own.separated) if contact.rebounds else {}
-    return Ended(watched, closing, rebounds, None if balances is None else balances.result(ended, watched.elapsed))
+    motion, pushed = (ended[name].swapaxes(0, 1) / np.where(scale == 0, np.inf, scale)[:, 0] for name in _MOVED)
+    tau = ended["tau"] / modal.heat_scale[:, None]
+    last = LastStep(watched.elapsed, motion, pushed, tau, own.load, own.impulse, watched.tip.displacement)
+    end, audit = end_state(blocks, cases, begun, last), None
+    if balances is not None:
+        audit = balances.result(ended, watched.elapsed)
+    return Ended(watched, closing, rebounds, audit, end)

@@ -12,7 +12,7 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
 from workflow.kernels.lanes import LANES, lane_table, named_rows
-from workflow.models import Cases, Structure, project, static_tip_growth
+from workflow.models import Cases, EndState, Structure, project, static_tip_growth
 from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.plain_balance import PlainBalance
 from workflow.schemes._fixed.rows import Tips
@@ -137,4 +137,4 @@ class Recorder:
         closing = project(self._growth, reached)
         balance = None if self._balances is None else self._balances.result(self._states)
         outcome = judged(finite, np.zeros_like(finite), str, None, left)
-        return collect(Ended(watched, closing, {}, balance), *outcome)
+        return collect(Ended(watched, closing, {}, balance, EndState(*self._states)), *outcome)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import LANES, PACK, ROW, LaneTable, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
-from workflow.models import Array, Cases, Structure, sensed_values
+from workflow.models import Array, Cases, EndState, Structure, sensed_values
 from workflow.schemes._fixed import loads
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.contact import End
@@ -321,6 +321,8 @@ class Ended(NamedTuple):
     own: dict[str, Array]
     """Metrics of the scheme besides the common ones, ``(case,)``."""
     balance: Balance | None
+    end: EndState
+    """That at the end of the last step, in the structure's coordinates."""
 
 
 def period_marks(cases: Cases, periods: NDArray[np.int64], steps: int, h: float) -> tuple[NDArray[np.int64], Array]:
@@ -475,4 +477,5 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         status=status,
         messages=messages,
         sections=sections_of(record[:, 3:], periods, watched.histories[:, :3, 0]),
+        end=ended.end,
     )

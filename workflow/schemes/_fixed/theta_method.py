@@ -101,7 +101,8 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     h, blocks = operator.h, operator.blocks if heated else operator.blocks.without_heat()
-    w, (drive, stepped) = operator.delassus(h, cases.alpha, cases.friction), drive_of(cases, h, operator.theta)
+    w = operator.delassus(h, cases.alpha, cases.friction)
+    drive, stepped = drive_of(cases, h, operator.theta, sampling.duration)
     velocity = project(blocks.modal.to_modes, stepped.velocity)
     ended = step_batch(operator.structure, blocks, operator.contact, w, cases, velocity, sampling, drive)
     finite = ended.watched.finite("displacement", "temperature")
