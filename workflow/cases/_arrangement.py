@@ -99,7 +99,7 @@ class Grid:
     def at_point(self, outer: int, point: int) -> CaseSettings:
         """Return the settings of the cases of an outer index at a point of their sweep, by which operators are made."""
         swept = self.study.swept
-        if swept is None or not fixes_operator(swept.path, self.study.scene.model):
+        if swept is None or not fixes_operator(swept.path, self.study):
             return self.settings(outer)
         return self.settings(outer, {swept.path: swept.values[point]})
 
