@@ -151,7 +151,7 @@ def status_of(ended: NDArray[np.int64]) -> NDArray[np.int8]:
 
 
 def events_of(record: Record, count: Array) -> dict[str, Array]:
-    """Return :attr:`Results.events` of a record, and how many events there were, ``(case,)``; none if none are asked."""
+    """Return :attr:`Results.events` of a record with ``count`` events, ``(case,)``; none where none are asked for."""
     events = record.asked.events
     if not events.shape[1]:
         return {}
