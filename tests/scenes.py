@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from workflow import models, schemes
-from workflow.models import Cases, Chain, Harmonics, Matrices, Rayleigh, Structure
+from workflow.models import Cases, Chain, Harmonics, Matrices, Rayleigh, Sensors, Structure
 from workflow.schemes import Results, Sampling
 
 
@@ -99,6 +99,18 @@ def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
         load_harmonics=sinusoids("load_harmonics", [values.get(name, 0.0) for name in sine]),
         casing_harmonics=sinusoids("casing_harmonics"),
     )
+
+
+def watched(structure: Structure) -> Structure:
+    """The structure with sensors at its tip and of rows without any pattern, of displacements and of temperatures."""
+    rng, contacts = np.random.default_rng(11), structure.contact_rows
+    x, theta = np.zeros((4, structure.mechanical_size)), np.zeros((4, structure.thermal_size))
+    x[0], theta[2] = contacts.normal[-1], contacts.heat[-1]
+    x[1], theta[3] = rng.normal(size=x.shape[1]), rng.normal(size=theta.shape[1])
+    shares = np.zeros((4, contacts.count))
+    if contacts.is_massless:
+        x[0], shares[0, -1] = 0.0, 1.0
+    return replace(structure, sensors=Sensors(x, theta, shares))
 
 
 def sampling(duration: float, interval: float, balances: bool = False) -> Sampling:

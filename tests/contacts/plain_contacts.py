@@ -77,6 +77,9 @@ class Motion(NamedTuple):
     histories: dict[str, Array]
     casing: Array
     temperature: Array
+    displacement: Array
+    shown: Array
+    """Displacements and temperatures of all coordinates, as samples show them."""
 
 
 def place(cases: Cases, case: int, t: float) -> Array:
@@ -125,7 +128,7 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
     if contacts.is_compliant:
         pressed = h * complementary(flexibility, w @ x + elastic(0.0, pressed, T) - place(cases, case, 0.0))
     r, V = w @ x - place(cases, case, 0.0), speed(cases, case, 0.0, h, theta)
-    impulses, path = [np.zeros(count)], [(w @ x + elastic(0.0, pressed, T), w @ v, contacts.heat @ T, T)]
+    impulses, path = [np.zeros(count)], [(w @ x + elastic(0.0, pressed, T), w @ v, contacts.heat @ T, T, x, T)]
     for k in range(steps):
         T_new = np.linalg.solve(T_hat, C2 @ T - h * (1 - theta) * K2 @ T + h * cases.heating[case])
         right = M @ v - h * (1 - theta) * C1 @ v - h * K1 @ (x + h * theta * (1 - theta) * v)
@@ -147,12 +150,12 @@ def march(operator: Operator, contacts: Contacts, cases: Cases, case: int, steps
         r, V = r + h * (theta * (w @ v_new - ahead) + (1 - theta) * (w @ v - V)), ahead
         v = v_new
         impulses.append(p)
-        path.append((w @ x + elastic(end, p, T), w @ v, contacts.heat @ T, T))
-    displacement, velocity, temperature, whole = (np.array(states) for states in zip(*path, strict=True))
+        path.append((w @ x + elastic(end, p, T), w @ v, contacts.heat @ T, T, x, T))
+    displacement, velocity, temperature, *whole = (np.array(states) for states in zip(*path, strict=True))
     running = np.cumsum(impulses, axis=0)
     histories = dict(zip(HISTORIES, (displacement, velocity, temperature, running), strict=True))
     casing = np.array([place(cases, case, k * h) for k in range(steps + 1)])
-    return Motion(np.array(impulses), histories, casing, whole)
+    return Motion(np.array(impulses), histories, casing, *whole)
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
@@ -186,6 +189,10 @@ def computed(
 
     for case in range(cases.count):
         motion = march(case, when.steps)
+        if structure.sensors is not None:
+            shown = structure.sensors.of(motion.displacement, motion.shown)
+            shown += motion.histories["displacement"] @ structure.sensors.shares.T
+            parts.setdefault("sensor_value", []).append(sampled(shown))
         touches = motion.impulses > 0
         starts = touches & ~np.vstack([np.zeros_like(touches[:1]), touches[:-1]])
         edges = np.arange(counts.max(initial=0) + 1) / max(float(cases.period_frequency[case]), 1e-300)
@@ -215,12 +222,13 @@ def computed(
         for name, value in values.items():
             parts.setdefault(name, []).append(np.asarray(value, dtype=float))
     arrays = {name: np.array(every) for name, every in parts.items()}
+    sensors = {"sensor_value": arrays.pop("sensor_value")} if structure.sensors is not None else {}
     if contacts.count == 1:
         arrays = {name: values[:, 0] if values.ndim > 1 else values for name, values in arrays.items()}
     finite = np.isfinite(arrays["displacement"].reshape(cases.count, -1)).all(axis=1)
     assert times.size == sampling.count
     return Results(
-        histories={name: arrays.pop(name) for name in HISTORIES},
+        histories={name: arrays.pop(name) for name in HISTORIES} | sensors,
         period_impulse=arrays.pop("period_impulse"),
         period_temperature=arrays.pop("period_temperature"),
         period_contact=arrays.pop("period_contact"),

@@ -84,7 +84,7 @@ def _march_centrally(structure: Structure, h: float, one: Cases, steps: int, law
         x_after, p = x_free - give @ forces, h * forces
         heat = one.alpha[0] * enters @ p
         shown = T + heat / 2 if k else T
-        path.append((w @ x, w @ (x_after - x_before) / (2 * h) if k else w @ v, s @ shown, T))
+        path.append((w @ x, w @ (x_after - x_before) / (2 * h) if k else w @ v, s @ shown, T, x, shown))
         impulses.append((p_before + p) / 2 if k else 0 * p)
         p_before = p if k else 2 * p
         if how.implicit:
@@ -96,10 +96,10 @@ def _march_centrally(structure: Structure, h: float, one: Cases, steps: int, law
 
 
 def _motion(one: Cases, h: float, impulses: Array, path: list[tuple[Array, ...]]) -> Motion:
-    displacement, velocity, temperature, whole = (np.array(states) for states in zip(*path, strict=True))
+    displacement, velocity, temperature, *whole = (np.array(states) for states in zip(*path, strict=True))
     running = np.cumsum(impulses, axis=0)
     histories = dict(zip(HISTORIES, (displacement, velocity, temperature, running), strict=True))
-    return Motion(impulses, histories, np.array([place(one, 0, k * h) for k in range(len(path))]), whole)
+    return Motion(impulses, histories, np.array([place(one, 0, k * h) for k in range(len(path))]), *whole)
 
 
 def pressed(depth: Array, parting: Array, stiffness: float, damper: float, gives: tuple[Array, Array]) -> Array:
@@ -176,7 +176,7 @@ def _march_on_springs(
     if contacts.is_massless:
         depth = shown(0, x, T, held) - place(one, 0, 0.0)
         held = pressed(depth, np.zeros(count), stiffness, 0.0, (flexibility, 0 * flexibility))
-    impulses, path = [np.zeros(count)], [(shown(0, x, T, held), w @ v, s @ T, T)]
+    impulses, path = [np.zeros(count)], [(shown(0, x, T, held), w @ v, s @ T, T, x, T)]
     for k in range(steps):
         casing, moves = place(one, 0, (k + 1) * h), speed(one, 0, (k + 1) * h, h, theta)
 
@@ -192,5 +192,5 @@ def _march_on_springs(
         impulses.append(h * (theta * ends + (1 - theta) * held))
         x, v, T = after(k, x, v, T, held, ends)
         held = ends
-        path.append((shown(k + 1, x, T, held), w @ v, s @ T, T))
+        path.append((shown(k + 1, x, T, held), w @ v, s @ T, T, x, T))
     return _motion(one, h, np.array(impulses), path)

@@ -8,6 +8,7 @@ import pytest
 from plain_contacts import Operator
 from random_contacts import DURATION, drawn
 
+from scenes import watched
 from workflow import schemes
 from workflow.models import Array
 from workflow.schemes import HISTORIES, Sampling, Status
@@ -46,10 +47,11 @@ def test_smaller_steps_of_the_plain_scheme_come_closer_to_the_exact_motion(seed:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_moreau_steps_as_the_plain_scheme(seed: int, massless: bool, theta: float) -> None:
     case, scheme = drawn(seed, massless), schemes.load("moreau")
-    results = scheme.compute(scheme.init(case.structure, H, scheme.Options(theta=theta)), case.cases, OVER)
+    structure = watched(case.structure)
+    results = scheme.compute(scheme.init(structure, H, scheme.Options(theta=theta)), case.cases, OVER)
     assert results.status.tolist() == [Status.OK], results.messages
-    plain = plain_contacts.compute(Operator(case.structure, H, theta), case.cases, OVER)
-    for name in HISTORIES:
+    plain = plain_contacts.compute(Operator(structure, H, theta), case.cases, OVER)
+    for name in (*HISTORIES, "sensor_value"):
         truth = plain.histories[name]
         np.testing.assert_allclose(
             results.histories[name], truth, rtol=0, atol=1e-9 * np.abs(truth).max(), err_msg=name

@@ -11,7 +11,7 @@ import pytest
 from plain_steps import Central, centrally, newton, on_springs, spring
 from random_contacts import Drawn, drawn
 
-from scenes import sampling, step
+from scenes import sampling, step, watched
 from workflow.models import Cases, Structure
 from workflow.schemes import HISTORIES, Results, Status
 
@@ -35,7 +35,7 @@ def varied(seed: int, massless: bool) -> Drawn:
     if seed % 3 == 0:
         along = rng.normal(size=structure.mechanical_size)
         structure = replace(structure, damper=20 * np.outer(along, along))
-    return Drawn(structure, case.cases)
+    return Drawn(watched(structure), case.cases)
 
 
 def of(method: str, seed: int) -> tuple[dict[str, Any], Plain]:
@@ -74,7 +74,7 @@ def test_schemes_step_as_in_plain_matrices(seed: int, method: str, massless: boo
     ours = step(case.structure, case.cases, H, OVER, method.split()[-1], **options)
     truth = plain(case.structure, case.cases)
     assert ours.status.tolist() == [Status.OK], ours.messages
-    for name in HISTORIES:
+    for name in (*HISTORIES, "sensor_value"):
         values = truth.histories[name]
         within = 1e-9 * np.abs(values).max()
         np.testing.assert_allclose(ours.histories[name], values, rtol=0, atol=within, err_msg=name)

@@ -34,6 +34,9 @@ class Solution:
     """Largest tip temperature up to each sample."""
     reached: float
     impacts: int
+    places: Array
+    warmth: Array
+    """Displacements and temperatures of all nodes, ``(node, t)``."""
 
 
 class Phase(NamedTuple):
@@ -134,12 +137,14 @@ class Reference:
         per_sample, shortest = parts << HALVINGS, step / 2**HALVINGS
         y, now, impacts, fastest = self.start, 0, 0, Long(0)
         out = np.full((5, times.size), np.nan)
+        places, warmth = (np.full((size, times.size), np.nan) for size in (self.nm, self.nt))
         hottest, strikes = y[2 * n + self.nt - 1], y[tip] >= 0 and y[speed] >= 0
         struck, at_once, left = -1, 0, 20 * parts * times.size
         while left:
             left -= 1
             if now % per_sample == 0:
                 x, v = self.x[-1] @ y, self.v[-1] @ y
+                places[:, now // per_sample], warmth[:, now // per_sample] = self.x @ y, self.theta @ y
                 out[:, now // per_sample] = x, v, y[2 * n + self.nt - 1], y[2 * n + self.nt], hottest
                 if now == (times.size - 1) * per_sample:
                     break
@@ -180,4 +185,4 @@ class Reference:
                 size -= 1
             if not strikes or held:
                 y, now, hottest = after, now + 2**size, max(hottest, later_hot)
-        return Solution(*out, float(now * shortest), impacts)
+        return Solution(*out, float(now * shortest), impacts, places, warmth)

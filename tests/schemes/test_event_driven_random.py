@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from plain_events import Reference
 
-from scenes import blade, blade_rub, cases, chain, sampling, step
+from scenes import blade, blade_rub, cases, chain, sampling, step, watched
 from workflow.models import Cases, Harmonics, Rayleigh, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, event_driven
@@ -86,6 +86,7 @@ def moving_scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
 
 def compare(structure: Structure, case: Cases, over: Sampling = TIMES, accuracy: float = 1e-8) -> int:
     """Compare a scene as far as it can be predicted and return its number of impacts."""
+    structure = watched(structure)
     operator = event_driven.init(structure, 0.0, event_driven.Options(events=1000))
     results = event_driven.compute(operator, case, over)
     moved = np.where(case.displacement[:, -1] == case.casing_at(0.0), 0.0, 1e-12 * np.maximum(np.abs(case.gap), 0.1))
@@ -99,6 +100,10 @@ def compare(structure: Structure, case: Cases, over: Sampling = TIMES, accuracy:
     for name in NAMES:
         ours, theirs = results.histories[name][0, reached], getattr(reference, name)[reached]
         assert np.linalg.norm(ours - theirs) <= accuracy * max(float(np.linalg.norm(theirs)), 1e-3), name
+    assert structure.sensors is not None
+    shown = structure.sensors.of(reference.places.T, reference.warmth.T).T[:, reached]
+    apart = np.linalg.norm(results.histories["sensor_value"][0][:, reached] - shown, axis=1)
+    assert np.all(apart <= 3 * accuracy * np.maximum(np.linalg.norm(shown, axis=1), 1e-3))
     last = int(np.flatnonzero(reached)[-1])
     if last > 0:  # run to there with no sample between: the largest temperature knows of none
         end = float(over.times[last])

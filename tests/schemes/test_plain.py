@@ -10,7 +10,19 @@ import plain_theta
 import pytest
 from plain_theta import Trajectory
 
-from scenes import WAVES, alone, cases, chain, everything_acts, heavy_chain, relative, sampling, step, with_dashpot
+from scenes import (
+    WAVES,
+    alone,
+    cases,
+    chain,
+    everything_acts,
+    heavy_chain,
+    relative,
+    sampling,
+    step,
+    watched,
+    with_dashpot,
+)
 from sliding import random_structure
 from workflow import models
 from workflow.models import Cases, Matrices, Rayleigh, Structure
@@ -58,7 +70,7 @@ def march(law: str, structure: Structure, case: Cases, h: float, steps: int) -> 
     return plain_theta.march_on_spring(structure, case, h, steps, *spring, options["theta"])
 
 
-def agree(law: str, results: Results, path: Trajectory) -> None:
+def agree(law: str, structure: Structure, results: Results, path: Trajectory) -> None:
     """Compare all histories of a case at the step ends, relative to their largest value."""
     p = path.impulse
     impulse = np.concatenate([[0.0], np.cumsum(p)])
@@ -68,11 +80,21 @@ def agree(law: str, results: Results, path: Trajectory) -> None:
     for name, expected in ({name: states[:, -1] for name, states in tip.items()} | {"impulse": impulse}).items():
         error = np.abs(results.histories[name][0] - expected).max() / np.abs(expected).max()
         assert error < 1e-10, (name, error)
+    same_sensors(results, structure, 0, path, 1e-10)
+
+
+def same_sensors(results: Results, structure: Structure, case: int, path: Trajectory, within: float) -> None:
+    """Compare what sensors of :func:`scenes.watched` show with the rows of the whole motion."""
+    sensors = watched(structure).sensors
+    assert sensors is not None
+    expected = sensors.of(path.displacement, path.temperature).T
+    error = np.abs(results.histories["sensor_value"][case] - expected).max(axis=1)
+    assert np.all(error < within * np.abs(expected).max(axis=1)), error
 
 
 def stepped(law: str, structure: Structure, batch: Cases, h: float, steps: int) -> Results:
     method, options = LAWS[law]
-    return step(structure, batch, h, sampling(steps * h, h, balances=True), method, **options)
+    return step(watched(structure), batch, h, sampling(steps * h, h, balances=True), method, **options)
 
 
 @pytest.mark.parametrize(
@@ -101,7 +123,7 @@ def test_a_chain_on_which_everything_acts(law: str, moves: bool) -> None:
     path = march(law, structure, batch, h, steps)
     assert np.sum(path.impulse > 0) > (20 if law in THETA else 100)
     results = stepped(law, structure, batch, h, steps)
-    agree(law, results, path)
+    agree(law, structure, results, path)
     assert law not in CONSERVING or np.abs(results.metrics["energy_residual"]).max() < 1e-11
     if law in CENTRAL and law != "paoli_schatzman":  # no penetration, but for rounding
         place = [plain_casing.place(batch, k * h) for k in range(steps + 1)]
@@ -114,7 +136,7 @@ def test_fast_heat(law: str) -> None:
     structure, h = heavy_chain(convection=2e3, conductance=4e4), 1e-5
     assert 0.4 < models.thermal_modes(structure).values.max() * h / 2 < 1
     batch = everything_acts(structure)
-    agree(law, stepped(law, structure, batch, h, 1000), march(law, structure, batch, h, 1000))
+    agree(law, structure, stepped(law, structure, batch, h, 1000), march(law, structure, batch, h, 1000))
 
 
 @pytest.mark.parametrize("law", ["central, explicit heat", "central, implicit heat"])
@@ -128,7 +150,7 @@ def test_a_pair_near_resonance_and_a_rate_of_one_per_step(law: str) -> None:
         batch = cases(structure, alpha=2.0, gap=0.05, mean=1.0, amplitude=1.0, frequency=0.2, temperature=1.0)
         path = march(law, structure, batch, h, 160)
         assert path.impulse.max() > 0
-        agree(law, stepped(law, structure, batch, h, 160), path)
+        agree(law, structure, stepped(law, structure, batch, h, 160), path)
 
 
 def test_free_and_adiabatic_bodies() -> None:
@@ -140,7 +162,7 @@ def test_free_and_adiabatic_bodies() -> None:
         (free, everything_acts(free)),
         (reduction.structure, reduction.project(everything_acts(heavy_chain()))),
     ):
-        agree(law, stepped(law, structure, batch, 1e-5, 500), march(law, structure, batch, 1e-5, 500))
+        agree(law, structure, stepped(law, structure, batch, 1e-5, 500), march(law, structure, batch, 1e-5, 500))
 
 
 STEPS, H = 1000, 5e-6
@@ -197,6 +219,7 @@ def test_modes_that_damping_couples_and_a_load_elsewhere(law: str, moves: bool) 
         expected = march(law, structure, alone(batch, case), H, STEPS)
         for quantity in ("displacement", "velocity", "temperature"):
             assert relative(results.histories[quantity][case], getattr(expected, quantity)[:, -1]) < 1e-12
+        same_sensors(results, structure, case, expected, 1e-11)
     assert np.abs(results.metrics["energy_residual"]).max() < LEFT[law]
     assert np.abs(results.metrics["heat_residual"]).max() < 1e-12
 
@@ -221,6 +244,7 @@ def test_random_structures_on_a_casing_that_slides(law: str) -> None:
         for case in range(3):
             expected = march(law, structure, alone(batch, case), H, STEPS)
             assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < rounding, seed
+            same_sensors(results, structure, case, expected, 10 * rounding)
         assert (
             law not in ("moreau 0.5", "central, implicit heat")
             or np.abs(results.metrics["energy_residual"]).max() < 1e-11

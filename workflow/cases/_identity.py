@@ -49,8 +49,8 @@ def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
     A hash covers the solver's version, which stands for the sources of this package, and the sources of modules from
     outside that the case uses; model, conditions, duration and sampling; the scheme with its options, those of e, h
     and α that it reads, basis and mode counts (those that a tolerance decided, with the error that was found); what is
-    asked of steady rubs, temperatures over a depth, sensors and events; and the reference in the same way: values in SI, to the bit.
-    Labels, titles, the place in the grid, the precision and which histories are stored do not enter.
+    asked of steady rubs, temperatures over a depth, sensors and events; and the reference in the same way: values in
+    SI, to the bit. Labels, titles, the place in the grid, the precision and which histories are stored do not enter.
 
     A point of a sweep has the hash of that of the point before and of its own; ``inner`` are whole lines then.
     """

@@ -124,8 +124,9 @@ class Results:
         ``section_displacement`` [m], ``section_velocity`` [m/s] and ``section_temperature`` [K] at the start of each of
         these periods, and their ``period_impacts`` [1]; empty where a scheme does not give them.
     events
-        ``event_time`` [s], ``event_kind``, ``event_impulse`` [N s], ``event_approach`` [m/s], ``event_contact``, ``(case,
-        event)``, NaN beyond the last, and ``event_count``, ``(case,)``; empty where none are asked for or given.
+        ``event_time`` [s], ``event_kind`` (place in :data:`~workflow.variables.EVENT_KINDS`), ``event_impulse`` [N s],
+        ``event_approach`` [m/s], ``event_contact`` (from 0), ``(case, event)``, NaN beyond the last, and
+        ``event_count``, ``(case,)``; empty where none are asked for or given.
     status
         :class:`Status` of every case, int8, shape ``(case,)``. A case that is not ok has NaN
         from the moment it failed, never another case's or an earlier value.

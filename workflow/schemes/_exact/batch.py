@@ -158,7 +158,7 @@ def state_of(shapes: Array, heat_shapes: Array, modal: Array) -> EndState:
 
 
 def events_of(record: Record, count: Array) -> dict[str, Array]:
-    """Return :attr:`Results.events` of a record, and how many events there were, ``(case,)``; none if none are asked."""
+    """Return :attr:`Results.events` of a record with ``count`` events, ``(case,)``; none where none are asked for."""
     events = record.asked.events
     if not events.shape[1]:
         return {}

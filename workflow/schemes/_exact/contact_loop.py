@@ -71,8 +71,15 @@ WAITING = -1
 """What the kernel returns where it waits for a set, see :attr:`Memory.wanted`."""
 
 PROGRESS = np.dtype(
-    [("begun", "i8"), ("time", "f8"), ("events", "i8"), ("listed", "i8"), ("steps", "i8")]
-    + [("length", "f8"), ("guess", "f8")]
+    [
+        ("begun", "i8"),
+        ("time", "f8"),
+        ("events", "i8"),
+        ("listed", "i8"),
+        ("steps", "i8"),
+        ("length", "f8"),
+        ("guess", "f8"),
+    ]
 )
 """Scalars of a case, all 0 at the beginning: whether it has begun; time reached, s; events, those of each contact, and
 certified steps; the largest motion of a contact, m; the length of the next step tried first, s."""
@@ -374,16 +381,17 @@ def _pass(
     State and casing are those of the instant.
     """
     moment = _MOMENT / fastest if fastest > 0.0 else 0.0
-    own.taken[:] = 0.0
+    for c in range(own.wanted.size):
+        own.taken[0, c] = own.taken[1, c] = 0.0
     if structure.compliant:
         _fill_distances(structure, case, own, at.time)
-        own.taken[0] = own.approach
+        _note_approaches(own)
         sound = _next_compliant_set(structure, case, own, at.time, moment, struck)
     elif struck >= 0 and own.wanted[struck]:
         own.wanted[struck], own.zeros[struck], own.speed[struck], sound = False, 3, -1.0, True
     else:
         inside = _fill_kinds(structure, case, at, own, struck)
-        own.taken[0] = own.approach
+        _note_approaches(own)
         if inside:
             return INSIDE_CASING
         sound = _strike(structure, case, record, own)
@@ -392,6 +400,13 @@ def _pass(
         _note_event(record, at, own, c)
         _note_change(record.tally[c], own.wanted[c], at.time)
     return RUNNING if sound else NO_IMPACT_LAW
+
+
+@part
+def _note_approaches(own: Memory) -> None:
+    """Keep the approach speeds before an event."""
+    for c in range(own.wanted.size):
+        own.taken[0, c] = own.approach[c]
 
 
 @part

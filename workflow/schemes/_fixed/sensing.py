@@ -110,4 +110,4 @@ def _places(blocks: Blocks) -> Array:
 
 def _each(rows: Array, states: Array) -> Array:
     """Return rows · states of each case, ``(sensor, case)``, with bits that do not depend on other cases."""
-    return project(rows, states.reshape(rows.shape[1], -1).T).T
+    return project(rows, states.reshape(rows.shape[1], states.shape[-1]).T).T
