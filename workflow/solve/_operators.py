@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.cases import Reduced, full_structure, model_on, reduced, reduced_structure
-from workflow.judges.blow_ups import Runaways, mark_blown_up, statics
+from workflow.judges.blow_ups import Runaways, mark_blown_up
 from workflow.models import (
     Array,
     Cases,
@@ -21,6 +21,7 @@ from workflow.models import (
     at_rest,
     instantaneous_growth,
     needs_matrices,
+    statics,
     structure_of,
 )
 from workflow.reduction import projection_residual
@@ -33,17 +34,17 @@ _MOST_OPERATORS = 16
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
-def statics_of(model: str, parameters: Any) -> tuple[float, Array]:
-    """Return what :func:`~workflow.judges.blow_ups.statics` says of a full structure."""
+def statics_of(model: str, parameters: Any) -> tuple[Array, Array]:
+    """Return what :func:`~workflow.models.statics` says of a full structure."""
     return statics(structure_of(model, parameters))
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
 def _operator(by: Reduced, method: str, options: Any, h: float, depth: float | None) -> Any:
-    return schemes.load(method).init(_observed(by, depth), h, options)
+    return schemes.load(method).init(observed_structure(by, depth), h, options)
 
 
-def _observed(by: Reduced, depth: float | None) -> Structure:
+def observed_structure(by: Reduced, depth: float | None) -> Structure:
     """Return the structure that cases are run on, whose schemes record the mean temperature over a depth, if any."""
     model, full = model_on(by), structure_of(by.model, by.parameters)
     if depth is None:
