@@ -166,8 +166,8 @@ def flutter(structure: Structure, cases: Cases) -> Iterator[str]:
     for k in np.flatnonzero(grows & (alpha <= critical))[:1]:
         slides = f" and a friction coefficient of {friction[k]:g}" if structure.slides else ""
         yield (
-            f"at alpha = {alpha[k]:.4g} W/N{slides} lasting contact flutters below the critical alpha, which is the static "
-            f"limit: an oscillation grows at {rate[k]:.3g} 1/s (`runaway` is set)"
+            f"at alpha = {alpha[k]:.4g} W/N{slides} lasting contact flutters below the critical alpha, which is the "
+            f"static limit: an oscillation grows at {rate[k]:.3g} 1/s (`runaway` is set)"
         )
 
 
