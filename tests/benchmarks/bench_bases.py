@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from scenes import cases, finer_chain, relative, sampling
 from workflow import reduction, schemes
 from workflow.models import Cases, Structure, critical_alpha, frequencies

@@ -34,6 +34,8 @@ from studies import HEAVY_SCENE, parsed
 from workflow import run_study
 from workflow.kernels.compiled import Deferred
 from workflow.run import _threads
+from workflow.schemes._exact import contact_batch
+from workflow.solve import _operators
 from workflow.study import Study, read_study
 
 TASK_FUNCTIONS = ("store_task", "compute_block")
@@ -162,6 +164,39 @@ def _of_loops(pool: ThreadPoolExecutor, threads: int, parts: int) -> float:
     return taken(lambda: list((pool.map if threads > 1 else map)(multiply_add_peak.turn, turns)))
 
 
+def over_march(runs: int) -> Line:
+    """Return the chord's grid less the making of its sets, over its march alone with all sets known, one thread."""
+    study, pairs = chord(), []
+    for _ in range(runs):
+        _operators._operator.cache_clear()
+        with clocked(contact_batch.SetTable, "add") as sets:
+            whole = run(study, threads=1) - sum(sets)
+        with clocked(contact_batch, "run_contacts") as march:
+            run(study, threads=1)
+        pairs.append((whole / sum(march), whole))
+    ratio, whole = sorted(pairs)[runs // 2]
+    what = "run of 200 exact cases of five contacts without making their sets, over its march, 1 thread"
+    return what, "<= 1.2", f"{whole:.1f} s", f"{ratio:.2f}"
+
+
+@contextmanager
+def clocked(owner: Any, name: str) -> Iterator[list[float]]:
+    """Collect the processor seconds of each call of a function of a module or class."""
+    function, seconds = getattr(owner, name), list[float]()
+
+    def measured(*words: Any) -> Any:
+        begun = time.thread_time()
+        result = function(*words)
+        seconds.append(time.thread_time() - begun)
+        return result
+
+    setattr(owner, name, measured)
+    try:
+        yield seconds
+    finally:
+        setattr(owner, name, function)
+
+
 def durable(cases: int, threads: int, runs: int) -> Line:
     """Return what a case costs beyond its kernel, us, twenty steps of one node each."""
     study, each = parsed(trivial(cases, METRICS)), []
@@ -190,6 +225,7 @@ def lines(threads: list[int], cases: int, runs: int) -> Iterator[Line]:
     yield from speed_ups(exact(cases), f"{cases} exact cases", threads, runs)
     yield from speed_ups(stepped(cases), f"{cases} cases of 2 000 steps", threads, runs)
     yield from speed_ups(chord(), "200 exact cases of five contacts", threads, runs)
+    yield over_march(runs)
     for count, times in ((cases // 4, runs), (5 * cases, 1)):
         yield over_kernels(f"run of {count} exact cases", exact(count), exact(400), times)
     yield durable(cases, most, runs)

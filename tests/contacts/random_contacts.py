@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from several import of_entries
 
-from workflow.models import Array, Cases, Harmonics, Rayleigh, Structure
+from workflow.models import Array, Cases, Harmonics, Rayleigh, Structure, independent_rows
+from workflow.reduction import reduce_structure
 
 DURATION = 0.02
 """s: about two periods of the slowest mode."""
@@ -28,10 +29,10 @@ def _positive(rng: np.random.Generator, size: int, least: float) -> Array:
     return np.asarray((turned * rng.uniform(least, 1.0, size)) @ turned.T)
 
 
-def drawn(seed: int, massless: bool = False) -> Drawn:
+def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
     """Return a structure of 2 to 5 contacts, of 1 to 5 without mass, some with friction, some with heat."""
     rng = np.random.default_rng(seed)
-    count = int(rng.integers(1 if massless else 2, 6))
+    count = 1 if alone else int(rng.integers(1 if massless else 2, 6))
     size, thermal = count + int(rng.integers(1, 4)), int(rng.integers(1, 4))
     rubs, warms = rng.random() < 0.5, rng.random() < 0.5
     mass, stiffness = 0.1 * _positive(rng, size, 0.5), 4e5 * _positive(rng, size, 0.05)
@@ -88,3 +89,25 @@ def drawn(seed: int, massless: bool = False) -> Drawn:
         turns=turns[None],
     )
     return Drawn(structure, cases)
+
+
+WHOLE = 3
+"""Seeds below which structures are not reduced."""
+
+BASES = {False: ("craig_bampton", "krylov", "", "rubin", "weakly_coupled"), True: ("macneal", "", "massless")}
+"""Bases of contacts with mass, and those that leave contacts without; empty for a whole structure."""
+
+
+def on_basis(seed: int, massless: bool) -> Drawn:
+    """Return a structure on one of all bases in turn; every seventh has one contact."""
+    basis = BASES[massless][seed // 2 % len(BASES[massless])] if seed >= WHOLE else ""
+    case = drawn(seed, massless and not basis, alone=seed % 7 == 6)
+    if not basis:
+        return case
+    full, contacts = case.structure, case.structure.contacts
+    assert contacts is not None
+    held, heated = independent_rows(contacts)
+    modes = min(2, full.mechanical_size - held), min(1, full.thermal_size - heated)
+    reduction = reduce_structure(full, *modes, basis, DURATION)
+    assert reduction.structure.has_massless_tip == massless
+    return Drawn(reduction.structure, reduction.project(case.cases))

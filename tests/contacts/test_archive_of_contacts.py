@@ -121,6 +121,37 @@ def test_it_is_verified_and_its_page_names_the_contact(archive: xr.Dataset, tmp_
     assert "contact end, the most loaded" in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
+def test_the_picture_of_contacts_on_a_page_is_that_of_the_selected_case(tmp_path: Path) -> None:
+    """The end of a chain has a wide gap: it takes more than the middle at one of two frequencies."""
+    from browser import MODEL, errors, opened, settle, window
+
+    casing = {"casing": {"gap": [3e-5, 9e-5]}}
+    given = study(
+        tmp_path, scene=casing, axes={"h": 1e-4, "alpha": 1, "scene.load.frequency": [24, 103], "scheme": "moreau"}
+    )
+    run_study(given, tmp_path / "two.nc", threads=1)
+    page, driver = write_report(tmp_path / "two.nc", tmp_path / "two.html").page, window(1366)
+    assert page is not None
+    opened(driver, page)
+    firsts = []
+    with open_archive(tmp_path / "two.nc") as archive:
+        for k, text in enumerate(driver.execute_script(MODEL + "return model('slider_frequency').categories")):
+            driver.execute_script(MODEL + "model('slider_frequency').value = arguments[0]", text)
+            settle(driver)
+            case = archive.isel(frequency=k).squeeze()
+            order = np.argsort(-case["contact_impulse"].values)
+            firsts.append(str(case["contact"].values[order[0]]))
+            title = driver.execute_script("return document.getElementById('contacts-title').textContent")
+            assert title == f"Force of each contact; most loaded: contact {firsts[-1]}"
+            shown = driver.execute_script(MODEL + "return [...model('contact_cells').data.image[0]]")
+            force = case["contact_force"].values[order, 1:]
+            drawn = np.array([value or 0.0 for value in shown], dtype=float).reshape(force.shape)
+            np.testing.assert_allclose(drawn, force, rtol=0, atol=0.003 * force.max())
+    assert len(set(firsts)) == 2, firsts
+    assert not errors(driver)
+
+
 def cases_of(study: Study) -> Cases:
     grid = arrange(study)
     settings, inner = grid.settings(0), np.arange(grid.inner_count)

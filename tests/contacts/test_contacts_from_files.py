@@ -382,17 +382,18 @@ def test_the_angle_of_one_contact_turns_the_casing(tmp_path: Path) -> None:
 
 
 def test_friction_that_makes_the_residual_indefinite_is_refused(tmp_path: Path) -> None:
-    """R = 1e-6, R^t = 2e-6: up to µ = 1/2, along an axis too."""
+    """R = 1e-6, R^t = 2e-6: up to µ = 1/2, along an axis too; on a casing of flexibility 1e-6 up to µ = 1."""
     made = entries(1, massless=True) | {"residual_flexibility": [[1e-6]], "residual_tangent": [[2e-6]]}
     np.savez(tmp_path / "one.npz", **made)
-    for axis, fine in (([0.1, 0.499], True), ([0.5, 0.1], False)):
+    every = (([0.1, 0.499], 0.0, True), ([0.5, 0.1], 0.0, False), ([0.5, 0.999], 1e-6, True), ([0.5, 1], 1e-6, False))
+    for axis, flexibility, fine in every:
         axes = {"scene.friction.coefficient": axis}
-        given = {"matrices": {"file": "one.npz"}}, axes
+        given, casing = ({"matrices": {"file": "one.npz"}}, axes), CASING | {"flexibility": flexibility}
         if fine:
-            study(tmp_path, *given, friction=RUBS)
+            study(tmp_path, *given, friction=RUBS, casing=casing)
             continue
-        with pytest.raises(StudyError, match=r"friction.coefficient: 0\.5 makes the symmetric part of R - µ R\^t"):
-            study(tmp_path, *given, friction=RUBS)
+        with pytest.raises(StudyError, match=r"friction.coefficient: (0\.5|1) makes the symmetric part of R - µ R\^t"):
+            study(tmp_path, *given, friction=RUBS, casing=casing)
 
 
 def test_constant_loads_move_contacts_without_mass_beside_their_modes(tmp_path: Path) -> None:

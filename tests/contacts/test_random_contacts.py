@@ -6,7 +6,7 @@ import numpy as np
 import plain_contacts
 import pytest
 from plain_contacts import Operator
-from random_contacts import DURATION, drawn
+from random_contacts import DURATION, drawn, on_basis
 
 from scenes import watched
 from workflow import schemes
@@ -46,7 +46,7 @@ def test_smaller_steps_of_the_plain_scheme_come_closer_to_the_exact_motion(seed:
 @pytest.mark.parametrize("massless", [False, True])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_moreau_steps_as_the_plain_scheme(seed: int, massless: bool, theta: float) -> None:
-    case, scheme = drawn(seed, massless), schemes.load("moreau")
+    case, scheme = on_basis(seed, massless), schemes.load("moreau")
     structure = watched(case.structure)
     results = scheme.compute(scheme.init(structure, H, scheme.Options(theta=theta)), case.cases, OVER)
     assert results.status.tolist() == [Status.OK], results.messages

@@ -1,4 +1,4 @@
-"""Every scheme with a fixed step against plain matrices, on random structures of up to five contacts."""
+"""Every scheme with a fixed step against plain matrices, on random structures of one to five contacts, on all bases."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from plain_steps import Central, centrally, newton, on_springs, spring
-from random_contacts import Drawn, drawn
+from random_contacts import Drawn, on_basis
 
 from scenes import sampling, step, watched
 from workflow.models import Cases, Structure
@@ -24,7 +24,7 @@ Plain = Callable[[Structure, Cases], Results]
 
 def varied(seed: int, massless: bool) -> Drawn:
     """Return a random structure; every third has damping that couples modes, and some loads and heat of every kind."""
-    case, rng = drawn(seed, massless), np.random.default_rng(seed)
+    case, rng = on_basis(seed, massless), np.random.default_rng(seed)
     structure, contacts = case.structure, case.structure.contacts
     assert contacts is not None
     if massless:

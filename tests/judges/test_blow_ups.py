@@ -193,7 +193,7 @@ def test_a_tip_may_reach_a_thousand_times_what_accounts_for_it(name: str) -> Non
     batch, still, statics = (
         cases(structure, 2, **conditions),
         np.zeros(2),
-        (tip_flexibility(structure), np.full(3, 2e-6)),
+        (np.array([tip_flexibility(structure)]), np.full((1, 3), 2e-6)),
     )
     results = step(structure, batch, 1e-5, over)
 

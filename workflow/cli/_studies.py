@@ -173,7 +173,7 @@ def _lines(plan: Plan) -> Iterator[str]:
 
 
 def _structure(figures: Figures) -> str:
-    alpha = f"{figures.critical_alpha:.4g} W/N" if figures.critical_alpha < float("inf") else "none, no runaway"
+    alpha = f"{figures.critical_alpha:.4g} W/N" if figures.critical_alpha < float("inf") else "none"
     first = f"{figures.first_frequency:.5g} Hz" if figures.first_frequency else "0, a free body"
     no_decay = figures.fastest == float("inf")  # no heat moves, and none leaves
     times = "no heat flows" if no_decay else f"thermal times {figures.fastest:.3g} to {figures.slowest:.3g} s"

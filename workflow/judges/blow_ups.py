@@ -27,8 +27,6 @@ from workflow.models import (
     growth,
     in_contact,
     one_thread,
-    static_tip_growth,
-    tip_flexibility,
 )
 from workflow.schemes import Results, Status
 
@@ -53,7 +51,7 @@ _AT_CRITICAL = 1e-9
 
 def mark_blown_up(
     structure: Structure,
-    statics: Callable[[], tuple[float, Array]],
+    statics: Callable[[], tuple[Array, Array]],
     growth_rates: Callable[[Cases], Array],
     cases: Cases,
     results: Results,
@@ -68,7 +66,7 @@ def mark_blown_up(
     structure
         The full structure, on which the cases are given.
     statics
-        See :func:`statics`.
+        See :func:`workflow.models.statics`.
     growth_rates
         Growth rates of cases with the tip in contact, 1/s, ``(case,)``.
     cases, results, duration
@@ -84,9 +82,9 @@ def mark_blown_up(
     which = np.flatnonzero(created | far)
     if not which.size:
         return results
-    suspects, (flexibility, rows) = cases.take(which), statics()
+    suspects, (flexibilities, rows) = cases.take(which), statics()
+    flexibility = float(flexibilities.max())
     if np.isfinite(flexibility):
-        rows = np.atleast_2d(rows)
         length = np.fmax(_accounted(structure, suspects, flexibility, rows, duration), start[which])
         most = _farthest(suspects, results, which, rows, length, growth_rates(suspects) * duration)
         pushed = np.abs(results.metrics["thermal_closing"][which]) > _LOST * length
@@ -111,23 +109,6 @@ def mark_blown_up(
             continue
         status[case] = Status.DIVERGED
     return replace(results, status=status, messages=messages)
-
-
-def statics(structure: Structure) -> tuple[float, Array]:
-    """Return S [m/N], infinite where the root is free, and the row -e_nᵀ K1⁻¹ K12 [m/K].
-
-    Of several contacts the largest w_iᵀ K1⁻¹ w_i, with what residual flexibility adds, and a row for each.
-    """
-    contacts, pair = structure.contacts, structure.mechanical
-    if contacts is None:
-        return tip_flexibility(structure), static_tip_growth(structure)
-    responses = [pair.solve(normal) for normal in contacts.normal]
-    rows = [pair.work(each, pair.deformation_of(each), structure.expansion) for each in responses]
-    flexibilities = np.sum(contacts.normal * responses, axis=1)
-    flexibilities += 0.0 if contacts.residual is None else contacts.residual.diagonal()
-    is_free = any(pair.moves(normal) for normal in contacts.normal)
-    coupling = 0.0 if contacts.residual_coupling is None else contacts.residual_coupling
-    return float("inf") if is_free else float(flexibilities.max()), np.array(rows) - coupling
 
 
 def _largest(values: Array) -> Array:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflow.declare import measure
-from workflow.judges.blow_ups import statics
+from workflow.judges.blow_ups import Runaways
 from workflow.models import (
     Array,
     Cases,
@@ -24,8 +24,9 @@ from workflow.models import (
     modal_damping,
     rates,
     rounding_of_flexibility,
-    static_tip_growth,
-    tip_flexibility,
+    static_reach,
+    statics,
+    steady_warmth,
 )
 from workflow.reduction import ReducedModel
 from workflow.schemes import Scheme, limit_text
@@ -42,6 +43,9 @@ _GROWS = 1e-12
 _COARSE = 20
 """Steps per load period below which a plan warns: implicit Euler then has an error of about a sixth."""
 
+_JUDGED = 400
+"""Coordinates up to which a plan looks for growing eigenvalues: those of 800 states take a second."""
+
 FEW = 6
 """Number of amounts up to which all are listed."""
 
@@ -52,37 +56,40 @@ _FAR = 100
 def scene_cautions(
     structure: Structure, model: ReducedModel, cases: Cases, duration: float, *, is_static: bool
 ) -> Iterator[str]:
-    """Yield the cautions about a full structure and its cases, which run on a reduced model where it is sparse.
-
-    Of several contacts, and of one without mass, there are none.
-    """
-    if structure.coordinates is not None and structure.contacts is None:
+    """Yield the cautions about a full structure and its cases, which run on a reduced model where it is sparse."""
+    if structure.coordinates is not None:
         yield from _from_files(structure, cases)
     if isinstance(structure, Sparse):
         structure, cases = model.structure, model.project(cases)
-    if structure.contacts is not None:
-        return
     try:
         cases = at_rest(structure, cases) if is_static else cases
     except NoEquilibriumError:
         return  # its cases fail with this message
     yield from _static_reach(structure, cases)
     with np.errstate(all="ignore"):
-        yield from _without_contact(cases, free_reach(structure, cases, duration))
-    yield from _friction_limits(structure, cases)
+        yield from _without_contact(structure, cases, free_reach(structure, cases, duration))
+    yield from _friction_limits(structure, cases, has_impacts=not model.structure.contact_rows.is_compliant)
+
+
+def _name(structure: Structure, contact: int) -> str:
+    """Name one of several contacts, or the tip."""
+    return "the tip" if structure.contact_rows.count == 1 else f"contact `{structure.contact_rows.labels[contact]}`"
 
 
 def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
-    """Yield doubts about matrices from a file: the direction in which heat moves the tip, and its stiffness."""
-    shares = static_tip_growth(structure) * structure.thermal.constraint
-    closing = float(shares.sum())
-    if cases.alpha.max() > 0 and closing < -_CANCELLED * np.abs(shares).max():
+    """Yield doubts about matrices from a file: the direction in which heat moves contacts, and their stiffness."""
+    flexibilities, growth = statics(structure)
+    shares = growth * steady_warmth(structure)
+    closing, least = shares.sum(axis=1), np.abs(shares).max(axis=1)
+    if cases.alpha.max() > 0 and np.all(closing < -_CANCELLED * least):
+        k = int(np.argmax(closing))
+        every = "the tip" if closing.size == 1 else "every contact"
         yield (
-            f"friction heat moves the tip away from the casing, {-closing:.3g} m for each kelvin at the tip, and no "
-            "alpha is critical; where heat should close the gap, check the sign of `coupling` (equation 1a has K12 θ "
-            "on the left) and the direction of `contact`"
+            f"friction heat moves {every} away from the casing, {-closing[k]:.3g} m for each kelvin at "
+            f"{_name(structure, k)}; where heat should close the gap, check the sign of `coupling` (equation 1a has "
+            "K12 θ on the left) and the direction of `contact`"
         )
-    if np.isfinite(tip_flexibility(structure)):
+    if np.isfinite(flexibilities).all():
         lost = rounding_of_flexibility(structure)
         if lost > ROUNDED:
             yield (
@@ -92,53 +99,81 @@ def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
 
 
 def _static_reach(structure: Structure, cases: Cases) -> Iterator[str]:
-    """Yield that the load, applied statically, would move the tip by more than :data:`_FAR` gaps."""
-    flexibility = tip_flexibility(structure)
-    if structure.load is not None or not np.isfinite(flexibility):
-        return
-    moved = flexibility * (np.abs(cases.mean) + cases.load_harmonics.reach)
-    far = (moved > _FAR * cases.gap) & (cases.gap > 0)
-    if np.any(far):
-        k = int(np.argmax(np.where(far, moved, 0.0)))
+    """Yield that the load, applied statically, would move a contact by more than :data:`_FAR` gaps."""
+    reach, gaps = np.abs(static_reach(structure)), cases.clearances
+    loads = (np.abs(cases.mean) + cases.load_harmonics.reach)[:, None]
+    moved = loads * reach if np.isfinite(reach).all() else np.zeros_like(gaps)
+    far = np.where((moved > _FAR * gaps) & (gaps > 0), moved, 0.0)
+    if far.any():
+        k, contact = np.unravel_index(np.argmax(far), far.shape)
         yield (
-            f"the load alone would move the tip by {measure(moved[k], 'm', 3)}, over a gap of "
-            f"{measure(cases.gap[k], 'm', 3)}: check the units of stiffness and load"
+            f"the load alone would move {_name(structure, int(contact))} by {measure(moved[k, contact], 'm', 3)}, over "
+            f"a gap of {measure(gaps[k, contact], 'm', 3)}: check the units of stiffness and load"
         )
 
 
-def _without_contact(cases: Cases, reach: Array) -> Iterator[str]:
-    """Yield the gaps at which no case's tip reaches the casing; NaN is no bound."""
-    reaches = ~(reach < cases.gap - cases.casing_harmonics.reach)
-    clear = [gap for gap in np.unique(cases.gap) if not np.any(reaches[cases.gap == gap])]
+def _without_contact(structure: Structure, cases: Cases, reach: Array) -> Iterator[str]:
+    """Yield the gaps at which no contact of any case reaches the casing; NaN is no bound."""
+    room = cases.clearances - cases.casing_harmonics.reach[:, None] - reach
+    nearest = np.argmin(room, axis=1)[:, None]
+    gaps, room, reach = (np.take_along_axis(each, nearest, axis=1) for each in (cases.clearances, room, reach))
+    clear = [gap for gap in np.unique(gaps) if np.all(room[gaps == gap] > 0)]
     if clear:
-        most = float(reach[np.isin(cases.gap, clear)].max())
+        of_clear = np.where(np.isin(gaps, clear), reach, -np.inf)
+        name = _name(structure, int(nearest[np.argmax(of_clear), 0]))
+        cannot, it = ("the tip cannot", "it") if name == "the tip" else ("no contact can", name)
         yield (
-            f"the tip cannot reach the casing at gap = {listed(measure(gap, 'm', 6) for gap in clear)}: without "
-            f"contact it stays below {measure(most, 'm', 3)} (static and harmonic answer, and a bound of what "
+            f"{cannot} reach the casing at gap = {listed(measure(gap, 'm', 6) for gap in clear)}: without contact {it} "
+            f"stays below {measure(float(of_clear.max()), 'm', 3)} (static and harmonic answer, and a bound of what "
             "the start adds)"
         )
 
 
-def _friction_limits(structure: Structure, cases: Cases) -> Iterator[str]:
+def _friction_limits(structure: Structure, cases: Cases, *, has_impacts: bool) -> Iterator[str]:
     """Yield the friction coefficients at which contact has no unique solution or no stable rest."""
-    if structure.tangent is None:
+    if not structure.slides:
         return
-    critical, most = critical_friction(structure), float(cases.friction.max(initial=0.0))
-    if most >= critical.impact:
+    limits, most = critical_friction(structure), float(cases.friction.max(initial=0.0))
+
+    def named(contacts: tuple[str, ...]) -> str:
+        return f" of {', '.join(f'`{label}`' for label in contacts)}" if structure.contact_rows.count > 1 else ""
+
+    first = min(limits, key=lambda limit: limit.impact)
+    if has_impacts and most >= first.impact:
         yield (
-            f"from a friction coefficient of {critical.impact:.4g} on contact has no unique solution "
-            f"(n·M⁻¹(n - µt) <= 0: an impulse pushes the tip into the casing); the largest here is {most:g}"
+            f"from a friction coefficient of {first.impact:.4g} on contact{named(first.contacts)} has no unique "
+            f"solution (n·M⁻¹(n - µt) <= 0: an impulse pushes the tip into the casing); the largest here is {most:g}"
         )
-    if most >= critical.standstill:
+    first = min(limits, key=lambda limit: limit.standstill)
+    if most >= first.standstill:
         yield (
-            f"from a friction coefficient of {critical.standstill:.4g} on a tip in lasting contact has no stable place "
-            f"(n·K⁻¹(n - µt) <= 0): its contact force grows without bound; the largest here is {most:g}"
+            f"from a friction coefficient of {first.standstill:.4g} on a tip in lasting contact"
+            f"{named(first.contacts)} has no stable place (n·K⁻¹(n - µt) <= 0): its contact force grows without bound; "
+            f"the largest here is {most:g}"
+        )
+
+
+def flutter(structure: Structure, cases: Cases) -> Iterator[str]:
+    """Yield that lasting contact is unstable below the critical coupling, which is static, of the cases of most heat.
+
+    ``structure`` is the one that is run. Of more than :data:`_JUDGED` coordinates it takes too long.
+    """
+    if structure.mechanical_size + structure.thermal_size > _JUDGED:
+        return
+    some = np.unique([np.argmax(cases.alpha), np.argmax(cases.friction)])
+    alpha, friction = cases.alpha[some], cases.friction[some]
+    critical, rate, grows = Runaways(structure).of(alpha, friction)
+    for k in np.flatnonzero(grows & (alpha <= critical))[:1]:
+        slides = f" and a friction coefficient of {friction[k]:g}" if structure.slides else ""
+        yield (
+            f"at alpha = {alpha[k]:.4g} W/N{slides} lasting contact flutters below the critical alpha, which is the "
+            f"static limit: an oscillation grows at {rate[k]:.3g} 1/s (`runaway` is set)"
         )
 
 
 def soft_spring(structure: Structure, stiffness: float, label: str) -> Iterator[str]:
     """Yield that a contact spring [N/m] is softer than the full structure at its tip, or at any of its contacts."""
-    flexibility = tip_flexibility(structure) if structure.contacts is None else statics(structure)[0]
+    flexibility = float(statics(structure)[0].max())
     if 0 < flexibility < np.inf and stiffness * flexibility < 1:
         yield (
             f"the contact spring of {label}, {stiffness:.3g} N/m, is softer than the tip, "

@@ -20,8 +20,10 @@ from workflow.models._contact_coordinates import ContactsLast, contacts_last, in
 from workflow.models._contact_system import (
     ContactBasis,
     ContactSystem,
+    CriticalFriction,
     analyse_contacts,
     contact_system,
+    critical_friction,
     stops_together,
 )
 from workflow.models._contacts import Contacts
@@ -50,13 +52,15 @@ from workflow.models._static import (
     NoEquilibriumError,
     at_rest,
     critical_alpha,
-    critical_friction,
     directions,
     free_reach,
     instantaneous_growth,
     rounding_of_flexibility,
     static_equilibrium,
+    static_reach,
     static_tip_growth,
+    statics,
+    steady_warmth,
     tip_flexibility,
 )
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure

@@ -106,8 +106,7 @@ class ContactBasis:
 
 def analyse_contacts(structure: Structure) -> ContactBasis:
     """Return the modes of a structure with contacts, and their rows in modes."""
-    contacts = structure.contacts
-    assert contacts is not None
+    contacts = structure.contact_rows
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     return ContactBasis(
         contacts=contacts,
@@ -283,14 +282,51 @@ def _critical_alpha(basis: ContactBasis, closed: NDArray[np.bool_], friction: fl
     if basis.contacts.is_compliant:
         S = S + basis.contacts.compliance(friction)[np.ix_(closed, closed)]
     B = (grows[:, warm] / basis.rate[warm]) @ basis.heat[closed][:, warm].T
-    rigid = int((~elastic).sum())
-    still, heated = np.zeros((2, rigid + len(S), rigid + len(S)))
-    still[:rigid, rigid:], still[rigid:, :rigid] = sliding[:, ~elastic].T, normal[:, ~elastic]
-    still[rigid:, rigid:], heated[rigid:, rigid:] = -S, -B
-    values = scipy.linalg.eigvals(still, heated)
+    none = np.zeros((len(S), int((~elastic).sum())))
+    return _least_root(_at_rest(normal[:, ~elastic], sliding[:, ~elastic], S), _at_rest(none, none, B))
+
+
+def _at_rest(normal: Array, sliding: Array, flexibility: Array) -> Array:
+    """Return the matrix of the static problem: rigid motions are unknowns before the forces."""
+    rigid = normal.shape[1]
+    return np.block([[np.zeros((rigid, rigid)), sliding.T], [normal, -flexibility]])
+
+
+def _least_root(A: Array, B: Array) -> float:
+    """Return the least z > 0 with det(A - z B) = 0; ``inf`` for none."""
+    values = scipy.linalg.eigvals(A, B)
     values = values[np.isfinite(values)]
     real = values.real[np.abs(values.imag) <= _REAL * np.abs(values)]
     return float(real[real > 0].min(initial=np.inf))
+
+
+class CriticalFriction(NamedTuple):
+    """Least friction coefficients at which contacts that are closed together are singular; ``inf`` for none."""
+
+    contacts: tuple[str, ...]
+    """Their labels."""
+    impact: float
+    """det w_i M⁻¹ (w_j - µ t_j)ᵀ = 0: no impact law; ``inf`` of contacts without mass, or on an elastic casing."""
+    standstill: float
+    """det S = 0: no stable rest."""
+
+
+def critical_friction(structure: Structure) -> list[CriticalFriction]:
+    """Return the critical friction coefficients of each contact alone, and of all that can be closed together."""
+    contacts = structure.contact_rows
+    basis = analyse_contacts(structure)
+    elastic, every = basis.frequency > 0, [np.flatnonzero(closed) for closed in stops_together(basis)]
+    flexible = basis.normal[:, elastic] / basis.frequency[elastic] ** 2
+    compliance, found = contacts.compliance(0.0), []
+    for closed in [*np.arange(contacts.count)[:, None], *(some for some in every if some.size > 1)]:
+        w, t, pairs = basis.normal[closed], basis.tangent[closed], np.ix_(closed, closed)
+        S = flexible[closed] @ w[:, elastic].T + compliance[pairs]
+        aside = flexible[closed] @ t[:, elastic].T + (compliance - contacts.compliance(1.0))[pairs]
+        rigid, none = w[:, ~elastic], np.zeros((closed.size, int((~elastic).sum())))
+        impact = np.inf if contacts.is_compliant else _least_root(w @ w.T, w @ t.T)
+        rest = _least_root(_at_rest(rigid, rigid, S), _at_rest(none, t[:, ~elastic], aside))
+        found.append(CriticalFriction(tuple(contacts.labels[k] for k in closed), impact, rest))
+    return found
 
 
 def rates_in_contact(basis: ContactBasis, alpha: Array, friction: Array) -> tuple[Array, Array]:

@@ -15,7 +15,6 @@ no impact law (Painlevé paradox). Where the second is not, a tip at rest on its
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -26,15 +25,6 @@ from workflow.models._contact_system import contacts_at_rest, critical_alpha_of_
 from workflow.models._modes import coupled_damping, mechanical_modes
 from workflow.models._pair import UNBALANCED
 from workflow.models._structure import Structure
-
-
-class CriticalFriction(NamedTuple):
-    """Friction coefficients from which on the tip's compliance to a contact force is not positive; ``inf`` for none."""
-
-    impact: float
-    """1/a: no impact law."""
-    standstill: float
-    """1/s: no stable rest on the casing."""
 
 
 def directions(structure: Structure, friction: Array) -> Array:
@@ -50,16 +40,6 @@ def static_share(structure: Structure) -> float:
     if structure.tangent is None:
         return 0.0
     return float(structure.mechanical.constraint @ structure.tangent)
-
-
-def critical_friction(structure: Structure) -> CriticalFriction:
-    """Return the critical friction coefficients of a structure."""
-    if structure.tangent is None:
-        return CriticalFriction(np.inf, np.inf)
-    modes = mechanical_modes(structure)
-    tip, along = modes.tip, modes.shapes.T @ structure.tangent
-    normal, aside, static = np.dot(tip, tip), np.dot(tip, along), static_share(structure)
-    return CriticalFriction(normal / aside if aside > 0 else np.inf, 1 / static if static > 0 else np.inf)
 
 
 _CANCELLED = 1e-13
@@ -87,6 +67,45 @@ def static_tip_growth(structure: Structure) -> Array:
         response = pair.solve(pair.unit_tip)
         deformation = pair.deformation_of(response)
     return pair.work(response, deformation, structure.expansion)
+
+
+def statics(structure: Structure) -> tuple[Array, Array]:
+    """Return S_i = w_iᵀ K1⁻¹ w_i with residual flexibility [m/N], ``(contact,)``, and the growth of each contact.
+
+    S_i is infinite where nothing holds it; growth is -w_iᵀ K1⁻¹ K12 - r_i [m/K], ``(contact, thermal)``.
+    """
+    contacts, pair = structure.contacts, structure.mechanical
+    if contacts is None:
+        return np.array([tip_flexibility(structure)]), static_tip_growth(structure)[None]
+    responses = [pair.solve(normal) for normal in contacts.normal]
+    rows = [pair.work(each, pair.deformation_of(each), structure.expansion) for each in responses]
+    flexibilities = np.sum(contacts.normal * responses, axis=1)
+    flexibilities += 0.0 if contacts.residual is None else contacts.residual.diagonal()
+    is_free = [pair.moves(normal) for normal in contacts.normal]
+    coupling = 0.0 if contacts.residual_coupling is None else contacts.residual_coupling
+    return np.where(is_free, np.inf, flexibilities), np.array(rows) - coupling
+
+
+def steady_warmth(structure: Structure) -> Array:
+    """Return the steady temperatures by heat at each contact alone that warms it by 1 K, ``(contact, thermal)``."""
+    if structure.contacts is None:
+        return structure.thermal.constraint[None]
+    thermal, rows = structure.thermal, structure.contacts.heat
+    warm = np.array([structure.uniform_rise if thermal.moves(row) else thermal.solve(row) for row in rows])
+    return np.asarray(warm / np.sum(rows * warm, axis=1)[:, None])
+
+
+def static_reach(structure: Structure) -> Array:
+    """Return the static displacement of each contact by the load of 1 N, m/N, ``(contact,)``."""
+    rows, direction = structure.contact_rows, structure.load_direction
+    if structure.mechanical.moves(direction):
+        return np.full(rows.count, np.inf)
+    return np.asarray(rows.normal @ structure.mechanical.solve(direction) + _residual_load(structure))
+
+
+def _residual_load(structure: Structure) -> Array:
+    rows = structure.contact_rows
+    return np.zeros(rows.count) if rows.residual_load is None else rows.residual_load
 
 
 def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
@@ -120,16 +139,18 @@ def instantaneous_growth(structure: Structure) -> float:
 
 
 def rounding_of_flexibility(structure: Structure) -> float:
-    """Estimate the relative change of S = e_nᵀ K1⁻¹ e_n by the rounding of the entries of K1, 1.
+    """Estimate the largest relative change of S = wᵀ K1⁻¹ w of a contact by the rounding of the entries of K1, 1.
 
-    With u = K1⁻¹ e_n a change of the entries changes S by -uᵀ δK1 u; independent changes by half a unit in the last
+    With u = K1⁻¹ w a change of the entries changes S by -uᵀ δK1 u; independent changes by half a unit in the last
     place give ε/2 √(Σ (u_i K_ij u_j)²)/S. It is large where entries cancel to a far smaller stiffness.
     """
-    response = structure.mechanical.solve(structure.mechanical.unit_tip)
-    entries = scipy.sparse.coo_array(structure.mechanical.stiffness)
+    entries, lost = scipy.sparse.coo_array(structure.mechanical.stiffness), 0.0
     row, column = entries.coords
-    energies = response[row] * entries.data * response[column]
-    return float(np.finfo(float).eps / 2 * np.linalg.norm(energies) / abs(response[-1]))
+    for normal in structure.contact_rows.normal:
+        response = structure.mechanical.solve(normal)
+        energies = response[row] * entries.data * response[column]
+        lost = max(lost, float(np.finfo(float).eps / 2 * np.linalg.norm(energies) / abs(normal @ response)))
+    return lost
 
 
 class NoEquilibriumError(ValueError):
@@ -214,32 +235,32 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
 
 
 def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
-    """Return a bound of the tip's displacement without contact, m, ``(case,)``.
+    """Return a bound of the displacement of each contact without contact, m, ``(case, contact)``.
 
-    ``inf`` where a rigid mode moves it, or damping couples modes.
+    ``inf`` where a rigid mode moves one, or damping couples modes.
 
     It sums the responses to constant and harmonic loads, the transient of the initial state, and twice the quasi-static
-    growth by heating and initial temperatures. In modes, x_n = Σ φ_n η, with p̄ the constant load and p the harmonic
+    growth by heating and initial temperatures. In modes, x_i = Σ φ_i η, with p̄ the constant load and p the harmonic
     one, η = p̄/ω² + Im[H e^{i(Ωt + φ)}] + a transient, with H = p/(ω² - Ω² + iΩc). The transient begins with the
     difference (Δη, Δζ) of the initial state from the first two, and stays below sqrt(Δη² + (Δζ/ω)²), as a free mode
     gains no energy.
     """
     modes = mechanical_modes(structure)
-    omega, tip, damping = modes.values, modes.tip, coupled_damping(structure, modes)
-    moving = (omega == 0) & (np.abs(tip) > 1e-9 * np.abs(tip).max())
+    omega, tip, damping = modes.values, structure.contact_rows.normal @ modes.shapes, coupled_damping(structure, modes)
+    moving = (omega == 0) & (np.abs(tip) > 1e-9 * np.abs(tip).max()).any(axis=0)
     if np.any(moving) or damping.ndim == 2:
-        return np.full(cases.count, np.inf)
-    elastic = omega > 0
-    omega, tip, damping, shapes = omega[elastic], tip[elastic], damping[elastic], modes.shapes[:, elastic]
+        return np.full((cases.count, len(tip)), np.inf)
+    elastic, residual = omega > 0, _residual_load(structure)
+    omega, tip, damping, shapes = omega[elastic], tip[:, elastic].T, damping[elastic], modes.shapes[:, elastic]
     amplitudes, frequencies, phases = (row.T for row in cases.load_harmonics.rows)
     constant = frequencies == 0
     mean = cases.mean + np.where(constant, amplitudes * np.sin(phases), 0.0).sum(axis=0)
-    drive = tip if structure.load is None else structure.load @ shapes
+    drive = structure.load_direction @ shapes
     static = (cases.steady @ shapes + mean[:, None] * drive) / omega**2
     momenta = structure.mechanical.inertia_of(shapes)
     offset = cases.displacement @ momenta - static
     speed = cases.velocity @ momenta
-    harmonic = np.zeros(cases.count)
+    harmonic = np.abs(amplitudes).sum(axis=0)[:, None] * np.abs(residual)
     with np.errstate(divide="ignore", invalid="ignore"):
         for amplitude, frequency, phase in zip(np.where(constant, 0.0, amplitudes), frequencies, phases, strict=True):
             acts, turning = amplitude[:, None], 2 * np.pi * frequency[:, None]
@@ -247,11 +268,11 @@ def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
             response = np.where(acts == 0, 0.0, response)
             begins = response * np.exp(1j * phase[:, None])
             offset, speed = offset - begins.imag, speed - (1j * turning * begins).imag
-            harmonic += np.abs(np.sum(tip * response, axis=1))
+            harmonic += np.abs(response @ tip)
         swing = np.hypot(offset, speed / omega)
-        transient = np.sum(np.abs(tip) * swing, axis=1)
-    growth = 2 * _warmest(structure, cases, duration) @ np.abs(static_tip_growth(structure))
-    return np.asarray(np.sum(tip * static, axis=1) + harmonic + transient + growth)
+        transient = swing @ np.abs(tip)
+    growth = 2 * _warmest(structure, cases, duration) @ np.abs(statics(structure)[1]).T
+    return np.asarray(static @ tip + cases.mean[:, None] * residual + harmonic + transient + growth)
 
 
 def _warmest(structure: Structure, cases: Cases, duration: float) -> Array:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from workflow import models
 from workflow.cases import full_structure
-from workflow.judges.blow_ups import statics
-from workflow.models import Chain, critical_alpha, frequencies, rates
+from workflow.models import Chain, critical_alpha, frequencies, rates, statics
 from workflow.study import CaseSettings
 
 
@@ -30,7 +30,7 @@ class Figures:
     slowest, fastest
         Longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode.
     critical_alpha
-        α_c, W/N.
+        α_c, W/N, the least of the friction coefficients given.
     """
 
     label: str
@@ -42,12 +42,12 @@ class Figures:
     critical_alpha: float
 
 
-def figures(settings: CaseSettings) -> Figures:
-    """Return the figures of the full structure of a case."""
+def figures(settings: CaseSettings, friction: Iterable[float]) -> Figures:
+    """Return the figures of the full structure of a case, for some friction coefficients."""
     structure = full_structure(settings)
     with np.errstate(divide="ignore"):
         times = 1.0 / rates(structure)
-    flexibility, _ = statics(structure)
+    flexibility = float(statics(structure)[0].max())
     return Figures(
         label=f"{settings.scene.model}, {size_text(settings)}{_condensed(settings)}",
         first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
@@ -55,7 +55,7 @@ def figures(settings: CaseSettings) -> Figures:
         stiffness_by=_stiffness_by(settings),
         slowest=float(times.max()),
         fastest=float(times.min()),
-        critical_alpha=critical_alpha(structure),
+        critical_alpha=min(critical_alpha(structure, each) for each in {*friction}),
     )
 
 

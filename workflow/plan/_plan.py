@@ -21,7 +21,15 @@ from workflow.cases import (
 )
 from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod, one_thread
 from workflow.plan._figures import Figures, figures
-from workflow.plan._warnings import MOST_OUTER, choice_lines, coarse_tip, distinct_lines, looked_at, warnings
+from workflow.plan._warnings import (
+    MOST_OUTER,
+    choice_lines,
+    coarse_tip,
+    distinct_lines,
+    ends_of_friction,
+    looked_at,
+    warnings,
+)
 from workflow.solve import model_seconds, solution_seconds, steady_bytes, tasks
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
@@ -135,7 +143,7 @@ def _plan(grid: Grid) -> Plan:
         time=order_of_time((model_seconds(grid) + _reference_seconds(grid)) / threads),
         bytes=_result_bytes(grid),
         stored=tuple(grid.study.output.sampled),
-        structures=tuple(map(figures, shown)),
+        structures=tuple(figures(settings, ends_of_friction(grid, settings)) for settings in shown),
         more_structures=len(structures) - len(shown),
         choices=choice_lines(grid),
         operators=(*distinct_lines(_operators(grid), _STRUCTURES_SHOWN), *_factors(shown)),

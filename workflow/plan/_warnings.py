@@ -32,6 +32,7 @@ from workflow.judges.cautions import (
     FreeModes,
     SchemeStep,
     StepCaution,
+    flutter,
     free_modes,
     listed,
     scene_cautions,
@@ -42,7 +43,7 @@ from workflow.judges.trials import EXACT, reason_of
 from workflow.models import Cases, Chain, frequencies, one_thread
 from workflow.plan._figures import size_text
 from workflow.reduction import DEFAULT
-from workflow.solve import projection_residual_of
+from workflow.solve import observed_structure, projection_residual_of
 from workflow.study import CaseSettings
 
 _CONTACT_SHARE = 0.1
@@ -124,10 +125,11 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
     yield from _units([one.scene.parameters for one in _distinct_settings(grid, parameters)])
     for settings in _distinct_settings(grid, parameters):
         structure, duration = full_structure(settings), grid.sampling.duration
-        is_static = settings.scene.initial == "static"
+        is_static, cases = settings.scene.initial == "static", _cases(grid, settings)
         if not isinstance(structure, Chain) or structure.has_matrices:  # of others the modes are not at hand
             model = model_on(reduced(settings))
-            yield from scene_cautions(structure, model, _cases(grid, settings), duration, is_static=is_static)
+            yield from scene_cautions(structure, model, cases, duration, is_static=is_static)
+            yield from flutter(model.structure, cases)
     worst: dict[str, float] = {}
     for settings in _distinct_settings(grid, "reduction", "mechanical_modes", "thermal_modes", parameters):
         basis = basis_text(settings)
@@ -314,22 +316,24 @@ class _Caution(NamedTuple):
 
 def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
     """Yield the cautions about one scheme at one step on one structure."""
-    scheme, options, structure = (
-        schemes.load(settings.scheme.method),
-        settings.scheme.options,
-        reduced_structure(settings),
-    )
+    scheme, options = schemes.load(settings.scheme.method), settings.scheme.options
+    structure = observed_structure(reduced(settings), grid.study.output.temperature_depth)
     refusal = scheme.refusal(structure, options)
     if refusal is None:
-        friction = friction_of(settings, structure, grid.inner_values(np.arange(grid.inner_count)), grid.inner_count)
-        ends = float(friction.min()), float(friction.max())
-        modes = _free_modes(reduced(settings))
+        modes, ends = _free_modes(reduced(settings)), ends_of_friction(grid, settings)
         step = SchemeStep(scheme, options, settings.h, structure, modes, ends, grid.fastest)
         said = list(step_cautions(step))
     else:
         basis = f" with {settings.reduction}" if structure.has_massless_tip else ""
         said = [StepCaution(f"fails{basis}, as {refusal}", "", 0.0)]
     yield from (_Caution(basis_text(settings), settings.scheme.label, settings.h, one) for one in said)
+
+
+def ends_of_friction(grid: Grid, settings: CaseSettings) -> tuple[float, float]:
+    """Return the smallest and the largest friction coefficient of the cases of settings."""
+    count = grid.inner_count
+    friction = friction_of(settings, full_structure(settings), grid.inner_values(np.arange(count)), count)
+    return float(friction.min()), float(friction.max())
 
 
 def _sentences(cautions: list[_Caution], bases: int) -> tuple[str, ...]:

@@ -19,10 +19,12 @@ from workflow.analysis import (
     Choice,
     case_dims,
     casing_motion,
+    contact_text,
     exact_partners,
     finest,
     gap_of,
     impulse_growth,
+    is_of_contacts,
     notable_cases,
     numerical_dims,
     observed_order,
@@ -64,6 +66,9 @@ MOST_READ = 64 * 2**20
 
 ALIKE = 1e-3
 """Share of the largest by which impulses of periods differ at least for their axis to span their range only."""
+
+_OF_CONTACTS, _CONTACT = "all_contacts", "of_contact"
+"""Impulses or forces of all contacts in an archive at one of them, and their dimension."""
 
 _LONGEST_MESSAGE = 300
 """Characters of a message that a page repeats."""
@@ -137,12 +142,21 @@ def explored_cases(
         omitted.append("metrics that do not fit: " + ", ".join(about["left_out"]))
     return {
         "figures": list(figures),
+        "contact": contact_text(dataset),
         "omitted": omitted,
         "metrics": [metric["name"] for metric in about["metrics"]],
         "is_auto": "auto" in (about["chosen_modes"] or ()),
         "worth_a_look": list(_worth_a_look(notable.values(), shown.cases, about["dims"])),
         "data": block({"about": about, **drawn(figures)}),
     }
+
+
+def with_contacts(dataset: xr.Dataset, archive: xr.Dataset) -> xr.Dataset:
+    """Return an archive at one of its contacts with the impulses, or else the forces, of all that it keeps."""
+    kept = next((archive[name] for name in ("impulse", "contact_force") if name in archive), None)
+    if kept is None or not is_of_contacts(archive):
+        return dataset
+    return dataset.assign({_OF_CONTACTS: kept.rename(contact=_CONTACT)})
 
 
 def explored_branches(dataset: xr.Dataset, variable: str) -> dict[str, Any]:
@@ -367,13 +381,16 @@ def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> 
     """
     names = [name for name in HISTORIES if name in part] if "t" in part.coords and part.sizes["t"] > 1 else []
     orbits = ORBIT if ORBIT[0] in part and "point" not in part.dims else ()
+    contacts = [str(label) for label in part[_CONTACT].values] if _OF_CONTACTS in part else []
     others = [*orbits, *(name for name in ("period_impulse", "growth_rate") if name in part)]
     if not names and not orbits and "period_impulse" not in part:
         return None
     dims, samples = case_dims(part), part.sizes.get("t", 0)
-    size = len(names) * min(samples, 2 * BUCKETS) + sum(part[name][dict.fromkeys(dims, 0)].size for name in others)
+    rows = len(names) + len(contacts)
+    size = rows * min(samples, 2 * BUCKETS) + sum(part[name][dict.fromkeys(dims, 0)].size for name in others)
     kept = list(islice(order, min(MOST_KEPT, max(1, MOST_SAMPLES // size))))
-    buckets = int(np.clip(MOST_SAMPLES // (2 * len(kept) * max(len(names), 1)), BUCKETS, MOST_BUCKETS))
+    buckets = int(np.clip(MOST_SAMPLES // (2 * len(kept) * max(rows, 1)), BUCKETS, MOST_BUCKETS))
+    others += [_OF_CONTACTS] if contacts else []
     has_gap = "displacement" in names and "gap" in part.coords
     units = {name: _unit(part, name) for name in [*names, *orbits[:1]]}
     is_small = sum(part[name].nbytes for name in [*names, *others]) <= MOST_READ
@@ -396,6 +413,9 @@ def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> 
         }
         curves = {name: on_screen(thinned(values[name], buckets)) for name in names}
         entry: dict[str, Any] = {"curves": curves, "window": _window(t, frequency), "gap": gap}
+        if contacts:
+            impulse = _impulse(part, values[_OF_CONTACTS])
+            entry["contacts"] = _contacts(impulse, contacts, part["t"].values, 2 * buckets)
         if "period_impulse" in values:
             entry["periods"] = _periods(values["period_impulse"], float(values.get("growth_rate", np.nan)), frequency)
         if orbits and np.isfinite(values[ORBIT[0]]).all():
@@ -405,12 +425,27 @@ def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> 
         entries[str(case)] = entry
     return {
         "histories": names,
+        "contacts": len(contacts),
         "titles": [f"{HISTORIES[name]} [{units[name][0]}]" for name in names],
         "t": t,
         "orbit_unit": units[orbits[0]][0] if orbits else None,
         "thinned": samples > 2 * buckets and bool(names),
         "entries": entries,
     }
+
+
+def _impulse(part: xr.Dataset, history: Array) -> Array:
+    """Return the impulses of contacts, N s, ``(contact, t)``, of themselves or of mean forces."""
+    is_force = str(part[_OF_CONTACTS].attrs["units"]) == "N"
+    return np.cumsum(history * np.diff(part["t"].values, prepend=0.0), axis=1) if is_force else history
+
+
+def _contacts(impulse: Array, names: Sequence[str], t: Array, most: int) -> dict[str, Any]:
+    """Return names and mean forces of contacts in pieces of the duration, N, of the largest impulse first."""
+    edges = np.linspace(0, t.size - 1, min(t.size - 1, most) + 1).round().astype(int)
+    order = np.argsort(-impulse[:, -1], kind="stable")
+    force = np.diff(impulse[order][:, edges]) / np.diff(t[edges])
+    return {"names": [names[k] for k in order], "force": on_screen(force)}
 
 
 def _of_scene(part: xr.Dataset) -> xr.Dataset:

@@ -56,12 +56,17 @@ def case_figures(about: Mapping[str, Any]) -> dict[str, Any]:
 
     Parts for which the archive has nothing are left out.
     """
+    from bokeh.models import Range1d
+
     axes = [axis for axis in about["dims"] if len(axis["texts"]) > 1]
     metrics = [metric["name"] for metric in about["metrics"]]
     cases = about["cases"]
     figures: dict[str, Any] = {}
     if cases and cases["histories"]:
-        figures["case"] = _histories(cases["histories"], cases["titles"])
+        time = Range1d(0, 1, name="time")
+        figures["case"] = _histories(cases["histories"], cases["titles"], time)
+        if cases["contacts"]:
+            figures["contacts"] = _contacts(cases["contacts"], time)
     if axes:
         figures["controls"] = _controls(about, axes)
         states: Sequence[str] = next((m["words"] for m in about["metrics"] if m["words"]), [])
@@ -104,13 +109,12 @@ def source_of(name: str, *columns: str) -> Any:
     return ColumnDataSource(name=name, data={column: [] for column in columns})
 
 
-def _histories(names: Sequence[str], titles: Sequence[str]) -> Any:
+def _histories(names: Sequence[str], titles: Sequence[str], time: Any) -> Any:
     """Return a figure for each history, below each other, with the exact solution behind the case."""
     from bokeh.layouts import column
-    from bokeh.models import Range1d
 
     chosen, exact, gap = source_of("chosen", "t", *names), source_of("exact", "t", *names), source_of("gap", "t", "gap")
-    time, panels = Range1d(0, 1, name="time"), []
+    panels = []
     for name, title in zip(names, titles, strict=True):
         last = name == names[-1]
         panel = panel_of(f"panel_{name}", 215 if last else 185, x_range=time)
@@ -124,6 +128,27 @@ def _histories(names: Sequence[str], titles: Sequence[str]) -> Any:
         panel.xaxis.axis_label = "time [s]"
         panels.append(panel)
     return column(*panels, sizing_mode="stretch_width", name="histories")
+
+
+def _contacts(count: int, time: Any) -> Any:
+    """Return the contact force over time, a row for each of several contacts."""
+    from bokeh.models import ColorBar, ColumnDataSource, FixedTicker, LinearColorMapper, Range1d
+    from bokeh.palettes import Cividis256
+
+    height = min(470, 190 + 26 * count)
+    panel = panel_of("contacts", height, x_range=time, y_range=Range1d(count, 0))
+    colours = LinearColorMapper(palette=Cividis256[::-1], low=0, high=1, nan_color="white", name="contact_colours")
+    cells = ColumnDataSource(name="contact_cells", data=_blank())
+    panel.image("image", x="x", y="y", dw="dw", dh="dh", source=cells, color_mapper=colours)
+    panel.add_layout(ColorBar(color_mapper=colours, height=10, padding=4, title="contact force [N]"), "above")
+    panel.xaxis.axis_label, panel.yaxis.axis_label, panel.grid.visible = "time [s]", "contact", False
+    panel.yaxis.name, panel.yaxis.ticker = "contact_names", FixedTicker(ticks=[])
+    return panel
+
+
+def _blank() -> dict[str, Any]:
+    """Return the columns of an image of one cell without a value."""
+    return {"image": [np.zeros((1, 1), np.float32)], "x": [0], "y": [0], "dw": [1], "dh": [1]}
 
 
 def _controls(about: Mapping[str, Any], axes: Sequence[dict[str, Any]]) -> Any:
@@ -200,9 +225,8 @@ def _map(words: Mapping[str, tuple[Sequence[str], Sequence[str]]]) -> Any:
     for name, (meanings, colours) in words.items():
         high = max(len(meanings) - 0.5, 0.5)
         mappers[name] = LinearColorMapper(palette=colours, low=-0.5, high=high, nan_color="#dddddd", name=name)
-    blank = {"image": [np.zeros((1, 1), np.float32)], "x": [0], "y": [0], "dw": [1], "dh": [1]}
     for name, mapper in mappers.items():  # an image for each scale: one cannot change its own
-        cells = ColumnDataSource(name=f"cells_{name}", data=blank)
+        cells = ColumnDataSource(name=f"cells_{name}", data=_blank())
         panel.image("image", x="x", y="y", dw="dw", dh="dh", source=cells, color_mapper=mapper, name=f"image_{name}")
     points = source_of("points", "x", "y", "value")
     for name, mapper in mappers.items():

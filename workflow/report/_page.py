@@ -12,7 +12,7 @@ from workflow.analysis import RULE, contact_text, most_loaded, ranges
 from workflow.archive import ArchiveError, commit, open_archive, usable
 from workflow.plots import HISTORIES, MADE_BY, histories, save
 from workflow.report import _sections as sections
-from workflow.report._explorer import explored_branches, explored_cases
+from workflow.report._explorer import explored_branches, explored_cases, with_contacts
 from workflow.report._html import interactive_scripts, page, picture, short
 from workflow.run import warnings_of
 
@@ -116,7 +116,8 @@ def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
         methods, scene = sections.study_of(archive)
         answer, choice = sections.answered(dataset, methods)
         has_transients = "point" not in dataset.dims  # an archive of branches has steady rubs alone
-        explore = explored_cases(dataset, archive.name, choice, methods, scene) if has_transients else None
+        every = with_contacts(dataset, opened)
+        explore = explored_cases(every, archive.name, choice, methods, scene) if has_transients else None
         if not has_transients and branches:
             explore = explored_branches(dataset, sections.varied_along_branches(dataset)[0])
         text = page(
@@ -127,7 +128,6 @@ def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
             limits=sections.where_it_settles(dataset),
             answer=answer,
             maps=maps,
-            contacts=sections.along_contacts(opened),
             branches=branches,
             explore=explore,
             cases=sections.cases(dataset),

@@ -30,7 +30,6 @@ from workflow.analysis import (
     followed_axis,
     hidden,
     is_exact,
-    is_of_contacts,
     labels_of,
     limit_sentence,
     limits,
@@ -48,7 +47,6 @@ from workflow.analysis import (
 from workflow.archive import json_in, provenance
 from workflow.plots import (
     branches,
-    contacts,
     convergence,
     map_dims,
     metric_by_axis,
@@ -138,14 +136,6 @@ def along_branches(dataset: xr.Dataset) -> Section | None:
     figures = {name: branches(dataset, name) for name in names}
     pictures = [picture(one, f"{name.replace('_', ' ')} along the branches") for name, one in figures.items()]
     return {"pictures": pictures, "figure": branches(dataset, names[0])}
-
-
-def along_contacts(dataset: xr.Dataset) -> Section | None:
-    """Draw the contact force of several contacts over time, where histories are kept."""
-    if not is_of_contacts(dataset) or not {"contact_force", "impulse"} & set(dataset.data_vars) or not any_ok(dataset):
-        return None
-    figure = contacts(dataset)
-    return {"pictures": [picture(figure, "contact force of each contact over time")], "figure": figure}
 
 
 def maps(dataset: xr.Dataset) -> Section | None:

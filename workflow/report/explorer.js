@@ -87,6 +87,7 @@
         showOrbit(entry?.orbit, word + (entry?.orbit ? "Phase plane, then one period." : "The page holds no steady rub of this case."));
       }
       if (model("periods")) drawPeriods(entry?.periods);
+      if (model("contacts")) drawContacts(entry?.contacts);
     }
     function drawHistories(number, entry, partner) { // with those of its exact partner behind
       const other = partner === number ? undefined : cases.entries[partner];
@@ -103,6 +104,18 @@
           : "The archive holds no exact case (event_driven) of this scene that ended ok.";
       say("case-exact", (entry ? "" : without) + reference
         + (cases.thinned ? " Thinned: the least and the largest value of each short interval." : ""));
+    }
+    function drawContacts({ names, force } = { names: [], force: [] }) { // a row for each contact, the first on top
+      const cells = model("contact_cells"), NDArray = cells.data.image[0].constructor; // Bokeh's array with a shape
+      const values = Float32Array.from(force.flat(), (value) => value || NaN), [start, end] = [cases.t[0], cases.t[cases.t.length - 1]];
+      const image = new NDArray(values.length ? values : [NaN], values.length ? [names.length, force[0].length] : [1, 1]);
+      cells.data = { image: [image], x: [start], y: [0], dw: [end - start], dh: [names.length] };
+      Object.assign(model("contact_colours"), { low: 0, high: force.flat().reduce((most, value) => Math.max(most, value), 0) || 1 });
+      Object.assign(model("contacts").y_range, { start: names.length, end: 0 });
+      model("contact_names").ticker.ticks = names.map((_, k) => k + 0.5);
+      model("contact_names").major_label_overrides = new Map(names.map((name, k) => [k + 0.5, name]));
+      say("contacts-title", names.length ? `Force of each contact; most loaded: contact ${names[0]}` : "Force of each contact");
+      say("contacts-about", names.length ? "White: no contact." : "The page does not hold the contacts of this case.");
     }
     let shownTimes = "";
     function showTimes(span, window) { // all, or the window of a case; what the reader has chosen stays

@@ -4,7 +4,7 @@ The solutions that errors are measured against are computed beside them, in bloc
 """
 
 from workflow.solve._compile import compiled_ahead
-from workflow.solve._operators import projection_residual_of
+from workflow.solve._operators import observed_structure, projection_residual_of
 from workflow.solve._solutions import (
     ReferenceBlock,
     References,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.cases import Reduced, full_structure, model_on, reduced, reduced_structure
-from workflow.judges.blow_ups import Runaways, mark_blown_up, statics
+from workflow.judges.blow_ups import Runaways, mark_blown_up
 from workflow.models import (
     Array,
     Cases,
@@ -24,6 +24,7 @@ from workflow.models import (
     instantaneous_growth,
     needs_matrices,
     sensors_of,
+    statics,
     structure_of,
 )
 from workflow.reduction import projection_residual
@@ -38,18 +39,18 @@ _MOST_OPERATORS = 16
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
-def statics_of(model: str, parameters: Any) -> tuple[float, Array]:
-    """Return what :func:`~workflow.judges.blow_ups.statics` says of a full structure."""
+def statics_of(model: str, parameters: Any) -> tuple[Array, Array]:
+    """Return what :func:`~workflow.models.statics` says of a full structure."""
     return statics(structure_of(model, parameters))
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
 def _operator(by: Reduced, method: str, options: Any, h: float, depth: float | None, sensors: Watched) -> Any:
-    return schemes.load(method).init(_observed(by, depth, sensors), h, options)
+    return schemes.load(method).init(observed_structure(by, depth, sensors), h, options)
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)
-def _observed(by: Reduced, depth: float | None, sensors: Watched) -> Structure:
+def observed_structure(by: Reduced, depth: float | None, sensors: Watched = ()) -> Structure:
     """Return the structure that cases are run on, with the depth, if any, and the sensors that schemes record."""
     model, full = model_on(by), structure_of(by.model, by.parameters)
     if sensors:
@@ -117,7 +118,7 @@ def judged(settings: CaseSettings, cases: Cases, results: Results, duration: flo
 def as_run(settings: CaseSettings, cases: Cases, sensors: Watched = ()) -> tuple[Structure, Cases]:
     """Return the structure that cases are run on, with sensors, and cases given on the nodes as they start on it."""
     by = reduced(settings)
-    structure, projected = _observed(by, None, sensors), model_on(by).project(cases)
+    structure, projected = observed_structure(by, None, sensors), model_on(by).project(cases)
     return structure, at_rest(structure, projected) if settings.scene.initial == "static" else projected
 
 

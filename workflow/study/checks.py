@@ -166,7 +166,7 @@ def _friction(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
         axis = next((axis.values for axis in cases.axes() if axis.path == path), (cases.scene.friction.coefficient,))
         if contacts is not None and contacts.is_massless:
             flexibility = contacts.flexibility(most := max(map(float, axis)))
-            if np.linalg.eigvalsh(flexibility + flexibility.T)[0] <= 0:
+            if np.linalg.eigvalsh(flexibility + flexibility.T)[0] / 2 + min(_flexibilities(cases)) <= 0:
                 problem = f"{most:g} makes the symmetric part of R - µ R^t, the residuals of contacts, indefinite"
                 yield source.place_of(path), problem, "write less, or check `residual_tangent`"
         reference = {} if cases.reference is None else cases.reference.values
@@ -243,10 +243,15 @@ def _sensors(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
             return
 
 
-def _is_elastic(cases: CaseSpace) -> bool:
+def _flexibilities(cases: CaseSpace) -> list[float]:
+    """Return the flexibilities of the casing, m/N."""
     path = "scene.casing.flexibility"
-    values = [value for axis in cases.axes() if axis.path == path for value in axis.values]
-    return any(values or [cases.scene.casing.flexibility])
+    values = [float(value) for axis in cases.axes() if axis.path == path for value in axis.values]
+    return values or [cases.scene.casing.flexibility]
+
+
+def _is_elastic(cases: CaseSpace) -> bool:
+    return any(_flexibilities(cases))
 
 
 def _elastic(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
@@ -256,6 +261,8 @@ def _elastic(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     of_rigid = "takes a rigid casing, and this one has a `flexibility`"
     if cases.is_auto:
         yield ("axes", "tolerance"), of_rigid, "write counts of modes"
+    if cases.output.temperature_depth is not None:
+        yield ("output", "temperature_depth"), of_rigid, "leave it out, or the flexibility"
     if cases.branch is not None:
         yield ("axes", cases.branch.axis.path), of_rigid, "write a list, or leave the flexibility out"
     elif cases.output.steady is not None:
