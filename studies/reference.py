@@ -55,9 +55,9 @@ TOP = (
     ("schemes", "label: method and its options; a bare method name needs no entry"),
     ("axes", "settings of a case and values of the scene or of schemes by dotted path: a value, a list, "
      "`{lin: [first, last, count]}` or `{log: [first, last, count]}`; each list is a dimension. One real-valued axis "
-     "may be `{branch: [from, to, points]}`: branches of steady rubs are followed along it; one of the load, of friction, "
-     "`scene.speed` or `alpha` may be `{sweep: [from, to, count]}`: each point starts from the state in which the one "
-     "before ended"),
+     "may be `{branch: [from, to, points]}`: branches of steady rubs are followed along it; one of the load, of "
+     "friction, `scene.speed` or `alpha` may be `{sweep: [from, to, count]}`: each point starts from the state in "
+     "which the one before ended"),
     ("zip", "axes that vary together, by the name of their dimension; or numbers of the scene, `e` and `alpha`, "
      "drawn: `{sample, points, seed, of}`"),
     ("zip.NAME.sample", "`random`, `latin_hypercube`, or `sobol_indices`: points × (numbers + 2) cases"),
