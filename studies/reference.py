@@ -55,7 +55,9 @@ TOP = (
     ("schemes", "label: method and its options; a bare method name needs no entry"),
     ("axes", "settings of a case and values of the scene or of schemes by dotted path: a value, a list, "
      "`{lin: [first, last, count]}` or `{log: [first, last, count]}`; each list is a dimension. One real-valued axis "
-     "may be `{branch: [from, to, points]}`: branches of steady rubs are followed along it"),
+     "may be `{branch: [from, to, points]}`: branches of steady rubs are followed along it; one of the load, of "
+     "friction, `scene.speed` or `alpha` may be `{sweep: [from, to, count]}`: each point starts from the state in "
+     "which the one before ended"),
     ("zip", "axes that vary together, by the name of their dimension; or numbers of the scene, `e` and `alpha`, "
      "drawn: `{sample, points, seed, of}`"),
     ("zip.NAME.sample", "`random`, `latin_hypercube`, or `sobol_indices`: points × (numbers + 2) cases"),
@@ -256,6 +258,23 @@ figure = sobol_indices(run_study(study, directory + "/drawn.nc").dataset)""",
 axes = {"scheme": "event_driven", "e": 0.8, "scene.load.frequency": {"lin": [14e3, 20e3, 301]}}
 study = read_study({"study": "rub", "scene": scene, "axes": axes, "output": {"sections": True, "histories": []}})
 figure = bifurcation(run_study(study, directory + "/rub.nc").dataset, "frequency")""",
+    "sweep": """scene = {
+    "chain": {"nodes": 1, "mass": 0.01, "stiffness": 3948, "damping": {"mass": 63}, "heat_capacity": 1},
+    "casing": {"gap": "0.1 mm"},
+    "load": {"amplitude": 0.08},
+    "initial": {"displacement": "-0.3 mm"},
+    "duration": 1,
+}
+
+
+def run(name, axis):
+    axes = {"scheme": "event_driven", "e": 0.3, "scene.load.frequency": axis}
+    study = {"study": name, "scene": scene, "axes": axes, "output": {"interval": 1e-4, "histories": []}}
+    return run_study(study, f"{directory}/{name}.nc").dataset
+
+
+up, down = run("up", {"sweep": [99, 130, 63]}), run("down", {"sweep": [130, 99, 63]})
+figure = sweep(up, "period_impulse", down, run("steady", {"branch": [99, 130, 200]}))""",
 }
 """What draws an example of each figure, in the directory of this file."""
 

@@ -125,6 +125,30 @@ def step(
     return scheme.compute(scheme.init(structure, h, scheme.Options(**options)), batch, over)
 
 
+def later(batch: Cases, results: Results, duration: float) -> Cases:
+    """Return cases that start where those of a batch ended."""
+
+    def turned(harmonics: Harmonics) -> Harmonics:
+        return harmonics.turned((harmonics.frequency * duration) % 1.0)
+
+    assert results.end is not None
+    moved = {name: turned(getattr(batch, name)) for name in ("load_harmonics", "casing_harmonics")}
+    return replace(batch, **results.end._asdict(), **moved)
+
+
+def halves(
+    structure: Structure, batch: Cases, h: float, over: Sampling, method: str, **options: Any
+) -> tuple[Results, Results, Results]:
+    """Return a motion, its first half, and what follows the end of that."""
+    first = replace(over, duration=over.duration / 2, count=over.count // 2 + 1)
+    begun = step(structure, batch, h, first, method, **options)
+    return (
+        step(structure, batch, h, over, method, **options),
+        begun,
+        step(structure, later(batch, begun, first.duration), h, first, method, **options),
+    )
+
+
 def rubs(structure: Structure, count: int, **values: Any) -> Cases:
     """Random rubs of the heavy chain, as many load periods in each; every third has no heat, some share their α."""
     rng = np.random.default_rng(7)

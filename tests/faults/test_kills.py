@@ -29,12 +29,20 @@ NEW = quick({"h": [1e-4, 5e-5], "e": [0.0, 0.5, 0.9], "alpha": ALPHA}, study="ki
 OTHER = quick({"e": [0.1, 0.5, 0.2], "alpha": ALPHA}, study="killed")
 """A third of its cases are among those of NEW."""
 
+SHORT, SWEPT = (
+    quick({"alpha": ALPHA[:20], "scene.load.frequency": {"sweep": [900.0, last, count]}}, study="killed")
+    for last, count in ((1000.0, 3), (1100.0, 5))
+)
+"""60 lines, of three points and of five."""
+
 KINDS: dict[str, tuple[Study | None, Study, tuple[str, ...]]] = {
     "run": (None, NEW, ()),
     "extension": (OLD, NEW, ()),
     "retry": (NEW, NEW, ("--retry",)),
     "recompute": (NEW, NEW, ("--recompute",)),
     "drop": (NEW, OTHER, ()),
+    "sweep": (None, SWEPT, ()),
+    "longer sweep": (SHORT, SWEPT, ()),
 }
 """What each kind of run begins from, its study and its options."""
 
@@ -53,7 +61,7 @@ def test_killed_at_random_moments(tmp_path: Path, request: pytest.FixtureRequest
     """
     kills, moments, archive = request.config.getoption("--kills"), random.Random(20), tmp_path / "a.nc"
     images = {}
-    for number, study in enumerate((OLD, NEW, OTHER)):
+    for number, study in enumerate((OLD, NEW, OTHER, SHORT, SWEPT)):
         run_study(study, tmp_path / f"{number}.nc")
         images[study.text] = (tmp_path / f"{number}.nc").read_bytes(), content_hash(tmp_path / f"{number}.nc")
     killed, gathering, replaced = Counter[str](), 0, 0

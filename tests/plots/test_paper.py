@@ -16,7 +16,7 @@ DATA = Path(__file__).parents[2] / "data"
     "name",
     [
         *("histories", "scene_map", "work_precision", "convergence", "bifurcation"),
-        pytest.param("sobol_indices", marks=pytest.mark.slow),  # it runs a study
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("sobol_indices", "sweep")),  # they run studies
     ],
 )
 def test_the_examples_of_the_reference_draw(name: str) -> None:

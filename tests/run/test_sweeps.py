@@ -1,14 +1,25 @@
 """Sweeps: each point of an axis starts from the state in which the one before ended, and a line is one unit."""
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from workflow.cases import arrange
+import workflow.run._task as running
+from quick import room_for
+from studies import cut_finely, written
+from terminal import told
+from workflow import plots
+from workflow.analysis import NothingSteadyError, labels, limits
+from workflow.archive import ArchiveError, are_among, content_hash, open_archive
+from workflow.cases import arrange, case_hashes
+from workflow.plan import plan_study
+from workflow.run import run_study, verify
 from workflow.schemes import Status
 from workflow.solve import _solve, solve
-from workflow.study import Study, checks, read_study
+from workflow.study import Study, StudyError, checks, read_study
 
 FREQUENCY = "scene.load.frequency"
 CHAIN: dict[str, Any] = {
@@ -77,3 +88,159 @@ def test_a_point_equals_a_case_given_the_state_before(
             if name != "processor_time" and not name.startswith("period"):
                 assert alone.values[name][0].tobytes() == array[point].tobytes(), (point, name)
         start = one.following
+
+
+def interrupted_after(shards: int, study: Study, archive: Path, **options: Any) -> None:
+    with room_for(shards), pytest.raises(ArchiveError, match="no room"):
+        run_study(study, archive, threads=1, **options)
+
+
+LINES = {"scheme": ["event_driven", "moreau"], "e": [0.0, 0.4, 0.8]}
+SHORT, LONG = ({FREQUENCY: {"sweep": [50.0, last, count]}} for last, count in ((90.0, 5), (110.0, 7)))
+
+
+@pytest.mark.parametrize("stop", [1, 3])
+def test_stopped_and_extended_sweeps_are_as_from_nothing(
+    stop: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A line is one unit: a shard holds whole lines of what is missing; points that are stored stay as they are."""
+    cut_finely(monkeypatch, 1)
+    archive, asked = tmp_path / "a.nc", list[list[int]]()
+    monkeypatch.setattr(running, "solve", lambda g, o, i, **more: (asked.append(i.tolist()), solve(g, o, i, **more))[1])
+    interrupted_after(stop, sweep({**LINES, **SHORT}), archive)
+    assert len(asked) == stop + 1
+    assert all(inner == list(range(inner[0], inner[0] + 5)) and inner[0] % 5 == 0 for inner in asked)
+    outcome = run_study(sweep({**LINES, **SHORT}), archive)
+    assert (outcome.ok, outcome.resumed) == (True, 5 * stop)
+    with open_archive(archive) as data:
+        times = data["processor_time"].load()
+    asked.clear()
+    assert run_study(sweep({**LINES, **LONG}), archive).resumed == 30
+    assert sorted(asked) == sorted(2 * [[7 * line + k for k in (5, 6)] for line in range(3)])
+    with open_archive(archive) as data:
+        assert data["frequency"].attrs["sweep"].startswith("each point starts")
+        assert list(data["status"].dims)[-1] == "frequency"
+        assert (data["processor_time"].isel(frequency=slice(5)).values == times.values).all()
+    monkeypatch.undo()
+    run_study(sweep({**LINES, **LONG}), tmp_path / "b.nc", threads=2)
+    assert content_hash(archive) == content_hash(tmp_path / "b.nc")
+    assert [check.detail for check in verify(archive, 3)][-1] == "3 lines of the sweep run again, the same bit for bit"
+
+
+def test_another_first_point_makes_other_cases(tmp_path: Path) -> None:
+    """A hash is of all points before: what follows another point is dropped, a line from the other end is another."""
+    up = case_hashes(arrange(sweep(SHORT)))
+    for other in ([60.0, 90.0, 4], [90.0, 50.0, 5]):
+        assert not are_among(case_hashes(arrange(sweep({FREQUENCY: {"sweep": other}}))), up).any()
+    assert are_among(case_hashes(arrange(sweep({FREQUENCY: [50.0, 60.0]}))), up).tolist() == [True, False]
+
+
+def test_after_a_point_that_failed_its_line_does_not_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its neighbour does; all that failed is run again by --retry, from the line's first point on."""
+    run = _solve.run_batch
+
+    def failing(settings: Any, cases: Any, sampling: Any) -> Any:
+        if ((cases.e == 0.4) & (cases.load_harmonics.frequency[:, 0] == 70.0)).any():
+            raise FloatingPointError("the blade is gone")
+        return run(settings, cases, sampling)
+
+    monkeypatch.setattr(_solve, "run_batch", failing)
+    study, archive = sweep({"scheme": "event_driven", "e": [0.0, 0.4], **SHORT}), tmp_path / "a.nc"
+    outcome = run_study(study, archive)
+    assert outcome.counts == {"ok": 7, "failed": 3}
+    with open_archive(archive) as data:
+        messages = data["message"].sel(e=0.4).values.tolist()
+    ended = "not run: the sweep ended at frequency = 70.0, which is failed"
+    assert messages == ["", "", "FloatingPointError: the blade is gone", ended, ended]
+    monkeypatch.undo()
+    assert run_study(study, archive, retry=True).resumed == 7
+    run_study(study, tmp_path / "b.nc")
+    assert content_hash(archive) == content_hash(tmp_path / "b.nc")
+    before = sweep({"scheme": "event_driven", "e": [0.0, 0.4], FREQUENCY: {"sweep": [90.0, 50.0, 5]}})
+    assert run_study(before, archive, drop=True).resumed == 0
+
+
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    ({"axes": {"scene.casing.gap": {"sweep": [1e-5, 2e-5, 3]}, FREQUENCY: 50.0}}, "gap: cannot be swept"),
+    ({"axes": {"e": {"sweep": [0, 0.5, 3]}, FREQUENCY: 50.0}}, "e: cannot be swept"),
+    ({"axes": {"alpha": {"sweep": [0, 5, 3]}}}, "is a second sweep"),
+    ({"axes": {"alpha": {"branch": [0, 5, 3]}, "scheme": "event_driven"}}, "is a sweep beside a branch"),
+    ({"reference": {"scheme": "event_driven"}}, "is a sweep beside a reference"),
+    ({"axes": {"mechanical_modes": "auto", "tolerance": 1e-3}}, "is a sweep beside `auto`"),
+    ({"zip": {"z": {"sample": "random", "points": 4, "of": {"e": [0, 1]}}}}, "is a sweep beside drawn numbers"),
+    ({"zip": {"z": {"alpha": {"sweep": [0, 5, 3]}}}}, "write a list or lin: a branch is followed, and a sweep made"),
+    (
+        {"axes": {"h": 7e-5}},
+        "7e-05 s does not divide the duration, as a sweep needs; write e.g. 6.993006993",
+    ),
+    ({"axes": {FREQUENCY: {"sweep": [5, 5, 3]}}}, "begins and ends with the same value"),
+]
+
+
+@pytest.mark.parametrize(("parts", "message"), REFUSED)
+def test_what_a_sweep_does_not_stand_beside_is_refused(parts: dict[str, Any], message: str) -> None:
+    with pytest.raises(StudyError) as refused:
+        sweep(**parts)
+    assert message in str(refused.value)
+    assert len(refused.value.mistakes) == 1
+
+
+def test_a_plan_counts_lines(tmp_path: Path) -> None:
+    study = sweep({**LINES, **SHORT})
+    plan = plan_study(study)
+    assert (plan.cases, plan.points, plan.dims[-1]) == (30, 5, ("frequency", 5))
+    status, said = told("plan", written(study.text, tmp_path))
+    assert status == 0
+    assert "6 lines × 5 points, each from the state before; a line is one unit of work" in said
+
+
+def test_a_scheme_without_an_end_state_is_refused_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = _solve.run_batch
+    monkeypatch.setattr(_solve, "run_batch", lambda *words: replace(run(*words), end=None))
+    solved = solve(arrange(sweep()), 0, np.arange(5))
+    assert (solved.values["status"] == Status.FAILED).all()
+    assert solved.messages[0].startswith("ContractError: the scheme gives no `end`, the state from which")
+
+
+def test_limits_are_not_of_points_that_depend_on_others(tmp_path: Path) -> None:
+    data = run_study(sweep({"scheme": "event_driven"}), tmp_path / "a.nc").dataset
+    with pytest.raises(NothingSteadyError, match="holds a sweep"):
+        limits(data)
+
+
+def flagged(branch: Any, name: str) -> float:
+    """Return the frequency of the one bifurcation of a kind."""
+    (at,) = np.flatnonzero(labels(branch["bifurcation"]).values == name)
+    return float(branch["frequency"].values[at])
+
+
+@pytest.mark.slow
+def test_both_jumps_of_an_impact_oscillator_are_where_branches_end(tmp_path: Path) -> None:
+    """Swept up, impacts end at the fold of their branch; swept down, they begin where motion without them grazes."""
+    scene = {
+        "chain": {"nodes": 1, "mass": 1, "stiffness": 1, "damping": {"mass": 0.1}, "heat_capacity": 1},
+        "casing": {"gap": 1},
+        "load": {"amplitude": 0.2},
+        "duration": 600,
+    }
+
+    def run(name: str, axis: Any, start: float = 0.0) -> Any:
+        axes = {"scheme": "event_driven", "e": 0.3, FREQUENCY: axis}
+        own = {**scene, "initial": {"displacement": start}}
+        study = {"study": name, "scene": own, "axes": axes, "output": {"interval": 1, "histories": []}}
+        return run_study(study, tmp_path / f"{name}.nc").dataset
+
+    impacts = run("impacts", {"branch": [0.18, 0.2, 60]}, -3.0)
+    fold, grazing = flagged(impacts, "fold"), flagged(run("free", {"branch": [0.17, 0.19, 20]}), "grazing")
+    up, down = run("up", {"sweep": [0.16, 0.2, 41]}), run("down", {"sweep": [0.2, 0.16, 41]})
+    last = [swept["period_impulse"].isel(period=95).values for swept in (up, down)]  # one of 96 to 120
+    frequency = up["frequency"].values
+    assert grazing < fold - 0.01
+    assert abs(frequency[last[0] > 0].max() - fold) < 1e-3
+    assert abs(frequency[::-1][last[1] > 0].max() - grazing) < 1e-3
+    outside = (frequency < grazing - 1e-3) | (frequency > fold + 1e-3)
+    np.testing.assert_allclose(last[0][outside], last[1][::-1][outside], rtol=1e-6)
+    figure = plots.sweep(up, "period_impulse", down, impacts)
+    assert [line.get_label() for line in figure.axes[0].get_lines()] == [
+        "branch, stable", "branch, unstable", "sweep up", "sweep down",
+    ]  # fmt: skip

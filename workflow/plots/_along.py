@@ -212,7 +212,7 @@ def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch:
     which = "of the last load period at each point" if "period" in up[variable].dims else "at each point"
     panel.set(xlabel=in_units(up[along])[1], ylabel=fill(f"{variable.replace('_', ' ')} [{unit or 1}]", 44))
     trim(panel)
-    legend_below(figure, panel.get_legend_handles_labels(), 4)
+    legend_below(figure, panel.get_legend_handles_labels(), 2)
     shown = place_text(up, {dim: k for dim, k in finest(most_loaded(up)).items() if dim != along})
     head(figure, fill(", ".join(filter(None, (f"{variable.replace('_', ' ')} {which}", shown))), 70))
     return figure

@@ -8,7 +8,8 @@ or, with damping at the velocity of the step before ("lagged"), by w_k+½ = (1 -
 velocity is the central one, v_k = (w_k-½ + w_k+½)/2, which is known one step later. So is the
 impulse: p_k = hλ_k spans half a step on either side of t_k, the step from t_k to t_k+1 has the impulse
 (p_k + p_k+1)/2, and the samples satisfy the momentum balance. The first step starts from
-w_-½ = v_0 - (h/2) a_0 with the acceleration a_0 without contact: p_0 spans half a step and counts whole.
+w_-½ = v_0 - (h/2) a_0 with the acceleration a_0 without contact: p_0 spans half a step and counts whole. A contact
+spring that starts pressed is part of a_0, as its p_0 spans a whole step.
 
 Temperatures step by (τ_k+1 - τ_k)/h = -μ τ_k + χ_n α λ_k, or with μ τ_k+1 where heat is implicit: τ' = D τ.
 The temperature of a sample includes half the heat of p_k, as its impulse includes half of p_k, so that the
@@ -170,6 +171,9 @@ def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> 
     w = blocks.step.delassus(blocks.modal, cases.alpha, cases.friction)
     drive, _ = drive_of(cases, h, 0.0, sampling.duration)
     before = _half_step_before(blocks.modal, cases, h)
+    if contact.stiffness > 0:
+        force = contact.stiffness * np.fmax(0.0, cases.displacement[:, -1] - cases.casing_at(0.0))
+        before += 0.5 * h * force[:, None] * blocks.modal.struck(cases.friction)
     ended = step_batch(operator.structure, blocks, contact, w, cases, before, sampling, drive)
     # squared: the state of a growing contact may be finite where its energy is not
     tip = ended.watched.tip

@@ -174,7 +174,13 @@ def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: A
     begins = (speeds[:, :, 0] * cos[:, :, None] + speeds[:, :, 1] * sin[:, :, None]).sum(axis=1)
     modal = conditions.modal[:, basis.frequency.size : 2 * basis.frequency.size]
     if central:
+        force = operator.method.spring * np.fmax(0.0, x - place)
         modal -= 0.5 * operator.h * _free_acceleration(basis, cases, conditions)
+        modal += (
+            0.5
+            * operator.h
+            * (project(basis.normal.T, force) - cases.friction[:, None] * project(basis.tangent.T, force))
+        )
         v = project(basis.normal, modal)
     begun = np.stack([x - place, v - begins], axis=1)
     if basis.contacts.is_compliant or central:

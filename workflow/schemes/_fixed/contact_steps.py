@@ -335,7 +335,7 @@ def _march(
     if central:
         ended = _press(s, case, load, load, now, balancing, sums)
         for i in range(now.impulse.size):
-            now.impulse_before[i] = 2.0 * now.impulse[i]  # p_0 spans half a step and counts whole
+            now.impulse_before[i] = (2.0 if s.method.spring == 0.0 else 1.0) * now.impulse[i]  # see central
     for step in range(1, marks.steps + 1):
         if ended != RUNNING:
             return ended

@@ -279,11 +279,12 @@ def _open_centrally(
 def _open(
     step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, account: Account | None, lane: Lane
 ) -> None:
-    """Do the step at t = 0, whose p_0 spans half a step: it counts as the impulse of a whole one."""
+    """Do the step at t = 0, whose p_0 spans half a step, but for springs: it counts as the impulse of a whole one."""
     own = state.own
     free = FreeTip(pack(own.first, lane), spread(0.0, lane), pack(own.thermal_velocity, lane))
     stepping.store_end(close_step(step, law, now, free, state, block, account, lane), block.tip, lane)
-    store(own.before, lane, 2.0 * pack(own.before, lane))
+    if step.tip.stiffness == 0.0:
+        store(own.before, lane, 2.0 * pack(own.before, lane))
 
 
 @inlined
