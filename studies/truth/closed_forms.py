@@ -219,8 +219,8 @@ def pressed_rod() -> list[Row]:
 def heated_casing() -> list[Row]:
     """Blade and casing stand in one file of matrices: w = e_blade − e_casing is the motion that closes the gap, s
     shares the heat between both sides. α_c = (1/k_b + 1/k_c)/(g_b s_b/κ_b + g_c s_c/κ_c), g the growth per kelvin; at
-    rest the force is that of the cold pair over 1 − α/α_c. An impact carries (1 + e) u m_b m_c/(m_b + m_c) and warms each
-    side by its share.
+    rest the force is that of the cold pair over 1 − α/α_c. An impact carries (1 + e) u m_b m_c/(m_b + m_c) and warms
+    each side by its share.
     """
     (k_b, k_c), (m_b, m_c), (c_b, c_c) = (1e6, 4e6), (0.02, 0.05), (0.5, 2.0)
     (g_b, g_c), (kappa_b, kappa_c), (s_b, s_c) = (4e-7, 1e-7), (0.05, 0.3), (0.7, 0.3)
