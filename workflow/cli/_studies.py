@@ -211,13 +211,13 @@ def example(
     ] = None,
 ) -> None:
     """List the studies that ship with the program, or print one: `workflow example blade > blade.yaml`."""
-    shipped = {file.name: file.read_text(encoding="utf-8") for file in (files("workflow") / "examples").iterdir()}
-    texts = {file.partition(".")[0]: text for file, text in sorted(shipped.items()) if file.endswith((".py", ".yaml"))}
+    shipped = [file for file in (files("workflow") / "examples").iterdir() if file.name.endswith((".py", ".yaml"))]
+    texts = {file.name.partition(".")[0]: file.read_text(encoding="utf-8") for file in shipped}
     if name is None:
-        for key, text in texts.items():
+        for key, text in sorted(texts.items()):
             title = re.search(r'^(?:title: |""")(.*)$', text, re.MULTILINE)
             say(f"{key:14}{title[1] if title else ''}")
     elif name in texts:
         write(texts[name].rstrip("\n"))
     else:
-        raise typer.BadParameter(f"there is no example `{name}`; take one of {', '.join(texts)}")
+        raise typer.BadParameter(f"there is no example `{name}`; take one of {', '.join(sorted(texts))}")
