@@ -41,7 +41,10 @@ def sections(guide: str) -> dict[str, str]:
     """Return the pages of the guide by their names: each section with its headings a level higher."""
     texts = guide.split("\n## ")[1:]
     names = {f"guide_{re.sub('[^a-z]+', '_', text.splitlines()[0].lower())}.md": text for text in texts}
-    headings = {anchor(each): name for name, text in names.items() for each in [text.splitlines()[0], *subheadings(text)]}
+    titles = {
+        name: [text.splitlines()[0], *re.findall(r"^###+ (.*)$", text, re.MULTILINE)] for name, text in names.items()
+    }
+    headings = {anchor(title): name for name, each in titles.items() for title in each}
 
     def elsewhere(link: re.Match[str]) -> str:
         page = headings.get(link[1])
@@ -49,11 +52,6 @@ def sections(guide: str) -> dict[str, str]:
 
     raised = {name: re.sub(r"^##(#+ )", r"\1", f"# {text}\n", flags=re.MULTILINE) for name, text in names.items()}
     return {name: re.sub(r"\]\(#([\w-]+)\)", elsewhere, text) for name, text in raised.items()}
-
-
-def subheadings(text: str) -> list[str]:
-    """Return the headings inside of a section."""
-    return re.findall(r"^###+ (.*)$", text, re.MULTILINE)
 
 
 def anchor(heading: str) -> str:
@@ -70,11 +68,17 @@ def picture(notebook: Path) -> bytes:
 
 def card(title: str, notebook: str, name: str) -> str:
     """Return a picture with its question, both links to the notebook."""
-    return f"<figure markdown>\n[![{title}]({name}){{ loading=lazy }}]({notebook})\n<figcaption markdown>[{title}]({notebook})</figcaption>\n</figure>\n"
+    linked = f"[![{title}]({name}){{ loading=lazy }}]({notebook})"
+    return f"<figure markdown>\n{linked}\n<figcaption markdown>[{title}]({notebook})</figcaption>\n</figure>\n"
 
 
 def on_page_markdown(markdown: str, *, page: Page, config: Any, files: Files) -> str:
-    """Insert texts of the repository, and write a link that leads out of the site as its text."""
+    """Insert texts of the repository, and write a link that leads out of the site as its text.
+
+    A page that stands alone in the nav has the room beside it.
+    """
+    if page.parent is None:
+        page.meta["hide"] = ["navigation"]
     markdown = re.sub(r"<!-- insert: (\w+) -->", lambda place: INSERTED[place[1]](), markdown)
     return re.sub(r"\[([^]]+)\]\((?:\.\./)*(?:tests/|workflow/|ARCHITECTURE)[^)]*\)", r"\1", markdown)
 
@@ -99,7 +103,7 @@ INSERTED = {"costs": costs, "contributing": contributing, "recipes": recipes}
 
 
 def on_page_content(html: str, *, page: Page, config: Any, files: Files) -> str:
-    """Lead links inside of notebooks, which MkDocs leaves as they are, to pages."""
-    if not page.file.src_uri.endswith(".ipynb"):
-        return html
-    return re.sub(r'href="([\w/.]+)\.(?:ipynb|md)(#[^"]*)?"', r'href="\1.html\2"', html)
+    """Lead links inside of notebooks, which MkDocs leaves as they are, to pages; drop Sphinx's roles of docstrings."""
+    if page.file.src_uri.endswith(".ipynb"):
+        return re.sub(r'href="([\w/.]+)\.(?:ipynb|md)(#[^"]*)?"', r'href="\1.html\2"', html)
+    return re.sub(r":(?:attr|class|func|meth|mod):(?=<code>)", "", html)
