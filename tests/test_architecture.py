@@ -26,7 +26,7 @@ PHYSICS = (
     "orbits",
     "judges",
 )
-FLOOR = ("study", "cases", "solve", "plan", "archive", "run", "analysis", "plots", "report", "cli")
+FLOOR = ("study", "cases", "solve", "plan", "archive", "run", "analysis", "plots", "report", "cli", "examples")
 ORDER = {room: place for place, room in enumerate((*PHYSICS, *FLOOR))}
 HEAVY = ("bokeh", "xarray", "netCDF4", "h5py", "dask", "distributed", "numba", "matplotlib", "scipy", "pint")
 

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -46,3 +47,13 @@ def test_the_command_pins_itself() -> None:
 
 def test_tests_are_pinned_unless_the_environment_chooses() -> None:
     assert is_pinned() == (_has_avx2() and all(os.environ[name] == value for name, value in CHOSEN.items()))
+
+
+@needs_choice
+def test_the_tests_start_where_a_plugin_imports_numpy_first() -> None:
+    chosen = f"{Path(__file__).name}::{test_tests_are_pinned_unless_the_environment_chooses.__name__}"
+    left = {name: value for name, value in os.environ.items() if name not in CHOSEN}
+    command = [sys.executable, "-m", "pytest", "-p", "numpy", "-n", "0", "-p", "no:cacheprovider", chosen]
+    done = subprocess.run(command, cwd=Path(__file__).parent, env=left, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "1 passed" in done.stdout

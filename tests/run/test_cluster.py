@@ -18,7 +18,6 @@ import dask
 import pytest
 from distributed import KilledWorker
 
-from scripts import script
 from studies import SCENE, SMALL, parsed, written
 from terminal import PATIENCE, alive, until, workflow
 from workflow.archive import Command, content_hash, parts_of, start_parts
@@ -259,7 +258,8 @@ def minutes(walltime: str) -> float:
 @pytest.mark.filterwarnings("default")  # those of dask-jobqueue
 def test_the_workers_of_the_example_for_slurm_leave_before_their_walltime() -> None:
     pytest.importorskip("dask_jobqueue")
-    example = script("slurm_cluster")
+    from workflow.examples import slurm as example
+
     with example.slurm_cluster() as cluster:
         job = cluster.job_script()
     assert "--nworkers 16" in job

@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 from workflow.cli._archives import limits, recommend, report, show, verify
 from workflow.cli._failures import tell, warnings_in_words
 from workflow.cli._stop import ignore_signals
-from workflow.cli._studies import plan, run, schema
+from workflow.cli._studies import example, plan, run, schema
 from workflow.cli._terminal import clean, say, write_anything
 
 
@@ -59,7 +59,7 @@ def workflow(
         raise typer.Exit
 
 
-for command in (run, plan, show, recommend, limits, verify, report, schema):
+for command in (run, plan, show, recommend, limits, verify, report, schema, example):
     app.command()(command)
 
 

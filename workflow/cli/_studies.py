@@ -1,12 +1,14 @@
-"""Commands that read a study: ``run``, ``plan`` and, for editors, its ``schema``."""
+"""Commands that read a study: ``run``, ``plan``; its ``schema`` for editors, and an ``example`` to begin with."""
 
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import redirect_stdout
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -204,3 +206,21 @@ def schema(
             error.filename = str(output)  # the system leaves it out where a disk is full
             raise
         say(str(output))
+
+
+def example(
+    name: Annotated[
+        str | None, typer.Argument(help="One of the list that is printed without it.", metavar="NAME")
+    ] = None,
+) -> None:
+    """List the studies that ship with the program, or print one: `workflow example blade > blade.yaml`."""
+    shipped = [file for file in (files("workflow") / "examples").iterdir() if file.name.endswith((".py", ".yaml"))]
+    texts = {file.name.partition(".")[0]: file.read_text(encoding="utf-8") for file in shipped}
+    if name is None:
+        for key, text in sorted(texts.items()):
+            title = re.search(r'^(?:title: |""")(.*)$', text, re.MULTILINE)
+            say(f"{key:14}{title[1] if title else ''}")
+    elif name in texts:
+        write(texts[name].rstrip("\n"))
+    else:
+        raise typer.BadParameter(f"there is no example `{name}`; take one of {', '.join(sorted(texts))}")

@@ -1,11 +1,11 @@
-"""Run a study on the nodes of a Slurm cluster: ``python slurm_cluster.py STUDY ARCHIVE JOBS``.
+"""Run a study on the nodes of a Slurm cluster: ``python slurm.py STUDY ARCHIVE JOBS``.
 
 Needs ``pip install dask-jobqueue`` beside rotor-stator-workflow, in an environment that all nodes see, and an
 archive on a file system that all nodes share. Start it where jobs are submitted, in ``tmux`` or as a
 small job of its own: it submits up to JOBS jobs of workers, replaces those that reach their walltime,
 and leaves when the archive is there. If it is stopped, the same command goes on where it stopped.
 
-Adapt queue, account, cores and walltime in ``slurm_cluster``; ``python slurm_cluster.py`` alone prints
+Adapt queue, account, cores and walltime in ``slurm_cluster``; ``python slurm.py`` alone prints
 the job script that results.
 """
 

@@ -1,0 +1,249 @@
+"""Scenes whose answer is a formula, or a number in a publication."""
+
+from __future__ import annotations
+
+import numpy as np
+from comparison import Row, relative, scene, solved
+
+ROUNDING = "rounding"
+
+
+@scene(
+    "A ball on a vibrating table",
+    "momentum and Newton's law",
+    "truth/ball_on_table",
+)
+def ball_on_table() -> list[Row]:
+    """A ball on a table moving as a sin ωt strikes it once per period, T = 2π/ω, with the speed v = π g/ω; Newton's law
+    asks for the table's velocity v (1 − e)/(1 + e), which fixes the phase ψ of the impact. Each impact carries m g T.
+    e = 0.8, a = 80 µm, 50 Hz.
+    """
+    ball, omega, g, mass, e, a = solved("truth/ball_on_table"), 2 * np.pi * 50, 9.81, 0.01, 0.8, 80e-6
+    speed = np.pi * g / omega
+    psi = -np.arccos(-speed * (1 - e) / (1 + e) / (a * omega))
+    place = a * np.sin(psi) - g * 0.02**2 / 8
+    impulse, last = (float(ball[name].values.ravel()[-1]) for name in ("period_impulse", "displacement"))
+    return [
+        Row("impacts in 1 000 periods", 1000, float(ball["impacts"]), 0, "a count"),
+        relative("impulse of the last period [N s]", 2 * mass * speed, impulse, 1e-9, ROUNDING),
+        relative("place between the last impacts [m]", place, last, 1e-9, ROUNDING),
+    ]
+
+
+@scene(
+    "The vibro-impact oscillator of *Recipes for Continuation*",
+    "Dankowicz, Schilder, SIAM 2013, example 15.2, computed there by COCO",
+    "truth/vibro_impact",
+    "truth/vibro_impact_grazing",
+)
+def recipes_for_continuation() -> list[Row]:
+    """x″ + 0.1 x′ + x = A cos t with a stop at 1 and e = 0.8: from rest into the orbit at A = 1, and its multipliers.
+    The steady motion 10 A sin t grazes at A = 0.1.
+    """
+    speed = solved("truth/vibro_impact")["period_impulse"].values.ravel()[-1] / 1.8
+    steady = solved("truth/vibro_impact", **{"scene.duration": 13.0, "output": {"steady": True}})
+    angle, modulus = float(steady["floquet_angle"]), float(steady["floquet_multiplier"])
+    grazing = solved("truth/vibro_impact_grazing")["impacts"].values.ravel()
+    printed = "12 digits published"
+    return [
+        Row("speed before an impact, after 99 periods", 1.695732937595, speed, 1e-11, printed),
+        Row("speed after it", -1.356586350076, -0.8 * speed, 1e-11, printed),
+        Row("multiplier, real part", -0.58429531, modulus * np.cos(angle), 5e-9, "8 digits published"),
+        Row("multiplier, imaginary part", 0.00560035, modulus * abs(np.sin(angle)), 5e-9, "8 digits published"),
+        Row("impacts at A = 0.1 − 1e-10", 0, grazing[0], 0, "a count"),
+        Row("an impact at A = 0.1 + 1e-10 (1: yes)", 1, float(grazing[1] > 0), 0, "a count"),
+    ]
+
+
+@scene(
+    "The impact oscillator of Shaw and Holmes",
+    "J. Sound Vib. 90 (1983) 129–155, closed form",
+    "truth/impact_oscillator",
+    "truth/period_doubling",
+)
+def shaw_holmes() -> list[Row]:
+    """x″ + x = cos ωt with a stop at 0 and e = 0.8. At ω = 2 the free half period is that of the load. At
+    ω = 2.653347727855 the period doubles: deviations of the impulse alternate.
+    """
+    struck = solved("truth/impact_oscillator")["period_impulse"].values.ravel()
+    doubling = solved("truth/period_doubling")["period_impulse"].transpose("frequency", "period", ...)
+    changes = np.diff(doubling.values.reshape(3, -1)[1])
+    return [
+        relative("speed before an impact at ω = 2, after 49 periods", 20 / 3, struck[-1] / 1.8, 1e-12, ROUNDING),
+        Row("multiplier at ω = 2.653347727855", -1, changes[-1] / changes[-2], 1e-6, "ω to 12 digits"),
+    ]
+
+
+@scene(
+    "One impact in n load periods, over the gap",
+    "closed form, after Shaw and Holmes 1983",
+    "truth/impacts_every_n",
+)
+def impacts_every_n() -> list[Row]:
+    """x″ + 0.02 x′ + x = F sin ωt with a stop at d and e = 0.5. A motion with one impact of speed v in n load periods
+    has d = v G_x + √(x̂² − v² (1 − G_v)²/ω²), x̂ the amplitude without a stop and G v the free motion that the
+    impacts add: half an ellipse over the gap, with a fold where the gap is largest. ω = 1.8, 3.8, 5.8, followed from
+    d = 0.
+    """
+    branches = solved("truth/impacts_every_n")
+    rows = []
+    for k, n in enumerate((1, 2, 3)):
+        branch, omega = branches.isel(order=k), 2 * n - 0.2
+        span, pole = 2 * np.pi * n / omega, complex(-0.01, np.sqrt(1 - 0.01**2))
+        turn = np.exp(pole * span)
+        # h is the free motion that an impact of unit approach speed adds: h(0) = h(span), h'(0) = h'(span) - (1 + e)
+        matrix = [[(1 - turn).real, -(1 - turn).imag], [(pole * (1 - turn)).real, -(pole * (1 - turn)).imag]]
+        z = complex(*np.linalg.solve(matrix, [0.0, -1.5]))
+        place, speed = z.real, (pole * z).real + 1.5
+        largest = (omega**2 - 1) / abs(1 - omega**2 + 0.02j * omega)  # amplitude of the linear response
+        fold = largest * np.hypot(1, place * omega / (1 - speed))
+        name = branch["bifurcation"].attrs["flag_meanings"].split().index("fold")
+        v = branch["steady_impulse"] / 1.5 * n
+        once = (branch["steady_impacts"] * n).round() == 1
+        off = np.hypot(branch["gap"] - v * place, v * (1 - speed) / omega) / largest - 1
+        here, farthest = (
+            float(branch["gap"].where(branch["bifurcation"] == name).max()),
+            float(abs(off.where(once)).max()),
+        )
+        rows.append(relative(f"n = {n}: gap of the fold", fold, here, 1e-9, ROUNDING))
+        rows.append(Row(f"n = {n}: distance of all points from the ellipse", 0, farthest, 1e-9, ROUNDING))
+    return rows
+
+
+@scene(
+    "The impact of an elastic bar",
+    "Doyen, Ern, Piperno, SIAM J. Sci. Comput. 33 (2011)",
+    "truth/impact_bar",
+)
+def impact_bar() -> list[Row]:
+    """A bar (E = 900, ρ = 1, L = 10) hits a wall at 10: by d'Alembert the wall bears ρ c v = 300 for 2 L/c = 2/3, and
+    the bar leaves undeformed with −10. A chain of 41 nodes knows this up to the width of a cell.
+    """
+    bars, rows = solved("truth/impact_bar"), []
+    for scheme in bars["scheme"].values:
+        bar = bars.sel(scheme=scheme)
+        impulse, t = bar["impulse"].values.ravel(), bar["t"].values
+        force, middle = np.diff(impulse) / 5e-3, t[1:] - 2.5e-3
+        inside = force[(middle > 0.1) & (middle < 0.6)].mean()
+        cell = "width of a cell"
+        rows += [
+            relative(f"`{scheme}`: mean force", 300, inside, 1e-3, cell),
+            Row(f"`{scheme}`: time in contact", 2 / 3, float(bar["contact_time"].squeeze()), 0.025 / 3, cell),
+            Row(f"`{scheme}`: speed in the end", -10, 10 - impulse[-1] / 10, 0.3, "energy of half a cell"),
+        ]
+    return rows
+
+
+@scene(
+    "A mass on a casing that slides",
+    "Newton's law and statics along n − µt",
+    "truth/sliding_impact",
+    "truth/sliding_rest",
+)
+def sliding_casing() -> list[Row]:
+    """The contact force acts along n − µt. A mass with M = [[1, m], [m, 1]], m = 0.4, that comes with u = 2 takes (1 +
+    e) u (1 − m²)/(1 + µm), e = 0.6. Pressed on springs k = 100 with c = −30 between them it bears (F − k d + c²
+    d/k)/(1 + µ c/k).
+    """
+    struck, rests = (solved(f"truth/{name}").sel(scheme="event_driven") for name in ("sliding_impact", "sliding_rest"))
+    rows = []
+    for mu in struck["coefficient"].values:
+        impulse = float(struck["contact_impulse"].sel(coefficient=mu).isel(h=0).squeeze())
+        known = 1.6 * 2 * (1 - 0.4**2) / (1 + 0.4 * mu)
+        rows.append(relative(f"impulse at µ = {mu:g} [N s]", known, impulse, 1e-12, ROUNDING))
+    for mu in rests["coefficient"].values:
+        force = float(rests["contact_impulse"].sel(coefficient=mu).squeeze()) / 2
+        known = (5 - 1 + 0.09) / (1 - 0.3 * mu)
+        rows.append(relative(f"force at rest at µ = {mu:g} [N]", known, force, 1e-12, ROUNDING))
+    return rows
+
+
+@scene(
+    "A mass on an elastic stop",
+    "code_aster, test SDND101A",
+    "truth/elastic_stop",
+)
+def elastic_stop() -> list[Row]:
+    """100 kg on a spring of 1e4 N/m strike a stop of 1e6 N/m at 1 m/s: w² = 1.01e6/100, contact for π/w, largest force
+    1e6/w, impulse 2e6/w².
+    """
+    mass = solved("truth/elastic_stop")
+    return [
+        Row("largest force [N]", 9950.3719, 1e6 * float(mass["max_penetration"]), 5e-5, "8 digits published"),
+        Row("impulse [N s]", 198.01980, float(mass["contact_impulse"]), 5e-6, "8 digits published"),
+        Row("time in contact [s]", 0.03126002, float(mass["contact_time"]), 5e-9, "7 digits published"),
+    ]
+
+
+GROWTH = {
+    0.5: -1.8363469529,
+    1.0: -1.2155190929,
+    1.5: -0.6037341560,
+    2.5: 0.5965240980,
+    3.0: 1.1865572380,
+    4.0: 2.3495499778,
+    6.0: 4.6201771683,
+    10.0: 9.0080447499,
+}
+"""z² of z² cosh z = A (cosh z − 1), by A."""
+
+
+@scene(
+    "A thermo-elastic rod pressed on a wall",
+    "eigenvalues of the heat equation with the contact's heat, closed form",
+    "truth/pressed_rod",
+)
+def pressed_rod() -> list[Row]:
+    """Friction heats the tip by α λ. With A = α E a L/κ it grows as exp(D z² t/L²), D = κ/(ρ c), z² cosh z = A (cosh z
+    − 1): from A = 2 on, α_c = 2κ/(E a L).
+    """
+    rod, unit = solved("truth/pressed_rod"), 7 / (4430 * 560) / 0.04**2
+    coarse, fine = (rod["growth_rate"].sel(nodes=nodes).values.ravel() / unit for nodes in (100, 200))
+    limit = fine + (fine - coarse) / 3  # the error is of second order in the width of a cell
+    critical = float(rod["critical_alpha"].sel(nodes=200).max())
+    return [
+        relative("α_c [m/s]", 2 * 7 / (1e11 * 1e-5 * 0.04), critical, 1e-12, ROUNDING),
+        *(
+            relative(f"growth rate s L²/D at A = {a:g}", known, here, 1e-7, "width of a cell, two meshes extrapolated")
+            for (a, known), here in zip(GROWTH.items(), limit, strict=True)
+        ),
+    ]
+
+
+@scene(
+    "A casing that yields and is heated, too",
+    "statics and momentum, closed form",
+    "truth/heated_casing",
+    "truth/heated_casing_impact",
+)
+def heated_casing() -> list[Row]:
+    """Blade and casing stand in one file of matrices: w = e_blade − e_casing is the motion that closes the gap, s
+    shares the heat between both sides. α_c = (1/k_b + 1/k_c)/(g_b s_b/κ_b + g_c s_c/κ_c), g the growth per kelvin; at
+    rest the force is that of the cold pair over 1 − α/α_c. An impact carries (1 + e) u m_b m_c/(m_b + m_c) and warms
+    each side by its share.
+    """
+    (k_b, k_c), (m_b, m_c), (c_b, c_c) = (1e6, 4e6), (0.02, 0.05), (0.5, 2.0)
+    (g_b, g_c), (kappa_b, kappa_c), (s_b, s_c) = (4e-7, 1e-7), (0.05, 0.3), (0.7, 0.3)
+    critical = (1 / k_b + 1 / k_c) / (g_b * s_b / kappa_b + g_c * s_c / kappa_c)
+    cold = (50 / k_b - 20e-6) / (1 / k_b + 1 / k_c)
+    rest = solved("truth/heated_casing")
+    rows = [relative("α_c [W/N]", critical, float(rest["critical_alpha"].max()), 1e-12, ROUNDING)]
+    for alpha in rest["alpha"].values:
+        case = rest.sel(alpha=alpha).isel(t=-1)
+        force = cold / (1 - alpha / critical)
+        warm = alpha * force * (s_b**2 / kappa_b + s_c**2 / kappa_c)
+        here, heat = (float(case[name].squeeze()) for name in ("contact_force", "temperature"))
+        rows.append(relative(f"force at α = {alpha:g} W/N, settled [N]", force, here, 1e-9, ROUNDING))
+        if alpha:
+            rows.append(relative(f"sᵀθ at α = {alpha:g} W/N, settled [K]", warm, heat, 1e-9, ROUNDING))
+    struck = solved("truth/heated_casing_impact")
+    for e in struck["e"].values:
+        case = struck.sel(e=e)
+        impulse = (1 + e) * 2 * m_b * m_c / (m_b + m_c)
+        here, heat = float(case["contact_impulse"].squeeze()), float(case["temperature"].isel(t=-1).squeeze())
+        warm = 0.1 * impulse * (s_b**2 / c_b + s_c**2 / c_c)
+        rows += [
+            relative(f"impulse at e = {e:g} [N s]", impulse, here, 1e-9, ROUNDING),
+            relative(f"sᵀθ after it at e = {e:g} [K]", warm, heat, 1e-7, "what follows in the first ns"),
+        ]
+    return rows

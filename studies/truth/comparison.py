@@ -1,0 +1,101 @@
+"""What the page of truth is made of: numbers beside those that are known of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import xarray as xr
+
+from workflow import read_study, run_study
+
+TRUTH = Path(__file__).parent
+ROOT = TRUTH.parents[1]
+SCENES = {
+    "truth": TRUTH,
+    "hard": ROOT / "studies" / "hard",
+    "audit": ROOT / "tests" / "truth" / "audit",
+    "free": ROOT / "tests" / "truth" / "free",
+    "contacts": ROOT / "tests" / "contacts" / "scenes",
+}
+"""Directories of the studies that are compared."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A number of this program beside what is known of it.
+
+    Attributes
+    ----------
+    what
+        The quantity, with its unit.
+    known, here
+        The number published or made by others, and that of this program.
+    allowed
+        Largest difference with which they agree.
+    decides
+        What makes the difference: how the allowed one is decided.
+    """
+
+    what: str
+    known: float
+    here: float
+    allowed: float
+    decides: str
+
+    @property
+    def agrees(self) -> bool:
+        """Tell whether the difference is allowed."""
+        return abs(self.here - self.known) <= self.allowed
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A scene, or several of one source, with the function that computes its rows."""
+
+    title: str
+    source: str
+    text: str
+    studies: tuple[str, ...]
+    rows: Callable[[], list[Row]]
+
+
+COMPARISONS: list[Comparison] = []
+"""All that the page shows, in its order."""
+
+
+def scene(title: str, source: str, *studies: str) -> Callable[[Callable[[], list[Row]]], Callable[[], list[Row]]]:
+    """Register a function that computes rows; its docstring is what the page says of them."""
+
+    def registered(rows: Callable[[], list[Row]]) -> Callable[[], list[Row]]:
+        COMPARISONS.append(Comparison(title, source, " ".join((rows.__doc__ or "").split()), studies, rows))
+        return rows
+
+    return registered
+
+
+def relative(what: str, known: float, here: float, share: float, decides: str) -> Row:
+    """Return a row whose difference is allowed up to a share of what is known."""
+    return Row(what, known, here, abs(share * known), decides)
+
+
+def solved(study: str, **settings: Any) -> xr.Dataset:
+    """Return the results of a study, ``truth/NAME``, with some of its values replaced.
+
+    Raises
+    ------
+    ValueError
+        A case is not ok.
+    """
+    place, _, name = study.partition("/")
+    with TemporaryDirectory() as directory:
+        requested = read_study(SCENES[place] / f"{name}.yaml").with_(settings)
+        outcome = run_study(requested, Path(directory) / f"{name}.nc", threads=1)
+        results = outcome.dataset.load()
+        outcome.dataset.close()
+    if not outcome.ok:
+        raise ValueError(f"{study}: {outcome.failures}")
+    return results
