@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from workflow.models import Array, Cases
 from workflow.schemes._exact.batch import ExactOperator, InseparablePolesError, conditions_of, failure_text
@@ -234,4 +233,8 @@ def linear(system: ModalSystem, alpha: float) -> Linear:
 
 def _twice(rows: Array, heats: int) -> Array:
     """Return the transform of displacements, velocities and temperatures, by rows of modes and one of the gap."""
-    return np.asarray(block_diag(rows[:-1], rows[:-1], np.eye(heats)))
+    (modes, own), n = rows[:-1].shape, 2 * rows.shape[1]
+    twice = np.zeros((2 * modes + heats, n + heats))  # scipy's block_diag fails while a thread imports dask.array
+    twice[:modes, :own] = twice[modes : 2 * modes, own:n] = rows[:-1]
+    twice[2 * modes :, n:] = np.eye(heats)
+    return twice
