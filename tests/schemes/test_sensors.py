@@ -167,7 +167,8 @@ def test_a_contact_that_lasts_is_listed_as_it_begins_and_ends() -> None:
     for case in range(3):
         count = int(events["event_count"][case])
         kind, time = events["event_kind"][case], events["event_time"][case]
-        assert np.all(np.isnan(time[count:])) and np.all(np.diff(time[:count]) >= 0)
+        assert np.all(np.isnan(time[count:]))
+        assert np.all(np.diff(time[:count]) >= 0)
         assert np.sum(kind == LEAVES) == metrics["releases"][case]
         assert np.sum(events["event_impulse"][case] > 0) == metrics["impacts"][case]
         starts, ends = time[kind == TOUCHES], time[kind == LEAVES]

@@ -48,9 +48,7 @@ class Trajectory:
     states: Array
     """X after the events, ``(event, N)``."""
     histories: Array
-    """x_n, v_n, θ_n and the impulse at samples, ``(4, sample)``."""
-    sensed: Array
-    """What sensors show there, ``(sensor, sample)``."""
+    """x_n, v_n, θ_n, the impulse and what sensors show at samples, ``(4 + sensor, sample)``."""
     tally: Any
     """One element of an array of :data:`~workflow.schemes._exact.record.TALLY`."""
     failure: str
@@ -141,22 +139,8 @@ def trajectory(
     failure = "" if done else failure_text(int(ended[0]), tally[0], conditions.budget, float(conditions.e[0]))
     times, kinds, impulses = events[:count, :3].T
     at_end, states = bool(tally["held"][0]), events[:count, 3:]
-    return Trajectory(
-        begin,
-        span,
-        X,
-        contact,
-        end,
-        at_end,
-        times,
-        kinds,
-        impulses,
-        states,
-        histories[0],
-        asked.sensed[0],
-        tally[0],
-        failure,
-    )
+    shown = np.vstack([histories[0], asked.sensed[0]])
+    return Trajectory(begin, span, X, contact, end, at_end, times, kinds, impulses, states, shown, tally[0], failure)
 
 
 def growth(regime: Regime) -> float:
