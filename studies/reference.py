@@ -190,13 +190,17 @@ SHAPES = {
     "flag": "(…), int8",
     "phase": "(…, phase)",
     "point": "(…, point), int8",
+    "event": "(…, event)",
 }
 WHEN = {
     "always": "",
     "depth": "with `output.temperature_depth`",
     "balances": "with `output.balances`",
     "sections": "with `output.sections`",
+    "sensors": "with `output.sensors`",
+    "events": "with `output.events`",
     "steady": "with `output.steady`; along `point` of a branch",
+    "steady sensors": "with `output.steady` and `output.sensors`; along `point` of a branch",
     "branch": "where an axis is a branch",
     "reference": "with a `reference`",
     "scheme": "",
@@ -226,6 +230,7 @@ def variable_table() -> Iterator[str]:
 def _row(about: variables.Variable, when: str) -> tuple[str, ...]:
     meaning = about.meaning + (f": {about.comment}" if about.comment else "")
     shape = SHAPES[about.shape] + (", each contact" if about.is_of_contact else "")
+    shape = shape.replace("…", "…, sensor") if about.is_of_sensor else shape
     return f"`{about.name}`", shape, about.unit, meaning, when
 
 

@@ -106,8 +106,11 @@ def _of_sensors() -> Iterator[Variable]:
     ):
         half = "of the samples in the last half of the duration"
         yield Variable(name, "", meaning, condition="sensors", signed=True, comment=half)
-    meaning, within = "largest value of a sensor in a load period", "of the samples in it and at its ends"
-    yield Variable("period_sensor_max", "", meaning, "period", condition="sensors", comment=within, **defined)
+    meaning, ends = (
+        "largest value of a sensor in a load period",
+        "of samples at ends of output intervals, as period_force",
+    )
+    yield Variable("period_sensor_max", "", meaning, "period", condition="sensors", signed=True, comment=ends)
     for name, meaning in (
         ("steady_sensor_max", "largest value of a sensor in the steady rub"),
         ("steady_sensor_min", "smallest value of a sensor in the steady rub"),

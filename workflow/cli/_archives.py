@@ -85,6 +85,8 @@ def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
         yield f"  {dim} ({len(values)}): {'; '.join(values[:VALUES_SHOWN])}{more}"
     if "contact" in dataset.dims and "contact" not in case_dims(dataset):
         yield f"  contact ({dataset.sizes['contact']}): {', '.join(map(str, dataset['contact'].values))}"
+    if "sensor" in dataset.dims:
+        yield f"  sensors: {', '.join(map(str, dataset['sensor'].values))}"
     for name in dataset.coords:
         if dataset[name].ndim == 0:
             yield f"  {name} = {labels_of(dataset.expand_dims(name), str(name), named=False)[0]}"

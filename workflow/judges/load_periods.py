@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from workflow.models import Array, Cases
@@ -45,24 +43,6 @@ def largest_per_period(force: Array, frequency: Array, sampling: Sampling, perio
     return largest
 
 
-def largest_samples(values: Array, frequency: Array, sampling: Sampling, periods: int) -> Array:
-    """Return the largest sample in each load period, its ends included, ``(case, …, period)``; NaN without one."""
-    largest = np.full((*values.shape[:-1], periods), np.nan)
-    counts = complete_periods(frequency, sampling)
-    for case, count in enumerate(counts.tolist()):
-        position = sampling.times * frequency[case]
-        for k in range(count):
-            first, stop = _within(position, k)
-            if stop > first:
-                largest[case, ..., k] = values[case, ..., first:stop].max(axis=-1)
-    return largest
-
-
-def _within(position: Array, k: Any) -> tuple[Any, Any]:
-    """Return the first sample of load period k and the one after its last; ends belong to both periods."""
-    return np.searchsorted(position, k * (1 - 1e-12)), np.searchsorted(position, (k + 1) * (1 + 1e-12), side="right")
-
-
 def sections(results: Results, cases: Cases, sampling: Sampling, periods: int) -> dict[str, Array]:
     """Return the Poincaré sections of load periods and the extremes of the displacement; NaN where there are none."""
     x = results.histories["displacement"]
@@ -73,7 +53,8 @@ def sections(results: Results, cases: Cases, sampling: Sampling, periods: int) -
     counts = complete_periods(cases.period_frequency, sampling)
     for case, frequency in enumerate(cases.period_frequency):
         position, number = sampling.times * frequency, np.arange(counts[case])
-        first, stop = _within(position, number)
+        first = np.searchsorted(position, number * (1 - 1e-12))
+        stop = np.searchsorted(position, (number + 1) * (1 + 1e-12), side="right")
         for k in number:
             within = np.concatenate([x[case, ..., first[k] : stop[k]], starts[case, ..., k : k + 2]], axis=-1)
             largest[case, ..., k], smallest[case, ..., k] = (of.reduce(within, axis=-1) for of in (np.fmax, np.fmin))

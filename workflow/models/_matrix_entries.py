@@ -21,6 +21,7 @@ from workflow.models._contacts import Contacts, checked_contacts
 from workflow.models._from_matrices import ASYMMETRY, COLD, GivenMatrices
 from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, Entries
 from workflow.models._pair import UnusableMatricesError
+from workflow.models._sensors import Sensor
 from workflow.models._structure import Rayleigh
 
 _WHOLE = 1e-9
@@ -183,27 +184,21 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     return checked_contacts(contacts)
 
 
-def one_row(entries: Entries, chosen: str | int, of_heat: bool) -> Array:
-    """Return the row of a label, an index or a vector of the displacements, or temperatures, ``(coordinate,)``.
-
-    Raises
-    ------
-    UnusableMatricesError
-        There is none, or there are several.
-    """
+def row_of(entries: Entries, sensor: Sensor) -> Array:
+    """Return the row of a sensor at a label, an index or a vector of the file, ``(coordinate,)``."""
     size = np.shape(entries["mass"])[0]
     labels, own = _texts("labels", entries, size), _labelled(entries, None, (), size)
-    if of_heat:
+    if sensor.of_heat:
         if "heat_capacity" not in entries:
             raise UnusableMatricesError("the file has no temperatures", "choose a displacement")
         heats = np.shape(entries["heat_capacity"])[0]
         labels = _texts("thermal_labels", entries, heats) or (labels if size == heats else ())
         size, own = heats, {}
-    if isinstance(chosen, str) and chosen in own:
-        return own[chosen]
-    rows = _rows("sensor", chosen, entries, labels, size, own)
+    if isinstance(sensor.at, str) and sensor.at in own:
+        return own[sensor.at]
+    rows = _rows("sensor", sensor.at, entries, labels, size, own)
     if len(rows) > 1:
-        raise UnusableMatricesError(f"`{chosen}` has {len(rows)} rows", "choose a vector")
+        raise UnusableMatricesError(f"`{sensor.at}` has {len(rows)} rows", "choose a vector")
     return np.asarray(rows[0])
 
 

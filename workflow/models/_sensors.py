@@ -8,14 +8,13 @@ its x_i, another one as much of that part as a force on the contacts moves there
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from workflow.kernels import Array
 from workflow.models._cases import Cases, project
-from workflow.models._contacts import Contacts
 from workflow.models._pair import UnusableMatricesError
 
 if TYPE_CHECKING:
@@ -69,17 +68,6 @@ class Sensors:
             whole += self.shares[:, contact, None] * places[:, contact, None]
         return whole
 
-    def reduced(self, displacements: Array, temperatures: Array, carried: Array | None) -> Sensors:
-        """Return the rows of a basis x = displacements · x_r + carried · θ_r, θ = temperatures · θ_r."""
-        heat = self.temperature @ temperatures
-        if carried is not None:
-            heat = heat + self.displacement @ carried
-        return replace(self, displacement=self.displacement @ displacements, temperature=heat)
-
-    def following(self, contacts: Contacts, shares: Array) -> Sensors:
-        """Return sensors that follow contacts without mass, by ``shares`` ``(sensor, contact)`` of x_i - w_i x."""
-        return replace(self, displacement=self.displacement - shares @ contacts.normal, shares=self.shares + shares)
-
 
 def node_rows(parameters: Any, sensors: tuple[Sensor, ...], structure: Structure) -> list[Array]:
     """Return rows with a single 1 at the number of a node, from 1 on.
@@ -109,7 +97,7 @@ def given_sensors(sensors: tuple[Sensor, ...], rows: list[Array], structure: Str
     sizes, contacts = (structure.mechanical_size, structure.thermal_size), structure.contact_rows
     own = np.zeros((len(rows), sizes[0])), np.zeros((len(rows), sizes[1]))
     for k, (sensor, row) in enumerate(zip(sensors, rows, strict=True)):
-        own[sensor.of_heat][k] = row if structure.coordinates is None else _own(sensor, row, structure.coordinates)
+        own[sensor.of_heat][k] = _own(sensor, row, structure.coordinates)
     every = Sensors(*own, np.zeros((len(rows), contacts.count)))
     if not contacts.is_massless:
         return every
@@ -119,8 +107,10 @@ def given_sensors(sensors: tuple[Sensor, ...], rows: list[Array], structure: Str
     return every
 
 
-def _own(sensor: Sensor, row: Array, given: Coordinates) -> Array:
+def _own(sensor: Sensor, row: Array, given: Coordinates | None) -> Array:
     """Return a row in a structure's own coordinates."""
+    if given is None:
+        return row
     basis, projection = given.displacement_basis, given.displacement_projection
     if sensor.of_heat:
         basis, projection = given.temperature_basis, given.temperature_projection

@@ -28,7 +28,7 @@ from workflow.models._from_matrices import (
     structure_from_sparse,
     with_contacts,
 )
-from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, one_row, shaken
+from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, row_of, shaken
 from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, files_of, read_entries
 from workflow.models._pair import UnusableMatricesError, turning_at
 from workflow.models._sensors import Sensor
@@ -172,7 +172,7 @@ def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: 
         The file has no such label, index or vector.
     """
     entries = read_entries(Path(parameters.file.place))
-    return [one_row(entries, sensor.at, sensor.of_heat) for sensor in sensors]
+    return [row_of(entries, sensor) for sensor in sensors]
 
 
 def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:

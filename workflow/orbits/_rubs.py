@@ -61,7 +61,7 @@ def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
     spans = motion.span if flow.is_constant else k
     mean = flow.balanced(motion.start, motion.tally["impulse"] / motion.span)
     low, high = _extremes(flow, motion)
-    x, v, temperature, _ = motion.histories[:, : -1 : (motion.histories.shape[1] - 1) // samples]
+    orbit_of = motion.histories[:, : -1 : (motion.histories.shape[1] - 1) // samples]
     return {
         "steady_periods": k,
         "steady_residual": orbit.residual,
@@ -76,12 +76,12 @@ def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
         "steady_max_displacement": high,
         "steady_min_displacement": low,
         "steady_closing": flow.growth_by_heat(mean),
-        "steady_sensor_max": motion.sensed.max(axis=1),
-        "steady_sensor_min": motion.sensed.min(axis=1),
-        "orbit_sensor": motion.sensed[:, : -1 : (motion.histories.shape[1] - 1) // samples],
-        "orbit_displacement": x,
-        "orbit_velocity": v,
-        "orbit_temperature": temperature,
+        "steady_sensor_max": motion.histories[4:].max(axis=1),
+        "steady_sensor_min": motion.histories[4:].min(axis=1),
+        "orbit_sensor": orbit_of[4:],
+        "orbit_displacement": orbit_of[0],
+        "orbit_velocity": orbit_of[1],
+        "orbit_temperature": orbit_of[2],
     }
 
 

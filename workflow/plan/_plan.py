@@ -30,7 +30,7 @@ from workflow.plan._warnings import (
     looked_at,
     warnings,
 )
-from workflow.solve import model_seconds, solution_seconds, steady_bytes, tasks
+from workflow.solve import asked_bytes, model_seconds, solution_seconds, steady_bytes, tasks
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
 _STRUCTURES_SHOWN = 8
@@ -167,9 +167,11 @@ def _reference_seconds(grid: Grid) -> float:
 def _result_bytes(grid: Grid) -> int:
     """Return the size of a study's results before compression."""
     stored = 8 if grid.study.output.precision == "float64" else 4
-    sampled = stored * len(grid.study.output.sampled) * grid.sampling.count
+    histories = [name for name in grid.study.output.sampled if name != "sensor_value"]
+    sampled = stored * len(histories) * grid.sampling.count
     each = 8 * (4 * grid.longest_period_count + 22) + sampled
     each = each * math.prod(grid.study.contact_shape) + steady_bytes(grid)
+    each += asked_bytes(grid, stored if "sensor_value" in grid.study.output.sampled else 0)
     return grid.outer_count * grid.inner_count * each
 
 

@@ -215,12 +215,14 @@ class Reduction:
 
         What the modes lack of x is of ΔF w_i what w_i finds there: a force elsewhere moves no sensor by itself.
         """
-        small = full.reduced(self.displacement_basis, self.temperature_basis, self.carried)
-        contacts = self.structure.contacts
-        if self.residual is None or contacts is None or structure.contact_rows.is_massless:
-            return small
-        response = self.residual @ np.linalg.pinv(structure.contact_rows.normal @ self.residual)
-        return small.following(contacts, full.displacement @ response)
+        x, theta = full.displacement @ self.displacement_basis, full.temperature @ self.temperature_basis
+        if self.carried is not None:
+            theta = theta + full.displacement @ self.carried
+        if self.residual is None or self.structure.contacts is None or structure.contact_rows.is_massless:
+            return Sensors(x, theta, full.shares)
+        follows = self.residual @ np.linalg.pinv(structure.contact_rows.normal @ self.residual)
+        shares = full.displacement @ follows
+        return Sensors(x - shares @ self.structure.contacts.normal, theta, shares)
 
     def expanded(self, state: EndState) -> EndState:
         """Return states of the reduced structure on the nodes, without what the residual flexibility yields."""

@@ -16,4 +16,4 @@ from workflow.solve._solutions import (
     solutions_of,
 )
 from workflow.solve._solve import NOT_ASKED, Solved, kernel_variants, metrics_of, periods_of, solve, steady_of
-from workflow.solve._tasks import Batch, Task, model_seconds, seconds_per_case, steady_bytes, tasks
+from workflow.solve._tasks import Batch, Task, asked_bytes, model_seconds, seconds_per_case, steady_bytes, tasks

@@ -25,7 +25,7 @@ from workflow.cases import (
     reference_settings,
     tells_basis_error,
 )
-from workflow.judges.load_periods import contact_force, largest_per_period, largest_samples, sections, widened
+from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
 from workflow.judges.trials import DECIDING, EXACT, reason_of
 from workflow.models import Array, Cases, Sensor, Structure, instantaneous_growth
 from workflow.schemes import Results, Status
@@ -346,13 +346,13 @@ def _of_sensors(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
     """Return extremes and root mean square of sensors in the last half, and the largest value in each load period."""
     if not grid.study.output.sensors:
         return {}
-    sampling, values = grid.sampling, results.histories["sensor_value"]
-    last = values[..., sampling.count // 2 :]
+    values, by = results.histories["sensor_value"], (cases.period_frequency, grid.sampling, grid.longest_period_count)
+    last = values[..., grid.sampling.count // 2 :]
     return {
         "sensor_max": last.max(axis=-1),
         "sensor_min": last.min(axis=-1),
         "sensor_rms": np.sqrt(np.mean(last**2, axis=-1)),
-        "period_sensor_max": largest_samples(values, cases.period_frequency, sampling, grid.longest_period_count),
+        "period_sensor_max": largest_per_period(values[..., 1:], *by),
     }
 
 

@@ -190,13 +190,23 @@ def decides_cost(path: str, model: str) -> bool:
 def bytes_per_case(grid: Grid) -> int:
     """Return the bytes of a case in memory: conditions, results, what is derived of them, the copy that is stored."""
     contacts = math.prod(grid.study.contact_shape)
-    return 8 * (10 * grid.sampling.count + 8 * grid.longest_period_count + 80) * contacts + steady_bytes(grid)
+    each = 8 * (10 * grid.sampling.count + 8 * grid.longest_period_count + 80) * contacts
+    return each + 2 * asked_bytes(grid, 8) + steady_bytes(grid)
+
+
+def asked_bytes(grid: Grid, stored: int) -> int:
+    """Return the bytes of a case's sensors and events, with so many of a sample."""
+    output, samples = grid.study.output, grid.sampling.count
+    return len(output.sensors) * (stored * samples + 8 * grid.longest_period_count + 24) + 26 * (output.events or 0)
 
 
 def steady_bytes(grid: Grid) -> int:
     """Return the bytes of a case's steady rubs, 0 where they are not asked for."""
     steady, branch = grid.study.output.steady, grid.study.branch
-    return 0 if steady is None else 8 * (3 * steady.samples + 16) * (1 if branch is None else branch.points)
+    if steady is None:
+        return 0
+    rows = 3 + len(grid.study.output.sensors)
+    return 8 * (rows * steady.samples + 16) * (1 if branch is None else branch.points)
 
 
 def model_seconds(grid: Grid, missing: NDArray[np.bool_] | None = None) -> float:

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from workflow.models import Array, Cases
 from workflow.schemes._exact.batch import ExactOperator, InseparablePolesError, conditions_of, failure_text
@@ -49,9 +48,7 @@ class Trajectory:
     states: Array
     """X after the events, ``(event, N)``."""
     histories: Array
-    """x_n, v_n, θ_n and the impulse at samples, ``(4, sample)``."""
-    sensed: Array
-    """What sensors show there, ``(sensor, sample)``."""
+    """x_n, v_n, θ_n, the impulse and what sensors show at samples, ``(4 + sensor, sample)``."""
     tally: Any
     """One element of an array of :data:`~workflow.schemes._exact.record.TALLY`."""
     failure: str
@@ -142,22 +139,8 @@ def trajectory(
     failure = "" if done else failure_text(int(ended[0]), tally[0], conditions.budget, float(conditions.e[0]))
     times, kinds, impulses = events[:count, :3].T
     at_end, states = bool(tally["held"][0]), events[:count, 3:]
-    return Trajectory(
-        begin,
-        span,
-        X,
-        contact,
-        end,
-        at_end,
-        times,
-        kinds,
-        impulses,
-        states,
-        histories[0],
-        asked.sensed[0],
-        tally[0],
-        failure,
-    )
+    shown = np.vstack([histories[0], asked.sensed[0]])
+    return Trajectory(begin, span, X, contact, end, at_end, times, kinds, impulses, states, shown, tally[0], failure)
 
 
 def growth(regime: Regime) -> float:
@@ -234,4 +217,8 @@ def linear(system: ModalSystem, alpha: float) -> Linear:
 
 def _twice(rows: Array, heats: int) -> Array:
     """Return the transform of displacements, velocities and temperatures, by rows of modes and one of the gap."""
-    return np.asarray(block_diag(rows[:-1], rows[:-1], np.eye(heats)))
+    (modes, own), n = rows[:-1].shape, 2 * rows.shape[1]
+    twice = np.zeros((2 * modes + heats, n + heats))  # scipy's block_diag fails while a thread imports dask.array
+    twice[:modes, :own] = twice[modes : 2 * modes, own:n] = rows[:-1]
+    twice[2 * modes :, n:] = np.eye(heats)
+    return twice

@@ -55,7 +55,7 @@ class FreeStep(NamedTuple):
     observed: Array | None
     """Temperature that is recorded per τ, ``(thermal mode,)``; ``None`` for the tip's, the sum of all τ."""
     sensors: Array
-    """Rows of sensors, see :class:`~workflow.schemes._fixed.sensing.Sensing`."""
+    """Rows of sensors, see :func:`~workflow.schemes._fixed.sensing.sensing_of`."""
 
 
 class State(NamedTuple):

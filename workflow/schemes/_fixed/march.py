@@ -411,8 +411,8 @@ def step_batch(
     For central differences that is the velocity half a step before t = 0.
     """
     modal, begun = blocks.modal, start(blocks, cases, velocity)
-    sensing = sensing_of(blocks, cases, begun)
-    free = free_step(blocks, contact, begun.drifting, sensing.rows)
+    sensors, sensing = sensing_of(blocks, cases, begun)
+    free = free_step(blocks, contact, begun.drifting, sensors)
     watched = stepping.watch(structure, cases, sampling, blocks.step.tip.h, drive)
     states, rows_of_cases = begun.states, np.zeros((rows_in(Own), cases.count))
     own = named_rows(Own, rows_of_cases)
@@ -433,7 +433,7 @@ def step_batch(
             "steady": blocks.scale[begun.drifting, None] * begun.steady,
             "tau": tau,
             "tau_before": np.zeros_like(tau),
-            "sensing": sensing.own,
+            "sensing": sensing,
             **{f"law.{name}": values for name, values in law._asdict().items() if isinstance(values, np.ndarray)},
             **({} if balances is None else balances.rows),
         }

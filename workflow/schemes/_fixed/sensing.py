@@ -7,8 +7,6 @@ response R to thermal modes and the known part by constant loads (:mod:`.free_mo
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from workflow.kernels.compiled import part
@@ -22,15 +20,6 @@ CONSTANT, RATE, IMPULSE = range(3)
 
 _TIP, _LOAD = -2, -1
 """Columns after those of the states: per x_n, and per unit impulse of the load in the step."""
-
-
-class Sensing(NamedTuple):
-    """Rows of sensors in the states of a kernel."""
-
-    rows: Array
-    """Per u and per η of the blocks, per τ, per x_n, per impulse of the load, ``(sensor, 2 block + thermal + 2)``."""
-    own: Array
-    """``(3, sensor, case)``."""
 
 
 @part
@@ -51,8 +40,10 @@ def sense(rows: Array, state: State, place: Array, t: float, shown: Array, lanes
             shown[1, s, lane] = value
 
 
-def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> Sensing:
-    """Return the rows of the sensors of a structure in blocks.
+def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> tuple[Array, Array]:
+    """Return the rows of the sensors of a structure in blocks, and their numbers of each case, ``(3, sensor, case)``.
+
+    Rows are per u and per η of the blocks, per τ, per x_n and per impulse of the load, ``(sensor, column)``.
 
     Raises
     ------
@@ -96,7 +87,7 @@ def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> Sensing:
             _each(both, drives(blocks, cases)) + gains[:, None] * cases.alpha,
         ]
     )
-    return Sensing(np.ascontiguousarray(rows), own)
+    return np.ascontiguousarray(rows), own
 
 
 def _places(blocks: Blocks) -> Array:

@@ -1,0 +1,199 @@
+"""Sensors: rows of the whole structure beside the tip, in every scheme and basis; and the list of events."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from scenes import blade, cases, chain, everything_acts, heavy_chain, rubs, sampling, step, watched
+from workflow import reduction, schemes
+from workflow.models import Matrices, Sensors, Structure
+from workflow.reduction import reduce_structure
+from workflow.schemes import Recorder, Status
+from workflow.variables import EVENT_KINDS
+
+IMPACT, TOUCHES, LEAVES = range(len(EVENT_KINDS))
+
+
+def test_a_motion_without_contact_is_the_rows_of_the_matrix_exponential() -> None:
+    structure = watched(heavy_chain(nodes=5))
+    batch = everything_acts(structure, gap=1.0, amplitude=0.0)
+    M, C2 = structure.mass, structure.heat_capacity
+    n, m = len(M), len(C2)
+    A = np.zeros((2 * n + m + 1,) * 2)  # of [x, v, θ, 1]
+    A[:n, n : 2 * n] = np.eye(n)
+    load = batch.steady[0] + batch.mean[0] * structure.load_direction
+    forces = [-structure.stiffness_matrix, -structure.damping_matrix, -structure.coupling_matrix, load[:, None]]
+    A[n : 2 * n] = np.linalg.solve(M, np.hstack(forces))
+    A[2 * n : -1, 2 * n : -1] = -np.linalg.solve(C2, structure.conductance_matrix)
+    A[2 * n : -1, -1] = np.linalg.solve(C2, batch.heating[0])
+    start = np.concatenate([batch.displacement[0], batch.velocity[0], batch.temperature[0], [1.0]])
+    over = sampling(0.002, 2e-4)
+    states = np.array([expm(A * t) @ start for t in over.times])
+    assert structure.sensors is not None
+    truth = structure.sensors.of(states[:, :n], states[:, 2 * n : -1]).T
+    ours = step(structure, batch, 0.0, over, "event_driven").histories["sensor_value"][0]
+    assert np.all(np.abs(ours - truth).max(axis=1) <= 1e-12 * np.abs(truth).max(axis=1))
+
+
+SCHEMES = [
+    *((name, {}) for name in schemes.names()),
+    ("moreau", {"theta": 0.5}),
+    ("penalty", {"integration": "implicit"}),
+]
+
+
+@pytest.mark.parametrize("basis", reduction.names())
+@pytest.mark.parametrize(("method", "options"), SCHEMES)
+def test_a_sensor_at_the_contact_shows_its_displacement_and_temperature(
+    method: str, options: dict[str, Any], basis: str
+) -> None:
+    full = heavy_chain(nodes=6)
+    one = watched(full).sensors
+    assert one is not None
+    reduced = reduce_structure(full, 3, 3, basis, 0.01)
+    structure = replace(reduced.structure, sensors=reduced.sensors(one, full))
+    scheme = schemes.load(method)
+    if scheme.refusal(structure, scheme.Options(**options)) is not None:
+        assert reduced.structure.has_massless_tip
+        return
+    batch = reduced.project(rubs(full, 2, amplitude=400.0, frequency=300.0))
+    results = step(structure, batch, 5e-6, sampling(0.0098, 7e-5), method, **options)
+    assert np.all(results.status == Status.OK)
+    assert results.metrics["contact_time"].max() > 0 or results.metrics["impacts"].max() > 0
+    shown = results.histories["sensor_value"]
+    for row, name in ((0, "displacement"), (2, "temperature")):
+        tip = results.histories[name]
+        assert np.abs(shown[:, row] - tip).max() <= 1e-11 * np.abs(tip).max()
+
+
+@pytest.mark.parametrize("basis", reduction.names())
+def test_a_reduced_sensor_elsewhere_comes_to_that_of_the_full_structure(basis: str) -> None:
+    full, over = blade(), sampling(0.2, 1e-3)
+    batch = cases(full, e=0.0, alpha=5.0, gap=20e-6, amplitude=24.0, frequency=5.0)
+    x = np.zeros((1, 20))
+    x[0, 9] = 1.0
+    sensors = Sensors(x, np.zeros((1, 20)), np.zeros((1, 1)))
+    truth = step(replace(full, sensors=sensors), batch, 0.0, over, "event_driven").histories["sensor_value"]
+    reduced = reduce_structure(full, 6, 12, basis, 0.2)
+    structure = replace(reduced.structure, sensors=reduced.sensors(sensors, full))
+    ours = step(structure, reduced.project(batch), 0.0, over, "event_driven").histories["sensor_value"]
+    assert np.linalg.norm(ours - truth) < 0.02 * np.linalg.norm(truth)
+
+
+@pytest.mark.parametrize(("method", "options"), SCHEMES)
+def test_a_mode_that_does_not_move_the_tip_moves_a_sensor(method: str, options: dict[str, Any]) -> None:
+    """A mass beside the tip's, on a spring of its own: a free oscillation."""
+    two = chain(nodes=1, mass=2.0, stiffness=50.0).matrices()
+    pair = replace(
+        two.mechanical,
+        inertia=np.diag([1.0, 2.0]),
+        weights=np.array([400.0, 50.0]),
+        deformation=np.eye(2),
+    )
+    sensors = Sensors(np.array([[1.0, 0.0]]), np.zeros((1, 1)), np.zeros((1, 1)))
+    structure = Matrices(pair, two.thermal, np.zeros((2, 1)), two.uniform_rise, sensors=sensors)
+    batch = cases(structure, gap=1.0, mean=3.0)
+    batch.displacement[:, 0] = 1e-3
+    over = sampling(1.0, 0.01)
+    results = step(structure, batch, 1e-4, over, method, **options)
+    apart = results.histories["sensor_value"][0, 0] - 1e-3 * np.cos(20 * over.times)
+    assert np.abs(apart).max() < 1e-4  # implicit Euler damps it by ω²ht/2 = 2 %
+    assert results.histories["displacement"][0, -1] != 0
+
+
+def test_a_recorder_interpolates_between_the_states_that_it_is_given() -> None:
+    structure = watched(heavy_chain(nodes=3))
+    batch = cases(structure, 2, gap=1.0)
+    recorder = Recorder(structure, batch, sampling(1.0, 0.25), 0.5)
+    rng = np.random.default_rng(5)
+    states = [(batch.displacement, batch.temperature)]
+    for _ in range(recorder.steps):
+        x, theta = rng.normal(size=(2, 2, 3))
+        recorder.record(x, 0 * x, theta, np.zeros(2))
+        states.append((x, theta))
+    assert structure.sensors is not None
+    ends = [structure.sensors.of(*state) for state in states]
+    truth = [ends[0], (ends[0] + ends[1]) / 2, ends[1], (ends[1] + ends[2]) / 2, ends[2]]
+    shown = recorder.results().histories["sensor_value"]
+    np.testing.assert_allclose(shown, np.moveaxis(truth, 0, 2), rtol=1e-13)
+
+
+def test_one_contact_in_the_loop_of_several_shows_and_lists_the_same() -> None:
+    structure = watched(heavy_chain(nodes=6).matrices())
+    batch = rubs(structure, 3, alpha=[0.0, 5.0, 20.0], amplitude=400.0, frequency=300.0)
+    over = replace(sampling(0.004, 1e-4), events=100)
+    one, several = (
+        step(each, batch, 0.0, over, "event_driven")
+        for each in (structure, replace(structure, contacts=structure.contact_rows))
+    )
+    for row in range(4):
+        truth = one.histories["sensor_value"][:, row]
+        assert np.abs(several.histories["sensor_value"][:, row] - truth).max() < 1e-7 * np.abs(truth).max()
+    followed = one.events["event_approach"] > 1e-2 * np.nanmax(one.events["event_approach"])  # others are summed up
+    for case in range(3):
+        count = int(np.argmin(np.append(followed[case], False)))
+        assert count > 1
+        for name, values in one.events.items():
+            if values.ndim > 1:
+                np.testing.assert_allclose(several.events[name][case, :count], values[case, :count], rtol=1e-6)
+
+
+def test_events_of_a_bouncing_ball() -> None:
+    """It falls from d with g, hits at √(2gd) and flies for 2 e^k √(2gd)/g after its k-th impact."""
+    g, d, e, m = 9.81, 0.5, 0.7, 2.0
+    ball = chain(nodes=1, mass=m, stiffness=0.0)
+    over = replace(sampling(2.0, 0.5), events=6)
+    results = step(ball, cases(ball, e=e, mean=m * g, gap=d), 0.0, over, "event_driven")
+    speed = np.sqrt(2 * g * d)
+    times = speed / g * np.append(1, 1 + 2 * np.cumsum(e ** np.arange(1, 6)))
+    approach = speed * e ** np.arange(6)
+    events = {name: values[0] for name, values in results.events.items()}
+    np.testing.assert_allclose(events["event_time"], times[:6], rtol=1e-11)
+    np.testing.assert_allclose(events["event_approach"], approach, rtol=1e-10)
+    np.testing.assert_allclose(events["event_impulse"], (1 + e) * m * approach, rtol=1e-10)
+    assert np.all(events["event_kind"] == IMPACT)
+    assert np.all(events["event_contact"] == 0)
+    assert events["event_count"] > 6
+
+
+def test_a_contact_that_lasts_is_listed_as_it_begins_and_ends() -> None:
+    structure = heavy_chain(nodes=6)
+    over = replace(sampling(0.004, 1e-4), events=1000)
+    results = step(structure, rubs(structure, 3, amplitude=400.0, frequency=300.0), 0.0, over, "event_driven")
+    events, metrics = results.events, results.metrics
+    for case in range(3):
+        count = int(events["event_count"][case])
+        kind, time = events["event_kind"][case], events["event_time"][case]
+        assert np.all(np.isnan(time[count:]))
+        assert np.all(np.diff(time[:count]) >= 0)
+        assert np.sum(kind == LEAVES) == metrics["releases"][case]
+        assert np.sum(events["event_impulse"][case] > 0) == metrics["impacts"][case]
+        starts, ends = time[kind == TOUCHES], time[kind == LEAVES]
+        last = np.append(ends, over.duration)[: starts.size]
+        assert np.sum(last - starts) == pytest.approx(metrics["contact_time"][case], rel=1e-4)  # less chattering
+
+
+def two_stops() -> Structure:
+    """A mass between two stops, free."""
+    ball = chain(nodes=1, mass=1.0, stiffness=0.0).matrices()
+    rows = np.array([[1.0], [-1.0]])
+    contacts = replace(ball.contact_rows, labels=("up", "down"), normal=rows, tangent=0 * rows, heat=abs(rows))
+    return replace(ball, contacts=replace(contacts, angle=np.zeros(2)))
+
+
+def test_events_of_two_stops_name_their_contact() -> None:
+    structure = two_stops()
+    batch = replace(cases(structure, e=0.5, gap=0.1, velocity=1.0), gaps=np.array([[0.1, 0.1]]))
+    over = replace(sampling(4.0, 0.5), events=10)
+    events = step(structure, batch, 0.0, over, "event_driven").events
+    speeds = 0.5 ** np.arange(4)
+    times = np.cumsum([0.1, *(0.2 / speeds[1:])])
+    assert events["event_count"][0] == 4
+    np.testing.assert_allclose(events["event_time"][0, :4], times, rtol=1e-12)
+    np.testing.assert_allclose(events["event_impulse"][0, :4], 1.5 * speeds, rtol=1e-12)
+    np.testing.assert_allclose(events["event_approach"][0, :4], speeds, rtol=1e-12)
+    assert events["event_contact"][0, :4].tolist() == [0, 1, 0, 1]
+    assert np.all(np.isnan(events["event_kind"][0, 4:]))
