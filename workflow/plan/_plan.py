@@ -20,7 +20,7 @@ from workflow.cases import (
     solution_counts,
 )
 from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod, one_thread
-from workflow.plan._figures import Figures, figures
+from workflow.plan._figures import Figures, figures, speed_lines
 from workflow.plan._warnings import MOST_OUTER, choice_lines, coarse_tip, distinct_lines, looked_at, warnings
 from workflow.solve import model_seconds, solution_seconds, steady_bytes, tasks
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
@@ -64,7 +64,8 @@ class Plan:
     choices
         Counts of modes that a tolerance decides, for which structures, and the error found.
     operators
-        What the schemes step the distinct structures by, where there is a choice, and how many more there are.
+        What the schemes step the distinct structures by, where there is a choice, and how many more there are; before
+        it the ends of the speeds on which structures depend.
     warnings
         What to beware of, one sentence each.
     """
@@ -136,7 +137,7 @@ def _plan(grid: Grid) -> Plan:
         structures=tuple(map(figures, shown)),
         more_structures=len(structures) - len(shown),
         choices=choice_lines(grid),
-        operators=(*distinct_lines(_operators(grid), _STRUCTURES_SHOWN), *_factors(shown)),
+        operators=(*speed_lines(grid), *distinct_lines(_operators(grid), _STRUCTURES_SHOWN), *_factors(shown)),
         warnings=(*coarse_tip(grid), *warnings(grid)),
     )
 

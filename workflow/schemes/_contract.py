@@ -72,9 +72,7 @@ def checked(results: Results, cases: Cases, sampling: Sampling) -> Results:
     return _with_failed(results, wrong) if wrong else results
 
 
-def _check_shape(
-    about: variables.Variable, values: Array | None, cases: Cases, sampling: Sampling, least: int
-) -> None:
+def _check_shape(about: variables.Variable, values: Array | None, cases: Cases, sampling: Sampling, least: int) -> None:
     """Raise where a variable is missing or does not have the shape that the table states, of the ``least`` periods."""
     if values is None:
         raise ContractError(f"the scheme gives no `{about.name}`: {about.meaning}")
