@@ -256,6 +256,12 @@ figure = sobol_indices(run_study(study, directory + "/drawn.nc").dataset)""",
 axes = {"scheme": "event_driven", "e": 0.8, "scene.load.frequency": {"lin": [14e3, 20e3, 301]}}
 study = read_study({"study": "rub", "scene": scene, "axes": axes, "output": {"sections": True, "histories": []}})
 figure = bifurcation(run_study(study, directory + "/rub.nc").dataset, "frequency")""",
+    "campbell": """spin = {"scene.blade.spin": {"radius": "0.25 m"}, "scene.speed": "120000 rpm"}
+figure = campbell(read_study("blade.yaml").with_(spin), orders=[1, 2, 3, 6])""",
+    "clearance": """spin = {"scene.blade.spin": {"radius": "0.25 m"}, "scene.initial": "static"}
+axes = {"scheme": "event_driven", "alpha": 30, "scene.speed": {"lin": ["60 rpm", "1500 rpm", 40]}}
+study = read_study("blade.yaml").with_({**spin, "axes": axes})
+figure = clearance(run_study(study, directory + "/speeds.nc").dataset)""",
 }
 """What draws an example of each figure, in the directory of this file."""
 

@@ -159,7 +159,7 @@ def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
     Where structures depend on the speed the fastest counts: it grows most.
     """
     speeds = [axis.values for axis in grid.study.axes() if axis.path == "scene.speed" and grid.study.depends_on_speed]
-    fastest = {"scene.speed": max(values) for values in speeds}
+    fastest = {"scene.speed": max(speeds[0])} if speeds else {}
     for outer in _some_of(np.array(grid.kinds(lambda path: path.startswith(beginnings))), MOST_OUTER):
         yield grid.settings(int(outer), fastest)
 

@@ -47,9 +47,10 @@ def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: i
     """
     study = read_study(study)
     speeds = _speeds(study)
-    harmonics = (*study.scene.casing.harmonics, *study.scene.load.harmonics)
-    own = {entry.order for entry in harmonics if entry.order}
-    lines = sorted(own if orders is None else {float(order) for order in orders})
+    own = [entry.order for entry in study.scene.casing.harmonics] + [
+        entry.order for entry in study.scene.load.harmonics
+    ]
+    lines = sorted({float(order) for order in (own if orders is None else orders) if order})
     free = _free_frequencies(study, speeds, modes)
     highest = max([order * speeds[-1] for order in lines], default=0.0)
     free = free[:, : max(1, int((free.min(axis=0) <= highest).sum()))]
