@@ -34,7 +34,7 @@ def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: i
     Parameters
     ----------
     study
-        All that :func:`workflow.read_study` takes, with a ``scene.speed``: along its axis, or from 0 to it.
+        All that ``read_study`` takes, with a ``scene.speed``: along its axis, or from 0 to it.
     orders
         Engine orders; those of the harmonics of casing and load where left out.
     modes
@@ -140,7 +140,7 @@ def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
         across, label = _RPM * dataset[along].values, "speed [rpm]"
     figure = new_figure(5.0, 3.5)
     panel: Any = figure.subplots()
-    panel.plot(across, factor * gap, ":", color="black", lw=1.4, label="gap")
+    panel.plot(across, factor * gap, ":", color="black", lw=1.4, label="gap", zorder=3)
     for k, (name, values) in enumerate(curves.items()):
         panel.plot(across, factor * values, ("-", "-", "--")[k], color=COLOURS[k], lw=1.6, label=name)
     panel.set(xlabel=label, ylabel=f"displacement [{unit}]")
