@@ -261,9 +261,9 @@ study = read_study({"study": "rub", "scene": scene, "axes": axes, "output": {"se
 figure = bifurcation(run_study(study, directory + "/rub.nc").dataset, "frequency")""",
     "campbell": """spin = {"scene.blade.spin": {"radius": "0.25 m"}, "scene.speed": "120000 rpm"}
 figure = campbell(read_study("blade.yaml").with_(spin), orders=[1, 2, 3, 6])""",
-    "clearance": """scene = {"scene.blade.spin.radius": "0.25 m", "scene.casing.gap": "36 um", "scene.initial": "static"}
+    "clearance": """turning = {"scene.blade.spin.radius": 0.25, "scene.casing.gap": "36 um", "scene.initial": "static"}
 axes = {"scheme": "event_driven", "alpha": 0.5, "scene.speed": {"lin": ["60 rpm", "1500 rpm", 40]}}
-study = read_study("blade.yaml").with_({**scene, "axes": axes})
+study = read_study("blade.yaml").with_({**turning, "axes": axes})
 figure = clearance(run_study(study, directory + "/speeds.nc").dataset)""",
 }
 """What draws an example of each figure, in the directory of this file."""
