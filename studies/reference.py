@@ -73,7 +73,10 @@ def keys(declared: Any, path: str) -> Iterator[tuple[str, str, str, str]]:
     """Yield path, unit, default and meaning of the values of a declared dataclass."""
     hints = get_type_hints(declared)
     for entry in dataclasses.fields(declared):
+        if entry.metadata.get("of_scene"):
+            continue
         quantity, word, hint = quantity_of(entry), word_of(entry), hints[entry.name]
+        hint = get_args(hint)[0] if type(None) in get_args(hint) else hint
         place = f"{path}{entry.name}"
         if quantity is not None:
             bounds = [
@@ -150,7 +153,7 @@ def key_tables() -> Iterator[str]:
         rows = [
             row for row in keys(declared, path) if declared is not Scene or row[0] in ("scene.duration", "scene.speed")
         ]
-        rows = [row for row in rows if row[0] != "output.steady"]
+        rows = [row for row in rows if declared is not Output or not row[0].startswith("output.steady")]
         rows = [row for row in rows if declared is not CaseSettings or is_setting(_field(CaseSettings, row[0]))]
         rows += [tolerance()] if declared is CaseSettings else []
         if rows:
@@ -280,6 +283,12 @@ def run(name, axis):
 
 up, down = run("up", {"sweep": [99, 130, 63]}), run("down", {"sweep": [130, 99, 63]})
 figure = sweep(up, "period_impulse", down, run("steady", {"branch": [99, 130, 200]}))""",
+    "campbell": """spin = {"scene.blade.spin": {"radius": "0.25 m"}, "scene.speed": "120000 rpm"}
+figure = campbell(read_study("blade.yaml").with_(spin), orders=[1, 2, 3, 6])""",
+    "clearance": """turning = {"scene.blade.spin.radius": 0.25, "scene.casing.gap": "36 um", "scene.initial": "static"}
+axes = {"scheme": "event_driven", "alpha": 0.5, "scene.speed": {"lin": ["60 rpm", "1500 rpm", 40]}}
+study = read_study("blade.yaml").with_({**turning, "axes": axes})
+figure = clearance(run_study(study, directory + "/speeds.nc").dataset)""",
 }
 """What draws an example of each figure, in the directory of this file."""
 

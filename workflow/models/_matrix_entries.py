@@ -84,16 +84,16 @@ def given_by(
         problem = f"it has no `{'stiffness' if 'mass' in entries else 'mass'}`"
         remedy = f"write `mass` and `stiffness`; it has {', '.join(entries) or 'nothing'}"
         raise UnusableMatricesError(problem, remedy)
-    mass = _symmetric(entries, "mass")
+    mass = symmetric_entry(entries, "mass")
     size = mass.shape[0]
     labels, heat = _texts("labels", entries, size), _heat(entries, size)
     contacts = _contacts(entries, chosen, labels, (size, 0 if heat is None else len(heat["heating"])))
-    stiffness, steady = _symmetric(entries, "stiffness", size), _vector("steady", entries, size)
+    stiffness, steady = symmetric_entry(entries, "stiffness", size), _vector("steady", entries, size)
     if SPEED2[0] in entries:
-        turning = _symmetric(entries, SPEED2[0], size)
+        turning = symmetric_entry(entries, SPEED2[0], size)
         stiffness = stiffness + angular**2 * turning if angular else stiffness
     steady = steady + angular**2 * _vector(SPEED2[1], entries, size) if SPEED2[1] in entries else steady
-    damper = _symmetric(entries, "damping", size) if "damping" in entries else None
+    damper = symmetric_entry(entries, "damping", size) if "damping" in entries else None
     if damper is not None and damping != Rayleigh():
         raise UnusableMatricesError("it has a `damping`, and the study has one too", "keep one of them")
     load = np.zeros(size) if contacts.count > 1 else None  # there is no one contact that it would act along
@@ -123,7 +123,7 @@ def _heat(entries: Entries, size: int) -> dict[str, Any] | None:
         if name not in entries:
             remedy = "write both of heat_capacity and conductance, or neither and no coupling"
             raise UnusableMatricesError(f"it has no `{name}`", remedy)
-    capacity = _symmetric(entries, "heat_capacity")
+    capacity = symmetric_entry(entries, "heat_capacity")
     count = capacity.shape[0]
     coupling = _sparse("coupling", entries.get("coupling", scipy.sparse.csc_array((size, count))))
     if coupling.shape != (size, count):
@@ -131,7 +131,7 @@ def _heat(entries: Entries, size: int) -> dict[str, Any] | None:
         raise UnusableMatricesError(f"`coupling` has the shape {coupling.shape}", remedy)
     return {
         "heat_capacity": capacity,
-        "conductance": _symmetric(entries, "conductance", count),
+        "conductance": symmetric_entry(entries, "conductance", count),
         "coupling": coupling,
         "heating": _vector("heating", entries, count),
     }
@@ -343,7 +343,7 @@ def _sparse(name: str, value: Any) -> scipy.sparse.csc_array:
     return matrix
 
 
-def _symmetric(entries: Entries, name: str, size: int | None = None) -> scipy.sparse.csc_array:
+def symmetric_entry(entries: Entries, name: str, size: int | None = None) -> scipy.sparse.csc_array:
     """Return a symmetric matrix with ``size`` rows, the mean of its two halves."""
     shape = np.shape(entries[name])
     if len(shape) != 2 or shape[0] != shape[1] or not shape[0] or shape[0] != (size or shape[0]):

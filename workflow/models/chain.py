@@ -30,16 +30,10 @@ from workflow.kernels import Array
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._cases import Cases
 from workflow.models._contacts import Contacts
-from workflow.models._pair import (
-    MOST_FULL,
-    DensePair,
-    Modes,
-    Pair,
-    TooManyCoordinatesError,
-    UnusableMatricesError,
-)
+from workflow.models._from_matrices import structure_of_forms
+from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError, UnusableMatricesError
 from workflow.models._sensors import Sensors
-from workflow.models._structure import Rayleigh, Structure
+from workflow.models._structure import Matrices, Rayleigh, Structure
 
 MOST_ONE_BY_ONE = 100
 """Modes of a long chain that are computed one by one: each costs a pass or two along it, and memory for its shape."""
@@ -108,16 +102,11 @@ class ChainPair(Pair):
         """b, ``(node,)``."""
         grounded, before = [], np.inf
         for joint, ground in zip(self.joint.tolist(), self.ground.tolist(), strict=True):
-            if joint > 0 and joint + before > 0:  # in series with all before it; the root is rigid
+            if joint > 0:  # in series with all before it; the root is rigid
                 joint *= before / (joint + before) if before < np.inf else 1.0
             before = ground + joint
             grounded.append(before)
         return np.array(grounded)
-
-    @property
-    def is_definite(self) -> bool:
-        """Whether each part from the root to a node is positive definite; where grounds are negative K is then, too."""
-        return bool(np.all(self._grounded > 0))
 
     @cached_property
     def _pivots(self) -> Array:
@@ -227,48 +216,6 @@ class ChainPair(Pair):
         return self.dense.largest() if self.size <= MOST_BY_JACOBI else self._value(self.size - 1)
 
 
-@dataclass(frozen=True, eq=False)
-class TurningPair(ChainPair):
-    """K1 - Ω² M of a chain that turns, definite: grounds are -Ω² m_i.
-
-    The factor of the elimination takes the place of springs: K = Dᵀ diag(pivot) D, d_i = u_i - j_{i+1}/pivot_i u_{i+1}.
-    """
-
-    @property
-    def weights(self) -> Array:  # type: ignore[override]
-        """The pivots."""
-        return self._pivots
-
-    @cached_property
-    def _shares(self) -> Array:
-        return np.asarray(self.joint[1:] / self._pivots[:-1])
-
-    def deformation_of(self, u: Array) -> Array:
-        """Return D u."""
-        deformed = np.array(u)
-        deformed[:-1] -= (self._shares * u[1:].T).T
-        return deformed
-
-    def forces(self, deformation: Array) -> Array:
-        """Return Dᵀ diag(pivot) d."""
-        flows = (self.weights * deformation.T).T
-        forces = flows.copy()
-        forces[1:] -= (self._shares * flows[:-1].T).T
-        return forces
-
-    @property
-    def deformed(self) -> Array:  # type: ignore[override]
-        """D ψ = e_n."""
-        return self.unit_tip
-
-    def deformation_by(self, forces: Array) -> Array:
-        """Return the deformation d with Dᵀ diag(pivot) d = f, ``(node, …)``."""
-        flows = np.array(forces)
-        for i, share in enumerate(self._shares, 1):
-            flows[i] += share * flows[i - 1]
-        return np.asarray((flows.T / self.weights).T)
-
-
 MOST_NODES = 200_000
 
 
@@ -309,11 +256,20 @@ class Chain(Structure):
     sensors: Sensors | None = None
 
     @cached_property
-    def mechanical(self) -> ChainPair:  # type: ignore[override]
+    def mechanical(self) -> Pair:  # type: ignore[override]
         """K1 and M; K1 - Ω² M of a chain that turns."""
-        if self.angular_speed > 0:
-            return TurningPair(self.springs, self.masses, -(self.angular_speed**2) * self.masses)
+        return self._springs if self.angular_speed == 0 else self._turning.mechanical
+
+    @cached_property
+    def _springs(self) -> ChainPair:
         return ChainPair(self.springs, self.masses, np.zeros(self.masses.size))
+
+    @cached_property
+    def _turning(self) -> Matrices:
+        """The chain with a factor of K1 - Ω² M in the place of its springs, and the same thermal forces."""
+        rest, mass = replace(self, angular_speed=0.0), np.diag(self.masses)
+        stiffness = rest.stiffness_matrix - self.angular_speed**2 * mass
+        return structure_of_forms(mass, stiffness, rest.coupling_matrix, self.heat_capacity, self.conductance_matrix)
 
     def received(self, cases: Cases) -> Cases:
         """Return cases with the centrifugal load."""
@@ -327,13 +283,11 @@ class Chain(Structure):
     @cached_property
     def expansion(self) -> Any:
         """Free thermal elongation a ℓ_i (θ_{i-1} + θ_i)/2 of each spring per temperature, m/K."""
+        if self.angular_speed > 0:
+            return self._turning.expansion
         half = self.free_expansion / 2
         if self.has_matrices:
-            elongation = np.diag(half) + np.diag(half[1:], -1)
-            if isinstance(self.mechanical, TurningPair):  # the same forces, by its factor
-                springs = ChainPair(self.springs, self.masses, np.zeros(self.masses.size))
-                return self.mechanical.deformation_by(springs.forces(elongation))
-            return elongation
+            return np.diag(half) + np.diag(half[1:], -1)
         return scipy.sparse.diags_array([half, half[1:]], offsets=[0, -1], format="csr")
 
     def mean_over(self, depth: float) -> Array:
@@ -377,10 +331,12 @@ def turned(chain: Chain, spin: Spin | None, revolutions: float) -> Chain:
     angular = 2 * np.pi * revolutions
     load = angular**2 * chain.masses * (spin.radius + np.cumsum(chain.lengths))
     turning = replace(chain, angular_speed=angular, centrifugal=load)
-    if not turning.mechanical.is_definite:
+    try:
+        turning.mechanical  # noqa: B018  # is made of a factor, which there is of a definite matrix alone
+    except UnusableMatricesError:
         critical = float(np.sqrt(chain.mechanical.modes(1).values[0])) / (2 * np.pi)
         problem = f"turns at {revolutions:.6g} rev/s, where K1 - Ω² M is not positive definite"
-        raise UnusableMatricesError(problem, f"stay below {critical:.6g} rev/s, its first frequency")
+        raise UnusableMatricesError(problem, f"stay below {critical:.6g} rev/s, its first frequency") from None
     return turning
 
 

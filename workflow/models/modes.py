@@ -22,14 +22,8 @@ import numpy as np
 from workflow.declare import NUMBER, File, Rows, rows, speed
 from workflow.kernels import Array
 from workflow.models._contacts import Contacts, checked_contacts
-from workflow.models._from_matrices import (
-    ASYMMETRY,
-    COLD,
-    GivenMatrices,
-    Sparse,
-    structure_from_matrices,
-    with_contacts,
-)
+from workflow.models._from_matrices import COLD, GivenMatrices, Sparse, structure_from_matrices, with_contacts
+from workflow.models._matrix_entries import symmetric_entry
 from workflow.models._matrix_files import in_c
 from workflow.models._pair import UnusableMatricesError, turning_at
 from workflow.models._sensors import Sensor
@@ -248,7 +242,8 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     stiffness, steady, turns = np.diag(omega**2), np.zeros(modes), (2 * np.pi * parameters.speed) ** 2
     if parameters.stiffness_speed2 is not None:
         own = read_matrix(parameters.stiffness_speed2, (modes, modes), "stiffness_speed2")
-        stiffness = stiffness + turns * _symmetric(own)
+        own = symmetric_entry({"stiffness_speed2": own}, "stiffness_speed2").toarray()
+        stiffness = stiffness + turns * own
     if parameters.load_speed2 is not None:
         steady = turns * read_matrix(parameters.load_speed2, (modes, 1), "load_speed2")[:, 0]
     even = bool(np.all(ratio[omega > 0] == ratio.max()))
@@ -272,13 +267,6 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     )
     with turning_at(parameters.speed):
         return with_contacts(structure_from_matrices(given), contacts)
-
-
-def _symmetric(matrix: Array) -> Array:
-    """Return φᵀK_Ωφ, the mean of its two halves."""
-    if np.abs(matrix - matrix.T).max() > ASYMMETRY * np.abs(matrix).max():
-        raise UnusableMatricesError("`stiffness_speed2` is not symmetric", "write both halves alike")
-    return np.asarray((matrix + matrix.T) / 2)
 
 
 def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: Structure) -> list[Array]:

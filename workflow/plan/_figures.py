@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from workflow import models
-from workflow.cases import full_structure
+from workflow.cases import Grid, cases_of, full_structure
+from workflow.declare import measure
 from workflow.models import Chain, critical_alpha, frequencies, rates, statics
 from workflow.study import CaseSettings
 
@@ -57,6 +58,26 @@ def figures(settings: CaseSettings, friction: Iterable[float]) -> Figures:
         fastest=float(times.min()),
         critical_alpha=min(critical_alpha(structure, each) for each in {*friction}),
     )
+
+
+def speed_lines(grid: Grid) -> tuple[str, ...]:
+    """Return a line on the ends of the speeds on which a structure depends: f1, and what constant loads close."""
+    if not grid.study.depends_on_speed:
+        return ()
+    every = (grid.settings(outer) for outer in grid.kinds(lambda path: path == "scene.speed"))
+    ordered = sorted(every, key=lambda settings: settings.scene.speed)
+    parts = []
+    for settings in dict.fromkeys((ordered[0], ordered[-1])):
+        structure = full_structure(settings)
+        first = float(np.sqrt(structure.mechanical.modes(1).values[0])) / (2 * np.pi)
+        case = cases_of(settings, grid.inner_values(np.zeros(1, np.int64)), 1)[1]
+        load = case.steady[0] + case.mean[0] * structure.load_direction
+        closed = "no equilibrium of constant loads"
+        if not structure.mechanical.moves(load):
+            x = float((structure.contact_rows.normal @ structure.mechanical.solve(load)).max())
+            closed = f"constant loads close {measure(x, 'm', 4)} of {measure(float(case.clearances.min()), 'm', 4)}"
+        parts.append(f"{60 * settings.scene.speed:.6g} rpm: f1 {first:.5g} Hz, {closed}")
+    return (f"speed        {'; '.join(parts)}",)
 
 
 def _stiffness_by(settings: CaseSettings) -> str:

@@ -9,6 +9,7 @@ from random import Random
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.cases import (
@@ -155,14 +156,24 @@ def _units(every: Sequence[Any]) -> Iterator[str]:
 
 
 def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
-    """Yield the first settings that differ along axes whose path begins so."""
-    for outer in grid.kinds(lambda path: path.startswith(beginnings))[:MOST_OUTER]:
-        yield grid.settings(outer)
+    """Yield settings that differ along axes whose path begins so, of many a regular choice with both ends.
+
+    Where structures depend on the speed the fastest counts: it grows most.
+    """
+    speeds = [axis.values for axis in grid.study.axes() if axis.path == "scene.speed" and grid.study.depends_on_speed]
+    fastest = {"scene.speed": max(speeds[0])} if speeds else {}
+    for outer in _some_of(np.array(grid.kinds(lambda path: path.startswith(beginnings))), MOST_OUTER):
+        yield grid.settings(int(outer), fastest)
+
+
+def _some_of(every: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+    """Return all, or of more than so many a regular choice with both ends."""
+    return every[np.linspace(0, every.size - 1, min(every.size, most)).round().astype(np.int64)]
 
 
 def _cases(grid: Grid, settings: CaseSettings) -> Cases:
     """Return cases to look at: all, or a regular choice that has the first and the last."""
-    inner = np.unique(np.linspace(0, grid.inner_count - 1, min(grid.inner_count, MOST_CASES)).round().astype(np.int64))
+    inner = _some_of(np.arange(grid.inner_count), MOST_CASES)
     return cases_of(settings, grid.inner_values(inner), inner.size)[1]
 
 
@@ -263,17 +274,31 @@ def warnings(grid: Grid) -> tuple[str, ...]:
     lacks_exact = grid.study.output.steady is not None and all(choice.method != EXACT for choice in choices)
     steady = (f"no scheme of this study is {EXACT}, which alone has steady rubs",) if lacks_exact else ()
     samples = (*_coarse_sections(grid), *fast_samples(grid))
-    sentences = (*idle, *steady, *samples, *choice_cautions(grid), *cautions_of_scene(grid), *steps)
+    sentences = (
+        *idle,
+        *steady,
+        *_stands_still(grid),
+        *samples,
+        *choice_cautions(grid),
+        *cautions_of_scene(grid),
+        *steps,
+    )
     return tuple(dict.fromkeys(sentences))
+
+
+def _stands_still(grid: Grid) -> Iterator[str]:
+    """Yield that a structure depends on a speed that is left out."""
+    speeds = [value for axis in grid.study.axes() if axis.path == "scene.speed" for value in axis.values]
+    if grid.study.depends_on_speed and not any([*speeds, grid.study.scene.speed]):
+        yield "the structure depends on the speed, and `scene.speed` is left out: it stands still, Ω = 0"
 
 
 def _of_some_structures(grid: Grid) -> list[int]:
     """Return the outer indices that are computed; of many structures those of a regular choice with both ends."""
-    parameters = (f"scene.{grid.study.scene.model}.", "scene.speed")
-    of_structure = grid.alike(grid.computed, lambda path: path.startswith(parameters))
-    every = np.unique(of_structure)
-    chosen = np.linspace(0, every.size - 1, min(every.size, _MOST_STRUCTURES)).round().astype(np.int64)
-    return [int(outer) for outer in grid.computed[np.isin(of_structure, every[chosen])]]
+    beginnings = f"scene.{grid.study.scene.model}.", "scene.speed"
+    structure = grid.alike(grid.computed, lambda path: path.startswith(beginnings))
+    chosen = np.isin(structure, _some_of(np.unique(structure), _MOST_STRUCTURES))
+    return [int(outer) for outer in grid.computed[chosen]]
 
 
 def _coarse_sections(grid: Grid) -> Iterator[str]:

@@ -1,7 +1,8 @@
 """Pictures of an archive with Matplotlib; imported when something is drawn.
 
 For papers: ``histories``, ``contacts``, ``scene_map``, ``work_precision``, ``convergence``, ``sobol_indices``,
-``bifurcation``, ``branches``, ``interaction_map`` and ``sweep`` each draw a dataset as a ``Figure``.
+``bifurcation``, ``branches``, ``clearance``, ``interaction_map`` and ``sweep`` each draw a dataset as a ``Figure``,
+``campbell`` a study.
 """
 
 from __future__ import annotations
@@ -12,4 +13,5 @@ from workflow.plots._interaction import interaction_map
 from workflow.plots._maps import map_dims, middle, scene_map, single_maps
 from workflow.plots._precision import convergence, work_precision
 from workflow.plots._response import HISTORIES, Curve, histories, tip_response
+from workflow.plots._speed import campbell, clearance
 from workflow.plots._style import COLOURS, MADE_BY, save, write_figure

@@ -16,6 +16,9 @@ from workflow.schemes._interface import Results, Sampling, Scheme, Status, compl
 PERIODS = tuple(about.name for about in variables.select("period", "scheme", "always"))
 
 
+_STATUSES = frozenset(map(int, Status))
+
+
 class ContractError(ValueError):
     """A scheme's results lack a variable or have a wrong shape, or the scheme does not take its cases."""
 
@@ -61,7 +64,7 @@ def checked(results: Results, cases: Cases, sampling: Sampling, sensors: int = 0
     least = int(periods.max(initial=0))
     for about in expected:
         _check_shape(about, arrays.get(about.name), _sizes(about, cases, sensors), sampling, least)
-    if results.status.shape != (cases.count,) or not np.isin(results.status, [int(s) for s in Status]).all():
+    if results.status.shape != (cases.count,) or not _STATUSES.issuperset(results.status.tolist()):
         raise ContractError("`status` is not one Status for each case")
     counted = np.arange(1, results.period_impulse.shape[-1] + 1) <= periods[:, None]
     wrong: dict[int, str] = {}

@@ -1,0 +1,55 @@
+"""Figures over the speed: orders cross free frequencies where they do, the clearance is that of the archive."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workflow import plots, run_study
+
+ROD: dict[str, Any] = {
+    "study": "rod",
+    "scene": {
+        "chain": {"nodes": 1, "mass": 1e-3, "stiffness": 4e6, "spacing": 0.01, "heat_capacity": 1.0,
+                  "spin": {"radius": 0.2}},
+        "casing": {"gap": "3 um", "harmonics": [{"order": 3, "amplitude": "1 um"}]},
+        "speed": 5000.0,
+        "duration": "1 ms",
+        "initial": "static",
+    },
+    "axes": {"scheme": "event_driven"},
+    "output": {"interval": "0.1 ms"},
+}  # fmt: skip
+
+
+def marks(figure: Any, label: str) -> np.ndarray:
+    return np.array(next(line.get_xydata() for line in figure.axes[0].lines if line.get_label() == label))
+
+
+def test_orders_cross_the_free_frequency_where_it_is_their_multiple() -> None:
+    """√(k/m - Ω²) = n Ω at Ω = √(k/m/(1 + n²))."""
+    for orders in (None, [3, 7]):
+        crossed = marks(plots.campbell(ROD, orders), "crossing")
+        expected = [np.sqrt(4e9 / (1 + n * n)) / (2 * np.pi) for n in orders or [3]]
+        np.testing.assert_allclose(crossed[:, 0], 60 * np.array(expected), rtol=1e-3)
+        np.testing.assert_allclose(crossed[:, 1], np.array(orders or [3]) * expected, rtol=1e-3)
+
+
+def test_clearance_is_that_of_the_archive(tmp_path: Path) -> None:
+    speeds = [1.0, 20.0, 30.0]
+    del_speed = {name: value for name, value in ROD["scene"].items() if name != "speed"}
+    study = ROD | {"scene": del_speed, "axes": {"scheme": "event_driven", "scene.speed": speeds}}
+    figure = plots.clearance(run_study(study, tmp_path / "rod.nc", threads=1).dataset)
+    square = (2 * np.pi * np.array(speeds)) ** 2
+    static = square * 1e-3 * 0.21 / (4e6 - square * 1e-3)
+    np.testing.assert_allclose(marks(figure, "tip at the start"), np.transpose([60 * np.array(speeds), 1e6 * static]))
+    assert (marks(figure, "tip at most")[:, 1] >= 1e6 * static - 1e-9).all()
+    assert (marks(figure, "gap")[:, 1] == 3.0).all()
+
+
+def test_what_has_no_speed_is_refused() -> None:
+    still = ROD | {"scene": {name: value for name, value in ROD["scene"].items() if name not in ("speed", "casing")}}
+    still["scene"]["casing"] = {"gap": 1.0}
+    with pytest.raises(ValueError, match="has no speed"):
+        plots.campbell(still)

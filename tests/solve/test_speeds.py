@@ -1,0 +1,106 @@
+"""Studies whose structure depends on the speed: it is an axis of structures, and cases agree with plain matrices."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from workflow import plan_study, read_study, run_study
+from workflow.cases import arrange
+from workflow.models import structure_of, write_matrices
+from workflow.study import StudyError
+
+CHAIN: dict[str, Any] = {
+    "nodes": 4, "mass": 2e-4, "stiffness": 2e7, "spacing": "2.5 mm", "expansion": 9e-6,
+    "heat_capacity": 0.3, "conductance": 0.1, "convection": 0.02, "spin": {"radius": "0.25 m"},
+}  # fmt: skip
+HERTZ = [0.0, 60.0]
+
+
+def study(model: dict[str, Any], **axes: Any) -> dict[str, Any]:
+    return {
+        "study": "turning",
+        "scene": {
+            **model,
+            "casing": {"gap": "10 um"},
+            "load": {"amplitude": 40, "frequency": 2000},
+            "duration": "1 ms",
+            "initial": "static",
+        },
+        "schemes": {"half": {"method": "moreau", "theta": 0.5}},
+        "axes": {"scheme": ["event_driven", "half"], "e": 0.3, "alpha": 1.0, "h": 1e-6, "scene.speed": HERTZ, **axes},
+        "output": {"interval": "50 us"},
+    }
+
+
+def test_cases_agree_with_those_of_plain_matrices(tmp_path: Path) -> None:
+    spun = read_study(study({"chain": CHAIN}))
+    rest: Any = structure_of("chain", spun.scene.parameters)
+    load = rest.masses * (0.25 + np.cumsum(rest.lengths))
+    given = {
+        "mass": rest.mass, "coupling": rest.coupling_matrix, "heat_capacity": rest.heat_capacity,
+        "conductance": rest.conductance_matrix, "contact": 3, "thermal_contact": 3,
+    }  # fmt: skip
+    square = (2 * np.pi * HERTZ[1]) ** 2
+    turning = write_matrices(tmp_path / "a.npz", **given, stiffness=rest.stiffness_matrix, stiffness_speed2=-rest.mass,
+                             load_speed2=load)  # fmt: skip
+    plain = write_matrices(tmp_path / "b.npz", **given, stiffness=rest.stiffness_matrix - square * rest.mass,
+                           steady=square * load)  # fmt: skip
+    ours, file, straight = (
+        run_study(one, tmp_path / f"{k}.nc", threads=1).dataset
+        for k, one in enumerate(
+            [spun, study({"matrices": {"file": str(turning)}}), study({"matrices": {"file": str(plain)}})]
+        )
+    )
+    assert (ours["status"] == 0).all()
+    assert float(ours["impacts"].sel(speed=HERTZ[1]).min()) > 0
+    for name in ("displacement", "temperature", "contact_impulse", "critical_alpha"):
+        largest = float(np.abs(ours[name]).max())
+        assert float(np.abs(ours[name] - file[name]).max()) < 1e-9 * largest
+        fast = file[name].sel(speed=HERTZ[1]) - straight[name].sel(speed=HERTZ[1])
+        assert float(np.abs(fast).max()) < 1e-9 * largest
+
+
+def test_the_speed_is_an_axis_of_structures_only_where_they_depend_on_it() -> None:
+    rigid = {name: value for name, value in CHAIN.items() if name != "spin"}
+    assert arrange(read_study(study({"chain": CHAIN}))).outer_count == 4
+    assert arrange(read_study(study({"chain": rigid}))).outer_count == 2
+    drawn = study({"chain": CHAIN}) | {"zip": {"design": {"sample": "latin_hypercube", "points": 3, "of": {
+        "scene.speed": [0, 60], "scene.chain.spin.radius": ["0.2 m", "0.3 m"]}}}}  # fmt: skip
+    del drawn["axes"]["scene.speed"]
+    grid = arrange(read_study(drawn))
+    assert grid.outer_count == 6
+    speeds = {grid.settings(outer).scene.parameters.speed for outer in range(6)}
+    assert len(speeds) == 3
+    assert speeds == {grid.settings(outer).scene.speed for outer in range(6)}
+
+
+def test_plan_says_the_ends_of_the_speeds_and_that_one_is_left_out() -> None:
+    plan = plan_study(study({"chain": CHAIN}))
+    assert plan.operators[0].startswith("speed        0 rpm: f1 ")
+    assert "3600 rpm: f1 " in plan.operators[0]
+    assert "of 10 µm" in plan.operators[0]
+    left_out = study({"chain": CHAIN})
+    del left_out["axes"]["scene.speed"]
+    assert any("`scene.speed` is left out" in warning for warning in plan_study(left_out).warnings)
+
+
+@pytest.mark.parametrize(
+    ("axis", "said"),
+    [
+        ({"scene.speed": [0, 1e5]}, "is not positive definite; stay below"),
+        ({"scheme": "event_driven", "scene.speed": {"branch": [1, 2, 5]}}, "is a branch, and the structure depends"),
+    ],
+)
+def test_what_a_turning_structure_refuses(axis: dict[str, Any], said: str) -> None:
+    with pytest.raises(StudyError, match=said):
+        read_study(study({"chain": CHAIN}, **axis))
+
+
+def test_a_case_above_the_critical_speed_of_its_own_structure_fails_alone(tmp_path: Path) -> None:
+    soft = study({"chain": CHAIN}, **{"scene.chain.stiffness": [2e7, 2e2]})
+    status = run_study(soft, tmp_path / "soft.nc", threads=1).dataset
+    assert (status["status"].sel(stiffness=2e7) == 0).all()
+    assert (status["status"].sel(stiffness=2e2, speed=HERTZ[1]) == 3).all()
+    assert "stay below" in str(status["message"].sel(stiffness=2e2, speed=HERTZ[1]).values.ravel()[0])
