@@ -20,6 +20,10 @@ HISTORIES = ("displacement", "velocity", "temperature", "impulse")
 """Tip histories that every scheme samples, each of shape ``(case, t)``."""
 
 
+AT_REST = 1e-13
+"""Distance and velocity of a contact relative to its casing at t = 0, over the lengths and velocities in them, up to
+which they are rounding: that of the some hundred terms of a static start, or of a state in which another case ended."""
+
 EXTRAPOLATED = "extrapolated: "
 """Prefix of the message of a case that ended ok, but in part by extrapolation."""
 

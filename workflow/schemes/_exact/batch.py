@@ -29,6 +29,7 @@ from workflow.schemes._exact.record import EVENT, TALLY, Asked, Record
 from workflow.schemes._exact.regimes import HeldRegimes, Regimes, fill_row
 from workflow.schemes._exact.tables import wave
 from workflow.schemes._interface import (
+    AT_REST,
     EXTRAPOLATED,
     HISTORIES,
     RefusedStructureError,
@@ -43,9 +44,6 @@ THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
 
 _REGIME_BYTES = 2**24
 """Memory of the held regimes that are known at a time."""
-
-_ROUNDING = 4.0 * 2.220446049250313e-16
-"""Difference up to which a tip is on its casing, or moves with it, relative to what is rounded: four roundings."""
 
 _NEARLY_ELASTIC = 0.99
 """Restitution above which the message on the budget of events states how many impacts it takes to come to rest."""
@@ -282,8 +280,8 @@ def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Cas
         mobility=basis.mobility - cases.friction * basis.tangential,
         drag=project(basis.damped_tip, struck) / project(basis.tip, struck),
         jump=np.hstack([np.zeros_like(struck), -struck, alpha * basis.free.heat_tip]),
-        distance=np.where(np.abs(distance) <= _ROUNDING * lengths, 0.0, distance),
-        speed=np.where(np.abs(speed) <= _ROUNDING * speeds, 0.0, speed),
+        distance=np.where(np.abs(distance) <= AT_REST * lengths, 0.0, distance),
+        speed=np.where(np.abs(speed) <= AT_REST * speeds, 0.0, speed),
         reach=_added(np.abs(gap), np.abs(casing)),
         modal=np.hstack([*states, project(basis.to_thermal, cases.temperature)]),
         heat_jump=basis.heat_jump,

@@ -66,6 +66,7 @@ from workflow.schemes._exact.record import (
 )
 from workflow.schemes._exact.step import Start, certified_step, has_no_zero
 from workflow.schemes._exact.tables import expansion, wave
+from workflow.schemes._interface import AT_REST
 
 WAITING = -1
 """What the kernel returns where it waits for a set, see :attr:`Memory.wanted`."""
@@ -438,7 +439,8 @@ def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, 
 
     A contact is on its casing where it struck, is closed, or its gap is rounding.
     """
-    n, inside = structure.frequency.size, False
+    n, inside, begins = structure.frequency.size, False, struck < 0
+    least = AT_REST if begins else SUM_ROUNDING
     for c in range(own.wanted.size):
         place, size, speed, turning = 0.0, 0.0, 0.0, 0.0
         for k in range(n):
@@ -451,21 +453,21 @@ def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, 
         own.distance[c] = own.casing[0, c] - place
         own.approach[c] = speed - own.casing[1, c]
         at.length = max(at.length, abs(place))
-        for i in range(case.acting if struck < 0 else 0):  # the casing may be as an earlier case left it
+        for i in range(case.acting if begins else 0):  # the casing may be as an earlier case left it
             omega = abs(case.waves[i, wave.OMEGA])
             turned = omega * case.duration * (abs(case.casing[i, 0, c]) + abs(case.casing[i, 1, c]))
             size, turning = size + turned, turning + omega * turned
         if own.wanted[c]:
             own.kinds[c], own.approach[c] = _RESTING, 0.0
-        elif c == struck or abs(own.distance[c]) <= 4.0 * SUM_ROUNDING * (at.length + size):
+        elif c == struck or abs(own.distance[c]) <= 4.0 * least * (at.length + size):
             own.kinds[c] = _RESTING
-            if abs(own.approach[c]) <= SUM_ROUNDING * (turning + abs(own.casing[1, c])):
+            if abs(own.approach[c]) <= least * (turning + abs(own.casing[1, c])):
                 own.approach[c] = 0.0
             elif own.approach[c] < 0.0:
                 own.kinds[c] = _LEAVING
         else:
             own.kinds[c] = _OPEN
-            inside |= struck < 0 and own.distance[c] < 0.0
+            inside |= begins and own.distance[c] < 0.0
     return inside
 
 

@@ -38,11 +38,7 @@ from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, effectiv
 from workflow.schemes._fixed.rows import Totals
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
 from workflow.schemes._fixed.stepping import period_marks
-from workflow.schemes._interface import Results, Sampling, complete_periods, schedule
-
-_AT_REST = 1e-13
-"""Size of r and u at t = 0, relative to the lengths and velocities in them, up to which they are rounding: that of the
-some hundred terms of a static start."""
+from workflow.schemes._interface import AT_REST, Results, Sampling, complete_periods, schedule
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +185,7 @@ def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: A
     lengths = lengths + project(np.abs(rows), np.abs(cases.displacement)) + np.abs(cases.clearances)
     speeds = speeds + project(np.abs(rows), np.abs(cases.velocity))
     beside = np.fmin(np.abs(v - moves), np.abs(v - begins))
-    held = (np.abs(x - place) <= _AT_REST * lengths) & (beside <= _AT_REST * speeds)
+    held = (np.abs(x - place) <= AT_REST * lengths) & (beside <= AT_REST * speeds)
     for i in np.flatnonzero(held.any(axis=1)):
         modal[i] += np.linalg.pinv(basis.normal[held[i]]) @ (begins - v)[i, held[i]]
         begun[i, 1] = basis.normal @ modal[i] - begins[i]

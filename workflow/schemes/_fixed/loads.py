@@ -27,6 +27,7 @@ from workflow.kernels.lanes import LANES, PACK, Rows, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics
 from workflow.schemes._fixed.rows import Tips
+from workflow.schemes._interface import AT_REST
 
 EXACT_EVERY = 64
 """Steps between evaluations of sin and cos of a load; in between both are rotated by the angle of a step, with a
@@ -121,10 +122,6 @@ def tip_load(sine: float, leader: int, load: TipLoads, lane: Lane) -> Pack:
     return mean + (amplitude * sine if leader >= 0 else amplitude * pack(load.weighed_sine, lane))
 
 
-_ROUNDING = 8 * np.finfo(float).eps
-"""Size of r and u at t = 0, relative to the lengths and velocities in them, up to which they are rounding."""
-
-
 class Wave(Rows):
     """A harmonic of the casing, or of the load after the first."""
 
@@ -199,7 +196,7 @@ def drive_of(cases: Cases, h: float, theta: float, duration: float) -> tuple[Dri
     lengths, speeds = casing.rounded(duration)
     lengths, speeds = lengths + np.abs(cases.gap), speeds + np.abs(cases.velocity[:, -1])
     beside = np.fmin(np.abs(parting), np.abs(cases.velocity[:, -1] - cases.casing_velocity_at(0.0)))
-    held = (np.abs(apart) <= _ROUNDING * lengths) & (beside <= _ROUNDING * speeds)
+    held = (np.abs(apart) <= AT_REST * lengths) & (beside <= AT_REST * speeds)
     state.mean_gap = cases.gap
     state.speed = _discrete_velocity(casing, gains, -h)
     state.apart, state.parting = np.where(held, 0.0, apart), np.where(held, 0.0, parting)
