@@ -96,10 +96,10 @@ def test_readme_is_read_at_one_sitting() -> None:
             assert not heading or heading in anchors, link
 
 
-def test_readme_names_every_command() -> None:
+def test_the_guide_names_every_command() -> None:
     from workflow.cli import app
 
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = (ROOT / "studies" / "GUIDE.md").read_text(encoding="utf-8")
     for command in app.registered_commands:
         assert f"`workflow {command.callback.__name__}" in text
 
