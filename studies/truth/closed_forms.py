@@ -158,8 +158,8 @@ def ball_at_rest() -> list[Row]:
     "hard/clamped_bar",
 )
 def clamped_bar() -> list[Row]:
-    """A bar of unit length, compressed by a half and released: its end touches the wall for a third of each period of 3,
-    with the force 1/2, and nothing is lost. 100 nodes and 2 400 steps, θ = ½ and θ = 1.
+    """A bar of unit length, compressed by a half and released: its end touches the wall for a third of each period of
+    3, with the force 1/2, and nothing is lost. 100 nodes and 2 400 steps, θ = ½ and θ = 1.
     """
     schemes = ["event_driven", "midpoint", "implicit_euler"]
     bars = solved("hard/clamped_bar", **{"axes.scheme": schemes}).squeeze()
