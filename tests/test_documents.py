@@ -54,6 +54,12 @@ def test_readme_s_study_is_a_study(tmp_path: Path) -> None:
     assert [d.name for d in study.dimensions] == ["scheme", "e", "h", "alpha", "model"]
 
 
+def test_the_site_s_first_study_is_a_study() -> None:
+    text = (ROOT / "studies" / "pages" / "first_study.md").read_text(encoding="utf-8")
+    study = parse_study(re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[0], "first_study.md")
+    assert [d.name for d in study.dimensions] == ["scheme", "h", "alpha", "gap"]
+
+
 def test_the_reference_is_what_the_declarations_say() -> None:
     """``python studies/reference.py`` writes it anew."""
     reference = script("reference")

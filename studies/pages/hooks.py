@@ -22,7 +22,9 @@ def on_files(files: Files, *, config: Any) -> Files:
     """Put the pages of the guide in the place of GUIDE.md, and add the gallery."""
     guide = files.get_file_from_path("GUIDE.md")
     files.remove(guide)
-    for name, text in sections(guide.content_string).items():
+    pages = sections(guide.content_string)
+    next(entry for entry in config.nav if "Guide" in entry)["Guide"] = list(pages)
+    for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
     notebooks = next(entry["Gallery"] for entry in config.nav if "Gallery" in entry)[1:]
     cards = []

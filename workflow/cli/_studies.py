@@ -219,7 +219,7 @@ def example(
     if name is None:
         for key, text in sorted(texts.items()):
             title = re.search(r'^(?:title: |""")(.*)$', text, re.MULTILINE)
-            say(f"{key:14}{title[1] if title else ''}")
+            say(f"{key:17}{title[1] if title else ''}")
     elif name in texts:
         write(texts[name].rstrip("\n"))
     else:
