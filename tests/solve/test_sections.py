@@ -86,7 +86,7 @@ def test_they_are_kept_where_they_are_asked_for(tmp_path: Path) -> None:
 
 def test_a_scheme_that_gives_none_leaves_them_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     own = _solve.run_batch
-    monkeypatch.setattr(_solve, "run_batch", lambda *batch: replace(own(*batch), sections={}))
+    monkeypatch.setattr(_solve, "run_batch", lambda *batch, **given: replace(own(*batch, **given), sections={}))
     study = quick().with_({"output.sections": True})
     values = solve(arrange(study), 0, np.arange(3)).values
     assert np.isnan(values["section_velocity"]).all()
