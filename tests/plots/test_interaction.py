@@ -46,9 +46,20 @@ def test_a_spectrum_finds_frequencies_and_amplitudes() -> None:
         spectrum(archive()["sensor_value"].isel(t=slice(4)))
 
 
+def scene_of(frequency: float) -> dict[str, object]:
+    """A study of one mode on a casing of four lobes."""
+    scene = {
+        "modes": {"table": [[frequency, 0.0, 1.0]]},
+        "casing": {"gap": 1.0, "harmonics": [{"order": 4, "amplitude": 1e-6}]},
+        "speed": 100.0,
+        "duration": 1.0,
+    }
+    return {"study": "one_mode", "scene": scene}
+
+
 def test_a_map_draws_what_lies_on_orders_and_free_frequencies(tmp_path: Path) -> None:
-    free = xr.DataArray(np.full((1, 2), FREE), {"speed": [0.0, 200.0]}, ("mode", "speed"))
-    figure = plots.interaction_map(archive(), "edge", free=free)
+    study = scene_of(FREE)
+    figure = plots.interaction_map(archive(), "edge", study=study)
     panel, bar = figure.axes
     decibels = np.ma.filled(panel.collections[0].get_array(), np.nan)
     up = panel.collections[0].get_coordinates()[:, 0, 1]

@@ -200,7 +200,7 @@ def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch:
         if followed_axis(branch) != along:
             raise ValueError(f"there is no branch along `{along}`")
         at = {dim: k for dim, k in finest(branch).items() if dim in branch["status"].dims}
-        x, y = np.asarray(branch[along].isel(at).values), np.asarray(branch[name].isel(at).values) * factor
+        x, y = in_units(branch[along].isel(at))[0], np.asarray(branch[name].isel(at).values) * factor
         stable = labels(branch["steady_state"]).isel(at).values != "unstable"
         for shown, form, width, what in ((stable, "-", 4.0, "stable"), (~stable, "--", 1.6, "unstable")):
             if shown.any():
@@ -228,7 +228,7 @@ def _swept(dataset: xr.Dataset, along: str, variable: str) -> tuple[Any, Any]:
     if values.ndim > 1:
         last = np.maximum(np.isfinite(values).sum(axis=1) - 1, 0)
         values = values[np.arange(last.size), last]
-    return np.asarray(dataset[along].values), values
+    return in_units(dataset[along])[0], values
 
 
 def _steady_name(branch: xr.Dataset, variable: str) -> str:

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis import case_dims, finest, most_loaded, place_text, spectrum
+from workflow.plots._speed import engine_orders, free_frequencies
 from workflow.plots._style import COLOURS, head, new_figure
-from workflow.plots._units import in_units
+from workflow.plots._units import RPM, in_units
+from workflow.study import Study, StudySource, read_study
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,21 +21,24 @@ if TYPE_CHECKING:
 _FAINTEST = -60.0
 """Decibels below which all is drawn alike: a thousandth of the largest amplitude."""
 
+_SPEEDS, _MODES = 13, 12
+"""Speeds at which free frequencies are computed, with straight lines between, and the most of them."""
+
 
 def interaction_map(
     dataset: xr.Dataset,
     sensor: str,
     along: str = "speed",
     orders: Sequence[float] | None = None,
-    free: xr.DataArray | None = None,
+    study: StudySource | None = None,
     highest: float | None = None,
 ) -> Figure:
     """Draw the amplitude spectrum of a sensor over the speed: frequency up, decibels of the largest amplitude.
 
     The spectrum is that of the last half of each case, see :func:`workflow.spectrum`; the caption gives its window and
-    resolution. Along the speed lines of engine orders are drawn, f = order · speed, and free frequencies where they are
-    given. Of all other dimensions the smallest step, the most modes and the largest α are shown: select what else is
-    shown before. Cases that are not ok are left white.
+    resolution. Along the speed engine orders are drawn, f = order · speed, and the free frequencies of a study. Of all
+    other dimensions the smallest step, the most modes and the largest α are shown: select what else is shown before.
+    Cases that are not ok are left white.
 
     Parameters
     ----------
@@ -44,10 +49,9 @@ def interaction_map(
     along
         Dimension across the picture, with numbers.
     orders
-        Engine orders whose lines are drawn; those of the casing where left out.
-    free
-        Free frequencies [Hz], ``(mode, speed)``, with the speeds as a coordinate, as :func:`workflow.plots.campbell`
-        draws them.
+        Engine orders whose lines are drawn; those of casing and load of the study, else of the casing, where left out.
+    study
+        The study of the archive, whose free frequencies are drawn, see :func:`workflow.plots.campbell`.
     highest
         Highest frequency drawn, Hz; all where left out.
 
@@ -70,10 +74,11 @@ def interaction_map(
         shading="nearest", rasterized=True,
     )  # fmt: skip
     if along == "speed":
-        _draw_orders(panel, dataset[along].values, x, _orders(dataset) if orders is None else orders, top)
-        if free is not None:
-            lines = free.interp(speed=cut[along]).transpose("speed", "mode").values
-            panel.plot(x, np.where(lines <= top, lines, np.nan), color=COLOURS[0], lw=0.9)
+        read = None if study is None else read_study(study)
+        shown = orders if orders is not None else _orders(dataset) if read is None else engine_orders(read)
+        _draw_orders(panel, cut[along].values, x, shown, top)
+        if read is not None:
+            _draw_free(panel, read, cut[along].values, top)
     panel.set(xlabel=x_label, ylabel="frequency [Hz]", ylim=(0.0, top))
     panel.spines[["top", "right"]].set_visible(False)
     largest, label = in_units(found.max())
@@ -109,11 +114,17 @@ def _orders(dataset: xr.Dataset) -> list[float]:
     return sorted({float(order) for order in orders if np.isfinite(order)})
 
 
+def _draw_free(panel: Any, study: Study, speed: NDArray[np.float64], top: float) -> None:
+    """Draw the free frequencies up to some frequency."""
+    at = np.linspace(speed[0], speed[-1], _SPEEDS)
+    free = free_frequencies(study, at, _MODES)
+    panel.plot(RPM * at, np.where(free <= top, free, np.nan), color=COLOURS[0], lw=0.9)
+
+
 def _draw_orders(panel: Any, speed: Any, x: Any, orders: Sequence[float], top: float) -> None:
     """Draw the lines f = order · speed, each with its order at its end."""
-    last = int(np.argmax(speed))
     for order in orders:
-        panel.plot(np.sort(x), order * np.sort(speed), color="black", lw=0.8, ls="--")
-        reached = order * speed[last]
-        at, up = (x[last], reached) if reached <= top else (x[last] * top / reached, top)
+        panel.plot(x, order * speed, color="black", lw=0.8, ls="--")
+        reached = order * speed[-1]
+        at, up = (x[-1], reached) if reached <= top else (x[-1] * top / reached, top)
         panel.annotate(f"{order:g}", (at, up), xytext=(0, 3), textcoords="offset points", fontsize=8, ha="right")

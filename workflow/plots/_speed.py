@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import case_dims, contact_text, finest, gap_of, most_loaded
+from workflow.analysis import case_dims, contact_text, finest, gap_of, most_loaded, swept_axis
 from workflow.cases import arrange, full_structure
 from workflow.kernels import Array
 from workflow.models import at_speed, structure_of
 from workflow.plots._style import COLOURS, GREY, head, legend_below, new_figure, trim
-from workflow.plots._units import in_units, scaled
+from workflow.plots._units import RPM, in_units, scaled
 from workflow.study import Study, StudySource, read_study
 
 if TYPE_CHECKING:
@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 
 _POINTS = 60
 """Speeds from 0 to that of a study without an axis of it."""
-
-_RPM = 60.0
-"""Revolutions per minute in one per second."""
 
 
 def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: int = 6) -> Figure:
@@ -47,11 +44,8 @@ def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: i
     """
     study = read_study(study)
     speeds = _speeds(study)
-    own = [entry.order for entry in study.scene.casing.harmonics] + [
-        entry.order for entry in study.scene.load.harmonics
-    ]
-    lines = sorted({float(order) for order in (own if orders is None else orders) if order})
-    free = _free_frequencies(study, speeds, modes)
+    lines = engine_orders(study) if orders is None else sorted(map(float, orders))
+    free = free_frequencies(study, speeds, modes)
     highest = max([order * speeds[-1] for order in lines], default=0.0)
     free = free[:, : max(1, int((free.min(axis=0) <= highest).sum()))]
     figure = new_figure(5.0, 3.8)
@@ -59,15 +53,15 @@ def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: i
     top = 1.12 * max(free.max(), min(highest, free.max()))
     for k, frequency in enumerate(free.T):
         label = "free frequency" if k == 0 else None
-        panel.plot(_RPM * speeds, frequency, color=COLOURS[0], lw=1.6, label=label)
+        panel.plot(RPM * speeds, frequency, color=COLOURS[0], lw=1.6, label=label)
     for k, order in enumerate(lines):
-        panel.plot(_RPM * speeds, order * speeds, "--", color=GREY, lw=1.0, label=None if k else "engine order")
+        panel.plot(RPM * speeds, order * speeds, "--", color=GREY, lw=1.0, label=None if k else "engine order")
         x = min(float(speeds[-1]), top / order)
-        panel.annotate(f"{order:g}×", (_RPM * x, order * x), (2, 2), textcoords="offset points", fontsize=9)
+        panel.annotate(f"{order:g}×", (RPM * x, order * x), (2, 2), textcoords="offset points", fontsize=9)
     crossings = [crossing for order in lines for one in free.T for crossing in _crossings(speeds, one, order)]
     if crossings:
         at, frequency = np.transpose(crossings)
-        panel.plot(_RPM * at, frequency, "o", color="black", mfc="white", ms=6, label="crossing", zorder=3)
+        panel.plot(RPM * at, frequency, "o", color="black", mfc="white", ms=6, label="crossing", zorder=3)
     panel.set(xlabel="speed [rpm]", ylabel="frequency [Hz]", ylim=(0.0, top))
     panel.margins(x=0.04)
     trim(panel)
@@ -85,7 +79,14 @@ def _speeds(study: Study) -> Array:
     return values
 
 
-def _free_frequencies(study: Study, speeds: Array, modes: int) -> Array:
+def engine_orders(study: Study) -> list[float]:
+    """Return the engine orders of the harmonics of casing and load, ascending."""
+    casing = [entry.order for entry in study.scene.casing.harmonics]
+    load = [entry.order for entry in study.scene.load.harmonics]
+    return sorted({float(order) for order in (*casing, *load) if order})
+
+
+def free_frequencies(study: Study, speeds: Array, modes: int) -> Array:
     """Return the lowest free frequencies of the first case's structure at each speed, Hz, ``(speed, mode)``."""
     first = full_structure(arrange(study).settings(0))
     count, scene = min(modes, first.mechanical_size), study.scene
@@ -108,9 +109,9 @@ def _crossings(speeds: Array, frequency: Array, order: float) -> list[tuple[floa
 def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
     """Draw how far the tip closes its clearance: at the start, at most, and by heat at the end; the gap dotted.
 
-    The start is the static growth where the study says ``initial: static``. The most is that of the samples. Of all
-    other dimensions the smallest step, the most modes and the largest α are shown: select what else is shown before. Of
-    several contacts the most loaded one is shown.
+    The start is the static growth where the study says ``initial: static``; that of the points of a sweep is left out.
+    The most is that of the samples. Of all other dimensions the smallest step, the most modes and the largest α are
+    shown: select what else is shown before. Of several contacts the most loaded one is shown.
 
     Parameters
     ----------
@@ -132,12 +133,11 @@ def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
     curves = {"quasi-static growth by heat at the end": np.asarray(cut["thermal_closing"].values, dtype=float)}
     if "displacement" in cut:
         x = np.asarray(cut["displacement"].transpose(along, "t").values, dtype=float)
-        curves = {"tip at the start": x[:, 0], "tip at most": x.max(axis=1), **curves}
+        begins = {} if swept_axis(dataset) else {"tip at the start": x[:, 0]}
+        curves = {**begins, "tip at most": x.max(axis=1), **curves}
     gap = np.broadcast_to(np.asarray(gap_of(cut).values, dtype=float), dataset[along].shape)
     unit, factor = scaled("m", gap)
     across, label = in_units(dataset[along])
-    if along == "speed":
-        across, label = _RPM * dataset[along].values, "speed [rpm]"
     figure = new_figure(5.0, 3.5)
     panel: Any = figure.subplots()
     panel.plot(across, factor * gap, ":", color="black", lw=1.4, label="gap", zorder=3)

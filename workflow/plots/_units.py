@@ -20,6 +20,9 @@ _SCALES = {
 }
 """From which usual magnitude on which unit serves, and the factor to it."""
 
+RPM = 60.0
+"""Revolutions per minute in one per second."""
+
 _UNSCALED = ("h", "t")
 """Coordinates that stay in SI, as studies and commands write them."""
 
@@ -38,7 +41,7 @@ def in_units(values: xr.DataArray) -> tuple[NDArray[Any], str]:
     """Return values in a readable unit, and their label."""
     unit, factor = scaled(str(values.attrs.get("units", "1")), values.values)
     if values.attrs.get("study_path") == "scene.speed":
-        unit, factor = "rpm", 60.0
+        unit, factor = "rpm", RPM
     return np.asarray(values.values) * factor, str(values.name).replace("_", " ") + (f" [{unit}]" if unit else "")
 
 
