@@ -175,7 +175,10 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
             if not np.isfinite(h):
                 return NOT_FINITE
             advance(motion.m, motion.m.now, at.time, h, motion.m.after)
-            _record(motion, s, case, record, own, at.time, h)
+            sample = record.tally[0].next_sample
+            _record(motion, record, own, at.time, h, SAME_TIME * T)
+            if record.asked.rows.shape[0] > 0:
+                _sense(motion, s, case, record, own, at.time, sample)
             copy_state(motion.m.after, motion.m.now)
             at.time = T if h >= T - at.time else at.time + h
             at.guess = 2.0 * h
@@ -237,22 +240,18 @@ def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[floa
 
 
 @part
-def _record(
-    motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, h: float
-) -> None:
+def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, late: float) -> None:
     """Write samples and load periods within a step, and add the impulses of closed contacts.
 
     Impulses come first: what the integral takes of the propagation over h is overwritten by that to the samples.
     """
-    m, late = motion.m, SAME_TIME * case.duration
+    m = motion.m
     times, ends, states, asked = record.times, record.period_ends, record.events, record.asked
     for c in range(motion.views.shape[0]):
         own.impulse[c] = 0.0
         if record.tally[c].held:
             select(motion, c)
             own.impulse[c] = integral(m, m.now, m.after, t, h)
-    if record.asked.rows.shape[0] > 0:
-        _sense(motion, s, case, record, own, t, t + h - late)
     for c in range(motion.views.shape[0]):
         mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], states, asked)
         if m.heated or next_due(mine) < t + h - late:
@@ -263,17 +262,16 @@ def _record(
 
 @part
 def _sense(
-    motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, end: float
+    motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, first: int
 ) -> None:
-    """Write what sensors show at the samples before ``end`` within a step from t on."""
-    m, sample = motion.m, record.tally[0].next_sample
-    while sample < record.times.size and record.times[sample] < end:
+    """Write what sensors show at the samples of a step from t on, from the ``first`` on."""
+    m = motion.m
+    for sample in range(first, record.tally[0].next_sample):
         at = max(t, record.times[sample])
         advance(m, m.now, t, at - t, m.between)
         _fill_casing(case, at, own)
         leave(motion, s, own, m.between, at)
         note_sensors(record.asked, own.modal, s.place.shape[1], sample)
-        sample += 1
 
 
 @part
