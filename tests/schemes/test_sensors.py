@@ -69,6 +69,16 @@ def test_a_sensor_at_the_contact_shows_its_displacement_and_temperature(
         assert np.abs(shown[:, row] - tip).max() <= 1e-11 * np.abs(tip).max()
 
 
+@pytest.mark.parametrize("method", ["event_driven", "moreau"])
+def test_a_sensor_at_a_contact_on_an_elastic_casing_shows_its_displacement(method: str) -> None:
+    structure = watched(heavy_chain(nodes=6).matrices().on_casing(1e-8))
+    batch = rubs(structure, 2, amplitude=400.0, frequency=300.0)
+    results = step(structure, batch, 5e-6, sampling(0.0098, 7e-5), method)
+    assert results.metrics["max_penetration"].min() > 1e-6
+    tip = results.histories["displacement"]
+    assert np.abs(results.histories["sensor_value"][:, 0] - tip).max() <= 1e-11 * np.abs(tip).max()
+
+
 @pytest.mark.parametrize("basis", reduction.names())
 def test_a_reduced_sensor_elsewhere_comes_to_that_of_the_full_structure(basis: str) -> None:
     full, over = blade(), sampling(0.2, 1e-3)

@@ -73,13 +73,8 @@ WAITING = -1
 
 PROGRESS = np.dtype(
     [
-        ("begun", "i8"),
-        ("time", "f8"),
-        ("events", "i8"),
-        ("listed", "i8"),
-        ("steps", "i8"),
-        ("length", "f8"),
-        ("guess", "f8"),
+        *((name, "i8") for name in ("begun", "events", "listed", "steps")),
+        *((name, "f8") for name in ("time", "length", "guess")),
     ]
 )
 """Scalars of a case, all 0 at the beginning: whether it has begun; time reached, s; events, those of each contact, and
@@ -181,7 +176,10 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
             if not np.isfinite(h):
                 return NOT_FINITE
             advance(motion.m, motion.m.now, at.time, h, motion.m.after)
-            _record(motion, s, case, record, own, at.time, h)
+            sample = record.tally[0].next_sample
+            _record(motion, record, own, at.time, h, SAME_TIME * T)
+            if record.asked.rows.shape[0] > 0:
+                _sense(motion, s, case, record, own, at.time, sample)
             copy_state(motion.m.after, motion.m.now)
             at.time = T if h >= T - at.time else at.time + h
             at.guess = 2.0 * h
@@ -243,31 +241,20 @@ def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[floa
 
 
 @part
-def _record(
-    motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, h: float
-) -> None:
+def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, late: float) -> None:
     """Write samples and load periods within a step, and add the impulses of closed contacts.
 
     Impulses come first: what the integral takes of the propagation over h is overwritten by that to the samples.
     """
-    m, late = motion.m, SAME_TIME * case.duration
+    m = motion.m
+    times, ends, states, asked = record.times, record.period_ends, record.events, record.asked
     for c in range(motion.views.shape[0]):
         own.impulse[c] = 0.0
         if record.tally[c].held:
             select(motion, c)
             own.impulse[c] = integral(m, m.now, m.after, t, h)
-    if record.asked.rows.shape[0] > 0:
-        _sense(motion, s, case, record, own, t, t + h - late)
     for c in range(motion.views.shape[0]):
-        mine = Record(
-            record.times,
-            record.period_ends,
-            record.histories[:, c],
-            record.periods[:, c],
-            record.tally[c],
-            record.events,
-            record.asked,
-        )
+        mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], states, asked)
         if m.heated or next_due(mine) < t + h - late:
             select(motion, c)
             record_step(mine, m, t, h, observe(m, m.after, t + h), late)
@@ -276,33 +263,25 @@ def _record(
 
 @part
 def _sense(
-    motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, end: float
+    motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, first: int
 ) -> None:
-    """Write what sensors show at the samples before ``end`` within a step from t on."""
-    m, sample = motion.m, record.tally[0].next_sample
-    while sample < record.times.size and record.times[sample] < end:
+    """Write what sensors show at the samples of a step from t on, from the ``first`` on."""
+    m = motion.m
+    for sample in range(first, record.tally[0].next_sample):
         at = max(t, record.times[sample])
         advance(m, m.now, t, at - t, m.between)
         _fill_casing(case, at, own)
         leave(motion, s, own, m.between, at)
         note_sensors(record.asked, own.modal, s.place.shape[1], sample)
-        sample += 1
 
 
 @part
 def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory) -> None:
     """Write the samples and periods that are due at the end, after any event there, and the state."""
     T, next_sample = case.duration, record.tally[0].next_sample
+    times, ends, states, asked = record.times, record.period_ends, record.events, record.asked
     for c in range(motion.views.shape[0]):
-        mine = Record(
-            record.times,
-            record.period_ends,
-            record.histories[:, c],
-            record.periods[:, c],
-            record.tally[c],
-            record.events,
-            record.asked,
-        )
+        mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], states, asked)
         select(motion, c)
         observed = observe(motion.m, motion.m.now, T)
         while next_due(mine) <= T * (1.0 + LATE):
@@ -386,13 +365,11 @@ def _pass(
         own.taken[0, c] = own.taken[1, c] = 0.0
     if structure.compliant:
         _fill_distances(structure, case, own, at.time)
-        _note_approaches(own)
         sound = _next_compliant_set(structure, case, own, at.time, moment, struck)
     elif struck >= 0 and own.wanted[struck]:
         own.wanted[struck], own.zeros[struck], own.speed[struck], sound = False, 3, -1.0, True
     else:
         inside = _fill_kinds(structure, case, at, own, struck)
-        _note_approaches(own)
         if inside:
             return INSIDE_CASING
         sound = _strike(structure, case, record, own)
@@ -401,13 +378,6 @@ def _pass(
         _note_event(record, at, own, c)
         _note_change(record.tally[c], own.wanted[c], at.time)
     return RUNNING if sound else NO_IMPACT_LAW
-
-
-@part
-def _note_approaches(own: Memory) -> None:
-    """Keep the approach speeds before an event."""
-    for c in range(own.wanted.size):
-        own.taken[0, c] = own.approach[c]
 
 
 @part
@@ -468,6 +438,7 @@ def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, 
         else:
             own.kinds[c] = _OPEN
             inside |= begins and own.distance[c] < 0.0
+        own.taken[0, c] = own.approach[c]
     return inside
 
 
@@ -697,6 +668,7 @@ def _fill_distances(structure: Contacting, case: ContactCase, own: Memory, t: fl
             place -= structure.residual_coupling[c, j] * own.modal[2 * n + j]
             speed -= structure.residual_coupling[c, j] * warming
         own.distance[c], own.approach[c] = own.casing[0, c] - place, speed - own.casing[1, c]
+        own.taken[0, c] = own.approach[c]
 
 
 @part

@@ -17,7 +17,7 @@ from workflow.kernels.compiled import kernel, of_case, part
 from workflow.schemes._exact.events import enter_contact, impact, release
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
 from workflow.schemes._exact.layout import Case, in_row
-from workflow.schemes._exact.motion import Motions, Scratch, fill_modal, motions_of, set_free, set_held
+from workflow.schemes._exact.motion import Motion, Motions, Scratch, fill_modal, motions_of, set_free, set_held
 from workflow.schemes._exact.propagation import Observed, advance, copy_state, integral, observe
 from workflow.schemes._exact.record import (
     IMPACT,
@@ -107,9 +107,16 @@ def _run_case(motions: Motions, case: Case, record: Record) -> int:
         tally.steps += 1
         if tally.steps > case.budget.steps:
             return OUT_OF_STEPS
-        h, event, observed = _step(motions, record, start, T, observed)
+        held, sample = tally.held != 0, tally.next_sample
+        h, event, observed = _step(motions.held if held else motions.free, record, start, T, observed)
         if not np.isfinite(h):
             return NOT_FINITE
+        if record.asked.rows.shape[0] > 0:
+            _sense(motions, record, sample)
+        if held:
+            copy_state(motions.held.after, motions.held.now)
+        else:
+            copy_state(motions.free.after, motions.free.now)
         if not tally.held:
             # height of a parabolic flight from impact to impact
             height = 0.25 * h * min(start.speed, -observed.signal_rate)
@@ -197,13 +204,12 @@ def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) ->
 
 
 @part
-def _step(motions: Motions, record: Record, start: Start, T: float, observed: Observed) -> tuple[float, bool, Observed]:
-    """Do a certified step; return its length, whether an event ends it, and the outputs at its end.
+def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed) -> tuple[float, bool, Observed]:
+    """Do a certified step to ``m.after``; return its length, whether an event ends it, and the outputs at its end.
 
     The length is NaN where the state is not finite.
     """
     tally, t, tolerance = record.tally, record.tally.time, SAME_TIME * T
-    m = motions.held if tally.held else motions.free
     if not start.expanded:
         expand(m, m.now, t)
     h, event = certified_step(m, start, t, T - t, tolerance)
@@ -214,25 +220,21 @@ def _step(motions: Motions, record: Record, start: Start, T: float, observed: Ob
     after = observe(m, m.after, t + h)
     if not (np.isfinite(after.signal) and np.isfinite(after.temperature)):
         return np.nan, False, after
-    if record.asked.rows.shape[0] > 0:
-        _sense(motions, record, t, t + h - tolerance)
     record_step(record, m, t, h, after, tolerance)
-    copy_state(m.after, m.now)
     tally.impulse += impulse
     return h, event, after
 
 
 @part
-def _sense(motions: Motions, record: Record, t: float, end: float) -> None:
-    """Write what sensors show at the samples before ``end`` within a step from t on."""
-    held, sample = record.tally.held != 0, record.tally.next_sample
+def _sense(motions: Motions, record: Record, first: int) -> None:
+    """Write what sensors show at the samples of a step, from the ``first`` on."""
+    t, held = record.tally.time, record.tally.held != 0
     m = motions.held if held else motions.free
-    while sample < record.times.size and record.times[sample] < end:
+    for sample in range(first, record.tally.next_sample):
         at = max(t, record.times[sample])
         advance(m, m.now, t, at - t, m.between)
         fill_modal(motions, held, m.between, at)
         note_sensors(record.asked, motions.free.modal, motions.exit.shape[1], sample)
-        sample += 1
 
 
 @part

@@ -52,6 +52,8 @@ def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> tuple[Array
     """
     modal, step = blocks.modal, blocks.step
     modes, count = modal.frequency.size, len(modal.sensors)
+    if not count:
+        return np.zeros((0, 2)), np.zeros((3, 0, cases.count))
     x, theta = modal.sensors[:, :modes], modal.sensors[:, modes:]
     per_tip = np.zeros(count)
     rigid = np.flatnonzero(modal.frequency == 0)
