@@ -106,7 +106,7 @@ class Grid:
         """Common sampling of all histories."""
         duration, interval = self.study.scene.duration, self.study.output.interval
         count = round(duration / interval) + 1
-        return Sampling(duration, interval, count, balances=self.study.output.balances)
+        return Sampling(duration, interval, count, self.study.output.balances, ends=self.study.swept is not None)
 
     @cached_property
     def longest_period_count(self) -> int:
