@@ -140,7 +140,7 @@ def halves(
     structure: Structure, batch: Cases, h: float, over: Sampling, method: str, **options: Any
 ) -> tuple[Results, Results, Results]:
     """Return a motion, its first half, and what follows the end of that."""
-    first = replace(over, duration=over.duration / 2, count=over.count // 2 + 1)
+    first = replace(over, duration=over.duration / 2, count=over.count // 2 + 1, ends=True)
     begun = step(structure, batch, h, first, method, **options)
     return (
         step(structure, batch, h, over, method, **options),

@@ -14,7 +14,7 @@ from terminal import told
 from workflow import plots
 from workflow.analysis import NothingSteadyError, labels, limits
 from workflow.archive import ArchiveError, are_among, content_hash, open_archive
-from workflow.cases import arrange, case_hashes
+from workflow.cases import _arrangement, arrange, case_hashes
 from workflow.plan import plan_study
 from workflow.run import run_study, verify
 from workflow.schemes import Status
@@ -88,6 +88,61 @@ def test_a_point_equals_a_case_given_the_state_before(
             if name != "processor_time" and not name.startswith("period"):
                 assert alone.values[name][0].tobytes() == array[point].tobytes(), (point, name)
         start = one.following
+
+
+def test_a_swept_number_of_the_structure_stays_innermost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What fixes operators is resolved into the settings of each point: here of a number that changes none."""
+    axes = {
+        "scene.speed": {"sweep": [50.0, 40.0, 3]},
+        FREQUENCY: 70.0,
+        "e": [0.0, 0.5],
+        "scheme": ["moreau", "carpenter"],
+    }
+    study = sweep({"scheme": ["moreau", "carpenter"], **axes}, MOVING)
+    grid = arrange(study)
+    hashes, values = case_hashes(grid), solve(grid, 1, np.arange(6)).values
+    fixes = _arrangement.fixes_operator
+    monkeypatch.setattr(_arrangement, "fixes_operator", lambda path, model: path == "scene.speed" or fixes(path, model))
+    again = arrange(study)
+    assert again.dims == grid.dims
+    assert [again.at_point(0, point).scene.speed for point in range(3)] == [50.0, 45.0, 40.0]
+    assert (case_hashes(again) == hashes).all()
+    for name, array in solve(again, 1, np.arange(6)).values.items():
+        assert name == "processor_time" or array.tobytes() == values[name].tobytes()
+
+
+@pytest.mark.parametrize("scheme", ["event_driven", "moreau"])
+@pytest.mark.parametrize("moves", [False, True], ids=["still", "moving"])
+@pytest.mark.parametrize("kind", ["given", "reduced", "several"])
+def test_a_tip_that_is_held_stays_held(scheme: str, moves: bool, kind: str, tmp_path: Path) -> None:
+    """Through coordinates of a file in which its place is a sum: no impact that rounding makes, and no refusal."""
+    size, casing = 6, {"gap": 5e-5}
+    links = np.eye(size) - np.eye(size, k=-1)
+    row = np.array([0.1, -0.2, 0.3, 0.1, 0.5, 0.8])
+    entries = {
+        "mass": np.diag(np.linspace(1, 0.6, size)),
+        "stiffness": 2e5 * links.T @ links,
+        "damping": 20 * np.eye(size),
+    }
+    rows = np.stack([row, np.eye(size)[3]]) if kind == "several" else row
+    np.savez(tmp_path / "blade.npz", contact=rows, load=row, **entries)
+    if moves:
+        casing |= {"harmonics": [{"frequency": 130.0, "amplitude": 5e-6, "phase": 0.2}]}
+    scene = {
+        "matrices": {"file": str(tmp_path / "blade.npz"), **({"contact": "contact"} if kind == "several" else {})},
+        "casing": casing,
+        "load": {"mean": 60.0, "amplitude": 1.0, "frequency": 7.3},
+        "initial": "static",
+        "duration": 0.5,
+    }
+    axes = {"scheme": scheme, "h": 1e-4, "mechanical_modes": 2 if kind == "reduced" else "full"}
+    axes |= {"scene.load.mean": {"sweep": [60.0, 66.0, 5]}}
+    output = {"interval": 1e-2, "histories": []}
+    grid = arrange(read_study({"study": "held", "scene": scene, "axes": axes, "output": output}))
+    values = solve(grid, 0, np.arange(5)).values
+    held = values["contact_time"].reshape(5, -1).max(axis=1)
+    assert held == pytest.approx(0.5, rel=1e-9)
+    assert (values["impacts"].reshape(5, -1)[:, 0] == (scheme == "moreau")).all()  # whose contacts begin at t = 0
 
 
 def interrupted_after(shards: int, study: Study, archive: Path, **options: Any) -> None:

@@ -108,8 +108,8 @@ class Grid:
         """Common sampling of all histories."""
         duration, interval = self.study.scene.duration, self.study.output.interval
         count = round(duration / interval) + 1
-        output = self.study.output
-        return Sampling(duration, interval, count, balances=output.balances, events=output.events or 0)
+        output, ends = self.study.output, self.study.swept is not None
+        return Sampling(duration, interval, count, output.balances, output.events or 0, ends)
 
     @cached_property
     def longest_period_count(self) -> int:

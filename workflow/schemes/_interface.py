@@ -22,7 +22,8 @@ HISTORIES = ("displacement", "velocity", "temperature", "impulse")
 
 AT_REST = 1e-13
 """Distance and velocity of a contact relative to its casing at t = 0, over the lengths and velocities in them, up to
-which they are rounding: that of the some hundred terms of a static start, or of a state in which another case ended."""
+which they are rounding: that of the some hundred terms of a static start, or of a state in which another case ended.
+Among the velocities is that of the lengths in a step, or in 1/ω of the fastest mode."""
 
 EXTRAPOLATED = "extrapolated: "
 """Prefix of the message of a case that ended ok, but in part by extrapolation."""
@@ -52,6 +53,8 @@ class Sampling:
         Whether the metrics ``energy_residual`` and ``heat_residual`` are given; NaN where the scheme is exact.
     events
         Most events of a case that are kept, of event_driven.
+    ends
+        Whether the states at the end are asked for.
     """
 
     duration: float
@@ -59,6 +62,7 @@ class Sampling:
     count: int
     balances: bool = False
     events: int = 0
+    ends: bool = False
 
     @property
     def times(self) -> Array:
@@ -138,8 +142,8 @@ class Results:
         Why a case is not ok, by its position in the batch; deterministic, without addresses or paths. That of a
         case that is ok begins with :data:`EXTRAPOLATED`.
     end
-        States at the end, in the structure's coordinates, from which the next point of a sweep starts; ``None`` of a
-        scheme that does not give them.
+        States at the end, in the structure's coordinates, from which the next point of a sweep starts; may be
+        ``None`` where :attr:`Sampling.ends` is false.
     """
 
     histories: dict[str, Array]

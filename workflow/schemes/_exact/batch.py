@@ -265,7 +265,8 @@ def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Cas
     distance = _added(gap, casing * sin) - cases.displacement[:, -1]
     states = [project(basis.to_modes, cases.displacement), project(basis.to_modes, cases.velocity)]
     lengths, speeds = cases.casing_harmonics.rounded(duration)
-    lengths, speeds = lengths + np.abs(gap), speeds + project(np.abs(basis.tip), np.abs(states[1]))
+    lengths = lengths + np.abs(gap)
+    speeds = speeds + project(np.abs(basis.tip), np.abs(states[1])) + lengths * basis.free.frequency.max(initial=0.0)
     return Case(
         free=np.where(cases.heated, 1, 0),
         held=np.zeros(cases.count, dtype=np.int64),

@@ -411,6 +411,7 @@ def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, 
     """
     n, inside, begins = structure.frequency.size, False, struck < 0
     least = AT_REST if begins else SUM_ROUNDING
+    fastest = structure.frequency[n - 1] if begins and n > 0 else 0.0
     for c in range(own.wanted.size):
         place, size, speed, turning = 0.0, 0.0, 0.0, 0.0
         for k in range(n):
@@ -427,6 +428,7 @@ def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, 
             omega = abs(case.waves[i, wave.OMEGA])
             turned = omega * case.duration * (abs(case.casing[i, 0, c]) + abs(case.casing[i, 1, c]))
             size, turning = size + turned, turning + omega * turned
+        turning += fastest * (at.length + size)
         if own.wanted[c]:
             own.kinds[c], own.approach[c] = _RESTING, 0.0
         elif c == struck or abs(own.distance[c]) <= 4.0 * least * (at.length + size):

@@ -30,7 +30,7 @@ from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed.blocks import Blocks, Step, separate
 from workflow.schemes._fixed.contact import CentralStep, Contact
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
-from workflow.schemes._fixed.loads import drive_of
+from workflow.schemes._fixed.loads import drive_of, placed
 from workflow.schemes._fixed.march import step_batch
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, friction_message, judged
 from workflow.schemes._fixed.step_limits import limit_text
@@ -168,12 +168,13 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     contact, h, blocks = operator.contact, operator.h, operator.blocks if heated else operator.blocks.without_heat()
-    w = blocks.step.delassus(blocks.modal, cases.alpha, cases.friction)
+    w, cases = blocks.step.delassus(blocks.modal, cases.alpha, cases.friction), placed(cases, sampling.duration)
     drive, _ = drive_of(cases, h, 0.0, sampling.duration)
     before = _half_step_before(blocks.modal, cases, h)
     if contact.stiffness > 0:
         force = contact.stiffness * np.fmax(0.0, cases.displacement[:, -1] - cases.casing_at(0.0))
-        before += 0.5 * h * force[:, None] * blocks.modal.struck(cases.friction)
+        along = 0.0 if blocks.modal.tangent is None else blocks.modal.tangent
+        before += 0.5 * h * force[:, None] * (blocks.modal.tip - cases.friction[:, None] * along)
     ended = step_batch(operator.structure, blocks, contact, w, cases, before, sampling, drive)
     # squared: the state of a growing contact may be finite where its energy is not
     tip = ended.watched.tip

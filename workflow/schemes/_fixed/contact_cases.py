@@ -183,7 +183,7 @@ def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: A
         return begun
     lengths, speeds = (each[:, None] for each in own.rounded(conditions.duration))
     lengths = lengths + project(np.abs(rows), np.abs(cases.displacement)) + np.abs(cases.clearances)
-    speeds = speeds + project(np.abs(rows), np.abs(cases.velocity))
+    speeds = speeds + project(np.abs(rows), np.abs(cases.velocity)) + lengths / operator.h
     beside = np.fmin(np.abs(v - moves), np.abs(v - begins))
     held = (np.abs(x - place) <= AT_REST * lengths) & (beside <= AT_REST * speeds)
     for i in np.flatnonzero(held.any(axis=1)):

@@ -89,11 +89,6 @@ class Decoupled:
         """Whether damping or a load away from the tip couples the modes, which are then stepped in blocks."""
         return self.damping_matrix is not None or self.load is not None
 
-    def struck(self, friction: Array) -> Array:
-        """Return φᵀ(e_n - µ t), along which contact acts, ``(case, mode)``."""
-        along = np.zeros_like(self.tip) if self.tangent is None else self.tangent
-        return np.asarray(self.tip - friction[:, None] * along)
-
     @property
     def heat_scale(self) -> Array:
         """χ_ln by which kernels scale thermal modes, so that the tip's temperature is their sum, ``(thermal mode,)``.

@@ -189,36 +189,20 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class LastStep:
-    """What kernels leave of the last step, t seconds after the start, which load and contact have not moved yet.
-
-    ``motion`` is u and η, ``drives`` their changes by a unit impulse of contact, ``(2, block, case)``; ``heat`` is τ,
-    ``(thermal mode, case)``, ``load`` and ``contact`` are impulses, ``place`` is x_n, ``(case,)``.
-    """
+class LastStep(NamedTuple):
+    """What kernels leave of the last step, which ends after t seconds, before its load and contact move the blocks."""
 
     t: float
     motion: Array
     drives: Array
+    """u and η, and their changes by a unit impulse of contact, ``(2, block, case)``."""
     heat: Array
+    """τ, ``(thermal mode, case)``."""
     load: Array
     contact: Array
+    """Impulses, ``(case,)``."""
     place: Array
-
-    def ended(self, blocks: Blocks) -> Array:
-        """Return u and η moved by load and contact."""
-        direction = blocks.modal.tip if blocks.modal.load is None else blocks.modal.load
-        return np.asarray(self.motion + self.drives * self.contact + blocks.of_impulses(direction[:, None]) * self.load)
-
-    def before(self, blocks: Blocks, begun: InitialState) -> Array:
-        """Return u and η at the step's beginning, moved by load and contact there: :meth:`Blocks.ahead` reversed."""
-        h, c, k = blocks.step.tip.h, blocks.damping[:, None], blocks.stiffness[:, None]
-        motion = self.motion.copy()
-        motion[0, begun.drifting] -= begun.steady
-        for block, mode in blocks.pairs:
-            motion[:, block] -= blocks.thermal_load[:, block, mode, None] * self.heat[mode]
-        u = (motion[0] + h * k * motion[1]) / (1 - h * c + h * h * k)
-        return np.stack([u, motion[1] - h * u])
+    """x_n, ``(case,)``."""
 
 
 def end_state(blocks: Blocks, cases: Cases, begun: InitialState, last: LastStep) -> EndState:
@@ -232,18 +216,31 @@ def end_state(blocks: Blocks, cases: Cases, begun: InitialState, last: LastStep)
         return blocks.in_modes(states + begun.known + blocks.thermal_response(heat + begun.warming_modes * t))
 
     heat, entered = last.heat, step.heat_gain[:, None] * (cases.alpha * last.contact)
+    loaded = blocks.of_impulses((modal.tip if modal.load is None else modal.load)[:, None])
+    ended = last.motion + last.drives * last.contact + loaded * last.load
     if step.heat_counts:
-        velocity, places = in_modes(last.ended(blocks), heat, last.t)
+        velocity, places = in_modes(ended, heat, last.t)
         z = places + step.lever * velocity
     else:
-        before, places = in_modes(last.before(blocks, begun), heat, last.t)
-        after, _ = in_modes(last.ended(blocks), step.decay[:, None] * heat + entered, last.t + h)
+        before, places = in_modes(_behind(blocks, begun, last), heat, last.t)
+        after, _ = in_modes(ended, step.decay[:, None] * heat + entered, last.t + h)
         velocity, z, heat = (before + after) / 2, places + h * before, heat + entered / 2
     rigid = modal.frequency == 0
     if blocks.outward is not None and (at_tip := np.sum(modal.tip[rigid] ** 2)) > 0:  # blocks have no ξ of them
         z[rigid] += modal.tip[rigid, None] * ((last.place - project(modal.tip, z.T)) / at_tip)
     tau = heat + begun.settled + begun.warming_modes * last.t
     return EndState(project(modal.shapes, z.T), project(modal.shapes, velocity.T), project(modal.heat_shapes, tau.T))
+
+
+def _behind(blocks: Blocks, begun: InitialState, last: LastStep) -> Array:
+    """Return u and η at the beginning of the last step, with load and contact there: :meth:`Blocks.ahead` reversed."""
+    h, c, k = blocks.step.tip.h, blocks.damping[:, None], blocks.stiffness[:, None]
+    motion = last.motion.copy()
+    motion[0, begun.drifting] -= begun.steady
+    for block, mode in blocks.pairs:
+        motion[:, block] -= blocks.thermal_load[:, block, mode, None] * last.heat[mode]
+    u = (motion[0] + h * k * motion[1]) / (1 - h * c + h * h * k)
+    return np.stack([u, motion[1] - h * u])
 
 
 def first_free(blocks: Blocks, begun: InitialState) -> tuple[Array, Array, Array]:

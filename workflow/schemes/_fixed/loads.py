@@ -179,11 +179,20 @@ class DriveRows(NamedTuple):
         return Drive(load, casing, named_rows(Moving, self.moving))
 
 
+def placed(cases: Cases, duration: float) -> Cases:
+    """Return cases whose tips are on the casing where they start there up to rounding."""
+    place, (lengths, _) = cases.casing_at(0.0), cases.casing_harmonics.rounded(duration)
+    displacement = cases.displacement.copy()
+    touches = np.abs(displacement[:, -1] - place) <= AT_REST * (lengths + np.abs(cases.gap))
+    displacement[touches, -1] = place[touches]
+    return replace(cases, displacement=displacement)
+
+
 def drive_of(cases: Cases, h: float, theta: float, duration: float) -> tuple[DriveRows | None, Cases]:
     """Return the drive of cases that are stepped with h and θ, ``(…, case)``, and the cases with their first velocity.
 
-    A tip that starts on the casing and moves with it, both up to rounding, has r = u = 0 and the velocity V(0): its own
-    is ḋ(0), or V(0) where it ended pressed.
+    A tip that starts on the casing, see :func:`placed`, and moves with it up to rounding, has r = u = 0 and the
+    velocity V(0): its own is ḋ(0), or V(0) where it ended pressed.
     """
     load, casing = cases.load_harmonics[:, 1:], cases.casing_harmonics
     if load.width + casing.width == 0:
@@ -194,9 +203,9 @@ def drive_of(cases: Cases, h: float, theta: float, duration: float) -> tuple[Dri
     begins = _discrete_velocity(casing, gains, 0.0)
     apart, parting = cases.displacement[:, -1] - cases.casing_at(0.0), cases.velocity[:, -1] - begins
     lengths, speeds = casing.rounded(duration)
-    lengths, speeds = lengths + np.abs(cases.gap), speeds + np.abs(cases.velocity[:, -1])
+    speeds = speeds + np.abs(cases.velocity[:, -1]) + (lengths + np.abs(cases.gap)) / h
     beside = np.fmin(np.abs(parting), np.abs(cases.velocity[:, -1] - cases.casing_velocity_at(0.0)))
-    held = (np.abs(apart) <= AT_REST * lengths) & (beside <= AT_REST * speeds)
+    held = (apart == 0) & (beside <= AT_REST * speeds)
     state.mean_gap = cases.gap
     state.speed = _discrete_velocity(casing, gains, -h)
     state.apart, state.parting = np.where(held, 0.0, apart), np.where(held, 0.0, parting)

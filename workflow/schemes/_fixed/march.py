@@ -454,10 +454,10 @@ def step_batch(
     closing += project(modal.static_growth / modal.heat_scale, heat.T)
     own = named_rows(Own, ended["own"])
     rebounds = effective_restitution(own.approached, own.separated) if contact.rebounds else {}
-    motion, pushed = (ended[name].swapaxes(0, 1) / np.where(scale == 0, np.inf, scale)[:, 0] for name in _MOVED)
-    tau = ended["tau"] / modal.heat_scale[:, None]
-    last = LastStep(watched.elapsed, motion, pushed, tau, own.load, own.impulse, watched.tip.displacement)
-    end, audit = end_state(blocks, cases, begun, last), None
-    if balances is not None:
-        audit = balances.result(ended, watched.elapsed)
-    return Ended(watched, closing, rebounds, audit, end)
+    end = None
+    if sampling.ends:
+        motion, pushed = (ended[name].swapaxes(0, 1) / np.where(scale == 0, np.inf, scale)[:, 0] for name in _MOVED)
+        tau = ended["tau"] / modal.heat_scale[:, None]
+        last = LastStep(watched.elapsed, motion, pushed, tau, own.load, own.impulse, watched.tip.displacement)
+        end = end_state(blocks, cases, begun, last)
+    return Ended(watched, closing, rebounds, None if balances is None else balances.result(ended, watched.elapsed), end)

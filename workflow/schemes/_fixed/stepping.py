@@ -321,7 +321,7 @@ class Ended(NamedTuple):
     own: dict[str, Array]
     """Metrics of the scheme besides the common ones, ``(case,)``."""
     balance: Balance | None
-    end: EndState
+    end: EndState | None
     """That at the end of the last step, in the structure's coordinates."""
 
 

@@ -20,7 +20,7 @@ from workflow.models import Array, Cases, Structure, poles, project
 from workflow.schemes._fixed.blocks import Blocks, Step, separate
 from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
-from workflow.schemes._fixed.loads import drive_of
+from workflow.schemes._fixed.loads import drive_of, placed
 from workflow.schemes._fixed.march import step_batch
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, friction_message, judged
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
@@ -101,7 +101,7 @@ def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
 def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
     """Step cases that all carry thermal states, or that all carry none."""
     h, blocks = operator.h, operator.blocks if heated else operator.blocks.without_heat()
-    w = operator.delassus(h, cases.alpha, cases.friction)
+    w, cases = operator.delassus(h, cases.alpha, cases.friction), placed(cases, sampling.duration)
     drive, stepped = drive_of(cases, h, operator.theta, sampling.duration)
     velocity = project(blocks.modal.to_modes, stepped.velocity)
     ended = step_batch(operator.structure, blocks, operator.contact, w, cases, velocity, sampling, drive)
