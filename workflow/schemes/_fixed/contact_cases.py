@@ -21,12 +21,9 @@ from workflow.schemes._exact.tables import wave
 from workflow.schemes._fixed import central, theta_method
 from workflow.schemes._fixed.balance import REST, Balance
 from workflow.schemes._fixed.central import Differences
-from workflow.schemes._fixed.contact_record import Marks
+from workflow.schemes._fixed.contact_record import SUMS, Balancing, Ending, Marks
 from workflow.schemes._fixed.contact_steps import (
-    SUMS,
-    Balancing,
     CasingSteps,
-    Ending,
     Method,
     Stepping,
     memory,

@@ -1,11 +1,11 @@
-"""What steps of several contacts show: samples, load periods and counts of each contact.
+"""What steps of several contacts show: samples, load periods and counts of each contact, and how cases end.
 
 Steps are linear between their ends; the end itself is taken exactly.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,43 @@ from workflow.schemes._exact.record import Record
 
 PLACE, SPEED, TEMPERATURE, DEPTH = range(4)
 """Rows of what is shown: x_i [m], x_i' [m/s], θ_i [K] and x_i - d_i [m]."""
+
+
+SUMS = np.dtype(
+    [
+        ("first_energy", "f8"),  # J
+        ("last_energy", "f8"),
+        ("largest_energy", "f8"),
+        ("dissipated", "f8"),  # less the work of loads and contact, J
+        ("lost", "f8"),  # heat, J
+        ("turned_over", "f8"),  # sum of |lost| over the steps, J
+        ("friction_heat", "f8"),  # J
+        ("gained", "f8"),  # heat content at the end less that at t = 0, J
+        ("approached", "f8"),  # sums of effective_restitution, (m/s)²
+        ("separated", "f8"),
+    ]
+)
+"""Sums of a case."""
+
+
+class Balancing(NamedTuple):
+    """Whether balances are counted, and the heat content per thermal mode, J/K."""
+
+    counts: bool
+    content: Array
+
+
+class Ending(NamedTuple):
+    """How cases ended, ``(case,)``, the largest penetration, m, ``(case, contact)``, and :data:`SUMS` of each.
+
+    ``state`` is [y, y', τ] at the end, ``(case, number)``.
+    """
+
+    ended: NDArray[np.int64]
+    penetration: Array
+    sums: Any
+    balancing: Balancing
+    state: Array
 
 
 class Marks(NamedTuple):

@@ -54,6 +54,8 @@ from workflow.schemes._fixed.contact_record import (
     PLACE,
     SPEED,
     TEMPERATURE,
+    Balancing,
+    Ending,
     Marks,
     Shown,
     between,
@@ -174,23 +176,6 @@ def _law(h: float, method: Method, delassus: Array, contacts: Contacts, residual
     return pressed if method.damper == 0.0 else np.block([[pressed, one], [slows, one]])
 
 
-SUMS = np.dtype(
-    [
-        ("first_energy", "f8"),  # J
-        ("last_energy", "f8"),
-        ("largest_energy", "f8"),
-        ("dissipated", "f8"),  # less the work of loads and contact, J
-        ("lost", "f8"),  # heat, J
-        ("turned_over", "f8"),  # sum of |lost| over the steps, J
-        ("friction_heat", "f8"),  # J
-        ("gained", "f8"),  # heat content at the end less that at t = 0, J
-        ("approached", "f8"),  # sums of effective_restitution, (m/s)²
-        ("separated", "f8"),
-    ]
-)
-"""Sums of a case."""
-
-
 class Now(NamedTuple):
     """State of the case that is stepped, its matrices, and scratch."""
 
@@ -254,26 +239,6 @@ class CasingSteps(NamedTuple):
     """V per cos ψ and sin ψ of each wave, ``(case, wave, 2, contact)``."""
     begun: Array
     """r and u at t = 0, ``(case, 2, contact)``."""
-
-
-class Balancing(NamedTuple):
-    """Whether balances are counted, and the heat content per thermal mode, J/K."""
-
-    counts: bool
-    content: Array
-
-
-class Ending(NamedTuple):
-    """How cases ended, ``(case,)``, the largest penetration, m, ``(case, contact)``, and :data:`SUMS` of each.
-
-    ``state`` is [y, y', τ] at the end, ``(case, number)``.
-    """
-
-    ended: NDArray[np.int64]
-    penetration: Array
-    sums: Any
-    balancing: Balancing
-    state: Array
 
 
 @kernel
