@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import cases, heavy_chain, same_bits, step
+from scenes import cases, heavy_chain, same_bits, step, watched
 from workflow import schemes, variables
 from workflow.schemes import Cases, ContractError, Results, Sampling, Status, checked
 
@@ -92,9 +92,10 @@ ALWAYS = [v for v in variables.select(None, "scheme") if v.shape in ("history", 
 
 @pytest.mark.parametrize("name", [v.name for v in ALWAYS])
 def test_a_missing_variable_is_named(name: str) -> None:
-    results = step(heavy_chain(), batch(), 1e-5, OVER)
+    results = step(watched(heavy_chain()), batch(), 1e-5, OVER)
+    assert same_bits(checked(results, batch(), OVER, sensors=4), results)
     with pytest.raises(ContractError, match=name):
-        checked(without(name)(results), batch(), OVER)
+        checked(without(name)(results), batch(), OVER, sensors=4)
 
 
 ODD: dict[str, Callable[[Results], dict[str, Any]]] = {
