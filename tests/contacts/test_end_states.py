@@ -20,7 +20,7 @@ STEPPED: list[tuple[str, dict[str, Any]]] = [
 
 
 @pytest.mark.parametrize(("method", "options"), STEPPED)
-@pytest.mark.parametrize("kind", ["mass", "massless", "elastic"])
+@pytest.mark.parametrize("kind", [pytest.param("mass", marks=pytest.mark.slow), "massless", "elastic"])
 def test_contacts_go_on(method: str, options: dict[str, Any], kind: str) -> None:
     """The first velocity of contacts without mass is that of the modes alone."""
     if kind == "elastic" and method == "penalty":
@@ -38,6 +38,7 @@ def test_contacts_go_on(method: str, options: dict[str, Any], kind: str) -> None
     assert touched > 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["carpenter", "paoli_schatzman"])
 def test_central_differences_go_on_but_for_the_heat_of_a_step(method: str) -> None:
     for seed in range(4):

@@ -56,7 +56,10 @@ MOVING = {
     "load": {"mean": 60.0, "amplitude": 60.0, "frequency": 70.0, "harmonics": HARMONICS},
     "casing": {"gap": 5e-5, "harmonics": [{"order": 1, "amplitude": 5e-6, "phase": 0.4}]},
 }
-SCHEMES = ("event_driven", "moreau", "carpenter", "paoli_schatzman", "penalty")
+SCHEMES = (
+    *("event_driven", "moreau"),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ("carpenter", "paoli_schatzman", "penalty")),
+)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -113,7 +116,7 @@ def test_a_swept_number_of_the_structure_stays_innermost(monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("scheme", ["event_driven", "moreau"])
 @pytest.mark.parametrize("moves", [False, True], ids=["still", "moving"])
-@pytest.mark.parametrize("kind", ["given", "reduced", "several"])
+@pytest.mark.parametrize("kind", ["given", *(pytest.param(k, marks=pytest.mark.slow) for k in ("reduced", "several"))])
 def test_a_tip_that_is_held_stays_held(scheme: str, moves: bool, kind: str, tmp_path: Path) -> None:
     """Through coordinates of a file in which its place is a sum: no impact that rounding makes, and no refusal."""
     size, casing = 6, {"gap": 5e-5}
@@ -154,7 +157,7 @@ LINES = {"scheme": ["event_driven", "moreau"], "e": [0.0, 0.4, 0.8]}
 SHORT, LONG = ({FREQUENCY: {"sweep": [50.0, last, count]}} for last, count in ((90.0, 5), (110.0, 7)))
 
 
-@pytest.mark.parametrize("stop", [1, 3])
+@pytest.mark.parametrize("stop", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_stopped_and_extended_sweeps_are_as_from_nothing(
     stop: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

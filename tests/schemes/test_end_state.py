@@ -28,9 +28,11 @@ SCHEMES: list[tuple[str, dict[str, Any]]] = [
 
 @pytest.mark.parametrize(("method", "options"), SCHEMES)
 @pytest.mark.parametrize(
-    "structure", [SMALL, COUPLED, ELSEWHERE, FREE, ADIABATIC], ids=["small", "coupled", "away", "free", "adiabatic"]
+    "structure",
+    [pytest.param(one, marks=[] if name == "coupled" else pytest.mark.slow) for name, one in STRUCTURES.items()],
+    ids=STRUCTURES,
 )
-@pytest.mark.parametrize("waves", [{}, WAVES], ids=["still", "moving"])
+@pytest.mark.parametrize("waves", [pytest.param({}, marks=pytest.mark.slow), WAVES], ids=["still", "moving"])
 def test_a_case_goes_on_from_the_state_in_which_another_ended(
     structure: Structure, method: str, options: dict[str, Any], waves: dict[str, Any]
 ) -> None:
