@@ -266,6 +266,7 @@ def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Cas
     states = [project(basis.to_modes, cases.displacement), project(basis.to_modes, cases.velocity)]
     lengths, speeds = cases.casing_harmonics.rounded(duration)
     lengths = lengths + np.abs(gap)
+    touches = np.abs(distance) <= AT_REST * lengths
     speeds = speeds + project(np.abs(basis.tip), np.abs(states[1])) + lengths * basis.free.frequency.max(initial=0.0)
     return Case(
         free=np.where(cases.heated, 1, 0),
@@ -281,8 +282,8 @@ def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Cas
         mobility=basis.mobility - cases.friction * basis.tangential,
         drag=project(basis.damped_tip, struck) / project(basis.tip, struck),
         jump=np.hstack([np.zeros_like(struck), -struck, alpha * basis.free.heat_tip]),
-        distance=np.where(np.abs(distance) <= AT_REST * lengths, 0.0, distance),
-        speed=np.where(np.abs(speed) <= AT_REST * speeds, 0.0, speed),
+        distance=np.where(touches, 0.0, distance),
+        speed=np.where(touches & (np.abs(speed) <= AT_REST * speeds), 0.0, speed),
         reach=_added(np.abs(gap), np.abs(casing)),
         modal=np.hstack([*states, project(basis.to_thermal, cases.temperature)]),
         heat_jump=basis.heat_jump,
