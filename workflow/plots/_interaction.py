@@ -91,10 +91,10 @@ def interaction_map(
 
 def _history(cut: xr.Dataset, sensor: str) -> xr.DataArray:
     """Return the history of a sensor or of the contact."""
-    sensors = [str(name) for name in cut["sensor"].values] if "sensor_value" in cut else []
+    sensors = [str(name) for name in np.atleast_1d(cut["sensor"].values)] if "sensor_value" in cut else []
     if sensor in sensors:
-        chosen = cut["sensor_value"].sel(sensor=sensor)
-        return chosen.assign_attrs(units=str(cut["sensor_unit"].sel(sensor=sensor).values)).rename(sensor)
+        one = cut.sel(sensor=sensor) if "sensor" in cut.dims else cut
+        return one["sensor_value"].assign_attrs(units=str(one["sensor_unit"].values)).rename(sensor)
     kept = [str(name) for name, one in cut.data_vars.items() if "t" in one.dims and name != "sensor_value"]
     if sensor not in kept:
         names = ", ".join([*sensors, *kept]) or "none: name sensors and histories under `output` of the study"
