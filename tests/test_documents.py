@@ -34,6 +34,7 @@ LONG = {
     "work_precision_finite_element",
     "hard/all_steps",
     "hard/bouncing_bar",
+    "hard/unfit_bases",
 }
 KEPT = [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in NAMES]
 """Studies whose archives are kept in ``data/``, by path; ``pytest -m "slow or not slow" --regenerate`` writes them."""

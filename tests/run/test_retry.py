@@ -22,10 +22,10 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> set[float]:
     alphas = {5.0}
     run = _solve.run_batch
 
-    def failing(cell: Any, cases: Any, sampling: Any) -> Any:
+    def failing(cell: Any, cases: Any, sampling: Any, **asked: Any) -> Any:
         if set(cases.alpha.tolist()) & alphas:
             raise FloatingPointError("the blade is gone")
-        return run(cell, cases, sampling)
+        return run(cell, cases, sampling, **asked)
 
     monkeypatch.setattr(_solve, "run_batch", failing)
     return alphas

@@ -197,10 +197,10 @@ def test_after_a_point_that_failed_its_line_does_not_go_on(tmp_path: Path, monke
     """Its neighbour does; all that failed is run again by --retry, from the line's first point on."""
     run = _solve.run_batch
 
-    def failing(settings: Any, cases: Any, sampling: Any) -> Any:
+    def failing(settings: Any, cases: Any, sampling: Any, **asked: Any) -> Any:
         if ((cases.e == 0.4) & (cases.load_harmonics.frequency[:, 0] == 70.0)).any():
             raise FloatingPointError("the blade is gone")
-        return run(settings, cases, sampling)
+        return run(settings, cases, sampling, **asked)
 
     monkeypatch.setattr(_solve, "run_batch", failing)
     study, archive = sweep({"scheme": "event_driven", "e": [0.0, 0.4], **SHORT}), tmp_path / "a.nc"
@@ -254,7 +254,7 @@ def test_a_plan_counts_lines(tmp_path: Path) -> None:
 
 def test_a_scheme_without_an_end_state_is_refused_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     run = _solve.run_batch
-    monkeypatch.setattr(_solve, "run_batch", lambda *words: replace(run(*words), end=None))
+    monkeypatch.setattr(_solve, "run_batch", lambda *words, **asked: replace(run(*words, **asked), end=None))
     solved = solve(arrange(sweep()), 0, np.arange(5))
     assert (solved.values["status"] == Status.FAILED).all()
     assert solved.messages[0].startswith("ContractError: the scheme gives no `end`, the state from which")
