@@ -17,6 +17,7 @@ from workflow.report import ReportFiles, write_report
 from workflow.report import _sections as sections
 from workflow.report._html import prose
 from workflow.run import run_study, verify
+from workflow.study import read_study
 
 REFERRED = (
     "study: referred\ntitle: Two weights and the exact solution\n"
@@ -250,3 +251,34 @@ def test_the_fold_of_the_blade_is_stored_verified_told_and_drawn(tmp_path: Path)
     page = write_report(archive).page
     assert page is not None
     assert "runs away or jumps" in page.read_text(encoding="utf-8")
+
+
+def test_a_page_shows_what_changes_over_the_speed_and_along_a_sweep(tmp_path: Path) -> None:
+    scene = {
+        "chain": {"nodes": 1, "mass": 0.01, "stiffness": 4000.0, "damping": {"mass": 60.0}, "heat_capacity": 1.0},
+        "casing": {"gap": 1e-4, "harmonics": [{"order": 2, "amplitude": 1e-5}]},
+        "load": {"harmonics": [{"order": 1, "amplitude": 0.1}]},
+        "speed": 50.0,
+        "duration": 0.2,
+    }
+    axes = {"scheme": "event_driven", "e": 0.3, "scene.speed": {"sweep": [80, 120, 5]}}
+    output = {"interval": 1e-3, "histories": [], "sensors": {"tip": 1}}
+    study = read_study({"study": "swept", "scene": scene, "axes": axes, "output": output})
+    with run_study(study, tmp_path / "swept.nc").dataset as dataset:
+        without = sections.over_speed(dataset)
+        assert without is not None
+        assert [one["about"] for one in without["pictures"]] == [
+            "contact impulse along the sweep of speed",
+            "closing of the clearance over the speed",
+        ]
+    kept = study.with_({"output.histories": ["displacement"]})
+    with run_study(kept, tmp_path / "kept.nc").dataset as dataset:
+        shown = sections.over_speed(dataset)
+        assert shown is not None
+        assert [one["about"] for one in shown["pictures"]] == [
+            "contact impulse along the sweep of speed",
+            "spectrum of tip over the speed",
+            "spectrum of displacement over the speed",
+            "closing of the clearance over the speed",
+        ]
+    assert "Over the speed and along the sweep" in write_report(tmp_path / "kept.nc").page.read_text(encoding="utf-8")

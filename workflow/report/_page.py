@@ -25,7 +25,7 @@ _HEAD = 4096
 
 _FIGURES = (".png", ".svg", ".pdf")
 
-_DRAWN = (sections.precision, sections.maps, sections.along_branches, sections.shares)
+_DRAWN = (sections.precision, sections.maps, sections.over_speed, sections.along_branches, sections.shares)
 """Sections with figures; the first that an archive has is its main one where it keeps no histories."""
 
 
@@ -109,8 +109,8 @@ def _refuse_foreign(unnamed: Sequence[Path]) -> None:
 def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
     with open_archive(archive) as opened:
         dataset = most_loaded(opened)
-        precision, maps, branches, shares = (section(dataset) for section in _DRAWN)
-        figures = [section["figure"] for section in (precision, maps, branches, shares) if section]
+        drawn = precision, maps, over_speed, branches, shares = [section(dataset) for section in _DRAWN]
+        figures = [section["figure"] for section in drawn if section]
         figure = next(filter(None, [_response(dataset), *figures]), None)
         figure_path = None if figure is None else save(figure, beside)
         methods, scene = sections.study_of(archive)
@@ -128,6 +128,7 @@ def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
             limits=sections.where_it_settles(dataset),
             answer=answer,
             maps=maps,
+            over_speed=over_speed,
             branches=branches,
             explore=explore,
             cases=sections.cases(dataset),

@@ -41,19 +41,24 @@ from workflow.analysis import (
     recommendation_row,
     runaways,
     standings,
+    swept_axis,
     undecidable,
     usual_recommendations,
 )
 from workflow.archive import json_in, provenance
 from workflow.plots import (
+    LEAST_VALUES,
     branches,
+    clearance,
     convergence,
+    interaction_map,
     map_dims,
     metric_by_axis,
     middle,
     scene_map,
     single_maps,
     sobol_indices,
+    sweep,
     work_precision,
 )
 from workflow.report._html import picture, short
@@ -73,6 +78,7 @@ _DECIDED_SHOWN = 40
 _FAILURES_SHOWN = 20
 _LABELS_SHOWN = 8
 _STANDINGS_SHOWN = 150
+_SENSORS_SHOWN = 3
 _FACTS = ("processor", "platform", "solver_version", "code_revision", "content_hash")
 
 
@@ -136,6 +142,25 @@ def along_branches(dataset: xr.Dataset) -> Section | None:
     figures = {name: branches(dataset, name) for name in names}
     pictures = [picture(one, f"{name.replace('_', ' ')} along the branches") for name, one in figures.items()]
     return {"pictures": pictures, "figure": branches(dataset, names[0])}
+
+
+def over_speed(dataset: xr.Dataset) -> Section | None:
+    """Draw what changes over the rotation speed and along a sweep, as far as an archive has the numbers for it."""
+    if not any_ok(dataset):
+        return None
+    figures, swept = dict[str, Any](), swept_axis(dataset)
+    if swept is not None:
+        figures[f"contact impulse along the sweep of {swept}"] = sweep(dataset, "contact_impulse")
+    if "speed" in case_dims(dataset) and dataset.sizes["speed"] >= LEAST_VALUES:
+        sensors = [str(name) for name in dataset["sensor"].values] if "sensor_value" in dataset else []
+        kept = [*sensors, *({"displacement"} & set(dataset.data_vars))] if "t" in dataset.dims else []
+        for name in kept[:_SENSORS_SHOWN]:
+            figures[f"spectrum of {name.replace('_', ' ')} over the speed"] = interaction_map(dataset, name)
+        figures["closing of the clearance over the speed"] = clearance(dataset)
+    if not figures:
+        return None
+    pictures = [picture(figure, about) for about, figure in figures.items()]
+    return {"pictures": pictures, "figure": next(iter(figures.values()))}
 
 
 def maps(dataset: xr.Dataset) -> Section | None:
