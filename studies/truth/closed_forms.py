@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from comparison import Row, relative, scene, solved
+from scipy.optimize import brentq
 
 ROUNDING = "rounding"
 
@@ -27,6 +28,59 @@ def ball_on_table() -> list[Row]:
         Row("impacts in 1 000 periods", 1000, float(ball["impacts"]), 0, "a count"),
         relative("impulse of the last period [N s]", 2 * mass * speed, impulse, 1e-9, ROUNDING),
         relative("place between the last impacts [m]", place, last, 1e-9, ROUNDING),
+    ]
+
+
+@scene(
+    "A valve between two stops, to its last bounce",
+    "closed form; the scene is that of issue 3222 of OrdinaryDiffEq.jl, without its dry friction",
+    "studies/valve",
+)
+def valve() -> list[Row]:
+    """m x″ + k x = F₀ + F₁ sin Ωt from rest on the lower stop, e = 0.3: bounces on the upper stop, each lower than the
+    one before, until the valve rests there. It leaves where F₀ + F₁ sin Ωt falls to k d, d the place of the stop. The
+    impacts are roots of the closed form of each flight.
+    """
+    found = solved("studies/valve", **{"axes.scheme": "event_driven", "axes.e": 0.3, "scene.duration": 2e-3}).squeeze()
+    m, k, stop = 0.0003361185937456267, 1488.578099595049, 1.016e-3
+    mean, pulse, omega = 0.606413105, 2.033654851, 500 * np.pi
+    natural, shake = np.sqrt(k / m), pulse / m / (k / m - omega**2)
+    time, place, speed, hits = 0.0, 0.0, 0.0, []
+
+    def flight(begun: float, x: float, v: float, t: float) -> tuple[float, float]:
+        a = x - mean / k - shake * np.sin(omega * begun)
+        b = (v - shake * omega * np.cos(omega * begun)) / natural
+        cosine, sine = np.cos(natural * (t - begun)), np.sin(natural * (t - begun))
+        moved = a * cosine + b * sine + mean / k + shake * np.sin(omega * t)
+        return moved, natural * (b * cosine - a * sine) + shake * omega * np.cos(omega * t)
+
+    while not hits or hits[-1][1] > 1e-4:
+        push = (mean + pulse * np.sin(omega * time) - k * place) / m
+        grid = time + (2 * abs(speed) / push if hits else 1e-3) * np.linspace(0.5, 4, 400)
+        beyond = np.array([flight(time, place, speed, t)[0] > stop for t in grid])
+        first = int(beyond.argmax())
+        hit = brentq(
+            lambda t, at=(time, place, speed): flight(*at, t)[0] - stop, grid[first - 1], grid[first], xtol=1e-18
+        )
+        approach = flight(time, place, speed, hit)[1]
+        hits.append((hit, approach))
+        time, place, speed = hit, stop, -0.3 * approach
+    leaves = (np.pi - np.arcsin((k * stop - mean) / pulse)) / omega
+    left = float(found["event_time"].where(found["event_kind"] == 2).min())
+    (first, _), (last, slowest) = hits[0], hits[-1]
+    times, speeds = found["event_time"].values, found["event_approach"].values
+    count = len(hits)
+    return [
+        relative("first impact [s]", first, times[0], 1e-12, ROUNDING),
+        relative(f"impact {count} [s]", last, times[count - 1], 1e-11, "rounding of the place, over that speed"),
+        relative(
+            f"speed before impact {count} [m/s]",
+            slowest,
+            speeds[count - 1],
+            1e-6,
+            "rounding of the place, over the bounces",
+        ),
+        relative("it leaves the stop [s]", leaves, left, 1e-12, ROUNDING),
     ]
 
 

@@ -16,6 +16,7 @@ TRUTH = Path(__file__).parent
 ROOT = TRUTH.parents[1]
 SCENES = {
     "truth": TRUTH,
+    "studies": TRUTH.parent,
     "hard": ROOT / "studies" / "hard",
     "audit": ROOT / "tests" / "truth" / "audit",
     "free": ROOT / "tests" / "truth" / "free",
