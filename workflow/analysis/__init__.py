@@ -52,6 +52,5 @@ from workflow.analysis._recommend_words import (
     sentence,
     undecidable,
 )
-from workflow.analysis._scene import casing_motion, contact_phases, gap_of, impulse_growth, period_frequency
-from workflow.analysis._spectrum import spectrum
+from workflow.analysis._scene import casing_motion, contact_phases, gap_of, impulse_growth, period_frequency, spectrum
 from workflow.analysis._standing import ERRORS, RULE, SENSELESS, Line, lines, observed_order, ranges, standings

@@ -9,7 +9,7 @@ differences. Where damping couples no modes each mode is a block, η = ξ and u 
 
     u' = u - h (c u + k η),   η' = η + h u.
 
-Else real blocks (:mod:`workflow.poles.real_blocks`) separate X' = X + hF X of X = [ξ, v]; one of first order has no η.
+Else real blocks (:mod:`workflow.poles`) separate X' = X + hF X of X = [ξ, v]; one of first order has no η.
 ξ of a rigid mode acts on nothing and is left out of X, so that its double pole is a simple one.
 
 The coupling of equations (1a) and (1b) is one-way, so that each thermal mode τ' = D τ has a response R τ in the blocks,

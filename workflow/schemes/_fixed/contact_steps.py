@@ -28,7 +28,7 @@ in the step before are tried first:
 R_τ is the residual coupling. The velocity of a contact without mass, in its record and its damper, is that of the
 modes: the residual is a spring without damping. Cases are stepped one after the other; no pack of lanes holds several.
 
-Balances are those of :mod:`.balance`, of the whole motion as in :mod:`.plain_balance`: the energy of all modes, with
+Balances are those of :mod:`.balance`, of the whole motion as in :mod:`.recorder`: the energy of all modes, with
 the work of contact by the velocities that its law states; of contacts without mass the modes alone.
 
 Source: Acary & Brogliato (2008), chapters 8 and 10.
