@@ -33,13 +33,13 @@ from timing import Line, scratch, taken
 from studies import HEAVY_SCENE, parsed
 from workflow import run_study
 from workflow.kernels.compiled import Deferred
-from workflow.run import _task
+from workflow.run import _threads
 from workflow.schemes._exact import contact_batch
 from workflow.solve import _operators
 from workflow.study import Study, read_study
 
 TASK_FUNCTIONS = ("store_task", "compute_block")
-"""What threads run of ``workflow.run._task``."""
+"""What threads run of ``workflow.run._threads``."""
 
 
 def exact(cases: int, reference: bool = False) -> Study:
@@ -103,9 +103,9 @@ def watched(kernels: bool = True) -> Iterator[Spent]:
         spent.kernels += time.thread_time() - begun
         return result
 
-    before = {name: getattr(_task, name) for name in TASK_FUNCTIONS}
+    before = {name: getattr(_threads, name) for name in TASK_FUNCTIONS}
     for name, work in before.items():
-        setattr(_task, name, wrapped(work))
+        setattr(_threads, name, wrapped(work))
     if kernels:
         Deferred.__call__ = kernel  # type: ignore[method-assign]
     try:
@@ -113,7 +113,7 @@ def watched(kernels: bool = True) -> Iterator[Spent]:
     finally:
         Deferred.__call__ = call  # type: ignore[method-assign]
         for name, work in before.items():
-            setattr(_task, name, work)
+            setattr(_threads, name, work)
 
 
 def run(study: Study, clock: Callable[[], float] = time.perf_counter, **where: int) -> float:

@@ -11,7 +11,7 @@ import xarray as xr
 from quick import quick
 from studies import ILL, SINGLE, SMALL, cut_finely, parsed
 from workflow.archive import content_hash, open_archive, parts_of
-from workflow.run import _task, run_study
+from workflow.run import _threads, run_study
 
 
 def test_a_study_becomes_one_labelled_archive(tmp_path: Path) -> None:
@@ -89,15 +89,15 @@ STUDY = quick({"h": [1e-4, 5e-5]}, reference={"scheme": "moreau", "h": 2e-5})
 
 def computed(monkeypatch: pytest.MonkeyPatch, archive: Path, threads: int = 2) -> list[int]:
     """Run the study and return how many reference solutions each block had that was computed."""
-    compute, sizes = _task.compute_block, list[int]()
+    compute, sizes = _threads.compute_block, list[int]()
 
     def counting(grid: Any, block: Any) -> Any:
         sizes.append(len(block.inner))
         return compute(grid, block)
 
-    monkeypatch.setattr(_task, "compute_block", counting)
+    monkeypatch.setattr(_threads, "compute_block", counting)
     run_study(STUDY, archive, threads=threads)
-    monkeypatch.setattr(_task, "compute_block", compute)
+    monkeypatch.setattr(_threads, "compute_block", compute)
     return sizes
 
 
@@ -106,6 +106,6 @@ def test_pieces_of_a_graph_make_the_same_archive(tmp_path: Path, monkeypatch: py
     assert sum(computed(monkeypatch, tmp_path / "whole.nc", 1)) == 2 * 9  # references and exact solutions beside them
     cut_finely(monkeypatch)
     assert sum(computed(monkeypatch, tmp_path / "cut.nc", 4)) == 2 * 9
-    monkeypatch.setattr(_task, "graphs", partial(_task.graphs, most=3))
+    monkeypatch.setattr(_threads, "graphs", partial(_threads.graphs, most=3))
     assert sum(computed(monkeypatch, tmp_path / "pieces.nc")) == 4 * 9
     assert len({content_hash(tmp_path / f"{name}.nc") for name in ("whole", "cut", "pieces")}) == 1

@@ -11,21 +11,29 @@ as C or Fortran writes them, or refused with file and line: SciPy's readers drop
   value`` for each entry on or above the diagonal, counted from 1; ``blade.dof`` names each row ``node.direction``.
 - Nastran OUTPUT4 (extra ``output4``), whose names have up to eight characters: the beginnings of the entries' names
   (``s_speed2``, ``l_speed2``), or Nastran's own.
+
+Files that came with a study, whose contents it holds, are laid out in a directory for readers and models.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import re
+import shutil
+import tempfile
+import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from workflow.declare import NUMBER
+from workflow.declare import NUMBER, File
+from workflow.declare import files_of as files_declared
 from workflow.models._pair import UnusableMatricesError
 
 INDEX, GAP = "[0-9]+", r"[ \t]+"
@@ -317,3 +325,59 @@ def _refuse_twice(names: Sequence[str], where: str) -> None:
 
 _WHOLE = {".npz": _npz, ".mat": _mat, ".op4": _op4, **dict.fromkeys(_CALCULIX, _calculix)}
 _ENTRY = {".mtx": _mtx, **dict.fromkeys((".rua", ".rsa", ".hb"), _rua), ".txt": _txt}
+
+
+_DIRECTORIES: set[Path] = set()
+_MAKING = threading.RLock()
+"""Held while a directory is made, and for good once the process is about to end."""
+
+
+@contextmanager
+def files_laid_out(parameters: Any) -> Iterator[Any]:
+    """Give parameters whose files lie in a directory of their own, which goes with this context.
+
+    Raises
+    ------
+    UnusableMatricesError
+        There is no room for them.
+    """
+    if not any(file.contents for file in files_declared(parameters)):
+        yield parameters
+        return
+    with _MAKING:
+        directory = Path(tempfile.mkdtemp(prefix="workflow-"))
+        _DIRECTORIES.add(directory)
+    try:
+        try:
+            own = _laid_out(parameters, directory)
+        except OSError as error:
+            problem = f"its files cannot be written to {directory.parent}: {error.strerror}"
+            raise UnusableMatricesError(problem, "make room, or set TMPDIR to another directory") from None
+        yield own
+    finally:
+        shutil.rmtree(directory, ignore_errors=True)
+        _DIRECTORIES.discard(directory)
+
+
+def discard_files() -> None:
+    """Remove what is laid out, also while it is being written; the process is about to end."""
+    _MAKING.acquire()
+    for directory in tuple(_DIRECTORIES):
+        while directory.exists():
+            shutil.rmtree(directory, ignore_errors=True)
+
+
+def _laid_out(declared: Any, directory: Path) -> Any:
+    if isinstance(declared, File):
+        home = directory / declared.digest
+        home.mkdir(exist_ok=True)
+        for name, content in declared.contents.items():
+            (home / name).write_bytes(content)
+        whole = Path(declared.name).name
+        return dataclasses.replace(declared, place=str(home / whole if whole in declared.contents else home))
+    if dataclasses.is_dataclass(declared) and not isinstance(declared, type):
+        entries = [entry.name for entry in dataclasses.fields(declared) if entry.init]
+        return dataclasses.replace(
+            declared, **{name: _laid_out(getattr(declared, name), directory) for name in entries}
+        )
+    return declared

@@ -1,6 +1,6 @@
 """Running a study: ``_study`` the whole, ``_prepare`` what comes before its tasks, ``_task`` one task.
 
-Tasks are graphs of dask, which run on threads (``_task``) or on the workers of a cluster (``_cluster``).
+Tasks are graphs of dask, which run on threads (``_threads``) or on the workers of a cluster (``_cluster``).
 ``_progress`` says how far a run is, ``_outcome`` how it ended; ``_verify`` runs a sample of an archive again.
 """
 
@@ -9,5 +9,5 @@ from workflow.run._outcome import Outcome, status_counts, status_name, warnings_
 from workflow.run._prepare import holdings
 from workflow.run._progress import Advance, Follower, Progress, in_words, repeating
 from workflow.run._study import run_study
-from workflow.run._task import available_threads
+from workflow.run._threads import available_threads
 from workflow.run._verify import Check, verify

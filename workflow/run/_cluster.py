@@ -24,7 +24,8 @@ from workflow.archive import ArchiveError, Command, code_revision, grid_of, read
 from workflow.cases import WORKERS, waiting_for
 from workflow.models import FACTORISING, has_cholmod, one_thread
 from workflow.run._prepare import Prepared
-from workflow.run._task import MOST_TASKS, Job, Report, graphs, store_lost, store_task
+from workflow.run._task import Job, Report, store_lost, store_task
+from workflow.run._threads import MOST_TASKS, graphs
 from workflow.schemes import SOLVER_VERSION
 from workflow.solve import ReferenceBlock, ReferenceSolutions, Task, compute_block, tasks
 

@@ -32,7 +32,8 @@ from workflow.run._cluster import ClusterError, connected, run_on_cluster
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import Prepared, Reuse, check_name, prepare
 from workflow.run._progress import Progress, ProgressCounter, in_notebook, notebook_line
-from workflow.run._task import Report, available_threads, run_on_threads
+from workflow.run._task import Report
+from workflow.run._threads import available_threads, run_on_threads
 from workflow.schemes import Status
 from workflow.solve import compiled_ahead, kernel_variants, model_seconds
 from workflow.study import Study, StudySource, read_study
