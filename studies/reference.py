@@ -283,6 +283,15 @@ def run(name, axis):
 
 up, down = run("up", {"sweep": [99, 130, 63]}), run("down", {"sweep": [130, 99, 63]})
 figure = sweep(up, "period_impulse", down, run("steady", {"branch": [99, 130, 200]}))""",
+    "interaction_map": """scene = {
+    "modes": {"table": [[420, 0.01, 9.0], [1310, 0.01, 9.5]]},
+    "casing": {"gap": "100 um", "harmonics": [{"order": 4, "amplitude": "92 um"}, {"order": 9, "amplitude": "10 um"}]},
+    "duration": 0.4,
+}
+axes = {"scheme": "event_driven", "e": 0, "scene.speed": {"lin": ["3000 rpm", "12000 rpm", 61]}}
+output = {"interval": "0.2 ms", "histories": ["displacement"]}
+study = read_study({"study": "map", "scene": scene, "axes": axes, "output": output})
+figure = interaction_map(run_study(study, directory + "/map.nc").dataset, "displacement", study=study)""",
     "campbell": """spin = {"scene.blade.spin": {"radius": "0.25 m"}, "scene.speed": "120000 rpm"}
 figure = campbell(read_study("blade.yaml").with_(spin), orders=[1, 2, 3, 6])""",
     "clearance": """turning = {"scene.blade.spin.radius": 0.25, "scene.casing.gap": "36 um", "scene.initial": "static"}

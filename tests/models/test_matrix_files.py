@@ -311,3 +311,12 @@ def test_contacts_are_written_as_they_are_given(contact: Any, tmp_path: Path) ->
     shaken = File("", "a.npz", str(tmp_path / "a.npz"), shaken=1e-9)
     model = load("matrices")
     assert model.assemble(model.Parameters(shaken)).input_contact[4] == pytest.approx(1.0, rel=1e-8)
+
+
+def test_vectors_of_names_of_their_own_are_written_and_checked(tmp_path: Path) -> None:
+    size = np.shape(ENTRIES["mass"])[0]
+    written = write_matrices(tmp_path / "own.npz", **ENTRIES, vectors={"STRAIN": np.arange(size)})
+    with np.load(written) as file:
+        assert file["STRAIN"].tolist() == list(range(size))
+    with pytest.raises(UnusableMatricesError, match=r"`STRAIN` has the shape \(1,\)"):
+        write_matrices(tmp_path / "own.npz", **ENTRIES, vectors={"STRAIN": [1.0]})

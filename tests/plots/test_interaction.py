@@ -73,7 +73,7 @@ def test_a_map_draws_what_lies_on_orders_and_free_frequencies(tmp_path: Path) ->
     assert np.asarray(order.get_xdata()) == pytest.approx(60 * SPEED)
     assert np.asarray(level.get_ydata()) == pytest.approx(FREE)
     assert bar.get_ylabel() == "amplitude [dB], 0 is 3 µm"
-    assert figure.get_suptitle() == "edge: last 0.5 s, Hann's window, resolution 4 Hz"
+    assert figure.get_suptitle() == "edge: last 0.5 s, Hann window, resolution 4 Hz"
     plots.save(figure, tmp_path / "map.png")
 
 
@@ -82,3 +82,12 @@ def test_what_no_map_can_show() -> None:
         plots.interaction_map(archive(), "edge", along="gap")
     with pytest.raises(ValueError, match="`tip` is neither a sensor nor a history of the dataset; it has edge, root"):
         plots.interaction_map(archive(), "tip")
+
+
+def test_a_map_of_rounding_says_that_nothing_vibrates() -> None:
+    still = archive()
+    still["sensor_value"][:] = 7e-6 + 1e-21 * np.random.default_rng(1).standard_normal(TIMES.size)
+    figure = plots.interaction_map(still, "edge")
+    assert figure.axes[1].get_ylabel() == "amplitude [dB], nothing vibrates"
+    drawn = np.ma.filled(figure.axes[0].collections[0].get_array(), np.nan)
+    assert np.nanmax(drawn) == -60

@@ -47,7 +47,8 @@ def turning_at(revolutions: float) -> Iterator[None]:
         if revolutions == 0:
             raise
         problem = f"at {revolutions:.6g} rev/s {error.problem}"
-        raise UnusableMatricesError(problem, f"turn slower, or {error.remedy}") from None
+        remedy = f"turn slower, check the sign of `stiffness_speed2`, or {error.remedy}"
+        raise UnusableMatricesError(problem, remedy) from None
 
 
 class Factor(NamedTuple):

@@ -7,7 +7,7 @@ no rank can be decided.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -180,7 +180,9 @@ def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:
     return structure_from_sparse(given) if large else structure_from_matrices(given)
 
 
-def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: Any) -> Path:
+def write_matrices(
+    path: str | Path, *, mass: Any, stiffness: Any, vectors: Mapping[str, Any] | None = None, **entries: Any
+) -> Path:
     """Check the matrices of a structure and write them as NPZ, in the units that the study will state.
 
     M x'' + C1 x' + K1 x + K12 θ = f and C2 θ' + K2 θ = q: where heat lengthens a blade, entries of K12 are negative.
@@ -199,6 +201,8 @@ def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: An
         ``contact``, ``thermal_contact``, ``tangent``, texts ``contact_labels``, and ``angle``, rad; of contacts without
         mass ``residual_flexibility`` R = w ΔF wᵀ, ``residual_tangent`` w ΔF tᵀ, m/N, ``residual_coupling`` w ΔF K12,
         m/K, ``residual_load``, m/N along ``load``, and ``residual_steady``, m.
+    vectors
+        Others by names of your own, (displacement,) or (temperature,), which a study names as contacts or sensors.
 
     Raises
     ------
@@ -214,7 +218,8 @@ def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: An
         raise UnusableMatricesError(f"`{place.name}` is no NPZ file", "end its name in .npz")
     unknown = sorted(set(given) - set(known))
     if unknown:
-        raise UnusableMatricesError(f"no entry is called {', '.join(unknown)}", f"entries are {', '.join(known)}")
+        remedy = f"entries are {', '.join(known)}; vectors of your own names go into `vectors`"
+        raise UnusableMatricesError(f"no entry is called {', '.join(unknown)}", remedy)
     _check(given)
     arrays: dict[str, Any] = {}
     for name, value in given.items():
@@ -224,8 +229,19 @@ def write_matrices(path: str | Path, *, mass: Any, stiffness: Any, **entries: An
         else:  # a contact may be an index or a label
             plain = np.asarray(value.toarray() if hasattr(value, "toarray") else value)
             arrays[name] = plain.astype(str) if name in LABELS else plain if plain.size == 1 else plain.astype(float)
-    np.savez_compressed(place, **arrays)
+    np.savez_compressed(place, **arrays, **_own_vectors(vectors or {}, given))
     return place
+
+
+def _own_vectors(vectors: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return vectors of names of their own as arrays, each with a number for each displacement or temperature."""
+    sizes = {np.shape(given[name])[0] for name in ("mass", "heat_capacity") if name in given}
+    arrays = {name: np.asarray(vector, dtype=float) for name, vector in vectors.items()}
+    for name, array in arrays.items():
+        if array.ndim != 1 or array.size not in sizes or not np.isfinite(array).all():
+            numbers = " or ".join(map(str, sorted(sizes)))
+            raise UnusableMatricesError(f"`{name}` has the shape {array.shape}", f"write {numbers} finite numbers")
+    return arrays
 
 
 def _check(given: dict[str, Any]) -> None:

@@ -140,7 +140,7 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
         if lost > LOST:
             yield (
                 f"{basis} lose {lost:.2g} of initial states or constant loads (projection_residual): what they cannot "
-                "hold is left out of the reduced model"
+                "hold is left out of the reduced model, and sensors show it most; more modes, or `full`, hold more"
             )
 
 

@@ -166,11 +166,16 @@ STEADY = {
 """Variables of the steady rub whose load periods have others; those of other variables begin with ``steady_``."""
 
 
-def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch: xr.Dataset | None = None) -> Figure:
-    """Draw a variable along a sweep, of load periods that of the last of each point, and a branch behind it.
+_LAST_PERIODS = 8
+"""Load periods of a point of a sweep that are drawn: a rub may repeat itself after two, four or eight."""
 
-    Of all other dimensions the smallest step, the most modes and the largest α are shown: select what else is shown
-    before. Of the branch its stable rubs are solid, unstable ones dashed.
+
+def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch: xr.Dataset | None = None) -> Figure:
+    """Draw a variable along a sweep, and a branch behind it.
+
+    Of a variable of load periods the last eight of each point are dots, and their mean is the line. Of all other
+    dimensions the smallest step, the most modes and the largest α are shown: select what else is shown before. Of the
+    branch its stable rubs are solid, unstable ones dashed.
 
     Parameters
     ----------
@@ -190,9 +195,10 @@ def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch:
     if along is None:
         raise ValueError("there is no sweep; write an axis as `{sweep: [from, to, count]}`")
     if variable not in up or set(up[variable].dims) - {*case_dims(up), "contact", "period"}:
-        raise ValueError(f"`{variable}` is no number of a case or of its load periods")
+        remedy = "; select one with `.sel(sensor=…)`" if variable in up and "sensor" in up[variable].dims else ""
+        raise ValueError(f"`{variable}` is no number of a case or of its load periods{remedy}")
     drawn = [_swept(dataset, along, variable) for dataset in (up, down) if dataset is not None]
-    unit, factor = scaled(str(up[variable].attrs.get("units", "1")), np.concatenate([y for _, y in drawn]))
+    unit, factor = scaled(str(up[variable].attrs.get("units", "1")), np.concatenate([y.ravel() for _, y in drawn]))
     figure = new_figure(5.4, 3.9)
     panel = figure.subplots()
     if branch is not None:
@@ -208,27 +214,32 @@ def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch:
                 panel.plot(x, np.where(shown, y, np.nan), form, color=GREY, alpha=0.7, lw=width, label=label)
     for k, (x, y) in enumerate(drawn):
         way, form = ("up", "^") if x[-1] > x[0] else ("down", "v")
-        panel.plot(x, y * factor, f"{form}-", color=COLOURS[k], ms=4, lw=0.8, label=f"sweep {way}")
-    which = "of the last load period at each point" if "period" in up[variable].dims else "at each point"
-    panel.set(xlabel=in_units(up[along])[1], ylabel=fill(f"{variable.replace('_', ' ')} [{unit or 1}]", 44))
+        panel.plot(x, y * factor, ".", color=COLOURS[k], ms=2, alpha=0.5)
+        panel.plot(x, y.mean(axis=1) * factor, f"{form}-", color=COLOURS[k], ms=4, lw=0.8, label=f"sweep {way}")
+    of_periods = f"mean and each of the last {_LAST_PERIODS} load periods at each point"
+    which = of_periods if "period" in up[variable].dims else "at each point"
+    sensor = f" of {up['sensor'].item()}" if variable.startswith("sensor") and "sensor" in up.coords else ""
+    name = f"{variable}{sensor}".replace("_", " ")
+    panel.set(xlabel=in_units(up[along])[1], ylabel=fill(f"{name} [{unit or 1}]", 44))
     trim(panel)
     legend_below(figure, panel.get_legend_handles_labels(), 2)
     shown = place_text(up, {dim: k for dim, k in finest(most_loaded(up)).items() if dim != along})
-    head(figure, fill(", ".join(filter(None, (f"{variable.replace('_', ' ')} {which}", shown))), 70))
+    head(figure, fill(", ".join(filter(None, (f"{name}, {which}", shown))), 70))
     return figure
 
 
 def _swept(dataset: xr.Dataset, along: str, variable: str) -> tuple[Any, Any]:
-    """Return the points of a sweep and a variable at them, of load periods the last."""
+    """Return the points of a sweep and a variable at them, ``(point, value)``: of load periods the last ones."""
     if swept_axis(dataset) != along or variable not in dataset:
         raise ValueError(f"there is no sweep of `{variable}` along `{along}`")
     dataset = most_loaded(dataset)
     at = {dim: k for dim, k in finest(dataset).items() if dim != along}
     values = np.asarray(dataset[variable].where(dataset["status"] == 0).isel(at).transpose(along, ...).values)
-    if values.ndim > 1:
-        last = np.maximum(np.isfinite(values).sum(axis=1) - 1, 0)
-        values = values[np.arange(last.size), last]
-    return in_units(dataset[along])[0], values
+    if values.ndim == 1:
+        return in_units(dataset[along])[0], values[:, None]
+    complete = np.isfinite(values).sum(axis=1, keepdims=True)
+    last = np.maximum(complete - 1 - np.arange(_LAST_PERIODS), 0)
+    return in_units(dataset[along])[0], np.take_along_axis(values, last, axis=1)
 
 
 def _steady_name(branch: xr.Dataset, variable: str) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from workflow.analysis import (
     spectrum,
     swept_axis,
 )
+from workflow.archive import grid_of, provenance
 from workflow.cases import arrange, full_structure
 from workflow.kernels import Array
 from workflow.models import at_speed, structure_of
@@ -34,6 +37,9 @@ _POINTS = 60
 _FAINTEST = -60.0
 """Decibels below which all is drawn alike: a thousandth of the largest amplitude."""
 
+_ROUNDING = 1e-9
+"""Largest amplitude, over the largest value, up to which a history does not vibrate: its deviations are rounding."""
+
 _SPEEDS, _MODES = 13, 12
 """Speeds at which free frequencies are computed, with straight lines between, and the most of them."""
 
@@ -46,7 +52,7 @@ def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: i
     Parameters
     ----------
     study
-        All that ``read_study`` takes, with a ``scene.speed``: along its axis, or from 0 to it.
+        What ``read_study`` takes, or an archive's path, with a ``scene.speed``: along its axis, or from 0 to it.
     orders
         Engine orders; those of the harmonics of casing and load where left out.
     modes
@@ -57,7 +63,7 @@ def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: i
     ValueError
         The study has no speed.
     """
-    study = read_study(study)
+    study = _read(study)
     speeds = _speeds(study)
     lines = engine_orders(study) if orders is None else sorted(map(float, orders))
     free = free_frequencies(study, speeds, modes)
@@ -82,6 +88,13 @@ def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: i
     trim(panel)
     legend_below(figure, panel.get_legend_handles_labels(), 3)
     return figure
+
+
+def _read(source: StudySource) -> Study:
+    """Return a study, or that of the archive at a path."""
+    if isinstance(source, str | Path) and str(source).endswith(".nc"):
+        return grid_of(provenance(source)).study
+    return read_study(source)
 
 
 def _speeds(study: Study) -> Array:
@@ -145,7 +158,8 @@ def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
     dataset = most_loaded(dataset)
     place = {dim: k for dim, k in finest(dataset).items() if dim != along}
     cut = dataset.isel(place).where(dataset["status"].isel(place) == 0)
-    curves = {"quasi-static growth by heat at the end": np.asarray(cut["thermal_closing"].values, dtype=float)}
+    heat = np.asarray(cut["thermal_closing"].values, dtype=float)
+    curves = {"quasi-static growth by heat at the end": heat} if heat.any() else {}
     if "displacement" in cut:
         x = np.asarray(cut["displacement"].transpose(along, "t").values, dtype=float)
         begins = {} if swept_axis(dataset) else {"tip at the start": x[:, 0]}
@@ -156,6 +170,10 @@ def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
     figure = new_figure(5.0, 3.5)
     panel: Any = figure.subplots()
     panel.plot(across, factor * gap, ":", color="black", lw=1.4, label="gap", zorder=3)
+    reach = float(np.abs(np.nan_to_num(dataset["gap"].attrs.get("casing_amplitude", 0.0))).sum())
+    if reach > 0:
+        low, high = factor * (gap - reach), factor * (gap + reach)
+        panel.fill_between(across, low, high, color=GREY, alpha=0.2, lw=0, label="all that the casing's motion reaches")
     for k, (name, values) in enumerate(curves.items()):
         panel.plot(across, factor * values, ("-", "-", "--")[k], color=COLOURS[k], lw=1.6, label=name)
     panel.set(xlabel=label, ylabel=f"displacement [{unit}]")
@@ -191,7 +209,7 @@ def interaction_map(
     orders
         Engine orders whose lines are drawn; those of casing and load of the study, else of the casing, where left out.
     study
-        The study of the archive, whose free frequencies are drawn, see :func:`workflow.plots.campbell`.
+        The study of the archive, or its path, whose free frequencies are drawn, as by :func:`campbell`.
     highest
         Highest frequency drawn, Hz; all where left out.
 
@@ -205,27 +223,32 @@ def interaction_map(
     dataset = most_loaded(dataset)
     place = {dim: k for dim, k in finest(dataset).items() if dim != along}
     cut = dataset.isel(place).sortby(along)
-    found = spectrum(_history(cut, sensor).where(cut["status"] == 0)).transpose("frequency", along)
+    history = _history(cut, sensor).where(cut["status"] == 0)
+    found = spectrum(history).transpose("frequency", along)
+    largest, label = in_units(found.max())
+    moves = float(found.max()) > _ROUNDING * float(abs(history).max())
+    decibels = _decibels(found.values if moves else 0 * found.values)
     figure = new_figure(5.6, 4.2)
     panel: Any = figure.subplots()
     (x, x_label), top = in_units(cut[along]), highest or float(found["frequency"][-1])
     drawn = panel.pcolormesh(
-        x, found["frequency"].values, _decibels(found.values), cmap="magma_r", vmin=_FAINTEST, vmax=0.0,
+        x, found["frequency"].values, decibels, cmap="magma_r", vmin=_FAINTEST, vmax=0.0,
         shading="nearest", rasterized=True,
     )  # fmt: skip
     if along == "speed":
-        read = None if study is None else read_study(study)
+        read = None if study is None else _read(study)
         shown = orders if orders is not None else _orders(dataset) if read is None else engine_orders(read)
         _draw_orders(panel, cut[along].values, x, shown, top)
         if read is not None:
             _draw_free(panel, read, cut[along].values, top)
     panel.set(xlabel=x_label, ylabel="frequency [Hz]", ylim=(0.0, top))
     panel.spines[["top", "right"]].set_visible(False)
-    largest, label = in_units(found.max())
-    figure.colorbar(drawn, ax=panel, label=f"amplitude [dB], 0 is {float(largest):.3g} {label.partition('[')[2][:-1]}")
-    window = f"{sensor.replace('_', ' ')}: last {found.attrs['seconds']:.3g} s, Hann's window"
+    scale = f"0 is {float(largest):.3g} {label.partition('[')[2][:-1]}" if moves else "nothing vibrates"
+    figure.colorbar(drawn, ax=panel, label=f"amplitude [dB], {scale}")
+    legend_below(figure, panel.get_legend_handles_labels(), 2)
+    window = f"{sensor.replace('_', ' ')}: last {found.attrs['seconds']:.3g} s, Hann window"
     resolution = f"resolution {2 * float(found['frequency'][1]):.3g} Hz"
-    head(figure, "; ".join(filter(None, [f"{window}, {resolution}", place_text(dataset, place)])))
+    head(figure, fill("; ".join(filter(None, [f"{window}, {resolution}", place_text(dataset, place)])), 60))
     return figure
 
 
@@ -258,13 +281,15 @@ def _draw_free(panel: Any, study: Study, speed: Array, top: float) -> None:
     """Draw the free frequencies up to some frequency."""
     at = np.linspace(speed[0], speed[-1], _SPEEDS)
     free = free_frequencies(study, at, _MODES)
-    panel.plot(RPM * at, np.where(free <= top, free, np.nan), color=COLOURS[0], lw=0.9)
+    lines = panel.plot(RPM * at, np.where(free <= top, free, np.nan), color=COLOURS[0], lw=0.9)
+    lines[0].set_label("free frequency")
 
 
 def _draw_orders(panel: Any, speed: Any, x: Any, orders: Sequence[float], top: float) -> None:
     """Draw the lines f = order · speed, each with its order at its end."""
     for order in orders:
-        panel.plot(x, order * speed, color="black", lw=0.8, ls="--")
+        label = "engine order" if order == orders[0] else None
+        panel.plot(x, order * speed, color=COLOURS[2], lw=1.0, ls="--", label=label)
         reached = order * speed[-1]
         at, up = (x[-1], reached) if reached <= top else (x[-1] * top / reached, top)
-        panel.annotate(f"{order:g}", (at, up), xytext=(0, 3), textcoords="offset points", fontsize=8, ha="right")
+        panel.annotate(f"{order:g}×", (at, up), xytext=(0, 3), textcoords="offset points", fontsize=8, ha="right")
