@@ -109,3 +109,16 @@ def test_pieces_of_a_graph_make_the_same_archive(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(_threads, "graphs", partial(_threads.graphs, most=3))
     assert sum(computed(monkeypatch, tmp_path / "pieces.nc")) == 4 * 9
     assert len({content_hash(tmp_path / f"{name}.nc") for name in ("whole", "cut", "pieces")}) == 1
+
+
+def test_an_axis_or_a_zip_may_have_the_name_of_a_dimension_that_the_archive_lacks(tmp_path: Path) -> None:
+    """The phase of the load was labelled as a share of the period of a steady rub."""
+    phases = quick({"e": None, "scene.load.phase": [0.2, 0.6, 1.0]})
+    with run_study(phases, tmp_path / "phases.nc").dataset as data:
+        assert data["phase"].values.tolist() == [0.2, 0.6, 1.0]
+        assert data["phase"].attrs["units"] == "rad"
+    for name in ("point", "phase"):
+        zipped = parsed(SMALL.replace("  model:", f"  {name}:"))
+        with run_study(zipped, tmp_path / f"{name}.nc").dataset as data:
+            assert name in data["status"].dims
+            assert name not in data.coords

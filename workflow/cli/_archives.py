@@ -77,12 +77,13 @@ def _entries(archive: Path, dataset: xr.Dataset) -> dict[str, Any]:
 
 
 def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
-    from workflow.analysis import case_dims, exact, labels_of
+    from workflow.analysis import case_dims, exact, labels_of, swept_axis
 
     for dim in case_dims(dataset):
         values = labels_of(dataset, dim, named=False)
         more = f"; … {len(values)} in all" if len(values) > VALUES_SHOWN else ""
-        yield f"  {dim} ({len(values)}): {'; '.join(values[:VALUES_SHOWN])}{more}"
+        how = ", swept" if dim == swept_axis(dataset) else ""
+        yield f"  {dim} ({len(values)}{how}): {'; '.join(values[:VALUES_SHOWN])}{more}"
     if "contact" in dataset.dims and "contact" not in case_dims(dataset):
         yield f"  contact ({dataset.sizes['contact']}): {', '.join(map(str, dataset['contact'].values))}"
     if "sensor" in dataset.dims:
@@ -145,6 +146,7 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
         NoReferenceError,
         recommendation_cautions,
         recommendation_entries,
+        swept_axis,
         usual_recommendations,
     )
     from workflow.analysis import recommend as choose
@@ -153,6 +155,9 @@ def recommend(archive: ArchiveFile, tolerance: Tolerance = None, as_json: AsJson
     with open_archive(archive) as dataset:
         if "point" in dataset.dims:
             raise ArchiveError(f"{archive}: holds branches of steady rubs, which have no errors to recommend by")
+        if swept_axis(dataset) is not None:
+            advice = "run its study to another archive with a list in the place of the sweep, and a `reference`"
+            raise ArchiveError(f"{archive}: holds a sweep, which has no errors to recommend by; {advice}")
         try:
             recommendation = choose(dataset, tolerance)
             table = usual_recommendations(dataset, recommendation)

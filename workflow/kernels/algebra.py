@@ -78,3 +78,14 @@ def _finite(matrix: ArrayLike) -> Array:
     if not np.isfinite(a).all():
         raise np.linalg.LinAlgError("a matrix with entries that are not finite cannot be decomposed")
     return a
+
+
+def block_diagonal(*matrices: Array) -> Array:
+    """Return the matrix with these on its diagonal; SciPy's ``block_diag`` fails while a thread imports dask.array."""
+    whole = np.zeros(np.sum([matrix.shape for matrix in matrices], axis=0))
+    row, column = 0, 0
+    for matrix in matrices:
+        below, right = row + matrix.shape[0], column + matrix.shape[1]
+        whole[row:below, column:right] = matrix
+        row, column = below, right
+    return whole

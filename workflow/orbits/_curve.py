@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
+from workflow.kernels.algebra import block_diagonal
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit, has_converged, longest
@@ -190,7 +190,7 @@ class Curve:
         inertia = [first.mass[-1] * now.mass[-1]] * 2 + [first.heat_capacity[-1] * now.heat_capacity[-1]]
         sides = np.where(np.concatenate(inertia)[:size] < 0, -1.0, 1.0)
         factor = sides / (np.repeat(self.scale, (n, n, size - 2 * n)) * np.sqrt(size))
-        out, into = (block_diag(*matrices) for matrices in zip(*kinds, strict=True))
+        out, into = (block_diagonal(*matrices) for matrices in zip(*kinds, strict=True))
         self.charts = flow.structure, factor[:, None] * out, into / factor
         return self.charts[1:]
 

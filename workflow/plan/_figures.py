@@ -64,7 +64,8 @@ def speed_lines(grid: Grid) -> tuple[str, ...]:
     """Return a line on the ends of the speeds on which a structure depends: f1, and what constant loads close."""
     if not grid.study.depends_on_speed:
         return ()
-    every = (grid.settings(outer) for outer in grid.kinds(lambda path: path == "scene.speed"))
+    kinds, ends = grid.kinds(lambda path: path == "scene.speed"), (0, grid.points - 1)
+    every = (grid.at_point(outer, point) for outer in kinds for point in ends)
     ordered = sorted(every, key=lambda settings: settings.scene.speed)
     parts = []
     for settings in dict.fromkeys((ordered[0], ordered[-1])):

@@ -236,7 +236,7 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
             "share of the period of the steady rub",
         ),
     ):
-        if name in sizes:
+        if name in sizes and name not in names:  # an axis or a zip may have that name
             yield name, _variable((name,), values, {"units": unit, "long_name": meaning})
 
 

@@ -100,6 +100,9 @@ def answered(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[Section, 
             "Every case is the exact solution of its model (event_driven): there is no step to choose. "
             "The study has no `reference`, so the error of the model is not known."
             if is_exact(dataset, methods)
+            else "A sweep has no errors: its points start from each other. Run the study with a list in the place of "
+            "the sweep and `reference: {scheme: event_driven}` to another archive, with -o."
+            if swept_axis(dataset)
             else f"Which method, which step: {error}. Run the study with `reference: {{scheme: event_driven}}` to "
             "another archive, with -o."
         )

@@ -212,7 +212,7 @@ class Arrangement:
         varied = {path for group in self.groups for path in group.columns} | set(self.followed)
         singles = {path: value for path, value in (settings | self.singles).items() if path not in varied}
         for group in self.groups:
-            if group.name in reserved or group.name in settings:
+            if group.name in reserved | {"contact"} or group.name in settings or group.name.endswith("_length"):
                 problem = "is the name of a variable of the archive or of an axis"
                 self.source.report(group.place, problem, "name the dimension otherwise")
         zips = {group.name for group in self.groups if group.name}

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
+from workflow.kernels.algebra import block_diagonal
 from workflow.kernels.compiled import part
 from workflow.models import Array, ContactBasis, contact_system
 from workflow.poles import RealBlocks, real_blocks
@@ -117,7 +117,7 @@ def fill_set(row: Array, basis: ContactBasis, closed: NDArray[np.bool_], alpha: 
         a.outputs[:, 2 * o, :k], a.outputs[:, 2 * o + 1, :k] = per[:, :k], per[:, k : 2 * k]
         a.slow_outputs[:, o, :j] = per[:, 2 * k :]
     a.source[:, :own], a.source[:, own : own + m] = (blocks.inward @ system.B).T, system.inputs.T
-    into = scipy.linalg.block_diag(system.null, system.null, np.eye(basis.rate.size))
+    into = block_diagonal(system.null, system.null, np.eye(basis.rate.size))
     a.entry[:], a.exit[:], a.place[:] = into @ blocks.inward.T, blocks.outward.T @ into.T, system.place
     _complete(a.block, k)
     row[6] = max(0.0, -blocks.damping.min(initial=0.0), -blocks.rate.min(initial=0.0))

@@ -384,11 +384,12 @@ def _pass(
 def _note_event(record: Record, at: Any, own: Memory, c: int) -> None:
     """List the event of a contact that takes an impulse, begins or ends."""
     was = record.tally[c].held != 0
-    if own.taken[1, c] == 0.0 and was == own.wanted[c]:
+    impulse = max(0.0, own.taken[1, c])
+    if impulse == 0.0 and was == own.wanted[c]:
         return
     kind = IMPACTS if was == own.wanted[c] else LEAVES if was else TOUCHES
     approach = 0.0 if was else own.taken[0, c]
-    note_event(record.asked, at.listed, at.time, kind, own.taken[1, c], approach, c)
+    note_event(record.asked, at.listed, at.time, kind, impulse, approach, c)
     at.listed += 1
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.kernels.algebra import block_diagonal
 from workflow.models import Array, Cases
 from workflow.schemes._exact.batch import ExactOperator, InseparablePolesError, conditions_of, failure_text
 from workflow.schemes._exact.event_loop import COMPLETED, run_cases
@@ -217,8 +218,4 @@ def linear(system: ModalSystem, alpha: float) -> Linear:
 
 def _twice(rows: Array, heats: int) -> Array:
     """Return the transform of displacements, velocities and temperatures, by rows of modes and one of the gap."""
-    (modes, own), n = rows[:-1].shape, 2 * rows.shape[1]
-    twice = np.zeros((2 * modes + heats, n + heats))  # scipy's block_diag fails while a thread imports dask.array
-    twice[:modes, :own] = twice[modes : 2 * modes, own:n] = rows[:-1]
-    twice[2 * modes :, n:] = np.eye(heats)
-    return twice
+    return block_diagonal(rows[:-1], rows[:-1], np.eye(heats))
