@@ -38,6 +38,17 @@ def test_a_motion_without_contact_is_the_rows_of_the_matrix_exponential() -> Non
     assert np.all(np.abs(ours - truth).max(axis=1) <= 1e-12 * np.abs(truth).max(axis=1))
 
 
+def test_a_part_that_is_not_linked_to_the_tip_moves_on_while_the_tip_is_held_and_heats() -> None:
+    """The exact scheme left its motion out while the tip was held, at α > 0."""
+    structure = chain(nodes=2, mass=1.0, stiffness=[4.0, 0.0], spacing=1.0, conductance=0.5)
+    sensors = Sensors(np.array([[1.0, 0.0]]), np.zeros((1, 2)), np.zeros((1, 1)))
+    batch = cases(structure, alpha=0.3, gap=0.1, mean=1.0, velocity=[0.2, 1.0])
+    over = sampling(5.0, 0.1)
+    results = step(replace(structure, sensors=sensors), batch, 0.0, over, "event_driven")
+    assert results.metrics["contact_time"][0] > 4
+    np.testing.assert_allclose(results.histories["sensor_value"][0, 0], 0.1 * np.sin(2 * over.times), atol=1e-13)
+
+
 SCHEMES = [
     *((name, {}) for name in schemes.names()),
     ("moreau", {"theta": 0.5}),

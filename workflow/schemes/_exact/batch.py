@@ -91,7 +91,9 @@ def make_operator(structure: Structure, budget: Budget) -> ExactOperator:
     basis = analyse(structure)
     size, inputs = 2 * basis.tip.size + basis.free.rate.size, signal_inputs(basis.free).size
     length = row_length(size, basis.tip.size, inputs)
-    operator = ExactOperator(basis, HeldRegimes(basis.held, length), length, budget, structure.sensors)
+    inside = basis.held.shapes.shape[0]
+    sensors = np.zeros((0, inside)) if structure.sensors is None else structure.sensors.displacement[:, :inside]
+    operator = ExactOperator(basis, HeldRegimes(basis.held, length, sensors), length, budget, structure.sensors)
     if not operator.free.separable[0]:
         raise InseparablePolesError
     return operator

@@ -150,13 +150,14 @@ def _is_identity(matrix: Array) -> bool:
     return True
 
 
-def observable(held: ModalSystem) -> ModalSystem:
+def observable(held: ModalSystem, sensors: Array) -> ModalSystem:
     """Remove the modes that are unobservable in the contact force of the held tip, unless damping couples them.
 
-    Their shapes are free modes as well, with the tip at rest: no output depends on them. Among them are the rigid
-    motions of parts that are not linked to the tip, whose double eigenvalue 0 is defective.
+    Their shapes are free modes as well, with the tip at rest: only ``sensors``, rows of displacements, may show them.
+    Among them are the rigid motions of parts that are not linked to the tip, whose double eigenvalue 0 is defective.
     """
-    keep = np.abs(held.reaction) > _OBSERVABLE * np.abs(held.reaction).max(initial=0.0)
+    keep, shown = _reacts(held), np.abs(sensors @ held.shapes).max(axis=0, initial=0.0)
+    keep |= shown > _OBSERVABLE * shown.max(initial=0.0)
     if held.is_coupled:
         beside = np.abs(held.damping - np.diag(np.diag(held.damping)))
         keep |= np.any(beside > _OBSERVABLE * np.abs(held.damping).max(initial=0.0), axis=1)
@@ -173,6 +174,11 @@ def observable(held: ModalSystem) -> ModalSystem:
         exit=held.exit[np.append(keep, True)],
         friction_force=None if held.friction_force is None else held.friction_force[keep],
     )
+
+
+def _reacts(held: ModalSystem) -> NDArray[np.bool_]:
+    """Return which modes of the held tip move its contact force, ``(mode,)``."""
+    return np.asarray(np.abs(held.reaction) > _OBSERVABLE * np.abs(held.reaction).max(initial=0.0))
 
 
 class RankOne(NamedTuple):
@@ -217,11 +223,12 @@ class Heated(NamedTuple):
 
 
 class HeldRegimes:
-    """The held regimes of a structure; ``length`` is that of their rows."""
+    """The held regimes of a structure; ``length`` is that of their rows, ``sensors`` show displacements."""
 
-    def __init__(self, held: ModalSystem, length: int):
-        self._held, self._observable, self._length = held, observable(held), length
-        self._heated = None if held.is_coupled else _heated(self._observable)
+    def __init__(self, held: ModalSystem, length: int, sensors: Array):
+        self._held, self._observable, self._length = held, observable(held, sensors), length
+        self._sensors, all_react = sensors, bool(_reacts(self._observable).all())
+        self._heated = _heated(self._observable) if all_react and not held.is_coupled else None
 
     def at(self, alpha: Array, friction: Array, heated: NDArray[np.bool_]) -> Regimes:
         """Return the regimes at some α [W/N] and µ along the tangent, without thermal modes where no heat acts."""
@@ -238,7 +245,7 @@ class HeldRegimes:
     def _system(self, friction: float, heats: bool, heated: bool) -> ModalSystem:
         """Return the system of the held tip, of observable modes where friction or its heat links them."""
         if friction != 0:
-            return observable((self._held if heated else self._held.unheated).sliding(friction))
+            return observable((self._held if heated else self._held.unheated).sliding(friction), self._sensors)
         return self._observable if heats else self._held if heated else self._held.unheated
 
 
