@@ -182,7 +182,7 @@ def test_stopped_and_extended_sweeps_are_as_from_nothing(
     monkeypatch.undo()
     run_study(sweep({**LINES, **LONG}), tmp_path / "b.nc", threads=2)
     assert content_hash(archive) == content_hash(tmp_path / "b.nc")
-    assert verify(archive, 3)[-1].detail.startswith("3 lines of the sweep run again, the same ")
+    assert list(verify(archive, 3))[-1].detail.startswith("3 lines of the sweep run again, the same ")
 
 
 def test_another_first_point_makes_other_cases(tmp_path: Path) -> None:
