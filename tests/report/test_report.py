@@ -264,21 +264,15 @@ def test_a_page_shows_what_changes_over_the_speed_and_along_a_sweep(tmp_path: Pa
     axes = {"scheme": "event_driven", "e": 0.3, "scene.speed": {"sweep": [80, 120, 5]}}
     output = {"interval": 1e-3, "histories": [], "sensors": {"tip": 1}}
     study = read_study({"study": "swept", "scene": scene, "axes": axes, "output": output})
-    with run_study(study, tmp_path / "swept.nc").dataset as dataset:
-        without = sections.over_speed(dataset)
-        assert without is not None
-        assert [one["about"] for one in without["pictures"]] == [
-            "contact impulse along the sweep of speed",
-            "closing of the clearance over the speed",
-        ]
-    kept = study.with_({"output.histories": ["displacement"]})
-    with run_study(kept, tmp_path / "kept.nc").dataset as dataset:
-        shown = sections.over_speed(dataset)
+    spectra = ["spectrum of tip over the speed", "spectrum of displacement over the speed"]
+    for histories, between in (([], []), (["displacement"], spectra)):
+        kept = study.with_({"output.histories": histories})
+        with run_study(kept, tmp_path / f"{len(between)}.nc").dataset as dataset:
+            shown = sections.over_speed(dataset)
         assert shown is not None
         assert [one["about"] for one in shown["pictures"]] == [
             "contact impulse along the sweep of speed",
-            "spectrum of tip over the speed",
-            "spectrum of displacement over the speed",
+            *between,
             "closing of the clearance over the speed",
         ]
-    assert "Over the speed and along the sweep" in write_report(tmp_path / "kept.nc").page.read_text(encoding="utf-8")
+    assert "Over the speed and along the sweep" in write_report(tmp_path / "2.nc").page.read_text(encoding="utf-8")
