@@ -8,7 +8,7 @@ import pytest
 from scipy import sparse
 from scipy.linalg import eigh
 
-from tests.matrix_files import as_output4
+from matrix_files import as_output4
 from workflow import models, reduction
 from workflow.models import Chain, Matrices, Sparse, Structure, UnusableMatricesError, write_matrices
 from workflow.models._matrix_files import read_entries
