@@ -15,9 +15,11 @@ from workflow.analysis._cases import (
     most_loaded,
     naming,
     place_text,
+    require_numbers,
     rounded_texts,
     runaways,
     shown_dim,
+    swept_axis,
     unit_of,
     value_text,
 )
@@ -30,7 +32,6 @@ from workflow.analysis._limits import (
     followed_axis,
     limit_sentence,
     limits,
-    swept_axis,
 )
 from workflow.analysis._notable import exact_partners, exact_place, is_exact, notable_cases, shown_place, total_error
 from workflow.analysis._recommend import (

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from workflow.judges.trials import EXACT
 from workflow.run import status_name
 from workflow.schemes import Status
-from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, readable
+from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, SWEEP, readable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,6 +22,23 @@ if TYPE_CHECKING:
 def case_dims(dataset: xr.Dataset) -> tuple[str, ...]:
     """Return the dimensions along which the cases of an archive differ."""
     return tuple(str(name) for name in dataset["status"].dims)
+
+
+def swept_axis(dataset: xr.Dataset) -> str | None:
+    """Return the axis that is swept in an archive, ``None`` where none is."""
+    return next((dim for dim in case_dims(dataset) if dim in dataset.coords and SWEEP in dataset[dim].attrs), None)
+
+
+def require_numbers(dataset: xr.Dataset, dim: str) -> None:
+    """Refuse what is no dimension of the cases with numbers along it.
+
+    Raises
+    ------
+    ValueError
+        The message names the dimensions there are.
+    """
+    if dim not in case_dims(dataset) or dim not in dataset.coords or dataset[dim].dtype.kind not in "if":
+        raise ValueError(f"`{dim}` is no dimension with numbers; the cases lie along {', '.join(case_dims(dataset))}")
 
 
 def is_of_contacts(dataset: xr.Dataset) -> bool:

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, coordinate_units, exact, labels, naming, unit_of
+from workflow.analysis._cases import case_dims, coordinate_units, exact, labels, naming, swept_axis, unit_of
 from workflow.analysis._recommend import is_numerical
 from workflow.schemes import Status
-from workflow.study import SWEEP
 from workflow.variables import BY_NAME
 
 if TYPE_CHECKING:
@@ -95,11 +94,6 @@ def followed_axis(dataset: xr.Dataset) -> str | None:
     """Return the axis that the branches of an archive follow, ``None`` of an archive without branches."""
     along = (str(name) for name, values in dataset.data_vars.items() if values.dims[-1:] == ("point",))
     return next((name for name in along if name not in BY_NAME), None)
-
-
-def swept_axis(dataset: xr.Dataset) -> str | None:
-    """Return the axis that is swept in an archive, ``None`` where none is."""
-    return next((dim for dim in case_dims(dataset) if dim in dataset.coords and SWEEP in dataset[dim].attrs), None)
 
 
 def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:

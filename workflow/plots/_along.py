@@ -19,6 +19,7 @@ from workflow.analysis import (
     labels_of,
     most_loaded,
     place_text,
+    require_numbers,
     sobol,
     swept_axis,
     unit_of,
@@ -101,8 +102,7 @@ def bifurcation(dataset: xr.Dataset, along: str, variable: str = "section_displa
     ValueError
         There is no such dimension with numbers, or no such variable of load periods.
     """
-    if along not in case_dims(dataset) or along not in dataset.coords or dataset[along].dtype.kind not in "if":
-        raise ValueError(f"`{along}` is no dimension with numbers; they lie along {', '.join(case_dims(dataset))}")
+    require_numbers(dataset, along)
     if variable not in dataset or "period" not in dataset[variable].dims:
         raise ValueError(f"`{variable}` is not given per load period; write `output: {{sections: true}}` in the study")
     dataset = most_loaded(dataset)
@@ -214,8 +214,10 @@ def sweep(up: xr.Dataset, variable: str, down: xr.Dataset | None = None, branch:
                 panel.plot(x, np.where(shown, y, np.nan), form, color=GREY, alpha=0.7, lw=width, label=label)
     for k, (x, y) in enumerate(drawn):
         way, form = ("up", "^") if x[-1] > x[0] else ("down", "v")
+        counted = np.isfinite(y).sum(axis=1)
+        mean = np.where(counted > 0, np.nansum(y, axis=1), np.nan) / np.maximum(counted, 1)
         panel.plot(x, y * factor, ".", color=COLOURS[k], ms=2, alpha=0.5)
-        panel.plot(x, y.mean(axis=1) * factor, f"{form}-", color=COLOURS[k], ms=4, lw=0.8, label=f"sweep {way}")
+        panel.plot(x, mean * factor, f"{form}-", color=COLOURS[k], ms=4, lw=0.8, label=f"sweep {way}")
     of_periods = f"mean and each of the last {_LAST_PERIODS} load periods at each point"
     which = of_periods if "period" in up[variable].dims else "at each point"
     sensor = f" of {up['sensor'].item()}" if variable.startswith("sensor") and "sensor" in up.coords else ""
@@ -237,9 +239,9 @@ def _swept(dataset: xr.Dataset, along: str, variable: str) -> tuple[Any, Any]:
     values = np.asarray(dataset[variable].where(dataset["status"] == 0).isel(at).transpose(along, ...).values)
     if values.ndim == 1:
         return in_units(dataset[along])[0], values[:, None]
-    complete = np.isfinite(values).sum(axis=1, keepdims=True)
-    last = np.maximum(complete - 1 - np.arange(_LAST_PERIODS), 0)
-    return in_units(dataset[along])[0], np.take_along_axis(values, last, axis=1)
+    last = np.isfinite(values).sum(axis=1, keepdims=True) - 1 - np.arange(_LAST_PERIODS)
+    taken = np.take_along_axis(values, np.maximum(last, 0), axis=1)
+    return in_units(dataset[along])[0], np.where(last >= 0, taken, np.nan)
 
 
 def _steady_name(branch: xr.Dataset, variable: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import case_dims, impulse_growth, most_loaded, place_text, unit_of
+from workflow.analysis import case_dims, impulse_growth, most_loaded, place_text, require_numbers, unit_of
 from workflow.plots._style import COLOURS, new_figure
 from workflow.plots._units import in_units
 
@@ -99,10 +99,7 @@ def scene_map(dataset: xr.Dataset, across: str, up: str, variable: str | None = 
 def _refuse(dataset: xr.Dataset, dims: tuple[str, str], variable: str | None) -> None:
     """Refuse dimensions and metrics that no map can show."""
     for dim in dims:
-        if dim not in case_dims(dataset) or dim not in dataset.coords or dataset[dim].dtype.kind not in "if":
-            raise ValueError(
-                f"`{dim}` is no dimension with numbers; the cases lie along {', '.join(case_dims(dataset))}"
-            )
+        require_numbers(dataset, dim)
     if variable is None and "period_impulse" not in dataset:
         raise ValueError("the dataset has no load periods; name the `variable` to draw, such as contact_impulse")
     if variable is not None and (variable not in dataset or dataset[variable].dims != dataset["status"].dims):

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis import (
-    case_dims,
     contact_text,
     finest,
     gap_of,
     most_loaded,
     place_text,
+    require_numbers,
     spectrum,
     swept_axis,
 )
@@ -153,8 +153,7 @@ def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
     ValueError
         There is no such dimension with numbers.
     """
-    if along not in case_dims(dataset) or along not in dataset.coords or dataset[along].dtype.kind not in "if":
-        raise ValueError(f"`{along}` is no dimension with numbers; they lie along {', '.join(case_dims(dataset))}")
+    require_numbers(dataset, along)
     dataset = most_loaded(dataset)
     place = {dim: k for dim, k in finest(dataset).items() if dim != along}
     cut = dataset.isel(place).where(dataset["status"].isel(place) == 0)
@@ -218,8 +217,7 @@ def interaction_map(
     ValueError
         There is no such dimension with numbers, or no such sensor or history.
     """
-    if along not in case_dims(dataset) or along not in dataset.coords or dataset[along].dtype.kind not in "if":
-        raise ValueError(f"`{along}` is no dimension with numbers; the cases lie along {', '.join(case_dims(dataset))}")
+    require_numbers(dataset, along)
     dataset = most_loaded(dataset)
     place = {dim: k for dim, k in finest(dataset).items() if dim != along}
     cut = dataset.isel(place).sortby(along)
