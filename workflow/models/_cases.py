@@ -60,8 +60,8 @@ class Harmonics:
         """Bound Σ |a_k| of the sum, ``(case,)``."""
         return np.asarray(np.abs(self.amplitude).sum(axis=1))
 
-    def rounded(self, duration: float) -> tuple[Array, Array]:
-        """Return Σ |a_k| (1 + |ω_k| T) and of Σ |a_k ω_k| (1 + |ω_k| T), ``(case,)``.
+    def rounding_scales(self, duration: float) -> tuple[Array, Array]:
+        """Return Σ |a_k| (1 + |ω_k| T) and Σ |a_k ω_k| (1 + |ω_k| T), ``(case,)``.
 
         Rounding of the sum and of its rate within a time T is relative to these.
         """

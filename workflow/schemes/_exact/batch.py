@@ -266,7 +266,7 @@ def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Cas
     speed = cases.velocity[:, -1] - _added(np.zeros(cases.count), turning)
     distance = _added(gap, casing * sin) - cases.displacement[:, -1]
     states = [project(basis.to_modes, cases.displacement), project(basis.to_modes, cases.velocity)]
-    lengths, speeds = cases.casing_harmonics.rounded(duration)
+    lengths, speeds = cases.casing_harmonics.rounding_scales(duration)
     lengths = lengths + np.abs(gap)
     touches = np.abs(distance) <= AT_REST * lengths
     speeds = speeds + project(np.abs(basis.tip), np.abs(states[1])) + lengths * basis.free.frequency.max(initial=0.0)

@@ -178,7 +178,7 @@ def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: A
     begun = np.stack([x - place, v - begins], axis=1)
     if basis.contacts.is_compliant or central:
         return begun
-    lengths, speeds = (each[:, None] for each in own.rounded(conditions.duration))
+    lengths, speeds = (each[:, None] for each in own.rounding_scales(conditions.duration))
     lengths = lengths + project(np.abs(rows), np.abs(cases.displacement)) + np.abs(cases.clearances)
     speeds = speeds + project(np.abs(rows), np.abs(cases.velocity)) + lengths / operator.h
     beside = np.fmin(np.abs(v - moves), np.abs(v - begins))

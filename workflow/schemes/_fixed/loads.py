@@ -181,7 +181,7 @@ class DriveRows(NamedTuple):
 
 def placed(cases: Cases, duration: float) -> Cases:
     """Return cases whose tips are on the casing where they start there up to rounding."""
-    place, (lengths, _) = cases.casing_at(0.0), cases.casing_harmonics.rounded(duration)
+    place, (lengths, _) = cases.casing_at(0.0), cases.casing_harmonics.rounding_scales(duration)
     displacement = cases.displacement.copy()
     touches = np.abs(displacement[:, -1] - place) <= AT_REST * (lengths + np.abs(cases.gap))
     displacement[touches, -1] = place[touches]
@@ -202,7 +202,7 @@ def drive_of(cases: Cases, h: float, theta: float, duration: float) -> tuple[Dri
     drive, state = rows.named, rows.named.state
     begins = _discrete_velocity(casing, gains, 0.0)
     apart, parting = cases.displacement[:, -1] - cases.casing_at(0.0), cases.velocity[:, -1] - begins
-    lengths, speeds = casing.rounded(duration)
+    lengths, speeds = casing.rounding_scales(duration)
     speeds = speeds + np.abs(cases.velocity[:, -1]) + (lengths + np.abs(cases.gap)) / h
     beside = np.fmin(np.abs(parting), np.abs(cases.velocity[:, -1] - cases.casing_velocity_at(0.0)))
     held = (apart == 0) & (beside <= AT_REST * speeds)
