@@ -1,9 +1,9 @@
 """Cases that are stored, found by their hashes: in the shards of a run and in the chunks of an archive.
 
-A shard holds an array for each variable, ``(case, …)``, the messages of its cases and their hashes: a line of JSON says
-name, dtype, shape and CRC of each, then their bytes follow. It is written aside in one go, flushed and renamed: its
-presence says that its cases are done. A shard of hashes alone takes cases back that were stored before: they are run
-again.
+A shard holds an array for each variable, ``(case, …)``, the messages of its cases and their hashes: a line with its CRC
+in hexadecimal and, in JSON, name, dtype, shape and CRC of each array, then their bytes. It is written aside in one go,
+flushed and renamed: its presence says that its cases are done. A shard of hashes alone takes cases back that were
+stored before: they are run again.
 """
 
 from __future__ import annotations

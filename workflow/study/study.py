@@ -229,12 +229,12 @@ def read_fields(source: StudyText, files: Files) -> tuple[Mapping[str, Any], Map
         for place, problem, remedy in faults_of(error):
             follows = not model and place[:1] in (("axes",), ("zip",)) and str(place[-1]).startswith("scene.")
             if place not in supplied and not follows:
-                source.report(place, problem, _home(str(place[-1]), varied, remedy) if UNKNOWN in problem else remedy)
+                source.report(place, problem, _moved(str(place[-1]), varied, remedy) if UNKNOWN in problem else remedy)
     source.refuse()
     return sections, varied
 
 
-def _home(key: str, varied: Iterable[str], remedy: str) -> str:
+def _moved(key: str, varied: Iterable[str], remedy: str) -> str:
     """Return what to write for a word that is known elsewhere; the remedy of others, and of a part of a word."""
     if remedy.startswith("did you mean") and key in remedy:
         return remedy
