@@ -52,7 +52,7 @@ def sections(guide: str) -> dict[str, str]:
         page = headings.get(link[1])
         return link[0] if page is None else f"]({page}#{link[1]})"
 
-    raised = {name: re.sub(r"^##(#+ )", r"\1", f"# {text}\n", flags=re.MULTILINE) for name, text in names.items()}
+    raised = {name: re.sub(r"^#(##+ )", r"\1", f"# {text}\n", flags=re.MULTILINE) for name, text in names.items()}
     return {name: re.sub(r"\]\(#([\w-]+)\)", elsewhere, text) for name, text in raised.items()}
 
 

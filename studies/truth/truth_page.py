@@ -22,13 +22,14 @@ from comparison import COMPARISONS, TRUTH, Comparison, Row
 PAGE = TRUTH / "TRUTH.md"
 HEAD = """# Truth
 
-What is known from elsewhere, computed again: {numbers} numbers of {scenes} scenes. `python studies/truth/truth_page.py`
-writes this page; the tests compute each number anew and fail where one is off. Who has another program finds all data
-in the studies.
+{numbers} numbers of {scenes} scenes that are known from other sources, computed by this program.
+`python studies/truth/truth_page.py` writes this page. The tests compute each number again and fail if one is off. To
+repeat a scene with another program, take the data from its study.
 
-- *known*: the closed form, or what was published or made by another program;
-- *here*: what this program gives, by `event_driven`, the exact scheme, where none is named;
-- *allowed*: the largest difference with which the tests pass, and *decides*: what makes it.
+- *known*: the number from a closed form, a publication or another program;
+- *here*: the number of this program; the scheme is `event_driven`, the exact one, if none is named;
+- *allowed*: the largest difference with which the tests pass;
+- *decides*: what limits the agreement.
 """
 
 
