@@ -75,7 +75,7 @@ def test_what_cannot_be_judged_ends_no_run(tmp_path: Path, monkeypatch: pytest.M
     study = written(RUB.replace("event_driven", "moreau, h: 1e-3"), tmp_path)
     ran = workflow("run", study, cwd=tmp_path)
     assert ran.returncode == 0
-    assert "beware: what to beware of could not be found: ValueError: no such step" in ran.stdout
+    assert "beware: warnings could not be determined: ValueError: no such step" in ran.stdout
 
 
 def test_plan_asks_after_units_where_the_load_alone_moves_the_tip_by_many_gaps(tmp_path: Path) -> None:
@@ -91,4 +91,4 @@ def test_plan_says_that_steady_rubs_need_the_exact_scheme(tmp_path: Path) -> Non
     for scheme, told in (("moreau, h: 1e-5", True), ("event_driven", False)):
         study = written(RUB.replace("event_driven", scheme) + output, tmp_path)
         warnings = json.loads(workflow("plan", study, "--json", cwd=tmp_path).stdout)["warnings"]
-        assert any("which alone has steady rubs" in warning for warning in warnings) == told, warnings
+        assert any("only that one has steady rubs" in warning for warning in warnings) == told, warnings
