@@ -29,7 +29,7 @@ def test_temperatures_that_a_linear_model_cannot_mean_are_told_of_results(tmp_pa
     ran, again = (workflow("run", study, cwd=tmp_path).stdout for _ in range(2))
     shown, shown_as_json = workflow("show", "rub.nc", cwd=tmp_path), workflow("show", "rub.nc", "--json", cwd=tmp_path)
     [warning] = json.loads(shown_as_json.stdout)["warnings"]
-    assert warning.startswith("1 of 3 ok cases are hotter than the 1000 K that a linear model can mean")
+    assert warning.startswith("1 of 3 ok cases are hotter than 1000 K, above which a linear model means nothing")
     assert warning.endswith("K: alpha = 30")
     assert all(f"  beware: {warning}\n" in text for text in (ran, again))
     assert shown.stdout.splitlines()[1] == f"  beware: {warning}"

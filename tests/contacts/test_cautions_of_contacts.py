@@ -97,9 +97,9 @@ def test_friction_limits_name_the_contact_or_the_contacts_that_meet_them_first()
     ]
     crossed = two_masses(tangent=np.array([[0.0, 1.0], [1.0, 0.0]]), contact_labels=np.array(["a", "b"]))
     lines = told(crossed, friction=np.array([1.001]))
-    assert [line.split(" has ")[0] for line in lines] == [
-        "contact of `a`, `b` has no unique solution at a friction coefficient of 1 or",
-        "permanent contact of `a`, `b` has no stable equilibrium at a friction coefficient of 1 or",
+    assert [line.split(" or more")[0] for line in lines] == [
+        "contact of `a`, `b` has no unique solution at a friction coefficient of 1",
+        "permanent contact of `a`, `b` has no stable equilibrium at a friction coefficient of 1",
     ]
 
 

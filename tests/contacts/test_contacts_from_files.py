@@ -174,7 +174,7 @@ NOT_TABLES: dict[str, tuple[dict[str, str], str]] = {
         {"table": f"{TWO},tangent_1\n9,0,1,2,1\n"},
         "write frequency, damping_ratio, tip_1, tip_2, tangent_1, tangent_2",
     ),
-    "a tip that moves nowhere": ({"table": f"{TWO}\n9,0,1,0\n8,0,1,0\n"}, "`tip_2` has a value"),
+    "a tip that moves nowhere": ({"table": f"{TWO}\n9,0,1,0\n8,0,1,0\n"}, "`tip_2` has an impossible value"),
     "more than modes": (
         {"table": f"{TWO}\n9,0,1,2\n"},
         "contacts 1, 2 depend on each other: leave one out, or write `residual`",
@@ -267,12 +267,16 @@ NO_CONTACTS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "a zero row": ({"contact": np.eye(3, SIZE) * [[1], [0], [1]]}, {}, "`contact` of contact tip 1 is zero everywhere"),
     "rows of the tangent": ({"tangent": np.ones((2, SIZE))}, {}, "`tangent` has 2 rows for 3 contacts: write"),
     "those chosen": ({"tangent": np.ones((2, SIZE))}, {"contact": ("tip 0", "tip 2")}, "`tangent` has 2 rows: write"),
-    "a tangent along": ({"tangent": 2 * entries()["contact"]}, {}, "`tangent` of contact tip 0 is the direction of"),
+    "a tangent along": ({"tangent": 2 * entries()["contact"]}, {}, "`tangent` of contact tip 0 is parallel to the"),
     "shares": ({"thermal_contact": np.full((3, WARM), 0.5)}, {}, "`thermal_contact` are 1.5 in sum: they must be 1"),
     "an angle": ({"angle": np.zeros(2)}, {}, r"`angle` has the shape \(2,\): write finite numbers of \(3,\)"),
     "not finite": ({"residual_load": np.array([0, np.nan, 0])}, {}, "`residual_load` has an entry that is not finite"),
     "asymmetric": ({"residual_flexibility": np.triu(np.ones((3, 3)))}, {}, "`residual_flexibility` is not symmetric"),
-    "displacements": ({}, {"contact": (0, 1)}, "are chosen by displacements, and the file has residuals by `contact_labels`"),
+    "displacements": (
+        {},
+        {"contact": (0, 1)},
+        "are chosen by displacements, and the file has residuals by `contact_labels`",
+    ),
     "an unknown one": ({}, {"contact": ("tip 9", 1)}, "`contact: tip 9` is neither a label nor a vector .*`tip 0`"),
     "rows in a list": ({}, {"contact": ("contact", 1)}, "`contact: contact` has 3 rows: name it alone, not in a list"),
 }

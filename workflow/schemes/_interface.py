@@ -225,7 +225,8 @@ class RefusedStructureError(ValueError):
 
 
 NEEDS_MASS = (
-    "its contacts have no mass, which the scheme needs; moreau, event_driven and implicit penalty take them"
+    "its contacts are without mass, by which a step of the scheme divides; moreau, event_driven and implicit penalty "
+    "take them"
 )
 """Why a scheme cannot step contacts without mass."""
 

@@ -167,10 +167,10 @@ def _admissible_step(limit: float, theta: float, duration: float) -> str:
         factor = (1 + share * (1 - theta) / theta) / (1 - share)
         if np.log(factor) * duration / (share * limit) < _MOST_GROWTH:
             return (
-                f"W > 0 up to {limit:.6g} s, near which the heat of one step multiplies itself; "
+                f"{limit:.6g} s is the limit, near which the heat of a step multiplies itself; "
                 f"the largest admissible h is {share * limit:.6g} s"
             )
     return (
-        f"W > 0 up to {limit:.6g} s, but no h is admissible, as the heat of a pressed tip overflows within the "
+        f"{limit:.6g} s is the limit, but no h is admissible, as the heat of a pressed tip overflows within the "
         "duration; shorten the duration, or lower alpha"
     )
