@@ -196,9 +196,9 @@ GAINS = 0.01
 
 RULE = (
     "The verdict is the first that applies: the status of the worst case, if one is not ok; “gains energy”, if the "
-    f"energy residual exceeds +{GAINS:.0%} of the largest energy; “stable”, if a case has no error; the tightest of the "
-    f"usual tolerances ({', '.join(map(percent, USUAL_TOLERANCES))}) that the most accurate reduced model meets in all "
-    "cases, judged as by `workflow recommend`."
+    f"energy residual exceeds +{GAINS:.0%} of the largest energy; “stable”, if a case has no error; the tightest of "
+    f"the usual tolerances ({', '.join(map(percent, USUAL_TOLERANCES))}) that the most accurate reduced model meets in "
+    "all cases, judged as by `workflow recommend`."
 )
 
 

@@ -21,8 +21,8 @@ class Parameters:
 
     nodes: int = quantity(
         "1",
-        "number of cells; largest temperatures grow with it until that at the tip, see tip_cell, is thinner than heat "
-        "enters in a contact",
+        "number of cells; the largest temperature grows with it until the cell at the tip (see tip_cell) is thinner "
+        "than the depth to which heat enters in a contact",
         at_least=1,
         at_most=MOST_NODES,
     )

@@ -112,9 +112,10 @@ def _hottest(dataset: xr.Dataset) -> Iterator[str]:
     hot = int(np.sum(temperature > LINEAR))
     if hot:
         hottest = int(np.nanargmax(temperature))
+        where = labels_of_case(dataset, hottest) or "the only case"
         yield (
-            f"{hot} of {np.sum(ok)} ok cases are hotter than {LINEAR:g} K, above which a linear model means "
-            f"nothing; the hottest reaches {temperature.flat[hottest]:.4g} K: {labels_of_case(dataset, hottest) or 'the only case'}"
+            f"{hot} of {np.sum(ok)} ok cases are hotter than {LINEAR:g} K, above which a linear model means nothing; "
+            f"the hottest reaches {temperature.flat[hottest]:.4g} K: {where}"
         )
 
 
