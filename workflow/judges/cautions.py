@@ -93,7 +93,7 @@ def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
         lost = rounding_of_flexibility(structure)
         if lost > ROUNDED:
             yield (
-                f"rounding in the file leaves the tip's static stiffness uncertain by about {lost:.1g}, as other entries "
+                f"rounding in the file makes the tip's stiffness uncertain by about {lost:.1g}, as other entries "
                 "of `stiffness` are far larger; make near-rigid links softer, or join what they connect"
             )
 

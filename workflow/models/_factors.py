@@ -187,8 +187,8 @@ def warn_of_fill(matrix: scipy.sparse.csc_array, kind: str) -> None:
         return
     less = f", with the extra `sparse` about {expected_fill(matrix, True)}" if not has_cholmod() else ""
     warnings.warn(
-        f"each factorisation of a compact body of {matrix.shape[0]} {kind} takes about {here}{less}; krylov makes seven "
-        "for temperatures",
+        f"each factorisation of a compact body of {matrix.shape[0]} {kind} takes about {here}{less}; krylov makes "
+        "seven for temperatures",
         LargeFactorsWarning,
         stacklevel=2,
     )

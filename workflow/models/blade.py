@@ -80,7 +80,7 @@ def _fill(parameters: Parameters) -> Array:
         return np.full(n, float(n))
     if cell > length / n or n == 1:
         remedy = f"write less than {length / n:.6g} m, or leave it out"
-        raise UnusableMatricesError(f"of {cell:g} m is too long for {n} cells that grow from it to {length:g} m", remedy)
+        raise UnusableMatricesError(f"of {cell:g} m is too long for {n} cells that grow to {length:g} m", remedy)
     before = np.arange(n - 1, -1, -1.0)
     rate = np.log(length / cell) / (n - 1)  # too fast: the cell at the root alone would be as long as the blade
     for _ in range(30):  # Newton's method on the logarithm of the sum, which is convex

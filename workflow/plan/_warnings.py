@@ -305,7 +305,7 @@ def _coarse_sections(grid: Grid) -> Iterator[str]:
     """Yield that extremes of load periods are taken of few samples."""
     samples = 1 / max(grid.fastest * grid.sampling.interval, 1e-300)
     if grid.study.output.sections and samples < _FEWEST_SAMPLES:
-        yield f"period_displacement is taken from {samples:.2g} samples per load period: give a smaller `output.interval`"
+        yield f"period_displacement has {samples:.2g} samples per load period: give a smaller `output.interval`"
 
 
 def warning_lines(grid: Grid) -> tuple[str, ...]:

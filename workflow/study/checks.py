@@ -205,13 +205,16 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
     """Refuse what is of one contact with mass where a structure has several, or one without."""
     if sizes.structure is None or sizes.structure.contacts is None:
         return
-    several = f"and the structure has {len(cases.contacts)} contacts" if cases.contacts else "and its contact has no mass"
+    several = (
+        f"and the structure has {len(cases.contacts)} contacts" if cases.contacts else "and its contact has no mass"
+    )
     axis = f"scene.{cases.scene.model}.contact"
     if axis in source.axes:
         yield source.axes[axis], f"is an axis, {several}", "write a study for each choice of contacts"
     yield from _reduced_contacts(cases, sizes, source, several)
     if cases.branch is not None:
-        yield ("axes", cases.branch.axis.path), f"is a branch, which takes one contact with mass, {several}", "write a list, or choose one contact"
+        problem = f"is a branch, which takes one contact with mass, {several}"
+        yield ("axes", cases.branch.axis.path), problem, "write a list, or choose one contact"
     elif cases.output.steady is not None:
         yield ("output", "steady"), f"takes one contact with mass, {several}", "leave it out, or choose one contact"
     acts = any(axis.path.startswith("scene.load.") and "steady" not in axis.path for axis in cases.axes())
