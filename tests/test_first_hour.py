@@ -186,7 +186,7 @@ def test_matrices_without_heat_or_with_wrong_labels(tmp_path: Path) -> None:
     assert "without matrices of heat all is cold; write 0 or `full`" in refusal(
         {"file": "cold.npz"}, thermal_modes=[1, 2]
     )
-    assert "the contact heats what has no heat capacity" in refusal({"file": "bare.npz"})
+    assert "the contact heats a temperature without heat capacity" in refusal({"file": "bare.npz"})
     said = refusal({"file": "named.npz", "contact": "tipp.x"})
     assert "write `contact`, `tip.x`" in said
     assert "`thermal_contact`" not in said

@@ -228,10 +228,10 @@ REFUSED = {
             "entries": chain() | {"residual_flexibility": 1e-9 * np.eye(2)},
             "axes": {"reduction": ["macneal", "krylov"], "mechanical_modes": 2},
         },
-        "axes.reduction: `krylov` does not take it, and the structure has 2 contacts",
+        "axes.reduction: `krylov` takes one contact with mass, and the structure has 2 contacts",
     ),
-    "steady": ({"output": OUTPUT | {"steady": True}}, "output.steady: is of one contact"),
-    "a branch": ({"axes": {"alpha": {"branch": [1, 2, 3]}}}, "axes.alpha: is a branch, and the structure has 2"),
+    "steady": ({"output": OUTPUT | {"steady": True}}, "output.steady: takes one contact with mass"),
+    "a branch": ({"axes": {"alpha": {"branch": [1, 2, 3]}}}, "axes.alpha: is a branch, which takes one contact"),
 }  # fmt: skip
 
 

@@ -92,14 +92,14 @@ def test_friction_limits_name_the_contact_or_the_contacts_that_meet_them_first()
     assert told(apart, friction=np.array([1.9])) == []
     lines = told(apart, friction=np.array([2.0]))
     assert [line.split(" (n·")[0] for line in lines] == [
-        "from a friction coefficient of 2 on contact of `a` has no unique solution",
-        "from a friction coefficient of 2 on a tip in lasting contact of `a` has no stable place",
+        "contact of `a` has no unique solution at a friction coefficient of 2 or more",
+        "permanent contact of `a` has no stable equilibrium at a friction coefficient of 2 or more",
     ]
     crossed = two_masses(tangent=np.array([[0.0, 1.0], [1.0, 0.0]]), contact_labels=np.array(["a", "b"]))
     lines = told(crossed, friction=np.array([1.001]))
-    assert [line.split(" has ")[0] for line in lines] == [
-        "from a friction coefficient of 1 on contact of `a`, `b`",
-        "from a friction coefficient of 1 on a tip in lasting contact of `a`, `b`",
+    assert [line.split(" or more")[0] for line in lines] == [
+        "contact of `a`, `b` has no unique solution at a friction coefficient of 1",
+        "permanent contact of `a`, `b` has no stable equilibrium at a friction coefficient of 1",
     ]
 
 
@@ -126,8 +126,8 @@ def test_critical_frictions_are_where_determinants_first_vanish(seed: int) -> No
 def test_contacts_without_mass_have_no_impact_law_to_lose() -> None:
     massless = two_masses(tangent=np.diag([0.5, 0.25]), residual_flexibility=1e-4 * np.eye(2))
     (limit,) = told(massless, friction=np.array([5.0]))
-    assert "no stable place" in limit  # 2 (1 + R k): 4 and 8
-    assert limit.startswith("from a friction coefficient of 4 on")
+    assert "no stable equilibrium" in limit  # 2 (1 + R k): 4 and 8
+    assert "at a friction coefficient of 4 or more" in limit
 
 
 def test_flutter_below_the_static_limit_is_told_and_the_archive_has_runaways(tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_flutter_below_the_static_limit_is_told_and_the_archive_has_runaways(tmp
         assert archive["runaway"].values.ravel().tolist() == [0, 1]
         rate = float(archive["growth_rate"].sel(alpha=50))
     assert len(lines) == 1
-    assert lines[0].startswith("at alpha = 50 W/N lasting contact flutters below the critical alpha")
+    assert lines[0].startswith("at alpha = 50 W/N permanent contact flutters, although alpha is below")
     assert f"grows at {rate:.3g} 1/s" in lines[0]
 
 

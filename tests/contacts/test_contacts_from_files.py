@@ -174,14 +174,14 @@ NOT_TABLES: dict[str, tuple[dict[str, str], str]] = {
         {"table": f"{TWO},tangent_1\n9,0,1,2,1\n"},
         "write frequency, damping_ratio, tip_1, tip_2, tangent_1, tangent_2",
     ),
-    "a tip that moves nowhere": ({"table": f"{TWO}\n9,0,1,0\n8,0,1,0\n"}, "`tip_2` has a value"),
+    "a tip that moves nowhere": ({"table": f"{TWO}\n9,0,1,0\n8,0,1,0\n"}, "`tip_2` has an impossible value"),
     "more than modes": (
         {"table": f"{TWO}\n9,0,1,2\n"},
         "contacts 1, 2 depend on each other: leave one out, or write `residual`",
     ),
     "a tangent along the tip": (
         {"table": "frequency,damping_ratio,tip,tangent\n9,0,1,2\n"},
-        "`tangent` is the direction of the contact",
+        "`tangent` is parallel to the contact's direction",
     ),
     "heat of two": (
         {"table": f"{TWO},tip_3\n9,0,1,0,0\n8,0,0,1,0\n7,0,0,0,1\n", "heat": "rate,tip_1,tip_2\n1,1,1\n"},
@@ -265,14 +265,18 @@ NO_CONTACTS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
     "labels": ({"contact_labels": np.array(["a", "b"])}, {}, "`contact_labels` has 2 labels: write 3, as `contact`"),
     "a label twice": ({"contact_labels": np.array(["a", "b", "a"])}, {}, "has 'a' twice: name each contact once"),
     "a zero row": ({"contact": np.eye(3, SIZE) * [[1], [0], [1]]}, {}, "`contact` of contact tip 1 is zero everywhere"),
-    "rows of the tangent": ({"tangent": np.ones((2, SIZE))}, {}, "`tangent` has 2 rows, and contacts are 3: write"),
+    "rows of the tangent": ({"tangent": np.ones((2, SIZE))}, {}, "`tangent` has 2 rows for 3 contacts: write"),
     "those chosen": ({"tangent": np.ones((2, SIZE))}, {"contact": ("tip 0", "tip 2")}, "`tangent` has 2 rows: write"),
-    "a tangent along": ({"tangent": 2 * entries()["contact"]}, {}, "`tangent` of contact tip 0 is the direction of"),
+    "a tangent along": ({"tangent": 2 * entries()["contact"]}, {}, "`tangent` of contact tip 0 is parallel to the"),
     "shares": ({"thermal_contact": np.full((3, WARM), 0.5)}, {}, "`thermal_contact` are 1.5 in sum: they must be 1"),
     "an angle": ({"angle": np.zeros(2)}, {}, r"`angle` has the shape \(2,\): write finite numbers of \(3,\)"),
     "not finite": ({"residual_load": np.array([0, np.nan, 0])}, {}, "`residual_load` has an entry that is not finite"),
     "asymmetric": ({"residual_flexibility": np.triu(np.ones((3, 3)))}, {}, "`residual_flexibility` is not symmetric"),
-    "displacements": ({}, {"contact": (0, 1)}, "without mass are chosen by displacements: choose them by `contact_"),
+    "displacements": (
+        {},
+        {"contact": (0, 1)},
+        "are chosen by displacements, and the file has residuals by `contact_labels`",
+    ),
     "an unknown one": ({}, {"contact": ("tip 9", 1)}, "`contact: tip 9` is neither a label nor a vector .*`tip 0`"),
     "rows in a list": ({}, {"contact": ("contact", 1)}, "`contact: contact` has 3 rows: name it alone, not in a list"),
 }
@@ -337,10 +341,10 @@ def test_contacts_beside_what_is_held_or_has_no_mass(tmp_path: Path) -> None:
     assert structure.contacts is not None
     assert structure.input_contacts.tolist() == np.eye(2, 4).tolist()
     for entry, said in (
-        ({"mass": np.eye(4), "contact": np.eye(4)[[0, 2]]}, "contact b acts on nothing but what is held"),
+        ({"mass": np.eye(4), "contact": np.eye(4)[[0, 2]]}, "contact b acts only on what is held"),
         (
             {"mass": np.diag([1, 0, 1, 1]), "stiffness": held + 1e5 * np.ones((4, 4))},
-            "contact b moves what has no mass",
+            "contact b moves a part without mass",
         ),
     ):
         np.savez(path, **{"mass": np.eye(4), "stiffness": held, **rows, **entry})

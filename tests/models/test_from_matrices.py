@@ -140,5 +140,5 @@ def test_what_is_held_takes_no_contact(name: str, tmp_path: Path) -> None:
     for matrix in ("stiffness", "conductance"):
         matrices[matrix][0, 0] = 1e36
     entries = {"contact": 3, "thermal_contact": 3} | {name: [1.0, 0, 0, 0] if name == "load" else 0}
-    with pytest.raises(UnusableMatricesError, match=f"`{name}` acts on nothing but what is held"):
+    with pytest.raises(UnusableMatricesError, match=f"`{name}` acts only on what is held"):
         assembled(tmp_path / "a.npz", **matrices, **entries)

@@ -81,7 +81,7 @@ BROKEN = {
     "infinite": (changed("mass", lambda m: np.inf + m), "not finite"),
     "indefinite": (changed("stiffness", lambda m: -m), "not positive semi-definite"),
     "a saddle": (changed("stiffness", lambda m: np.eye(5)[[1, 0, 2, 3, 4]]), "stiffness is not positive semi-definite"),
-    "pushed and not held": (changed("stiffness", lambda m: 0 * m), "coupling pushes what nothing holds"),
+    "pushed and not held": (changed("stiffness", lambda m: 0 * m), "coupling exerts a resultant force on"),
     "a contact without mass": (changed("mass", lambda m: m * np.diag([1, 1, 1, 1, 0])), "contact moves without mass"),
     "neither mass nor spring": (
         {**ENTRIES, "mass": np.diag([1.0, 0, 1, 1, 1]), "stiffness": np.diag([1.0, 0, 1, 1, 1])},
@@ -102,7 +102,7 @@ BROKEN = {
     ),
     "free by seven digits": (
         changed("stiffness", lambda m: (m - m[0, 0] / 2 * E00) * (1 - 1e-7 * np.eye(5))),
-        "stiffness is indefinite by .e-07 of its diagonal, which rounding of the numbers in its file does: write them",
+        "stiffness is indefinite by .e-07 of its diagonal, as its numbers are rounded in the file: write them",
     ),
     "dense and sparse": (
         {**ENTRIES, **{f"mass_{part}": np.ones(1, int) for part in ("data", "row", "col", "shape")}},

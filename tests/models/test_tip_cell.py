@@ -59,7 +59,7 @@ def test_cells_grow_by_one_factor_and_fill_the_blade(nodes: int, cell: float) ->
 
 @pytest.mark.parametrize(("nodes", "cell"), [(20, 2.1e-3), (1, 1e-3), (3, 1.0)])
 def test_a_cell_from_which_no_others_grow_is_refused(nodes: int, cell: float) -> None:
-    with pytest.raises(models.UnusableMatricesError, match=f"is no cell from which {nodes} cells grow to 0.04 m"):
+    with pytest.raises(models.UnusableMatricesError, match=f"is too long for {nodes} cells that grow to 0.04 m"):
         blade(nodes, cell)
 
 

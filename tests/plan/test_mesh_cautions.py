@@ -116,7 +116,7 @@ def test_along_an_axis_of_meshes_it_is_said_how_far_the_temperature_still_moves(
         name = axis.split(".")[2][:4]
         rest = EXACT.replace("alpha: 30", f"alpha: 30, {axis}")
         (tmp_path / name).mkdir()
-        (line,) = [line for line in after(tmp_path / name, BLADE_SCENE, rest) if "moves" in line]
+        (line,) = [line for line in after(tmp_path / name, BLADE_SCENE, rest) if "still changes" in line]
         assert line.endswith(f"from {ends}")
         with open_archive(tmp_path / name / "a.nc") as archive:
             values = np.sort(archive["max_temperature"].values.ravel())

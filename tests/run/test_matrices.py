@@ -131,4 +131,4 @@ def test_a_plan_says_what_factors_take_and_warns_before_large_ones(
     assert status == 0, output
     for kind in ("displacements", "temperatures"):
         assert f"310 {kind}: " in output
-        assert f"beware: a body of 310 {kind} this bulky" in " ".join(output.split())
+        assert f"beware: each factorisation of a compact body of 310 {kind}" in " ".join(output.split())

@@ -249,7 +249,7 @@ def test_a_plan_counts_lines(tmp_path: Path) -> None:
     assert (plan.cases, plan.points, plan.dims[-1]) == (30, 5, ("frequency", 5))
     status, said = told("plan", written(study.text, tmp_path))
     assert status == 0
-    assert "6 lines × 5 points, each from the state before; a line is one unit of work" in said
+    assert "6 lines × 5 points, each from the state at the end of the one before; a line is one unit of work" in said
 
 
 def test_a_scheme_without_an_end_state_is_refused_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:

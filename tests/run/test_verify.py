@@ -164,7 +164,7 @@ def test_another_architecture_may_change_what_rounding_does_and_no_more(
     edit("contact_impulse", (0, 1, 1), lambda x: x * (1 + 1e-13))(copied)
     resealed(copied)
     [*_, last] = verify(copied, 18)
-    detail = "18 cases run again, the same within what rounding makes of each (other architecture)"
+    detail = "18 cases run again, the same within the effect of rounding on each (other architecture)"
     assert (last.holds, last.detail) == (True, detail)
     edit("contact_impulse", (0, 1, 1), lambda x: x * (1 + 1e-8))(copied)  # a fixed share of 1e-8 let this pass
     resealed(copied)

@@ -64,7 +64,7 @@ def test_what_is_not_pinned_is_compared_within_rounding_and_no_more(
         samples.append([check for check in verify(path) if check.name == "sample"])
     [rounded], falsified = samples
     assert rounded.holds
-    assert "within what rounding makes of each (other linear algebra)" in rounded.detail
+    assert "within the effect of rounding on each (other linear algebra)" in rounded.detail
     assert not any(check.holds for check in falsified)
     assert [name for name in NAMES if any(f"{name} is" in check.detail for check in falsified)] == list(NAMES)
 

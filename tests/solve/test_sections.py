@@ -29,7 +29,7 @@ def rub(interval: str = "0.1 ms") -> Study:
 def test_plan_says_that_extremes_of_load_periods_are_taken_of_few_samples() -> None:
     for interval, told in (("1 ms", True), ("0.1 ms", False)):
         warnings = plan_study(rub(interval)).warnings
-        assert any("samples a load period" in warning for warning in warnings) == told, warnings
+        assert any("samples per load period" in warning for warning in warnings) == told, warnings
 
 
 @pytest.fixture(scope="module")

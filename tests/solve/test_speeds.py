@@ -90,7 +90,7 @@ def test_plan_says_the_ends_of_the_speeds_and_that_one_is_left_out() -> None:
     ("axis", "said"),
     [
         ({"scene.speed": [0, 1e5]}, "is not positive definite; stay below"),
-        ({"scheme": "event_driven", "scene.speed": {"branch": [1, 2, 5]}}, "is a branch, and the structure depends"),
+        ({"scheme": "event_driven", "scene.speed": {"branch": [1, 2, 5]}}, "is a branch over the speed, on which"),
     ],
 )
 def test_what_a_turning_structure_refuses(axis: dict[str, Any], said: str) -> None:

@@ -131,8 +131,8 @@ FINE = np.arange(0, 360, 0.5)
 REFUSED: dict[str, tuple[Array, Array, dict[str, Any], str]] = {
     "a gap beside it": (ANGLES, ROUND, {"gap": 1e-5}, "profile: stands beside `gap`, which it replaces; keep one"),
     "an order": (ANGLES, ROUND, {"harmonics": HARMONICS[:1]}, "profile: stands beside harmonics by `order`"),
-    "uneven": (UNEVEN, ROUND, {}, "the profile has 72 angles in steps of 5 deg, which 106 deg is not; interpolate it"),
-    "half a turn": (ANGLES / 2, ROUND, {}, "in steps of 5 deg, which 2.5 deg is not"),
+    "uneven": (UNEVEN, ROUND, {}, "the profile has 72 angles, and 106 deg is not a multiple of 5 deg from"),
+    "half a turn": (ANGLES / 2, ROUND, {}, "and 2.5 deg is not a multiple of 5 deg from"),
     "too few": (np.array([0.0, 180.0]), np.ones(2), {}, "the profile has 2 angles"),
     "a step": (np.linspace(0, 360, 73), np.linspace(1e-5, 2e-5, 73), {}, "1e-05 m at 0 deg and 2e-05 m"),
     "a rough one": (FINE, np.sign(np.sin(np.radians(FINE + 0.1))) * 1e-6, {}, "32 orders leave 0.41 of the range"),

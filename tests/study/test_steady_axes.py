@@ -47,7 +47,7 @@ def test_names_that_their_dimensions_take_are_not_those_of_axes() -> None:
     [
         ({"output": {"steady": 3}}, "output.steady", "true or false"),
         ({"output": {"steady": {"period": 3}}}, "output.steady.period", "periods"),
-        ({"axes": {"alpha": BRANCH, "scheme": ["event_driven", "moreau"]}}, "axes.alpha", "event_driven alone"),
+        ({"axes": {"alpha": BRANCH, "scheme": ["event_driven", "moreau"]}}, "axes.alpha", "only event_driven"),
         ({"axes": {**EXACT, "h": {"branch": [1e-5, 1e-4, 20]}}}, "axes.h", "cannot be followed"),
         ({"axes": {**EXACT, "alpha": BRANCH, "e": {"branch": [0, 1, 20]}}}, "axes.alpha", "cannot be followed"),
         ({"axes": {**EXACT, "thermal_modes": {"branch": [0, 1, 20]}}}, "thermal_modes.branch", "real-valued"),

@@ -213,8 +213,11 @@ class Failures:
     first: str
 
 
-def failures(dataset: xr.Dataset) -> list[Failures]:
-    """Return pairs of status and message of cases that ran, the most frequent first; ok ones need a message."""
+def failures(dataset: xr.Dataset, rounded: bool = False) -> list[Failures]:
+    """Return pairs of status and message of cases that ran, the most frequent first; ok ones need a message.
+
+    ``rounded`` labels are those of :func:`labels_of`.
+    """
     dims = case_dims(dataset)
     status = np.asarray(dataset["status"].values)
     groups: dict[tuple[int, str], tuple[tuple[int, ...], int]] = {}
@@ -224,7 +227,7 @@ def failures(dataset: xr.Dataset) -> list[Failures]:
             key = (key[0], "… another message")
         first, number = groups.get(key, (index, 0))
         groups[key] = (first, number + 1)
-    labels = {dim: labels_of(dataset, dim) for dim in dims} if groups else {}
+    labels = {dim: labels_of(dataset, dim, rounded=rounded) for dim in dims} if groups else {}
     listed = [
         Failures(
             status_name(state),

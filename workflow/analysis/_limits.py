@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, coordinate_units, exact, labels, naming, swept_axis, unit_of
+from workflow.analysis._cases import case_dims, coordinate_units, labels, naming, swept_axis, unit_of
 from workflow.analysis._recommend import is_numerical
 from workflow.schemes import Status
 from workflow.variables import BY_NAME
@@ -117,7 +117,7 @@ def limits(dataset: xr.Dataset, **bounds: float | None) -> Limits:
         raise NothingSteadyError("holds no steady rubs; run its study with `output: {steady: true}`")
     faults, asked = _faults(dataset, bounds)
     if not asked.any():
-        raise NothingSteadyError("holds no case of event_driven, which alone has steady rubs")
+        raise NothingSteadyError("holds no case of event_driven, and only that scheme has steady rubs")
     beyond = Counter(faults[faults != ""].tolist())
     counts = int(asked.sum()), int(np.sum(asked & (faults == ""))), dict(beyond)
     if "point" in dataset.dims:
@@ -262,7 +262,7 @@ def limit_sentence(
     units = coordinate_units(dataset) | {limit.axis: unit_of(dataset[limit.axis])}
 
     def written(name: str, value: Any) -> str:
-        return f"{value:.6g}" if name in dataset.data_vars else exact(value)  # points of a branch have all digits
+        return f"{value:.6g}" if isinstance(value, float) else str(value)
 
     def valued(name: str, value: Any) -> str:
         return f"{written(name, value)} {units.get(name, '')}".strip()

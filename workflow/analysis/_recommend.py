@@ -485,7 +485,7 @@ def decided(dataset: xr.Dataset) -> list[AutoModel]:
     used = [count.isel(idle | dict.fromkeys(inside, 0)).transpose(*dims) for count in counts]
     worst = basis_error.isel(idle).max(inside).transpose(*dims)
     conditions = math.prod(dataset.sizes[dim] for dim in inside)
-    labels = {dim: labels_of(dataset, dim) for dim in dims}
+    labels = {dim: labels_of(dataset, dim, rounded=True) for dim in dims}
     models = []
     for place in np.ndindex(*(dataset.sizes[dim] for dim in dims)):
         error = float(worst.values[place])

@@ -105,8 +105,8 @@ def undecidable(recommendation: Recommendation) -> str:
     named = "; ".join(named_case(case, recommendation.units) for case in cases[:NAMED])
     more = f"; and {len(cases) - NAMED} more" if len(cases) > NAMED else ""
     return (
-        f"Undecidable at {percent(recommendation.tolerance)}, as a change of the gap by rounding moves their reference "
-        f"by more than a tenth of that: {named}{more}."
+        f"These cases are undecidable at {percent(recommendation.tolerance)}, because rounding of the gap moves their "
+        f"reference by more than a tenth of that: {named}{more}."
     )
 
 
@@ -121,8 +121,8 @@ def recommendation_cautions(dataset: xr.Dataset) -> tuple[str, ...]:
         reasons.append("no case that is ok touches its casing, so only free motion is compared")
     if missing < dataset["status"].size and _by_own_basis(dataset):
         reasons.append(
-            "the reference has the modes of each case, so that errors hold nothing of what a reduced model leaves out; "
-            "`mechanical_modes: full, thermal_modes: full` in the reference would show it"
+            "the reference has the modes of each case, so errors do not contain that of the reduced model; write "
+            "`mechanical_modes: full, thermal_modes: full` in the reference"
         )
     return tuple(reasons)
 
@@ -182,7 +182,7 @@ def percent(share: float) -> str:
 
 def _with_unit(name: str, value: Any, units: Mapping[str, str]) -> str:
     """Return the value of a coordinate with its unit."""
-    return measure(value, units.get(name, "")) if isinstance(value, float) else str(value)
+    return measure(value, units.get(name, ""), 6) if isinstance(value, float) else str(value)
 
 
 def _cost(choice: Choice) -> str:
@@ -224,7 +224,7 @@ def _nearest(recommendation: Recommendation) -> tuple[str, ...]:
     if choice is None:
         return ("It has no case.",)
     text = (
-        f"Nearest comes {named_choice(choice, units)} with {percent(choice.share)} of the cases; it "
+        f"The nearest is {named_choice(choice, units)}, which meets it in {percent(choice.share)} of the cases; it "
         f"{_failure(choice, units)}."
     )
     return text, f"Add {_remedy(choice, tolerance)}."

@@ -195,10 +195,10 @@ GAINS = 0.01
 """Energy from nowhere, as a share of the largest energy, above which a scheme is said to gain energy."""
 
 RULE = (
-    "Verdicts: the status of the worst case where one is not ok; else “gains energy” where the energy balance leaves "
-    f"more than +{GAINS:.0%} of the largest energy; else the tightest of the usual tolerances "
-    f"({', '.join(map(percent, USUAL_TOLERANCES))}) that its most accurate reduced model keeps in all cases, as "
-    "`workflow recommend` weighs it; “stable” where a case has no error."
+    "The verdict is the first that applies: the status of the worst case, if one is not ok; “gains energy”, if the "
+    f"energy residual exceeds +{GAINS:.0%} of the largest energy; “stable”, if a case has no error; the tightest of "
+    f"the usual tolerances ({', '.join(map(percent, USUAL_TOLERANCES))}) that the most accurate reduced model meets in "
+    "all cases, judged as by `workflow recommend`."
 )
 
 

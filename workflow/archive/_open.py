@@ -388,6 +388,6 @@ def require_own_data(path: Path, file: Any) -> None:
                 raise ArchiveError(f"{path}: `{name.decode()}` has more values than there are bytes; restore a copy")
     if odd is not None:
         raise ArchiveError(
-            f"{path}: `{odd.decode(errors='replace')}` leads to other data, as in no archive that `workflow run` "
-            "wrote; nothing of it is read: get a sound copy"
+            f"{path}: `{odd.decode(errors='replace')}` refers to data elsewhere, as no archive of `workflow run` "
+            "does; nothing of it is read: get a sound copy"
         )

@@ -264,7 +264,7 @@ def _read_array(path: Path, arrays: Mapping[str, _Array], name: str) -> NDArray[
             raise ValueError(f"checksum of {name}")
         return np.frombuffer(image, dtype).reshape(shape)
     except Exception as error:
-        raise ArchiveError(f"{path}: damaged meanwhile ({reason(error)}); give the command again") from error
+        raise ArchiveError(f"{path}: damaged while it was read ({reason(error)}); give the command again") from error
 
 
 def archive_sources(path: Path) -> list[Source]:

@@ -47,7 +47,7 @@ app = typer.Typer(
 @app.callback()
 def workflow(
     version: Annotated[
-        bool, typer.Option("--version", is_eager=True, help="Say the version of this workflow and of its solver.")
+        bool, typer.Option("--version", is_eager=True, help="Print the version of this workflow and of its solver.")
     ] = False,
 ) -> None:
     """From a YAML study of a blade rubbing on its casing to a labelled NetCDF archive."""

@@ -28,7 +28,7 @@ def show(
     archives: ArchiveFiles,
     as_json: AsJson = False,
 ) -> None:
-    """Say what archives hold: dimensions, statuses, what failed and why; as JSON in a line for each archive."""
+    """Show what archives hold: dimensions, statuses, what failed and why; as JSON one line for each archive."""
     from workflow.archive import open_archive
 
     for archive in archives:
@@ -80,7 +80,7 @@ def _coordinates(dataset: xr.Dataset) -> Iterator[str]:
     from workflow.analysis import case_dims, exact, labels_of, swept_axis
 
     for dim in case_dims(dataset):
-        values = labels_of(dataset, dim, named=False)
+        values = labels_of(dataset, dim, named=False, rounded=True)
         more = f"; … {len(values)} in all" if len(values) > VALUES_SHOWN else ""
         how = ", swept" if dim == swept_axis(dataset) else ""
         yield f"  {dim} ({len(values)}{how}): {'; '.join(values[:VALUES_SHOWN])}{more}"
@@ -107,6 +107,9 @@ def decided_lines(dataset: xr.Dataset) -> Iterator[str]:
         yield f"  auto: … {len(models)} in all"
 
 
+_PHYSICS = "which is physics, not a fault of the solver (flag `runaway`)"
+
+
 def _statuses(dataset: xr.Dataset) -> Iterator[str]:
     from workflow.analysis import failures, runaways
     from workflow.run import status_counts
@@ -115,10 +118,11 @@ def _statuses(dataset: xr.Dataset) -> Iterator[str]:
     yield "  status: " + ", ".join(f"{number} {name}" for name, number in counts.items())
     above, flutter = runaways(dataset)
     if above:
-        yield f"  {above} ok cases above their critical alpha: physics, not failure (flag runaway)"
+        runs_away = "in permanent contact their tip runs away thermally"
+        yield f"  {above} ok cases above their critical alpha: {runs_away}, {_PHYSICS}"
     if flutter:
-        yield f"  {flutter} ok cases below it whose permanent contact oscillates with growing amplitude (flag runaway)"
-    groups = failures(dataset)
+        yield f"  {flutter} ok cases below their critical alpha: in permanent contact their tip flutters, {_PHYSICS}"
+    groups = failures(dataset, rounded=True)
     for group in groups[:FAILURES_SHOWN]:
         many = "" if group.cases == 1 else f" and {group.cases - 1} more"
         yield f"  {group.status}: {group.first}{many}: {group.message}"

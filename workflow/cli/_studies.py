@@ -44,9 +44,9 @@ def run(
     drop: Annotated[
         bool, typer.Option("--drop", help="Leave out stored cases and histories that the study no longer asks for.")
     ] = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say nothing but what went wrong.")] = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
 ) -> None:
-    """Run a study; what an interrupted run or an earlier archive of it holds is kept and the rest is run."""
+    """Run a study. What an interrupted run or an earlier archive of it holds is kept, and the rest is run."""
     _refuse_several({"--threads": threads, "--workers": workers, "--scheduler": scheduler})
     _refuse_several({"--retry": retry, "--recompute": recompute})
     from workflow.run import ClusterError, Follower, run_study
@@ -102,7 +102,7 @@ def _tell(outcome: Outcome) -> None:
     for warning in outcome.warnings:
         say(f"  beware: {warning}")
     if outcome.without_error:
-        say(f"  {outcome.without_error} of the ok cases have an error against the reference that cannot be formed")
+        say(f"  {outcome.without_error} of the ok cases lack an error against the reference")
     for labels, message in outcome.failures:
         say(f"  {labels}: {message}")
     bad = cases - outcome.counts.get("ok", 0) + outcome.without_error
@@ -159,7 +159,7 @@ def _lines(plan: Plan) -> Iterator[str]:
     yield f"  cases        {plan.cases}, of which {plan.unique} are computed"
     if plan.points > 1:
         lines = f"{plan.unique // plan.points} lines × {plan.points} points"
-        yield f"  sweep        {lines}, each from the state before; a line is one unit of work"
+        yield f"  sweep        {lines}, each from the state at the end of the one before; a line is one unit of work"
     if plan.references:
         yield f"  references   {plan.references}, and {plan.exact} exact solutions of reduced models to split errors"
     yield f"  work         {plan.batches} batches in {plan.tasks} tasks, {plan.steps:.4g} steps"
@@ -210,7 +210,7 @@ def schema(
 
 def example(
     name: Annotated[
-        str | None, typer.Argument(help="One of the list that is printed without it.", metavar="NAME")
+        str | None, typer.Argument(help="Name of an example; left out: list them all.", metavar="NAME")
     ] = None,
 ) -> None:
     """List the studies that ship with the program, or print one: `workflow example blade > blade.yaml`."""

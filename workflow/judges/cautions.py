@@ -93,8 +93,8 @@ def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
         lost = rounding_of_flexibility(structure)
         if lost > ROUNDED:
             yield (
-                f"`stiffness` holds the tip's static stiffness to about {lost:.1g}: entries that are far larger are "
-                "rounded in the file; join what near-rigid links hold together, or make them softer"
+                f"rounding in the file makes the tip's stiffness uncertain by about {lost:.1g}, as other entries "
+                "of `stiffness` are far larger; make near-rigid links softer, or join what they connect"
             )
 
 
@@ -141,14 +141,14 @@ def _friction_limits(structure: Structure, cases: Cases, *, has_impacts: bool) -
     first = min(limits, key=lambda limit: limit.impact)
     if has_impacts and most >= first.impact:
         yield (
-            f"from a friction coefficient of {first.impact:.4g} on contact{named(first.contacts)} has no unique "
-            f"solution (n·M⁻¹(n - µt) <= 0: an impulse pushes the tip into the casing); the largest here is {most:g}"
+            f"contact{named(first.contacts)} has no unique solution at a friction coefficient of {first.impact:.4g} or "
+            f"more (n·M⁻¹(n - µt) <= 0: an impulse pushes the tip into the casing); the largest here is {most:g}"
         )
     first = min(limits, key=lambda limit: limit.standstill)
     if most >= first.standstill:
         yield (
-            f"from a friction coefficient of {first.standstill:.4g} on a tip in lasting contact"
-            f"{named(first.contacts)} has no stable place (n·K⁻¹(n - µt) <= 0): its contact force grows without bound; "
+            f"permanent contact{named(first.contacts)} has no stable equilibrium at a friction coefficient of "
+            f"{first.standstill:.4g} or more (n·K⁻¹(n - µt) <= 0): the contact force grows without bound; "
             f"the largest here is {most:g}"
         )
 
@@ -166,8 +166,8 @@ def flutter(structure: Structure, cases: Cases) -> Iterator[str]:
     for k in np.flatnonzero(grows & (alpha <= critical))[:1]:
         slides = f" and a friction coefficient of {friction[k]:g}" if structure.slides else ""
         yield (
-            f"at alpha = {alpha[k]:.4g} W/N{slides} lasting contact flutters below the critical alpha, which is the "
-            f"static limit: an oscillation grows at {rate[k]:.3g} 1/s (`runaway` is set)"
+            f"at alpha = {alpha[k]:.4g} W/N{slides} permanent contact flutters, although alpha is below its "
+            f"critical value, the static limit: an oscillation grows at {rate[k]:.3g} 1/s (`runaway` is set)"
         )
 
 
@@ -265,8 +265,8 @@ def _numerical_damping(scheme: Scheme, step: SchemeStep) -> Iterator[StepCaution
     physical = float(damping[0] / (2 * omega[0]))
     numerical = (-exponent.real / abs(exponent) if exponent else 0.0) - physical
     if numerical > physical + _GROWS:
-        own = f"more than its own {physical:.2g} of critical" if physical else "which has no damping of its own"
-        what = f"damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) {own}, numerically by"
+        own = f"its own damping ratio is {physical:.2g}" if physical else "it has no damping of its own"
+        what = f"damps the first mode ({omega[0] / (2 * np.pi):.4g} Hz) numerically; {own}, that of the scheme"
         yield StepCaution(what, f"{numerical:.2g}", numerical)
 
 

@@ -273,7 +273,7 @@ def least_vectors(trials: FullTrials, requested: Counts, tolerance: float) -> Le
     model = "the full model" if trials.is_full else f"the model of {trials.most[0]} + {trials.most[1]} vectors"
     if not all(np.less_equal(counts, trials.confirmable)):
         confirmable = f"{trials.confirmable[0]} + {trials.confirmable[1]}"
-        against = f"not confirmed: {model}, which trials measure against, confirms no more than {confirmable}"
+        against = f"not confirmed: {model}, the reference of the trials, confirms {confirmable} at most"
         return LeastVectors(counts, nan, 0, against, {})
     errors = trials.errors(counts, trials.sound)
     worst = errors.index(max(errors))

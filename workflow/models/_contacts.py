@@ -136,7 +136,7 @@ def checked_contacts(contacts: Contacts, residual: str = "residual_flexibility")
             raise UnusableMatricesError(f"`contact`{of} is zero everywhere", "write what it acts on")
         size = np.linalg.norm(w) * np.linalg.norm(t)
         if size > 0 and abs(w @ t) > (1 - _PARALLEL) * size:
-            problem = f"`tangent`{of} is the direction of the contact"
+            problem = f"`tangent`{of} is parallel to the contact's direction"
             raise UnusableMatricesError(problem, "write the direction in which the casing slides")
     if contacts.residual is None:
         _refuse_dependent(contacts, residual)

@@ -185,10 +185,10 @@ def warn_of_fill(matrix: scipy.sparse.csc_array, kind: str) -> None:
     here = expected_fill(matrix, has_cholmod())
     if here.size < _MANY_BYTES:
         return
-    less = f"; the extra `sparse` takes about {expected_fill(matrix, True)}" if not has_cholmod() else ""
+    less = f", with the extra `sparse` about {expected_fill(matrix, True)}" if not has_cholmod() else ""
     warnings.warn(
-        f"a body of {matrix.shape[0]} {kind} this bulky takes about {here} each time it is factorised, krylov seven "
-        f"times for temperatures{less}",
+        f"each factorisation of a compact body of {matrix.shape[0]} {kind} takes about {here}{less}; krylov makes "
+        "seven for temperatures",
         LargeFactorsWarning,
         stacklevel=2,
     )

@@ -161,7 +161,7 @@ def refuse_dashpots(matrices: GivenMatrices, loose: NDArray[np.int64], null: Any
         worst = int(loose[apart.argmax() // apart.shape[1]])
         raise UnusableMatricesError(
             f"`damping` acts on displacement {matrices.labels[worst] if matrices.labels else worst}, which has no mass",
-            "give it some, or damp all that has none by one multiple of `stiffness`",
+            "give it mass, or damp all massless displacements by one multiple of `stiffness`",
         )
 
 
@@ -193,7 +193,7 @@ def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str)
     if np.abs(share).max(initial=0.0) > _UNBALANCED * np.abs(contact).max():
         problem = "the contact moves without mass: there is no impact law for it"
         if names[0] != "mass":
-            problem = "the contact heats what has no heat capacity, and an impact would heat it without bound"
+            problem = "the contact heats a temperature without heat capacity, which an impact would raise without bound"
         raise UnusableMatricesError(problem, f"choose a degree of freedom that has {names[0].replace('_', ' ')}")
     into, projection = np.zeros((contact.size, inertial.size)), np.zeros((inertial.size, contact.size))
     into[inertial], projection[:, inertial] = (matrix.toarray() for matrix in rows_last(contact[None, inertial])[:2])
@@ -228,7 +228,7 @@ def _static_response(stiffness: Array, null: Array, forces: Array, name: str) ->
     except np.linalg.LinAlgError:
         raise UnusableMatricesError(
             f"{null.shape[1]} degrees of freedom have no inertia, and {name} does not hold them",
-            "leave out what is neither held nor has inertia",
+            "leave out degrees of freedom that are not held and have no inertia",
         ) from None
     halfway = solve_triangular(root, null.T @ forces, lower=True)
     return np.asarray(solve_triangular(root, halfway, lower=True, trans="T"))
@@ -249,7 +249,7 @@ def _expansion(springs: Part, coupling: Array) -> Array:
     beyond = np.abs(forces[rank:] - in_order[:, rank:].T @ expansion).max(initial=0.0)
     if beyond > _UNBALANCED * np.abs(forces).max(initial=0.0):
         raise UnusableMatricesError(
-            "coupling pushes what nothing holds: stiffness moves freely where it acts",
+            "coupling exerts a resultant force on a part that nothing holds",
             "thermal forces of a free body must balance; check sign and order of coupling",
         )
     return np.asarray(expansion)
@@ -350,7 +350,7 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
     for name in ("contact", "thermal_contact"):
         shares = np.count_nonzero(getattr(matrices, name))
         if shares > MOST_SHARES:
-            remedy = f"it may act on up to {MOST_SHARES} of a structure this large"
+            remedy = f"let it act on {MOST_SHARES} at most in a structure this large"
             raise UnusableMatricesError(f"`{name}` acts on {shares} degrees of freedom", remedy)
     rows, heat_rows = rows_last(matrices.contact[None]), rows_last(matrices.thermal_contact[None])
     (basis, projection, _), (heat_basis, heat_projection, _) = rows, heat_rows
@@ -435,8 +435,8 @@ def with_contacts(structure: Matrices | Sparse, contacts: Contacts) -> Matrices 
     apart = np.abs(contacts.normal - (projection.T @ moving.normal.T).T)[:, seen]
     for label, row, beyond in zip(contacts.labels, moving.normal, apart, strict=True):
         if not np.any(row):
-            raise UnusableMatricesError(f"contact {label} acts on nothing but what is held", "choose what moves")
+            raise UnusableMatricesError(f"contact {label} acts only on what is held", "choose what moves")
         if beyond.max() > _UNBALANCED * np.abs(row).max():
             remedy = "choose degrees of freedom that have mass"
-            raise UnusableMatricesError(f"contact {label} moves what has no mass: there is no impact law", remedy)
+            raise UnusableMatricesError(f"contact {label} moves a part without mass: there is no impact law", remedy)
     return replace(structure, contacts=moving)

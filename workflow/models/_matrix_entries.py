@@ -157,8 +157,8 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     if contact is None or (isinstance(contact, str) and contact not in labels):
         names = tuple(own) if len(own) == count else tuple(range(1, count + 1))
     elif "residual_flexibility" in entries:
-        problem = "contacts without mass are chosen by displacements"
-        raise UnusableMatricesError(problem, "choose them by `contact_labels`: the file has residuals of these")
+        problem = "contacts without mass are chosen by displacements, and the file has residuals by `contact_labels`"
+        raise UnusableMatricesError(problem, "choose contacts by these labels")
     slides = sliding is not None or "tangent" in entries
     tangent = _beside("tangent", sliding, entries, labels, size, count) if slides else np.zeros_like(normal)
     heat = np.ones((count, 1))
@@ -231,7 +231,7 @@ def _beside(name: str, chosen: Choice, entries: Entries, labels: Sequence[str], 
     rows = _rows(name, chosen, entries, labels, size)
     if len(rows) != count:
         remedy = f"write one for each of {count}, and choose them by `contact_labels` where a file has more"
-        raise UnusableMatricesError(f"`{name}` has {len(rows)} rows, and contacts are {count}", remedy)
+        raise UnusableMatricesError(f"`{name}` has {len(rows)} rows for {count} contacts", remedy)
     return rows
 
 

@@ -73,7 +73,7 @@ def in_c(text: str, row: str, what: str, name: str, line: int = 1) -> str:
             return plain if number == _PLAIN else _NOT_PLAIN.sub(lambda found: "" if found[1] else "e", plain)
     (wrong, ended, _), place = text[end:].partition("\n"), line + text.count("\n", 0, end)
     problem = f"`{name}`, line {place}: `{wrong.strip()[:60]}` is not {what}" + (not ended) * " and the end of a line"
-    raise UnusableMatricesError(problem, "write numbers whole, as -1.5e-3, and all lines to their ends")
+    raise UnusableMatricesError(problem, "write complete numbers, as -1.5e-3, and complete lines")
 
 
 MOST_COORDINATES = 200_000
@@ -147,7 +147,7 @@ def _read(place: Path, readers: Mapping[str, Callable[[Path], dict[str, Any]]]) 
     kind = place.suffix.lower()
     if kind not in readers:
         remedy = f"name a file {', '.join(readers)} or a directory of .mtx files"
-        raise UnusableMatricesError(f"`{place.name}` is of no kind that is known", remedy)
+        raise UnusableMatricesError(f"`{place.name}` is of an unknown kind", remedy)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -157,7 +157,7 @@ def _read(place: Path, readers: Mapping[str, Callable[[Path], dict[str, Any]]]) 
     except Exception as error:
         reason = " ".join(str(error).split())[:100] or type(error).__name__
         problem = f"`{place.name}` is no {kind[1:].upper()} file, or damaged: {reason}"
-        raise UnusableMatricesError(problem, "write it anew") from None
+        raise UnusableMatricesError(problem, "write it again") from None
 
 
 def _of_rows(name: str, value: Any) -> Any:

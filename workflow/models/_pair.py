@@ -114,7 +114,7 @@ def pivots(matrix: Array, name: str, scale: Array) -> Factor:
     negative = float(np.abs(rest).max(initial=0.0))
     if _INDEFINITE * least < negative <= _ROUNDED_IN_FILES:
         raise UnusableMatricesError(
-            f"{name} is indefinite by {negative:.0e} of its diagonal, which rounding of the numbers in its file does",
+            f"{name} is indefinite by {negative:.0e} of its diagonal, as its numbers are rounded in the file",
             "write them with 16 digits, or hold the body that is free",
         )
     if not negative <= _INDEFINITE * least:

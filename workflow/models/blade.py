@@ -21,8 +21,8 @@ class Parameters:
 
     nodes: int = quantity(
         "1",
-        "number of cells; largest temperatures grow with it until that at the tip, see tip_cell, is thinner than heat "
-        "enters in a contact",
+        "number of cells; the largest temperature grows with it until the cell at the tip (see tip_cell) is thinner "
+        "than the depth to which heat enters in a contact",
         at_least=1,
         at_most=MOST_NODES,
     )
@@ -80,7 +80,7 @@ def _fill(parameters: Parameters) -> Array:
         return np.full(n, float(n))
     if cell > length / n or n == 1:
         remedy = f"write less than {length / n:.6g} m, or leave it out"
-        raise UnusableMatricesError(f"of {cell:g} m is no cell from which {n} cells grow to {length:g} m", remedy)
+        raise UnusableMatricesError(f"of {cell:g} m is too long for {n} cells that grow to {length:g} m", remedy)
     before = np.arange(n - 1, -1, -1.0)
     rate = np.log(length / cell) / (n - 1)  # too fast: the cell at the root alone would be as long as the blade
     for _ in range(30):  # Newton's method on the logarithm of the sum, which is convex

@@ -58,7 +58,7 @@ def with_held_left_out(given: GivenMatrices, build: Callable[[GivenMatrices], Ma
     left["thermal_contact"] = heat_into.T @ given.thermal_contact
     for name in ("contact", "load", "tangent", "thermal_contact"):
         if left[name] is not None and not np.any(left[name]) and np.any(getattr(given, name)):
-            raise UnusableMatricesError(f"`{name}` acts on nothing but what is held by {_HUGE:g}", "choose what moves")
+            raise UnusableMatricesError(f"`{name}` acts only on what is held by {_HUGE:g}", "choose what moves")
     rest = replace(
         given,
         mass=into.T @ given.mass @ into,

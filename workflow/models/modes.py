@@ -308,4 +308,4 @@ def _heat(parameters: Parameters, count: int) -> tuple[Array, list[Array]]:
 
 def _check(holds: bool | np.bool_, column: str, what: str) -> None:
     if not holds:
-        raise UnusableMatricesError(f"column `{column}` has a value that cannot be", f"write values {what}")
+        raise UnusableMatricesError(f"column `{column}` has an impossible value", f"write values {what}")

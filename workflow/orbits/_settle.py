@@ -76,7 +76,7 @@ def settle(flow: Flow, options: Options) -> Settled:
     found = _by_balance(flow, motions, options) if flow.is_heated else None
     if found is not None:
         return found
-    message = f"nothing that repeats within {options.periods} was found in {MOST_PERIODS} periods of the loads"
+    message = f"no rub that repeats within {options.periods} periods of the loads was found in {MOST_PERIODS} of them"
     return Settled(NOT_FOUND, message, None, _exponent(flow, X, contact))
 
 
@@ -137,7 +137,7 @@ def _found(flow: Flow, motions: list[Trajectory], options: Options) -> Settled |
         if orbit is not None and _comes_to(orbit, X, scale):
             return Settled(orbit.state, "", orbit)
     if abs(flow.growth_by_heat(X)) > _EXCESS * flow.reach:
-        return Settled(RUNS_AWAY, "the temperature of the tip leaves every bound")
+        return Settled(RUNS_AWAY, "the temperature of the tip grows without bound")
     return None
 
 

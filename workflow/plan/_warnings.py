@@ -96,7 +96,7 @@ def fast_samples(grid: Grid) -> Iterator[str]:
     two = max((4 / frequencies(one)[-1] for one in every if isinstance(one, Chain) and one.springs.all()), default=0.0)
     if "contact_force" in grid.study.output.histories and grid.sampling.interval < two:
         mean = f"contact_force is a mean over {grid.sampling.interval:g} s"
-        yield f"{mean}, less than a wave takes through two cells ({two:.2g} s): it shows the cells"
+        yield f"{mean}, shorter than a wave takes through two cells ({two:.2g} s): it shows the mesh"
 
 
 LOST = 1e-3
@@ -139,8 +139,8 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
     for basis, lost in worst.items():
         if lost > LOST:
             yield (
-                f"{basis} lose {lost:.2g} of initial states or constant loads (projection_residual): what they cannot "
-                "hold is left out of the reduced model, and sensors show it most; more modes, or `full`, hold more"
+                f"{basis} cannot represent {lost:.2g} of initial states or constant loads (projection_residual), which "
+                "sensors show most; keep more modes, or `full`"
             )
 
 
@@ -148,11 +148,11 @@ def _units(every: Sequence[Any]) -> Iterator[str]:
     """Yield that a density or the speed of sound is that of no blade, of parameters that have them."""
     density = min((one.density for one in every if hasattr(one, "density")), default=np.inf)
     if density < _LIGHTEST:
-        yield f"a density of {density:.3g} kg/m3 is that of no blade: check its unit, kg/m3 or e.g. `4.43 g/cm**3`"
+        yield f"a density of {density:.3g} kg/m3 is not that of a blade: check its unit, kg/m3 or e.g. `4.43 g/cm**3`"
     speeds = [one.wave_speed for one in every if getattr(one, "wave_speed", 0) > 0]
     for speed in (min(speeds, default=np.inf), max(speeds, default=0.0)):
         if 0 < speed < _SPEEDS[0] or _SPEEDS[1] < speed < np.inf:
-            yield f"sound would pass at {speed:.3g} m/s: check the units of stiffness, density and lengths"
+            yield f"the speed of sound would be {speed:.3g} m/s: check the units of stiffness, density and lengths"
 
 
 def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
@@ -192,11 +192,11 @@ def distinct_lines(lines: Iterable[str], most: int) -> tuple[str, ...]:
 
 _CHOICES_SHOWN = 8
 
-_MISSED = "more of the modes that `auto` may choose change less than the tolerance"
+_MISSED = "more modes, as far as `auto` may choose them, change less than the tolerance"
 
 _UNTRIED = (
-    "a case there that ends ok and misses the tolerance says so by its own errors",
-    "whether a case there that ends ok meets the tolerance only a `reference` would tell",
+    "an ok case there that misses the tolerance shows it in its own errors",
+    "only a `reference` would tell whether an ok case there meets the tolerance",
 )
 """What corners that were left out mean for cases with a reference, and without."""
 
@@ -217,7 +217,7 @@ def choice_cautions(grid: Grid) -> Iterator[str]:
         if not choice.is_confirmed:
             yield f"{name}: {_counts_of(choice)}, {choice.against}"
         elif choice.error > tolerance:
-            yield f"{name}: {_counts_of(choice)} miss it with {choice.error:.2g}; {_MISSED}"
+            yield f"{name}: {_counts_of(choice)} miss it with an error of {choice.error:.2g}; {_MISSED}"
 
 
 def _every_choice(grid: Grid) -> Iterator[tuple[str, float, ChosenModes]]:
@@ -272,7 +272,7 @@ def warnings(grid: Grid) -> tuple[str, ...]:
     cautions = [caution for settings in every for caution in _cautions(grid, settings)]
     steps = _sentences(cautions, len(set(map(basis_text, every))))
     lacks_exact = grid.study.output.steady is not None and all(choice.method != EXACT for choice in choices)
-    steady = (f"no scheme of this study is {EXACT}, which alone has steady rubs",) if lacks_exact else ()
+    steady = (f"no scheme of this study is {EXACT}, and only that one has steady rubs",) if lacks_exact else ()
     samples = (*_coarse_sections(grid), *fast_samples(grid))
     sentences = (
         *idle,
@@ -290,7 +290,7 @@ def _stands_still(grid: Grid) -> Iterator[str]:
     """Yield that a structure depends on a speed that is left out."""
     speeds = [value for axis in grid.study.axes() if axis.path == "scene.speed" for value in axis.values]
     if grid.study.depends_on_speed and not any([*speeds, grid.study.scene.speed]):
-        yield "the structure depends on the speed, and `scene.speed` is left out: it stands still, Ω = 0"
+        yield "the structure depends on the speed, and `scene.speed` is left out, so it stands still (Ω = 0)"
 
 
 def _of_some_structures(grid: Grid) -> list[int]:
@@ -305,7 +305,7 @@ def _coarse_sections(grid: Grid) -> Iterator[str]:
     """Yield that extremes of load periods are taken of few samples."""
     samples = 1 / max(grid.fastest * grid.sampling.interval, 1e-300)
     if grid.study.output.sections and samples < _FEWEST_SAMPLES:
-        yield f"period_displacement is taken of {samples:.2g} samples a load period: give a smaller `output.interval`"
+        yield f"period_displacement has {samples:.2g} samples per load period: give a smaller `output.interval`"
 
 
 def warning_lines(grid: Grid) -> tuple[str, ...]:
@@ -314,7 +314,7 @@ def warning_lines(grid: Grid) -> tuple[str, ...]:
         try:
             sentences = warnings(grid)
         except (Exception, SystemExit) as error:  # of a foreign scheme's amplification, say: no run fails by it
-            sentences = (f"what to beware of could not be found: {reason_of(error)}",)
+            sentences = (f"warnings could not be determined: {reason_of(error)}",)
     if len(sentences) <= _REPEATED:
         return sentences
     return (*sentences[: _REPEATED - 1], f"… and {len(sentences) - _REPEATED + 1} more, which `workflow plan` names")
@@ -378,7 +378,7 @@ def _sentences(cautions: list[_Caution], bases: int) -> tuple[str, ...]:
     def amount(kind: tuple[str, str], caution: _Caution) -> str:
         some = len(concerned[*kind, caution.h])
         basis = caution.basis if some == 1 else f"worst with {caution.basis}"
-        return f"{caution.said.amount} at h = {caution.h:g} s" + (f" ({basis})" if some < bases else "")
+        return f"{caution.said.amount} at h = {caution.h:.3g} s" + (f" ({basis})" if some < bases else "")
 
     def sentence(kind: tuple[str, str], at: dict[float, _Caution]) -> str:
         amounts = [amount(kind, caution) for _, caution in sorted(at.items()) if caution.said.amount]

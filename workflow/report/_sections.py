@@ -103,7 +103,7 @@ def answered(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[Section, 
             else "A sweep has no errors: its points start from each other. Run the study with a list in the place of "
             "the sweep and `reference: {scheme: event_driven}` to another archive, with -o."
             if swept_axis(dataset)
-            else f"Which method, which step: {error}. Run the study with `reference: {{scheme: event_driven}}` to "
+            else f"No recommendation: {error}. Run the study with `reference: {{scheme: event_driven}}` to "
             "another archive, with -o."
         )
         return {"explanation": explanation}, None
@@ -185,7 +185,7 @@ def cases(dataset: xr.Dataset) -> Section:
     if above:
         couplings = dataset["critical_alpha"].where(dataset["status"] == Status.OK)
         critical = np.unique(couplings.where(dataset["alpha"] > couplings).values.round(12))
-    groups = failures(dataset)
+    groups = failures(dataset, rounded=True)
     return {
         "counts": [[name, str(number)] for name, number in status_counts(dataset).items()],
         "above": above,
@@ -357,7 +357,7 @@ def _computing(dataset: xr.Dataset) -> str:
     """Return the sum of the cases' times."""
     seconds = np.asarray(dataset["processor_time"].values, dtype=float) if "processor_time" in dataset else np.zeros(0)
     finite = seconds[np.isfinite(seconds)]
-    return f"{finite.sum():.3g} s, the sum over {finite.size} cases, references aside" if finite.size else ""
+    return f"{finite.sum():.3g} s, the sum over {finite.size} cases, without references" if finite.size else ""
 
 
 def _run(run: Mapping[str, Any]) -> str:

@@ -82,10 +82,10 @@ def status_counts(dataset: xr.Dataset) -> dict[str, int]:
 
 
 def labels_of_case(dataset: xr.Dataset, number: int) -> str:
-    """Return the coordinates that identify a case, given by its number, as ``sel`` takes them: no units."""
+    """Return the coordinates that identify a case, given by its number, without units; floats in six digits."""
     dims, case = dataset["status"].dims, case_of(dataset, number)
     return ", ".join(
-        f"{name} = {value:.12g}" if isinstance(value := case[name].item(), float) else f"{name} = {value}"
+        f"{name} = {value:.6g}" if isinstance(value := case[name].item(), float) else f"{name} = {value}"
         for dim in dims
         for name in dataset.coords
         if dataset[name].dims == (dim,)
@@ -112,9 +112,10 @@ def _hottest(dataset: xr.Dataset) -> Iterator[str]:
     hot = int(np.sum(temperature > LINEAR))
     if hot:
         hottest = int(np.nanargmax(temperature))
+        where = labels_of_case(dataset, hottest) or "the only case"
         yield (
-            f"{hot} of {np.sum(ok)} ok cases are hotter than the {LINEAR:g} K that a linear model can mean; the "
-            f"hottest reaches {temperature.flat[hottest]:.4g} K: {labels_of_case(dataset, hottest) or 'the only case'}"
+            f"{hot} of {np.sum(ok)} ok cases are hotter than {LINEAR:g} K, above which a linear model means nothing; "
+            f"the hottest reaches {temperature.flat[hottest]:.4g} K: {where}"
         )
 
 
@@ -145,7 +146,7 @@ def _moving(dataset: xr.Dataset) -> Iterator[str]:
             change = float(np.abs(1 - before / last.where(last != 0)).max())
             ends = f"{name} = {values.values[coarse]:g} to {values.values[fine]:g}"
             if change >= 0:  # some case is warm
-                yield f"max_temperature still moves by up to {100 * change:.2g} % from {ends}"
+                yield f"max_temperature still changes by up to {100 * change:.2g} % from {ends}"
 
 
 def case_of(dataset: xr.Dataset, number: int) -> xr.Dataset:

@@ -214,7 +214,7 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int, other: l
             if kept != message and not other:
                 differ.append(f"{where}: message {kept!r} stored, {message!r} now")
     again_text = f"{len(numbers)} {'cases' if grid.points == 1 else 'lines of the sweep'} run again"
-    how = f"within what rounding makes of each (other {', '.join(other)})" if other else "bit for bit"
+    how = f"within the effect of rounding on each (other {', '.join(other)})" if other else "bit for bit"
     if not differ:
         left = "" if not failed else f"; {failed} that failed hold nothing to compare"
         left += f"; rounding leaves no digit to compare of {'; '.join(blurred[:MOST_DIFFERENCES])}" if blurred else ""

@@ -115,7 +115,7 @@ class Arrangement:
         for path, content in axes.items():
             if isinstance(content, Followed):
                 if self.followed or path in ("h", TOLERANCE):
-                    remedy = "follow one axis of what event_driven reads"
+                    remedy = "write one branch only, along a number that event_driven reads"
                     self.source.report(("axes", path), "cannot be followed", remedy)
                 self.followed[path] = content
             elif isinstance(content, Swept):
@@ -130,7 +130,7 @@ class Arrangement:
         if cases > MOST_CASES:
             count = f"{cases:.3g}" if cases < 1e300 else "more than 1e300"
             place = "axes" if axes else "zip"
-            self.source.report((place,), f"come to {count} cases", f"keep them to {MOST_CASES:.0e}")
+            self.source.report((place,), f"make {count} cases", f"write fewer values: {MOST_CASES:.0e} cases at most")
             self.source.refuse()
 
     def _take_sweep(self, path: str, values: tuple[float, ...]) -> None:
@@ -214,7 +214,7 @@ class Arrangement:
         for group in self.groups:
             if group.name in reserved | {"contact"} or group.name in settings or group.name.endswith("_length"):
                 problem = "is the name of a variable of the archive or of an axis"
-                self.source.report(group.place, problem, "name the dimension otherwise")
+                self.source.report(group.place, problem, "give the dimension another name")
         zips = {group.name for group in self.groups if group.name}
         names = coordinate_names([*varied, *singles], reserved | zips)
 
@@ -247,7 +247,7 @@ def mode_count(source: StudyText, place: Place, modes: Value, counts: Counts, si
             return most
         source.report(place, "has `full` where the number of nodes varies", "write counts, or zip it with the nodes")
     elif not most and place[-1] == "thermal_modes":
-        problem = f"{quoted(modes)} is too many: the tip has the only temperature; without matrices of heat all is cold"
+        problem = f"{quoted(modes)} is too many: the structure has no temperature beside the tip's"
         source.report(place, problem, "write 0 or `full`, or give the structure heat_capacity and conductance")
     elif int(modes) > most:
         problem = f"{quoted(modes)} is more than the {most} interior modes of {min(counts)} nodes"

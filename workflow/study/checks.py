@@ -63,7 +63,7 @@ def _auto(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
             yield ("reference", path), problem, "write e.g. `tolerance: 1e-8` beside it"
         if path is None and TOLERANCE in values:
             remedy = f"write `auto` for {' and '.join(MODES)} of the reference, or leave it out"
-            yield ("reference", TOLERANCE), "decides nothing", remedy
+            yield ("reference", TOLERANCE), "decides nothing, as no count of modes is `auto`", remedy
     if TOLERANCE not in source.axes:
         for axis in cases.axes():
             if axis.path in MODES and CHOSEN in axis.values:
@@ -103,11 +103,9 @@ def _mesh(cases: CaseSpace) -> Iterator[Fault]:
             yield ("scene", model, "tip_cell"), error.problem, error.remedy
             return
     if depth is not None and depth > deepest:
-        problem, remedy = (
-            f"of {depth:g} m is deeper than the {deepest:.6g} m of `{model}`",
-            "write less, or leave it out",
-        )
-        yield ("output", "temperature_depth"), problem, f"{remedy}: `blade`, and `chain` with `spacing`, have a depth"
+        problem = f"of {depth:g} m is deeper than the {deepest:.6g} m of `{model}`"
+        remedy = "write less, or leave it out: only `blade`, and `chain` with `spacing`, have a depth"
+        yield ("output", "temperature_depth"), problem, remedy
 
 
 def _meshes(cases: CaseSpace) -> Iterator[Any]:
@@ -133,8 +131,8 @@ def _lists(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
             count = next((count for count in counts if count != len(value)), None)
             if count is not None:
                 varies = len(set(counts)) > 1
-                also = ", whatever their number is in a case" if varies else ""
-                problem = f"has {len(value)} values where the model has {count} {declared.per}s{also}"
+                some = " in some case" if varies else ""
+                problem = f"has {len(value)} values where the model has {count} {declared.per}s{some}"
                 remedy = "write a scalar" if varies or count == 1 else f"write a scalar or {count} values"
                 yield ("scene", group, entry.name), problem, remedy
 
@@ -173,7 +171,7 @@ def _friction(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
         beside = [source.axes["alpha"]] if "alpha" in source.axes else []
         for place in (*beside, *([("reference", "alpha")] if "alpha" in reference else [])):
             remedy = "keep one of the two: alpha = heat_share · coefficient · sliding_speed"
-            yield place, "stands beside `scene.friction`, which makes it", remedy
+            yield place, "stands beside `scene.friction`, from which it follows", remedy
 
 
 def _labels(cases: CaseSpace) -> tuple[str, ...]:
@@ -207,15 +205,18 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
     """Refuse what is of one contact with mass where a structure has several, or one without."""
     if sizes.structure is None or sizes.structure.contacts is None:
         return
-    several = f"and the structure has {len(cases.contacts)} contacts" if cases.contacts else "and it has no mass"
+    several = (
+        f"and the structure has {len(cases.contacts)} contacts" if cases.contacts else "and its contact has no mass"
+    )
     axis = f"scene.{cases.scene.model}.contact"
     if axis in source.axes:
         yield source.axes[axis], f"is an axis, {several}", "write a study for each choice of contacts"
     yield from _reduced_contacts(cases, sizes, source, several)
     if cases.branch is not None:
-        yield ("axes", cases.branch.axis.path), f"is a branch, {several}", "write a list, or choose one contact"
+        problem = f"is a branch, which takes one contact with mass, {several}"
+        yield ("axes", cases.branch.axis.path), problem, "write a list, or choose one contact"
     elif cases.output.steady is not None:
-        yield ("output", "steady"), f"is of one contact, {several}", "leave it out, or choose one contact"
+        yield ("output", "steady"), f"takes one contact with mass, {several}", "leave it out, or choose one contact"
     acts = any(axis.path.startswith("scene.load.") and "steady" not in axis.path for axis in cases.axes())
     load = cases.scene.load
     if not np.any(sizes.structure.load_direction) and (acts or load.mean or load.amplitude or load.harmonics):
@@ -293,7 +294,7 @@ def _reduced_contacts(cases: CaseSpace, sizes: Sizes, source: StudyText, several
     able = [name for name in reduction.names() if not reduction.fault(name) and reduction.takes(name, contacts)]
     for basis in sorted(values["reduction"] - set(able) if is_reduced else ()):
         where = source.axes.get("reduction", ("axes", "reduction"))
-        yield where, f"`{basis}` does not take it, {several}", f"write {' or '.join(able)}"
+        yield where, f"`{basis}` takes one contact with mass, {several}", f"write {' or '.join(able)}"
 
 
 def _branch(cases: CaseSpace) -> Iterator[Fault]:
@@ -302,7 +303,7 @@ def _branch(cases: CaseSpace) -> Iterator[Fault]:
         return
     if {cases.schemes[label].method for label in _labels(cases)} != {"event_driven"}:
         remedy = "write `scheme: event_driven` under `axes`, or a list in the place of the branch"
-        yield ("axes", cases.branch.axis.path), "is a branch, which event_driven alone follows", remedy
+        yield ("axes", cases.branch.axis.path), "is a branch, which only event_driven follows", remedy
     if cases.reference is not None:
         yield ("reference",), "stands beside a branch, which has no errors", "leave it out"
 
@@ -313,7 +314,7 @@ def _speed(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     if not cases.depends_on_speed:
         return
     if cases.branch is not None and cases.branch.axis.path == path:
-        problem = "is a branch, and the structure depends on the speed: its states would be those of other structures"
+        problem = "is a branch over the speed, on which the structure depends"
         yield ("axes", path), problem, "write a list in its place"
     fastest = max([scene.speed, *(float(value) for axis in cases.axes() if axis.path == path for value in axis.values)])
     try:

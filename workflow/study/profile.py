@@ -54,14 +54,15 @@ def harmonics_of(angle: Array, gap: Array) -> tuple[float, tuple[CasingHarmonic,
     if angle.size > 1 and abs(angle[-1] - angle[0] - 360) < _OFF * 360 / (angle.size - 1):
         if abs(gap[-1] - gap[0]) > REMAINDER * span:
             problem = f"the profile is {gap[0]:.6g} m at {angle[0]:g} deg and {gap[-1]:.6g} m at {angle[-1]:g} deg"
-            raise UnusableMatricesError(problem, "write one gap for one place")
+            raise UnusableMatricesError(problem, "write the same gap for both, which are one place")
         angle, gap = angle[:-1], gap[:-1]
     count = angle.size
     off = np.abs(angle - angle[0] - np.arange(count) * 360 / count) > _OFF * 360 / count
     if count < 3 or off.any():
-        at = f", which {angle[np.argmax(off)]:g} deg is not" if off.any() else ""
-        remedy = "interpolate it at angles equally spaced from 0 to 360 deg, 3 at least"
-        raise UnusableMatricesError(f"the profile has {count} angles in steps of {360 / count:g} deg{at}", remedy)
+        step = f"a multiple of {360 / count:g} deg from the first"
+        at = f", and {angle[np.argmax(off)]:g} deg is not {step}" if off.any() else ""
+        remedy = "interpolate it at 3 or more equally spaced angles from 0 to 360 deg"
+        raise UnusableMatricesError(f"the profile has {count} angles{at}", remedy)
     orders = np.arange(1, (count + 1) // 2)  # that of count/2 has no phase
     shares = 2j / count * np.fft.rfft(gap)[orders] * np.exp(-1j * orders * np.radians(angle[0]))
     mean, radians, kept = float(f"{gap.mean():.12g}"), np.radians(angle), list[CasingHarmonic]()

@@ -100,7 +100,7 @@ def _spread(law: Law, kind: Number) -> Kind:
     def build(entries: tuple[float, float, int]) -> Content:
         first, last, size = entries
         if first == last:
-            raise wrong("begins and ends with the same value", "write a list of one")
+            raise wrong("begins and ends with the same value", "write a list of one value")
         if law == "log" and not min(first, last) > 0:
             raise wrong("a logarithmic axis needs positive ends", "write above 0, or use lin")
         if law == "branch":
@@ -125,9 +125,9 @@ def between(kind: Number) -> Kind:
     def build(law: Law, ends: tuple[float, float]) -> Range:
         low, high = ends
         if not low < high:
-            raise wrong("does not end above its begin", "write the lower end first")
+            raise wrong("is not from low to high", "write the lower end first")
         if law == "log" and not low > 0:
-            raise wrong("has a logarithm and needs positive ends", "write above 0, or [low, high]")
+            raise wrong("is logarithmic and needs positive ends", "write above 0, or [low, high]")
         return Range(law, low, high)
 
     remedy = "write [low, high] or {log: [low, high]}"
@@ -152,7 +152,7 @@ def _under(kinds: Mapping[Law, Kind], remedy: str, others: Mapping[str, str]) ->
 
     def build(given: dict[str, Any]) -> Any:
         if len(given) != 1:
-            raise wrong(f"has {len(given)} laws", remedy)
+            raise wrong(f"has {len(given)} keys where it takes one", remedy)
         return next(iter(given.values()))
 
     entries: dict[str, Entry] = {law: Entry(kind, f"values whose law is {law}") for law, kind in kinds.items()}
@@ -235,5 +235,5 @@ def drawn(sample: str, points: int, of: Mapping[str, Range], seed: int = 0) -> D
     zipped = Drawn(sample, points, seed, of)
     if zipped.count > MOST_VALUES:
         most = MOST_VALUES // len(zipped.matrices)
-        raise wrong(f"come to {zipped.count} cases", f"write at most {most}", "points")
+        raise wrong(f"make {zipped.count} cases", f"write at most {most}", "points")
     return zipped

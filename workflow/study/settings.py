@@ -167,7 +167,7 @@ class Steady:
     samples: int = quantity("1", "samples of its orbit", default=100, at_least=1, at_most=10_000)
 
 
-_BALANCES = "whether to keep energy_residual and heat_residual; a step takes about half as long again with them"
+_BALANCES = "whether to keep energy_residual and heat_residual; with them a step takes about 50 % longer"
 _DEPTH = "depth from the tip over which a mean temperature is kept; each case runs twice for it"
 _EVENTS = "most events of a case of event_driven that are listed: impacts, and contacts that begin or end"
 _SENSORS = (

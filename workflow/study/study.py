@@ -453,7 +453,8 @@ class ResolvedValue:
             unit = ""
         elif unit == "m" and 0 < max(map(abs, values)) < 1e-3:
             values, unit = tuple(1e6 * value for value in values), "µm"
-        texts = [f"{value:.12g}" if isinstance(value, float) else str(value) for value in values]
+        digits = 12 if len(values) == 1 else 6
+        texts = [f"{value:.{digits}g}" if isinstance(value, float) else str(value) for value in values]
         few = texts if len(texts) <= 6 else [texts[0], texts[1], "…", f"{texts[-1]} ({len(texts)} values)"]
         return f"{', '.join(few)} {unit}".rstrip()
 

@@ -49,7 +49,7 @@ _NEARLY_ELASTIC = 0.99
 """Restitution above which the message on the budget of events states how many impacts it takes to come to rest."""
 
 _INSEPARABLE = (
-    "leaves poles that coincide and share an eigenvector, which event_driven cannot separate; change it by a trifle, "
+    "leaves poles that coincide and share an eigenvector, which event_driven cannot separate; change it slightly, "
     "or take a scheme with a fixed step"
 )
 
@@ -330,8 +330,8 @@ def _extrapolation_text(tally: Any, budget: Budget) -> str:
     )
     return (
         f"{EXTRAPOLATED}impacts below {tally['summed_speed']:.3g} m/s, which lift the tip by at most "
-        f"{tally['summed_height']:.3g} m, were summed up: till they end there are more than are left of the "
-        f"{budget.events} of the option `events`" + (f"{leaves}, taken as 0" if tally["leaving_speed"] > 0 else "")
+        f"{tally['summed_height']:.3g} m, were summed up: there are more of them than the option `events`, "
+        f"{budget.events}, leaves" + (f"{leaves}, taken as 0" if tally["leaving_speed"] > 0 else "")
     )
 
 

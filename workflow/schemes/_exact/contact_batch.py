@@ -299,7 +299,7 @@ def _failure(ended: int, progress: Any, operator: ContactOperator) -> str:
         NO_IMPACT_LAW: f"contact has no unique solution {at}, contacts {names}: lower the friction coefficient",
         INSIDE_CASING: f"a contact starts beyond its casing, of contacts {names}",
         OUT_OF_EVENTS: f"stopped {at} after {operator.budget.events} contact events, its budget: contacts with mass "
-        "throw each other off; take contacts without mass, or raise the scheme's option `events`",
+        "open each other again and again; take contacts without mass, or raise the scheme's option `events`",
     }
     if ended in own:
         return own[ended]

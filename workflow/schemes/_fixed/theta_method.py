@@ -171,6 +171,6 @@ def _admissible_step(limit: float, theta: float, duration: float) -> str:
                 f"the largest admissible h is {share * limit:.6g} s"
             )
     return (
-        f"{limit:.6g} s is the limit, but there is no largest admissible h, as no step helps: the heat of a pressed "
-        "tip grows out of the finite numbers within the duration; shorten it, or lower alpha"
+        f"{limit:.6g} s is the limit, but there is no largest admissible h, as the heat of a pressed tip overflows "
+        "within the duration; shorten the duration, or lower alpha"
     )
