@@ -71,11 +71,11 @@ def tip_cells(grid: Grid) -> dict[str, Any]:
 
 
 def coarse_tip(grid: Grid) -> Iterator[str]:
-    """Yield that the cell at the tip is thicker than heat enters in a contact of a tenth of the load's period."""
+    """Yield that the cell at the tip is thicker than heat enters in a contact of a tenth of the shortest period."""
     about, frequency, scene = tip_cells(grid), grid.fastest, grid.study.scene
     heated = scene.friction or any(any(axis.values) for axis in grid.study.axes() if axis.path == "alpha")
     if about and frequency > 0 and heated:
-        yield from too_thick(about, _CONTACT_SHARE / frequency, "a tenth of the load's period")
+        yield from too_thick(about, _CONTACT_SHARE / frequency, "a tenth of the shortest period")
 
 
 def too_thick(about: Mapping[str, Any], seconds: float, words: str) -> Iterator[str]:
@@ -87,7 +87,8 @@ def too_thick(about: Mapping[str, Any], seconds: float, words: str) -> Iterator[
         yield f"the cell at the tip is {mesh:.3g} mm thick, and heat enters {entered:.2g} mm in {words}: {remedy}"
     elif cell > entered > 0:
         kept = f"the thermal modes kept amount to a cell of {cell:.3g} mm at the tip"
-        yield f"{kept}, and heat enters {entered:.2g} mm in {words}: max_temperature depends on their number; keep more"
+        remedy = "max_temperature depends on their number; keep more, or use krylov"
+        yield f"{kept}, and heat enters {entered:.2g} mm in {words}: {remedy}"
 
 
 def fast_samples(grid: Grid) -> Iterator[str]:
