@@ -132,7 +132,7 @@ def _statuses(dataset: xr.Dataset) -> Iterator[str]:
 
 Tolerance = Annotated[
     str | None,
-    typer.Option("--tolerance", metavar="SHARE", help="Largest error of histories, 0.01 or 1%; default: the study's, else 1%."),
+    typer.Option("--tolerance", metavar="SHARE", help="Largest error, as 0.01 or 1%; default: the study's, else 1%."),
 ]
 
 WIDE = 240
