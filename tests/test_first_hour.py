@@ -183,7 +183,7 @@ def test_matrices_without_heat_or_with_wrong_labels(tmp_path: Path) -> None:
             read_study(written)
         return str(refused.value)
 
-    assert "without matrices of heat all is cold; write 0 or `full`" in refusal(
+    assert "has no temperature beside the tip's; write 0 or `full`" in refusal(
         {"file": "cold.npz"}, thermal_modes=[1, 2]
     )
     assert "the contact heats a temperature without heat capacity" in refusal({"file": "bare.npz"})

@@ -79,7 +79,7 @@ def test_near_rigid_links_cost_what_the_plan_says(chain: xr.Dataset) -> None:
     assert np.all(archive["status"].sel(scheme=["implicit_euler", "event_driven"]) == Status.OK)
     assert np.all(archive["status"].sel(scheme="carpenter") == Status.DIVERGED)
     [caution] = [text for text in plan_study(read_study(STUDIES / "near_rigid.yaml")).warnings if "`stiffness`" in text]
-    assert f"to about {share:.1g}" in caution
+    assert f"by about {share:.1g}" in caution
     assert not [
         text for text in plan_study(read_study(STUDIES / "scaled_units.yaml")).warnings if "`stiffness`" in text
     ]

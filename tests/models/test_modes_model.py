@@ -100,8 +100,8 @@ def test_a_head_may_have_units(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("modes", "problem"),
     [
-        ("{table: [[1000, 0.01, 0]]}", "`tip` has a value"),
-        ("{table: [[-1, 0.01, 1]]}", "`frequency` has a value"),
+        ("{table: [[1000, 0.01, 0]]}", "`tip` has an impossible value"),
+        ("{table: [[-1, 0.01, 1]]}", "`frequency` has an impossible value"),
         ("{table: [[1000, 0.01]]}", "is no row of the table"),
         ("{table: [{frequency: 1000, damping_ratio: 0.01}]}", "is no row of the table"),
         ("{table: [[1000, 0.01, one]]}", "`one` is not"),
