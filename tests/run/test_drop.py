@@ -118,7 +118,7 @@ def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkey
         of_narrowed = int((data["status"].sel(alpha=5.0) != 4).sum())
     assert 0 < of_narrowed < there < 9
     shards = sorted(parts_of(archive).glob("*.shard"))
-    refused(narrowed, archive, f"holds {there} cases of an unfinished run .*, asks for {there - of_narrowed} of them")
+    refused(narrowed, archive, f"holds {there} cases of an unfinished run .* asks for {there - of_narrowed} of them")
     assert sorted(parts_of(archive).glob("*.shard")) == shards
     holding = holdings(narrowed, archive)
     assert (holding.stored, holding.missing, holding.dropped) == (of_narrowed, 3 - of_narrowed, there - of_narrowed)
