@@ -171,7 +171,7 @@ def impacts_every_n() -> list[Row]:
 )
 def impact_bar() -> list[Row]:
     """A bar (E = 900, ρ = 1, L = 10) hits a wall at 10: by d'Alembert the wall bears ρ c v = 300 for 2 L/c = 2/3, and
-    the bar leaves undeformed with −10. A chain of 41 nodes knows this up to the width of a cell.
+    the bar leaves undeformed with −10. A chain of 41 nodes gives this within the width of a cell.
     """
     bars, rows = solved("truth/impact_bar"), []
     for scheme in bars["scheme"].values:
@@ -195,7 +195,7 @@ def impact_bar() -> list[Row]:
 )
 def ball_at_rest() -> list[Row]:
     """A ball of 1 kg dropped from 1 m, e = 0.9: the first impact, at √(2H/g), carries (1 + e) √(2 g H). Its impacts
-    accumulate at √(2H/g) (1 + e)/(1 − e) = 8.579 s; from then on it lies, and in all the table has borne m g T.
+    accumulate at √(2H/g) (1 + e)/(1 − e) = 8.579 s; then it rests. In the whole time T the table bears m g T.
     """
     ball = solved("hard/ball", **{"axes.scheme": "event_driven", "axes.h": 1e-3}).squeeze()
     first = float(ball["impulse"].sel(t=0.46, method="nearest"))
@@ -239,9 +239,9 @@ def clamped_bar() -> list[Row]:
     "truth/sliding_rest",
 )
 def sliding_casing() -> list[Row]:
-    """The contact force acts along n − µt. A mass with M = [[1, m], [m, 1]], m = 0.4, that comes with u = 2 takes (1 +
-    e) u (1 − m²)/(1 + µm), e = 0.6. Pressed on springs k = 100 with c = −30 between them it bears (F − k d + c²
-    d/k)/(1 + µ c/k).
+    """The contact force acts along n − µt. A mass with M = [[1, m], [m, 1]], m = 0.4, that arrives with u = 2 receives
+    (1 + e) u (1 − m²)/(1 + µm), e = 0.6. Pressed on springs k = 100 with c = −30 between them, its contact bears
+    (F − k d + c² d/k)/(1 + µ c/k).
     """
     struck, rests = (solved(f"truth/{name}").sel(scheme="event_driven") for name in ("sliding_impact", "sliding_rest"))
     rows = []

@@ -96,7 +96,7 @@ def of_exact(results: xr.Dataset, name: str) -> float:
     "free/weak_ground",
 )
 def one_contact() -> list[Row]:
-    """Small structures on which an earlier version of this program was wrong; the studies lie in `tests/truth`."""
+    """Small structures on which an earlier version of this program was wrong; the studies are in `tests/truth`."""
     hottest, warmed = solved("audit/hottest_moment"), with_entries("audit/hottest_moment", heating=np.full(2, 0.5))
     light, free = solved("audit/heated_without_capacity"), solved("audit/free_root_hits_casing")
     mass = np.load(SCENES["audit"] / "massless_dashpot.npz")["mass"]
@@ -128,7 +128,7 @@ def one_contact() -> list[Row]:
     "Bernstein subdivision, Lemke's method)",
 )
 def several_contacts() -> list[Row]:
-    """Two or three contacts with and without heat, friction and restitution; structures, studies and histories lie in
+    """Two or three contacts with and without heat, friction and restitution; structures, studies and histories are in
     `tests/contacts/scenes`.
     """
     rows = []
