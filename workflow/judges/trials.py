@@ -17,6 +17,7 @@ the sum meets the tolerance.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, nan
@@ -158,8 +159,8 @@ def reason_of(error: BaseException) -> str:
 
 
 def _innermost(text: str) -> str:
-    """Return the innermost fault and its line from numba's message, which lists all callers."""
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    """Return the innermost fault and its line from numba's message, which lists all callers, in colours at times."""
+    lines = [line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", text).splitlines() if line.strip()]
     begins = [k + 1 for k, line in enumerate(lines) if "Failed in " in line]
     first = begins[-1] if begins else 0
     return " ".join(lines[first : first + 2]).rstrip(":")
