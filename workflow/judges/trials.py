@@ -159,7 +159,7 @@ def reason_of(error: BaseException) -> str:
 
 
 def _innermost(text: str) -> str:
-    """Return the innermost fault and its line from numba's message, which lists all callers, in colours at times."""
+    """Return the innermost fault and its line from numba's message, which lists all callers and may have colours."""
     lines = [line.strip() for line in re.sub(r"\x1b\[[0-9;]*m", "", text).splitlines() if line.strip()]
     begins = [k + 1 for k, line in enumerate(lines) if "Failed in " in line]
     first = begins[-1] if begins else 0

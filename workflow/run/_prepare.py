@@ -257,9 +257,9 @@ def in_shards(job: Job, hashes: Hashes) -> Found:
     other = Stored([each for each in results if lacking(job.template, each.kinds) or surplus(job.template, each.kinds)])
     gone = int(np.sum(~are_among(every, hashes) | other.holds(every)))
     lost = (
-        f"{job.parts}: holds {len(every)} cases of an unfinished run of this study as it was; the study as it is "
-        f"now no longer asks for {gone} of them, or for all that is stored of them; finish that run with the study as "
-        "it was, --drop leaves them out, -o chooses another archive"
+        f"{job.parts}: holds {len(every)} cases of an unfinished run of this study as it was, and the study no "
+        f"longer asks for {gone} of them, or for all that is stored of them; finish that run with the study as it was, "
+        "--drop leaves them out, -o chooses another archive"
     )
     whole = [each for each in shards if each.takes_back or not lacking(job.template, each.kinds)]
     return Found(tuple(whole), {} if command is None else command.texts, gone, "", lost if gone else "")
