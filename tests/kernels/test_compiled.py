@@ -75,6 +75,24 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> 
     assert compiled.directory_of.__wrapped__("workflow.kernels") is None
 
 
+@kernel
+def doubled(x: float) -> float:
+    return 2.0 * x
+
+
+def test_processes_that_save_at_once_keep_their_own_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each reads the index before the other has written it; numba's numbers would name one file for both."""
+    files = [compiled._cache_type()(doubled.__wrapped__)._cache_file for _ in range(2)]
+    written = files[0]._save_data
+    monkeypatch.setattr(files[0], "_load_index", dict)
+    monkeypatch.setattr(files[1], "_load_index", dict)
+    monkeypatch.setattr(files[0], "_save_data", lambda *of: (files[1].save("second", "its code"), written(*of)))
+    files[0].save("first", "other code")
+    monkeypatch.undo()
+    assert files[0].load("second") == "its code"
+    files[0].flush()
+
+
 STUDY = f"""study: both_ways
 {SCENE}
 schemes: {{midpoint: {{method: moreau, theta: 0.5}}, soft: {{method: penalty, stiffness: 4.0e7}},

@@ -26,6 +26,7 @@ from pathlib import Path
 from threading import RLock
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
+from uuid import uuid4
 
 from workflow.registry import source_digest
 
@@ -206,6 +207,13 @@ def _cache_type() -> type[FunctionCache]:
 
     class KeyedCache(FunctionCache):
         _impl_class = Results
+
+        def __init__(self, function: Callable[..., Any]) -> None:
+            super().__init__(function)  # type: ignore[no-untyped-call]
+            file: Any = self._cache_file
+            stem = file._data_name_pattern.partition(".{number")[0]
+            # numba numbers files: two processes that save at once may both take a number, and load each other's code
+            file._data_name = lambda number: f"{stem}.{uuid4().hex}.nbc"
 
         @contextmanager
         def _guard_against_spurious_io_errors(self) -> Iterator[None]:  # around numba's loading and saving
