@@ -137,7 +137,6 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
 
 
 def _recommended(table: Table, share: float) -> Recommendation:
-    """Return the recommendation for a tolerance."""
     within = table.error <= share
     rank = np.argsort(table.cost, kind="stable")
     good = [int(k) for k in rank if within[k].all()]
@@ -308,7 +307,6 @@ class Table:
         return values
 
     def _worst(self, row: int, case: int, at: Mapping[str, int]) -> Worst:
-        """Return the worst case of a choice."""
         several = self.errors[:, row, case]
         name = COMPARED[0 if np.isnan(several).all() else int(np.nanargmax(several))]
         one = self.dataset.isel(at)  # only what is asked of it is read

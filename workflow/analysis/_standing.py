@@ -162,7 +162,6 @@ def lines(dataset: xr.Dataset) -> list[Line]:
 
 
 def _line(cut: xr.Dataset, orders: dict[str, tuple[float, float]]) -> Line:
-    """Return the line through the steps of one scheme."""
     ok = np.asarray(cut["status"].values) == Status.OK
 
     def of_ok(name: str) -> Array:

@@ -109,7 +109,6 @@ def _locked(parts: Path) -> IO[str]:
 
 
 def _make(parts: Path) -> None:
-    """Make the directory of the shards where it is missing."""
     if (parts.exists() or parts.is_symlink()) and not parts.is_dir():
         raise ArchiveError(
             f"{parts}: a file, where a run keeps its shards in a directory; move it away, or choose another archive "

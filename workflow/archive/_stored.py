@@ -246,7 +246,6 @@ def _arrays(path: Path) -> dict[str, _Array]:
 
 
 def _read_array(path: Path, arrays: Mapping[str, _Array], name: str) -> NDArray[Any]:
-    """Return an array of a shard, read against its checksum."""
     try:
         dtype, shape, crc, begin = arrays[name]
         with open(path, "rb") as file:
