@@ -232,7 +232,6 @@ def _limit(
 
 
 def _labels(dataset: xr.Dataset, dims: Sequence[str], place: Sequence[int]) -> dict[str, Any]:
-    """Return the coordinates of a case."""
     places = zip(dims, place, strict=False)  # of a branch the point is no label
     return {name: dataset[name].values[k].item() for dim, k in places for name in naming(dataset, dim)}
 

@@ -64,7 +64,7 @@ def open_archive(path: str | Path, chunks: Any = None) -> xr.Dataset:
         except ArchiveError:
             if not path.exists():  # the run may have ended just now
                 raise
-    return _open_dataset(path, chunks)
+    return _open_dataset(path, chunks, path)
 
 
 def provenance(path: str | Path) -> dict[str, str]:
@@ -188,19 +188,19 @@ def require_own_content(path: str | Path) -> None:
 
 
 @contextmanager
-def _read(path: Path) -> Iterator[Any]:
-    """Open a finished archive of this version with h5py."""
+def _read(path: Path, named: Path | None = None) -> Iterator[Any]:
+    """Open a finished archive of this version with h5py; messages name the archive of which a file is a view."""
     _look(path)
     with opened(path) as file:
-        require_own_data(path, file)
+        require_own_data(named or path, file)
         if FORMAT_NAME not in file.attrs:
             raise ArchiveError(
-                f"{path}: a NetCDF file, but not an archive of this workflow (it has no {FORMAT_NAME}); "
+                f"{named or path}: a NetCDF file, but not an archive of this workflow (it has no {FORMAT_NAME}); "
                 "an archive that `workflow run` wrote is expected"
             )
         if (version := _as_text(file.attrs[FORMAT_NAME])) != str(FORMAT):
             raise ArchiveError(
-                f"{path}: archive format {version}, this version reads {FORMAT}; use the version that wrote it"
+                f"{named or path}: archive format {version}, this version reads {FORMAT}; use the version that wrote it"
             )
         yield file
 
@@ -230,7 +230,7 @@ def _open_view(path: Path, command: Command, chunks: Any) -> xr.Dataset:
         with writing("a view of the shards", view.parent):
             stored, hashes = Stored(find_shards(parts_of(path))), case_hashes(grid)
             assemble(template(grid, command.warnings), command.texts, view, hashes, stored, stored.find(hashes))
-        dataset = _open_dataset(view, chunks)
+        dataset = _open_dataset(view, chunks, path)
     except BaseException:
         view.unlink(missing_ok=True)
         raise
@@ -256,17 +256,18 @@ def discard_views() -> None:
         view.unlink(missing_ok=True)
 
 
-def _open_dataset(path: Path, chunks: Any) -> xr.Dataset:
+def _open_dataset(path: Path, chunks: Any, named: Path) -> xr.Dataset:
+    """Open a file with xarray; messages name the archive of which it is a view."""
     from workflow.archive._labels import open_dataset
 
-    with _read(path):
+    with _read(path, named):
         pass  # what is no archive of this workflow is refused
-    with reading(path):
+    with reading(named):
         dataset = open_dataset(path, chunks)
     for name, kinds in ((STATUS, "i"), (MESSAGE, "OSU")):
         if name not in dataset or dataset[name].dtype.kind not in kinds:
             dataset.close()
-            raise ArchiveError(f"{path}: its {name} is not as `workflow run` writes it; restore a copy")
+            raise ArchiveError(f"{named}: its {name} is not as `workflow run` writes it; restore a copy")
     return dataset
 
 
