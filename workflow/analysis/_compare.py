@@ -62,7 +62,6 @@ def compare(dataset: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
 
 
 def _norm(history: xr.DataArray) -> xr.DataArray:
-    """Return the L2 norm over the samples."""
     return (history**2).sum("t", skipna=False) ** 0.5
 
 

@@ -35,22 +35,15 @@ def effect(dataset: xr.Dataset, variable: str, dim: str) -> float:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An axis of the scene whose effect on a metric is below the error of some schemes.
-
-    Attributes
-    ----------
-    dim, metric
-        The axis and what it changes.
-    effect
-        Its effect in the most accurate computation, as :func:`effect` counts it.
-    within
-        For each scheme, ``every h`` or the step from which on its median error is at least as large.
-    """
+    """An axis of the scene whose effect on a metric is below the error of some schemes."""
 
     dim: str
     metric: str
+    """The axis and what it changes."""
     effect: float
+    """Its effect in the most accurate computation, as :func:`effect` counts it."""
     within: dict[str, str]
+    """For each scheme, ``every h`` or the step from which on its median error is at least as large."""
 
 
 def hidden(dataset: xr.Dataset) -> list[Hidden]:

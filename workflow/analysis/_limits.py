@@ -52,26 +52,18 @@ class NothingSteadyError(ValueError):
 
 @dataclass(frozen=True)
 class Limit:
-    """The largest range of an axis in which every case keeps within the bounds, in SI; ``None`` where no value does.
-
-    Attributes
-    ----------
-    start, stop
-        Its ends, of an axis with a mild end that first.
-    next
-        The first value beyond, ``None`` where the range ends with the axis.
-    limited_by
-        What is there: a state, a bifurcation, or a bound that is exceeded.
-    at
-        Coordinates of the case where it is.
-    """
+    """The largest range of an axis in which every case keeps within the bounds, in SI; ``None`` where no value does."""
 
     axis: str
     start: float | None
     stop: float | None
+    """Its ends, of an axis with a mild end that first."""
     next: float | None
+    """The first value beyond, ``None`` where the range ends with the axis."""
     limited_by: str | None
+    """What is there: a state, a bifurcation, or a bound that is exceeded."""
     at: Mapping[str, Any]
+    """Coordinates of the case where it is."""
 
 
 @dataclass(frozen=True)
@@ -240,7 +232,6 @@ def _limit(
 
 
 def _labels(dataset: xr.Dataset, dims: Sequence[str], place: Sequence[int]) -> dict[str, Any]:
-    """Return the coordinates of a case."""
     places = zip(dims, place, strict=False)  # of a branch the point is no label
     return {name: dataset[name].values[k].item() for dim, k in places for name in naming(dataset, dim)}
 

@@ -41,29 +41,20 @@ class NoReferenceError(ValueError):
 
 @dataclass(frozen=True)
 class Worst:
-    """The worst case of a choice: one without an error, else the one with the largest.
-
-    Attributes
-    ----------
-    case
-        Value of every coordinate of the scene that varies, by name.
-    error
-        Largest of its errors, 1; NaN where it has none.
-    variable
-        Which history that is the error of.
-    scheme_error, model_error
-        The two parts of that error, 1; NaN where the archive does not hold them.
-    status, message
-        How the case ended and what it says.
-    """
+    """The worst case of a choice: one without an error, else the one with the largest."""
 
     case: dict[str, Any]
+    """Value of every coordinate of the scene that varies, by name."""
     error: float
+    """Largest of its errors, 1; NaN where it has none."""
     variable: str
+    """Which history that is the error of."""
     scheme_error: float
     model_error: float
+    """The two parts of that error, 1; NaN where the archive does not hold them."""
     status: str
     message: str
+    """How the case ended and what it says."""
 
     @property
     def limited_by(self) -> str:
@@ -79,69 +70,46 @@ class Worst:
 
 @dataclass(frozen=True)
 class Choice:
-    """One scheme with one step, one reduced model and one set of options.
-
-    Attributes
-    ----------
-    settings
-        Value of every numerical coordinate, by name.
-    cost
-        Mean processor time of its cases, s.
-    cost_per_second
-        The same per simulated second; NaN where the archive does not hold its duration.
-    share
-        Share of its cases whose error is within the tolerance.
-    worst, number
-        Its worst case, and the number of that; cases are counted along the archive's dimensions, the last fastest.
-    step_matters
-        Whether its cases differ along ``h`` at all; the exact scheme's do not.
-    used
-        Counts of modes that its tolerance decided, by the name of their setting; the largest of the scene's cases.
-    tied
-        Settings of the scene that a zip ties to it.
-    """
+    """One scheme with one step, one reduced model and one set of options."""
 
     settings: dict[str, Any]
+    """Value of every numerical coordinate, by name."""
     cost: float
+    """Mean processor time of its cases, s."""
     cost_per_second: float
+    """The same per simulated second; NaN where the archive does not hold its duration."""
     share: float
+    """Share of its cases whose error is within the tolerance."""
     worst: Worst
     number: int
+    """Its worst case, and the number of that; cases are counted along the archive's dimensions, the last fastest."""
     step_matters: bool
+    """Whether its cases differ along ``h`` at all; the exact scheme's do not."""
     used: dict[str, int] = field(default_factory=dict)
+    """Counts of modes that its tolerance decided, by the name of their setting; the largest of the scene's cases."""
     tied: dict[str, Any] = field(default_factory=dict)
+    """Settings of the scene that a zip ties to it."""
 
 
 @dataclass(frozen=True)
 class Recommendation:
-    """The answer of an archive for one tolerance.
-
-    Attributes
-    ----------
-    tolerance
-        Largest admissible error of any history in any case of the scene, 1.
-    choice
-        The most accurate of those within it whose cost exceeds the least of theirs by at most :data:`SPREAD`; ``None``
-        where none is within it.
-    next
-        The dearest that is cheaper, with an error in all cases if one has; without a choice the nearest.
-    alike
-        The others among which the choice is the most accurate. Largest step first, then fewest modes.
-    cases
-        Number of cases of the scene.
-    undecidable
-        Cases of the scene whose predictability exceeds a tenth of the tolerance, by their coordinates.
-    units
-        Units of coordinates that have one, as they are written by hand, by name.
-    """
+    """The answer of an archive for one tolerance."""
 
     tolerance: float
+    """Largest admissible error of any history in any case of the scene, 1."""
     choice: Choice | None
+    """The most accurate of those within it whose cost exceeds the least of theirs by at most :data:`SPREAD`; ``None``
+    where none is within it."""
     next: Choice | None
+    """The dearest that is cheaper, with an error in all cases if one has; without a choice the nearest."""
     alike: tuple[Choice, ...]
+    """The others among which the choice is the most accurate. Largest step first, then fewest modes."""
     cases: int
+    """Number of cases of the scene."""
     undecidable: tuple[dict[str, Any], ...]
+    """Cases of the scene whose predictability exceeds a tenth of the tolerance, by their coordinates."""
     units: dict[str, str] = field(default_factory=dict)
+    """Units of coordinates that have one, as they are written by hand, by name."""
 
 
 def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Recommendation:
@@ -169,7 +137,6 @@ def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Reco
 
 
 def _recommended(table: Table, share: float) -> Recommendation:
-    """Return the recommendation for a tolerance."""
     within = table.error <= share
     rank = np.argsort(table.cost, kind="stable")
     good = [int(k) for k in rank if within[k].all()]
@@ -340,7 +307,6 @@ class Table:
         return values
 
     def _worst(self, row: int, case: int, at: Mapping[str, int]) -> Worst:
-        """Return the worst case of a choice."""
         several = self.errors[:, row, case]
         name = COMPARED[0 if np.isnan(several).all() else int(np.nanargmax(several))]
         one = self.dataset.isel(at)  # only what is asked of it is read
@@ -438,26 +404,18 @@ _VARIABLES = ("mechanical_modes_used", "thermal_modes_used", "basis_error")
 
 @dataclass(frozen=True)
 class AutoModel:
-    """A reduced model whose counts of modes a tolerance decided.
-
-    Attributes
-    ----------
-    where
-        Values of the dimensions along which counts differ, or along which numerics and errors do.
-    mechanical_modes, thermal_modes
-        Vectors beside the tip's own.
-    error
-        Largest known error: in the worst corner of the scene, or in a condition that misses the tolerance, 1.
-    met, conditions
-        Number of its conditions that are not known to miss the tolerance, and of all.
-    """
+    """A reduced model whose counts of modes a tolerance decided."""
 
     where: str
+    """Values of the dimensions along which counts differ, or along which numerics and errors do."""
     mechanical_modes: int
     thermal_modes: int
+    """Vectors beside the tip's own."""
     error: float
+    """Largest known error: in the worst corner of the scene, or in a condition that misses the tolerance, 1."""
     met: int
     conditions: int
+    """Number of its conditions that are not known to miss the tolerance, and of all."""
 
     @property
     def text(self) -> str:

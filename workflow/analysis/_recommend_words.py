@@ -181,7 +181,6 @@ def percent(share: float) -> str:
 
 
 def _with_unit(name: str, value: Any, units: Mapping[str, str]) -> str:
-    """Return the value of a coordinate with its unit."""
     return measure(value, units.get(name, ""), 6) if isinstance(value, float) else str(value)
 
 
@@ -208,7 +207,6 @@ def _limit(worst: Worst) -> str:
 
 
 def _failure(choice: Choice, units: Mapping[str, str]) -> str:
-    """Say why a choice fails."""
     worst = choice.worst
     where, why = named_case(worst.case, units), f" ({worst.message})" if worst.message else ""
     if worst.status != "ok":

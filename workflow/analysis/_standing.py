@@ -99,34 +99,23 @@ def _fitted(h: Array, errors: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One scheme through its steps, all other axes fixed.
-
-    Attributes
-    ----------
-    scheme
-        Its label.
-    h
-        Steps in ascending order, s, shape ``(h,)``.
-    errors
-        By name, each ``(h,)``; NaN where the case is not ok.
-    seconds
-        Processor seconds per simulated second, ``(h,)``.
-    penetration, residual
-        Largest penetration, m, and energy residual (NaN without balances), ``(h,)``.
-    ok
-        Whether the case ended ok, ``(h,)``.
-    orders
-        Observed order of each error and its scatter, see :func:`observed_order`.
-    """
+    """One scheme through its steps, all other axes fixed."""
 
     scheme: str
+    """Its label."""
     h: Array
+    """Steps in ascending order, s, shape ``(h,)``."""
     errors: dict[str, Array]
+    """By name, each ``(h,)``; NaN where the case is not ok."""
     seconds: Array
+    """Processor seconds per simulated second, ``(h,)``."""
     penetration: Array
     residual: Array
+    """Largest penetration, m, and energy residual (NaN without balances), ``(h,)``."""
     ok: NDArray[np.bool_]
+    """Whether the case ended ok, ``(h,)``."""
     orders: dict[str, tuple[float, float]]
+    """Observed order of each error and its scatter, see :func:`observed_order`."""
 
     @property
     def exact(self) -> bool:
@@ -173,7 +162,6 @@ def lines(dataset: xr.Dataset) -> list[Line]:
 
 
 def _line(cut: xr.Dataset, orders: dict[str, tuple[float, float]]) -> Line:
-    """Return the line through the steps of one scheme."""
     ok = np.asarray(cut["status"].values) == Status.OK
 
     def of_ok(name: str) -> Array:
@@ -204,37 +192,25 @@ RULE = (
 
 @dataclass(frozen=True)
 class Standing:
-    """What became of the cases of one scheme at one step.
-
-    Attributes
-    ----------
-    scheme, step
-        Labels; ``step`` is empty where the study has one step only.
-    h
-        The step, s; NaN where the archive has none.
-    counts
-        Number of cases by name of their status.
-    choice
-        The most accurate of its choices, as :func:`workflow.recommend` weighs them; ``None`` without a reference.
-    residual
-        Energy residual of the largest magnitude, with its sign; NaN without balances.
-    penetration
-        Largest penetration of ok cases over the gap; over 1 m where the gap is 0.
-    restitution
-        Median effective restitution of ok cases; NaN of schemes that read e.
-    verdict
-        By :data:`RULE`.
-    """
+    """What became of the cases of one scheme at one step."""
 
     scheme: str
     step: str
+    """Labels; ``step`` is empty where the study has one step only."""
     h: float
+    """The step, s; NaN where the archive has none."""
     counts: dict[str, int]
+    """Number of cases by name of their status."""
     choice: Choice | None
+    """The most accurate of its choices, as :func:`workflow.recommend` weighs them; ``None`` without a reference."""
     residual: float
+    """Energy residual of the largest magnitude, with its sign; NaN without balances."""
     penetration: float
+    """Largest penetration of ok cases over the gap; over 1 m where the gap is 0."""
     restitution: float
+    """Median effective restitution of ok cases; NaN of schemes that read e."""
     verdict: str
+    """By :data:`RULE`."""
 
     @property
     def error(self) -> float:
@@ -313,35 +289,25 @@ def _verdict(counts: dict[str, int], choice: Choice | None, gains: bool) -> str:
 
 @dataclass(frozen=True)
 class StepRange:
-    """Up to which step one scheme is stable and accurate in a study.
-
-    Attributes
-    ----------
-    scheme
-        Its label.
-    cases, ok
-        Number of cases, and of those that are ok.
-    stable, accurate
-        ``every h``, ``no h``, or the largest step up to which all cases are ok, and within the tolerance of the study
-        as well; ``accurate`` is empty without a reference.
-    finest, coarsest
-        Largest error at the smallest step and at the largest at which all cases have one; NaN without a reference.
-    residual, penetration
-        Of all ok cases, as in :class:`Standing`.
-    verdicts
-        Verdicts from the smallest step to the largest, repetitions left out.
-    """
+    """Up to which step one scheme is stable and accurate in a study."""
 
     scheme: str
+    """Its label."""
     cases: int
     ok: int
+    """Number of cases, and of those that are ok."""
     stable: str
     accurate: str
+    """``every h``, ``no h``, or the largest step up to which all cases are ok, and within the tolerance of the study as
+    well; ``accurate`` is empty without a reference."""
     finest: float
     coarsest: float
+    """Largest error at the smallest step and at the largest at which all cases have one; NaN without a reference."""
     residual: float
     penetration: float
+    """Of all ok cases, as in :class:`Standing`."""
     verdicts: tuple[str, ...]
+    """Verdicts from the smallest step to the largest, repetitions left out."""
 
 
 def ranges(dataset: xr.Dataset) -> list[StepRange]:

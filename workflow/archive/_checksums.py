@@ -136,7 +136,6 @@ def has_sound_head(path: Path) -> bool:
 
 
 def _end(path: Path, length: int) -> bytes:
-    """Return the last bytes of a file."""
     with open(path, "rb") as file:
         file.seek(max(0, path.stat().st_size - length))
         return file.read(length)

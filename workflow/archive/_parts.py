@@ -22,30 +22,21 @@ HOLDER = "holder"
 
 @dataclass(frozen=True)
 class Command:
-    """What a run was asked for.
-
-    Attributes
-    ----------
-    texts
-        Those of the provenance group: the study, its files, counts of modes that tolerances decided, software.
-    warnings
-        What the plan warned of, a line each.
-    archive
-        Which file was under the archive's name, ``None`` where none was: another one may come under it, with the very
-        same bytes.
-    begun
-        Number of the command; those of later ones are larger.
-    retry, recompute, drop
-        What it does with cases that are stored already.
-    """
+    """What a run was asked for."""
 
     texts: Mapping[str, str]
+    """Those of the provenance group: the study, its files, counts of modes that tolerances decided, software."""
     warnings: str = ""
+    """What the plan warned of, a line each."""
     archive: tuple[int, int] | None = None
+    """Which file was under the archive's name, ``None`` where none was: another one may come under it, with the very
+    same bytes."""
     begun: int = 0
+    """Number of the command; those of later ones are larger."""
     retry: bool = False
     recompute: bool = False
     drop: bool = False
+    """What it does with cases that are stored already."""
 
     @property
     def key(self) -> str:
@@ -118,7 +109,6 @@ def _locked(parts: Path) -> IO[str]:
 
 
 def _make(parts: Path) -> None:
-    """Make the directory of the shards where it is missing."""
     if (parts.exists() or parts.is_symlink()) and not parts.is_dir():
         raise ArchiveError(
             f"{parts}: a file, where a run keeps its shards in a directory; move it away, or choose another archive "

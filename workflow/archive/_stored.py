@@ -50,24 +50,16 @@ Kinds = Mapping[str, tuple[np.dtype[Any], tuple[int, ...]]]
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Some stored cases, read when they are asked for: a shard, or a chunk of an archive.
-
-    Attributes
-    ----------
-    hashes
-        Identity of each case, ``(case, byte)``.
-    status
-        Of each case, ``(case,)``; ``not_run`` of one that is taken back.
-    read
-        Returns a variable of all of them, ``(case, …)``, by its name; ``message`` as bytes.
-    kinds
-        Its variables.
-    """
+    """Some stored cases, read when they are asked for: a shard, or a chunk of an archive."""
 
     hashes: Hashes
+    """Identity of each case, ``(case, byte)``."""
     status: NDArray[np.int8]
+    """Of each case, ``(case,)``; ``not_run`` of one that is taken back."""
     read: Callable[[str], NDArray[Any]]
+    """Returns a variable of all of them, ``(case, …)``, by its name; ``message`` as bytes."""
     kinds: Kinds
+    """Its variables."""
 
     @property
     def takes_back(self) -> bool:
@@ -254,7 +246,6 @@ def _arrays(path: Path) -> dict[str, _Array]:
 
 
 def _read_array(path: Path, arrays: Mapping[str, _Array], name: str) -> NDArray[Any]:
-    """Return an array of a shard, read against its checksum."""
     try:
         dtype, shape, crc, begin = arrays[name]
         with open(path, "rb") as file:

@@ -194,7 +194,6 @@ def _write_text(recommendation: Recommendation, table: list[Recommendation]) -> 
     from rich.text import Text
 
     from workflow.analysis import RECOMMENDATION_COLUMNS, answer_lines, recommendation_row, undecidable
-    from workflow.cli._terminal import clean
 
     for line in answer_lines(recommendation):
         say(line)

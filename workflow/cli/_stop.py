@@ -46,7 +46,6 @@ def ignore_signals() -> None:
 
 
 def _wait(reading: int) -> None:
-    """Wait for one of the signals and end the process."""
     while True:
         numbers = os.read(reading, 64)
         for number in numbers:

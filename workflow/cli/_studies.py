@@ -74,14 +74,12 @@ def run(
 
 
 def _refuse_several(options: dict[str, Any]) -> None:
-    """Refuse more than one of some options."""
     chosen = [name for name, value in options.items() if value]
     if len(chosen) > 1:
         raise typer.BadParameter(f"{' and '.join(chosen)} exclude each other; give one of them")
 
 
 def _stopped(archive: Path, follower: Follower) -> str:
-    """Return what a run that is stopped says."""
     stored = "what was done is stored beside" if follower.advance is None else _reached(follower.advance)
     return clean(f"stopped; {stored} {archive}, the same command goes on from there")
 

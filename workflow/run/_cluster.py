@@ -92,9 +92,10 @@ def join(session: Session) -> Command:
     ClusterError
         It has other software, or does not share the directory of the shards.
     """
-    other = [(name, mine, expected) for (name, mine), (_, expected) in zip(software(), session.software, strict=True)]
     differences = ", ".join(
-        f"{name} {mine} instead of {expected}" for name, mine, expected in other if mine != expected
+        f"{name} {mine} instead of {expected}"
+        for (name, mine), (_, expected) in zip(software(), session.software, strict=True)
+        if mine != expected
     )
     if differences:
         raise ClusterError(
@@ -168,7 +169,6 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
 
 @contextmanager
 def _workers_here(workers: int | None) -> Iterator[Any]:
-    """Give a client of as many worker processes of this machine."""
     import distributed
     from dask import config
 
@@ -197,7 +197,6 @@ def _workers_here(workers: int | None) -> Iterator[Any]:
 
 @contextmanager
 def _workers_of(scheduler: str) -> Iterator[Any]:
-    """Give a client of a scheduler that has workers."""
     import distributed
 
     class Client(distributed.Client):

@@ -21,34 +21,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended.
-
-    Attributes
-    ----------
-    archive
-        Where the archive is.
-    counts
-        Number of cases by name of their status.
-    failures
-        Labels and message of the first cases that are not ok or lack an error, at most :data:`MOST_FAILURES`.
-    seconds
-        Wall time of this run.
-    resumed
-        Cases that were stored before; all of them where there was nothing to do.
-    warnings
-        What to beware of, one sentence each, see :func:`warnings_of`.
-    """
+    """How a run ended."""
 
     archive: Path
+    """Where the archive is."""
     counts: dict[str, int]
+    """Number of cases by name of their status."""
     failures: tuple[tuple[str, str], ...]
+    """Labels and message of the first cases that are not ok or lack an error, at most :data:`MOST_FAILURES`."""
     seconds: float
+    """Wall time of this run."""
     resumed: int
+    """Cases that were stored before; all of them where there was nothing to do."""
     without_error: int = 0
     """Cases that are ok and have an error against the reference that cannot be formed."""
     written: bool = True
     """Whether this run wrote the archive: it did not where there was nothing to do."""
     warnings: tuple[str, ...] = ()
+    """What to beware of, one sentence each, see :func:`warnings_of`."""
 
     @cached_property
     def dataset(self) -> xr.Dataset:

@@ -64,24 +64,16 @@ class Reuse:
 
 @dataclass(frozen=True)
 class Holdings:
-    """What an archive, or what is stored of its unfinished run, holds of a study.
-
-    Attributes
-    ----------
-    stored
-        Cases of the study that a run would take as they are.
-    missing
-        Cases that a run would compute.
-    dropped
-        Stored cases that the study no longer asks for; ``run`` refuses to leave them out without ``--drop``.
-    note
-        Why a run refuses, or what it would leave out; empty where it takes all.
-    """
+    """What an archive, or what is stored of its unfinished run, holds of a study."""
 
     stored: int
+    """Cases of the study that a run would take as they are."""
     missing: int
+    """Cases that a run would compute."""
     dropped: int
+    """Stored cases that the study no longer asks for; ``run`` refuses to leave them out without ``--drop``."""
     note: str = ""
+    """Why a run refuses, or what it would leave out; empty where it takes all."""
 
 
 @dataclass(frozen=True)

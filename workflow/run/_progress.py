@@ -27,30 +27,21 @@ REDRAWN = 1.0
 
 @dataclass(frozen=True)
 class Advance:
-    """How far a run is.
-
-    Attributes
-    ----------
-    cases, stored
-        Cases of the study, and those whose results are stored.
-    endings
-        Number of stored cases that are not ok, by name of their status.
-    work
-        Share of the study's work that is done, by the cost model that cuts its tasks.
-    elapsed
-        Seconds since the run began.
-    rate, left
-        Cases per second of this run so far, and the seconds that the rest takes if its work goes on as fast; NaN until
-        a task has ended. Compilation in this process does not count.
-    """
+    """How far a run is."""
 
     cases: int
     stored: int
+    """Cases of the study, and those whose results are stored."""
     endings: Mapping[str, int]
+    """Number of stored cases that are not ok, by name of their status."""
     work: float
+    """Share of the study's work that is done, by the cost model that cuts its tasks."""
     elapsed: float
+    """Seconds since the run began."""
     rate: float
     left: float
+    """Cases per second of this run so far, and the seconds that the rest takes if its work goes on as fast; NaN until a
+    task has ended. Compilation in this process does not count."""
 
 
 Progress = Callable[[Advance], None]

@@ -11,7 +11,6 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
-from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -75,20 +74,11 @@ class Resources:
 
 @contextmanager
 def _runner(resources: Resources) -> Iterator[RunTasks]:
-    """Give a function that runs tasks there."""
     if resources.here:
         yield partial(run_on_threads, threads=resources.computing)
     else:
         with connected(resources.workers, resources.scheduler) as client:
             yield partial(run_on_cluster, client=client)
-
-
-class StoredCases(TypedDict, total=False):
-    """What a run does with cases that are stored already, see :class:`Reuse`."""
-
-    retry: bool
-    recompute: bool
-    drop: bool
 
 
 def run_study(
@@ -99,7 +89,9 @@ def run_study(
     *,
     workers: int | None = None,
     scheduler: str | None = None,
-    **stored: Unpack[StoredCases],
+    retry: bool = False,
+    recompute: bool = False,
+    drop: bool = False,
 ) -> Outcome:
     """Run what is missing of a study and leave its archive.
 
@@ -122,9 +114,9 @@ def run_study(
         Worker processes of dask on this machine, instead of threads.
     scheduler
         Address of a dask scheduler whose workers share the archive's directory, instead of threads.
-    stored
-        ``retry=True`` runs cases again that are stored and not ok, ``recompute=True`` all cases; ``drop=True`` leaves
-        out stored cases that the study no longer asks for.
+    retry, recompute, drop
+        Run cases again that are stored and not ok, or all cases; leave out stored cases that the study no longer asks
+        for.
 
     Raises
     ------
@@ -136,7 +128,7 @@ def run_study(
     """
     study = read_study(study)
     archive = Path(f"{study.name}.nc" if archive is None else archive)
-    resources, reuse = Resources(threads, workers, scheduler), Reuse(**stored)
+    resources, reuse = Resources(threads, workers, scheduler), Reuse(retry, recompute, drop)
     if progress is None and in_notebook():
         with notebook_line(archive.name) as line:
             outcome = _run(study, archive, resources, reuse, line)

@@ -97,7 +97,6 @@ def store_lost(job: Job, task: Task, hashes: Hashes, text: str) -> Report:
 
 
 def _store(job: Job, task: Task, hashes: Hashes, results_of: Callable[[Batch], Solved]) -> Report:
-    """Store the results of the batches of a task in one shard."""
     parts, messages = [], dict[int, str]()
     count, cases, endings = 0, 0, Counter[str]()
     for batch in task.batches:

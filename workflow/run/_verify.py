@@ -203,14 +203,12 @@ def _repeat(path: Path, grid: Grid, texts: dict[str, str], sample: int, other: l
             again = {n: solved.values[n][k : k + 1].astype(dtype) for n, dtype in dtypes.items() if n in names}
             unlike = list(differences(stored, again))
             if unlike and (other or grid.study.branch is not None):
-                is_branch = grid.study.branch is not None
-                allowed = followed(again) if is_branch else sensitivity(grid, outer, inner, solved)
+                allowed = sensitivity(grid, outer, inner, solved) if grid.study.branch is None else followed(again)
                 unlike = list(differences(stored, again, allowed))
                 lost = without_digits(again, allowed)
                 blurred += [f"{where} ({', '.join(lost)})"] if lost else []
             differ += [f"{where}: {text}" for text in unlike]
-            message = truncated_message(solved.messages.get(k, ""))
-            kept = str(case["message"].item())
+            kept, message = str(case["message"].item()), truncated_message(solved.messages.get(k, ""))
             if kept != message and not other:
                 differ.append(f"{where}: message {kept!r} stored, {message!r} now")
     again_text = f"{len(numbers)} {'cases' if grid.points == 1 else 'lines of the sweep'} run again"
@@ -373,10 +371,4 @@ def differences(stored: Values, again: Values, allowed: Mapping[str, float] | No
 
 def without_digits(again: Values, allowed: Mapping[str, float]) -> list[str]:
     """Return which of the stored numbers of a case rounding changes by as much as they are."""
-    names = []
-    for name in MOTION:
-        if name in again:
-            scale = _largest(again[name])
-            if scale > 0 and allowed[name] >= scale:
-                names.append(name)
-    return names
+    return [name for name in MOTION if name in again and 0 < _largest(again[name]) <= allowed[name]]
