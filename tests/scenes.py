@@ -235,13 +235,13 @@ def same_bits(a: Results, b: Results) -> bool:
 
 def taken(results: Results, which: slice) -> Results:
     """Return the results of some cases, with as many columns of load periods as they have on their own."""
-    periods = int(np.sum(~np.isnan(results.period_impulse[which]), axis=1).max())
+    periods = int(np.sum(~np.isnan(results.period_impulse[which]), axis=-1).max(initial=0))
     names = ("period_impulse", "period_temperature", "period_contact")
     return replace(
         results,
         histories={name: values[which] for name, values in results.histories.items()},
         metrics={name: values[which] for name, values in results.metrics.items()},
-        **{name: getattr(results, name)[which, :periods] for name in names},
+        **{name: getattr(results, name)[which, ..., :periods] for name in names},
         status=results.status[which],
     )
 

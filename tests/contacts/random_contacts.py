@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from several import of_entries
 
+from scenes import watched
 from workflow.models import Array, Cases, Harmonics, Rayleigh, Structure, independent_rows
 from workflow.reduction import reduce_structure
 
@@ -15,8 +16,7 @@ DURATION = 0.02
 """s: about two periods of the slowest mode."""
 
 
-@dataclass(frozen=True, eq=False)
-class Drawn:
+class Drawn(NamedTuple):
     """A structure and its one case."""
 
     structure: Structure
@@ -59,8 +59,6 @@ def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
         if rubs:
             entries["residual_tangent"] = 2e-7 * rng.normal(size=(count, count))
     structure = of_entries(entries, Rayleigh())
-    assert structure.contacts is not None
-    assert structure.coordinates is not None
     waves = Harmonics(np.array([[4e-6, 3e-6]]), rng.uniform(30, 150, (1, 2)), rng.uniform(-3, 3, (1, 2)))
     orders = np.array([rng.integers(1, 4), 0])
     turns = structure.contacts.angle[:, None] * orders
@@ -105,9 +103,23 @@ def on_basis(seed: int, massless: bool) -> Drawn:
     if not basis:
         return case
     full, contacts = case.structure, case.structure.contacts
-    assert contacts is not None
     held, heated = independent_rows(contacts)
     modes = min(2, full.mechanical_size - held), min(1, full.thermal_size - heated)
     reduction = reduce_structure(full, *modes, basis, DURATION)
     assert reduction.structure.has_massless_tip == massless
     return Drawn(reduction.structure, reduction.project(case.cases))
+
+
+def varied(seed: int, massless: bool) -> Drawn:
+    """Return a random structure; every third has damping that couples modes, and some loads and heat of every kind."""
+    case, rng = on_basis(seed, massless), np.random.default_rng(seed)
+    structure, contacts = case.structure, case.structure.contacts
+    if massless:
+        loaded: dict[str, Any] = {"residual_load": 1e-6 * rng.uniform(-1, 1, contacts.count)}
+        if case.cases.alpha[0] > 0:
+            loaded["residual_coupling"] = 1e-6 * rng.uniform(-1, 1, contacts.heat.shape)
+        structure = replace(structure, contacts=replace(contacts, **loaded))
+    if seed % 3 == 0:
+        along = rng.normal(size=structure.mechanical_size)
+        structure = replace(structure, damper=20 * np.outer(along, along))
+    return Drawn(watched(structure), case.cases)

@@ -9,8 +9,7 @@ import pytest
 
 import workflow
 from workflow import schemes
-from workflow.models import Cases, Contacts, Harmonics, Matrices, Rayleigh, contact_system
-from workflow.models._contact_system import analyse_contacts
+from workflow.models import Cases, Contacts, Harmonics, Matrices, Rayleigh
 from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
 from workflow.schemes import Results, Sampling
 
@@ -142,41 +141,3 @@ def test_a_contact_without_mass_is_a_spring_in_series() -> None:
     assert ours.histories["impulse"][0] == pytest.approx(force / w * (1 - np.cos(w * inside)), abs=1e-11)
     assert ours.histories["impulse"][0, -1] == pytest.approx(198.0198019802, rel=1e-10)
     assert ours.metrics["impacts"][0] == 0
-
-
-def test_energy_of_two_contacts_on_a_beam_closes() -> None:
-    """At e = 1 without damping or loads nothing is lost; at e = 0 only impacts take energy."""
-    M, K = clamped_chain(5)
-    own, times = structure(M, K, np.eye(5)[[2, 4]]), np.linspace(0, 0.5, 101)
-    start = np.linspace(0, 1, 5)
-    for e in (1.0, 0.0):
-        energies = []
-        for until in (0.1, 0.5):
-            basis = analyse_contacts(own)
-            assert contact_system(basis, np.zeros(2, bool), 0.0, 0.0) is not None
-            ours = run(own, [2e-3, 5e-3], times * until / 0.5, e=e, velocity=start)
-            energies.append(_energy_at_the_end(own, [2e-3, 5e-3], until, e, start))
-            assert ours.metrics["impacts"][0].min() > 0
-        whole = 0.5 * start @ M @ start
-        if e == 1:
-            assert energies == pytest.approx([whole, whole], rel=1e-10)
-        else:
-            assert whole > energies[0] > energies[1] > 0
-
-
-def _energy_at_the_end(own: Matrices, gaps: Any, until: float, e: float, start: Any) -> float:
-    from workflow.schemes._exact import contact_batch
-
-    seen: list[Any] = []
-    conditions = contact_batch.conditions_of
-
-    def kept(*arguments: Any) -> Any:
-        seen.append(conditions(*arguments))
-        return seen[-1]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(contact_batch, "conditions_of", kept)
-        run(own, gaps, np.linspace(0, until, 3), e=e, velocity=start)
-    basis = analyse_contacts(own)
-    y, v = np.split(seen[0].modal[0][: 2 * basis.frequency.size], 2)
-    return float(0.5 * (v @ v + (basis.frequency * y) @ (basis.frequency * y)))

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from scenes import blade, cases, chain, heavy_chain, sampling, step, with_dashpot
+from scenes import cases, chain, heavy_chain, sampling, step, with_dashpot
 from workflow import models
 from workflow.models import (
     NoEquilibriumError,
@@ -41,10 +41,6 @@ def test_chain_of_two_by_hand() -> None:
     assert np.allclose(structure.conductance_matrix, [[0.81, -0.5], [-0.5, 0.52]], rtol=1e-14)
     assert np.allclose(structure.damping_matrix, 0.4 * np.diag([1.0, 2.0]) + 0.05 * k1, rtol=1e-14)
     assert np.array_equal(np.diag(structure.heat_capacity), [7.0, 8.0])
-
-
-def test_critical_coupling_of_the_example() -> None:
-    assert critical_alpha(blade()) == pytest.approx(2.756, abs=5e-4)
 
 
 def test_modes_diagonalise_and_keep_low_frequencies_of_graded_chains() -> None:

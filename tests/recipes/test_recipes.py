@@ -11,10 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "schemes"))
-
-import plain_theta
-
+from plain_steps import Step, march
 from quick import quick
 from scenes import alone, cases, heavy_chain, relative, same_bits, sampling, step, taken
 from scenes import rubs as random_rubs
@@ -22,7 +19,7 @@ from studies import SCENE, parsed
 from workflow import models, reduction, schemes, variables
 from workflow.archive import open_archive
 from workflow.cases import arrange, case_hashes
-from workflow.models import Structure
+from workflow.models import Array, Structure
 from workflow.run import run_study
 from workflow.schemes import Sampling, Status
 from workflow.solve import solve
@@ -336,22 +333,22 @@ def test_a_compiled_contact_law_steps_by_central_differences(compiled_law: str, 
 def test_a_compiled_contact_law_is_that_of_plain_matrices(compiled_law: str, friction: float) -> None:
     """Modes, and with a load elsewhere matrices; Hunt and Crossley's force written anew."""
     stiffness, damping, h = 2e10, 5.0, 2e-6
+
+    def crossley(at: Step) -> tuple[Array, Array]:
+        sprung = h * stiffness * np.maximum(0.0, at.place) ** 1.5
+        p = np.maximum(0.0, sprung * (1 + damping * at.free) / (1 + sprung * damping * at.taken[0]))
+        return p, p / h
+
     whole = short_chain()
     elsewhere = replace(whole.matrices(), load=np.eye(4)[1], tangent=0.3 * np.eye(4)[2])
     for structure in (whole, elsewhere) if friction == 0.0 else (elsewhere,):
         batch = cases(structure, 2, alpha=[0.0, 20.0], gap=1e-5, amplitude=100.0, frequency=250.0, friction=friction)
         results = step(structure, batch, h, sampling(4e-3, h), compiled_law, stiffness=stiffness, damping=damping)
         for case in range(2):
-            gap = float(batch.gap[case])
-
-            def law(k: int, x: float, v: float, free: float, kick: float, gap: float = gap) -> float:
-                spring = h * stiffness * max(0.0, x - gap) ** 1.5
-                return max(0.0, spring * (1 + damping * free) / (1 + spring * damping * kick))
-
-            plain = plain_theta._march(structure, alone(batch, case), h, 1.0, 2000, law)
+            plain = march(structure, alone(batch, case), h, 1.0, 2000, crossley)
             assert np.count_nonzero(plain.impulse) > 10
             assert np.abs(results.histories["displacement"][case] - plain.displacement[:, -1]).max() < 1e-14
-            impulse = np.concatenate([[0.0], np.cumsum(plain.impulse)])
+            impulse = np.cumsum(plain.impulse)
             assert np.abs(results.histories["impulse"][case] - impulse).max() < 1e-10 * impulse[-1]
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_theta import march
 
+from plain_steps import march
 from scenes import alone, cases, chain, heavy_chain, rubs, same_bits, sampling, step, taken
 from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
