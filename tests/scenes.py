@@ -131,7 +131,6 @@ def later(batch: Cases, results: Results, duration: float) -> Cases:
     def turned(harmonics: Harmonics) -> Harmonics:
         return harmonics.turned((harmonics.frequency * duration) % 1.0)
 
-    assert results.end is not None
     moved = {name: turned(getattr(batch, name)) for name in ("load_harmonics", "casing_harmonics")}
     return replace(batch, **results.end._asdict(), **moved)
 

@@ -8,7 +8,7 @@ import pytest
 from workflow import models, schemes
 
 
-@pytest.fixture(scope="package", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def plain() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for package in (models, schemes):

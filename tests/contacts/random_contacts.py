@@ -1,7 +1,5 @@
 """Random structures of up to five contacts with friction, heat and a casing that moves, and a case of each."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, NamedTuple
 

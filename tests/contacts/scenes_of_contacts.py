@@ -1,7 +1,5 @@
 """Structures with several contacts and studies of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Matrices of a file with a row for each contact, without condensation: M and C2 are regular."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -49,7 +47,6 @@ def of_entries(entries: dict[str, Any], damping: Rayleigh) -> Structure:
     )
     structure = structure_from_matrices(given)
     own = structure.coordinates
-    assert own is not None
 
     def rows(name: str, default: Array) -> Array:
         return np.atleast_2d(entries.get(name, default)).astype(float) @ own.displacement_basis

@@ -1,7 +1,5 @@
 """From a study with several contacts to its archive: shapes, casing, errors, what reads it, and what is refused."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any
@@ -90,7 +88,6 @@ def test_clearance_opens_every_gap(archive: xr.Dataset) -> None:
     assert archive["contact_angle"].values.tolist() == [0.0, 1.3]
     taken = archive.isel(h=0, clearance=1, contact=1).squeeze()
     motion = casing_motion(taken)
-    assert motion is not None
     t = taken["t"].values
     np.testing.assert_allclose(motion[0], 6e-5 + 5e-6 * np.sin(2 * np.pi * 120 * t + 0.2 + 3 * 1.3), rtol=1e-12)
     assert float((taken["displacement"] - motion[0]).max()) < 1e-6
@@ -110,7 +107,6 @@ def test_it_is_verified_and_its_page_names_the_contact(archive: xr.Dataset, tmp_
     assert all(check.holds for check in verify(path, 2))
     assert content_hash(path) == provenance(path)["content_hash"]
     page = write_report(path, tmp_path / "page.html").page
-    assert page is not None
     assert "contact end, the most loaded" in page.read_text(encoding="utf-8")
 
 
@@ -125,7 +121,6 @@ def test_the_picture_of_contacts_on_a_page_is_that_of_the_selected_case(tmp_path
     )
     run_study(given, tmp_path / "two.nc", threads=1)
     page, driver = write_report(tmp_path / "two.nc", tmp_path / "two.html").page, window(1366)
-    assert page is not None
     opened(driver, page)
     firsts = []
     with open_archive(tmp_path / "two.nc") as archive:

@@ -1,7 +1,5 @@
 """What plans warn of where a structure has several contacts, or one without mass."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -107,7 +105,6 @@ def test_friction_limits_name_the_contact_or_the_contacts_that_meet_them_first()
 def test_critical_frictions_are_where_determinants_first_vanish(seed: int) -> None:
     full = drawn(seed).structure
     own = full.contacts
-    assert own is not None
     tangent = own.normal @ np.diag(np.linspace(0.2, 1.4, full.mechanical_size))
     structure = replace(full, contacts=replace(own, tangent=tangent))
     inverses = np.linalg.inv(structure.mass), np.linalg.inv(structure.stiffness_matrix)

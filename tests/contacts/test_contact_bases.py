@@ -1,7 +1,5 @@
 """Bases of several contacts, and bases that leave contacts without mass."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -71,7 +69,6 @@ def test_all_modes_lose_nothing(seed: int) -> None:
     """Two to five contacts with friction, heat, a moving casing and temperatures that contacts share."""
     case = drawn(seed)
     contacts = case.structure.contacts
-    assert contacts is not None
     heats = case.structure.thermal_size - np.linalg.matrix_rank(contacts.heat)
     reduction = reduce_structure(case.structure, case.structure.mechanical_size - contacts.count, int(heats))
     assert apart(reduced_run(reduction, case.cases), run(case.structure, case.cases)) < 1e-9
@@ -82,7 +79,6 @@ def test_all_modes_lose_nothing(seed: int) -> None:
 @pytest.mark.parametrize("seed", [3, 4, 10])
 def test_static_answers_and_critical_coupling_are_exact(basis: str, count: int, seed: int) -> None:
     full = drawn(seed).structure
-    assert full.contacts is not None
     count = min(count, full.mechanical_size - full.contacts.count)
     small = reduce_structure(full, count, 0, basis, DURATION).structure
     assert small.has_massless_tip == (basis in WITHOUT_MASS)
@@ -176,7 +172,6 @@ def test_residual_flexibility_of_a_uniform_chain(count: int) -> None:
     entries = {"mass": m * np.eye(n), "stiffness": k * links.T @ links, "contact": np.eye(n)[at - 1]}
     full = of_entries(entries | {"tangent": tangent, "load": load}, Rayleigh())
     contacts = reduce_structure(full, count, None, "macneal").structure.contacts
-    assert contacts is not None
     for ours, theirs in (
         (contacts.residual, exact[np.ix_(at - 1, at - 1)]),
         (contacts.residual_tangent, exact[at - 1] @ tangent.T),
@@ -200,7 +195,6 @@ def large(entries: dict[str, Any]) -> Sparse:
     structure = structure_from_sparse(given)
     assert isinstance(structure, Sparse)
     own = structure.coordinates
-    assert own is not None
     contacts = Contacts(("a", "b", "c"), rows, entries["tangent"], entries["thermal_contact"], np.zeros(3))
     return replace(
         structure,
@@ -307,7 +301,6 @@ def test_rows_that_share_temperatures() -> None:
     """Three contacts heat two temperatures: two are held, and all others kept lose nothing."""
     case = drawn(4)
     contacts = case.structure.contacts
-    assert contacts is not None
     heat = contacts.heat[[0, 1, 0, 1]]
     full = replace(case.structure, contacts=replace(contacts, heat=heat))
     reduction = reduce_structure(full, None, 1)
@@ -323,7 +316,6 @@ def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, t
     reduction = reduce_structure(full, 3, 5, basis)
     small = reduction.structure
     c = small.contacts
-    assert c is not None
     residuals = {"tangent": "tangent", "coupling": "coupling", "load": "load"}
     file = write_matrices(
         tmp_path / "small.npz",
@@ -382,7 +374,6 @@ def test_constant_loads_act_on_contacts_without_mass(basis: str, gaps: list[floa
     assert np.abs(small.offset).min() > 0
     ours = run(reduction.structure, at_rest(reduction.structure, small), 1e-3)
     rest = at_rest(full, batch)
-    assert full.contacts is not None
     place = full.contacts.normal @ rest.displacement[0]
     assert ours.histories["displacement"][0] == pytest.approx(np.tile(place[:, None], 101), rel=1e-9)
     theirs = run(full, rest, 1e-3)

@@ -1,7 +1,5 @@
 """How contacts enter: rows of a file chosen by labels, tables of modes, residuals, angles, opposite stops."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -133,11 +131,10 @@ def test_one_tip_of_heat_is_that_of_all_contacts(tmp_path: Path) -> None:
     (tmp_path / "heat.csv").write_text("\n".join(["rate,tip", *(",".join(row.split(",")[:2]) for row in lines[1:])]))
     for_all = assembled("modes", tmp_path, **tables)
     for structure in (of_each, for_all):
-        assert structure.contacts is not None
         assert structure.contacts.labels == ("1", "2", "3")
         rise = structure.contacts.heat @ structure.uniform_rise
         np.testing.assert_allclose(rise, 1.0, rtol=1e-12)
-    np.testing.assert_array_equal(of_each.contacts.heat, for_all.contacts.heat)  # type: ignore[union-attr]
+    np.testing.assert_array_equal(of_each.contacts.heat, for_all.contacts.heat)
 
 
 def test_rows_of_a_study_have_several_tips(tmp_path: Path) -> None:
@@ -149,9 +146,8 @@ def test_rows_of_a_study_have_several_tips(tmp_path: Path) -> None:
             {"table": [list(row.values()) for row in named], "heat": [[1, 0.5, 1]]})  # fmt: skip
     found = [full_structure(arrange(study(tmp_path, {"modes": way})).settings(0)).contacts for way in ways]
     for contacts in found:
-        assert contacts is not None
-        assert contacts.normal.tolist() == found[0].normal.tolist()  # type: ignore[union-attr]
-        assert contacts.heat.tolist() == found[0].heat.tolist()  # type: ignore[union-attr]
+        assert contacts.normal.tolist() == found[0].normal.tolist()
+        assert contacts.heat.tolist() == found[0].heat.tolist()
     for wrong in ({"tip_1": 1, "tip_3": 2}, {"tip": 1, "tip_2": 2}, {"tip_1": 1, "tangent_1": 2}):
         with pytest.raises(StudyError, match="is no row of the table; write frequency, damping_ratio, tip"):
             study(tmp_path, {"modes": {"table": [{"frequency": 9, "damping_ratio": 0, **wrong}]}})
@@ -323,7 +319,6 @@ def test_a_directory_and_millimetres(tmp_path: Path) -> None:
     kind = load("matrices")
     structure = kind.assemble(kind.Parameters(File("", "blade", str(tmp_path)), contact="tip 0", units="mm-t-s"))
     contacts = structure.contacts
-    assert contacts is not None
     assert contacts.labels == ("tip 0",)
     for name, value in (("residual_steady", 2e-3), ("residual_load", 3e-3)):
         assert getattr(contacts, name).tolist() == [value]
@@ -338,7 +333,6 @@ def test_contacts_beside_what_is_held_or_has_no_mass(tmp_path: Path) -> None:
     path = write_matrices(tmp_path / "held.npz", mass=np.eye(4), stiffness=held, **rows)
     structure = assembled("matrices", tmp_path, file="held.npz")
     assert structure.mechanical_size == 3
-    assert structure.contacts is not None
     assert structure.input_contacts.tolist() == np.eye(2, 4).tolist()
     for entry, said in (
         ({"mass": np.eye(4), "contact": np.eye(4)[[0, 2]]}, "contact b acts only on what is held"),
@@ -361,7 +355,7 @@ def test_the_angle_of_one_contact_turns_the_casing(tmp_path: Path) -> None:
     np.savez(tmp_path / "one.npz", **{**made, **one})
     plain = {name: value for name, value in {**made, **one}.items() if name not in ("angle", "contact_labels")}
     np.savez(tmp_path / "plain.npz", **plain)
-    turned = [{**CASING["harmonics"][0], "phase": 0.3 + 2 * angle}, CASING["harmonics"][1]]  # type: ignore[index]
+    turned = [{**CASING["harmonics"][0], "phase": 0.3 + 2 * angle}, CASING["harmonics"][1]]
     ways: list[tuple[dict[str, Any], dict[str, Any]]] = [
         ({"file": "three.npz", "contact": ["tip 1"]}, CASING),
         ({"file": "one.npz"}, CASING),
@@ -380,7 +374,7 @@ def test_the_angle_of_one_contact_turns_the_casing(tmp_path: Path) -> None:
     assert abs(impulse[4] - impulse[3]) > 1e-4 * impulse[3]
     assert [float(run["contact_angle"].item()) for run in runs[:3]] == [angle] * 3
     np.savez(tmp_path / "one.npz", **{**made, **one, "contact": np.eye(SIZE)[0], "angle": -0.9})
-    at_first = {"casing": {"gap": 4e-6, "harmonics": CASING["harmonics"][:1]}}  # type: ignore[index]
+    at_first = {"casing": {"gap": 4e-6, "harmonics": CASING["harmonics"][:1]}}
     with pytest.raises(StudyError, match=r"the tip starts inside the casing, at 0\.0 m with a gap of 4e-06 m"):
         study(tmp_path, {"matrices": {"file": "one.npz"}}, **at_first)
 

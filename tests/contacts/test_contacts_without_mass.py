@@ -1,7 +1,5 @@
 """Contacts without mass in fixed steps, one too, and an elastic casing: what they are limits of, rest, any θ."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -21,7 +19,6 @@ EVERY_STEP = sampling(150 * H, H, balances=True)
 
 def residual(structure: Structure, flexibility: Array) -> Structure:
     """Return a structure whose contacts have a residual flexibility."""
-    assert structure.contacts is not None
     return replace(structure, contacts=replace(structure.contacts, residual=flexibility))
 
 
@@ -50,7 +47,6 @@ def test_an_elastic_casing_is_a_residual_that_the_displacement_does_not_have(see
     """x = d + cλ in the place of x = d, with the same forces; beside a residual R it is R + c."""
     case, c = drawn(seed), 3e-6
     structure, cases = case.structure, case.cases
-    assert structure.contacts is not None
     m = structure.contacts.count
     for own in (np.zeros((m, m)), 2e-6 * np.eye(m)):
         given = residual(structure, own) if own.any() else structure

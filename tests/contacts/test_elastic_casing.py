@@ -1,7 +1,5 @@
 """An elastic casing: exact in closed form, the limit of a contact spring, and the same through a study."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -42,7 +42,6 @@ def structure(
         M, K, np.zeros((n, 1)), 1e30 * np.eye(1), np.zeros((1, 1)), W[0], np.ones(1), still, np.zeros(1)
     )
     own = structure_from_matrices(replace(given, load=load, damping=damping or Rayleigh()))
-    assert own.coordinates is not None
     basis = own.coordinates.displacement_basis
     labels, heat = tuple(map(str, range(len(W)))), np.ones((len(W), 1))
     contacts = Contacts(labels, W @ basis, np.zeros_like(W) @ basis, heat, np.zeros(len(W)), **residual)
@@ -51,7 +50,6 @@ def structure(
 
 def run(own: Matrices, gaps: Any, times: Any, **given: Any) -> Results:
     """Return the exact results of one case."""
-    assert own.coordinates is not None
     n, gaps = len(own.coordinates.displacement_basis), np.atleast_2d(np.asarray(gaps, dtype=float))
     values: dict[str, Any] = {name: np.array([given.pop(name, 0.0)]) for name in ("e", "alpha", "mean", "friction")}
     rows = {name: np.broadcast_to(given.pop(name, 0.0), (1, n)) for name in ("steady", "displacement", "velocity")}

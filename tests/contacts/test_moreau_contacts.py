@@ -1,7 +1,5 @@
 """moreau with several contacts: plain matrices, one contact, convergence to exact scenes, rest, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every scheme with a fixed step against plain matrices, on random structures of one to five contacts, on all bases."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Every scheme with a fixed step in studies of several contacts: archives, balances, plans, and what is not solved."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -110,7 +108,6 @@ def test_schemes_that_do_not_say_so_refuse_contacts_without_mass() -> None:
 def alone(structure: Structure, contact: int) -> Structure:
     """Return the structure with one of its contacts."""
     own = structure.contacts
-    assert own is not None
     rows = {name: getattr(own, name)[[contact]] for name in ("normal", "tangent", "heat", "angle")}
     return replace(structure, contacts=Contacts((own.labels[contact],), **rows))
 

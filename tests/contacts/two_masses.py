@@ -1,7 +1,5 @@
 """Two masses on springs with a contact at each."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -19,12 +17,10 @@ def two_masses(**entries: Any) -> Structure:
 
 def pressed(structure: Structure, **more: Any) -> Cases:
     """Return a case that is pushed against both its contacts, in equilibrium."""
-    assert structure.contacts is not None
     size, zero = structure.contacts.count, np.zeros(1)
     given: dict[str, Any] = dict.fromkeys(("e", "alpha", "gap", "mean"), zero)
     states = {name: np.zeros((1, 2)) for name in ("displacement", "velocity")} | {
         name: np.zeros((1, structure.thermal_size)) for name in ("heating", "temperature")
     }
     given |= {"steady": np.array([[30.0, 50.0]]), "gaps": np.full((1, size), 1e-3), "turns": np.zeros((1, size, 1))}
-    assert structure.coordinates is not None
     return structure.coordinates.transformed(Cases(**{**given, **states, **more}))

@@ -117,7 +117,6 @@ def test_a_contact_may_be_a_vector(chain: Structure, sparse: Sparse) -> None:
     structure = structure_from_sparse(turned)
     assert tip_flexibility(structure) == pytest.approx(tip_flexibility(sparse), rel=1e-10)
     assert critical_alpha(structure) == pytest.approx(critical_alpha(sparse), rel=1e-10)
-    assert structure.coordinates is not None
     state = np.random.default_rng(4).normal(size=NODES)
     there = structure.coordinates.displacement_projection @ state
     assert there[-1] == pytest.approx(turned.contact @ state)
@@ -231,7 +230,6 @@ def test_massless_degrees_of_freedom_of_a_large_structure_follow() -> None:
     large = _sparse_structure(given)
     dense = structure_from_sparse(given)
     assert not isinstance(dense, Sparse)
-    assert dense.coordinates is not None
     assert dense.coordinates.condensed == (NODES // 3, 0)
     for basis in ("craig_bampton", "rubin"):
         of_dense, of_large = (reduce_structure(whole, 4, 4, basis).structure for whole in (dense, large))

@@ -100,7 +100,6 @@ def compare(structure: Structure, case: Cases, over: Sampling = TIMES, accuracy:
     for name in NAMES:
         ours, theirs = results.histories[name][0, reached], getattr(reference, name)[reached]
         assert np.linalg.norm(ours - theirs) <= accuracy * max(float(np.linalg.norm(theirs)), 1e-3), name
-    assert structure.sensors is not None
     shown = structure.sensors.of(reference.places.T, reference.warmth.T).T[:, reached]
     apart = np.linalg.norm(results.histories["sensor_value"][0][:, reached] - shown, axis=1)
     assert np.all(apart <= 3 * accuracy * np.maximum(np.linalg.norm(shown, axis=1), 1e-3))

@@ -16,14 +16,12 @@ DEPTH, DURATION, H = 7.3e-3, 6e-3, 1e-5
 
 def full() -> Chain:
     structure = heavy_chain(nodes=6, stiffness=4e5)
-    assert isinstance(structure, Chain)
     return structure
 
 
 def reduced() -> Matrices:
     reduction = reduce_structure(full(), 2, 3, "craig_bampton")
     structure = reduction.structure
-    assert isinstance(structure, Matrices)
     return replace(structure, observed=reduction.temperature_basis.T @ full().mean_over(DEPTH))
 
 

@@ -79,7 +79,6 @@ def agree(structure: Structure, results: Results, path: Motion) -> None:
 def same_sensors(results: Results, structure: Structure, case: int, path: Motion, within: float) -> None:
     """Compare what sensors of :func:`scenes.watched` show with the rows of the whole motion."""
     sensors = watched(structure).sensors
-    assert sensors is not None
     expected = sensors.of(path.displacement, path.temperature).T
     error = np.abs(results.histories["sensor_value"][case] - expected).max(axis=1)
     assert np.all(error < within * np.abs(expected).max(axis=1)), error

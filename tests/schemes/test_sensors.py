@@ -41,7 +41,6 @@ def test_a_sensor_at_the_contact_shows_its_displacement_and_temperature(
 ) -> None:
     full = heavy_chain(nodes=6)
     one = watched(full).sensors
-    assert one is not None
     reduced = reduce_structure(full, 3, 3, basis, 0.01)
     structure = replace(reduced.structure, sensors=reduced.sensors(one, full))
     scheme = schemes.load(method)
@@ -113,7 +112,6 @@ def test_a_recorder_interpolates_between_the_states_that_it_is_given() -> None:
         x, theta = rng.normal(size=(2, 2, 3))
         recorder.record(x, 0 * x, theta, np.zeros(2))
         states.append((x, theta))
-    assert structure.sensors is not None
     ends = [structure.sensors.of(*state) for state in states]
     truth = [ends[0], (ends[0] + ends[1]) / 2, ends[1], (ends[1] + ends[2]) / 2, ends[2]]
     shown = recorder.results().histories["sensor_value"]
