@@ -1,11 +1,13 @@
 """Structures and batches that several tests step: the heavy chain, the blade, others."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from workflow import models, schemes
+from workflow.declare import File
 from workflow.models import Cases, Chain, Harmonics, Matrices, Rayleigh, Sensors, Structure
 from workflow.schemes import Results, Sampling
 
@@ -46,58 +48,63 @@ def siconos_chain() -> Structure:
     return chain(nodes=20, mass=0.01, stiffness=1e6, damping=Rayleigh(0.0, 1e-5))
 
 
-def blade(nodes: int = 20) -> Structure:
+def blade(nodes: int = 20, **parameters: Any) -> Structure:
     """The blade of the example study."""
+    shape = {"length": 0.04, "width": 0.03, "thickness": 1e-3, "density": 4430, "specific_heat": 560}
+    rest = {"conductivity": 7.0, "convection": 400, "expansion": 9e-6, "tip_stiffness": 1e6}
     model = models.load("blade")
     return model.assemble(
-        model.Parameters(
-            nodes=nodes,
-            length=0.04,
-            width=0.03,
-            thickness=1e-3,
-            density=4430,
-            specific_heat=560,
-            conductivity=7.0,
-            convection=400,
-            expansion=9e-6,
-            tip_stiffness=1e6,
-            damping=Rayleigh(10.0, 2e-7),
-        )
+        model.Parameters(nodes=nodes, damping=Rayleigh(10.0, 2e-7), **{**shape, **rest, **parameters})
     )
+
+
+def of_file(path: Path, model: str = "matrices", **parameters: Any) -> Structure:
+    """Assemble the model of a file."""
+    kind = models.load(model)
+    return kind.assemble(kind.Parameters(File(str(path), path.name, str(path)), **parameters))
 
 
 def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
     """Return a batch; scalars are spread over cases and nodes, lists of cases are taken as they are.
 
     Harmonics are lists of [amplitude, frequency, phase], each a scalar or one value per case; amplitude, frequency and
-    phase alone are the first of the load.
+    phase alone are the first of the load. ``gaps`` are those of several contacts, ``turns`` what they turn harmonics by.
     """
+    return _cases((structure.mechanical_size, structure.thermal_size), count, values)
 
-    def of_case(name: str) -> np.ndarray:
-        return np.array(np.broadcast_to(np.asarray(values.get(name, 0.0), dtype=float), (count,)))
 
-    def of_node(name: str, size: int) -> np.ndarray:
-        return np.array(np.broadcast_to(np.asarray(values.get(name, 0.0), dtype=float), (count, size)))
+def cases_of_file(structure: Structure, count: int = 1, **values: Any) -> Cases:
+    """Return such a batch, given in the coordinates of the structure's file."""
+    batch = _cases(structure.input_sizes, count, values)
+    return batch if structure.coordinates is None else structure.coordinates.transformed(batch)
+
+
+def _cases(sizes: tuple[int, int], count: int, values: dict[str, Any]) -> Cases:
+    def spread(name: str, *shape: int) -> np.ndarray:
+        return np.array(np.broadcast_to(np.asarray(values.get(name, 0.0), dtype=float), (count, *shape)))
 
     def sinusoids(name: str, *first: list[Any]) -> Harmonics:
         rows = [[np.broadcast_to(value, (count,)) for value in one] for one in [*first, *values.get(name, [])]]
         return Harmonics(*np.array(rows, dtype=float).reshape(len(rows), 3, count).transpose(1, 2, 0))
 
-    n, m = structure.mechanical_size, structure.thermal_size
-    names, sine = ("e", "alpha", "gap", "mean", "friction"), ("amplitude", "frequency", "phase")
-    others = {"load_harmonics", "casing_harmonics", "steady", "heating", "displacement", "velocity", "temperature"}
-    unknown = set(values) - {*names, *sine, *others}
+    names, sine, several = ("e", "alpha", "gap", "mean", "friction"), ("amplitude", "frequency", "phase"), {}
+    states = dict(
+        zip(("steady", "displacement", "velocity", "heating", "temperature"), np.repeat(sizes, [3, 2]), strict=True)
+    )
+    unknown = set(values) - {*names, *sine, *states, "load_harmonics", "casing_harmonics", "gaps", "turns"}
     if unknown:
         raise TypeError(f"no such condition: {unknown}")
+    if "gaps" in values:
+        several["gaps"] = spread("gaps", np.shape(values["gaps"])[-1])
+        values = {"gap": several["gaps"][:, 0], **values}
+    if "turns" in values:
+        several["turns"] = spread("turns", *np.shape(values["turns"])[-2:])
     return Cases(
-        **{name: of_case(name) for name in names},
-        steady=of_node("steady", n),
-        heating=of_node("heating", m),
-        displacement=of_node("displacement", n),
-        velocity=of_node("velocity", n),
-        temperature=of_node("temperature", m),
+        **{name: spread(name) for name in names},
+        **{name: spread(name, size) for name, size in states.items()},
         load_harmonics=sinusoids("load_harmonics", [values.get(name, 0.0) for name in sine]),
         casing_harmonics=sinusoids("casing_harmonics"),
+        **several,
     )
 
 

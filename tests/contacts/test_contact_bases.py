@@ -14,13 +14,11 @@ from several import of_entries
 import scenes
 from workflow import models, schemes
 from workflow.analysis import decided
-from workflow.declare import File
 from workflow.models import (
     Array,
     Cases,
     Contacts,
     GivenMatrices,
-    Harmonics,
     Rayleigh,
     Sparse,
     Structure,
@@ -107,23 +105,9 @@ def clamped(nodes: int) -> dict[str, Any]:
 
 def rub(structure: Structure, **values: Any) -> Cases:
     """Return a load on the end that presses both contacts of a rod, in the coordinates of its file."""
-    (mechanical, thermal), gaps = structure.input_sizes, np.array([[2e-7, 4e-7]])[:, : structure.contact_rows.count]
-    given: dict[str, Any] = {"alpha": 0.0, "friction": 0.1, "steady": 0.0, "amplitude": 20.0, **values}
-    cases = Cases(
-        e=np.zeros(1),
-        gap=gaps[:, 0],
-        mean=np.zeros(1),
-        steady=np.broadcast_to(given["steady"], (1, mechanical)).astype(float),
-        heating=np.zeros((1, thermal)),
-        displacement=np.zeros((1, mechanical)),
-        velocity=np.zeros((1, mechanical)),
-        temperature=np.zeros((1, thermal)),
-        load_harmonics=Harmonics(*np.array([[[given["amplitude"]]], [[300.0]], [[0.2]]])),
-        gaps=gaps,
-        turns=np.zeros((1, gaps.size, 0)),
-        **{name: np.array([given[name]]) for name in ("alpha", "friction")},
-    )
-    return cases if structure.coordinates is None else structure.coordinates.transformed(cases)
+    load = {"friction": 0.1, "amplitude": 20.0, "frequency": 300.0, "phase": 0.2}
+    gaps = [2e-7, 4e-7][: structure.contact_rows.count]
+    return scenes.cases_of_file(structure, **{"gaps": gaps, **load, **values})
 
 
 def test_more_modes_come_closer() -> None:
@@ -220,7 +204,7 @@ def test_sparse_matrices_give_the_same_as_dense_ones(basis: str) -> None:
     }
     sparse = large(entries)
     dense = sparse.matrices()
-    batch = replace(rub(dense, alpha=0.01), gaps=np.array([[1.6e-7, 1.46e-7, 4e-7]]), turns=np.zeros((1, 3, 0)))
+    batch = rub(dense, alpha=0.01, gaps=[1.6e-7, 1.46e-7, 4e-7])
     ours, theirs = (reduce_structure(structure, 8, 4, basis, DURATION) for structure in (sparse, dense))
     a, b = ours.structure, theirs.structure
     assert (a.mechanical_size, a.thermal_size) == (b.mechanical_size, b.thermal_size)
@@ -240,7 +224,7 @@ def test_two_opposite_stops(basis: str) -> None:
     """Of rows w and -2 w one is held; without mass both stops have one residual flexibility, and R is singular."""
     entries, ends = clamped(20), np.eye(20)[[-1, 9, -1]] * np.array([[1.0], [-1.0], [-2.0]])
     full = of_entries(entries | {"contact": ends, "tangent": np.zeros((3, 20))}, Rayleigh())
-    batch = replace(rub(full), gaps=np.array([[2e-7, 1e-7, 5e-7]]), turns=np.zeros((1, 3, 0)))
+    batch = rub(full, gaps=[2e-7, 1e-7, 5e-7])
     reduction = reduce_structure(full, 18, None, basis, DURATION)
     assert reduction.structure.mechanical_size == (18 if basis in WITHOUT_MASS else 20)
     assert static(reduction.structure, 0.0) == pytest.approx(static(full, 0.0), rel=1e-9)
@@ -284,7 +268,7 @@ def test_a_free_rod_between_two_walls(basis: str) -> None:
     links = np.diff(np.eye(8), axis=0)
     entries = {"mass": 0.1 * np.eye(8), "stiffness": 4e5 * links.T @ links, "load": np.eye(8)[3]}
     full = of_entries(entries | {"contact": np.eye(8)[[7, 0]] * np.array([[1.0], [-1.0]])}, Rayleigh(mass=2.0))
-    batch = replace(rub(full), gaps=np.array([[1e-4, 2e-4]]))
+    batch = rub(full, gaps=[1e-4, 2e-4])
     for count in (0, 2, 6):
         reduction = reduce_structure(full, count, 0, basis, DURATION)
         assert reduction.structure.has_massless_tip == (basis in WITHOUT_MASS and count > 0)
@@ -331,15 +315,13 @@ def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, t
         residual_flexibility=c.residual,
         **{f"residual_{name}": getattr(c, f"residual_{own}") for name, own in residuals.items()},
     )
-    model = models.load("matrices")
-    written = model.assemble(model.Parameters(File("", "small.npz", str(file))))
+    written = scenes.of_file(file)
     assert critical_alpha(written) == pytest.approx(critical_alpha(full), rel=1e-9)
     values: dict[str, Any] = {"alpha": 0.5, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}
     exact = reduced_run(reduction, scenes.cases(full, **values), 0.05)
     assert exact.histories["impulse"][0, -1] > 0
     assert exact.metrics["impacts"].tolist() == [0]
-    theirs = scenes.cases(written, **values)
-    assert apart(run(written, replace(theirs, gaps=np.full((1, 1), 5e-5)), 0.05), exact) < 1e-9
+    assert apart(run(written, scenes.cases(written, **values), 0.05), exact) < 1e-9
     moreau, batch = schemes.load("moreau"), reduction.project(scenes.cases(full, **values))
     over, errors = Sampling(0.05, 0.05 / 100, 101), []
     for h in (4e-6, 1e-6):
@@ -368,7 +350,7 @@ def test_without_modes_contacts_follow_their_loads(basis: str) -> None:
 def test_constant_loads_act_on_contacts_without_mass(basis: str, gaps: list[float]) -> None:
     """At rest, free or pressed, places and forces are those of the full structure; ``Cases.offset`` holds the rest."""
     full = of_entries(clamped(20), Rayleigh())
-    batch = replace(rub(full, steady=np.linspace(0.0, 3.0, 20), amplitude=0.0), gaps=np.array([gaps]))
+    batch = rub(full, steady=np.linspace(0.0, 3.0, 20), amplitude=0.0, gaps=gaps)
     reduction = reduce_structure(full, 1, None, basis)
     small = reduction.project(batch)
     assert np.abs(small.offset).min() > 0

@@ -12,7 +12,7 @@ from two_masses import pressed, two_masses
 
 import workflow
 from scenes import alone, same_bits, sampling, step, taken
-from workflow.models import Harmonics, at_rest
+from workflow.models import at_rest
 
 SCENES = Path(__file__).parent / "scenes"
 H, OVER = 4e-5, sampling(0.004, 5e-5)
@@ -89,9 +89,8 @@ def test_what_starts_pressed_in_equilibrium_stays_on_its_casing(massless: bool) 
     residual = {"residual_flexibility": 1e-6 * np.eye(2)} if massless else {}
     structure = two_masses(**residual)
     for amplitude in (0.0, 1e-5):
-        turns = np.array([[[0.0], [0.7]]])
-        wave = Harmonics(*np.array([[[amplitude]], [[3.0]], [[0.2]]]))
-        case = at_rest(structure, pressed(structure, casing_harmonics=wave, turns=turns))
+        wave = {"casing_harmonics": [[amplitude, 3.0, 0.2]], "turns": [[0.0], [0.7]]}
+        case = at_rest(structure, pressed(structure, **wave))
         over = sampling(0.1, 1e-3)
         ours = step(structure, case, 1e-3, over, theta=0.5)
         place = np.stack([case.casing_of_contacts(t)[0] for t in over.times], axis=-1)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from several import of_entries
 
+from scenes import cases_of_file
 from workflow.models import Cases, Rayleigh, Structure
 
 
@@ -17,10 +18,4 @@ def two_masses(**entries: Any) -> Structure:
 
 def pressed(structure: Structure, **more: Any) -> Cases:
     """Return a case that is pushed against both its contacts, in equilibrium."""
-    size, zero = structure.contacts.count, np.zeros(1)
-    given: dict[str, Any] = dict.fromkeys(("e", "alpha", "gap", "mean"), zero)
-    states = {name: np.zeros((1, 2)) for name in ("displacement", "velocity")} | {
-        name: np.zeros((1, structure.thermal_size)) for name in ("heating", "temperature")
-    }
-    given |= {"steady": np.array([[30.0, 50.0]]), "gaps": np.full((1, size), 1e-3), "turns": np.zeros((1, size, 1))}
-    return structure.coordinates.transformed(Cases(**{**given, **states, **more}))
+    return cases_of_file(structure, steady=[30.0, 50.0], **{"gaps": [1e-3, 1e-3], **more})
