@@ -8,7 +8,9 @@ import numpy as np
 
 from workflow import models, schemes
 from workflow.declare import File
-from workflow.models import Cases, Chain, Harmonics, Matrices, Rayleigh, Sensors, Structure
+from workflow.models import Cases, Chain, Harmonics, Matrices, Rayleigh, Sensors, Structure, structure_from_matrices
+from workflow.models._from_matrices import with_contacts
+from workflow.models._matrix_entries import Chosen, given_by
 from workflow.schemes import Results, Sampling
 
 
@@ -50,12 +52,11 @@ def siconos_chain() -> Structure:
 
 def blade(nodes: int = 20, **parameters: Any) -> Structure:
     """The blade of the example study."""
-    shape = {"length": 0.04, "width": 0.03, "thickness": 1e-3, "density": 4430, "specific_heat": 560}
-    rest = {"conductivity": 7.0, "convection": 400, "expansion": 9e-6, "tip_stiffness": 1e6}
+    usual = {"length": 0.04, "width": 0.03, "thickness": 1e-3, "density": 4430, "specific_heat": 560}
+    usual |= {"conductivity": 7.0, "convection": 400, "expansion": 9e-6, "tip_stiffness": 1e6}
+    usual |= {"nodes": nodes, "damping": Rayleigh(10.0, 2e-7)}
     model = models.load("blade")
-    return model.assemble(
-        model.Parameters(nodes=nodes, damping=Rayleigh(10.0, 2e-7), **{**shape, **rest, **parameters})
-    )
+    return model.assemble(model.Parameters(**{**usual, **parameters}))
 
 
 def of_file(path: Path, model: str = "matrices", **parameters: Any) -> Structure:
@@ -64,11 +65,17 @@ def of_file(path: Path, model: str = "matrices", **parameters: Any) -> Structure
     return kind.assemble(kind.Parameters(File(str(path), path.name, str(path)), **parameters))
 
 
+def of_entries(entries: dict[str, Any], damping: Rayleigh | None = None) -> Matrices:
+    """Build the structure of a file's entries, with a row for each contact."""
+    given, contacts = given_by(entries, Chosen(), damping or Rayleigh())
+    return with_contacts(structure_from_matrices(given), contacts)
+
+
 def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
     """Return a batch; scalars are spread over cases and nodes, lists of cases are taken as they are.
 
     Harmonics are lists of [amplitude, frequency, phase], each a scalar or one value per case; amplitude, frequency and
-    phase alone are the first of the load. ``gaps`` are those of several contacts, ``turns`` what they turn harmonics by.
+    phase alone are the first of the load. ``gaps`` are those of several contacts, with ``turns`` of their harmonics.
     """
     return _cases((structure.mechanical_size, structure.thermal_size), count, values)
 
@@ -88,10 +95,9 @@ def _cases(sizes: tuple[int, int], count: int, values: dict[str, Any]) -> Cases:
         return Harmonics(*np.array(rows, dtype=float).reshape(len(rows), 3, count).transpose(1, 2, 0))
 
     names, sine, several = ("e", "alpha", "gap", "mean", "friction"), ("amplitude", "frequency", "phase"), {}
-    states = dict(
-        zip(("steady", "displacement", "velocity", "heating", "temperature"), np.repeat(sizes, [3, 2]), strict=True)
-    )
-    unknown = set(values) - {*names, *sine, *states, "load_harmonics", "casing_harmonics", "gaps", "turns"}
+    lengths = dict.fromkeys(("steady", "displacement", "velocity"), sizes[0])
+    lengths |= dict.fromkeys(("heating", "temperature"), sizes[1])
+    unknown = set(values) - {*names, *sine, *lengths, "load_harmonics", "casing_harmonics", "gaps", "turns"}
     if unknown:
         raise TypeError(f"no such condition: {unknown}")
     if "gaps" in values:
@@ -101,7 +107,7 @@ def _cases(sizes: tuple[int, int], count: int, values: dict[str, Any]) -> Cases:
         several["turns"] = spread("turns", *np.shape(values["turns"])[-2:])
     return Cases(
         **{name: spread(name) for name in names},
-        **{name: spread(name, size) for name, size in states.items()},
+        **{name: spread(name, size) for name, size in lengths.items()},
         load_harmonics=sinusoids("load_harmonics", [values.get(name, 0.0) for name in sine]),
         casing_harmonics=sinusoids("casing_harmonics"),
         **several,

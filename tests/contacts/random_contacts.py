@@ -4,10 +4,9 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from several import of_entries
 
-from scenes import watched
-from workflow.models import Array, Cases, Harmonics, Rayleigh, Structure, independent_rows
+from scenes import of_entries, watched
+from workflow.models import Array, Cases, Harmonics, Structure, independent_rows
 from workflow.reduction import reduce_structure
 
 DURATION = 0.02
@@ -56,10 +55,11 @@ def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
         entries["residual_flexibility"] += entries["residual_flexibility"].T
         if rubs:
             entries["residual_tangent"] = 2e-7 * rng.normal(size=(count, count))
-    structure = of_entries(entries, Rayleigh())
+    structure = of_entries(entries)
+    structure = replace(structure, contacts=structure.contact_rows, tangent=None)  # of one contact too
     waves = Harmonics(np.array([[4e-6, 3e-6]]), rng.uniform(30, 150, (1, 2)), rng.uniform(-3, 3, (1, 2)))
     orders = np.array([rng.integers(1, 4), 0])
-    turns = structure.contacts.angle[:, None] * orders
+    turns = entries["angle"][:, None] * orders
     onto = structure.coordinates.displacement_projection
     x, v = 3e-5 * rng.normal(size=size), 0.01 * rng.normal(size=size)
     begins = entries["contact"] @ x - (waves.amplitude * np.sin(waves.phase + turns)).sum(axis=1)
@@ -100,8 +100,8 @@ def on_basis(seed: int, massless: bool) -> Drawn:
     case = drawn(seed, massless and not basis, alone=seed % 7 == 6)
     if not basis:
         return case
-    full, contacts = case.structure, case.structure.contacts
-    held, heated = independent_rows(contacts)
+    full = case.structure
+    held, heated = independent_rows(full.contact_rows)
     modes = min(2, full.mechanical_size - held), min(1, full.thermal_size - heated)
     reduction = reduce_structure(full, *modes, basis, DURATION)
     assert reduction.structure.has_massless_tip == massless

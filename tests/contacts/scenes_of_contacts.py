@@ -69,5 +69,5 @@ def study(place: Path, entries: dict[str, Any] | None = None, **more: Any) -> di
     """Return a study of a structure that is written to a file; ``scene`` and other sections replace the usual ones."""
     file = place / "several.npz"
     np.savez(file, **(chain() if entries is None else entries))
-    scene = {"several": {"file": str(file)}, **SCENE, **more.pop("scene", {})}
+    scene = {"matrices": {"file": str(file)}, **SCENE, **more.pop("scene", {})}
     return {"study": "several", "scene": scene, "axes": AXES | more.pop("axes", {}), "output": OUTPUT, **more}

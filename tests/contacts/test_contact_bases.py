@@ -9,9 +9,9 @@ import pytest
 import scipy
 from random_contacts import DURATION, drawn
 from scenes_of_contacts import chain, study
-from several import of_entries
 
 import scenes
+from scenes import of_entries
 from workflow import models, schemes
 from workflow.analysis import decided
 from workflow.models import (
@@ -112,7 +112,7 @@ def rub(structure: Structure, **values: Any) -> Cases:
 
 def test_more_modes_come_closer() -> None:
     """Displacements by Craig–Bampton as 1/count³, by MacNeal's modes as 1/count²."""
-    full = of_entries(clamped(60), Rayleigh())
+    full = of_entries(clamped(60))
     cases = rub(full)
     whole = run(full, cases, 0.01)
     assert whole.metrics["impacts"].min() > 5
@@ -154,7 +154,7 @@ def test_residual_flexibility_of_a_uniform_chain(count: int) -> None:
     exact = (modes[:, count:] / squares[count:]) @ modes[:, count:].T
     tangent, load = np.eye(n)[[1, 5]], np.eye(n)[4]
     entries = {"mass": m * np.eye(n), "stiffness": k * links.T @ links, "contact": np.eye(n)[at - 1]}
-    full = of_entries(entries | {"tangent": tangent, "load": load}, Rayleigh())
+    full = of_entries(entries | {"tangent": tangent, "load": load})
     contacts = reduce_structure(full, count, None, "macneal").structure.contacts
     for ours, theirs in (
         (contacts.residual, exact[np.ix_(at - 1, at - 1)]),
@@ -223,7 +223,7 @@ def test_sparse_matrices_give_the_same_as_dense_ones(basis: str) -> None:
 def test_two_opposite_stops(basis: str) -> None:
     """Of rows w and -2 w one is held; without mass both stops have one residual flexibility, and R is singular."""
     entries, ends = clamped(20), np.eye(20)[[-1, 9, -1]] * np.array([[1.0], [-1.0], [-2.0]])
-    full = of_entries(entries | {"contact": ends, "tangent": np.zeros((3, 20))}, Rayleigh())
+    full = of_entries(entries | {"contact": ends, "tangent": np.zeros((3, 20))})
     batch = rub(full, gaps=[2e-7, 1e-7, 5e-7])
     reduction = reduce_structure(full, 18, None, basis, DURATION)
     assert reduction.structure.mechanical_size == (18 if basis in WITHOUT_MASS else 20)
@@ -252,7 +252,7 @@ def test_critical_coupling_of_opposite_stops_is_that_of_the_worse_one(basis: str
         "coupling": -2e3 * links.T,
         "thermal_contact": np.eye(8)[[-1, 3]],
     }
-    full = of_entries(entries, Rayleigh())
+    full = of_entries(entries)
     flexibility = float((end @ np.linalg.solve(entries["stiffness"], end.T)).item())
     warm = np.linalg.solve(entries["conductance"], entries["thermal_contact"].T)
     moved = -(end @ np.linalg.solve(entries["stiffness"], entries["coupling"] @ warm))[0]
@@ -332,7 +332,7 @@ def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, t
 @pytest.mark.parametrize("basis", WITHOUT_MASS)
 def test_without_modes_contacts_follow_their_loads(basis: str) -> None:
     """Static answers alone: x = w K1⁻¹ b F, and the force that keeps it at the casing."""
-    full = of_entries(clamped(12) | {"contact": np.eye(12)[[-1]], "tangent": np.zeros((1, 12))}, Rayleigh())
+    full = of_entries(clamped(12) | {"contact": np.eye(12)[[-1]], "tangent": np.eye(12)[[0]]})
     batch = rub(full, friction=0.0, amplitude=30.0)
     ours = reduced_run(reduce_structure(full, 0, 0, basis), batch, 0.01)
     flexibility = static(full, 0.0).item()
@@ -349,7 +349,7 @@ def test_without_modes_contacts_follow_their_loads(basis: str) -> None:
 @pytest.mark.parametrize("gaps", [[1.0, 1.0], [2e-7, 4e-7]])
 def test_constant_loads_act_on_contacts_without_mass(basis: str, gaps: list[float]) -> None:
     """At rest, free or pressed, places and forces are those of the full structure; ``Cases.offset`` holds the rest."""
-    full = of_entries(clamped(20), Rayleigh())
+    full = of_entries(clamped(20))
     batch = rub(full, steady=np.linspace(0.0, 3.0, 20), amplitude=0.0, gaps=gaps)
     reduction = reduce_structure(full, 1, None, basis)
     small = reduction.project(batch)
@@ -381,7 +381,6 @@ def test_a_study_takes_counts_and_bases_of_several_contacts(tmp_path: Path) -> N
     given = study(
         tmp_path,
         chain(),
-        scene={"matrices": {"file": str(tmp_path / "several.npz")}},
         axes={
             "scheme": ["event_driven", "moreau"],
             "reduction": list(BASES),
@@ -392,7 +391,6 @@ def test_a_study_takes_counts_and_bases_of_several_contacts(tmp_path: Path) -> N
         },
         reference={"scheme": "event_driven", "mechanical_modes": "full", "thermal_modes": "full"},
     )
-    del given["scene"]["several"]
     assert not [warning for warning in plan_study(given).warnings if "fails" in warning]
     archive = run_study(given, tmp_path / "a.nc", threads=1).dataset.load().squeeze()
     assert (archive["status"] == 0).all()
