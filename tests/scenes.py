@@ -51,7 +51,6 @@ def siconos_chain() -> Structure:
 
 
 def blade(nodes: int = 20, **parameters: Any) -> Structure:
-    """The blade of the example study."""
     usual = {"length": 0.04, "width": 0.03, "thickness": 1e-3, "density": 4430, "specific_heat": 560}
     usual |= {"conductivity": 7.0, "convection": 400, "expansion": 9e-6, "tip_stiffness": 1e6}
     usual |= {"nodes": nodes, "damping": Rayleigh(10.0, 2e-7)}
@@ -60,7 +59,6 @@ def blade(nodes: int = 20, **parameters: Any) -> Structure:
 
 
 def of_file(path: Path, model: str = "matrices", **parameters: Any) -> Structure:
-    """Assemble the model of a file."""
     kind = models.load(model)
     return kind.assemble(kind.Parameters(File(str(path), path.name, str(path)), **parameters))
 
@@ -133,7 +131,6 @@ def sampling(duration: float, interval: float, balances: bool = False) -> Sampli
 def step(
     structure: Structure, batch: Cases, h: float, over: Sampling, method: str = "moreau", **options: Any
 ) -> Results:
-    """Run a batch with one scheme."""
     scheme = schemes.load(method)
     return scheme.compute(scheme.init(structure, h, scheme.Options(**options)), batch, over)
 
@@ -233,7 +230,6 @@ def held_matrix(s: Structure, alpha: float, friction: float = 0.0) -> np.ndarray
 
 
 def alone(batch: Cases, case: int) -> Cases:
-    """Return one case of a batch."""
     return batch.take(slice(case, case + 1))
 
 

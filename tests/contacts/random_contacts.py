@@ -20,7 +20,7 @@ class Drawn(NamedTuple):
     cases: Cases
 
 
-def _positive(rng: np.random.Generator, size: int, least: float) -> Array:
+def positive(rng: np.random.Generator, size: int, least: float) -> Array:
     """Return a symmetric matrix whose eigenvalues lie between ``least`` and 1."""
     turned, _ = np.linalg.qr(rng.normal(size=(size, size)))
     return np.asarray((turned * rng.uniform(least, 1.0, size)) @ turned.T)
@@ -32,7 +32,7 @@ def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
     count = 1 if alone else int(rng.integers(1 if massless else 2, 6))
     size, thermal = count + int(rng.integers(1, 4)), int(rng.integers(1, 4))
     rubs, warms = rng.random() < 0.5, rng.random() < 0.5
-    mass, stiffness = 0.1 * _positive(rng, size, 0.5), 4e5 * _positive(rng, size, 0.05)
+    mass, stiffness = 0.1 * positive(rng, size, 0.5), 4e5 * positive(rng, size, 0.05)
     shares = rng.uniform(0.1, 1.0, (count, thermal))
     entries: dict[str, Any] = {
         "mass": mass,
@@ -40,8 +40,8 @@ def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
         "damping": 5.0 * mass + 2e-5 * (stiffness + stiffness.T) / 2,
         "contact": np.eye(count, size) + 0.15 * rng.normal(size=(count, size)),
         "load": rng.normal(size=size),
-        "heat_capacity": _positive(rng, thermal, 0.3),
-        "conductance": 0.2 * _positive(rng, thermal, 0.3),
+        "heat_capacity": positive(rng, thermal, 0.3),
+        "conductance": 0.2 * positive(rng, thermal, 0.3),
         "coupling": 10.0 * rng.normal(size=(size, thermal)),
         "thermal_contact": shares / shares.sum(axis=1, keepdims=True),
         "angle": rng.uniform(-1, 1, count),
@@ -51,7 +51,7 @@ def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
     if rubs:
         entries["tangent"] = 0.3 * rng.normal(size=(count, size))
     if massless:
-        entries["residual_flexibility"] = 2e-6 * _positive(rng, count, 0.3)
+        entries["residual_flexibility"] = 2e-6 * positive(rng, count, 0.3)
         entries["residual_flexibility"] += entries["residual_flexibility"].T
         if rubs:
             entries["residual_tangent"] = 2e-7 * rng.normal(size=(count, count))

@@ -23,12 +23,10 @@ EXACT = {"scheme": "event_driven"}
 
 
 def planned(place: Path, entries: dict[str, Any], scene: dict[str, Any] | None = None, **axes: Any) -> list[str]:
-    """Return what a plan warns of."""
     return list(plan_study(study(place, entries, scene=scene or {}, axes={"h": 1e-4, **EXACT, **axes})).warnings)
 
 
 def told(structure: Structure, **conditions: Any) -> list[str]:
-    """Return the cautions about two masses."""
     cases = pressed(structure, **conditions)
     return list(scene_cautions(structure, ReducedModel(structure, None), cases, 1.0, is_static=False))
 

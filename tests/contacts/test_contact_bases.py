@@ -12,6 +12,7 @@ from scenes_of_contacts import chain, study
 
 import scenes
 from scenes import of_entries
+from sliding import random_structure
 from workflow import models, schemes
 from workflow.analysis import decided
 from workflow.models import (
@@ -37,7 +38,6 @@ WITHOUT_MASS = ("macneal", "massless")
 
 
 def run(structure: Structure, cases: Cases, duration: float = DURATION) -> Results:
-    """Return the exact results."""
     exact = schemes.load("event_driven")
     return exact.compute(exact.init(structure, 0.0, exact.Options()), cases, Sampling(duration, duration / 100, 101))
 
@@ -74,13 +74,17 @@ def test_all_modes_lose_nothing(seed: int) -> None:
 
 @pytest.mark.parametrize("basis", BASES)
 @pytest.mark.parametrize("count", [0, 1, 3])
-@pytest.mark.parametrize("seed", [3, 4, 10])
-def test_static_answers_and_critical_coupling_are_exact(basis: str, count: int, seed: int) -> None:
-    full = drawn(seed).structure
-    count = min(count, full.mechanical_size - full.contacts.count)
-    small = reduce_structure(full, count, 0, basis, DURATION).structure
+@pytest.mark.parametrize("seed", [3, 4, 10, None])
+def test_static_answers_and_critical_coupling_are_exact(basis: str, count: int, seed: int | None) -> None:
+    """Of several contacts, and of one that is the tip."""
+    tip = random_structure(np.random.default_rng(4), 8, 3)
+    full, thermal = (tip, None) if seed is None else (drawn(seed).structure, 0)
+    count = min(count, full.mechanical_size - full.contact_rows.count)
+    small = reduce_structure(full, count, thermal, basis, DURATION).structure
     assert small.has_massless_tip == (basis in WITHOUT_MASS)
-    for friction in (0.0, 0.3):
+    if seed is None:  # the tip's own vector, and that of friction
+        assert small.mechanical_size == count + (0 if basis in WITHOUT_MASS else 2)
+    for friction in (0.0, 0.3, -0.8):
         assert static(small, friction) == pytest.approx(static(full, friction), rel=1e-9)
         assert critical_alpha(small, friction) == pytest.approx(critical_alpha(full, friction), rel=1e-9)
     if small.has_massless_tip and count > 1:  # MacNeal's residual is added to what there is
@@ -165,7 +169,6 @@ def test_residual_flexibility_of_a_uniform_chain(count: int) -> None:
 
 
 def large(entries: dict[str, Any]) -> Sparse:
-    """Return the structure by sparse matrices."""
     size, rows = len(entries["mass"]), entries["contact"]
     names = ("mass", "stiffness", "coupling", "heat_capacity", "conductance")
     given = GivenMatrices(

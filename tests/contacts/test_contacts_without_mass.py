@@ -18,12 +18,10 @@ EVERY_STEP = sampling(150 * H, H, balances=True)
 
 
 def residual(structure: Structure, flexibility: Array) -> Structure:
-    """Return a structure whose contacts have a residual flexibility."""
     return replace(structure, contacts=replace(structure.contacts, residual=flexibility))
 
 
 def on_elastic_casing(flexibility: float, structure: Structure, cases: Cases, **options: Any) -> Results:
-    """Step a structure against a casing of some flexibility."""
     return step(structure.on_casing(flexibility), cases, H, EVERY_STEP, "moreau", **options)
 
 

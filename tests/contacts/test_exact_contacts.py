@@ -37,7 +37,6 @@ def structure(mass: Any, stiffness: Any, rows: Any, damping: Rayleigh | None = N
 
 
 def run(own: Structure, times: Any, events: int = 0, **given: Any) -> Results:
-    """Return the exact results of one case."""
     over = Sampling(times[-1], times[1], len(times), events=events)
     return step(own, cases_of_file(own, **given), 0.0, over, "event_driven")
 

@@ -20,7 +20,6 @@ Plain = Callable[[Structure, Cases, int], Motion]
 
 
 def of(method: str, seed: int) -> tuple[dict[str, Any], Plain]:
-    """Return options of a scheme and its plain form."""
     theta = (0.5, 0.6, 1.0)[seed // 3 % 3]
     if method == "moreau":
         return {"theta": theta}, lambda s, c, n: march(s, c, H, theta, n)

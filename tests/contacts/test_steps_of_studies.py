@@ -106,7 +106,6 @@ def test_schemes_that_do_not_say_so_refuse_contacts_without_mass() -> None:
 
 
 def alone(structure: Structure, contact: int) -> Structure:
-    """Return the structure with one of its contacts."""
     own = structure.contacts
     rows = {name: getattr(own, name)[[contact]] for name in ("normal", "tangent", "heat", "angle")}
     return replace(structure, contacts=Contacts((own.labels[contact],), **rows))

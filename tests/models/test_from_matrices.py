@@ -9,15 +9,13 @@ import pytest
 
 from given_matrices import given, turned
 from matrix_files import matrices_of
-from scenes import cases, heavy_chain
-from workflow.declare import File
+from scenes import cases, heavy_chain, of_file
 from workflow.models import (
     GivenMatrices,
     Structure,
     UnusableMatricesError,
     critical_alpha,
     frequencies,
-    load,
     mechanical_modes,
     rates,
     structure_from_matrices,
@@ -76,9 +74,7 @@ def test_dampers_on_what_has_no_mass_are_multiples_of_its_springs() -> None:
 
 
 def assembled(path: Path, **entries: Any) -> Structure:
-    model = load("matrices")
-    written = write_matrices(path, **entries)
-    return model.assemble(model.Parameters(File(str(entries), written.name, str(written))))
+    return of_file(write_matrices(path, **entries))
 
 
 @pytest.mark.parametrize(("nodes", "held"), [(4, (0,)), (7, (0, 3)), (320, (0, 1, 9))])

@@ -10,9 +10,9 @@ import pytest
 import scipy.sparse
 
 from matrix_files import WRITERS, as_directory, as_npz, matrices_of
-from scenes import heavy_chain
+from scenes import heavy_chain, of_file
 from workflow.declare import File
-from workflow.models import Matrices, UnusableMatricesError, load, write_matrices
+from workflow.models import Structure, UnusableMatricesError, load, write_matrices
 from workflow.models._matrix_entries import in_si
 
 CALCULIX = Path(__file__).parent / "calculix"
@@ -21,10 +21,8 @@ ENTRIES = matrices_of(CHAIN)
 E00 = np.diag([1.0, 0, 0, 0, 0])
 
 
-def assembled(path: Path, **parameters: Any) -> Matrices:
-    model = load("matrices")
-    structure = model.assemble(model.Parameters(File("", path.name, str(path)), **{"contact": 4, **parameters}))
-    return structure
+def assembled(path: Path, **parameters: Any) -> Structure:
+    return of_file(path, **{"contact": 4, **parameters})
 
 
 @pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)

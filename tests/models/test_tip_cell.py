@@ -17,7 +17,6 @@ def hottest(structure: Chain) -> float:
 
 @pytest.mark.parametrize("nodes", [1, 7, 20, 49])
 def test_cells_are_equal_to_the_bit_where_no_tip_cell_is_given_or_it_is_the_equal_one(nodes: int) -> None:
-    """The lumps as they were before there was a tip cell."""
     cell, section, share = 0.04 / nodes, 0.03 * 1e-3, np.append(np.ones(nodes - 1), 0.5)
     mass = 4430 * section * cell * share
     for structure in (blade(nodes), blade(nodes, tip_cell=0.04 / nodes)):

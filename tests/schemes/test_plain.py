@@ -53,7 +53,6 @@ LAWS = THETA | CENTRAL | EXPLICIT | IMPLICIT
 
 
 def march(law: str, structure: Structure, case: Cases, h: float, steps: int) -> Motion:
-    """Step a case by plain matrices."""
     method, options = LAWS[law]
     if law in CENTRAL:
         newton = plain_steps.rebound(float(case.e[0]) if method == "paoli_schatzman" else 0.0)

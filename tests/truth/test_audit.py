@@ -12,7 +12,6 @@ SCENES = Path(__file__).parent / "audit"
 
 
 def solved(name: str, tmp_path: Path, **settings: object) -> xr.Dataset:
-    """Run a scene of the audit."""
     study = read_study(SCENES / f"{name}.yaml").with_(settings)
     return run_study(study, tmp_path / "x.nc", threads=1).dataset.load()
 
