@@ -63,10 +63,10 @@ def of_file(path: Path, model: str = "matrices", **parameters: Any) -> Structure
     return kind.assemble(kind.Parameters(File(str(path), path.name, str(path)), **parameters))
 
 
-def of_entries(entries: dict[str, Any], damping: Rayleigh | None = None) -> Matrices:
+def of_entries(entries: dict[str, Any], damping: Rayleigh | None = None, build: Any = structure_from_matrices) -> Any:
     """Build the structure of a file's entries, with a row for each contact."""
     given, contacts = given_by(entries, Chosen(), damping or Rayleigh())
-    return with_contacts(structure_from_matrices(given), contacts)
+    return with_contacts(build(given), contacts)
 
 
 def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:

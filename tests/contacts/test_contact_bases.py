@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scipy
 from random_contacts import DURATION, drawn
 from scenes_of_contacts import chain, study
 
@@ -18,15 +17,12 @@ from workflow.analysis import decided
 from workflow.models import (
     Array,
     Cases,
-    Contacts,
-    GivenMatrices,
     Rayleigh,
-    Sparse,
     Structure,
     at_rest,
     critical_alpha,
-    structure_from_sparse,
 )
+from workflow.models._from_matrices import _sparse_structure
 from workflow.models.matrices import write_matrices
 from workflow.plan import plan_study
 from workflow.reduction import Reduction, projection_residual, reduce_structure
@@ -38,8 +34,7 @@ WITHOUT_MASS = ("macneal", "massless")
 
 
 def run(structure: Structure, cases: Cases, duration: float = DURATION) -> Results:
-    exact = schemes.load("event_driven")
-    return exact.compute(exact.init(structure, 0.0, exact.Options()), cases, Sampling(duration, duration / 100, 101))
+    return scenes.step(structure, cases, 0.0, Sampling(duration, duration / 100, 101), "event_driven")
 
 
 def apart(these: Results, those: Results) -> float:
@@ -168,28 +163,6 @@ def test_residual_flexibility_of_a_uniform_chain(count: int) -> None:
         assert ours == pytest.approx(theirs, rel=1e-10, abs=1e-12 * np.abs(exact).max())
 
 
-def large(entries: dict[str, Any]) -> Sparse:
-    size, rows = len(entries["mass"]), entries["contact"]
-    names = ("mass", "stiffness", "coupling", "heat_capacity", "conductance")
-    given = GivenMatrices(
-        **{name: scipy.sparse.csc_array(entries[name]) for name in names},
-        contact=rows[0],
-        thermal_contact=entries["thermal_contact"][0],
-        steady=np.zeros(size),
-        heating=np.zeros(len(entries["heat_capacity"])),
-        damping=Rayleigh(mass=20.0),
-    )
-    structure = structure_from_sparse(given)
-    assert isinstance(structure, Sparse)
-    own = structure.coordinates
-    contacts = Contacts(("a", "b", "c"), rows, entries["tangent"], entries["thermal_contact"], np.zeros(3))
-    return replace(
-        structure,
-        contacts=contacts.transformed(own.displacement_basis, own.temperature_basis),
-        load=np.asarray(own.displacement_basis.T @ entries["load"]),
-    )
-
-
 @pytest.mark.parametrize("basis", BASES)
 def test_sparse_matrices_give_the_same_as_dense_ones(basis: str) -> None:
     """Rows of several entries; the last two contacts share a temperature."""
@@ -205,7 +178,8 @@ def test_sparse_matrices_give_the_same_as_dense_ones(basis: str) -> None:
         "coupling": -20 * links.T @ np.repeat(np.eye(heats), 26, axis=0)[:n],
         "thermal_contact": np.eye(heats)[[6, 11, 11]],
     }
-    sparse = large(entries)
+    del entries["damping"]
+    sparse = of_entries(entries, Rayleigh(mass=20.0), _sparse_structure)
     dense = sparse.matrices()
     batch = rub(dense, alpha=0.01, gaps=[1.6e-7, 1.46e-7, 4e-7])
     ours, theirs = (reduce_structure(structure, 8, 4, basis, DURATION) for structure in (sparse, dense))
@@ -237,10 +211,8 @@ def test_two_opposite_stops(basis: str) -> None:
     if basis not in WITHOUT_MASS:
         assert apart(ours, run(full, batch, 0.01)) < 1e-9
     if basis == "massless":
-        moreau, over, errors = schemes.load("moreau"), Sampling(0.01, 1e-4, 101), []
-        for h in (2.5e-7, 6.25e-8):
-            operator = moreau.init(reduction.structure, h, moreau.Options(theta=0.5))
-            errors.append(apart(moreau.compute(operator, reduction.project(batch), over), ours))
+        over, small, case = Sampling(0.01, 1e-4, 101), reduction.structure, reduction.project(batch)
+        errors = [apart(scenes.step(small, case, h, over, theta=0.5), ours) for h in (2.5e-7, 6.25e-8)]
         assert errors[1] < 0.5 * errors[0] < 0.03
 
 
@@ -298,7 +270,6 @@ def test_rows_that_share_temperatures() -> None:
 
 @pytest.mark.parametrize("basis", WITHOUT_MASS)
 def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, tmp_path: Path) -> None:
-    """The reduced matrices, written to a file; and `moreau` with θ = ½ comes to the same as its step falls."""
     full = scenes.heavy_chain()
     reduction = reduce_structure(full, 3, 5, basis)
     small = reduction.structure
@@ -325,11 +296,6 @@ def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, t
     assert exact.histories["impulse"][0, -1] > 0
     assert exact.metrics["impacts"].tolist() == [0]
     assert apart(run(written, scenes.cases(written, **values), 0.05), exact) < 1e-9
-    moreau, batch = schemes.load("moreau"), reduction.project(scenes.cases(full, **values))
-    over, errors = Sampling(0.05, 0.05 / 100, 101), []
-    for h in (4e-6, 1e-6):
-        errors.append(apart(moreau.compute(moreau.init(small, h, moreau.Options(theta=0.5)), batch, over), exact))
-    assert errors[1] < 0.5 * errors[0] < 2e-3
 
 
 @pytest.mark.parametrize("basis", WITHOUT_MASS)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from random_contacts import varied
 from ruamel.yaml import YAML
-from scenes_of_contacts import plate, study
 from two_masses import pressed, two_masses
 
 import workflow
@@ -33,40 +32,6 @@ def test_steps_converge_to_exact_scenes(name: str, tmp_path: Path) -> None:
         errors = [float(np.linalg.norm(values - truth) / np.linalg.norm(truth)) for values in steps]
         assert errors[1] < errors[0] / 8, (variable, errors)
         assert errors[1] < 0.02, (variable, errors)
-    archive.close()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("e", [0.0, 0.3])
-def test_the_error_on_a_plate_with_five_contacts_is_of_first_order(e: float, tmp_path: Path) -> None:
-    """θ = 1/2 on a Craig–Bampton basis with mass, friction, heat and a casing that moves."""
-    casing = {
-        "gap": [2e-5, 2.2e-5, 2.4e-5, 2.6e-5, 2.8e-5],
-        "harmonics": [{"order": 2, "amplitude": 1e-5, "phase": 0.5}],
-    }
-    scene = {
-        "casing": casing,
-        "speed": 60.0,
-        "load": {"amplitude": 40.0, "frequency": 150.0, "phase": 0.2},
-        "friction": {"coefficient": 0.2, "sliding_speed": 50.0, "heat_share": 0.5},
-    }
-    steps = 2e-5 / 2.0 ** np.arange(6)
-    axes = {"scheme": ["exact", "midpoint"], "h": steps.tolist(), "e": e, "reduction": "craig_bampton"}
-    axes |= {"mechanical_modes": 4, "thermal_modes": 4}
-    two = {"exact": {"method": "event_driven"}, "midpoint": {"method": "moreau", "theta": 0.5}}
-    archive = workflow.run_study(
-        study(tmp_path, plate(), scene=scene, schemes=two, axes=axes), tmp_path / "a.nc"
-    ).dataset
-    exact, stepped = archive.sel(scheme="exact").isel(h=0).squeeze(), archive.sel(scheme="midpoint")
-    assert exact["impacts"].min() > 5
-    assert exact["max_temperature"].min() > 1
-    for variable, most in (("displacement", 1.5e-3), ("impulse", 1e-3), ("temperature", 1e-3)):
-        truth = exact[variable].values
-        values = stepped[variable].squeeze().transpose("h", "contact", "t").values
-        errors = [float(np.linalg.norm(each - truth) / np.linalg.norm(truth)) for each in values]
-        slope = float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
-        assert 0.85 < slope < 1.25, (variable, errors)
-        assert errors[-1] < most, (variable, errors)
     archive.close()
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from scenes import blade, cases, chain, heavy_chain, relative, sampling, step
-from sliding import random_structure
+from scenes import blade, cases, chain, heavy_chain, sampling, step
 from workflow import models, reduction
 from workflow.models import Structure, critical_alpha
 from workflow.reduction import projection_residual, reduce_structure
@@ -111,18 +110,6 @@ def test_insulated_without_thermal_modes() -> None:
             reduced = reduce_structure(structure, nodes - 1, 0).structure
             assert models.thermal_modes(reduced).values[0] == 0.0
             assert critical_alpha(reduced) == 0.0
-
-
-def test_all_modes_lose_nothing() -> None:
-    full = random_structure(np.random.default_rng(4), 5, 3)
-    reduction = reduce_structure(full, 4, 2)
-    assert reduction.structure.mechanical_size == 5
-    batch = cases(full, friction=0.3, alpha=0.1, gap=1e-3, mean=4.0, velocity=0.1, e=0.5)
-    over = sampling(0.1, 1e-2)
-    whole = step(full, batch, 1.0, over, "event_driven")
-    reduced = step(reduction.structure, reduction.project(batch), 1.0, over, "event_driven")
-    assert whole.metrics["impacts"][0] > 0
-    assert relative(reduced.histories["displacement"], whole.histories["displacement"]) < 1e-11
 
 
 DURATION = 0.3
