@@ -23,21 +23,20 @@ class Drawn(NamedTuple):
 def positive(rng: np.random.Generator, size: int, least: float) -> Array:
     """Return a symmetric matrix whose eigenvalues lie between ``least`` and 1."""
     turned, _ = np.linalg.qr(rng.normal(size=(size, size)))
-    return np.asarray((turned * rng.uniform(least, 1.0, size)) @ turned.T)
+    matrix = (turned * rng.uniform(least, 1.0, size)) @ turned.T
+    return np.asarray((matrix + matrix.T) / 2)
 
 
-def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
-    """Return a structure of 2 to 5 contacts, of 1 to 5 without mass, some with friction, some with heat."""
-    rng = np.random.default_rng(seed)
-    count = 1 if alone else int(rng.integers(1 if massless else 2, 6))
-    size, thermal = count + int(rng.integers(1, 4)), int(rng.integers(1, 4))
-    rubs, warms = rng.random() < 0.5, rng.random() < 0.5
+def random_entries(
+    rng: np.random.Generator, count: int, size: int, thermal: int, rubs: bool, massless: bool
+) -> dict[str, Any]:
+    """Return the entries of a file, with a row for each contact."""
     mass, stiffness = 0.1 * positive(rng, size, 0.5), 4e5 * positive(rng, size, 0.05)
     shares = rng.uniform(0.1, 1.0, (count, thermal))
     entries: dict[str, Any] = {
         "mass": mass,
-        "stiffness": (stiffness + stiffness.T) / 2,
-        "damping": 5.0 * mass + 2e-5 * (stiffness + stiffness.T) / 2,
+        "stiffness": stiffness,
+        "damping": 5.0 * mass + 2e-5 * stiffness,
         "contact": np.eye(count, size) + 0.15 * rng.normal(size=(count, size)),
         "load": rng.normal(size=size),
         "heat_capacity": positive(rng, thermal, 0.3),
@@ -46,15 +45,22 @@ def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
         "thermal_contact": shares / shares.sum(axis=1, keepdims=True),
         "angle": rng.uniform(-1, 1, count),
     }
-    for name in ("mass", "heat_capacity", "conductance", "damping"):
-        entries[name] = (entries[name] + entries[name].T) / 2
     if rubs:
         entries["tangent"] = 0.3 * rng.normal(size=(count, size))
     if massless:
-        entries["residual_flexibility"] = 2e-6 * positive(rng, count, 0.3)
-        entries["residual_flexibility"] += entries["residual_flexibility"].T
+        entries["residual_flexibility"] = 4e-6 * positive(rng, count, 0.3)
         if rubs:
             entries["residual_tangent"] = 2e-7 * rng.normal(size=(count, count))
+    return entries
+
+
+def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
+    """Return a structure of 2 to 5 contacts, of 1 to 5 without mass, some with friction, some with heat."""
+    rng = np.random.default_rng(seed)
+    count = 1 if alone else int(rng.integers(1 if massless else 2, 6))
+    size, thermal = count + int(rng.integers(1, 4)), int(rng.integers(1, 4))
+    rubs, warms = rng.random() < 0.5, rng.random() < 0.5
+    entries = random_entries(rng, count, size, thermal, rubs, massless)
     structure = of_entries(entries)
     structure = replace(structure, contacts=structure.contact_rows, tangent=None)  # of one contact too
     waves = Harmonics(np.array([[4e-6, 3e-6]]), rng.uniform(30, 150, (1, 2)), rng.uniform(-3, 3, (1, 2)))

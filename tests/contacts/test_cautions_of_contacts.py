@@ -10,13 +10,14 @@ from random_contacts import DURATION, drawn
 from scenes_of_contacts import SCENE, chain, study
 from two_masses import pressed, two_masses
 
+from scenes import step
 from studies import BLADE_SCENE, parsed
 from workflow import run_study
 from workflow.judges.cautions import scene_cautions
 from workflow.models import Structure, critical_friction, free_reach
 from workflow.plan import plan_study
 from workflow.reduction import ReducedModel
-from workflow.schemes import Sampling, load
+from workflow.schemes import Sampling
 from workflow.study import StudyError
 
 EXACT = {"scheme": "event_driven"}
@@ -54,8 +55,7 @@ def test_no_contact_passes_the_bound_of_its_motion_without_contact(seed: int, ma
     case = drawn(seed, massless)
     cases = replace(case.cases, gaps=case.cases.gaps + 1.0)
     structure = replace(case.structure, damper=None)
-    exact = load("event_driven")
-    free = exact.compute(exact.init(structure, 0.0, exact.Options()), cases, Sampling(DURATION, DURATION / 100, 101))
+    free = step(structure, cases, 0.0, Sampling(DURATION, DURATION / 100, 101), "event_driven")
     bound, reached = free_reach(structure, cases, DURATION)[0], free.histories["displacement"][0].max(axis=-1)
     assert np.all(reached.reshape(bound.shape) <= bound)
     assert np.all(bound < 20 * np.abs(free.histories["displacement"]).max())

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_contacts import positive
+from random_contacts import random_entries
 from scipy.io import mmwrite
 from scipy.linalg import eigh
 
@@ -28,26 +28,9 @@ TWO = "frequency,damping_ratio,tip_1,tip_2"
 
 def entries(count: int = 3, massless: bool = False, seed: int = 5) -> dict[str, Any]:
     """Return a structure with contacts, friction and heat."""
-    rng = np.random.default_rng(seed)
-    mass, stiffness = 0.1 * positive(rng, SIZE, 0.5), 4e5 * positive(rng, SIZE, 0.05)
-    shares = rng.uniform(0.1, 1.0, (count, WARM))
-    made = {
-        "mass": (mass + mass.T) / 2,
-        "stiffness": (stiffness + stiffness.T) / 2,
-        "contact": np.eye(count, SIZE) + 0.15 * rng.normal(size=(count, SIZE)),
-        "tangent": 0.3 * rng.normal(size=(count, SIZE)),
-        "heat_capacity": np.diag(rng.uniform(0.5, 1.5, WARM)),
-        "conductance": np.diag(rng.uniform(0.1, 0.3, WARM)),
-        "coupling": 10.0 * rng.normal(size=(SIZE, WARM)),
-        "thermal_contact": shares / shares.sum(axis=1, keepdims=True),
-        "contact_labels": np.array([f"tip {k}" for k in range(count)]),
-        "angle": rng.uniform(-1, 1, count),
-    }
-    if massless:
-        flexibility = 2e-6 * positive(rng, count, 0.3)
-        made["residual_flexibility"] = (flexibility + flexibility.T) / 2
-        made["residual_tangent"] = 2e-7 * rng.normal(size=(count, count))
-    return made
+    made = random_entries(np.random.default_rng(seed), count, SIZE, WARM, True, massless)
+    del made["damping"], made["load"]
+    return made | {"contact_labels": np.array([f"tip {k}" for k in range(count)])}
 
 
 def in_tables(place: Path, entries: dict[str, Any]) -> tuple[dict[str, Any], Array]:
