@@ -1,5 +1,6 @@
 """Matrices of a structure as they are given, in its own coordinates or in others."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -8,23 +9,12 @@ import numpy as np
 from workflow.models import Array, GivenMatrices, Structure
 
 
-def given(structure: Structure, **other: Any) -> GivenMatrices:
-    """The matrices of a chain, its tip the contact."""
-    tip = np.zeros(structure.mechanical_size)
-    tip[-1] = 1.0
-    matrices = GivenMatrices(
-        mass=structure.mass,
-        stiffness=structure.stiffness_matrix,
-        coupling=structure.coupling_matrix,
-        heat_capacity=structure.heat_capacity,
-        conductance=structure.conductance_matrix,
-        contact=tip,
-        thermal_contact=tip,
-        steady=np.zeros(tip.size),
-        heating=np.zeros(tip.size),
-        damping=structure.damping,
-    )
-    return replace(matrices, **other)
+def given(structure: Structure, kind: Callable[[Any], Any] = np.asarray, **other: Any) -> GivenMatrices:
+    """The matrices of a chain, its tip the contact, as arrays of a kind."""
+    tip = np.eye(structure.mechanical_size)[-1]
+    names = ("mass", "stiffness_matrix", "coupling_matrix", "heat_capacity", "conductance_matrix")
+    matrices = (kind(getattr(structure, name)) for name in names)
+    return replace(GivenMatrices(*matrices, tip, tip, 0 * tip, 0 * tip, structure.damping), **other)
 
 
 def turned(matrices: GivenMatrices, x: Array, theta: Array) -> GivenMatrices:

@@ -1,12 +1,16 @@
 """Structures and batches that several tests step: the heavy chain, the blade, others."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from workflow import models, schemes
-from workflow.models import Cases, Chain, Harmonics, Matrices, Rayleigh, Sensors, Structure
+from workflow.declare import File
+from workflow.models import Cases, Chain, Harmonics, Matrices, Rayleigh, Sensors, Structure, structure_from_matrices
+from workflow.models._from_matrices import with_contacts
+from workflow.models._matrix_entries import Chosen, given_by
 from workflow.schemes import Results, Sampling
 
 
@@ -46,58 +50,65 @@ def siconos_chain() -> Structure:
     return chain(nodes=20, mass=0.01, stiffness=1e6, damping=Rayleigh(0.0, 1e-5))
 
 
-def blade(nodes: int = 20) -> Structure:
-    """The blade of the example study."""
+def blade(nodes: int = 20, **parameters: Any) -> Structure:
+    usual = {"length": 0.04, "width": 0.03, "thickness": 1e-3, "density": 4430, "specific_heat": 560}
+    usual |= {"conductivity": 7.0, "convection": 400, "expansion": 9e-6, "tip_stiffness": 1e6}
+    usual |= {"nodes": nodes, "damping": Rayleigh(10.0, 2e-7)}
     model = models.load("blade")
-    return model.assemble(
-        model.Parameters(
-            nodes=nodes,
-            length=0.04,
-            width=0.03,
-            thickness=1e-3,
-            density=4430,
-            specific_heat=560,
-            conductivity=7.0,
-            convection=400,
-            expansion=9e-6,
-            tip_stiffness=1e6,
-            damping=Rayleigh(10.0, 2e-7),
-        )
-    )
+    return model.assemble(model.Parameters(**{**usual, **parameters}))
+
+
+def of_file(path: Path, model: str = "matrices", **parameters: Any) -> Structure:
+    kind = models.load(model)
+    return kind.assemble(kind.Parameters(File(str(path), path.name, str(path)), **parameters))
+
+
+def of_entries(entries: dict[str, Any], damping: Rayleigh | None = None, build: Any = structure_from_matrices) -> Any:
+    """Build the structure of a file's entries, with a row for each contact."""
+    given, contacts = given_by(entries, Chosen(), damping or Rayleigh())
+    return with_contacts(build(given), contacts)
 
 
 def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
     """Return a batch; scalars are spread over cases and nodes, lists of cases are taken as they are.
 
     Harmonics are lists of [amplitude, frequency, phase], each a scalar or one value per case; amplitude, frequency and
-    phase alone are the first of the load.
+    phase alone are the first of the load. ``gaps`` are those of several contacts, with ``turns`` of their harmonics.
     """
+    return _cases((structure.mechanical_size, structure.thermal_size), count, values)
 
-    def of_case(name: str) -> np.ndarray:
-        return np.array(np.broadcast_to(np.asarray(values.get(name, 0.0), dtype=float), (count,)))
 
-    def of_node(name: str, size: int) -> np.ndarray:
-        return np.array(np.broadcast_to(np.asarray(values.get(name, 0.0), dtype=float), (count, size)))
+def cases_of_file(structure: Structure, count: int = 1, **values: Any) -> Cases:
+    """Return such a batch, given in the coordinates of the structure's file."""
+    batch = _cases(structure.input_sizes, count, values)
+    return batch if structure.coordinates is None else structure.coordinates.transformed(batch)
+
+
+def _cases(sizes: tuple[int, int], count: int, values: dict[str, Any]) -> Cases:
+    def spread(name: str, *shape: int) -> np.ndarray:
+        return np.array(np.broadcast_to(np.asarray(values.get(name, 0.0), dtype=float), (count, *shape)))
 
     def sinusoids(name: str, *first: list[Any]) -> Harmonics:
         rows = [[np.broadcast_to(value, (count,)) for value in one] for one in [*first, *values.get(name, [])]]
         return Harmonics(*np.array(rows, dtype=float).reshape(len(rows), 3, count).transpose(1, 2, 0))
 
-    n, m = structure.mechanical_size, structure.thermal_size
-    names, sine = ("e", "alpha", "gap", "mean", "friction"), ("amplitude", "frequency", "phase")
-    others = {"load_harmonics", "casing_harmonics", "steady", "heating", "displacement", "velocity", "temperature"}
-    unknown = set(values) - {*names, *sine, *others}
+    names, sine, several = ("e", "alpha", "gap", "mean", "friction"), ("amplitude", "frequency", "phase"), {}
+    lengths = dict.fromkeys(("steady", "displacement", "velocity"), sizes[0])
+    lengths |= dict.fromkeys(("heating", "temperature"), sizes[1])
+    unknown = set(values) - {*names, *sine, *lengths, "load_harmonics", "casing_harmonics", "gaps", "turns"}
     if unknown:
         raise TypeError(f"no such condition: {unknown}")
+    if "gaps" in values:
+        several["gaps"] = spread("gaps", np.shape(values["gaps"])[-1])
+        values = {"gap": several["gaps"][:, 0], **values}
+    if "turns" in values:
+        several["turns"] = spread("turns", *np.shape(values["turns"])[-2:])
     return Cases(
-        **{name: of_case(name) for name in names},
-        steady=of_node("steady", n),
-        heating=of_node("heating", m),
-        displacement=of_node("displacement", n),
-        velocity=of_node("velocity", n),
-        temperature=of_node("temperature", m),
+        **{name: spread(name) for name in names},
+        **{name: spread(name, size) for name, size in lengths.items()},
         load_harmonics=sinusoids("load_harmonics", [values.get(name, 0.0) for name in sine]),
         casing_harmonics=sinusoids("casing_harmonics"),
+        **several,
     )
 
 
@@ -120,7 +131,6 @@ def sampling(duration: float, interval: float, balances: bool = False) -> Sampli
 def step(
     structure: Structure, batch: Cases, h: float, over: Sampling, method: str = "moreau", **options: Any
 ) -> Results:
-    """Run a batch with one scheme."""
     scheme = schemes.load(method)
     return scheme.compute(scheme.init(structure, h, scheme.Options(**options)), batch, over)
 
@@ -131,7 +141,6 @@ def later(batch: Cases, results: Results, duration: float) -> Cases:
     def turned(harmonics: Harmonics) -> Harmonics:
         return harmonics.turned((harmonics.frequency * duration) % 1.0)
 
-    assert results.end is not None
     moved = {name: turned(getattr(batch, name)) for name in ("load_harmonics", "casing_harmonics")}
     return replace(batch, **results.end._asdict(), **moved)
 
@@ -221,7 +230,6 @@ def held_matrix(s: Structure, alpha: float, friction: float = 0.0) -> np.ndarray
 
 
 def alone(batch: Cases, case: int) -> Cases:
-    """Return one case of a batch."""
     return batch.take(slice(case, case + 1))
 
 
@@ -235,13 +243,13 @@ def same_bits(a: Results, b: Results) -> bool:
 
 def taken(results: Results, which: slice) -> Results:
     """Return the results of some cases, with as many columns of load periods as they have on their own."""
-    periods = int(np.sum(~np.isnan(results.period_impulse[which]), axis=1).max())
+    periods = int(np.sum(~np.isnan(results.period_impulse[which]), axis=-1).max(initial=0))
     names = ("period_impulse", "period_temperature", "period_contact")
     return replace(
         results,
         histories={name: values[which] for name, values in results.histories.items()},
         metrics={name: values[which] for name, values in results.metrics.items()},
-        **{name: getattr(results, name)[which, :periods] for name in names},
+        **{name: getattr(results, name)[which, ..., :periods] for name in names},
         status=results.status[which],
     )
 

@@ -1,32 +1,57 @@
 """Random structures of up to five contacts with friction, heat and a casing that moves, and a case of each."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
-from several import of_entries
 
-from workflow.models import Array, Cases, Harmonics, Rayleigh, Structure, independent_rows
+from scenes import of_entries, watched
+from workflow.models import Array, Cases, Harmonics, Structure, independent_rows
 from workflow.reduction import reduce_structure
 
 DURATION = 0.02
 """s: about two periods of the slowest mode."""
 
 
-@dataclass(frozen=True, eq=False)
-class Drawn:
+class Drawn(NamedTuple):
     """A structure and its one case."""
 
     structure: Structure
     cases: Cases
 
 
-def _positive(rng: np.random.Generator, size: int, least: float) -> Array:
+def positive(rng: np.random.Generator, size: int, least: float) -> Array:
     """Return a symmetric matrix whose eigenvalues lie between ``least`` and 1."""
     turned, _ = np.linalg.qr(rng.normal(size=(size, size)))
-    return np.asarray((turned * rng.uniform(least, 1.0, size)) @ turned.T)
+    matrix = (turned * rng.uniform(least, 1.0, size)) @ turned.T
+    return np.asarray((matrix + matrix.T) / 2)
+
+
+def random_entries(
+    rng: np.random.Generator, count: int, size: int, thermal: int, rubs: bool, massless: bool
+) -> dict[str, Any]:
+    """Return the entries of a file, with a row for each contact."""
+    mass, stiffness = 0.1 * positive(rng, size, 0.5), 4e5 * positive(rng, size, 0.05)
+    shares = rng.uniform(0.1, 1.0, (count, thermal))
+    entries: dict[str, Any] = {
+        "mass": mass,
+        "stiffness": stiffness,
+        "damping": 5.0 * mass + 2e-5 * stiffness,
+        "contact": np.eye(count, size) + 0.15 * rng.normal(size=(count, size)),
+        "load": rng.normal(size=size),
+        "heat_capacity": positive(rng, thermal, 0.3),
+        "conductance": 0.2 * positive(rng, thermal, 0.3),
+        "coupling": 10.0 * rng.normal(size=(size, thermal)),
+        "thermal_contact": shares / shares.sum(axis=1, keepdims=True),
+        "angle": rng.uniform(-1, 1, count),
+    }
+    if rubs:
+        entries["tangent"] = 0.3 * rng.normal(size=(count, size))
+    if massless:
+        entries["residual_flexibility"] = 4e-6 * positive(rng, count, 0.3)
+        if rubs:
+            entries["residual_tangent"] = 2e-7 * rng.normal(size=(count, count))
+    return entries
 
 
 def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
@@ -35,35 +60,12 @@ def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
     count = 1 if alone else int(rng.integers(1 if massless else 2, 6))
     size, thermal = count + int(rng.integers(1, 4)), int(rng.integers(1, 4))
     rubs, warms = rng.random() < 0.5, rng.random() < 0.5
-    mass, stiffness = 0.1 * _positive(rng, size, 0.5), 4e5 * _positive(rng, size, 0.05)
-    shares = rng.uniform(0.1, 1.0, (count, thermal))
-    entries: dict[str, Any] = {
-        "mass": mass,
-        "stiffness": (stiffness + stiffness.T) / 2,
-        "damping": 5.0 * mass + 2e-5 * (stiffness + stiffness.T) / 2,
-        "contact": np.eye(count, size) + 0.15 * rng.normal(size=(count, size)),
-        "load": rng.normal(size=size),
-        "heat_capacity": _positive(rng, thermal, 0.3),
-        "conductance": 0.2 * _positive(rng, thermal, 0.3),
-        "coupling": 10.0 * rng.normal(size=(size, thermal)),
-        "thermal_contact": shares / shares.sum(axis=1, keepdims=True),
-        "angle": rng.uniform(-1, 1, count),
-    }
-    for name in ("mass", "heat_capacity", "conductance", "damping"):
-        entries[name] = (entries[name] + entries[name].T) / 2
-    if rubs:
-        entries["tangent"] = 0.3 * rng.normal(size=(count, size))
-    if massless:
-        entries["residual_flexibility"] = 2e-6 * _positive(rng, count, 0.3)
-        entries["residual_flexibility"] += entries["residual_flexibility"].T
-        if rubs:
-            entries["residual_tangent"] = 2e-7 * rng.normal(size=(count, count))
-    structure = of_entries(entries, Rayleigh())
-    assert structure.contacts is not None
-    assert structure.coordinates is not None
+    entries = random_entries(rng, count, size, thermal, rubs, massless)
+    structure = of_entries(entries)
+    structure = replace(structure, contacts=structure.contact_rows, tangent=None)  # of one contact too
     waves = Harmonics(np.array([[4e-6, 3e-6]]), rng.uniform(30, 150, (1, 2)), rng.uniform(-3, 3, (1, 2)))
     orders = np.array([rng.integers(1, 4), 0])
-    turns = structure.contacts.angle[:, None] * orders
+    turns = entries["angle"][:, None] * orders
     onto = structure.coordinates.displacement_projection
     x, v = 3e-5 * rng.normal(size=size), 0.01 * rng.normal(size=size)
     begins = entries["contact"] @ x - (waves.amplitude * np.sin(waves.phase + turns)).sum(axis=1)
@@ -104,10 +106,24 @@ def on_basis(seed: int, massless: bool) -> Drawn:
     case = drawn(seed, massless and not basis, alone=seed % 7 == 6)
     if not basis:
         return case
-    full, contacts = case.structure, case.structure.contacts
-    assert contacts is not None
-    held, heated = independent_rows(contacts)
+    full = case.structure
+    held, heated = independent_rows(full.contact_rows)
     modes = min(2, full.mechanical_size - held), min(1, full.thermal_size - heated)
     reduction = reduce_structure(full, *modes, basis, DURATION)
     assert reduction.structure.has_massless_tip == massless
     return Drawn(reduction.structure, reduction.project(case.cases))
+
+
+def varied(seed: int, massless: bool) -> Drawn:
+    """Return a random structure; every third has damping that couples modes, and some loads and heat of every kind."""
+    case, rng = on_basis(seed, massless), np.random.default_rng(seed)
+    structure, contacts = case.structure, case.structure.contacts
+    if massless:
+        loaded: dict[str, Any] = {"residual_load": 1e-6 * rng.uniform(-1, 1, contacts.count)}
+        if case.cases.alpha[0] > 0:
+            loaded["residual_coupling"] = 1e-6 * rng.uniform(-1, 1, contacts.heat.shape)
+        structure = replace(structure, contacts=replace(contacts, **loaded))
+    if seed % 3 == 0:
+        along = rng.normal(size=structure.mechanical_size)
+        structure = replace(structure, damper=20 * np.outer(along, along))
+    return Drawn(watched(structure), case.cases)

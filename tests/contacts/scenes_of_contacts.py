@@ -1,7 +1,5 @@
 """Structures with several contacts and studies of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -35,28 +33,6 @@ def chain(count: int = CHAIN, heated: bool = True) -> dict[str, Any]:
     return entries
 
 
-def plate(columns: int = 5, rows: int = 3) -> dict[str, Any]:
-    """Return a clamped lattice that expands as it warms, with a contact at each node of its last row."""
-    n = columns * rows
-    at, unit = np.arange(n).reshape(rows, columns), np.eye(n)
-    up = unit - np.eye(n, k=-columns)
-    along = unit[at[:, 1:].ravel()] - unit[at[:, :-1].ravel()]
-    stiffness = 4e5 * up.T @ up + 1e5 * along.T @ along
-    return {
-        "mass": 0.05 * unit,
-        "stiffness": stiffness,
-        "damping": 0.5 * unit + 2e-5 * stiffness,
-        "contact": unit[at[-1]],
-        "tangent": 0.2 * unit[at[-2]],
-        "load": unit[at[-1]].mean(axis=0),
-        "angle": np.linspace(0, 0.8, columns),
-        "heat_capacity": 0.5 * unit,
-        "conductance": 2.0 * up.T @ up + 0.5 * along.T @ along + 0.05 * unit,
-        "coupling": -0.4 * up.T @ (unit + np.eye(n, k=-columns)),
-        "thermal_contact": unit[at[-1]],
-    }
-
-
 SCENE: dict[str, Any] = {
     "casing": {"gap": [3e-5, 5.5e-5], "harmonics": [{"order": 3, "amplitude": 5e-6, "phase": 0.2}]},
     "speed": 40.0,
@@ -71,5 +47,5 @@ def study(place: Path, entries: dict[str, Any] | None = None, **more: Any) -> di
     """Return a study of a structure that is written to a file; ``scene`` and other sections replace the usual ones."""
     file = place / "several.npz"
     np.savez(file, **(chain() if entries is None else entries))
-    scene = {"several": {"file": str(file)}, **SCENE, **more.pop("scene", {})}
+    scene = {"matrices": {"file": str(file)}, **SCENE, **more.pop("scene", {})}
     return {"study": "several", "scene": scene, "axes": AXES | more.pop("axes", {}), "output": OUTPUT, **more}

@@ -1,7 +1,5 @@
 """What plans warn of where a structure has several contacts, or one without mass."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,25 +10,24 @@ from random_contacts import DURATION, drawn
 from scenes_of_contacts import SCENE, chain, study
 from two_masses import pressed, two_masses
 
+from scenes import step
 from studies import BLADE_SCENE, parsed
 from workflow import run_study
 from workflow.judges.cautions import scene_cautions
 from workflow.models import Structure, critical_friction, free_reach
 from workflow.plan import plan_study
 from workflow.reduction import ReducedModel
-from workflow.schemes import Sampling, load
+from workflow.schemes import Sampling
 from workflow.study import StudyError
 
 EXACT = {"scheme": "event_driven"}
 
 
 def planned(place: Path, entries: dict[str, Any], scene: dict[str, Any] | None = None, **axes: Any) -> list[str]:
-    """Return what a plan warns of."""
     return list(plan_study(study(place, entries, scene=scene or {}, axes={"h": 1e-4, **EXACT, **axes})).warnings)
 
 
 def told(structure: Structure, **conditions: Any) -> list[str]:
-    """Return the cautions about two masses."""
     cases = pressed(structure, **conditions)
     return list(scene_cautions(structure, ReducedModel(structure, None), cases, 1.0, is_static=False))
 
@@ -58,8 +55,7 @@ def test_no_contact_passes_the_bound_of_its_motion_without_contact(seed: int, ma
     case = drawn(seed, massless)
     cases = replace(case.cases, gaps=case.cases.gaps + 1.0)
     structure = replace(case.structure, damper=None)
-    exact = load("event_driven")
-    free = exact.compute(exact.init(structure, 0.0, exact.Options()), cases, Sampling(DURATION, DURATION / 100, 101))
+    free = step(structure, cases, 0.0, Sampling(DURATION, DURATION / 100, 101), "event_driven")
     bound, reached = free_reach(structure, cases, DURATION)[0], free.histories["displacement"][0].max(axis=-1)
     assert np.all(reached.reshape(bound.shape) <= bound)
     assert np.all(bound < 20 * np.abs(free.histories["displacement"]).max())
@@ -107,7 +103,6 @@ def test_friction_limits_name_the_contact_or_the_contacts_that_meet_them_first()
 def test_critical_frictions_are_where_determinants_first_vanish(seed: int) -> None:
     full = drawn(seed).structure
     own = full.contacts
-    assert own is not None
     tangent = own.normal @ np.diag(np.linspace(0.2, 1.4, full.mechanical_size))
     structure = replace(full, contacts=replace(own, tangent=tangent))
     inverses = np.linalg.inv(structure.mass), np.linalg.inv(structure.stiffness_matrix)

@@ -1,35 +1,28 @@
 """Bases of several contacts, and bases that leave contacts without mass."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import scipy
 from random_contacts import DURATION, drawn
 from scenes_of_contacts import chain, study
-from several import of_entries
 
 import scenes
+from scenes import of_entries
+from sliding import random_structure
 from workflow import models, schemes
 from workflow.analysis import decided
-from workflow.declare import File
 from workflow.models import (
     Array,
     Cases,
-    Contacts,
-    GivenMatrices,
-    Harmonics,
     Rayleigh,
-    Sparse,
     Structure,
     at_rest,
     critical_alpha,
-    structure_from_sparse,
 )
+from workflow.models._from_matrices import _sparse_structure
 from workflow.models.matrices import write_matrices
 from workflow.plan import plan_study
 from workflow.reduction import Reduction, projection_residual, reduce_structure
@@ -41,9 +34,7 @@ WITHOUT_MASS = ("macneal", "massless")
 
 
 def run(structure: Structure, cases: Cases, duration: float = DURATION) -> Results:
-    """Return the exact results."""
-    exact = schemes.load("event_driven")
-    return exact.compute(exact.init(structure, 0.0, exact.Options()), cases, Sampling(duration, duration / 100, 101))
+    return scenes.step(structure, cases, 0.0, Sampling(duration, duration / 100, 101), "event_driven")
 
 
 def apart(these: Results, those: Results) -> float:
@@ -71,7 +62,6 @@ def test_all_modes_lose_nothing(seed: int) -> None:
     """Two to five contacts with friction, heat, a moving casing and temperatures that contacts share."""
     case = drawn(seed)
     contacts = case.structure.contacts
-    assert contacts is not None
     heats = case.structure.thermal_size - np.linalg.matrix_rank(contacts.heat)
     reduction = reduce_structure(case.structure, case.structure.mechanical_size - contacts.count, int(heats))
     assert apart(reduced_run(reduction, case.cases), run(case.structure, case.cases)) < 1e-9
@@ -79,14 +69,17 @@ def test_all_modes_lose_nothing(seed: int) -> None:
 
 @pytest.mark.parametrize("basis", BASES)
 @pytest.mark.parametrize("count", [0, 1, 3])
-@pytest.mark.parametrize("seed", [3, 4, 10])
-def test_static_answers_and_critical_coupling_are_exact(basis: str, count: int, seed: int) -> None:
-    full = drawn(seed).structure
-    assert full.contacts is not None
-    count = min(count, full.mechanical_size - full.contacts.count)
-    small = reduce_structure(full, count, 0, basis, DURATION).structure
+@pytest.mark.parametrize("seed", [3, 4, 10, None])
+def test_static_answers_and_critical_coupling_are_exact(basis: str, count: int, seed: int | None) -> None:
+    """Of several contacts, and of one that is the tip."""
+    tip = random_structure(np.random.default_rng(4), 8, 3)
+    full, thermal = (tip, None) if seed is None else (drawn(seed).structure, 0)
+    count = min(count, full.mechanical_size - full.contact_rows.count)
+    small = reduce_structure(full, count, thermal, basis, DURATION).structure
     assert small.has_massless_tip == (basis in WITHOUT_MASS)
-    for friction in (0.0, 0.3):
+    if seed is None:  # the tip's own vector, and that of friction
+        assert small.mechanical_size == count + (0 if basis in WITHOUT_MASS else 2)
+    for friction in (0.0, 0.3, -0.8):
         assert static(small, friction) == pytest.approx(static(full, friction), rel=1e-9)
         assert critical_alpha(small, friction) == pytest.approx(critical_alpha(full, friction), rel=1e-9)
     if small.has_massless_tip and count > 1:  # MacNeal's residual is added to what there is
@@ -111,28 +104,14 @@ def clamped(nodes: int) -> dict[str, Any]:
 
 def rub(structure: Structure, **values: Any) -> Cases:
     """Return a load on the end that presses both contacts of a rod, in the coordinates of its file."""
-    (mechanical, thermal), gaps = structure.input_sizes, np.array([[2e-7, 4e-7]])[:, : structure.contact_rows.count]
-    given: dict[str, Any] = {"alpha": 0.0, "friction": 0.1, "steady": 0.0, "amplitude": 20.0, **values}
-    cases = Cases(
-        e=np.zeros(1),
-        gap=gaps[:, 0],
-        mean=np.zeros(1),
-        steady=np.broadcast_to(given["steady"], (1, mechanical)).astype(float),
-        heating=np.zeros((1, thermal)),
-        displacement=np.zeros((1, mechanical)),
-        velocity=np.zeros((1, mechanical)),
-        temperature=np.zeros((1, thermal)),
-        load_harmonics=Harmonics(*np.array([[[given["amplitude"]]], [[300.0]], [[0.2]]])),
-        gaps=gaps,
-        turns=np.zeros((1, gaps.size, 0)),
-        **{name: np.array([given[name]]) for name in ("alpha", "friction")},
-    )
-    return cases if structure.coordinates is None else structure.coordinates.transformed(cases)
+    load = {"friction": 0.1, "amplitude": 20.0, "frequency": 300.0, "phase": 0.2}
+    gaps = [2e-7, 4e-7][: structure.contact_rows.count]
+    return scenes.cases_of_file(structure, **{"gaps": gaps, **load, **values})
 
 
 def test_more_modes_come_closer() -> None:
     """Displacements by Craig–Bampton as 1/count³, by MacNeal's modes as 1/count²."""
-    full = of_entries(clamped(60), Rayleigh())
+    full = of_entries(clamped(60))
     cases = rub(full)
     whole = run(full, cases, 0.01)
     assert whole.metrics["impacts"].min() > 5
@@ -174,39 +153,14 @@ def test_residual_flexibility_of_a_uniform_chain(count: int) -> None:
     exact = (modes[:, count:] / squares[count:]) @ modes[:, count:].T
     tangent, load = np.eye(n)[[1, 5]], np.eye(n)[4]
     entries = {"mass": m * np.eye(n), "stiffness": k * links.T @ links, "contact": np.eye(n)[at - 1]}
-    full = of_entries(entries | {"tangent": tangent, "load": load}, Rayleigh())
+    full = of_entries(entries | {"tangent": tangent, "load": load})
     contacts = reduce_structure(full, count, None, "macneal").structure.contacts
-    assert contacts is not None
     for ours, theirs in (
         (contacts.residual, exact[np.ix_(at - 1, at - 1)]),
         (contacts.residual_tangent, exact[at - 1] @ tangent.T),
         (contacts.residual_load, exact[at - 1] @ load),
     ):
         assert ours == pytest.approx(theirs, rel=1e-10, abs=1e-12 * np.abs(exact).max())
-
-
-def large(entries: dict[str, Any]) -> Sparse:
-    """Return the structure by sparse matrices."""
-    size, rows = len(entries["mass"]), entries["contact"]
-    names = ("mass", "stiffness", "coupling", "heat_capacity", "conductance")
-    given = GivenMatrices(
-        **{name: scipy.sparse.csc_array(entries[name]) for name in names},
-        contact=rows[0],
-        thermal_contact=entries["thermal_contact"][0],
-        steady=np.zeros(size),
-        heating=np.zeros(len(entries["heat_capacity"])),
-        damping=Rayleigh(mass=20.0),
-    )
-    structure = structure_from_sparse(given)
-    assert isinstance(structure, Sparse)
-    own = structure.coordinates
-    assert own is not None
-    contacts = Contacts(("a", "b", "c"), rows, entries["tangent"], entries["thermal_contact"], np.zeros(3))
-    return replace(
-        structure,
-        contacts=contacts.transformed(own.displacement_basis, own.temperature_basis),
-        load=np.asarray(own.displacement_basis.T @ entries["load"]),
-    )
 
 
 @pytest.mark.parametrize("basis", BASES)
@@ -224,9 +178,10 @@ def test_sparse_matrices_give_the_same_as_dense_ones(basis: str) -> None:
         "coupling": -20 * links.T @ np.repeat(np.eye(heats), 26, axis=0)[:n],
         "thermal_contact": np.eye(heats)[[6, 11, 11]],
     }
-    sparse = large(entries)
+    del entries["damping"]
+    sparse = of_entries(entries, Rayleigh(mass=20.0), _sparse_structure)
     dense = sparse.matrices()
-    batch = replace(rub(dense, alpha=0.01), gaps=np.array([[1.6e-7, 1.46e-7, 4e-7]]), turns=np.zeros((1, 3, 0)))
+    batch = rub(dense, alpha=0.01, gaps=[1.6e-7, 1.46e-7, 4e-7])
     ours, theirs = (reduce_structure(structure, 8, 4, basis, DURATION) for structure in (sparse, dense))
     a, b = ours.structure, theirs.structure
     assert (a.mechanical_size, a.thermal_size) == (b.mechanical_size, b.thermal_size)
@@ -245,8 +200,8 @@ def test_sparse_matrices_give_the_same_as_dense_ones(basis: str) -> None:
 def test_two_opposite_stops(basis: str) -> None:
     """Of rows w and -2 w one is held; without mass both stops have one residual flexibility, and R is singular."""
     entries, ends = clamped(20), np.eye(20)[[-1, 9, -1]] * np.array([[1.0], [-1.0], [-2.0]])
-    full = of_entries(entries | {"contact": ends, "tangent": np.zeros((3, 20))}, Rayleigh())
-    batch = replace(rub(full), gaps=np.array([[2e-7, 1e-7, 5e-7]]), turns=np.zeros((1, 3, 0)))
+    full = of_entries(entries | {"contact": ends, "tangent": np.zeros((3, 20))})
+    batch = rub(full, gaps=[2e-7, 1e-7, 5e-7])
     reduction = reduce_structure(full, 18, None, basis, DURATION)
     assert reduction.structure.mechanical_size == (18 if basis in WITHOUT_MASS else 20)
     assert static(reduction.structure, 0.0) == pytest.approx(static(full, 0.0), rel=1e-9)
@@ -256,10 +211,8 @@ def test_two_opposite_stops(basis: str) -> None:
     if basis not in WITHOUT_MASS:
         assert apart(ours, run(full, batch, 0.01)) < 1e-9
     if basis == "massless":
-        moreau, over, errors = schemes.load("moreau"), Sampling(0.01, 1e-4, 101), []
-        for h in (2.5e-7, 6.25e-8):
-            operator = moreau.init(reduction.structure, h, moreau.Options(theta=0.5))
-            errors.append(apart(moreau.compute(operator, reduction.project(batch), over), ours))
+        over, small, case = Sampling(0.01, 1e-4, 101), reduction.structure, reduction.project(batch)
+        errors = [apart(scenes.step(small, case, h, over, theta=0.5), ours) for h in (2.5e-7, 6.25e-8)]
         assert errors[1] < 0.5 * errors[0] < 0.03
 
 
@@ -274,7 +227,7 @@ def test_critical_coupling_of_opposite_stops_is_that_of_the_worse_one(basis: str
         "coupling": -2e3 * links.T,
         "thermal_contact": np.eye(8)[[-1, 3]],
     }
-    full = of_entries(entries, Rayleigh())
+    full = of_entries(entries)
     flexibility = float((end @ np.linalg.solve(entries["stiffness"], end.T)).item())
     warm = np.linalg.solve(entries["conductance"], entries["thermal_contact"].T)
     moved = -(end @ np.linalg.solve(entries["stiffness"], entries["coupling"] @ warm))[0]
@@ -290,7 +243,7 @@ def test_a_free_rod_between_two_walls(basis: str) -> None:
     links = np.diff(np.eye(8), axis=0)
     entries = {"mass": 0.1 * np.eye(8), "stiffness": 4e5 * links.T @ links, "load": np.eye(8)[3]}
     full = of_entries(entries | {"contact": np.eye(8)[[7, 0]] * np.array([[1.0], [-1.0]])}, Rayleigh(mass=2.0))
-    batch = replace(rub(full), gaps=np.array([[1e-4, 2e-4]]))
+    batch = rub(full, gaps=[1e-4, 2e-4])
     for count in (0, 2, 6):
         reduction = reduce_structure(full, count, 0, basis, DURATION)
         assert reduction.structure.has_massless_tip == (basis in WITHOUT_MASS and count > 0)
@@ -307,7 +260,6 @@ def test_rows_that_share_temperatures() -> None:
     """Three contacts heat two temperatures: two are held, and all others kept lose nothing."""
     case = drawn(4)
     contacts = case.structure.contacts
-    assert contacts is not None
     heat = contacts.heat[[0, 1, 0, 1]]
     full = replace(case.structure, contacts=replace(contacts, heat=heat))
     reduction = reduce_structure(full, None, 1)
@@ -318,12 +270,10 @@ def test_rows_that_share_temperatures() -> None:
 
 @pytest.mark.parametrize("basis", WITHOUT_MASS)
 def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, tmp_path: Path) -> None:
-    """The reduced matrices, written to a file; and `moreau` with θ = ½ comes to the same as its step falls."""
     full = scenes.heavy_chain()
     reduction = reduce_structure(full, 3, 5, basis)
     small = reduction.structure
     c = small.contacts
-    assert c is not None
     residuals = {"tangent": "tangent", "coupling": "coupling", "load": "load"}
     file = write_matrices(
         tmp_path / "small.npz",
@@ -339,26 +289,19 @@ def test_one_contact_is_the_structure_of_a_file_with_its_residuals(basis: str, t
         residual_flexibility=c.residual,
         **{f"residual_{name}": getattr(c, f"residual_{own}") for name, own in residuals.items()},
     )
-    model = models.load("matrices")
-    written = model.assemble(model.Parameters(File("", "small.npz", str(file))))
+    written = scenes.of_file(file)
     assert critical_alpha(written) == pytest.approx(critical_alpha(full), rel=1e-9)
     values: dict[str, Any] = {"alpha": 0.5, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0}
     exact = reduced_run(reduction, scenes.cases(full, **values), 0.05)
     assert exact.histories["impulse"][0, -1] > 0
     assert exact.metrics["impacts"].tolist() == [0]
-    theirs = scenes.cases(written, **values)
-    assert apart(run(written, replace(theirs, gaps=np.full((1, 1), 5e-5)), 0.05), exact) < 1e-9
-    moreau, batch = schemes.load("moreau"), reduction.project(scenes.cases(full, **values))
-    over, errors = Sampling(0.05, 0.05 / 100, 101), []
-    for h in (4e-6, 1e-6):
-        errors.append(apart(moreau.compute(moreau.init(small, h, moreau.Options(theta=0.5)), batch, over), exact))
-    assert errors[1] < 0.5 * errors[0] < 2e-3
+    assert apart(run(written, scenes.cases(written, **values), 0.05), exact) < 1e-9
 
 
 @pytest.mark.parametrize("basis", WITHOUT_MASS)
 def test_without_modes_contacts_follow_their_loads(basis: str) -> None:
     """Static answers alone: x = w K1⁻¹ b F, and the force that keeps it at the casing."""
-    full = of_entries(clamped(12) | {"contact": np.eye(12)[[-1]], "tangent": np.zeros((1, 12))}, Rayleigh())
+    full = of_entries(clamped(12) | {"contact": np.eye(12)[[-1]], "tangent": np.eye(12)[[0]]})
     batch = rub(full, friction=0.0, amplitude=30.0)
     ours = reduced_run(reduce_structure(full, 0, 0, basis), batch, 0.01)
     flexibility = static(full, 0.0).item()
@@ -375,14 +318,13 @@ def test_without_modes_contacts_follow_their_loads(basis: str) -> None:
 @pytest.mark.parametrize("gaps", [[1.0, 1.0], [2e-7, 4e-7]])
 def test_constant_loads_act_on_contacts_without_mass(basis: str, gaps: list[float]) -> None:
     """At rest, free or pressed, places and forces are those of the full structure; ``Cases.offset`` holds the rest."""
-    full = of_entries(clamped(20), Rayleigh())
-    batch = replace(rub(full, steady=np.linspace(0.0, 3.0, 20), amplitude=0.0), gaps=np.array([gaps]))
+    full = of_entries(clamped(20))
+    batch = rub(full, steady=np.linspace(0.0, 3.0, 20), amplitude=0.0, gaps=gaps)
     reduction = reduce_structure(full, 1, None, basis)
     small = reduction.project(batch)
     assert np.abs(small.offset).min() > 0
     ours = run(reduction.structure, at_rest(reduction.structure, small), 1e-3)
     rest = at_rest(full, batch)
-    assert full.contacts is not None
     place = full.contacts.normal @ rest.displacement[0]
     assert ours.histories["displacement"][0] == pytest.approx(np.tile(place[:, None], 101), rel=1e-9)
     theirs = run(full, rest, 1e-3)
@@ -408,7 +350,6 @@ def test_a_study_takes_counts_and_bases_of_several_contacts(tmp_path: Path) -> N
     given = study(
         tmp_path,
         chain(),
-        scene={"matrices": {"file": str(tmp_path / "several.npz")}},
         axes={
             "scheme": ["event_driven", "moreau"],
             "reduction": list(BASES),
@@ -419,7 +360,6 @@ def test_a_study_takes_counts_and_bases_of_several_contacts(tmp_path: Path) -> N
         },
         reference={"scheme": "event_driven", "mechanical_modes": "full", "thermal_modes": "full"},
     )
-    del given["scene"]["several"]
     assert not [warning for warning in plan_study(given).warnings if "fails" in warning]
     archive = run_study(given, tmp_path / "a.nc", threads=1).dataset.load().squeeze()
     assert (archive["status"] == 0).all()

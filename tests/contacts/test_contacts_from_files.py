@@ -1,7 +1,5 @@
 """How contacts enter: rows of a file chosen by labels, tables of modes, residuals, angles, opposite stops."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -11,12 +9,13 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_contacts import random_entries
 from scipy.io import mmwrite
 from scipy.linalg import eigh
 
+from scenes import of_file
 from workflow.cases import arrange, full_structure
-from workflow.declare import File
-from workflow.models import Array, Contacts, Structure, UnusableMatricesError, load, write_matrices
+from workflow.models import Array, Contacts, Structure, UnusableMatricesError, write_matrices
 from workflow.models._matrix_entries import Chosen, given_by, in_si
 from workflow.models.chain import Rayleigh
 from workflow.run import run_study
@@ -27,33 +26,11 @@ RATIO = 0.01
 TWO = "frequency,damping_ratio,tip_1,tip_2"
 
 
-def rng_positive(rng: np.random.Generator, size: int, least: float) -> Array:
-    turned, _ = np.linalg.qr(rng.normal(size=(size, size)))
-    return np.asarray((turned * rng.uniform(least, 1.0, size)) @ turned.T)
-
-
 def entries(count: int = 3, massless: bool = False, seed: int = 5) -> dict[str, Any]:
     """Return a structure with contacts, friction and heat."""
-    rng = np.random.default_rng(seed)
-    mass, stiffness = 0.1 * rng_positive(rng, SIZE, 0.5), 4e5 * rng_positive(rng, SIZE, 0.05)
-    shares = rng.uniform(0.1, 1.0, (count, WARM))
-    made = {
-        "mass": (mass + mass.T) / 2,
-        "stiffness": (stiffness + stiffness.T) / 2,
-        "contact": np.eye(count, SIZE) + 0.15 * rng.normal(size=(count, SIZE)),
-        "tangent": 0.3 * rng.normal(size=(count, SIZE)),
-        "heat_capacity": np.diag(rng.uniform(0.5, 1.5, WARM)),
-        "conductance": np.diag(rng.uniform(0.1, 0.3, WARM)),
-        "coupling": 10.0 * rng.normal(size=(SIZE, WARM)),
-        "thermal_contact": shares / shares.sum(axis=1, keepdims=True),
-        "contact_labels": np.array([f"tip {k}" for k in range(count)]),
-        "angle": rng.uniform(-1, 1, count),
-    }
-    if massless:
-        flexibility = 2e-6 * rng_positive(rng, count, 0.3)
-        made["residual_flexibility"] = (flexibility + flexibility.T) / 2
-        made["residual_tangent"] = 2e-7 * rng.normal(size=(count, count))
-    return made
+    made = random_entries(np.random.default_rng(seed), count, SIZE, WARM, True, massless)
+    del made["damping"], made["load"]
+    return made | {"contact_labels": np.array([f"tip {k}" for k in range(count)])}
 
 
 def in_tables(place: Path, entries: dict[str, Any]) -> tuple[dict[str, Any], Array]:
@@ -124,20 +101,23 @@ def test_a_table_of_all_modes_is_its_matrices(count: int, massless: bool, tmp_pa
         assert np.abs(one - other).max() <= 1e-10 * np.abs(one).max(), name
 
 
+def modes_of(place: Path, tables: dict[str, Any]) -> Structure:
+    return full_structure(arrange(study(place, {"modes": tables})).settings(0))
+
+
 def test_one_tip_of_heat_is_that_of_all_contacts(tmp_path: Path) -> None:
     made = entries()
     made["thermal_contact"] = made["thermal_contact"][[1, 1, 1]]
     tables, _ = in_tables(tmp_path, made)
-    of_each = assembled("modes", tmp_path, **tables)
+    of_each = modes_of(tmp_path, tables)
     lines = (tmp_path / "heat.csv").read_text(encoding="utf-8").splitlines()
     (tmp_path / "heat.csv").write_text("\n".join(["rate,tip", *(",".join(row.split(",")[:2]) for row in lines[1:])]))
-    for_all = assembled("modes", tmp_path, **tables)
+    for_all = modes_of(tmp_path, tables)
     for structure in (of_each, for_all):
-        assert structure.contacts is not None
         assert structure.contacts.labels == ("1", "2", "3")
         rise = structure.contacts.heat @ structure.uniform_rise
         np.testing.assert_allclose(rise, 1.0, rtol=1e-12)
-    np.testing.assert_array_equal(of_each.contacts.heat, for_all.contacts.heat)  # type: ignore[union-attr]
+    np.testing.assert_array_equal(of_each.contacts.heat, for_all.contacts.heat)
 
 
 def test_rows_of_a_study_have_several_tips(tmp_path: Path) -> None:
@@ -147,22 +127,15 @@ def test_rows_of_a_study_have_several_tips(tmp_path: Path) -> None:
     named = [dict(zip(TWO.split(","), row, strict=True)) for row in ([900, 0.01, 1, 2], [700, 0.02, 2, -1])]
     ways = ({"table": "m.csv", "heat": "h.csv"}, {"table": named, "heat": [{"rate": 1, "tip_1": 0.5, "tip_2": 1}]},
             {"table": [list(row.values()) for row in named], "heat": [[1, 0.5, 1]]})  # fmt: skip
-    found = [full_structure(arrange(study(tmp_path, {"modes": way})).settings(0)).contacts for way in ways]
+    found = [modes_of(tmp_path, way).contacts for way in ways]
     for contacts in found:
-        assert contacts is not None
-        assert contacts.normal.tolist() == found[0].normal.tolist()  # type: ignore[union-attr]
-        assert contacts.heat.tolist() == found[0].heat.tolist()  # type: ignore[union-attr]
+        assert contacts.normal.tolist() == found[0].normal.tolist()
+        assert contacts.heat.tolist() == found[0].heat.tolist()
     for wrong in ({"tip_1": 1, "tip_3": 2}, {"tip": 1, "tip_2": 2}, {"tip_1": 1, "tangent_1": 2}):
         with pytest.raises(StudyError, match="is no row of the table; write frequency, damping_ratio, tip"):
             study(tmp_path, {"modes": {"table": [{"frequency": 9, "damping_ratio": 0, **wrong}]}})
     with pytest.raises(StudyError, match="has 2 rows of 3 and 4 numbers; write rows of 4"):
         study(tmp_path, {"modes": {"table": [[9, 0, 1, 2], [8, 0, 1]]}})
-
-
-def assembled(model: str, place: Path, **parameters: Any) -> Structure:
-    kind = load(model)
-    files = {name: File("", name, str(place / one)) if "." in str(one) else one for name, one in parameters.items()}
-    return kind.assemble(kind.Parameters(**files))
 
 
 NOT_TABLES: dict[str, tuple[dict[str, str], str]] = {
@@ -320,10 +293,7 @@ def test_a_directory_and_millimetres(tmp_path: Path) -> None:
             (tmp_path / "contact_labels.txt").write_text("tip 0\n")
         else:
             mmwrite(tmp_path / f"{name}.mtx", np.atleast_2d(value), precision=17)
-    kind = load("matrices")
-    structure = kind.assemble(kind.Parameters(File("", "blade", str(tmp_path)), contact="tip 0", units="mm-t-s"))
-    contacts = structure.contacts
-    assert contacts is not None
+    contacts = of_file(tmp_path, contact="tip 0", units="mm-t-s").contacts
     assert contacts.labels == ("tip 0",)
     for name, value in (("residual_steady", 2e-3), ("residual_load", 3e-3)):
         assert getattr(contacts, name).tolist() == [value]
@@ -336,9 +306,8 @@ def test_contacts_beside_what_is_held_or_has_no_mass(tmp_path: Path) -> None:
     held = np.diag([1e6, 2e6, 1e20, 3e6])
     rows = {"contact": np.eye(2, 4), "contact_labels": ["a", "b"]}
     path = write_matrices(tmp_path / "held.npz", mass=np.eye(4), stiffness=held, **rows)
-    structure = assembled("matrices", tmp_path, file="held.npz")
+    structure = of_file(path)
     assert structure.mechanical_size == 3
-    assert structure.contacts is not None
     assert structure.input_contacts.tolist() == np.eye(2, 4).tolist()
     for entry, said in (
         ({"mass": np.eye(4), "contact": np.eye(4)[[0, 2]]}, "contact b acts only on what is held"),
@@ -349,7 +318,7 @@ def test_contacts_beside_what_is_held_or_has_no_mass(tmp_path: Path) -> None:
     ):
         np.savez(path, **{"mass": np.eye(4), "stiffness": held, **rows, **entry})
         with pytest.raises(UnusableMatricesError, match=said):
-            assembled("matrices", tmp_path, file="held.npz")
+            of_file(path)
 
 
 def test_the_angle_of_one_contact_turns_the_casing(tmp_path: Path) -> None:
@@ -361,7 +330,7 @@ def test_the_angle_of_one_contact_turns_the_casing(tmp_path: Path) -> None:
     np.savez(tmp_path / "one.npz", **{**made, **one})
     plain = {name: value for name, value in {**made, **one}.items() if name not in ("angle", "contact_labels")}
     np.savez(tmp_path / "plain.npz", **plain)
-    turned = [{**CASING["harmonics"][0], "phase": 0.3 + 2 * angle}, CASING["harmonics"][1]]  # type: ignore[index]
+    turned = [{**CASING["harmonics"][0], "phase": 0.3 + 2 * angle}, CASING["harmonics"][1]]
     ways: list[tuple[dict[str, Any], dict[str, Any]]] = [
         ({"file": "three.npz", "contact": ["tip 1"]}, CASING),
         ({"file": "one.npz"}, CASING),
@@ -380,7 +349,7 @@ def test_the_angle_of_one_contact_turns_the_casing(tmp_path: Path) -> None:
     assert abs(impulse[4] - impulse[3]) > 1e-4 * impulse[3]
     assert [float(run["contact_angle"].item()) for run in runs[:3]] == [angle] * 3
     np.savez(tmp_path / "one.npz", **{**made, **one, "contact": np.eye(SIZE)[0], "angle": -0.9})
-    at_first = {"casing": {"gap": 4e-6, "harmonics": CASING["harmonics"][:1]}}  # type: ignore[index]
+    at_first = {"casing": {"gap": 4e-6, "harmonics": CASING["harmonics"][:1]}}
     with pytest.raises(StudyError, match=r"the tip starts inside the casing, at 0\.0 m with a gap of 4e-06 m"):
         study(tmp_path, {"matrices": {"file": "one.npz"}}, **at_first)
 

@@ -1,8 +1,5 @@
 """An elastic casing: exact in closed form, the limit of a contact spring, and the same through a study."""
 
-from __future__ import annotations
-
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +10,7 @@ import yaml
 from scenes import cases, chain, step
 from workflow import run_study
 from workflow.archive import open_archive
-from workflow.models import Cases, Rayleigh, at_rest, critical_alpha, growth_rate
+from workflow.models import Rayleigh, at_rest, critical_alpha, growth_rate
 from workflow.models._contact_system import critical_alpha_of_contacts
 from workflow.schemes import Sampling
 from workflow.study import StudyError, read_study
@@ -31,17 +28,12 @@ CHAIN = {
 }
 
 
-def as_row(batch: Cases) -> Cases:
-    """Return cases of one contact as those of a contact that is given by its row."""
-    return replace(batch, gaps=batch.gap[:, None], turns=np.zeros((1, 1, batch.casing_harmonics.width)))
-
-
 def test_mass_on_an_elastic_stop() -> None:
     """code_aster's SDND101A: m 100 kg, k 1e4 N/m, stop 1e6 N/m, v0 1 m/s."""
     mass = chain(nodes=1, mass=100.0, stiffness=1e4).on_casing(1e-6)
     omega = np.sqrt(1.01e6 / 100)
     over = Sampling(np.pi / omega, np.pi / omega / 2, 3)
-    done = step(mass, as_row(cases(mass, velocity=1.0)), 1.0, over, "event_driven")
+    done = step(mass, cases(mass, velocity=1.0), 1.0, over, "event_driven")
     assert done.status[0] == 0
     np.testing.assert_allclose(done.histories["displacement"][0] * 1e6, [0, 1e6 / omega, 0], atol=1e-6)
     np.testing.assert_allclose(done.metrics["max_penetration"], 9950.371902e-6, rtol=1e-9)
@@ -55,7 +47,7 @@ def test_a_contact_spring_converges_to_it(integration: str) -> None:
     """Second order, but for where in a step contacts begin and end: over an eightfold step 1.5 at least."""
     rod, over = chain(**CHAIN), Sampling(0.5, 1e-3, 501)
     batch = cases(rod, alpha=0.5, gap=1e-3, amplitude=4.0, frequency=12.0)
-    exact = step(rod.on_casing(CASING), as_row(batch), 1.0, over, "event_driven").histories
+    exact = step(rod.on_casing(CASING), batch, 1.0, over, "event_driven").histories
     assert exact["temperature"].max() > 0.01
 
     def error(h: float) -> float:
@@ -81,7 +73,7 @@ def test_a_static_start_rests_on_it() -> None:
     """x = (f + d/c)/(k + 1/c) of a single mass, and it stays there."""
     k, c, f, d = 4000.0, 2e-4, 9.0, 1e-3
     mass = chain(nodes=1, mass=0.1, stiffness=k).on_casing(c)
-    resting = at_rest(mass, as_row(cases(mass, gap=d, mean=f)))
+    resting = at_rest(mass, cases(mass, gap=d, mean=f))
     np.testing.assert_allclose(resting.displacement, (f + d / c) / (k + 1 / c), rtol=1e-13)
     for method in ("event_driven", "moreau"):
         done = step(mass, resting, 1e-4, Sampling(0.1, 0.01, 11), method)

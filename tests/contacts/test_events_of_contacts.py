@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from random_contacts import DURATION, drawn
 
-from workflow import schemes
+from scenes import step
 from workflow.schemes import Sampling, Status
 
 SEEDS = [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 40))]
@@ -12,9 +12,9 @@ SEEDS = [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in ran
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_listed_impulses_are_the_impacts_of_each_contact(seed: int) -> None:
-    case, scheme = drawn(seed), schemes.load("event_driven")
+    case = drawn(seed)
     over = Sampling(DURATION, DURATION / 10, 11, events=3000)
-    results = scheme.compute(scheme.init(case.structure, 0.0, scheme.Options()), case.cases, over)
+    results = step(case.structure, case.cases, 0.0, over, "event_driven")
     if results.status[0] != Status.OK or results.events["event_count"][0] > over.events:
         pytest.skip("not all events are listed")
     impulse, contact = (results.events[name][0] for name in ("event_impulse", "event_contact"))

@@ -1,6 +1,5 @@
 """event_driven with several contacts: scenes solved in 80 bits by another program, closed forms, uncoupled copies."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +7,8 @@ import numpy as np
 import pytest
 
 import workflow
-from workflow import schemes
-from workflow.models import Cases, Contacts, Harmonics, Matrices, Rayleigh, contact_system
-from workflow.models._contact_system import analyse_contacts
-from workflow.models._from_matrices import GivenMatrices, structure_from_matrices
+from scenes import cases_of_file, of_entries, step
+from workflow.models import Rayleigh, Structure
 from workflow.schemes import Results, Sampling
 
 SCENES = Path(__file__).parent / "scenes"
@@ -33,97 +30,59 @@ def test_scenes_of_an_independent_exact_solver(name: str, tmp_path: Path) -> Non
     archive.close()
 
 
-def structure(
-    mass: Any, stiffness: Any, rows: Any, *, load: Any = None, damping: Rayleigh | None = None, **residual: Any
-) -> Matrices:
+def structure(mass: Any, stiffness: Any, rows: Any, damping: Rayleigh | None = None, **more: Any) -> Structure:
     """Return a cold structure with contacts along rows."""
-    M, K, W = (np.atleast_2d(np.asarray(value, dtype=float)) for value in (mass, stiffness, rows))
-    n, still = len(M), np.zeros(len(M))
-    given = GivenMatrices(
-        M, K, np.zeros((n, 1)), 1e30 * np.eye(1), np.zeros((1, 1)), W[0], np.ones(1), still, np.zeros(1)
-    )
-    own = structure_from_matrices(replace(given, load=load, damping=damping or Rayleigh()))
-    assert own.coordinates is not None
-    basis = own.coordinates.displacement_basis
-    labels, heat = tuple(map(str, range(len(W)))), np.ones((len(W), 1))
-    contacts = Contacts(labels, W @ basis, np.zeros_like(W) @ basis, heat, np.zeros(len(W)), **residual)
-    return replace(own, contacts=contacts)
+    mass, stiffness = np.atleast_2d(mass).astype(float), np.atleast_2d(stiffness).astype(float)
+    return of_entries({"mass": mass, "stiffness": stiffness, "contact": np.asarray(rows), **more}, damping)
 
 
-def run(own: Matrices, gaps: Any, times: Any, **given: Any) -> Results:
-    """Return the exact results of one case."""
-    assert own.coordinates is not None
-    n, gaps = len(own.coordinates.displacement_basis), np.atleast_2d(np.asarray(gaps, dtype=float))
-    values: dict[str, Any] = {name: np.array([given.pop(name, 0.0)]) for name in ("e", "alpha", "mean", "friction")}
-    rows = {name: np.broadcast_to(given.pop(name, 0.0), (1, n)) for name in ("steady", "displacement", "velocity")}
-    load = np.array(given.pop("load", np.zeros((0, 3)))).reshape(-1, 3).T[:, None]
-    casing = np.array(given.pop("casing", np.zeros((0, 3)))).reshape(-1, 3).T[:, None]
-    assert not given
-    zero = np.zeros((1, 1))
-    cases = Cases(
-        **values,
-        gap=gaps[:, 0],
-        **rows,
-        heating=zero,
-        temperature=zero,
-        load_harmonics=Harmonics(*load),
-        casing_harmonics=Harmonics(*casing),
-        gaps=gaps,
-    )
-    exact = schemes.load("event_driven")
-    sampling = Sampling(times[-1], times[1], len(times))
-    return exact.compute(exact.init(own, 0.0, exact.Options()), own.coordinates.transformed(cases), sampling)
+def run(own: Structure, times: Any, events: int = 0, **given: Any) -> Results:
+    over = Sampling(times[-1], times[1], len(times), events=events)
+    return step(own, cases_of_file(own, **given), 0.0, over, "event_driven")
 
 
 @pytest.mark.parametrize("e", [0.0, 0.3, 1.0])
 def test_ball_between_floor_and_ceiling(e: float) -> None:
     """A free mass flies from stop to stop: speeds are multiplied by e, flights last 2/speed."""
     times = np.linspace(0, 30, 301)
-    ours = run(structure(1.0, 0.0, [[1.0], [-1.0]]), [1.0, 1.0], times, e=e, velocity=1.0)
+    both = structure(1.0, 0.0, [[1.0], [-1.0]])
+    ours = run(both, times, events=20, gaps=[1.0, 1.0], e=e, velocity=1.0)
     x, v, t, place = 0.0, 1.0, 0.0, np.empty(times.size)
-    jumps = []
+    hits = []
     for k, now in enumerate(times):
         while v != 0 and (hit := t + (np.sign(v) - x) / v) <= now:
             x, t = np.sign(v), hit
-            jumps.append((1 + e) * abs(v))
+            hits.append((t, (1 + e) * abs(v), abs(v), len(hits) % 2))
             v = -e * v
         place[k] = x + v * (now - t)
     assert ours.histories["displacement"][0] == pytest.approx(np.stack([place, -place]), abs=1e-12)
-    assert ours.metrics["impacts"][0] == pytest.approx([(len(jumps) + 1) // 2, len(jumps) // 2])
-    assert ours.histories["impulse"][0, :, -1].sum() == pytest.approx(sum(jumps), rel=1e-13)
+    assert ours.metrics["impacts"][0] == pytest.approx([(len(hits) + 1) // 2, len(hits) // 2])
+    assert ours.histories["impulse"][0, :, -1].sum() == pytest.approx(sum(p for _, p, *_ in hits), rel=1e-13)
+    assert ours.events["event_count"][0] == len(hits)
+    names = ("event_time", "event_impulse", "event_approach", "event_contact")
+    for name, values in zip(names, zip(*hits, strict=True), strict=True):
+        np.testing.assert_allclose(ours.events[name][0, : len(hits)], values, rtol=1e-12, err_msg=name)
 
 
 def test_two_stops_pressed_in_turn() -> None:
     """A mass without spring under a slow load rests on one stop, crosses and rests on the other: F/m twice."""
     times = np.linspace(0, 1, 11)
-    ours = run(structure(2.0, 0.0, [[1.0], [-1.0]], load=np.ones(1)), [0.5, 0.5], times, steady=3.0, displacement=0.5)
+    ours = run(structure(2.0, 0.0, [[1.0], [-1.0]]), times, gaps=[0.5, 0.5], steady=3.0, displacement=0.5)
     assert ours.histories["impulse"][0, 0] == pytest.approx(3.0 * times, abs=1e-12)
     assert ours.histories["displacement"][0] == pytest.approx(np.outer([1, -1], np.full(11, 0.5)), abs=1e-15)
     assert ours.metrics["contact_time"][0] == pytest.approx([1.0, 0.0])
 
 
-def clamped_chain(count: int) -> tuple[Any, Any]:
-    links = np.eye(count) - np.eye(count, k=-1)
-    return np.diag(np.linspace(1.0, 0.6, count)), 4e4 * links.T @ links
-
-
 @pytest.mark.parametrize("count", [2, 5])
 def test_uncoupled_copies_give_the_run_of_one(count: int) -> None:
-    M, K = clamped_chain(4)
-    each, times = np.eye(count), np.linspace(0, 0.3, 61)
-    moving: dict[str, Any] = {"load": [[9.0, 11.0, 0.3]], "casing": [[2e-4, 7.0, 0.4]]}
-    rows = [np.kron(one, np.eye(4)[3]) for one in each]
-    many = structure(
-        np.kron(each, M), np.kron(each, K), rows, load=np.tile(np.eye(4)[3], count), damping=Rayleigh(mass=3.0)
-    )
-    ours = run(many, np.full(count, 3e-4), times, **moving)
-    single = structure_from_matrices(
-        GivenMatrices(
-            M, K, np.zeros((4, 1)), 1e30 * np.eye(1), np.zeros((1, 1)), np.eye(4)[3], np.ones(1), np.zeros(4),
-            np.zeros(1), damping=Rayleigh(mass=3.0),
-        )
-    )  # fmt: skip
-    alone = run(single, [[3e-4]], times, **moving)
+    links, times = np.eye(4) - np.eye(4, k=-1), np.linspace(0, 0.3, 61)
+    M, K, tip = np.diag(np.linspace(1.0, 0.6, 4)), 4e4 * links.T @ links, np.eye(4)[-1]
+    moving: dict[str, Any] = {"load_harmonics": [[9.0, 11.0, 0.3]], "casing_harmonics": [[2e-4, 7.0, 0.4]]}
+    each, damping = np.eye(count), Rayleigh(mass=3.0)
+    many = structure(np.kron(each, M), np.kron(each, K), np.kron(each, tip), damping, load=np.tile(tip, count))
+    ours = run(many, times, gaps=np.full(count, 3e-4), **moving)
+    single = structure(M, K, tip, damping, load=tip)
+    alone = run(single, times, gap=3e-4, **moving)
     assert alone.metrics["impacts"][0] > 3
     for name in ("displacement", "impulse"):
         one = alone.histories[name][0]
@@ -133,50 +92,12 @@ def test_uncoupled_copies_give_the_run_of_one(count: int) -> None:
 def test_a_contact_without_mass_is_a_spring_in_series() -> None:
     """A mass that strikes an elastic stop of stiffness 1/R: half a sine, and the impulse 2 m v k/(k + c)."""
     m, k, R, v = 100.0, 1e4, 1e-6, 1.0
-    own = structure(m, k, [[1.0]], residual=np.array([[R]]), residual_tangent=np.zeros((1, 1)))
+    own = structure(m, k, [[1.0]], residual_flexibility=np.array([[R]]), residual_tangent=np.zeros((1, 1)))
     times = np.linspace(0, 0.06, 601)
-    ours = run(own, [[0.0]], times, velocity=v)
+    ours = run(own, times, velocity=v)
     w, force = np.sqrt((k + 1 / R) / m), (1 / R) * v / np.sqrt((k + 1 / R) / m)
     inside = np.minimum(times, np.pi / w)
     assert ours.metrics["contact_time"][0] == pytest.approx(np.pi / w, rel=1e-12)
     assert ours.histories["impulse"][0] == pytest.approx(force / w * (1 - np.cos(w * inside)), abs=1e-11)
     assert ours.histories["impulse"][0, -1] == pytest.approx(198.0198019802, rel=1e-10)
     assert ours.metrics["impacts"][0] == 0
-
-
-def test_energy_of_two_contacts_on_a_beam_closes() -> None:
-    """At e = 1 without damping or loads nothing is lost; at e = 0 only impacts take energy."""
-    M, K = clamped_chain(5)
-    own, times = structure(M, K, np.eye(5)[[2, 4]]), np.linspace(0, 0.5, 101)
-    start = np.linspace(0, 1, 5)
-    for e in (1.0, 0.0):
-        energies = []
-        for until in (0.1, 0.5):
-            basis = analyse_contacts(own)
-            assert contact_system(basis, np.zeros(2, bool), 0.0, 0.0) is not None
-            ours = run(own, [2e-3, 5e-3], times * until / 0.5, e=e, velocity=start)
-            energies.append(_energy_at_the_end(own, [2e-3, 5e-3], until, e, start))
-            assert ours.metrics["impacts"][0].min() > 0
-        whole = 0.5 * start @ M @ start
-        if e == 1:
-            assert energies == pytest.approx([whole, whole], rel=1e-10)
-        else:
-            assert whole > energies[0] > energies[1] > 0
-
-
-def _energy_at_the_end(own: Matrices, gaps: Any, until: float, e: float, start: Any) -> float:
-    from workflow.schemes._exact import contact_batch
-
-    seen: list[Any] = []
-    conditions = contact_batch.conditions_of
-
-    def kept(*arguments: Any) -> Any:
-        seen.append(conditions(*arguments))
-        return seen[-1]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(contact_batch, "conditions_of", kept)
-        run(own, gaps, np.linspace(0, until, 3), e=e, velocity=start)
-    basis = analyse_contacts(own)
-    y, v = np.split(seen[0].modal[0][: 2 * basis.frequency.size], 2)
-    return float(0.5 * (v @ v + (basis.frequency * y) @ (basis.frequency * y)))

@@ -1,7 +1,5 @@
 """Every scheme with a fixed step in studies of several contacts: archives, balances, plans, and what is not solved."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from workflow.plan import plan_study
 from workflow.run import run_study
 from workflow.schemes import RefusedStructureError, Status, penalty
 
+CENTRAL = ("carpenter", "paoli_schatzman", "penalty")
 ALL = {
     "schemes": {"spring": {"method": "penalty", "integration": "implicit", "damping": 50.0}},
     "axes": {"scheme": ["moreau", "carpenter", "paoli_schatzman", "penalty", "spring"], "h": 2e-5, "alpha": [0, 5]},
@@ -40,44 +39,58 @@ def test_a_study_of_all_schemes_ends_ok_with_its_balances(tmp_path: Path) -> Non
     assert not [warning for warning in plan_study(given).warnings if "fails" in warning]
 
 
-def heated(structure: dict[str, Any] | None = None) -> Structure:
-    """Return two masses that friction heat pushes into their casings."""
-    return two_masses(
+IMPLICIT = ("penalty", {"integration": "implicit", "stiffness": 1e7})
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "residual"), [("moreau", {}, 0.0), (*IMPLICIT, 0.0), (*IMPLICIT, 1e-9)], ids=str
+)
+def test_contact_without_a_solution_names_contacts_and_a_step_that_has_one(
+    method: str, options: dict[str, Any], residual: float
+) -> None:
+    """Friction heat pushes two masses into their casings."""
+    flexible = {"residual_flexibility": residual * np.eye(2)} if residual else {}
+    structure = two_masses(
         coupling=-200 * np.eye(2), heat_capacity=np.eye(2), conductance=0.1 * np.eye(2), thermal_contact=np.eye(2),
-        contact_labels=np.array(["mid", "end"]), **(structure or {}),
+        contact_labels=np.array(["mid", "end"]), **flexible,
     )  # fmt: skip
-
-
-@pytest.mark.parametrize("residual", [{}, {"residual_flexibility": 1e-9 * np.eye(2)}])
-def test_an_implicit_spring_without_a_solution_names_contacts_and_a_step_that_has_one(residual: dict[str, Any]) -> None:
-    structure, options = heated(residual), {"integration": "implicit", "stiffness": 1e7}
     case = pressed(structure, alpha=np.array([10.0]), velocity=np.ones((1, 2)))
-    lost = step(structure, case, 1e-2, sampling(0.1, 1e-2), "penalty", **options)
+    lost = step(structure, case, 1e-2, sampling(0.1, 1e-2), method, **options)
     assert lost.status.tolist() == [Status.ILL_POSED]
+    assert np.isnan(lost.histories["displacement"][0, :, -1]).all()
     assert "contacts mid, end: the symmetric part of its matrix is positive definite up to h = " in lost.messages[0]
     limit = float(lost.messages[0].split("h = ")[-1].split(" s")[0])
     assert 1e-4 < limit < 1e-2
     short = sampling(4 * limit, limit)
-    assert step(structure, case, limit, short, "penalty", **options).status.tolist() == [Status.OK]
+    assert step(structure, case, limit, short, method, **options).status.tolist() == [Status.OK]
+    assert method != "moreau" or step(structure, case, 1.01 * limit, short).status.tolist() == [Status.ILL_POSED]
 
 
-@pytest.mark.parametrize("method", ["carpenter", "paoli_schatzman"])
-def test_friction_that_leaves_central_differences_no_impulse_is_said(method: str) -> None:
+@pytest.mark.parametrize("method", ["moreau", "carpenter", "paoli_schatzman"])
+def test_friction_that_leaves_no_impulse_is_said(method: str) -> None:
     structure = two_masses(tangent=2 * np.eye(2))
     lost = step(structure, pressed(structure, friction=np.ones(1)), 1e-3, sampling(0.1, 1e-2), method)
     assert lost.status.tolist() == [Status.ILL_POSED]
     assert lost.messages[0].endswith("lower the coefficient of friction, 1")
 
 
-@pytest.mark.parametrize("method", ["carpenter", "paoli_schatzman", "penalty"])
-def test_central_differences_that_grow_are_told_with_the_largest_step_that_does_not(method: str) -> None:
-    structure = two_masses()
-    ends = [step(structure, pressed(structure), h, sampling(0.4, 2e-2), method) for h in (1e-3, 2.1e-2)]
+GROWS: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [
+    *((method, {}, {}, "central differences are stable up to 0.02 s") for method in CENTRAL),
+    ("moreau", {"theta": 0.3}, {"damping": np.diag([20.0, 40.0])}, "stable up to h = 0.005 s"),  # 20/(0.4 · 1e4)
+]
+
+
+@pytest.mark.parametrize(("method", "options", "entries", "said"), GROWS, ids=[method for method, *_ in GROWS])
+def test_a_step_that_grows_freely_is_told_with_the_largest_that_does_not(
+    method: str, options: dict[str, Any], entries: dict[str, Any], said: str
+) -> None:
+    structure = two_masses(**entries)
+    ends = [step(structure, pressed(structure), h, sampling(0.4, 2e-2), method, **options) for h in (1e-3, 2.1e-2)]
     assert [int(each.status[0]) for each in ends] == [Status.OK, Status.DIVERGED]
-    assert "central differences are stable up to 0.02 s" in ends[1].messages[0]
+    assert said in ends[1].messages[0]
 
 
-@pytest.mark.parametrize("method", ["carpenter", "paoli_schatzman", "penalty"])
+@pytest.mark.parametrize("method", CENTRAL)
 def test_central_differences_refuse_contacts_without_mass(method: str) -> None:
     structure = two_masses(residual_flexibility=1e-6 * np.eye(2))
     with pytest.raises(RefusedStructureError, match=r"without mass.*moreau"):
@@ -93,9 +106,7 @@ def test_schemes_that_do_not_say_so_refuse_contacts_without_mass() -> None:
 
 
 def alone(structure: Structure, contact: int) -> Structure:
-    """Return the structure with one of its contacts."""
     own = structure.contacts
-    assert own is not None
     rows = {name: getattr(own, name)[[contact]] for name in ("normal", "tangent", "heat", "angle")}
     return replace(structure, contacts=Contacts((own.labels[contact],), **rows))
 

@@ -1,30 +1,25 @@
 """Two masses on springs with a contact at each."""
 
-from __future__ import annotations
-
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from several import of_entries
 
-from workflow.models import Cases, Rayleigh, Structure
+from scenes import cases_of_file, of_entries
+from workflow.models import Cases, Structure
 
 
 def two_masses(**entries: Any) -> Structure:
-    """Return two masses on springs, a contact at each."""
-    return of_entries(
-        {"mass": np.diag([1.0, 2.0]), "stiffness": np.diag([1e4, 1e4]), "contact": np.eye(2), **entries}, Rayleigh()
-    )
+    """Return two masses on springs, a contact at each, or with rows that a file is refused for."""
+    rows = {
+        field: entries.pop(name) for field, name in (("normal", "contact"), ("tangent", "tangent")) if name in entries
+    }
+    masses = {"mass": np.diag([1.0, 2.0]), "stiffness": np.diag([1e4, 1e4]), "contact": np.eye(2)}
+    structure = of_entries({**masses, **entries})
+    rows = {name: row @ structure.coordinates.displacement_basis for name, row in rows.items()}
+    return replace(structure, contacts=replace(structure.contacts, **rows))
 
 
 def pressed(structure: Structure, **more: Any) -> Cases:
     """Return a case that is pushed against both its contacts, in equilibrium."""
-    assert structure.contacts is not None
-    size, zero = structure.contacts.count, np.zeros(1)
-    given: dict[str, Any] = dict.fromkeys(("e", "alpha", "gap", "mean"), zero)
-    states = {name: np.zeros((1, 2)) for name in ("displacement", "velocity")} | {
-        name: np.zeros((1, structure.thermal_size)) for name in ("heating", "temperature")
-    }
-    given |= {"steady": np.array([[30.0, 50.0]]), "gaps": np.full((1, size), 1e-3), "turns": np.zeros((1, size, 1))}
-    assert structure.coordinates is not None
-    return structure.coordinates.transformed(Cases(**{**given, **states, **more}))
+    return cases_of_file(structure, steady=[30.0, 50.0], **{"gaps": [1e-3, 1e-3], **more})

@@ -1,14 +1,13 @@
 """Badly conditioned matrices from files: what a well-conditioned chain gives, as near as the files hold it."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from test_hard import STUDIES, opened
 
 from scripts import script
-from workflow.archive import open_archive
 from workflow.models import rounding_of_flexibility, structure_of
 from workflow.models._matrix_files import read_entries
 from workflow.plan import plan_study
@@ -16,15 +15,8 @@ from workflow.run import run_study
 from workflow.schemes import Status
 from workflow.study import parse_study, read_study
 
-ROOT = Path(__file__).parents[2]
-STUDIES = ROOT / "studies" / "hard"
 CHAIN = """chain: {nodes: 4, mass: 2.5e-3, stiffness: 4.0e6, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
           expansion: 8.6e-6, heat_capacity: 1.3, conductance: 0.6, convection: 0.02}"""
-
-
-def opened(name: str) -> xr.Dataset:
-    with open_archive(ROOT / "data" / "hard" / f"{name}.nc") as archive:
-        return archive.load()
 
 
 @pytest.fixture(scope="module")

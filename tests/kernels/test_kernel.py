@@ -52,7 +52,6 @@ def run(package: Path, code: str = RUN, **environment: str) -> Ran:
 
 
 def copy_of_the_package(directory: Path) -> Path:
-    """Copy it into a directory, where its sources may change."""
     copy, without = directory / "workflow", shutil.ignore_patterns("__pycache__")
     shutil.copytree(Path(workflow.__file__).parent, copy, ignore=without)
     return directory

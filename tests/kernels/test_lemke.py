@@ -1,7 +1,5 @@
 """Lemke's method against all sets of basic variables, and what shows that a problem has no solution."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np
@@ -23,7 +21,6 @@ def test_the_only_solution_of_a_p_matrix(size: int, seed: int, skew: bool) -> No
         matrix = matrix + turn - turn.T
     constant = rng.normal(size=size)
     solution = complementarity(matrix, constant)
-    assert solution is not None
     found = []
     for basic in product([False, True], repeat=size):
         own, active = np.zeros(size), np.array(basic)
@@ -38,7 +35,6 @@ def test_sixty_four_variables() -> None:
     root = rng.normal(size=(64, 64))
     matrix, constant = root @ root.T + np.eye(64), rng.normal(size=64)
     solution = complementarity(matrix, constant)
-    assert solution is not None
     rest = matrix @ solution + constant
     assert min(solution.min(), rest.min()) > -1e-10
     assert np.abs(solution * rest).max() < 1e-10

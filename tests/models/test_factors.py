@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import splu
-from test_sparse import NODES, taken_from
+from test_sparse import NODES
 
+from given_matrices import given
 from scenes import blade, relative
 from workflow.models import (
     Sparse,
@@ -40,10 +41,10 @@ def test_what_nothing_holds_is_refused_by_cholmod_too(matrix: csc_array) -> None
 
 @needs_cholmod
 def test_a_basis_is_the_same_by_both(monkeypatch: pytest.MonkeyPatch) -> None:
-    given, reduced = taken_from(blade(NODES)), []
+    taken, reduced = given(blade(NODES), csc_array), []
     for most in (factors.MOST_BY_SUPERLU, 0):
         monkeypatch.setattr(factors, "MOST_BY_SUPERLU", most)
-        sparse = structure_from_sparse(given)
+        sparse = structure_from_sparse(taken)
         assert isinstance(sparse, Sparse)
         reduced.append(reduce_structure(sparse, 6, 8, "krylov", 0.3).structure)
     by_superlu, by_cholmod = reduced

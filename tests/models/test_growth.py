@@ -114,8 +114,6 @@ def test_a_tip_without_mass_against_its_matrices(basis: str, alpha: float) -> No
     """λ = (w x - r θ)/(R - µ R^t), which acts on the modes along w - µ t and heats."""
     friction, s = 0.3, reduce_structure(random_structure(np.random.default_rng(0), 6), 3, 2, basis).structure
     c = s.contacts
-    assert c is not None
-    assert c.residual_coupling is not None
     force = np.hstack([c.normal, np.zeros((1, 3)), -c.residual_coupling]) / c.flexibility(friction)
     n, rest, still = s.mechanical_size, -np.linalg.inv(s.mass), -np.linalg.inv(s.heat_capacity)
     A = np.zeros((force.size, force.size))

@@ -10,9 +10,9 @@ import pytest
 import scipy.sparse
 
 from matrix_files import WRITERS, as_directory, as_npz, matrices_of
-from scenes import heavy_chain
+from scenes import heavy_chain, of_file
 from workflow.declare import File
-from workflow.models import Matrices, UnusableMatricesError, load, write_matrices
+from workflow.models import Structure, UnusableMatricesError, load, write_matrices
 from workflow.models._matrix_entries import in_si
 
 CALCULIX = Path(__file__).parent / "calculix"
@@ -21,11 +21,8 @@ ENTRIES = matrices_of(CHAIN)
 E00 = np.diag([1.0, 0, 0, 0, 0])
 
 
-def assembled(path: Path, **parameters: Any) -> Matrices:
-    model = load("matrices")
-    structure = model.assemble(model.Parameters(File("", path.name, str(path)), **{"contact": 4, **parameters}))
-    assert isinstance(structure, Matrices)
-    return structure
+def assembled(path: Path, **parameters: Any) -> Structure:
+    return of_file(path, **{"contact": 4, **parameters})
 
 
 @pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)
@@ -40,7 +37,6 @@ def test_every_kind_of_file_gives_the_same_structure(write: Callable[..., Path],
 def test_motions_of_calculix_without_mass_are_condensed(elements: str, condensed: int) -> None:
     """Six of the nine incompatible modes of each of three elements; its frequencies are in TRUTH.md."""
     structure = assembled(CALCULIX / f"{elements}.sti", contact="16.3", units="mm-t-s")
-    assert structure.coordinates is not None
     assert structure.coordinates.condensed[0] == condensed
 
 

@@ -88,7 +88,6 @@ def test_tables_stand_in_a_study_or_in_files(tmp_path: Path) -> None:
 
 
 def test_a_head_may_have_units(tmp_path: Path) -> None:
-    """As the manual writes the columns."""
     (tmp_path / "modes.csv").write_text("frequency [Hz], damping_ratio, tip [1/√kg]\n1200,0.005,14.1\n")
     (tmp_path / "heat.csv").write_text("rate [1/s],tip [1/√(J/K)]\n0.5,2\n")
     study = read_study(written(STUDY.format(modes="{table: modes.csv, heat: heat.csv}"), tmp_path))

@@ -50,7 +50,6 @@ def test_rows_of_a_file(parameters: Any) -> None:
     )
     rows = sensors_of("matrices", parameters, sensors)
     structure = models.structure_of("matrices", parameters)
-    assert structure.coordinates is not None
     given = np.random.default_rng(1).normal(size=(5, SIZE))
     given[:, 2] = 0.5 * (given[:, 1] + given[:, 3])  # it follows
     warm = np.random.default_rng(2).normal(size=(5, 3))
@@ -102,7 +101,6 @@ def test_columns_of_tables_of_modes(tmp_path: Path) -> None:
     parameters = models.load("modes").Parameters(modes, heat)
     rows = sensors_of("modes", parameters, (Sensor("edge"), Sensor("tip"), Sensor("root", of_heat=True)))
     structure = models.structure_of("modes", parameters)
-    assert structure.coordinates is not None
     eta, tau = np.random.default_rng(1).normal(size=(2, 5, 2))
     onto = structure.coordinates
     shown = rows.of(eta @ onto.displacement_projection.T, tau @ onto.temperature_projection.T)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array, diags_array
 
+from given_matrices import given
 from scenes import blade, cases, relative
 from workflow.models import (
     GivenMatrices,
@@ -31,17 +32,6 @@ from workflow.reduction import names, projection_residual, reduce_structure
 NODES = 310
 
 
-def taken_from(structure: Structure, **other: Any) -> GivenMatrices:
-    """The sparse matrices of a structure."""
-    tip = np.zeros(structure.mechanical_size)
-    tip[-1] = 1.0
-    names = ("mass", "stiffness_matrix", "coupling_matrix", "heat_capacity", "conductance_matrix")
-    matrices = (getattr(structure, name) for name in names)
-    none = np.zeros(tip.size)
-    given = GivenMatrices(*map(csc_array, matrices), tip, tip, none, none, structure.damping)
-    return replace(given, **other)
-
-
 @pytest.fixture(scope="module")
 def chain() -> Structure:
     return blade(NODES)
@@ -49,7 +39,7 @@ def chain() -> Structure:
 
 @pytest.fixture(scope="module")
 def sparse(chain: Structure) -> Sparse:
-    structure = structure_from_sparse(taken_from(chain))
+    structure = structure_from_sparse(given(chain, csc_array))
     assert isinstance(structure, Sparse)
     return structure
 
@@ -94,7 +84,7 @@ def warm(structure: Structure) -> Any:
 def test_heat_that_cannot_leave(chain: Structure) -> None:
     """The uniform temperature is the slowest mode, with the rate 0; contact heat then always runs away."""
     insulated = chain.conductance_matrix - np.diag(chain.conductance_matrix.sum(axis=1))
-    structure = structure_from_sparse(taken_from(chain, conductance=csc_array(insulated)))
+    structure = structure_from_sparse(given(chain, csc_array, conductance=csc_array(insulated)))
     assert isinstance(structure, Sparse)
     assert critical_alpha(structure) == 0.0
     reduced = reduce_structure(structure, 2, 4).structure
@@ -106,18 +96,17 @@ def test_a_contact_may_be_a_vector(chain: Structure, sparse: Sparse) -> None:
     """Displacements of the last three nodes turned among each other: the normal has three entries."""
     turn = np.eye(NODES)
     turn[-3:, -3:] = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
-    given = taken_from(chain)
+    taken = given(chain, csc_array)
     turned = replace(
-        given,
-        mass=csc_array(turn.T @ given.mass @ turn),
-        stiffness=csc_array(turn.T @ given.stiffness @ turn),
-        coupling=csc_array(turn.T @ given.coupling),
-        contact=turn.T @ given.contact,
+        taken,
+        mass=csc_array(turn.T @ taken.mass @ turn),
+        stiffness=csc_array(turn.T @ taken.stiffness @ turn),
+        coupling=csc_array(turn.T @ taken.coupling),
+        contact=turn.T @ taken.contact,
     )
     structure = structure_from_sparse(turned)
     assert tip_flexibility(structure) == pytest.approx(tip_flexibility(sparse), rel=1e-10)
     assert critical_alpha(structure) == pytest.approx(critical_alpha(sparse), rel=1e-10)
-    assert structure.coordinates is not None
     state = np.random.default_rng(4).normal(size=NODES)
     there = structure.coordinates.displacement_projection @ state
     assert there[-1] == pytest.approx(turned.contact @ state)
@@ -188,16 +177,16 @@ def test_a_small_free_structure_is_dense(chain: Structure) -> None:
     """Rank decides there what moves; sparse factorisations would not find it."""
     free = chain.stiffness_matrix.copy()
     free[0, 0] /= 2
-    given = taken_from(chain, stiffness=csc_array(free), coupling=csc_array((NODES, NODES)))
-    assert not isinstance(structure_from_sparse(given), Sparse)
-    assert tip_flexibility(structure_from_sparse(given)) == np.inf
+    taken = given(chain, csc_array, stiffness=csc_array(free), coupling=csc_array((NODES, NODES)))
+    assert not isinstance(structure_from_sparse(taken), Sparse)
+    assert tip_flexibility(structure_from_sparse(taken)) == np.inf
 
 
 def test_one_temperature_stands_for_no_heat(chain: Structure) -> None:
     """As files without heat are read: a single temperature that nothing cools and that moves nothing."""
     one, none = csc_array(np.ones((1, 1))), np.zeros(1)
-    given = taken_from(chain, heat_capacity=one, conductance=0 * one, thermal_contact=np.ones(1), heating=none)
-    structure = structure_from_sparse(replace(given, coupling=csc_array((NODES, 1))))
+    taken = given(chain, csc_array, heat_capacity=one, conductance=0 * one, thermal_contact=np.ones(1), heating=none)
+    structure = structure_from_sparse(replace(taken, coupling=csc_array((NODES, 1))))
     assert isinstance(structure, Sparse)
     assert critical_alpha(structure) == np.inf
     reduced = reduce_structure(structure, 3, 0).structure
@@ -231,7 +220,6 @@ def test_massless_degrees_of_freedom_of_a_large_structure_follow() -> None:
     large = _sparse_structure(given)
     dense = structure_from_sparse(given)
     assert not isinstance(dense, Sparse)
-    assert dense.coordinates is not None
     assert dense.coordinates.condensed == (NODES // 3, 0)
     for basis in ("craig_bampton", "rubin"):
         of_dense, of_large = (reduce_structure(whole, 4, 4, basis).structure for whole in (dense, large))

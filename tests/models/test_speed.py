@@ -8,7 +8,7 @@ import pytest
 from scipy import sparse
 from scipy.linalg import eigh
 
-from matrix_files import as_output4
+from matrix_files import as_output4, matrices_of
 from workflow import models, reduction
 from workflow.models import Chain, Matrices, Sparse, Structure, UnusableMatricesError, write_matrices
 from workflow.models._matrix_files import read_entries
@@ -35,7 +35,6 @@ def rod(speed: float, radius: float | None = 0.25) -> Chain:
     structure = model.assemble(
         model.Parameters(**ROD, spin=None if radius is None else Spin(radius), speed=speed),
     )
-    assert isinstance(structure, Chain)
     return structure
 
 
@@ -45,17 +44,8 @@ LOAD = REST.masses * (0.25 + np.cumsum(REST.lengths))
 
 def entries(**more: Any) -> dict[str, Any]:
     """The rod at rest as a file of matrices, with what its speed adds."""
-    return {
-        "mass": REST.mass,
-        "stiffness": REST.stiffness_matrix,
-        "coupling": REST.coupling_matrix,
-        "heat_capacity": REST.heat_capacity,
-        "conductance": REST.conductance_matrix,
-        "contact": 11,
-        "thermal_contact": 11,
-        "stiffness_speed2": -REST.mass,
-        "load_speed2": LOAD,
-    } | more
+    speed = {"stiffness_speed2": -REST.mass, "load_speed2": LOAD}
+    return {**matrices_of(REST), "contact": 11, "thermal_contact": 11, **speed, **more}
 
 
 def from_file(path: Path, speed: float, **parameters: Any) -> Structure:

@@ -1,27 +1,12 @@
 """Blades whose cells grow from the tip to the root, and the mean of temperature over a depth."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from scenes import cases, chain, heavy_chain, sampling, step
+from scenes import blade, cases, chain, heavy_chain, sampling, step
 from workflow import models
-from workflow.models import Chain, Rayleigh
-
-SHAPE = {"length": 0.04, "width": 0.03, "thickness": 1e-3, "density": 4430.0, "specific_heat": 560.0}
-REST = {"conductivity": 7.0, "convection": 400.0, "expansion": 9e-6, "tip_stiffness": 1e6}
-
-
-def blade(nodes: int, tip_cell: float | None = None, **other: Any) -> Chain:
-    model = models.load("blade")
-    damping = Rayleigh(10.0, 2e-7)
-    structure = model.assemble(
-        model.Parameters(nodes=nodes, tip_cell=tip_cell, damping=damping, **{**SHAPE, **REST, **other})
-    )
-    assert isinstance(structure, Chain)
-    return structure
+from workflow.models import Chain
 
 
 def hottest(structure: Chain) -> float:
@@ -32,10 +17,9 @@ def hottest(structure: Chain) -> float:
 
 @pytest.mark.parametrize("nodes", [1, 7, 20, 49])
 def test_cells_are_equal_to_the_bit_where_no_tip_cell_is_given_or_it_is_the_equal_one(nodes: int) -> None:
-    """The lumps as they were before there was a tip cell."""
     cell, section, share = 0.04 / nodes, 0.03 * 1e-3, np.append(np.ones(nodes - 1), 0.5)
     mass = 4430 * section * cell * share
-    for structure in (blade(nodes), blade(nodes, 0.04 / nodes)):
+    for structure in (blade(nodes), blade(nodes, tip_cell=0.04 / nodes)):
         assert np.array_equal(structure.masses, mass)
         assert np.array_equal(structure.springs, np.full(nodes, nodes * 1e6))
         assert np.array_equal(structure.heat_capacities, 560 * mass)
@@ -46,7 +30,7 @@ def test_cells_are_equal_to_the_bit_where_no_tip_cell_is_given_or_it_is_the_equa
 
 @pytest.mark.parametrize(("nodes", "cell"), [(2, 1e-3), (30, 60e-6), (60, 60e-6), (20, 1.9999999e-3), (12, 1e-9)])
 def test_cells_grow_by_one_factor_and_fill_the_blade(nodes: int, cell: float) -> None:
-    structure = blade(nodes, cell)
+    structure = blade(nodes, tip_cell=cell)
     lengths = structure.lengths
     assert lengths[-1] == pytest.approx(cell, rel=1e-12)
     assert lengths.sum() == pytest.approx(0.04, rel=1e-12)
@@ -60,14 +44,14 @@ def test_cells_grow_by_one_factor_and_fill_the_blade(nodes: int, cell: float) ->
 @pytest.mark.parametrize(("nodes", "cell"), [(20, 2.1e-3), (1, 1e-3), (3, 1.0)])
 def test_a_cell_from_which_no_others_grow_is_refused(nodes: int, cell: float) -> None:
     with pytest.raises(models.UnusableMatricesError, match=f"is too long for {nodes} cells that grow to 0.04 m"):
-        blade(nodes, cell)
+        blade(nodes, tip_cell=cell)
 
 
 def test_largest_temperatures_converge_with_the_square_of_the_cells() -> None:
     """Twice the cells, of which each two fill one of before: errors of the limit, 670.7 K, fall fourfold."""
     nodes, cell, growth, found = 15, 120e-6, 1.372, list[float]()
     for _ in range(3):
-        structure = blade(nodes, cell)
+        structure = blade(nodes, tip_cell=cell)
         growth = float(structure.lengths[0] / structure.lengths[1])
         found.append(hottest(structure))
         nodes, cell = 2 * nodes, cell / (1 + np.sqrt(growth))
@@ -90,7 +74,7 @@ def test_a_blade_that_hits_once_is_as_hot_as_the_continuum() -> None:
     force, time = np.sqrt(1e6 * 0.04 * 4430 * 0.03 * 1e-3), np.sqrt(4430 * 0.03 * 1e-3 * 0.04 / 1e6)
     half_space = 2 * 3 * force * np.sqrt(time / np.pi) / (0.03 * 1e-3 * np.sqrt(7.0 * 4430 * 560))
     assert half_space == pytest.approx(16.9, abs=0.05)
-    coarse, fine = once(blade(20)), once(blade(120, 5e-6))
+    coarse, fine = once(blade(20)), once(blade(120, tip_cell=5e-6))
     assert coarse[0] == pytest.approx(0.203, abs=5e-4)
     assert fine[0] == pytest.approx(15.9, rel=0.02)
     assert fine[1] == pytest.approx(time, rel=0.02)
@@ -99,7 +83,7 @@ def test_a_blade_that_hits_once_is_as_hot_as_the_continuum() -> None:
 POINT = chain(nodes=4, mass=1.0, stiffness=1.0, spacing=(0.3, 0.0, 0.1, 0.2))
 
 
-@pytest.mark.parametrize("structure", [blade(7), blade(9, 1e-4), heavy_chain(nodes=5), POINT])
+@pytest.mark.parametrize("structure", [blade(7), blade(9, tip_cell=1e-4), heavy_chain(nodes=5), POINT])
 def test_the_mean_over_a_depth_is_that_of_temperatures_that_are_linear_between_nodes(structure: Chain) -> None:
     whole = float(structure.lengths.sum())
     places = np.append(0.0, np.cumsum(structure.lengths))

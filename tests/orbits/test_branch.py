@@ -21,14 +21,12 @@ def along(name: str, structure: Structure, batch: Cases) -> Problem:
 
 
 def followed(problem: Problem, start: float, stop: float, points: int) -> dict[str, Any]:
-    """Return a branch that is found."""
     values, message = branch(problem, start, stop, points, Options(samples=4))
     assert message == ""
     return values
 
 
 def flagged(values: dict[str, Any], name: str) -> np.ndarray:
-    """Return where points are flagged."""
     return np.flatnonzero(values["bifurcation"] == BIFURCATIONS.index(name))
 
 

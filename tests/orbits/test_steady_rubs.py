@@ -16,14 +16,12 @@ TURN = 2 * np.pi
 
 
 def rub(structure: Structure, batch: Cases, **options: int) -> dict[str, Any]:
-    """Return the variables of one case, with its message."""
     values, (message,) = steady_rubs(structure, batch, Options(**options))
     numbers = {name: each[0].tolist() if each.ndim == 1 else each[0] for name, each in values.items()}
     return numbers | {"state": STATES[numbers["steady_state"]], "message": message}
 
 
 def oscillator(damping: float = 0.0) -> Structure:
-    """A unit mass on a unit spring."""
     return chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(damping, 0.0))
 
 

@@ -29,7 +29,6 @@ MATRICES = {
 
 
 def turned(name: str) -> Array:
-    """The matrix in other coordinates."""
     form = scipy.linalg.block_diag(*MATRICES[name])
     basis = np.random.default_rng(0).normal(size=form.shape)
     return np.asarray(basis @ form @ np.linalg.inv(basis))

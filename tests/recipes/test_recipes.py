@@ -7,14 +7,12 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "schemes"))
-
-import plain_theta
-
+from plain_steps import Step, march
 from quick import quick
 from scenes import alone, cases, heavy_chain, relative, same_bits, sampling, step, taken
 from scenes import rubs as random_rubs
@@ -22,7 +20,7 @@ from studies import SCENE, parsed
 from workflow import models, reduction, schemes, variables
 from workflow.archive import open_archive
 from workflow.cases import arrange, case_hashes
-from workflow.models import Structure
+from workflow.models import Array, Structure
 from workflow.run import run_study
 from workflow.schemes import Sampling, Status
 from workflow.solve import solve
@@ -41,12 +39,20 @@ def added(package: object, directory: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(package, "__path__", [*package.__path__, str(directory)])  # type: ignore[attr-defined]
 
 
-@pytest.fixture
-def recipe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    shutil.copy(HERE / "projected_euler.py", tmp_path)
-    added(schemes, tmp_path, monkeypatch)
-    yield "projected_euler"
-    sys.modules.pop("workflow.schemes.projected_euler", None)
+def scheme(name: str) -> Any:
+    """Return a fixture that adds a recipe to the schemes."""
+
+    @pytest.fixture
+    def fixture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+        shutil.copy(HERE / f"{name}.py", tmp_path)
+        added(schemes, tmp_path, monkeypatch)
+        yield name
+        sys.modules.pop(f"workflow.schemes.{name}", None)
+
+    return fixture
+
+
+recipe, compiled_law = scheme("projected_euler"), scheme("hunt_crossley")
 
 
 @pytest.mark.parametrize(
@@ -211,13 +217,13 @@ def typed(directory: Path, environment: dict[str, str], *words: str, status: int
 
 
 @pytest.fixture
-def command(tmp_path: Path) -> Callable[..., str]:
-    """The command in a directory of a study of `moreau` and a scheme from outside; it returns what it prints.
+def command(tmp_path: Path) -> Callable[..., tuple[str, str]]:
+    """The command in a directory of a study of `moreau` and a scheme from outside; what it prints and complains of.
 
     The scheme is a recipe in which ``old`` is replaced by ``new``.
     """
 
-    def said(scheme: str, *words: str, status: int = 0, old: str = "", new: str = "") -> str:
+    def said(scheme: str, *words: str, status: int = 0, old: str = "", new: str = "") -> tuple[str, str]:
         text = quick({"scheme": ["moreau", "carpenter"], "e": 0, "alpha": 0}).text.replace("carpenter", scheme)
         (tmp_path / "quick.yaml").write_text(text, encoding="utf-8")
         if not (tmp_path / f"{scheme}.py").exists():
@@ -225,7 +231,7 @@ def command(tmp_path: Path) -> Callable[..., str]:
             assert old in recipe
             (tmp_path / f"{scheme}.py").write_text(recipe.replace(old, new), encoding="utf-8")
             environment.update(outside(tmp_path, "workflow.schemes", scheme, scheme))
-        return " ".join(typed(tmp_path, environment, *words, status=status))
+        return typed(tmp_path, environment, *words, status=status)
 
     environment = dict[str, str]()
     return said
@@ -243,46 +249,44 @@ def test_an_error_of_a_model_from_outside_is_said_to_be_its_own(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("where", ["--threads", pytest.param("--workers", marks=pytest.mark.slow)])
-def test_a_scheme_from_outside_that_exits_is_a_failed_case(where: str, tmp_path: Path) -> None:
+def test_a_scheme_from_outside_that_exits_is_a_failed_case(where: str, command: Callable[..., tuple[str, str]]) -> None:
     """What it prints is no part of what the command says."""
-    text = (HERE / "projected_euler.py").read_text(encoding="utf-8")
-    ended = "    print('as it likes')\n    raise SystemExit(3)\n    structure, h, mobility, warming = operator"
-    (tmp_path / "exiting.py").write_text(text.replace("    structure, h, mobility, warming = operator", ended))
-    environment = outside(tmp_path, "workflow.schemes", "exiting", "exiting")
-    study = quick({"scheme": ["moreau", "carpenter"], "e": 0, "alpha": 0}).text.replace("carpenter", "exiting")
-    (tmp_path / "quick.yaml").write_text(study, encoding="utf-8")
-    said, complained = typed(tmp_path, environment, "run", "quick.yaml", where, "1", status=1)
+    begins = "    structure, h, mobility, warming = operator"
+    change = {"old": begins, "new": f"    print('as it likes')\n    raise SystemExit(3)\n{begins}"}
+    said, complained = command("projected_euler", "run", "quick.yaml", where, "1", status=1, **change)
     assert "1 ok, 1 failed" in said
     assert "SystemExit: 3" in said
     assert "as it likes" in complained
     assert "as it likes" not in said
 
 
-def test_an_option_of_a_scheme_from_outside_has_any_unit(command: Callable[..., str]) -> None:
-    assert "hunt_crossley" in command("hunt_crossley", "plan", "quick.yaml")
-    assert "hunt_crossley" in command("hunt_crossley", "schema")
+def test_an_option_of_a_scheme_from_outside_has_any_unit(command: Callable[..., tuple[str, str]]) -> None:
+    assert "hunt_crossley" in command("hunt_crossley", "plan", "quick.yaml")[0]
+    assert "hunt_crossley" in command("hunt_crossley", "schema")[0]
 
 
-def test_a_scheme_that_reads_e_without_saying_so_gives_no_numbers(command: Callable[..., str]) -> None:
+def test_a_scheme_that_reads_e_without_saying_so_gives_no_numbers(command: Callable[..., tuple[str, str]]) -> None:
     change = {"old": "(cases.gap - x[:, -1])", "new": "(cases.gap - x[:, -1] * (1 + 0 * cases.e))"}
-    assert "1 ok, 1 diverged" in command("projected_euler", "run", "quick.yaml", status=1, **change)
+    assert "1 ok, 1 diverged" in " ".join(command("projected_euler", "run", "quick.yaml", status=1, **change))
 
 
-def test_what_numba_cannot_compile_of_a_law_is_said_with_its_line(command: Callable[..., str]) -> None:
+def test_what_numba_cannot_compile_of_a_law_is_said_with_its_line(command: Callable[..., tuple[str, str]]) -> None:
     change = {"old": "law.damping * tip.free", "new": "law.dampin * tip.free"}
-    said = command("hunt_crossley", "run", "quick.yaml", status=1, **change)
+    said = " ".join(command("hunt_crossley", "run", "quick.yaml", status=1, **change))
     assert "Unknown attribute 'dampin' of type HuntCrossley" in said
     assert 'hunt_crossley.py", line 39' in said
     assert "Failed in" not in said
 
 
-def test_cases_of_an_edited_scheme_from_outside_are_other_ones(command: Callable[..., str], tmp_path: Path) -> None:
+def test_cases_of_an_edited_scheme_from_outside_are_other_ones(
+    command: Callable[..., tuple[str, str]], tmp_path: Path
+) -> None:
     scheme, run = "projected_euler", ("run", "quick.yaml")
-    assert "2 ok" in command(scheme, *run)
+    assert "2 ok" in command(scheme, *run)[0]
     with (tmp_path / f"{scheme}.py").open("a", encoding="utf-8") as file:
         file.write("# edited\n")
-    assert "1 of its 2 cases are not asked for" in command(scheme, *run, status=2)
-    assert "1 of them stored before" in command(scheme, *run, "--drop")
+    assert "1 of its 2 cases are not asked for" in command(scheme, *run, status=2)[1]
+    assert "1 of them stored before" in " ".join(command(scheme, *run, "--drop"))
 
 
 @pytest.mark.parametrize(
@@ -303,14 +307,6 @@ def test_a_basis_from_outside_that_gives_something_else_is_refused(wrong: str, w
     study = quick({"e": 0, "alpha": 0, **fixed}, scene={"chain.nodes": 4}).text.replace("rubin", "outside")
     (tmp_path / "quick.yaml").write_text(study, encoding="utf-8")
     assert words in typed(tmp_path, environment, "plan", "quick.yaml", status=2)[1]
-
-
-@pytest.fixture
-def compiled_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    shutil.copy(HERE / "hunt_crossley.py", tmp_path)
-    added(schemes, tmp_path, monkeypatch)
-    yield "hunt_crossley"
-    sys.modules.pop("workflow.schemes.hunt_crossley", None)
 
 
 @pytest.mark.slow
@@ -336,22 +332,22 @@ def test_a_compiled_contact_law_steps_by_central_differences(compiled_law: str, 
 def test_a_compiled_contact_law_is_that_of_plain_matrices(compiled_law: str, friction: float) -> None:
     """Modes, and with a load elsewhere matrices; Hunt and Crossley's force written anew."""
     stiffness, damping, h = 2e10, 5.0, 2e-6
+
+    def crossley(at: Step) -> tuple[Array, Array]:
+        sprung = h * stiffness * np.maximum(0.0, at.place) ** 1.5
+        p = np.maximum(0.0, sprung * (1 + damping * at.free) / (1 + sprung * damping * at.taken[0]))
+        return p, p / h
+
     whole = short_chain()
     elsewhere = replace(whole.matrices(), load=np.eye(4)[1], tangent=0.3 * np.eye(4)[2])
     for structure in (whole, elsewhere) if friction == 0.0 else (elsewhere,):
         batch = cases(structure, 2, alpha=[0.0, 20.0], gap=1e-5, amplitude=100.0, frequency=250.0, friction=friction)
         results = step(structure, batch, h, sampling(4e-3, h), compiled_law, stiffness=stiffness, damping=damping)
         for case in range(2):
-            gap = float(batch.gap[case])
-
-            def law(k: int, x: float, v: float, free: float, kick: float, gap: float = gap) -> float:
-                spring = h * stiffness * max(0.0, x - gap) ** 1.5
-                return max(0.0, spring * (1 + damping * free) / (1 + spring * damping * kick))
-
-            plain = plain_theta._march(structure, alone(batch, case), h, 1.0, 2000, law)
+            plain = march(structure, alone(batch, case), h, 1.0, 2000, crossley)
             assert np.count_nonzero(plain.impulse) > 10
             assert np.abs(results.histories["displacement"][case] - plain.displacement[:, -1]).max() < 1e-14
-            impulse = np.concatenate([[0.0], np.cumsum(plain.impulse)])
+            impulse = np.cumsum(plain.impulse)
             assert np.abs(results.histories["impulse"][case] - impulse).max() < 1e-10 * impulse[-1]
 
 

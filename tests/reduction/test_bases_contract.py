@@ -46,7 +46,7 @@ def built(
 @pytest.mark.parametrize("structure", STRUCTURES.values(), ids=STRUCTURES.keys())
 @pytest.mark.parametrize("basis", BASES)
 def test_matrices_are_symmetric_and_definite_and_the_tip_is_a_coordinate(basis: str, structure: object) -> None:
-    whole = structure()  # type: ignore[operator]
+    whole = structure()
     for count in range(whole.mechanical_size):
         reduction = built(whole, basis, count, count)
         small = reduction.structure
@@ -88,7 +88,7 @@ def driven(structure: Structure) -> Cases:
 @pytest.mark.parametrize("structure", [broken, graded])
 @pytest.mark.parametrize("basis", EXACT)
 def test_all_vectors_lose_nothing(basis: str, structure: object) -> None:
-    whole = structure()  # type: ignore[operator]
+    whole = structure()
     most = whole.mechanical_size - 1
     reduction = built(whole, basis, most, most, 5.0)
     batch, over = driven(whole), sampling(5.0, 0.1)

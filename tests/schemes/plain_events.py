@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import plain_casing
 
 from workflow.models import Array, Cases, Harmonics, Structure
 
@@ -89,7 +88,8 @@ class Reference:
         self.x[-1] += self.casing
         self.v[-1] += self.moving
         self.mobility, self.warming = inverse(s.mass), inverse(s.heat_capacity)
-        self.along = plain_casing.direction(s, cases)
+        contact = s.contact_rows
+        self.along = (contact.normal - cases.friction[0] * contact.tangent)[0]
         rate = np.linalg.eigvals((self.mobility @ s.stiffness_matrix).astype(float))
         fastest = np.sqrt(np.abs(rate).max()) + np.abs(self.mobility @ s.damping_matrix).max()
         self.longest = 0.12 / float(max(fastest, turning.max(), 1e-3))

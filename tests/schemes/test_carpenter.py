@@ -1,24 +1,11 @@
 """Central differences that keep the tip outside, ``carpenter`` and ``paoli_schatzman``: theory, exact solutions."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
-from scenes import cases, chain, everything_acts, heavy_chain, sampling, siconos_chain, step
+from scenes import cases, chain, heavy_chain, sampling, step
 from workflow import models
 from workflow.schemes import Status, carpenter, limit_text
-
-
-@pytest.mark.parametrize(("damping", "limit"), [("central", 1.002943e-4), ("lagged", 9.08e-5)])
-def test_stability_limits_of_the_siconos_chain(damping: Any, limit: float) -> None:
-    """Its free step begins to grow there; what runs on either side come to is in ``tests/hard``."""
-    omega, options = models.mechanical_modes(siconos_chain()).values, carpenter.Options(damping=damping)
-    below, above = (
-        np.abs(carpenter.amplification(omega, 1e-5 * omega**2, share * limit, options)).max()
-        for share in (0.999, 1.001)
-    )
-    assert below <= 1 + 1e-9 < above
 
 
 def test_the_heat_step_has_a_limit_of_its_own() -> None:
@@ -72,13 +59,3 @@ def test_a_single_mass_leaves_with_e_times_its_speed(scheme: str, h: float) -> N
     assert np.all(results.metrics["max_penetration"] <= kept * 2.0 * h + 1e-12)
     if scheme == "carpenter":
         assert results.metrics["effective_restitution"] == pytest.approx([0, 0, 0, np.nan], abs=1e-12, nan_ok=True)
-
-
-def test_without_restitution_it_is_carpenter() -> None:
-    batch = everything_acts(heavy_chain(), 16, e=np.zeros(16))
-    ours, theirs = (
-        step(heavy_chain(), batch, 1e-6, sampling(0.02, 1e-3), scheme) for scheme in ("paoli_schatzman", "carpenter")
-    )
-    assert theirs.metrics["impacts"].min() > 0
-    for name, values in theirs.histories.items():
-        assert ours.histories[name] == pytest.approx(values, rel=1e-9, abs=1e-9 * np.abs(values).max()), name

@@ -16,6 +16,7 @@ from workflow.schemes._exact.batch import make_operator
 from workflow.schemes._exact.layout import Budget
 from workflow.schemes._exact.trajectory import Trajectory, one_case, trajectory
 
+SLOW = pytest.mark.slow
 TIMES = sampling(20.0, 0.1)
 NAMES = ("displacement", "temperature", "impulse")
 DAMPING = (Rayleigh(), Rayleigh(0.1, 0.0), Rayleigh(0.05, 0.02), Rayleigh(2.0, 1.0))
@@ -100,7 +101,6 @@ def compare(structure: Structure, case: Cases, over: Sampling = TIMES, accuracy:
     for name in NAMES:
         ours, theirs = results.histories[name][0, reached], getattr(reference, name)[reached]
         assert np.linalg.norm(ours - theirs) <= accuracy * max(float(np.linalg.norm(theirs)), 1e-3), name
-    assert structure.sensors is not None
     shown = structure.sensors.of(reference.places.T, reference.warmth.T).T[:, reached]
     apart = np.linalg.norm(results.histories["sensor_value"][0][:, reached] - shown, axis=1)
     assert np.all(apart <= 3 * accuracy * np.maximum(np.linalg.norm(shown, axis=1), 1e-3))
@@ -112,39 +112,28 @@ def compare(structure: Structure, case: Cases, over: Sampling = TIMES, accuracy:
     return reference.impacts
 
 
-def compare_seeds(seeds: range, over: Sampling, moving: bool = False, hotter: float = 1.0) -> int:
-    """Compare random scenes, ``hotter`` times as much friction heat in them."""
-    impacts = 0
-    for seed in seeds:
-        structure, case = (moving_scene if moving else scene)(np.random.default_rng(seed))
-        impacts += compare(structure, replace(case, alpha=hotter * case.alpha), over, 1e-9 if moving else 1e-8)
-    return impacts
-
-
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 def test_random_scenes(seed: int) -> None:
     compare(*scene(np.random.default_rng(seed)))
 
 
-def test_random_scenes_in_motion() -> None:
-    """The casing moves and the load has harmonics."""
-    assert compare_seeds(range(10), sampling(4.0, 0.1), moving=True) > 10
-
-
-def test_random_scenes_of_strong_friction_heat() -> None:
-    """Poles of the held tip that are no start for those with heat."""
-    assert compare_seeds(range(12), sampling(4.0, 0.1), hotter=10.0) > 10
-
-
-@pytest.mark.slow
-def test_two_hundred_random_scenes_in_motion() -> None:
-    assert compare_seeds(range(1000, 1200), sampling(10.0, 0.1), moving=True) > 500
-
-
-@pytest.mark.slow
-def test_a_thousand_random_scenes() -> None:
-    assert compare_seeds(range(1000), TIMES) > 5000
+@pytest.mark.parametrize(
+    ("seeds", "over", "moving", "hotter", "struck"),
+    [
+        pytest.param(range(10), sampling(4.0, 0.1), True, 1.0, 10, id="in motion"),
+        pytest.param(range(12), sampling(4.0, 0.1), False, 10.0, 10, id="strong friction heat"),
+        pytest.param(range(1000, 1200), sampling(10.0, 0.1), True, 1.0, 500, id="200 in motion", marks=SLOW),
+        pytest.param(range(1000), TIMES, False, 1.0, 5000, id="1000", marks=SLOW),
+    ],
+)
+def test_many_random_scenes(seeds: range, over: Sampling, moving: bool, hotter: float, struck: int) -> None:
+    """In motion of casing and load; with ``hotter`` heat poles of the held tip are no start for those with heat."""
+    impacts = 0
+    for seed in seeds:
+        structure, case = (moving_scene if moving else scene)(np.random.default_rng(seed))
+        impacts += compare(structure, replace(case, alpha=hotter * case.alpha), over, 1e-9 if moving else 1e-8)
+    assert impacts > struck
 
 
 def against_reference(structure: Structure, case: Cases, over: Sampling = TIMES) -> float:

@@ -4,10 +4,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import plain_central
-import plain_theta
 import pytest
 
+from plain_steps import central_spring, march, march_centrally, rebound, spring
 from scenes import cases, heavy_chain, sampling, step
 from workflow.models import Cases, Chain, Matrices, Structure
 from workflow.reduction import reduce_structure
@@ -17,14 +16,12 @@ DEPTH, DURATION, H = 7.3e-3, 6e-3, 1e-5
 
 def full() -> Chain:
     structure = heavy_chain(nodes=6, stiffness=4e5)
-    assert isinstance(structure, Chain)
     return structure
 
 
 def reduced() -> Matrices:
     reduction = reduce_structure(full(), 2, 3, "craig_bampton")
     structure = reduction.structure
-    assert isinstance(structure, Matrices)
     return replace(structure, observed=reduction.temperature_basis.T @ full().mean_over(DEPTH))
 
 
@@ -36,12 +33,12 @@ def rub(structure: Structure, count: int = 1) -> Cases:
 
 STRUCTURES = {"full": replace(full(), observed=full().mean_over(DEPTH)), "reduced": reduced()}
 PLAIN: dict[str, tuple[str, dict[str, Any], Any]] = {
-    "moreau": ("moreau", {"theta": 0.7}, lambda s, c, n: plain_theta.march(s, c, H, 0.7, n)),
-    "carpenter": ("carpenter", {}, lambda s, c, n: plain_central.carpenter(s, c, H, n, implicit=True)),
+    "moreau": ("moreau", {"theta": 0.7}, lambda s, c, n: march(s, c, H, 0.7, n)),
+    "carpenter": ("carpenter", {}, lambda s, c, n: march_centrally(s, c, H, n, rebound(0.0), implicit=True)),
     "spring": ("penalty", {"stiffness": 1e7, "integration": "explicit"},
-               lambda s, c, n: plain_central.spring(s, c, H, n, 1e7, 0.0)),
+               lambda s, c, n: march_centrally(s, c, H, n, central_spring(H, 1e7, 0.0))),
     "implicit": ("penalty", {"stiffness": 1e7, "integration": "implicit", "theta": 1.0},
-                 lambda s, c, n: plain_theta.march_on_spring(s, c, H, n, 1e7, 0.0, 1.0)),
+                 lambda s, c, n: march(s, c, H, 1.0, n, spring(H, 1.0, 1e7))),
 }  # fmt: skip
 SLOW = pytest.mark.slow
 """Each contact law compiles a kernel of its own for a depth."""

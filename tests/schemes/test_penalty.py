@@ -3,9 +3,9 @@
 from typing import Any
 
 import numpy as np
-import plain_theta
 import pytest
 
+from plain_steps import march, spring
 from scenes import cases, chain, heavy_chain, sampling, step
 from workflow.models import Rayleigh, tip_flexibility
 from workflow.reduction import reduce_structure
@@ -17,11 +17,11 @@ def test_without_weight_at_the_end_of_the_step_contact_begins_all_the_same(count
     """θ = 0: the first force of a contact takes no impulse in its own step."""
     structure, h = chain(nodes=1, mass=1.0, stiffness=0.0), 1e-3
     batch = cases(structure, count, gap=0.01, velocity=1.0)
-    path = plain_theta.march_on_spring(structure, batch.take(slice(0, 1)), h, 60, 1e4, 0.0, 0.0)
+    path = march(structure, batch, h, 0.0, 60, spring(h, 0.0, 1e4))
     assert np.sum(path.impulse > 0) > 20
     options = {"stiffness": 1e4, "integration": "implicit", "theta": 0.0}
     results = step(structure, batch, h, sampling(60 * h, h, balances=True), "penalty", **options)
-    impulse = np.concatenate([[0.0], np.cumsum(path.impulse)])
+    impulse = np.cumsum(path.impulse)
     for case in (0, count - 1):
         assert np.abs(results.histories["impulse"][case] - impulse).max() < 1e-12 * impulse[-1]
         assert np.abs(results.histories["displacement"][case] - path.displacement[:, 0]).max() < 1e-12
@@ -34,7 +34,7 @@ def test_where_neither_branch_is_consistent_the_tip_stays_on_the_casing() -> Non
     options = {"stiffness": 1.0, "damping": 1e6, "integration": "implicit", "theta": 1.0}
     histories = step(structure, batch, 0.1, sampling(0.1, 0.1, balances=True), "penalty", **options).histories
     assert histories["displacement"][0, 1] == pytest.approx(0.0999, rel=1e-12)
-    path = plain_theta.march_on_spring(structure, batch, 0.1, 1, 1.0, 1e6, 1.0)
+    path = march(structure, batch, 0.1, 1.0, 1, spring(0.1, 1.0, 1.0, 1e6))
     assert path.displacement[1, 0] == pytest.approx(0.0999, rel=1e-12)
 
 

@@ -2,19 +2,16 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 import xarray as xr
 
 from workflow import read_study, run_study
 from workflow.schemes import Status
-from workflow.study import StudyError
 
 SCENES = Path(__file__).parent / "audit"
 
 
 def solved(name: str, tmp_path: Path, **settings: object) -> xr.Dataset:
-    """Run a scene of the audit."""
     study = read_study(SCENES / f"{name}.yaml").with_(settings)
     return run_study(study, tmp_path / "x.nc", threads=1).dataset.load()
 
@@ -31,20 +28,3 @@ def test_a_state_that_leaves_the_numbers_ends_its_case(alpha: float, tmp_path: P
 def test_heat_on_a_temperature_without_heat_capacity_pushes_the_structure(tmp_path: Path) -> None:
     impulse = solved("heated_without_capacity", tmp_path)["contact_impulse"].squeeze()
     assert float(impulse.sel(scheme="moreau")) == pytest.approx(float(impulse.sel(scheme="event_driven")), rel=0.02)
-
-
-def test_the_heat_that_enters_a_reduced_structure_stays_or_leaves(tmp_path: Path) -> None:
-    archive = solved("heat_residual_reduced", tmp_path, **{"axes.scheme": ["moreau", "midpoint"]})
-    assert float(np.abs(archive["heat_residual"]).max()) < 1e-10
-    assert np.all(archive["status"] == Status.OK)
-
-
-def test_a_dashpot_on_a_displacement_without_mass(tmp_path: Path) -> None:
-    """It does not follow statically."""
-    with pytest.raises(StudyError, match="`damping` acts on displacement 1, which has no mass"):
-        solved("massless_dashpot", tmp_path)
-
-
-def test_a_free_root_has_no_critical_coupling_in_any_basis(tmp_path: Path) -> None:
-    archive = solved("macneal_free_root", tmp_path)
-    assert np.isinf(archive["critical_alpha"].values).all()
