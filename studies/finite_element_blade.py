@@ -18,6 +18,7 @@ bends as it should.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -183,7 +184,7 @@ def _chord(moving: Basis, warm: Basis, elements: int) -> dict[str, np.ndarray]:
     return {**rows, "angle": np.array(angles), "contact_labels": np.array(names)}
 
 
-def write_npz(found: dict, place: Path) -> None:
+def write_npz(found: dict, place: Path, save: Callable[..., None] = np.savez_compressed) -> None:
     """Write all matrices into one file: entry NAME.data, NAME.indices, NAME.indptr, NAME.shape of each sparse one."""
     entries = {}
     for name, value in found.items():
@@ -192,7 +193,7 @@ def write_npz(found: dict, place: Path) -> None:
             entries |= {f"{name}.{part}": numbers for part, numbers in parts.items()}
         elif name != "places":
             entries[name] = value
-    np.savez_compressed(place, **entries)
+    save(place, **entries)
 
 
 def write_matrix_market(found: dict, place: Path) -> None:
