@@ -78,14 +78,6 @@ def test_what_cannot_be_judged_ends_no_run(tmp_path: Path, monkeypatch: pytest.M
     assert "beware: warnings could not be determined: ValueError: no such step" in ran.stdout
 
 
-def test_plan_asks_after_units_where_the_load_alone_moves_the_tip_by_many_gaps(tmp_path: Path) -> None:
-    """A modulus of 114 that was meant in GPa, and the one that was meant."""
-    for modulus, told in (("114", True), ("114 GPa", False)):
-        study = written(RUB.replace("tip_stiffness: 1.0e6", f"youngs_modulus: {modulus}"), tmp_path)
-        warnings = json.loads(workflow("plan", study, "--json", cwd=tmp_path).stdout)["warnings"]
-        assert any("check the units of stiffness and load" in warning for warning in warnings) == told, warnings
-
-
 def test_plan_says_that_steady_rubs_need_the_exact_scheme(tmp_path: Path) -> None:
     output = "\noutput: {steady: true}\n"
     for scheme, told in (("moreau, h: 1e-5", True), ("event_driven", False)):

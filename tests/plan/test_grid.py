@@ -18,7 +18,6 @@ from workflow.cases import arrange, reads
 from workflow.cli._studies import _lines as plan_lines
 from workflow.plan import plan, plan_study
 from workflow.reduction import reduce_structure
-from workflow.schemes import Status
 from workflow.solve import _operators, solve, tasks
 from workflow.solve import _tasks as cutting
 
@@ -100,30 +99,6 @@ def test_cases_that_take_long_are_not_kept_together(unbroken: float, monkeypatch
     assert 16 * case > 1e-3
     for task in tasks(grid):
         assert task.seconds < 1.5 * max(1e-3, unbroken, 8 * case) + cutting.costs(grid).setup.max()
-
-
-def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A scheme that raises for one case: it is told, its neighbours have their numbers."""
-    grid = arrange(parsed(SMALL))
-    moreau = import_module("workflow.schemes.moreau")
-    compute = moreau.compute
-
-    def brittle(operator: object, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
-        if np.any(cases.alpha == 10):
-            raise FloatingPointError("no luck with alpha = 10")
-        return compute(operator, cases, over)
-
-    clean = solve(grid, 1, np.arange(15))
-    monkeypatch.setattr(moreau, "compute", brittle)
-    partly_failed = solve(grid, 1, np.arange(15))
-    bad = np.arange(15) % 5 == 2
-    assert np.array_equal(partly_failed.values["status"] == Status.FAILED, bad)
-    assert set(partly_failed.messages) == set(np.flatnonzero(bad))
-    assert partly_failed.messages[2] == "FloatingPointError: no luck with alpha = 10"
-    assert np.all(np.isnan(partly_failed.values["displacement"][bad]))
-    for name in clean.values:
-        if name not in ("processor_time", "batch_width"):
-            assert np.array_equal(partly_failed.values[name][~bad], clean.values[name][~bad], equal_nan=True)
 
 
 def test_processor_time_has_the_width_of_its_batch_beside_it() -> None:
