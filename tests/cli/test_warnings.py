@@ -6,20 +6,11 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from studies import written
+from studies import BLADE_SCENE, written
 from terminal import workflow
 
-RUB = """
-study: rub
-scene:
-  blade: {nodes: 30, tip_cell: 60 um, length: 40 mm, width: 30 mm, thickness: 1 mm, density: 4430,
-          specific_heat: 560, conductivity: 7.0, convection: 400, expansion: 9.0e-6, tip_stiffness: 1.0e6,
-          damping: {mass: 10.0, stiffness: 2.0e-7}}
-  casing: {gap: 15 um}
-  load: {amplitude: 24, frequency: 5 Hz}
-  duration: 2 s
-axes: {scheme: event_driven, alpha: [0, 1, 30]}
-"""
+RUB = f"study: rub{BLADE_SCENE}axes: {{scheme: event_driven, alpha: [0, 1, 30]}}\n"
+RUB = RUB.replace("nodes: 20", "nodes: 30, tip_cell: 60 um").replace("gap: 20 um", "gap: 15 um")
 
 
 def test_temperatures_that_a_linear_model_cannot_mean_are_told_of_results(tmp_path: Path) -> None:

@@ -18,8 +18,8 @@ import dask
 import pytest
 from distributed import KilledWorker
 
-from studies import SCENE, SMALL, parsed, written
-from terminal import PATIENCE, alive, until, workflow
+from studies import SCENE, parsed, written
+from terminal import PATIENCE, alive, until
 from workflow.archive import Command, content_hash, parts_of, start_parts
 from workflow.run import ClusterError, _cluster, run_study
 from workflow.run._cluster import Session, join, software
@@ -230,24 +230,6 @@ def test_what_listens_and_says_nothing_is_no_scheduler(monkeypatch: pytest.Monke
         ended.cancel()
         assert listening.fileno() >= 0  # it was not asked in vain until its end
     assert dask.config.get("scheduler", None) is None  # what is computed next does not wait for it
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--workers", "2", "--threads", "2"), "--threads and --workers exclude each other"),
-        (("--scheduler", "tcp://127.0.0.1:1", "--workers", "2"), "--workers and --scheduler exclude each other"),
-        (("--workers", "0"), "workers"),
-        (("--scheduler", "nowhere"), "nowhere: no dask scheduler answers there"),
-    ],
-)
-def test_wrong_calls(words: tuple[str, ...], message: str, tmp_path: Path) -> None:
-    study = written(SMALL, tmp_path)
-    completed = workflow("run", study, *words, cwd=tmp_path)
-    assert completed.returncode == 2
-    assert message in completed.stderr
-    assert "Traceback" not in completed.stderr
-    assert list(tmp_path.iterdir()) == [study]
 
 
 def minutes(walltime: str) -> float:

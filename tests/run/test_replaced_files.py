@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from matrix_files import WRITERS, matrices_of
+from matrix_files import WRITERS, as_calculix, matrices_of
 from scenes import heavy_chain
 from studies import written
 from workflow import models
@@ -26,15 +25,6 @@ scene:
 axes: {{scheme: {schemes}, h: 1e-5, e: [0, 0.5], alpha: [0, 0.5]}}
 {more}output: {{interval: 1e-4}}
 """
-
-
-def calculix(entries: Mapping[str, Any], directory: Path) -> Path:
-    for name, suffix in (("stiffness", "sti"), ("mass", "mas")):
-        matrix = np.asarray(entries[name])
-        rows = [f"{i + 1} {j + 1} {matrix[i, j]:.16e}\n" for j in range(len(matrix)) for i in range(j + 1)]
-        (directory / f"blade.{suffix}").write_text("".join(rows))
-    (directory / "blade.dof").write_text("".join(f"{k + 1}.1\n" for k in range(len(matrix))))
-    return directory / "blade.sti"
 
 
 def given_matrices(write: Callable[[Mapping[str, Any], Path], Path]) -> Callable[[Path, float], str]:
@@ -58,7 +48,7 @@ def given_modes(directory: Path, times: float) -> str:
 
 
 KINDS: dict[str, Callable[[Path, float], str]] = {
-    **{write.__name__: given_matrices(write) for write in (*WRITERS, calculix)},
+    **{write.__name__: given_matrices(write) for write in (*WRITERS, as_calculix)},
     "modes": given_modes,
 }
 
