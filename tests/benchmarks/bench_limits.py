@@ -255,5 +255,4 @@ def exact(size: Size) -> list[Line]:
 
 
 def lines(size: Size) -> list[Line]:
-    """Return all lines."""
     return batched(size) + stored(size) + scaling(size) + stepping(size) + exact(size)

@@ -69,7 +69,6 @@ def reduce_once(place: Path, basis: str) -> None:
 
 
 def write_blade(place: Path, elements: tuple[int, int, int]) -> None:
-    """Write the finite element blade."""
     import finite_element_blade
 
     finite_element_blade.write_npz(finite_element_blade.matrices(elements), place)
@@ -79,7 +78,6 @@ WRITE = {"blade": write_blade, "block": write_block}
 
 
 def parsed() -> argparse.Namespace:
-    """Return what is asked for."""
     from workflow.reduction import names
 
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])

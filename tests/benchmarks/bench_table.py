@@ -46,7 +46,6 @@ def markdown(lines: list[Line], command: str) -> str:
 
 
 def processor() -> str:
-    """Return the processor's name."""
     file = Path("/proc/cpuinfo")
     names = [line.split(":")[1].strip() for line in file.read_text().splitlines() if line.startswith("model name")]
     return names[0] if names else platform.machine()

@@ -56,7 +56,6 @@ def least(runs: int, *works: Callable[[], object], clock: Callable[[], float] = 
 
 
 def taken(work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> float:
-    """Return the seconds of a work."""
     begun = clock()
     work()
     return clock() - begun

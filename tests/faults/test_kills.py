@@ -175,7 +175,6 @@ def wait_until(what: Callable[[], bool], process: Process) -> bool:
 
 
 def shards(archive: Path) -> set[str]:
-    """Return the names of the shards of an archive."""
     return {shard.name for shard in parts_of(archive).glob("*.shard")}
 
 

@@ -171,7 +171,6 @@ def test_a_plan_says_by_which_parameter_a_blade_is_how_stiff(given: str) -> None
 
 
 def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
-    """The ninth setting was left out in silence; of three bases one diverges."""
     axes = "axes: {scheme: [moreau, event_driven, carpenter], mechanical_modes: [1, 2, 3], thermal_modes: 2, h: 3e-5}\n"
     grid = arrange(parsed("study: a\n" + SCENE + axes))
     planned = plan(grid)
@@ -190,7 +189,6 @@ def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
 
 
 def test_a_mode_that_does_not_swing_is_not_said_to_be_damped_numerically() -> None:
-    """Beyond critical damping the factor of a step is real: the ratio was infinite."""
     for ratio, expected in ((0.3, 1), (5, 0)):
         text = SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", f"damping: {{ratio: {ratio}}}")
         warnings = plan_study(parsed(f"study: a\n{text}axes: {{h: 1e-4}}\n")).warnings
@@ -241,7 +239,6 @@ def test_an_axis_that_nothing_reads_gives_a_caution() -> None:
 
 
 def test_friction_is_read_beside_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cases of a scheme without heat that differ in µ were computed as one."""
     cold = replace(schemes.load("moreau"), READS=frozenset({"h"}))
     monkeypatch.setattr(schemes, "load", lambda name: cold)
     names = ("coefficient", "heat_share", "sliding_speed")

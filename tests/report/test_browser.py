@@ -200,7 +200,6 @@ def test_drawn_numbers_are_points_of_the_map(wide: Any, tmp_path: Path) -> None:
 
 
 def test_ticks_of_a_tip_that_has_run_away_are_short(wide: Any, page: Path) -> None:
-    """Temperatures of 1e17 K were labelled with all their zeros."""
     opened(wide, page)
     script = MODEL + "return model('panel_temperature').left[0].formatter.doFormat(arguments[0], {loc: 0})"
     assert max(map(len, wide.execute_script(script, [0, 5e16, 1e17, 1.5e17]))) < 10

@@ -219,7 +219,6 @@ def test_a_worker_with_another_solver_is_refused(tmp_path: Path, monkeypatch: py
 
 
 def test_what_listens_and_says_nothing_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run waited for it for ever."""
     monkeypatch.setattr(_cluster, "_ANSWER", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         ended = threading.Timer(PATIENCE, listening.close)

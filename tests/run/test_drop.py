@@ -101,7 +101,6 @@ def test_a_run_that_may_drop_goes_on_where_it_was_stopped(tmp_path: Path, monkey
 
 
 def test_an_unfinished_run_without_a_case_gives_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It was refused as results of another study, of which there were none."""
     cut_finely(monkeypatch)
     archive, narrowed = tmp_path / "a.nc", quick({"alpha": [5.0]})
     interrupted(quick(), archive, 0)
@@ -132,7 +131,6 @@ def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkey
 def test_an_unfinished_run_is_kept_beside_an_archive_that_holds_all_of_an_earlier_study(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The earlier study had nothing to do, and removed what its extension had stored."""
     cut_finely(monkeypatch)
     archive, extended = tmp_path / "a.nc", quick({"e": [0.2, 0.4, 0.0, 0.5, 0.9]})
     run_study(quick(), archive, threads=1)

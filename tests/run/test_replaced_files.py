@@ -57,11 +57,6 @@ def read(directory: Path, give: Callable[[Path, float], str], schemes: str = "mo
     return read_study(written(STUDY.format(model=give(directory, 1.0), schemes=schemes, more=more), directory))
 
 
-def swapped(directory: Path, give: Callable[[Path, float], str]) -> None:
-    """Replace the files of a structure by those of a stiffer one."""
-    give(directory, 3.0)
-
-
 def cut(directory: Path, give: Callable[[Path, float], str]) -> None:
     """Cut off the second half of all files of a structure."""
     for path in directory.rglob("*.*"):
@@ -75,20 +70,20 @@ def gone(directory: Path, give: Callable[[Path, float], str]) -> None:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def forgetful() -> None:
     """Have structures assembled anew."""
     models.structure_of.cache_clear()
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_was_hashed_is_what_is_assembled(kind: str, tmp_path: Path, forgetful: None) -> None:
+def test_what_was_hashed_is_what_is_assembled(kind: str, tmp_path: Path) -> None:
     places = tmp_path / "kept", tmp_path / "changed"
     places[0].mkdir()
     read(places[0], KINDS[kind])
     shutil.copytree(*places)  # a file of MATLAB holds the second in which it was written
     studies = [read_study(place / "study.yaml") for place in places]
-    swapped(places[1], KINDS[kind])
+    KINDS[kind](places[1], 3.0)
     models.structure_of.cache_clear()  # as in another process
     run_study(studies[1], tmp_path / "changed.nc", threads=1)
     models.structure_of.cache_clear()
@@ -100,9 +95,7 @@ def test_what_was_hashed_is_what_is_assembled(kind: str, tmp_path: Path, forgetf
 
 
 @pytest.mark.parametrize("change", [cut, gone])
-def test_references_and_auto_need_no_file_any_more(
-    change: Callable[..., None], tmp_path: Path, forgetful: None
-) -> None:
+def test_references_and_auto_need_no_file_any_more(change: Callable[..., None], tmp_path: Path) -> None:
     more = "reference: {scheme: event_driven}\n"
     schemes = "[moreau, event_driven], mechanical_modes: auto, thermal_modes: auto, tolerance: 0.1"
     study = read(tmp_path, KINDS["as_npz"], schemes, more)
@@ -111,7 +104,7 @@ def test_references_and_auto_need_no_file_any_more(
     assert run_study(study, tmp_path / "a.nc", threads=1).ok
 
 
-def test_files_lie_nowhere_when_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forgetful: None) -> None:
+def test_files_lie_nowhere_when_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     room = tmp_path / "room"
     room.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(room))

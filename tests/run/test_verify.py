@@ -116,7 +116,6 @@ def test_what_cannot_be_repeated_is_said_and_by_other_versions_not_judged(
 def test_cases_of_other_software_in_an_unfinished_run_are_not_judged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The archive said that the software which ended the run had run all of its cases."""
     archive, revision = tmp_path / "a.nc", _provenance.code_revision()
     for begun_by in ("another", revision):  # what another began stays known
         with monkeypatch.context() as patch:
