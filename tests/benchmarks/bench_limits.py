@@ -21,12 +21,7 @@ from workflow.reduction import reduce_structure
 from workflow.schemes import Results
 
 H = 1e-5
-RIVALS: dict[str, tuple[str, dict[str, Any]]] = {
-    "moreau": ("moreau", {}),
-    "carpenter": ("carpenter", {}),
-    "penalty": ("penalty", {}),
-    "penalty implicit": ("penalty", {"integration": "implicit"}),
-}
+RIVALS = ("moreau", "carpenter", "penalty", "penalty implicit")
 
 
 def multiply_adds(structure: Structure) -> int:
@@ -41,9 +36,9 @@ def multiply_adds(structure: Structure) -> int:
 
 @cache
 def _operator(structure: Structure, h: float, label: str) -> Any:
-    method, options = RIVALS.get(label, (label, {}))
+    method, _, integration = label.partition(" ")
     scheme = schemes.load(method)
-    return scheme, scheme.init(structure, h, scheme.Options(**options))
+    return scheme, scheme.init(structure, h, scheme.Options(**({"integration": integration} if integration else {})))
 
 
 def run(

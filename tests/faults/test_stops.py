@@ -3,8 +3,6 @@
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -12,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from studies import HEAVY_SCENE, written
-from terminal import PATIENCE, until
+from terminal import PATIENCE, started, until
 
 STUDY = (
     "study: stopped\n"
@@ -34,17 +32,11 @@ def heeds(pid: int) -> bool:
 def test_stopped_while_libraries_are_imported(number: signal.Signals, after: float, tmp_path: Path) -> None:
     """Its process group is signalled some seconds after it heeds any signal."""
     study = written(STUDY, tmp_path)
-    command = [sys.executable, "-m", "workflow", "run", str(study), "-o", str(tmp_path / "a.nc")]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, text=True, start_new_session=True, **pipes) as process:
+    with started("-m", "workflow", "run", study, "-o", tmp_path / "a.nc") as process:
         until(lambda: process.poll() is not None or heeds(process.pid))
         time.sleep(after)
-        try:
-            os.killpg(process.pid, number)
-            out, err = process.communicate(timeout=PATIENCE)
-        finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
+        os.killpg(process.pid, number)
+        out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, out) == (128 + number, ""), err
     assert err.startswith("stopped")
     assert err.count("\n") == 1  # no traceback

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from quick import hashes_of, interrupted, quick
-from studies import cut_finely
+from studies import cut_finely, written
 from workflow.archive import ArchiveError, open_archive, parts_of
 from workflow.cli import app
 from workflow.run import holdings, run_study
@@ -142,14 +142,10 @@ def test_an_unfinished_run_is_kept_beside_an_archive_that_holds_all_of_an_earlie
 
 
 def test_the_command_line(tmp_path: Path) -> None:
-    def written(study: Study, name: str) -> str:
-        (tmp_path / name).write_text(study.text)
-        return str(tmp_path / name)
-
     archive = str(tmp_path / "a.nc")
     call = CliRunner().invoke
-    assert call(app, ["run", written(quick(), "whole.yaml"), "-o", archive]).exit_code == 0
-    narrowed = written(quick({"e": [0.9]}), "narrowed.yaml")
+    assert call(app, ["run", str(written(quick().text, tmp_path)), "-o", archive]).exit_code == 0
+    narrowed = str(written(quick({"e": [0.9]}).text, tmp_path))
     refusal = call(app, ["run", narrowed, "-o", archive])
     assert refusal.exit_code == 2
     assert "6 stored cases would be lost; --drop" in refusal.stderr
