@@ -18,6 +18,7 @@ bends as it should.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -163,27 +164,22 @@ def _chord(moving: Basis, warm: Basis, elements: int) -> dict[str, np.ndarray]:
     """
     count, angle = elements + 1, STAGGER[1]
     along = (np.linspace(0, 1, count) - 0.5) * WIDTH
-    normal, tangent, heat, angles = (
-        np.zeros((count, moving.N)),
-        np.zeros((count, moving.N)),
-        np.zeros((count, warm.N)),
-        [],
-    )
+    normal, tangent, heat = (np.zeros((count, size)) for size in (moving.N, moving.N, warm.N))
+    angles = np.zeros(count)
     for k, p in enumerate(along):
         corner = np.array([p * np.cos(angle), p * np.sin(angle), LENGTH])
         at = np.linalg.norm(warm.doflocs - corner[:, None], axis=0).argmin()
         there = np.linalg.norm(moving.doflocs - warm.doflocs[:, [at]], axis=0) < 1e-9
-        psi = np.arctan2(corner[1], HUB + LENGTH)
+        psi = angles[k] = np.arctan2(corner[1], HUB + LENGTH)
         normal[k, there] = [-np.sin(CONE), np.cos(CONE) * np.sin(psi), np.cos(CONE) * np.cos(psi)]
         tangent[k, there] = [0.0, -np.cos(psi), np.sin(psi)]
         heat[k, at] = 1.0
-        angles.append(psi)
     names = ["leading", *(f"{k / elements:.0%}".replace("%", " %") for k in range(1, elements)), "trailing"]
     rows = {"contact": normal, "tangent": tangent, "thermal_contact": heat}
-    return {**rows, "angle": np.array(angles), "contact_labels": np.array(names)}
+    return {**rows, "angle": angles, "contact_labels": np.array(names)}
 
 
-def write_npz(found: dict, place: Path) -> None:
+def write_npz(found: dict, place: Path, save: Callable[..., None] = np.savez_compressed) -> None:
     """Write all matrices into one file: entry NAME.data, NAME.indices, NAME.indptr, NAME.shape of each sparse one."""
     entries = {}
     for name, value in found.items():
@@ -192,7 +188,7 @@ def write_npz(found: dict, place: Path) -> None:
             entries |= {f"{name}.{part}": numbers for part, numbers in parts.items()}
         elif name != "places":
             entries[name] = value
-    np.savez_compressed(place, **entries)
+    save(place, **entries)
 
 
 def write_matrix_market(found: dict, place: Path) -> None:

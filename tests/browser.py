@@ -24,12 +24,8 @@ const deep = (root, kind) => [...root.querySelectorAll(kind),
 """JavaScript that finds elements in shadow trees too."""
 
 
-def chromium() -> str:
-    """Return the path of a Chromium; without one the test is skipped, or fails where ``REQUIRE_BROWSER`` is set."""
-    return _executable(*NAMES)
-
-
 def _executable(*names: str) -> str:
+    """Return the path of a program; without it the test is skipped, or fails where ``REQUIRE_BROWSER`` is set."""
     path = next(filter(None, map(shutil.which, names)), None)
     if path is None and os.environ.get("REQUIRE_BROWSER"):
         pytest.fail(f"no {names[0]} on this machine: apt-get install chromium chromium-driver")
@@ -39,7 +35,7 @@ def _executable(*names: str) -> str:
 
 
 def window(width: int) -> Any:
-    """Return the browser of this process, its window so many pixels wide; skip or fail as :func:`chromium` does."""
+    """Return the browser of this process, its window so many pixels wide; skip or fail where there is none."""
     driver = _driver()
     metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": width < 600}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
@@ -50,7 +46,7 @@ def window(width: int) -> Any:
 @cache
 def _driver() -> Any:
     """Start a browser, which ends with this process."""
-    browser, driver_path = chromium(), _executable("chromedriver")
+    browser, driver_path = _executable(*NAMES), _executable("chromedriver")
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
 
@@ -78,6 +74,31 @@ def opened(driver: Any, page: Path) -> None:
 def settle(driver: Any) -> None:
     """Wait until what was asked for is painted."""
     driver.execute_async_script("const done = arguments[0]; setTimeout(() => requestAnimationFrame(() => done()), 200)")
+
+
+def click(driver: Any, figure: str, at: str) -> None:
+    """Click on a figure, at x and y in its pixels that JavaScript gives; ``box`` is its frame."""
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    script = f"""
+      document.getElementById("figure-{figure}").scrollIntoView({{block: "center"}});
+      const box = Bokeh.index.get_one(model("{figure}")).frame;
+      const seen = document.getElementById("figure-{figure}").firstElementChild.getBoundingClientRect();
+      const [x, y] = {at};
+      return [seen.left + x, seen.top + y];
+    """
+    actions = ActionChains(driver)
+    actions.w3c_actions.pointer_action.move_to_location(*map(round, driver.execute_script(MODEL + script)))
+    actions.w3c_actions.pointer_action.click()
+    actions.perform()
+    settle(driver)
+    settle(driver)
+
+
+def cell(column: int, row: int, columns: int, rows: int) -> str:
+    """Return where a map of so many columns and rows has a cell, for :func:`click`."""
+    across, up = (column + 0.4) / columns, (row + 0.4) / rows
+    return f"[box.bbox.x0 + box.bbox.width * {across}, box.bbox.y1 - box.bbox.height * {up}]"
 
 
 def errors(driver: Any) -> list[str]:

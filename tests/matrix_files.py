@@ -82,6 +82,16 @@ def as_output4(entries: Mapping[str, Any], directory: Path) -> Path:
     return path
 
 
+def as_calculix(entries: Mapping[str, Any], directory: Path) -> Path:
+    """M and K1 by their upper halves, and names of degrees of freedom."""
+    for name, suffix in (("stiffness", "sti"), ("mass", "mas")):
+        matrix = np.asarray(entries[name])
+        rows = [f"{i + 1} {j + 1} {matrix[i, j]:.16e}\n" for j in range(len(matrix)) for i in range(j + 1)]
+        (directory / f"blade.{suffix}").write_text("".join(rows))
+    (directory / "blade.dof").write_text("".join(f"{k + 1}.1\n" for k in range(len(matrix))))
+    return directory / "blade.sti"
+
+
 WRITERS: tuple[Callable[[Mapping[str, Any], Path], Path], ...] = (
     as_npz,
     as_sparse_npz,

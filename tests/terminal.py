@@ -1,10 +1,12 @@
 """Commands as a user types them, and processes that tests wait for."""
 
 import contextlib
+import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +33,20 @@ def told(*words: str | Path) -> tuple[int, str]:
     ran = CliRunner().invoke(app, [str(word) for word in words])
     assert ran.exception is None or isinstance(ran.exception, SystemExit), ran.exception
     return ran.exit_code, ran.output
+
+
+@contextlib.contextmanager
+def started(*words: str | Path, **more: Any) -> Iterator[subprocess.Popen[str]]:
+    """Start Python with some arguments in a session of its own; nothing of it is left in the end."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    command = [sys.executable, *map(str, words)]
+    process = subprocess.Popen(command, text=True, start_new_session=True, **pipes, **more)
+    try:
+        yield process
+    finally:
+        if alive(process.pid):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
 
 
 PATIENCE = 60.0

@@ -46,19 +46,14 @@ def said() -> str:
     return " ".join(" ".join(texts).split())
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-
-
-def test_readme_s_study_is_a_study(tmp_path: Path) -> None:
-    study = parse_study(blocks("yaml")[0], "README.md")
-    assert [d.name for d in study.dimensions] == ["scheme", "e", "h", "alpha", "model"]
-
-
-def test_the_site_s_first_study_is_a_study() -> None:
-    text = (ROOT / "studies" / "pages" / "first_study.md").read_text(encoding="utf-8")
-    study = parse_study(re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[0], "first_study.md")
-    assert [d.name for d in study.dimensions] == ["scheme", "h", "alpha", "gap"]
+@pytest.mark.parametrize(
+    ("document", "dimensions"),
+    [("README.md", "scheme e h alpha model"), ("studies/pages/first_study.md", "scheme h alpha gap")],
+)
+def test_the_first_study_of_a_document_is_a_study(document: str, dimensions: str) -> None:
+    text = (ROOT / document).read_text(encoding="utf-8")
+    study = parse_study(re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)[0], document)
+    assert [d.name for d in study.dimensions] == dimensions.split()
 
 
 def test_the_reference_is_what_the_declarations_say() -> None:

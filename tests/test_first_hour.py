@@ -154,25 +154,11 @@ def test_a_message_says_what_to_write(key: str) -> None:
 def test_matrices_without_heat_or_with_wrong_labels(tmp_path: Path) -> None:
     tip, labels = np.eye(3)[-1], ["root.x", "middle.x", "tip.x"]
     springs = np.array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]])
-    heat = {"conductance": springs, "thermal_contact": tip, "coupling": np.zeros((3, 3))}
-    write_matrices(tmp_path / "cold.npz", mass=np.eye(3), stiffness=1e4 * springs, contact=tip)
-    write_matrices(
-        tmp_path / "bare.npz",
-        mass=np.eye(3),
-        stiffness=springs,
-        contact=tip,
-        heat_capacity=np.diag([1.0, 1, 0]),
-        **heat,
-    )
-    write_matrices(
-        tmp_path / "named.npz",
-        mass=np.eye(3),
-        stiffness=springs,
-        contact=tip,
-        heat_capacity=np.eye(3),
-        labels=labels,
-        **heat,
-    )
+    cold = {"mass": np.eye(3), "stiffness": 1e4 * springs, "contact": tip}
+    warm = {**cold, "conductance": springs, "thermal_contact": tip, "coupling": np.zeros((3, 3))}
+    write_matrices(tmp_path / "cold.npz", **cold)
+    write_matrices(tmp_path / "bare.npz", **warm, heat_capacity=np.diag([1.0, 1, 0]))
+    write_matrices(tmp_path / "named.npz", **warm, heat_capacity=np.eye(3), labels=labels)
 
     def refusal(matrices: dict[str, Any], **axes: Any) -> str:
         written = tmp_path / "given.yaml"

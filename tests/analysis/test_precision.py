@@ -72,7 +72,6 @@ def test_an_axis_below_the_error_is_named() -> None:
 
 
 def test_cases_that_diverged_hide_no_axis() -> None:
-    """The errors of blown-up cases, 1e280, made every axis an effect below the error."""
     dataset = study(0.5)
     dataset["status"][0, 1:] = 1
     for name in ("impulse_error", "temperature_error", "displacement_error"):

@@ -57,7 +57,6 @@ def test_a_part_that_is_lost_is_reported() -> None:
 
 
 def test_a_gain_shows_beside_a_larger_loss() -> None:
-    """The residual of the largest magnitude, a loss, hid the case that gained."""
     dataset = archive(Status.OK, 0.001)
     dataset["energy_residual"][0, 0] = [-0.4, 0.03]
     dataset["energy_residual"][0, 1] = [-0.4, 0.0]

@@ -130,7 +130,6 @@ def put_shard(
 
 
 def begin(path: Path) -> Path:
-    """Begin the shards of an archive; return their directory."""
     parts = archive.parts_of(path)
     archive.start_parts(parts, archive.Command(TEXTS))
     return parts

@@ -88,18 +88,3 @@ def test_small_results_make_few_chunks(tmp_path: Path) -> None:
     path = make_archive(tmp_path / "a.nc", template, sample_results(template), range(1, 180, 9))
     with h5py.File(path) as file:
         assert {file[name].id.get_num_chunks() for name in ("status", "impacts", "period_impulse")} == {1}
-
-
-@pytest.mark.usefixtures("small_chunks")
-@pytest.mark.parametrize("chunks", [None, {}], ids=["none", "stored"])
-@pytest.mark.parametrize("messages", ["some", "none"])
-def test_messages_are_texts_that_are_read_when_they_are_used(tmp_path: Path, chunks: Any, messages: str) -> None:
-    template = sample_template()
-    results = sample_results(template)
-    if messages == "none":
-        results["status"][...] = 0
-    path = make_archive(tmp_path / "a.nc", template, results)
-    for opened in (archive.open_archive, xr.open_dataset):
-        with opened(path, chunks=chunks) as dataset:
-            assert not dataset["message"].variable._in_memory
-            check_dataset(dataset.compute(), template, results)

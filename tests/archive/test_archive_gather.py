@@ -8,7 +8,6 @@ import sys
 import textwrap
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -63,30 +62,6 @@ def test_what_goes_in_comes_out(
         check_dataset(dataset, template, results)
     with xr.open_dataset(path) as dataset:
         check_dataset(dataset, template, results)
-
-
-def test_chunks_are_what_xarray_would_have_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_template, "CHUNK_BYTES", 560)
-    template = encode(TEMPLATES["three dimensions, partial edge"].copy())
-    ours = make_archive(tmp_path / "a.nc", template, sample_results(template), [2, 7])
-    theirs = tmp_path / "b.nc"
-    chunks = {str(name): one.encoding["chunksizes"] for name, one in template.data_vars.items()}
-    with archive.open_archive(ours) as dataset:
-        plain = dataset.drop_encoding().drop_vars("message")
-        filters = {"zlib": True, "complevel": 1, "shuffle": True, "fletcher32": True}
-        plain.to_netcdf(theirs, encoding={name: filters | {"chunksizes": c} for name, c in chunks.items()})
-    with h5py.File(ours) as a, h5py.File(theirs) as b:
-        for name in chunks:
-            assert a[name].chunks == b[name].chunks == chunks[name]
-            assert a[name].dtype == b[name].dtype
-            assert a[name].fletcher32
-            assert b[name].fletcher32
-            assert [a[name].compression, a[name].compression_opts, a[name].shuffle] == ["gzip", 1, True]
-            assert [b[name].compression, b[name].compression_opts, b[name].shuffle] == ["gzip", 1, True]
-            assert a[name].id.get_num_chunks() == b[name].id.get_num_chunks() > 0
-            assert a[name][...].tobytes() == b[name][...].tobytes()
-            ratio = a[name].id.get_storage_size() / b[name].id.get_storage_size()
-            assert 0.8 < ratio < 1.25
 
 
 @pytest.mark.parametrize("name", ["processor_time", "batch_width"])
@@ -162,16 +137,6 @@ def replaced(tmp_path: Path) -> tuple[xr.Dataset, Path, bytes]:
     path = make_archive(tmp_path / "a.nc", template, sample_results(template))
     put_all(path, template, sample_results(template, seed=1), [5])
     return template, path, path.read_bytes()
-
-
-def test_replacing_an_archive(replaced: tuple[xr.Dataset, Path, bytes]) -> None:
-    template, path, before = replaced
-    with archive.open_archive(path) as old:
-        gather(archive.parts_of(path), template, path)
-        check_dataset(old, template, sample_results(template))
-    with archive.open_archive(path) as new:
-        check_dataset(new, template, sample_results(template, seed=1))
-    assert path.read_bytes() != before
 
 
 @pytest.mark.parametrize("where", ["create", "assemble", "hash_content", "_add_hash", "seal", "sync"])

@@ -66,15 +66,6 @@ def test_an_opened_archive_can_be_sent_to_a_worker(path: Path) -> None:
         check_dataset(sent, TEMPLATE, RESULTS)
 
 
-def test_other_tools_read_it(path: Path) -> None:
-    with xr.open_dataset(path) as dataset:
-        check_dataset(dataset, TEMPLATE, RESULTS)
-    with netCDF4.Dataset(path) as file:
-        assert file.data_model == "NETCDF4"
-        assert file["scheme"][:].tolist() == ["moreau", "event_driven"]
-        assert file["message"][0, 0, 6] == "case 6 diverged: ρ = 1.2"
-
-
 def test_provenance_is_kept_whole(path: Path) -> None:
     expected = TEXTS | {"content_hash": archive.content_hash(path)}
     assert archive.provenance(path) == expected
@@ -228,17 +219,6 @@ def test_a_run_that_ends_while_a_view_is_made(begun: Path, whole: Path, monkeypa
         )
 
 
-def test_each_coordinate_of_a_zip_selects(tmp_path: Path) -> None:
-    template = sample_template((("e", 3), ("model", 3)))
-    results = sample_results(template)
-    path = make_archive(tmp_path / "a.nc", template, results)
-    for chunks in (None, {}, "auto"):
-        with archive.open_archive(path, chunks=chunks) as dataset:
-            for names in ({"mechanical_modes": 19}, {"thermal_modes": 19}):
-                np.testing.assert_array_equal(dataset["impacts"].sel(names).values, results["impacts"][:, 1])
-            assert set(dataset.xindexes) >= {"e", "mechanical_modes", "thermal_modes"}
-
-
 @pytest.fixture(scope="module")
 def zipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     template = sample_template((("e", 3), ("model", 3)))
@@ -273,6 +253,8 @@ def test_an_archive_is_turned_and_stacked_as_numbers_are(kind: str, zipped: Path
 def test_numbers_along_a_zip_are_aligned_by_its_coordinates(zipped: Path) -> None:
     with archive.open_archive(zipped) as dataset:
         numbers = dataset["impacts"].fillna(0)
+        for one in ({"mechanical_modes": 19}, {"thermal_modes": 19}):
+            np.testing.assert_array_equal(numbers.sel(one).values, numbers.values[:, 1])
         assert not (numbers - numbers.isel(model=slice(None, None, -1))).values.any()
         assert (numbers - numbers.isel(model=[1])).sizes["model"] == 1
         assert numbers.sel(mechanical_modes=[19]).equals(numbers.sel(thermal_modes=[19]))

@@ -54,15 +54,6 @@ def test_chunks_stay_below_a_mebibyte() -> None:
     assert 2**19 < length * 8 <= 2**20
 
 
-def test_all_cases_are_found(parts: Path) -> None:
-    sources = archive.find_shards(parts)
-    assert [len(source.hashes) for source in sources] == [40, 10, 60, 40]
-    source, row = archive.Stored(sources).find(HASHES)
-    assert source.tolist() == [0] * 40 + [1] * 10 + [2] * 60 + [3] * 40
-    assert row.tolist() == [*range(40), *range(10), *range(60), *range(40)]
-    np.testing.assert_array_equal(archive.Stored(sources).status_of(HASHES), RESULTS["status"].ravel())
-
-
 def test_a_case_is_told_from_another_by_all_bytes_of_its_hash(parts: Path) -> None:
     other = HASHES.copy()
     other[:, 15] ^= 1

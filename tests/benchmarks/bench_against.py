@@ -56,7 +56,6 @@ def compared(before: Sequence[Rows], now: Sequence[Rows]) -> list[str]:
 
 
 def main(revision: str, rounds: int, options: Sequence[str]) -> None:
-    """Print the table."""
     before, now = [], []
     with tempfile.TemporaryDirectory() as directory:
         tree = Path(directory) / "tree"

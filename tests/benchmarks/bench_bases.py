@@ -7,9 +7,11 @@ tip against the full model under the same scheme, so that no error of the scheme
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from timing import keep, taken
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -18,9 +20,6 @@ from workflow import reduction, schemes
 from workflow.models import Cases, Structure, critical_alpha, frequencies
 from workflow.reduction import reduce_structure
 from workflow.schemes import HISTORIES, Results
-
-DOCUMENT = Path(__file__).with_name("BASES.md")
-BEGIN, END = "<!-- bases -->\n", "<!-- end of bases -->\n"
 
 H, ALPHA, DURATION = 1e-5, 0.5, 0.1
 COUNTS = ((3, 12), (8, 6))
@@ -36,12 +35,8 @@ def stepped(structure: Structure, batch: Cases, steps: int) -> tuple[Results, fl
     """Return results and the least seconds of five runs."""
     scheme = schemes.load("moreau")
     operator = scheme.init(structure, H, scheme.Options())
-    seconds = []
-    for _ in range(5):
-        begun = time.thread_time()
-        results = scheme.compute(operator, batch, sampling(steps * H, steps * H / 100))
-        seconds.append(time.thread_time() - begun)
-    return results, min(seconds)
+    work = partial(scheme.compute, operator, batch, sampling(steps * H, steps * H / 100))
+    return work(), min(taken(work, time.thread_time) for _ in range(5))
 
 
 def spectral_radius(structure: Structure, theta: float) -> float:
@@ -80,5 +75,4 @@ if __name__ == "__main__":
     table = text()
     print(table)
     if "--write" in sys.argv:
-        before, rest = DOCUMENT.read_text(encoding="utf-8").split(BEGIN)
-        DOCUMENT.write_text(before + BEGIN + table + END + rest.split(END)[1], encoding="utf-8")
+        keep(Path(__file__).with_name("BASES.md"), "bases", table)

@@ -12,7 +12,7 @@ from typing import Any
 import multiply_add_peak
 import numpy as np
 from scipy.integrate import solve_ivp
-from timing import Line, Size, least, slope
+from timing import Line, Size, least, slope, within
 
 from scenes import cases, heavy_chain, sampling
 from workflow import schemes
@@ -21,12 +21,7 @@ from workflow.reduction import reduce_structure
 from workflow.schemes import Results
 
 H = 1e-5
-RIVALS: dict[str, tuple[str, dict[str, Any]]] = {
-    "moreau": ("moreau", {}),
-    "carpenter": ("carpenter", {}),
-    "penalty": ("penalty", {}),
-    "penalty implicit": ("penalty", {"integration": "implicit"}),
-}
+RIVALS = ("moreau", "carpenter", "penalty", "penalty implicit")
 
 
 def multiply_adds(structure: Structure) -> int:
@@ -41,9 +36,9 @@ def multiply_adds(structure: Structure) -> int:
 
 @cache
 def _operator(structure: Structure, h: float, label: str) -> Any:
-    method, options = RIVALS.get(label, (label, {}))
+    method, _, integration = label.partition(" ")
     scheme = schemes.load(method)
-    return scheme, scheme.init(structure, h, scheme.Options(**options))
+    return scheme, scheme.init(structure, h, scheme.Options(**({"integration": integration} if integration else {})))
 
 
 def run(
@@ -90,7 +85,7 @@ def batched(size: Size) -> list[Line]:
         ),
         ("reduced, 3 + 12 modes, over its multiply-adds at peak", "<= 1.4", f"{few:.2f} ns", f"{few / least_few:.2f}"),
         ("reduced over full", "<= 0.45", f"{few:.2f} ns", f"{few / whole:.2f}"),
-        ("one case alone, full", "<= 350 ns", f"{single:.0f} ns", f"{single / 350:.2f}"),
+        within("one case alone, full", 350, single, "ns", 0),
         ("no heat over a mechanical model", "1", f"{unheated:.2f} ns", f"{unheated / bare:.2f}"),
     ]
 
@@ -125,7 +120,7 @@ def scaling(size: Size) -> list[Line]:
         seconds = _per_step(size, chain, rub(chain, count), max(2, size.node_steps // size.long_nodes))
         each = 1e9 * seconds / size.long_nodes
         what = f"{size.long_nodes} nodes, {count} case{'s' * (count > 1)}, per case, node and step"
-        lines.append((what, f"<= {target:g} ns", f"{each:.1f} ns", f"{each / target:.2f}"))
+        lines.append(within(what, target, each, "ns"))
     long = heavy_chain(nodes=2 * size.modes[-1])
     chains = [(chain := heavy_chain(nodes=nodes), rub(chain, 64)) for nodes in size.nodes]
     reductions = [reduce_structure(long, modes, modes) for modes in size.modes]
@@ -225,10 +220,8 @@ def stepping(size: Size) -> list[Line]:
         seconds = [1e9 * s / size.cases / size.steps for s in least(size.runs, *works)]
         for label, plain, audited in zip(RIVALS, seconds[::2], seconds[1::2], strict=True):
             if label != "moreau":
-                asked = "" if "implicit" in label else "<= 1.3"
-                lines.append(
-                    (f"`{label}` over `moreau`, {name}", asked, f"{plain:.2f} ns", f"{plain / seconds[0]:.2f}")
-                )
+                what, asked = f"`{label}` over `moreau`, {name}", "" if "implicit" in label else "<= 1.3"
+                lines.append((what, asked, f"{plain:.2f} ns", f"{plain / seconds[0]:.2f}"))
             what = f"`{label}` with balances over without, {name}"
             lines.append((what, "<= 1.5", f"{audited:.2f} ns", f"{audited / plain:.2f}"))
     return lines
@@ -241,9 +234,8 @@ def exact(size: Size) -> list[Line]:
         batch = rub(full, count, e=e, alpha=50.0)
         impacts = run(full, batch, 1e-3, 300, 300, "event_driven").metrics["impacts"][0]
         (seconds,) = least(size.runs, partial(run, full, batch, 1e-3, 300, 300, "event_driven"))
-        milliseconds = 1e3 * seconds / count
         what = f"`event_driven`, e = {e:g}, {impacts:.0f} impacts, one alpha"
-        lines.append((what, "<= 1 ms", f"{milliseconds:.2f} ms", f"{milliseconds:.2f}"))
+        lines.append(within(what, 1, 1e3 * seconds / count, "ms", 2))
     reduction = reduce_structure(full, 3, 12)
     for name, structure in (("20 + 20 modes", full), ("3 + 12 modes", reduction.structure)):
         works = []
@@ -258,5 +250,4 @@ def exact(size: Size) -> list[Line]:
 
 
 def lines(size: Size) -> list[Line]:
-    """Return all lines."""
     return batched(size) + stored(size) + scaling(size) + stepping(size) + exact(size)

@@ -17,20 +17,19 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import multiply_add_peak
 from bench_table import markdown
-from bench_workflow import HEAVY_AXES, METRICS, ROOT, kernel_seconds, over_kernels, trivial
-from timing import Line, scratch, taken
+from bench_workflow import METRICS, ROOT, atlas, heavy, over_kernels, overhead, trivial
+from timing import Line, scratch, taken, within
 
-from studies import HEAVY_SCENE, parsed
+from studies import parsed
 from workflow import run_study
 from workflow.kernels.compiled import Deferred
 from workflow.run import _threads
@@ -38,33 +37,21 @@ from workflow.schemes._exact import contact_batch
 from workflow.solve import _operators
 from workflow.study import Study, read_study
 
+REFERENCE = {"mechanical_modes": 5}
 TASK_FUNCTIONS = ("store_task", "compute_block")
 """What threads run of ``workflow.run._threads``."""
 
 
-def exact(cases: int, reference: bool = False) -> Study:
-    """Return ``studies/atlas.yaml`` with so many cases, 20 e and 20 alpha; its gaps are halved with a reference."""
-    text = (ROOT / "studies" / "atlas.yaml").read_text()
+def exact(cases: int, **more: Any) -> Study:
+    """Return ``studies/atlas.yaml`` with so many cases; 10 loads and 20 e."""
     gaps = max(2, cases // 4000)
-    for values, others in (
-        ("[3.125, 12.875, 40]", "[3.125, 12.875, 10]"),
-        ("{lin: [0, 0.9, 10]}", "{lin: [0, 0.9, 20]}"),
-        ("[1 um, 10.8 um, 50]", f"[1 um, 10.8 um, {gaps}]"),
-        ("[0, 5.5125, 50]", f"[0, 5.5125, {max(2, cases // (200 * gaps))}]"),
-    ):
-        assert values in text, values
-        text = text.replace(values, others)
-    return parsed(text + ("reference: {mechanical_modes: 5}\n" if reference else ""))
+    return atlas(loads=10, e=20, gaps=gaps, alphas=max(2, cases // (200 * gaps)), **more)
 
 
 def stepped(cases: int) -> Study:
     """Return so many cases of 2 000 steps of a chain of 20 nodes, 3 + 12 modes."""
-    text = f"study: heavy\n{HEAVY_SCENE}{HEAVY_AXES.format(rows=max(2, cases // 100), columns=100)}"
-    return parsed(
-        text.replace("h: 1e-5", "h: 1e-5, mechanical_modes: 3, thermal_modes: 12")
-        .replace("duration: 0.3", "duration: 0.02")
-        .replace("interval: 0.3", "interval: 0.02")
-    )
+    modes = {"axes.mechanical_modes": 3, "axes.thermal_modes": 12}
+    return heavy(cases).with_({**modes, "scene.duration": 0.02, "output.interval": 0.02})
 
 
 def chord() -> Study:
@@ -72,48 +59,39 @@ def chord() -> Study:
     return read_study(ROOT / "studies" / "chord.yaml")
 
 
-@dataclass
-class Spent:
-    """Processor seconds of all threads in tasks, and in kernels within them; when tasks began and ended."""
+class Call(NamedTuple):
+    """Wall times at which a call begins and ends, and its processor seconds."""
 
-    tasks: float = 0.0
-    kernels: float = 0.0
-    times: list[float] = field(default_factory=list)
+    begun: float
+    ended: float
+    seconds: float
 
 
 @contextmanager
-def watched(kernels: bool = True) -> Iterator[Spent]:
-    """Measure what tasks spend; where their kernels are not asked for only when tasks begin and end."""
-    spent, call = Spent(), Deferred.__call__
+def clocked(owner: Any, *names: str) -> Iterator[list[Call]]:
+    """Collect the calls of functions of a module or class, in all threads."""
+    calls, functions = list[Call](), {name: getattr(owner, name) for name in names}
 
-    def wrapped(work: Callable[..., Any]) -> Callable[..., Any]:
-        def measured(*words: Any) -> Any:
-            spent.times.append(time.perf_counter())
-            begun = time.thread_time()
-            result = work(*words)
-            spent.tasks += time.thread_time() - begun
-            spent.times.append(time.perf_counter())
-            return result
-
-        return measured
-
-    def kernel(deferred: Deferred, *words: Any) -> Any:
-        begun = time.thread_time()
-        result = call(deferred, *words)
-        spent.kernels += time.thread_time() - begun
+    def measured(function: Callable[..., Any], *words: Any) -> Any:
+        begun, seconds = time.perf_counter(), time.thread_time()
+        result = function(*words)
+        calls.append(Call(begun, time.perf_counter(), time.thread_time() - seconds))
         return result
 
-    before = {name: getattr(_threads, name) for name in TASK_FUNCTIONS}
-    for name, work in before.items():
-        setattr(_threads, name, wrapped(work))
-    if kernels:
-        Deferred.__call__ = kernel  # type: ignore[method-assign]
+    def watched(function: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda *words: measured(function, *words)  # a function, so that it binds as a method too
+
+    for name, function in functions.items():
+        setattr(owner, name, watched(function))
     try:
-        yield spent
+        yield calls
     finally:
-        Deferred.__call__ = call  # type: ignore[method-assign]
-        for name, work in before.items():
-            setattr(_threads, name, work)
+        for name, function in functions.items():
+            setattr(owner, name, function)
+
+
+def total(calls: list[Call]) -> float:
+    return sum(call.seconds for call in calls)
 
 
 def run(study: Study, clock: Callable[[], float] = time.perf_counter, **where: int) -> float:
@@ -127,15 +105,14 @@ def python_inside(cases: int, threads: int, runs: int) -> Iterator[Line]:
     for what, study, asked in (
         (f"{cases} exact cases", exact(cases), 3),
         (f"{cases} cases of 2 000 steps", stepped(cases), 2),
-        (f"{cases} exact cases with a reference", exact(cases, reference=True), 6),
+        (f"{cases} exact cases with a reference", exact(cases, reference=REFERENCE), 6),
     ):
         each = []
         for _ in range(runs):
-            with watched() as spent:
+            with clocked(_threads, *TASK_FUNCTIONS) as tasks, clocked(Deferred, "__call__") as kernels:
                 run(study, threads=threads)
-            each.append(1e6 * (spent.tasks - spent.kernels) / cases)
-        name = f"Python inside tasks, {what}, {threads} threads"
-        yield name, f"<= {asked} us", f"{median(each):.1f} us", f"{median(each) / asked:.2f}"
+            each.append(1e6 * (total(tasks) - total(kernels)) / cases)
+        yield within(f"Python inside tasks, {what}, {threads} threads", asked, median(each), "us")
 
 
 def speed_ups(study: Study, what: str, threads: list[int], runs: int) -> Iterator[Line]:
@@ -154,8 +131,8 @@ def speed_ups(study: Study, what: str, threads: list[int], runs: int) -> Iterato
 
 def _of_tasks(study: Study, threads: int) -> tuple[float, float]:
     """Return wall seconds of a run and of its tasks."""
-    with watched(kernels=False) as spent:
-        return run(study, threads=threads), max(spent.times) - min(spent.times)
+    with clocked(_threads, *TASK_FUNCTIONS) as calls:
+        return run(study, threads=threads), max(call.ended for call in calls) - min(call.begun for call in calls)
 
 
 def _of_loops(pool: ThreadPoolExecutor, threads: int, parts: int) -> float:
@@ -170,42 +147,19 @@ def over_march(runs: int) -> Line:
     for _ in range(runs):
         _operators._operator.cache_clear()
         with clocked(contact_batch.SetTable, "add") as sets:
-            whole = run(study, time.process_time, threads=1) - sum(sets)
+            whole = run(study, time.process_time, threads=1) - total(sets)
         with clocked(contact_batch, "run_contacts") as march:
             run(study, threads=1)
-        pairs.append((whole / sum(march), whole))
+        pairs.append((whole / total(march), whole))
     ratio, whole = sorted(pairs)[runs // 2]
     what = "run of 200 exact cases of five contacts without making their sets, over its march, 1 thread"
     return what, "<= 1.2", f"{whole:.1f} s", f"{ratio:.2f}"
 
 
-@contextmanager
-def clocked(owner: Any, name: str) -> Iterator[list[float]]:
-    """Collect the processor seconds of each call of a function of a module or class."""
-    function, seconds = getattr(owner, name), list[float]()
-
-    def measured(*words: Any) -> Any:
-        begun = time.thread_time()
-        result = function(*words)
-        seconds.append(time.thread_time() - begun)
-        return result
-
-    setattr(owner, name, measured)
-    try:
-        yield seconds
-    finally:
-        setattr(owner, name, function)
-
-
 def durable(cases: int, threads: int, runs: int) -> Line:
     """Return what a case costs beyond its kernel, us, twenty steps of one node each."""
-    study, each = parsed(trivial(cases, METRICS)), []
-    for _ in range(runs):
-        with scratch() as directory:
-            wall = taken(partial(run_study, study, directory / "a.nc", threads=threads))
-            each.append(1e6 * (wall - kernel_seconds(directory / "a.nc") / threads) / cases)
-    what = f"a durable case, of {cases}, {threads} threads"
-    return what, "<= 5 us", f"{median(each):.1f} us", f"{median(each) / 5:.2f}"
+    each = median(1e6 * overhead(cases, threads=threads) for _ in range(runs))
+    return within(f"a durable case, of {cases}, {threads} threads", 5, each, "us")
 
 
 def workers(cases: int, threads: int) -> Line:
@@ -219,7 +173,7 @@ def workers(cases: int, threads: int) -> Line:
 def lines(threads: list[int], cases: int, runs: int) -> Iterator[Line]:
     """Yield all lines, after what they need has been compiled."""
     most = max(threads)
-    for study in (exact(4000), exact(4000, reference=True), stepped(200), parsed(trivial(100, METRICS)), chord()):
+    for study in (exact(4000), exact(4000, reference=REFERENCE), stepped(200), parsed(trivial(100, METRICS)), chord()):
         run(study, threads=most)
     yield from python_inside(cases, most, runs)
     yield from speed_ups(exact(cases), f"{cases} exact cases", threads, runs)

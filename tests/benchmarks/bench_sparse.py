@@ -18,14 +18,10 @@ import time
 from collections.abc import Callable
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from workflow.models import _factors
-
-if TYPE_CHECKING:
-    from skfem import MeshHex
 
 STUDIES = Path(__file__).parents[2] / "studies"
 sys.path.insert(0, str(STUDIES))
@@ -33,33 +29,19 @@ sys.path.insert(0, str(STUDIES))
 COUNTS = 24, 24
 
 
-def save(place: Path, entries: dict[str, Any], contact: int, thermal_contact: int) -> None:
-    """Write sparse matrices as NPZ, not compressed: that takes a minute."""
-    parts = ("data", "indices", "indptr", "shape")
-    arrays = {f"{name}.{part}": getattr(matrix, part) for name, matrix in entries.items() for part in parts}
-    np.savez(place, contact=contact, thermal_contact=thermal_contact, **arrays)
-
-
-def solid(nodes: int) -> MeshHex:
-    """Return a cube of so many nodes along each edge, 50 mm."""
-    from skfem import MeshHex
-
-    return MeshHex.init_tensor(*3 * [np.linspace(0, 0.05, nodes)])
-
-
 def write_block(place: Path, nodes: int) -> None:
-    """Write an elastic cube, one face clamped and cold, touched at a corner of the other."""
+    """Write an elastic cube, 50 mm, one face clamped and cold, touched at a corner of the other; not compressed."""
     import finite_element_blade as material
-    from skfem import Basis, ElementHex1, ElementVector, FacetBasis
+    from skfem import Basis, ElementHex1, ElementVector, FacetBasis, MeshHex
 
-    body = solid(nodes)
+    body = MeshHex.init_tensor(*3 * [np.linspace(0, 0.05, nodes)])
     moving, warm = Basis(body, ElementVector(ElementHex1())), Basis(body, ElementHex1())
     free, rises = (np.flatnonzero(basis.doflocs[2] > 1e-9) for basis in (moving, warm))
     entries = material.mechanical_matrices(moving, warm) | material.thermal_matrices(warm, FacetBasis(body, warm.elem))
     rows = {"heat_capacity": rises, "conductance": rises}
     columns = {**rows, "coupling": rises}
     kept = {name: matrix[rows.get(name, free)][:, columns.get(name, free)] for name, matrix in entries.items()}
-    save(place, kept, free.size - 1, rises.size - 1)
+    material.write_npz(kept | {"contact": free.size - 1, "thermal_contact": rises.size - 1}, place, np.savez)
 
 
 def reduce_once(place: Path, basis: str) -> None:
@@ -87,7 +69,6 @@ def reduce_once(place: Path, basis: str) -> None:
 
 
 def write_blade(place: Path, elements: tuple[int, int, int]) -> None:
-    """Write the finite element blade."""
     import finite_element_blade
 
     finite_element_blade.write_npz(finite_element_blade.matrices(elements), place)
@@ -97,7 +78,6 @@ WRITE = {"blade": write_blade, "block": write_block}
 
 
 def parsed() -> argparse.Namespace:
-    """Return what is asked for."""
     from workflow.reduction import names
 
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])

@@ -15,10 +15,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import bench_limits
 import bench_workflow
 from threadpoolctl import threadpool_limits
-from timing import QUICK, Line, Size
+from timing import QUICK, Line, Size, keep
 
-TABLE = Path(__file__).with_name("TABLE.md")
-BEGIN, END = "<!-- performance -->\n", "<!-- end of performance -->\n"
+TABLE = Path(__file__).with_name("TABLE.md"), "performance"
 
 
 def table(size: Size, processes: bool = True) -> str:
@@ -47,22 +46,13 @@ def markdown(lines: list[Line], command: str) -> str:
 
 
 def processor() -> str:
-    """Return the processor's name."""
     file = Path("/proc/cpuinfo")
     names = [line.split(":")[1].strip() for line in file.read_text().splitlines() if line.startswith("model name")]
     return names[0] if names else platform.machine()
-
-
-def parts(document: Path) -> tuple[str, str, str]:
-    """Return what stands before, within and after the marks of a table."""
-    before, rest = document.read_text(encoding="utf-8").split(BEGIN)
-    within, after = rest.split(END)
-    return before, within, after
 
 
 if __name__ == "__main__":
     measured = table(QUICK if "--quick" in sys.argv else Size())
     print(measured, end="")
     if "--write" in sys.argv:
-        before, _, after = parts(TABLE)
-        TABLE.write_text(before + BEGIN + measured + END + after, encoding="utf-8")
+        keep(*TABLE, measured)

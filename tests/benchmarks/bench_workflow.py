@@ -5,28 +5,27 @@ workers; runs with nothing to do; opening and slicing; a value added to an axis;
 commands, in wall time and in processor time over that of the imports alone; memory.
 """
 
-import math
 import os
 import resource
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import bench_limits
 import xarray as xr
-from timing import Line, Size, least, scratch, taken
+from timing import Line, Size, least, scratch, taken, within
 
 from studies import HEAVY_SCENE, parsed
 from workflow import open_archive, run_study
 from workflow.cases import arrange
 from workflow.plan import plan
 from workflow.run import available_threads
-from workflow.study import Study
+from workflow.study import Study, read_study
 
 TRIVIAL = """
 study: trivial
@@ -129,13 +128,15 @@ def over_kernels(what: str, study: Study, warm: Study, runs: int = 1) -> Line:
     return f"{what} over its kernels, {available_threads()} threads", "<= 1.1", f"{wall:.2f} s", f"{ratio:.2f}"
 
 
-def atlas(alphas: int) -> tuple[Study, Study]:
-    """Return ``studies/atlas.yaml`` with fewer loads and α, and with two gaps."""
-    text = (ROOT / "studies" / "atlas.yaml").read_text()
-    for values, fewer in (("[3.125, 12.875, 40]", "[3.125, 12.875, 4]"), ("[0, 5.5125, 50]", f"[0, 5.5125, {alphas}]")):
-        assert values in text, values
-        text = text.replace(values, fewer)
-    return parsed(text), parsed(text.replace("10.8 um, 50]", "10.8 um, 2]"))
+def atlas(loads: int = 4, e: int = 10, gaps: int = 50, alphas: int = 50, **more: Any) -> Study:
+    """Return ``studies/atlas.yaml`` with other numbers of values along its axes."""
+    study, counts = (
+        read_study(ROOT / "studies" / "atlas.yaml"),
+        {"amplitude": loads, "e": e, "gap": gaps, "alpha": alphas},
+    )
+    axes = [axis for dimension in study.dimensions for axis in dimension.axes]
+    lin = {f"axes.{a.path}": {"lin": [a.values[0], a.values[-1], counts[a.name]]} for a in axes}
+    return study.with_(lin | more)
 
 
 def overhead(cases: int, **where: int) -> float:
@@ -160,7 +161,7 @@ def there_already(cases: int, most: int, runs: int) -> list[Line]:
         lines = []
         for what, (work, asked) in works.items():
             seconds = 1e3 * median(taken(work) for _ in range(runs))
-            lines.append((f"{what}, {cases} cases", f"<= {asked} ms", f"{seconds:.1f} ms", f"{seconds / asked:.2f}"))
+            lines.append(within(f"{what}, {cases} cases", asked, seconds, "ms"))
         ours, plain = least(runs, lambda: open_archive(archive).close(), lambda: xr.open_dataset(archive).close())
         what = f"open, {cases} cases, over `xarray.open_dataset`"
         return [*lines, (what, "<= 1.5", f"{1e3 * ours:.1f} ms", f"{ours / plain:.2f}")]
@@ -191,13 +192,10 @@ def lines(size: Size) -> list[Line]:
     table = equal_terms(size)
     what = f"run of {size.run_cases} cases with metrics"
     table.append(over_kernels(what, heavy(size.run_cases), heavy(4), size.runs))
-    maps, few_gaps = atlas(max(2, size.run_cases // 200))
-    table.append(
-        over_kernels(
-            f"`studies/atlas.yaml`, {math.prod(size for _, size in arrange(maps).dims)} exact cases", maps, few_gaps
-        )
-    )
-    table.append((f"overhead per case, durable, {threads} threads", "<= 8 us", f"{each:.1f} us", f"{each / 8:.2f}"))
+    alphas = max(2, size.run_cases // 200)
+    what = f"`studies/atlas.yaml`, {4 * 10 * 50 * alphas} exact cases"
+    table.append(over_kernels(what, atlas(alphas=alphas), atlas(alphas=alphas, gaps=2)))
+    table.append(within(f"overhead per case, durable, {threads} threads", 8, each, "us"))
     for cases, most in zip(size.grids, (25, 500), strict=True):
         table += there_already(cases, most, size.runs)
     return table + [extension(cases) for cases in size.grids]
@@ -218,17 +216,14 @@ def command_lines(size: Size) -> list[Line]:
     workers, large = available_threads(), size.grids[-1]
     each, runs = 1e6 * overhead(large, workers=workers), range(size.runs)
     what = f"overhead per case, durable, {workers} local dask workers"
-    table: list[Line] = [(what, "<= 120 us", f"{each:.1f} us", f"{each / 120:.2f}")]
+    table = [within(what, 120, each, "us")]
 
-    def add(words: Sequence[str | Path], what: str, asked: float | None, times: Sequence[int], **here: str) -> None:
-        seconds = median(called("-m", "workflow", *words, **here)[0] for _ in times)
-        table.append(
-            (what, f"<= {asked:g} s" if asked else "", f"{seconds:.2f} s", f"{seconds / asked:.2f}" if asked else "")
-        )
+    def waited(*words: str | Path, **here: str) -> float:
+        return median(called("-m", "workflow", *words, **here)[0] for _ in runs)
 
     called("-m", "workflow", "plan", BLADE)  # files in memory, bytecode written
-    add(["--help"], "`workflow --help`", 0.5, runs)
-    add(["plan", BLADE], "`workflow plan tests/benchmarks/blade.yaml`", 1.2, runs)
+    table.append(within("`workflow --help`", 0.5, waited("--help"), "s", 2))
+    table.append(within("`workflow plan tests/benchmarks/blade.yaml`", 1.2, waited("plan", BLADE), "s", 2))
     with scratch() as directory:
         archive, kernels = directory / "a.nc", {"NUMBA_CACHE_DIR": str(directory / "kernels")}
         run = ["-m", "workflow", "run", BLADE, "-o", archive]
@@ -240,14 +235,14 @@ def command_lines(size: Size) -> list[Line]:
                 archive.unlink()
             wall, processor = (median(seconds) for seconds in zip(*taken_here, strict=True))
             name = f"workflow run tests/benchmarks/blade.yaml, {what}"
-            table.append((name, f"<= {asked:g} s", f"{wall:.2f} s", f"{wall / asked:.2f}"))
+            table.append(within(name, asked, wall, "s", 2))
             name = f"{name}, processor time, over `import numba, xarray, scipy`"
             table.append((name, "", f"{processor:.2f} s", f"{processor / imports:.1f}"))
         called(*run, **kernels)
-        add(run[2:], "workflow run tests/benchmarks/blade.yaml, nothing to do", None, runs, **kernels)
+        what, idle = "workflow run tests/benchmarks/blade.yaml, nothing to do", waited(*run[2:], **kernels)
+        table.append((what, "", f"{idle:.2f} s", ""))
     for name, kind in (("metrics", METRICS), ("3 histories of 201 samples", HISTORIES)):
-        mebibytes = memory(10 * large, kind)
         what = f"largest memory, {10 * large} cases, {name}"
-        table.append((what, "<= 500 MiB", f"{mebibytes:.0f} MiB", f"{mebibytes / 500:.2f}"))
+        table.append(within(what, 500, memory(10 * large, kind), "MiB", 0))
     seconds = taken(lambda: plan(arrange(parsed(trivial(10 * large, METRICS)))))
     return [*table, (f"plan, {10 * large} cases", "", f"{seconds:.2f} s", "")]

@@ -71,7 +71,6 @@ def _compiled() -> tuple[Any, Any, int]:
 
 
 def turn(turns: int) -> float:
-    """Run the loop."""
     _, call, _ = _compiled()
     return float(call(turns))
 

@@ -7,7 +7,7 @@ import bench_against
 import bench_bases
 import bench_table
 import pytest
-from timing import TINY
+from timing import TINY, parts
 
 from scenes import sampling
 
@@ -30,7 +30,7 @@ def test_the_kept_table_is_what_the_script_prints() -> None:
         }
 
     text = bench_table.table(TINY, processes=False)
-    kept = bench_table.parts(bench_table.TABLE)[1]
+    kept = parts(*bench_table.TABLE)[1]
     assert len(lines(text)) > 20
     assert lines(text) <= lines(kept)
 

@@ -1,5 +1,6 @@
 """How benchmarks take times, how much they run, and the lines they make."""
 
+import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -55,10 +56,25 @@ def least(runs: int, *works: Callable[[], object], clock: Callable[[], float] = 
 
 
 def taken(work: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> float:
-    """Return the seconds of a work."""
     begun = clock()
     work()
     return clock() - begun
+
+
+def within(what: str, most: float, value: float, unit: str, digits: int = 1) -> Line:
+    """Return the line of a value that should be so small at most."""
+    return what, f"<= {most:g} {unit}", f"{value:.{digits}f} {unit}", f"{value / most:.2f}"
+
+
+def keep(document: Path, name: str, table: str) -> None:
+    """Write a table between its marks in a document."""
+    before, _, after = parts(document, name)
+    document.write_text(f"{before}<!-- {name} -->\n{table}<!-- end of {name} -->\n{after}", encoding="utf-8")
+
+
+def parts(document: Path, name: str) -> list[str]:
+    """Return what stands before, within and after the marks of a table."""
+    return re.split(rf"<!-- (?:end of )?{name} -->\n", document.read_text(encoding="utf-8"))
 
 
 def slope(numbers: tuple[int, ...], seconds: list[float]) -> float:

@@ -55,7 +55,6 @@ def test_a_place_that_can_be_no_archive_is_refused_before_the_work(kind: str, tm
 def test_a_directory_whose_name_no_archive_can_have(
     name: bytes, fault: str, sound: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A sound archive in it was said to be damaged."""
     directory = tmp_path / os.fsdecode(name)
     directory.mkdir()
     (directory / "a.nc").write_bytes(sound.read_bytes())

@@ -5,7 +5,6 @@ import json
 import math
 import os
 import pickle
-import re
 import subprocess
 import sys
 import textwrap
@@ -38,11 +37,6 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> str:
     archive = tmp_path_factory.mktemp("faults") / "whole.nc"
     run_study(STUDY, archive)
     return content_hash(archive)
-
-
-def checks_in(text: str) -> dict[str, str]:
-    """Return what each check of ``verify`` found: ok or DIFFERS."""
-    return dict(re.findall(r"^  (\w+) +(ok|DIFFERS): ", text, re.MULTILINE))
 
 
 @pytest.mark.parametrize("extended", [pytest.param(False, marks=pytest.mark.slow), True])
@@ -118,35 +112,11 @@ def test_a_file_system_without_locks_is_said_to_be_one(
         run_study(STUDY, tmp_path / "a.nc")
 
 
-def test_verify_exits_as_its_checks_end(tmp_path: Path) -> None:
+def test_an_unfinished_archive_is_not_verified(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     interrupted(STUDY, archive, 2)
-    status, output = told("verify", archive)
-    assert (status, output) == (
-        2,
-        f"{archive}: unfinished, only its shards are there; run the study to its end first\n",
-    )
-    run_study(STUDY, archive)
-    with netCDF4.Dataset(archive, "a") as file:
-        file["contact_impulse"][1, 1] *= 2
-    status, output = told("verify", archive, "--sample", "16")
-    assert status == 1
-    assert checks_in(output) == {"bytes": "DIFFERS"}  # then its values are left alone
-    seal(archive)
-    status, output = told("verify", archive, "--sample", "16")
-    assert status == 1
-    assert checks_in(output) == {
-        "bytes": "ok",
-        "content": "DIFFERS",
-        "versions": "ok",
-        "cases": "ok",
-        "sample": "DIFFERS",
-    }
-    assert "e = 0.2, alpha = 5: contact_impulse is" in output
-    archive.write_bytes(archive.read_bytes()[:3000])
-    status, output = told("verify", archive)
-    assert status == 2
-    assert "damaged" in output
+    said = f"{archive}: unfinished, only its shards are there; run the study to its end first\n"
+    assert told("verify", archive) == (2, said)
 
 
 class Trap:

@@ -3,11 +3,10 @@
 import random
 import signal
 import subprocess
-import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from shutil import rmtree
@@ -16,6 +15,7 @@ import pytest
 
 from quick import quick
 from studies import written
+from terminal import started
 from workflow.archive import content_hash, parts_of, provenance
 from workflow.run import run_study, verify
 from workflow.study import Study
@@ -77,7 +77,7 @@ def test_killed_at_random_moments(tmp_path: Path, request: pytest.FixtureRequest
         words = ("run", written(study.text, tmp_path), "-o", archive, "--drop", *options)
         for _ in range(moments.randrange(1, 6)):
             there, began = shards(archive), time.time()
-            with started(*words, pause=0.1) as process:
+            with slowly(*words, pause=0.1) as process:
                 if moments.random() < 0.25:
                     wait_until(partial(is_gathered, archive, began), process)
                     time.sleep(moments.uniform(0, 0.03))
@@ -112,7 +112,7 @@ def test_killed_at_random_moments(tmp_path: Path, request: pytest.FixtureRequest
 )
 def test_stopped_it_says_what_is_stored_and_goes_on(number: int, status: int, tmp_path: Path) -> None:
     text, archive = written(NEW.text, tmp_path), tmp_path / "a.nc"
-    with started("run", text, "-o", archive, "--threads", "1", pause=0.3) as process:
+    with slowly("run", text, "-o", archive, "--threads", "1", pause=0.3) as process:
         assert wait_until(lambda: len(shards(archive)) == 2, process)
         time.sleep(0.1)
         process.send_signal(number)
@@ -151,15 +151,8 @@ main()
 Process = subprocess.Popen[str]
 
 
-@contextmanager
-def started(*words: str | Path, pause: float = 0.02) -> Iterator[Process]:
-    command = [sys.executable, "-c", FINELY.format(pause=pause), *map(str, words)]
-    with subprocess.Popen(command, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        try:
-            yield process
-        finally:
-            if process.poll() is None:
-                process.send_signal(signal.SIGKILL)
+def slowly(*words: str | Path, pause: float) -> AbstractContextManager[Process]:
+    return started("-c", FINELY.format(pause=pause), *words)
 
 
 def wait_until(what: Callable[[], bool], process: Process) -> bool:
@@ -175,7 +168,6 @@ def wait_until(what: Callable[[], bool], process: Process) -> bool:
 
 
 def shards(archive: Path) -> set[str]:
-    """Return the names of the shards of an archive."""
     return {shard.name for shard in parts_of(archive).glob("*.shard")}
 
 

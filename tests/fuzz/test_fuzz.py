@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from fuzzing import faults
 
-from matrix_files import WRITERS, matrices_of
+from matrix_files import WRITERS, as_calculix, matrices_of
 from scenes import heavy_chain
 
 
@@ -17,19 +17,13 @@ def matrices(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A directory with a directory for each kind of file; names of those that are read as a whole say so."""
     sound = tmp_path_factory.mktemp("matrices")
     entries = matrices_of(heavy_chain(nodes=3))
-    for write in WRITERS:
+    for write in (*WRITERS, as_calculix):
         place = sound / write.__name__
         place.mkdir()
         path = write(entries, place)
         if path.is_dir():
             path.rename(sound / f"directory_{path.name}")
             place.rmdir()
-    calculix = sound / "calculix"
-    calculix.mkdir()
-    for name in ("mass", "stiffness"):
-        rows = [f"{i + 1} {j + 1} {entries[name][i, j]:.13e}\n" for j in range(3) for i in range(j + 1)]
-        (calculix / f"blade.{name[:3]}").write_text("".join(rows))
-    (calculix / "blade.dof").write_text("1.1\n2.1\n3.1\n")
     return str(sound)
 
 

@@ -18,7 +18,6 @@ from workflow.cases import arrange, reads
 from workflow.cli._studies import _lines as plan_lines
 from workflow.plan import plan, plan_study
 from workflow.reduction import reduce_structure
-from workflow.schemes import Status
 from workflow.solve import _operators, solve, tasks
 from workflow.solve import _tasks as cutting
 
@@ -102,30 +101,6 @@ def test_cases_that_take_long_are_not_kept_together(unbroken: float, monkeypatch
         assert task.seconds < 1.5 * max(1e-3, unbroken, 8 * case) + cutting.costs(grid).setup.max()
 
 
-def test_what_raises_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A scheme that raises for one case: it is told, its neighbours have their numbers."""
-    grid = arrange(parsed(SMALL))
-    moreau = import_module("workflow.schemes.moreau")
-    compute = moreau.compute
-
-    def brittle(operator: object, cases: schemes.Cases, over: schemes.Sampling) -> schemes.Results:
-        if np.any(cases.alpha == 10):
-            raise FloatingPointError("no luck with alpha = 10")
-        return compute(operator, cases, over)
-
-    clean = solve(grid, 1, np.arange(15))
-    monkeypatch.setattr(moreau, "compute", brittle)
-    partly_failed = solve(grid, 1, np.arange(15))
-    bad = np.arange(15) % 5 == 2
-    assert np.array_equal(partly_failed.values["status"] == Status.FAILED, bad)
-    assert set(partly_failed.messages) == set(np.flatnonzero(bad))
-    assert partly_failed.messages[2] == "FloatingPointError: no luck with alpha = 10"
-    assert np.all(np.isnan(partly_failed.values["displacement"][bad]))
-    for name in clean.values:
-        if name not in ("processor_time", "batch_width"):
-            assert np.array_equal(partly_failed.values[name][~bad], clean.values[name][~bad], equal_nan=True)
-
-
 def test_processor_time_has_the_width_of_its_batch_beside_it() -> None:
     """Cases are timed by the batch: of three values of alpha and two of e six ran together, of carpenter's three."""
     text = "study: a\n" + SCENE + "axes: {scheme: [moreau, carpenter], h: 1e-5, alpha: [1, 2, 3], e: [0, 0.5]}\n"
@@ -196,7 +171,6 @@ def test_a_plan_says_by_which_parameter_a_blade_is_how_stiff(given: str) -> None
 
 
 def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
-    """The ninth setting was left out in silence; of three bases one diverges."""
     axes = "axes: {scheme: [moreau, event_driven, carpenter], mechanical_modes: [1, 2, 3], thermal_modes: 2, h: 3e-5}\n"
     grid = arrange(parsed("study: a\n" + SCENE + axes))
     planned = plan(grid)
@@ -215,7 +189,6 @@ def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
 
 
 def test_a_mode_that_does_not_swing_is_not_said_to_be_damped_numerically() -> None:
-    """Beyond critical damping the factor of a step is real: the ratio was infinite."""
     for ratio, expected in ((0.3, 1), (5, 0)):
         text = SCENE.replace("damping: {mass: 10, stiffness: 2.0e-7}", f"damping: {{ratio: {ratio}}}")
         warnings = plan_study(parsed(f"study: a\n{text}axes: {{h: 1e-4}}\n")).warnings
@@ -266,7 +239,6 @@ def test_an_axis_that_nothing_reads_gives_a_caution() -> None:
 
 
 def test_friction_is_read_beside_alpha(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cases of a scheme without heat that differ in µ were computed as one."""
     cold = replace(schemes.load("moreau"), READS=frozenset({"h"}))
     monkeypatch.setattr(schemes, "load", lambda name: cold)
     names = ("coefficient", "heat_share", "sliding_speed")

@@ -17,20 +17,6 @@ def study(axes: str, schemes: str = "", output: str = "{interval: 1 ms}") -> str
     return "study: a\n" + SCENE + f"{schemes}\naxes: {axes}\noutput: {output}\n"
 
 
-def test_restitution_is_no_axis_of_the_rivals() -> None:
-    """e is computed once and stored in each of its places."""
-    text = study("{scheme: [carpenter, penalty], h: 1e-5, e: [0, 0.5, 1], alpha: [0, 5]}")
-    grid = arrange(parsed(text))
-    assert (plan(grid).cases, plan(grid).unique) == (12, 4)
-    for outer in (0, 1):
-        values = solve(grid, outer, np.arange(6)).values
-        assert np.all(values["status"] == Status.OK)
-        assert [name for name, _ in grid.dims] == ["scheme", "e", "alpha"]
-        impulse = values["contact_impulse"].reshape(3, 2)
-        assert np.ptp(impulse, axis=0).max() == 0
-        assert impulse[0, 0] != impulse[0, 1]
-
-
 def test_a_plan_tells_of_limits() -> None:
     """Above 2/ω_max the free step grows; the penalty spring has a limit of its own."""
     defined = "schemes: {stiff: {method: penalty, stiffness: 2.0e7}, soft: {method: penalty, stiffness: 1.0e5}}"

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from sliding import TANGENT
-from studies import parsed
-from workflow.cases import arrange
+from studies import parsed, solve_all
 from workflow.plan import plan_study
 from workflow.schemes import Status
-from workflow.solve import solve
 
 KAPPA, FRICTION = 1e3, 0.9
 MASS, STIFFNESS = np.array([[0.01, 0.05], [0.05, 1.0]]), np.array([[100.0, -3.0], [-3.0, 100.0]])
@@ -51,11 +49,8 @@ def test_plan_says_the_limit_of_the_largest_friction(tmp_path: Path) -> None:
 def test_a_case_that_slides_away_is_not_ok(tmp_path: Path, balances: bool) -> None:
     """At the limit without friction it comes 1e22 m far, with an energy balance that the casing's drive closes."""
     text = study(tmp_path, limit(0.0), "scene.friction.coefficient: [0, 0.9]", balances)
-    grid = arrange(parsed(text))
-    (outer,) = grid.computed.tolist()
-    results = solve(grid, outer, np.arange(2))
+    (results,) = solve_all(text)
     assert results.values["status"].tolist() == [Status.OK, Status.DIVERGED]
     assert "the tip moved" in results.messages[1]
-    again = arrange(parsed(study(tmp_path, limit(FRICTION), "scene.friction.coefficient: [0, 0.9]", balances)))
-    (outer,) = again.computed.tolist()
-    assert solve(again, outer, np.arange(2)).values["status"].tolist() == [Status.OK, Status.OK]
+    (again,) = solve_all(study(tmp_path, limit(FRICTION), "scene.friction.coefficient: [0, 0.9]", balances))
+    assert again.values["status"].tolist() == [Status.OK, Status.OK]

@@ -58,7 +58,6 @@ def test_ticks_of_a_metric_along_axes_are_apart() -> None:
 
 
 def test_axes_that_vary_together_show_their_values() -> None:
-    """A zipped axis was labelled with its units alone: ``N, N``."""
     archive = grid(rub=[0, 1], alpha=[0.0, 1.0]).drop_vars("rub")
     archive = archive.assign_coords(
         mean=("rub", [30.0, 0.0], {"units": "N"}), gap=("rub", [1e-5, 2e-5], {"units": "m"})

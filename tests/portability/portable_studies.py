@@ -4,19 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
+from studies import SCENE
 from workflow.pinning import CHOSEN
 
-CHAIN = """
-  chain: {nodes: 6, mass: 2.5e-3, stiffness: 4.0e6, damping: {mass: 10, stiffness: 2.0e-7}, spacing: 2.5e-3,
-          expansion: 8.6e-6, heat_capacity: 1.3, conductance: 0.6, convection: 0.02}
-"""
-
 STUDIES = {
-    "schemes": f"""
-scene:{CHAIN}
-  casing: {{gap: 20 um}}
-  load: {{amplitude: 100, frequency: 50 Hz, phase: 0.3}}
-  duration: 60 ms
+    "schemes": f"""{SCENE.replace("50 Hz", "50 Hz, phase: 0.3")}
 schemes:
   implicit_euler: {{method: moreau, theta: 1.0}}
   midpoint: {{method: moreau, theta: 0.5}}
@@ -30,39 +22,7 @@ axes:
 reference: {{scheme: event_driven}}
 output: {{interval: 1 ms}}
 """,
-    "reduced": f"""
-scene:{CHAIN}
-  casing: {{gap: 20 um}}
-  load: {{mean: 30, amplitude: 100, frequency: 50 Hz}}
-  initial: {{temperature: 3}}
-  duration: 60 ms
-axes:
-  scheme: [moreau, event_driven]
-  h: {{log: [1e-5, 1e-4, 4]}}
-  alpha: [5, 50]
-zip:
-  model: {{mechanical_modes: [1, 2, full], thermal_modes: [2, 3, full]}}
-reference: {{scheme: event_driven, mechanical_modes: full, thermal_modes: full}}
-output: {{interval: 1 ms}}
-""",
-    "loose": """
-scene:
-  chain: {nodes: 4, mass: [0.1, 0.2, 0.1, 0.05], stiffness: [0, 1.0e4, 0, 1.0e4], damping: {mass: 1}, heat_capacity: 1,
-          conductance: [0, 1, 0, 1], heating: 0.5, spacing: 1.0e-3, expansion: 1.0e-5}
-  casing: {gap: 1 mm}
-  load: {mean: 1, amplitude: 2, frequency: 3 Hz}
-  initial: {velocity: 0.1}
-  duration: 1 s
-axes:
-  scheme: [moreau, carpenter, event_driven]
-  h: 1e-3
-  e: [0, 0.9]
-  alpha: [0, 1]
-output: {interval: 10 ms}
-""",
-}
-
-COUPLED = """
+    "coupled": """
 scene:
   matrices: {file: coupled.npz}
   casing: {gap: 20 um}
@@ -75,8 +35,23 @@ axes:
   alpha: [0, 20]
 reference: {scheme: event_driven}
 output: {interval: 1 ms}
-"""
-"""A structure of :func:`write_coupled`."""
+""",
+    "loose": """
+scene:
+  chain: {nodes: 4, mass: [0.1, 0.2, 0.1, 0.05], stiffness: [0, 1.0e4, 0, 1.0e4], damping: {mass: 1}, heat_capacity: 1,
+          conductance: [0, 1, 0, 1], heating: 0.5, spacing: 1.0e-3, expansion: 1.0e-5}
+  casing: {gap: 1 mm}
+  load: {mean: 1, amplitude: 2, frequency: 3 Hz}
+  initial: {velocity: 0.1, temperature: 3}
+  duration: 1 s
+axes:
+  scheme: [moreau, carpenter, event_driven]
+  h: 1e-3
+  e: [0, 0.9]
+  alpha: [0, 1]
+output: {interval: 10 ms}
+""",
+}
 
 
 def write_coupled(place: Path) -> None:
@@ -94,13 +69,8 @@ def write_coupled(place: Path) -> None:
     )  # fmt: skip
 
 
-STUDIES["coupled"] = COUPLED
-
-HERE = Path(__file__)
-ROOT = HERE.parents[2]
-
-FILES = [*sorted((ROOT / "studies" / "hard").glob("*.yaml")), ROOT / "studies" / "abstract_figure.yaml"]
-FILES += [ROOT / "studies" / "blade.yaml"]
+PLACE = Path(__file__).parents[2] / "studies"
+FILES = [*sorted((PLACE / "hard").glob("*.yaml")), PLACE / "abstract_figure.yaml", PLACE / "blade.yaml"]
 
 PINNED: dict[str, str] = dict(CHOSEN)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from browser import DEEP, MODEL, errors, opened, settle, window
+from browser import DEEP, MODEL, cell, click, errors, opened, settle, window
 from studies import SCENE, SINGLE, parsed
 from workflow.archive import open_archive
 from workflow.report import write_report
@@ -119,29 +119,10 @@ def test_a_slider_changes_the_curve(wide: Any, page: Path, archive: Path) -> Non
 
 
 def test_a_click_on_the_map_selects_the_case(wide: Any, page: Path, archive: Path) -> None:
-    from selenium.webdriver.common.action_chains import ActionChains
-
     opened(wide, page)
     with open_archive(archive) as dataset:
         for column, row in ((2, 0), (0, 1), (1, 2)):  # h across, scheme up
-            place = wide.execute_script(
-                MODEL
-                + """
-                document.getElementById("figure-map").scrollIntoView({block: "center"});
-                const box = Bokeh.index.get_one(model("map")).frame.bbox;
-                const seen = document.getElementById("figure-map").firstElementChild.getBoundingClientRect();
-                return [seen.left + box.x0 + (box.x1 - box.x0) * (arguments[0] + 0.4) / 3,
-                        seen.top + box.y1 - (box.y1 - box.y0) * (arguments[1] + 0.4) / 3];
-                """,
-                column,
-                row,
-            )
-            actions = ActionChains(wide)
-            actions.w3c_actions.pointer_action.move_to_location(*map(int, place))
-            actions.w3c_actions.pointer_action.click()
-            actions.perform()
-            settle(wide)
-            settle(wide)
+            click(wide, "map", cell(column, row, 3, 3))
             now = selected(wide)
             assert float(now["h"]) == float(dataset["h"][column])
             assert now["scheme"] == str(dataset["scheme"].values[row])
@@ -219,7 +200,6 @@ def test_drawn_numbers_are_points_of_the_map(wide: Any, tmp_path: Path) -> None:
 
 
 def test_ticks_of_a_tip_that_has_run_away_are_short(wide: Any, page: Path) -> None:
-    """Temperatures of 1e17 K were labelled with all their zeros."""
     opened(wide, page)
     script = MODEL + "return model('panel_temperature').left[0].formatter.doFormat(arguments[0], {loc: 0})"
     assert max(map(len, wide.execute_script(script, [0, 5e16, 1e17, 1.5e17]))) < 10

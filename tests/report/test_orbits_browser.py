@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from browser import MODEL, errors, opened, settle, window
+from browser import MODEL, cell, click, errors, opened, window
 from studies import steady_study
 from workflow.analysis import labels
 from workflow.archive import open_archive
@@ -19,31 +19,6 @@ MODES = {"mechanical_modes": 1, "thermal_modes": 3}
 @pytest.fixture
 def driver() -> Any:
     return window(1366)
-
-
-def click(driver: Any, figure: str, at: str) -> None:
-    """Click on a figure, at x and y in its pixels that JavaScript gives."""
-    from selenium.webdriver.common.action_chains import ActionChains
-
-    script = f"""
-      document.getElementById("figure-{figure}").scrollIntoView({{block: "center"}});
-      const panel = model("{figure}"), box = Bokeh.index.get_one(panel).frame;
-      const seen = document.getElementById("figure-{figure}").firstElementChild.getBoundingClientRect();
-      const [x, y] = {at};
-      return [seen.left + x, seen.top + y];
-    """
-    actions = ActionChains(driver)
-    actions.w3c_actions.pointer_action.move_to_location(*map(round, driver.execute_script(MODEL + script)))
-    actions.w3c_actions.pointer_action.click()
-    actions.perform()
-    settle(driver)
-    settle(driver)
-
-
-def cell(column: int, row: int) -> str:
-    """Return where the map of three by two cases has a cell."""
-    across, up = (column + 0.4) / 3, (row + 0.4) / 2
-    return f"[box.bbox.x0 + box.bbox.width * {across}, box.bbox.y1 - box.bbox.height * {up}]"
 
 
 def shown(driver: Any) -> dict[str, np.ndarray]:
@@ -66,11 +41,11 @@ def test_a_click_on_the_map_shows_the_steady_rub_of_the_case(driver: Any, tmp_pa
     dataset = run_study(steady_study(axes), tmp_path / "rubs.nc").dataset
     opened(driver, write_report(tmp_path / "rubs.nc").page)
     for column, row in ((1, 0), (0, 1)):  # α across, gap up
-        click(driver, "map", cell(column, row))
+        click(driver, "map", cell(column, row, 3, 2))
         assert_is_orbit(shown(driver), dataset.isel(alpha=column, gap=row))
         about = driver.execute_script("return document.getElementById('orbit-about').textContent")
         assert about == "settles. Phase plane, then one period."
-    click(driver, "map", cell(2, 1))
+    click(driver, "map", cell(2, 1, 3, 2))
     assert shown(driver)["x"].size == 0
     about = driver.execute_script("return document.getElementById('orbit-about').textContent")
     assert about == "runs away. The page holds no steady rub of this case."

@@ -69,7 +69,6 @@ def test_a_report_draws_speed_against_error(reports: list[ReportFiles]) -> None:
 
 
 def test_what_diverged_has_no_part_in_errors(tmp_path: Path) -> None:
-    """Errors of 1e280 stood in the table."""
     lost = "axes: {scheme: [penalty, carpenter], h: [1e-4, 3.16227766017e-4], alpha: [0, 2000]}"
     study = PRESSED.replace("axes: {alpha: [0, 1000, 2000]}", lost)
     archive = tmp_path / "lost.nc"
@@ -131,7 +130,6 @@ def test_a_report_never_overwrites_an_archive(name: str, joint: bool, archives: 
 
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
 def test_the_figure_alone_is_what_its_name_says(kind: str, archives: list[Path], tmp_path: Path) -> None:
-    """``-o figure.pdf`` wrote HTML."""
     begins = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}[kind]
     assert workflow("report", archives[1], "-o", f"figure.{kind}", cwd=tmp_path).returncode == 0
     assert [path.read_bytes()[: len(begins)] for path in tmp_path.iterdir()] == [begins]

@@ -6,7 +6,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -18,8 +17,8 @@ import dask
 import pytest
 from distributed import KilledWorker
 
-from studies import SCENE, SMALL, parsed, written
-from terminal import PATIENCE, alive, until, workflow
+from studies import SCENE, parsed, written
+from terminal import PATIENCE, alive, started, until
 from workflow.archive import Command, content_hash, parts_of, start_parts
 from workflow.run import ClusterError, _cluster, run_study
 from workflow.run._cluster import Session, join, software
@@ -63,27 +62,11 @@ def environment(notes: Path, **settings: str) -> dict[str, str]:
 
 
 @contextmanager
-def started(module: str, *words: str | Path, cwd: Path, env: dict[str, str] | None = None) -> Iterator[Process]:
-    """Start a command in a session of its own; nothing of it is left in the end."""
-    how = ["-c", FINELY] if module == "workflow" else ["-m", module]
-    command = [sys.executable, *how, *map(str, words)]
-    process = subprocess.Popen(
-        command, cwd=cwd, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
-    )
-    try:
-        yield process
-    finally:
-        if alive(process.pid):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-
-
-@contextmanager
 def scheduler(cwd: Path) -> Iterator[tuple[str, Process]]:
     """Start a scheduler by its own command and give its address, and the process."""
     file = cwd / "scheduler.json"
     words = ("--port", "0", "--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", file)
-    with started("distributed.cli.dask_scheduler", *words, cwd=cwd) as process:
+    with started("-m", "distributed.cli.dask_scheduler", *words, cwd=cwd) as process:
         until(lambda: file.exists() and file.stat().st_size > 0)
         yield json.loads(file.read_text())["address"], process
 
@@ -92,7 +75,7 @@ def scheduler(cwd: Path) -> Iterator[tuple[str, Process]]:
 def worker(address: str, cwd: Path, notes: Path, **settings: str) -> Iterator[Process]:
     """Start a worker by its own command, without a nanny that would raise it from the dead."""
     words = (address, "--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", cwd)
-    with started("distributed.cli.dask_worker", *words, cwd=cwd, env=environment(notes, **settings)) as process:
+    with started("-m", "distributed.cli.dask_worker", *words, cwd=cwd, env=environment(notes, **settings)) as process:
         yield process
 
 
@@ -108,7 +91,7 @@ def test_a_worker_of_a_real_scheduler_is_killed_in_the_middle(tmp_path: Path, ex
         scheduler(tmp_path) as (address, _),
         worker(address, tmp_path, notes, WATCHED_SLEEP="0.1") as first,
         worker(address, tmp_path, notes, WATCHED_SLEEP="0.1"),
-        started("workflow", "run", study, "--scheduler", address, cwd=tmp_path) as run,
+        started("-c", FINELY, "run", study, "--scheduler", address, cwd=tmp_path) as run,
     ):
         until(lambda: sum(process == first.pid for process, _ in computed(notes)) >= 3)
         os.kill(first.pid, signal.SIGKILL)
@@ -129,7 +112,7 @@ def test_a_worker_of_a_real_scheduler_is_killed_in_the_middle(tmp_path: Path, ex
 def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_path: Path, expected: str) -> None:
     study, notes, archive = written(STUDY, tmp_path), tmp_path / "notes", tmp_path / "many.nc"
     settings = environment(notes, WATCHED_SLEEP="0.3")
-    with started("workflow", "run", study, "--workers", "2", cwd=tmp_path, env=settings) as run:
+    with started("-c", FINELY, "run", study, "--workers", "2", cwd=tmp_path, env=settings) as run:
         until(lambda: len(computed(notes)) >= 5)
         if how == "killed":
             os.kill(run.pid, signal.SIGKILL)
@@ -145,7 +128,7 @@ def test_workers_end_with_their_parent_and_the_next_run_goes_on(how: str, tmp_pa
     done = len(list(parts_of(archive).glob("*.shard")))
     assert done >= 2
     again = tmp_path / "again"
-    with started("workflow", "run", study, "--workers", "1", cwd=tmp_path, env=environment(again)) as run:
+    with started("-c", FINELY, "run", study, "--workers", "1", cwd=tmp_path, env=environment(again)) as run:
         out, err = run.communicate(timeout=PATIENCE)
         assert run.returncode == 0, err
         assert "stored before" in out
@@ -160,7 +143,7 @@ def test_a_run_whose_workers_have_all_left_ends_and_the_next_one_goes_on(tmp_pat
     with scheduler(tmp_path) as (address, _):
         with (
             worker(address, tmp_path, notes, WATCHED_SLEEP="0.1") as only,
-            started("workflow", *words, address, cwd=tmp_path, env={**os.environ, "WATCHED_PATIENCE": "1"}) as run,
+            started("-c", FINELY, *words, address, cwd=tmp_path, env={**os.environ, "WATCHED_PATIENCE": "1"}) as run,
         ):
             until(lambda: len(computed(notes)) >= 3)
             os.kill(only.pid, signal.SIGKILL)
@@ -172,7 +155,7 @@ def test_a_run_whose_workers_have_all_left_ends_and_the_next_one_goes_on(tmp_pat
         assert re.search(rf"; (\d+) of 160 cases are stored beside {archive.name}\n", err)[1] == str(10 * stored)
         assert "Traceback" not in err
         again = tmp_path / "again"
-        with worker(address, tmp_path, again), started("workflow", *words, address, cwd=tmp_path) as run:
+        with worker(address, tmp_path, again), started("-c", FINELY, *words, address, cwd=tmp_path) as run:
             _, err = run.communicate(timeout=PATIENCE)
             assert run.returncode == 0, err
     assert content_hash(archive) == expected
@@ -185,7 +168,7 @@ def test_a_scheduler_that_goes_ends_the_run_with_a_message(tmp_path: Path) -> No
     with (
         scheduler(tmp_path) as (address, process),
         worker(address, tmp_path, notes, WATCHED_SLEEP="0.5"),
-        started("workflow", "run", study, "--scheduler", address, cwd=tmp_path) as run,
+        started("-c", FINELY, "run", study, "--scheduler", address, cwd=tmp_path) as run,
     ):
         until(lambda: len(computed(notes)) >= 2)
         process.kill()
@@ -219,7 +202,6 @@ def test_a_worker_with_another_solver_is_refused(tmp_path: Path, monkeypatch: py
 
 
 def test_what_listens_and_says_nothing_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run waited for it for ever."""
     monkeypatch.setattr(_cluster, "_ANSWER", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as listening:
         ended = threading.Timer(PATIENCE, listening.close)
@@ -230,24 +212,6 @@ def test_what_listens_and_says_nothing_is_no_scheduler(monkeypatch: pytest.Monke
         ended.cancel()
         assert listening.fileno() >= 0  # it was not asked in vain until its end
     assert dask.config.get("scheduler", None) is None  # what is computed next does not wait for it
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--workers", "2", "--threads", "2"), "--threads and --workers exclude each other"),
-        (("--scheduler", "tcp://127.0.0.1:1", "--workers", "2"), "--workers and --scheduler exclude each other"),
-        (("--workers", "0"), "workers"),
-        (("--scheduler", "nowhere"), "nowhere: no dask scheduler answers there"),
-    ],
-)
-def test_wrong_calls(words: tuple[str, ...], message: str, tmp_path: Path) -> None:
-    study = written(SMALL, tmp_path)
-    completed = workflow("run", study, *words, cwd=tmp_path)
-    assert completed.returncode == 2
-    assert message in completed.stderr
-    assert "Traceback" not in completed.stderr
-    assert list(tmp_path.iterdir()) == [study]
 
 
 def minutes(walltime: str) -> float:

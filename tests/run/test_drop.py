@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from quick import hashes_of, interrupted, quick
-from studies import cut_finely
+from studies import cut_finely, written
 from workflow.archive import ArchiveError, open_archive, parts_of
 from workflow.cli import app
 from workflow.run import holdings, run_study
@@ -101,7 +101,6 @@ def test_a_run_that_may_drop_goes_on_where_it_was_stopped(tmp_path: Path, monkey
 
 
 def test_an_unfinished_run_without_a_case_gives_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It was refused as results of another study, of which there were none."""
     cut_finely(monkeypatch)
     archive, narrowed = tmp_path / "a.nc", quick({"alpha": [5.0]})
     interrupted(quick(), archive, 0)
@@ -132,7 +131,6 @@ def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkey
 def test_an_unfinished_run_is_kept_beside_an_archive_that_holds_all_of_an_earlier_study(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The earlier study had nothing to do, and removed what its extension had stored."""
     cut_finely(monkeypatch)
     archive, extended = tmp_path / "a.nc", quick({"e": [0.2, 0.4, 0.0, 0.5, 0.9]})
     run_study(quick(), archive, threads=1)
@@ -144,14 +142,10 @@ def test_an_unfinished_run_is_kept_beside_an_archive_that_holds_all_of_an_earlie
 
 
 def test_the_command_line(tmp_path: Path) -> None:
-    def written(study: Study, name: str) -> str:
-        (tmp_path / name).write_text(study.text)
-        return str(tmp_path / name)
-
     archive = str(tmp_path / "a.nc")
     call = CliRunner().invoke
-    assert call(app, ["run", written(quick(), "whole.yaml"), "-o", archive]).exit_code == 0
-    narrowed = written(quick({"e": [0.9]}), "narrowed.yaml")
+    assert call(app, ["run", str(written(quick().text, tmp_path)), "-o", archive]).exit_code == 0
+    narrowed = str(written(quick({"e": [0.9]}).text, tmp_path))
     refusal = call(app, ["run", narrowed, "-o", archive])
     assert refusal.exit_code == 2
     assert "6 stored cases would be lost; --drop" in refusal.stderr

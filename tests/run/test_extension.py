@@ -95,8 +95,11 @@ def grids(draw: st.DrawFn) -> dict[str, Any]:
     return parts
 
 
+DRAWN = {"old": grids(), "new": grids()} | dict.fromkeys(("narrow", "fewer", "referred", "cut"), st.booleans())
+
+
 @settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(old=grids(), new=grids(), narrow=st.booleans(), fewer=st.booleans(), referred=st.booleans(), cut=st.booleans())
+@given(**DRAWN)
 def test_any_study_from_any_other(
     old: dict[str, Any], new: dict[str, Any], narrow: bool, fewer: bool, referred: bool, cut: bool
 ) -> None:
@@ -111,11 +114,9 @@ def test_any_study_from_any_other(
 
 @pytest.mark.slow
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(old=grids(), new=grids(), narrow=st.booleans(), fewer=st.booleans(), referred=st.booleans(), cut=st.booleans())
-def test_many_studies_from_many_others(
-    old: dict[str, Any], new: dict[str, Any], narrow: bool, fewer: bool, referred: bool, cut: bool
-) -> None:
-    test_any_study_from_any_other.hypothesis.inner_test(old, new, narrow, fewer, referred, cut)  # type: ignore[attr-defined]
+@given(**DRAWN)
+def test_many_studies_from_many_others(**drawn: Any) -> None:
+    test_any_study_from_any_other.hypothesis.inner_test(**drawn)  # type: ignore[attr-defined]
 
 
 STEPS = {

@@ -48,7 +48,6 @@ def test_cases_that_share_results_are_counted_each(tmp_path: Path) -> None:
 
 
 def test_a_damaged_shard_is_not_counted(tmp_path: Path, many_tasks: None) -> None:
-    """Its cases are run again: they were counted twice."""
     archive, reported, study = tmp_path / "a.nc", list[Advance](), quick()
     held = interrupted(study, archive, 2)
     first = sorted(parts_of(archive).glob("*.shard"))[0]

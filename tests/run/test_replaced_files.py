@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from matrix_files import WRITERS, matrices_of
+from matrix_files import WRITERS, as_calculix, matrices_of
 from scenes import heavy_chain
 from studies import written
 from workflow import models
@@ -26,15 +25,6 @@ scene:
 axes: {{scheme: {schemes}, h: 1e-5, e: [0, 0.5], alpha: [0, 0.5]}}
 {more}output: {{interval: 1e-4}}
 """
-
-
-def calculix(entries: Mapping[str, Any], directory: Path) -> Path:
-    for name, suffix in (("stiffness", "sti"), ("mass", "mas")):
-        matrix = np.asarray(entries[name])
-        rows = [f"{i + 1} {j + 1} {matrix[i, j]:.16e}\n" for j in range(len(matrix)) for i in range(j + 1)]
-        (directory / f"blade.{suffix}").write_text("".join(rows))
-    (directory / "blade.dof").write_text("".join(f"{k + 1}.1\n" for k in range(len(matrix))))
-    return directory / "blade.sti"
 
 
 def given_matrices(write: Callable[[Mapping[str, Any], Path], Path]) -> Callable[[Path, float], str]:
@@ -58,18 +48,13 @@ def given_modes(directory: Path, times: float) -> str:
 
 
 KINDS: dict[str, Callable[[Path, float], str]] = {
-    **{write.__name__: given_matrices(write) for write in (*WRITERS, calculix)},
+    **{write.__name__: given_matrices(write) for write in (*WRITERS, as_calculix)},
     "modes": given_modes,
 }
 
 
 def read(directory: Path, give: Callable[[Path, float], str], schemes: str = "moreau", more: str = "") -> Study:
     return read_study(written(STUDY.format(model=give(directory, 1.0), schemes=schemes, more=more), directory))
-
-
-def swapped(directory: Path, give: Callable[[Path, float], str]) -> None:
-    """Replace the files of a structure by those of a stiffer one."""
-    give(directory, 3.0)
 
 
 def cut(directory: Path, give: Callable[[Path, float], str]) -> None:
@@ -85,20 +70,20 @@ def gone(directory: Path, give: Callable[[Path, float], str]) -> None:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def forgetful() -> None:
     """Have structures assembled anew."""
     models.structure_of.cache_clear()
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_was_hashed_is_what_is_assembled(kind: str, tmp_path: Path, forgetful: None) -> None:
+def test_what_was_hashed_is_what_is_assembled(kind: str, tmp_path: Path) -> None:
     places = tmp_path / "kept", tmp_path / "changed"
     places[0].mkdir()
     read(places[0], KINDS[kind])
     shutil.copytree(*places)  # a file of MATLAB holds the second in which it was written
     studies = [read_study(place / "study.yaml") for place in places]
-    swapped(places[1], KINDS[kind])
+    KINDS[kind](places[1], 3.0)
     models.structure_of.cache_clear()  # as in another process
     run_study(studies[1], tmp_path / "changed.nc", threads=1)
     models.structure_of.cache_clear()
@@ -110,9 +95,7 @@ def test_what_was_hashed_is_what_is_assembled(kind: str, tmp_path: Path, forgetf
 
 
 @pytest.mark.parametrize("change", [cut, gone])
-def test_references_and_auto_need_no_file_any_more(
-    change: Callable[..., None], tmp_path: Path, forgetful: None
-) -> None:
+def test_references_and_auto_need_no_file_any_more(change: Callable[..., None], tmp_path: Path) -> None:
     more = "reference: {scheme: event_driven}\n"
     schemes = "[moreau, event_driven], mechanical_modes: auto, thermal_modes: auto, tolerance: 0.1"
     study = read(tmp_path, KINDS["as_npz"], schemes, more)
@@ -121,7 +104,7 @@ def test_references_and_auto_need_no_file_any_more(
     assert run_study(study, tmp_path / "a.nc", threads=1).ok
 
 
-def test_files_lie_nowhere_when_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forgetful: None) -> None:
+def test_files_lie_nowhere_when_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     room = tmp_path / "room"
     room.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(room))

@@ -112,7 +112,6 @@ def test_pieces_of_a_graph_make_the_same_archive(tmp_path: Path, monkeypatch: py
 
 
 def test_an_axis_or_a_zip_may_have_the_name_of_a_dimension_that_the_archive_lacks(tmp_path: Path) -> None:
-    """The phase of the load was labelled as a share of the period of a steady rub."""
     phases = quick({"e": None, "scene.load.phase": [0.2, 0.6, 1.0]})
     with run_study(phases, tmp_path / "phases.nc").dataset as data:
         assert data["phase"].values.tolist() == [0.2, 0.6, 1.0]

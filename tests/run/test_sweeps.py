@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import workflow.run._task as running
-from quick import room_for
+from quick import interrupted
 from studies import cut_finely, written
 from terminal import told
 from workflow import plots
 from workflow.analysis import NothingSteadyError, labels, limits
-from workflow.archive import ArchiveError, are_among, content_hash, open_archive
+from workflow.archive import are_among, content_hash, open_archive
 from workflow.cases import _arrangement, arrange, case_hashes
 from workflow.plan import plan_study
 from workflow.run import run_study, verify
@@ -148,11 +148,6 @@ def test_a_tip_that_is_held_stays_held(scheme: str, moves: bool, kind: str, tmp_
     assert (values["impacts"].reshape(5, -1)[:, 0] == (scheme == "moreau")).all()  # whose contacts begin at t = 0
 
 
-def interrupted_after(shards: int, study: Study, archive: Path, **options: Any) -> None:
-    with room_for(shards), pytest.raises(ArchiveError, match="no room"):
-        run_study(study, archive, threads=1, **options)
-
-
 LINES = {"scheme": ["event_driven", "moreau"], "e": [0.0, 0.4, 0.8]}
 SHORT, LONG = ({FREQUENCY: {"sweep": [50.0, last, count]}} for last, count in ((90.0, 5), (110.0, 7)))
 
@@ -165,7 +160,7 @@ def test_stopped_and_extended_sweeps_are_as_from_nothing(
     cut_finely(monkeypatch, 1)
     archive, asked = tmp_path / "a.nc", list[list[int]]()
     monkeypatch.setattr(running, "solve", lambda g, o, i, **more: (asked.append(i.tolist()), solve(g, o, i, **more))[1])
-    interrupted_after(stop, sweep({**LINES, **SHORT}), archive)
+    interrupted(sweep({**LINES, **SHORT}), archive, stop)
     assert len(asked) == stop + 1
     assert all(inner == list(range(inner[0], inner[0] + 5)) and inner[0] % 5 == 0 for inner in asked)
     outcome = run_study(sweep({**LINES, **SHORT}), archive)

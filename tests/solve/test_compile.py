@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-import workflow
 from quick import quick
 from terminal import alive, until
 from workflow import schemes
@@ -20,23 +19,13 @@ from workflow.solve import _compile as compilation
 from workflow.solve._compile import KernelVariant, compile_scheme, compiled_ahead
 from workflow.solve._solve import kernel_variants
 
-ROOT = Path(workflow.__file__).parents[1]
-
-START = f"""
-import sys
-sys.path.insert(0, {str(ROOT)!r})
-from collections import Counter
-from numba.core import event
-from workflow import schemes
-from workflow.solve._compile import KernelVariant, compile_scheme, compiled_ahead
-
-def variant_of(method):
-    return KernelVariant(method, schemes.load(method).Options(), balances=True)
-"""
-
-
 KILLED = """
-with compiled_ahead([variant_of("moreau"), variant_of("event_driven")]):
+import sys
+from workflow import schemes
+from workflow.solve._compile import KernelVariant, compiled_ahead
+
+variants = [KernelVariant(name, schemes.load(name).Options(), balances=True) for name in ("moreau", "event_driven")]
+with compiled_ahead(variants):
     print("begun", flush=True)
     sys.stdin.read()
 """
@@ -89,7 +78,7 @@ def test_helpers_are_gone_when_the_run_is_over(unnoted: Path, monkeypatch: pytes
 def test_helpers_end_when_the_run_is_killed(tmp_path: Path) -> None:
     """The pipe from it ends, however it died; what they were compiling is not there."""
     run = subprocess.Popen(
-        [sys.executable, "-c", START + KILLED],
+        [sys.executable, "-c", KILLED],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
     )  # fmt: skip
     with run:

@@ -37,7 +37,6 @@ def study() -> Study:
 
 
 def at(grid: Grid, **settings: object) -> Solved:
-    """Return the case of some settings."""
     for outer in range(grid.outer_count):
         cell = grid.settings(outer)
         if (cell.scheme.label, cell.reduction, cell.mechanical_modes) == tuple(settings.values()):

@@ -8,7 +8,7 @@ import pytest
 
 from matrix_files import as_sparse_npz, matrices_of
 from scenes import chain
-from studies import CHAOS, SCENE, parsed, written
+from studies import CHAOS, SCENE, parsed, solve_all, written
 from workflow import schemes
 from workflow.cases import arrange, solution_counts
 from workflow.models import Rayleigh, Structure
@@ -97,8 +97,7 @@ scene:
 axes: {scene.load.mean: [1, -1, 2], h: 1e-3}
 reference: {scheme: event_driven}
 """
-    grid = arrange(parsed(text))
-    results = solve(grid, 0, np.arange(3))
+    (results,) = solve_all(text)
     assert results.values["status"].tolist() == [0, 3, 0]
     assert list(results.messages) == [1]
     assert "no equilibrium" in results.messages[1]
@@ -116,22 +115,17 @@ def test_an_axis_that_only_the_reference_reads_makes_cases_of_its_own() -> None:
     assert replaced.sharing.tolist() == [2, 0]
 
 
-def solved(text: str) -> Solved:
-    grid = arrange(parsed(text))
-    (outer,) = grid.computed.tolist()
-    return solve(grid, outer, np.arange(grid.inner_count))
-
-
 def test_predictability_of_chaos_at_a_gap_of_zero() -> None:
     """Opening a gap of 0 by 1e-12 of it changed nothing, where the motion is known to about 1e-2."""
     text = CHAOS.replace("FREQUENCY", "700").replace("DURATION", "0.2") + "reference: {scheme: event_driven}\n"
     text += "output: {interval: 1 ms, histories: [], balances: false}\n"
-    assert 1e-3 < solved(text).values["predictability"][0] < 1
+    (solved,) = solve_all(text)
+    assert 1e-3 < solved.values["predictability"][0] < 1
 
 
 def mass_on_a_spring(gap: float, start: str, axes: str = "scheme: event_driven, e: 0") -> Solved:
     """1 kg on 100 N/m from a start, for 1 s."""
-    return solved(f"""
+    text = f"""
 study: a
 scene:
   chain: {{nodes: 1, mass: 1, stiffness: 100, heat_capacity: 1}}
@@ -142,7 +136,8 @@ schemes: {{midpoint: {{method: moreau, theta: 0.5}}}}
 axes: {{{axes}}}
 reference: {{scheme: event_driven}}
 output: {{interval: 50 ms}}
-""")
+"""
+    return solve_all(text)[0]
 
 
 def test_predictability_looks_to_both_sides() -> None:
@@ -188,8 +183,7 @@ output: {interval: 0.1 s, histories: [], balances: false}
 
 def test_cases_that_lack_a_failed_reference_have_a_message() -> None:
     """With e = 0.99999 and 1 a pressed, damped tip exceeds the budget; the case itself keeps status and results."""
-    grid = arrange(parsed(PRESSED))
-    first, second = (solve(grid, outer, np.arange(3)) for outer in grid.computed.tolist())
+    first, second = solve_all(PRESSED)
     assert first.values["status"].tolist() == [0, 0, 0]
     assert np.isfinite(first.values["contact_impulse"]).all()
     assert np.isnan(first.values["impulse_error"]).tolist() == [False, True, True]
@@ -244,10 +238,7 @@ def test_each_distinct_exact_solution_is_computed_once(tmp_path: Path, monkeypat
     grid = arrange(parsed(REFERRED))
     assert solution_counts(grid) == (6, 12)
     run_study(grid.study, tmp_path / "a.nc", threads=1)
-    assert [count for count in counted if count > 1] == [
-        6,
-        6,
-    ]
+    assert [count for count in counted if count > 1] == [6, 6]
 
 
 NODES = 310

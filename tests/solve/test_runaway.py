@@ -1,11 +1,8 @@
 """Runaway is physics: flagged, predicted, and the case stays ok."""
 
-import numpy as np
 import pytest
 
-from studies import parsed
-from workflow.cases import arrange
-from workflow.solve import solve
+from studies import solve_all
 
 
 def test_slow_growth_beside_fast_decay_is_a_runaway() -> None:
@@ -20,9 +17,7 @@ scene:
 axes: {alpha: [0.003, 0.02], scheme: event_driven}
 output: {interval: 1.0e-3}
 """
-    grid = arrange(parsed(text))
-    (outer,) = grid.computed.tolist()
-    values = solve(grid, outer, np.arange(grid.inner_count)).values
+    values = solve_all(text)[0].values
     assert values["critical_alpha"][0] == pytest.approx(2e-3 / 0.3, rel=1e-12)
     assert 0 < values["growth_rate"][1] < 1e-5
     assert values["runaway"].tolist() == [0, 1]

@@ -24,7 +24,6 @@ SENSORS: dict[str, Any] = {"tip": 4, "middle": 2, "root": {"temperature": 1}}
 
 
 def watched(axes: dict[str, Any] | None = None, **output: Any) -> Study:
-    """Return a study with sensors."""
     axes = {"scheme": ["event_driven", "moreau"], "alpha": 5.0, "e": [0.0, 0.5], "h": 1e-5, **(axes or {})}
     return quick(axes, scene=SCENE, output={"interval": 5e-5, "sensors": SENSORS, **output})
 

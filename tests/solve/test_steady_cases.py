@@ -8,11 +8,9 @@ import pytest
 import xarray as xr
 
 from quick import hashes_of, quick
-from studies import parsed, steady_study
+from studies import parsed, solve_all, steady_study
 from workflow import plan_study, run_study
-from workflow.cases import arrange
 from workflow.run import verify
-from workflow.solve import solve
 
 AXES = {"scheme": ["event_driven", "moreau"], "h": 1e-3, "alpha": [0, 5, 30], "scene.casing.gap": [20e-6, 25e-6]}
 
@@ -121,7 +119,7 @@ scene:
 axes: {scheme: event_driven, scene.load.mean: [-1, 0], scene.casing.gap: {branch: [0.05, 0.2, 4]}}
 output: {interval: 1, histories: [], steady: true}
 """
-    results = solve(arrange(parsed(text)), 0, np.arange(2))
+    (results,) = solve_all(text)
     assert "no equilibrium" in results.messages[0]
     assert "no equilibrium" not in results.messages[1]
     assert results.values["steady_state"].shape == (2, 4)

@@ -126,7 +126,6 @@ def test_a_constant_profile_has_no_harmonics() -> None:
 
 ROUND = gaps(ANGLES, HARMONICS)
 UNEVEN = np.where(ANGLES > 100, ANGLES + 1.0, ANGLES)
-SAW = 1e-6 * (ANGLES % 60)
 FINE = np.arange(0, 360, 0.5)
 REFUSED: dict[str, tuple[Array, Array, dict[str, Any], str]] = {
     "a gap beside it": (ANGLES, ROUND, {"gap": 1e-5}, "profile: stands beside `gap`, which it replaces; keep one"),

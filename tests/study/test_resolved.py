@@ -63,7 +63,6 @@ def test_a_static_start_is_listed_once() -> None:
 
 
 def test_values_of_a_table_have_the_units_of_its_columns() -> None:
-    """The unit of the heat of a mode could not be read: a value with a unit was a defect of the program."""
     model = "modes: {table: [[1.2 kHz, 50 %, 14.1]], heat: [[30 1/min, 2 K**0.5/mJ**0.5]]}"
     parameters = parsed(f"study: a\nscene: {{{model}, casing: {{gap: 1e-5}}, duration: 1 ms}}\n").scene.parameters
     assert parameters.table == ((1200.0, 0.5, 14.1),)

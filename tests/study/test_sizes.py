@@ -42,7 +42,6 @@ def written(place: Path, nodes: int, temperatures: int) -> Path:
 
 
 def test_lists_are_as_long_as_the_file_has_displacements_or_temperatures(tmp_path: Path) -> None:
-    """Both kinds had the smaller of the two, without what is condensed: no list of loads could be given."""
     place, dense = written(tmp_path / "unequal.npz", 7, 4), np.diag([1.0, 1.0, 0.0])
     np.savez(tmp_path / "condensed.npz", mass=dense, stiffness=np.eye(3), contact=0)
     for file, displacements, temperatures in ((place, 7, 4), (tmp_path / "condensed.npz", 3, 1)):
@@ -56,7 +55,6 @@ def test_lists_are_as_long_as_the_file_has_displacements_or_temperatures(tmp_pat
 
 
 def test_a_start_inside_the_casing_is_that_of_the_contact_of_the_file(tmp_path: Path) -> None:
-    """The last displacement was taken for the tip: a start 1 m inside the casing was none."""
     matrix = np.eye(3)
     for contact, inside, outside in (
         ([1, 0, 0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]),
