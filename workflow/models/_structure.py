@@ -32,16 +32,46 @@ class Rayleigh:
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
-    """Coordinates of a structure's source, such as a file of matrices, where they differ from its own.
+class Bases:
+    """Bases of a structure in the given coordinates of another, or of its source.
 
     Attributes
     ----------
     displacement_basis, displacement_projection
         Transforms from own displacements to the given ones and back, ``(given, mechanical)`` and ``(mechanical,
-        given)``; SciPy's sparse arrays where the structure has many coordinates.
+        given)``; SciPy's sparse arrays where the source has many coordinates.
     temperature_basis, temperature_projection
         The same for temperatures.
+    """
+
+    displacement_basis: Array
+    displacement_projection: Array
+    temperature_basis: Array
+    temperature_projection: Array
+
+    def transformed(self, cases: Cases) -> Cases:
+        """Return cases in given coordinates in those of the structure."""
+        return replace(
+            cases,
+            steady=_brought(self.displacement_basis.T, cases.steady),
+            heating=_brought(self.temperature_basis.T, cases.heating),
+            displacement=_brought(self.displacement_projection, cases.displacement),
+            velocity=_brought(self.displacement_projection, cases.velocity),
+            temperature=_brought(self.temperature_projection, cases.temperature),
+        )
+
+    def given(self, state: EndState) -> EndState:
+        """Return states of the structure in the given coordinates."""
+        x, v = (_brought(self.displacement_basis, each) for each in state[:2])
+        return EndState(x, v, _brought(self.temperature_basis, state.temperature))
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates(Bases):
+    """Coordinates of a structure's source, such as a file of matrices, where they differ from its own.
+
+    Attributes
+    ----------
     steady, heating
         Constant loads [N] and heat loads [W] of the source, ``(given,)``.
     expansive
@@ -52,10 +82,6 @@ class Coordinates:
         ψ of the one contact with mass, rad.
     """
 
-    displacement_basis: Array
-    displacement_projection: Array
-    temperature_basis: Array
-    temperature_projection: Array
     steady: Array
     heating: Array
     expansive: Array
@@ -64,20 +90,8 @@ class Coordinates:
 
     def transformed(self, cases: Cases) -> Cases:
         """Transform cases from these coordinates to the structure's, and add the constant loads of the source."""
-        return replace(
-            cases,
-            steady=_brought(self.displacement_basis.T, cases.steady + (self.steady + self.expansive)),
-            heating=_brought(self.temperature_basis.T, cases.heating + self.heating),
-            displacement=_brought(self.displacement_projection, cases.displacement),
-            velocity=_brought(self.displacement_projection, cases.velocity),
-            temperature=_brought(self.temperature_projection, cases.temperature),
-        )
-
-    def given(self, state: EndState) -> EndState:
-        """Return states of the structure in these coordinates."""
-        x, v, theta = state
-        x, v = (_brought(self.displacement_basis, each) for each in (x, v))
-        return EndState(x, v, _brought(self.temperature_basis, theta))
+        steady, heating = cases.steady + (self.steady + self.expansive), cases.heating + self.heating
+        return super().transformed(replace(cases, steady=steady, heating=heating))
 
     @property
     def condensed(self) -> tuple[int, int]:
