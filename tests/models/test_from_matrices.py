@@ -104,7 +104,7 @@ def test_cases_are_given_with_what_is_held_and_it_stays(tmp_path: Path) -> None:
     matrices["stiffness"][1, 1] = 1e36
     whole = assembled(tmp_path / "a.npz", **matrices, contact="d", labels=list("abcd"))
     assert whole.input_sizes == (4, 4)
-    assert whole.input_contact.tolist() == [0, 0, 0, 1]
+    assert whole.input_contacts.tolist() == [[0, 0, 0, 1]]
     moving = np.array([[1.0, 0.0, 2.0, -3.0]])
     start = {"displacement": moving, "velocity": 5 * moving, "temperature": moving + 4}
     given = cases(heavy_chain(nodes=4), **start, steady=moving - 7, heating=moving - 1)

@@ -165,15 +165,10 @@ class Cases:
 
     def __post_init__(self) -> None:
         """Fill friction and harmonics that are left out with a row for each case."""
-        if self.friction.size == 0:
-            object.__setattr__(self, "friction", np.zeros(self.count))
-        if self.gaps.size == 0:
-            object.__setattr__(self, "gaps", np.zeros((self.count, 0)))
-        if self.offset.size == 0:
-            object.__setattr__(self, "offset", np.zeros((self.count, 1)))
-        if self.turns.size == 0:
-            shape = self.count, self.gaps.shape[1], self.casing_harmonics.width
-            object.__setattr__(self, "turns", np.zeros(shape))
+        turns = self.gaps.shape[1] if self.gaps.size else 0, self.casing_harmonics.width
+        for name, shape in {"friction": (), "gaps": (0,), "offset": (1,), "turns": turns}.items():
+            if getattr(self, name).size == 0:
+                object.__setattr__(self, name, np.zeros((self.count, *shape)))
         for name in ("load_harmonics", "casing_harmonics"):
             if getattr(self, name).width == 0:
                 object.__setattr__(self, name, NO_HARMONICS.spread(self.count))

@@ -85,7 +85,7 @@ def contacts_last(structure: Structure) -> ContactsLast:
     expansion, damper = structure.expansion @ theta.basis, structure.damper
     if damper is not None:
         damper = sparse_congruent(damper, x.basis) if is_sparse else congruent(damper, x.basis)
-    moved = replace(  # type: ignore[type-var]
+    moved = replace(  # type: ignore[call-arg]
         structure,
         mechanical=mechanical,
         thermal=thermal,
@@ -97,7 +97,7 @@ def contacts_last(structure: Structure) -> ContactsLast:
         contacts=contacts.transformed(x.basis, theta.basis),
     )
     if not is_sparse:
-        moved = replace(moved, uniform_rise=theta.projection @ structure.uniform_rise, tip_growth=None)  # type: ignore[type-var]
+        moved = replace(moved, uniform_rise=theta.projection @ structure.uniform_rise, tip_growth=None)  # type: ignore[call-arg]
     return ContactsLast(moved, x, theta)
 
 

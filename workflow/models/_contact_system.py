@@ -71,8 +71,7 @@ class ContactBasis:
     @property
     def residual_load(self) -> Array:
         """ρ, m/N, ``(contact,)``."""
-        own = self.contacts.residual_load
-        return np.zeros(self.contacts.count) if own is None else own
+        return self.contacts.load_residual
 
     @property
     def residual_coupling(self) -> Array:

@@ -80,6 +80,11 @@ class Contacts:
         return self.is_massless or self.casing_flexibility > 0
 
     @property
+    def load_residual(self) -> Array:
+        """ρ, m/N, ``(contact,)``, 0 where there is none."""
+        return np.zeros(self.count) if self.residual_load is None else self.residual_load
+
+    @property
     def opposite(self) -> list[tuple[int, int, float]]:
         """Pairs i < j of stops with w_j = -c w_i, of contacts without mass x_j = -c x_i under all forces, and c.
 

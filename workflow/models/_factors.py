@@ -66,7 +66,10 @@ def factorised(matrix: scipy.sparse.csc_array, order: Array | None = None) -> So
     if matrix.shape[0] == 0:
         return lambda load: load
     order = elimination_order(matrix) if order is None else order
-    return _by_superlu(matrix) if order is None else _by_cholmod(matrix, order)
+    if order is not None:
+        return _by_cholmod(matrix, order)
+    factors = _superlu(matrix)
+    return lambda load: np.asarray(factors.solve(load))
 
 
 def elimination_order(matrix: scipy.sparse.csc_array) -> Array | None:
@@ -93,11 +96,6 @@ def is_definite(matrix: scipy.sparse.csc_array) -> bool:
     except NotHeldError:
         return False
     return True
-
-
-def _by_superlu(matrix: scipy.sparse.csc_array) -> Solver:
-    factors = _superlu(matrix)
-    return lambda load: np.asarray(factors.solve(load))
 
 
 def _superlu(matrix: scipy.sparse.csc_array) -> Any:

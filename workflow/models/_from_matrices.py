@@ -266,11 +266,6 @@ class Sparse(Structure):
     thermal: SparsePair
     expansion: scipy.sparse.csc_array
     damping: Rayleigh = field(default_factory=Rayleigh)
-    tangent: Array | None = None
-    load: Array | None = None
-    damper: scipy.sparse.csc_array | None = None
-    coordinates: Coordinates | None = None
-    contacts: Contacts | None = None
 
     @property
     def uniform_rise(self) -> Array:  # type: ignore[override]

@@ -28,21 +28,10 @@ _WHOLE = 1e-9
 """Accepted deviation of a sum of weights from 1: rounding of many of them."""
 
 _TO_SI = {
-    "mass": 1e3,
-    "stiffness": 1e3,
-    "stiffness_speed2": 1e3,
-    "damping": 1e3,
-    "coupling": 1.0,
-    "heat_capacity": 1e-3,
-    "conductance": 1e-3,
-    "heating": 1e-3,
-    "residual_flexibility": 1e-3,
-    "residual_tangent": 1e-3,
-    "residual_coupling": 1e-3,
-    "residual_load": 1e-3,
-    "residual_steady": 1e-3,
+    **dict.fromkeys(("mass", "stiffness", "stiffness_speed2", "damping"), 1e3),
+    **dict.fromkeys(("heat_capacity", "conductance", "heating", *ROWS[1:]), 1e-3),
 }
-"""Factors from t, N/mm, N s/mm, N/K, mJ/K, mW/K, mW, mm/N, mm/K and mm."""
+"""Factors from t, N/mm, N s/mm, mJ/K, mW/K, mW, mm/N, mm/K and mm."""
 
 
 _SQUARE = ("residual_flexibility", "residual_tangent")

@@ -100,12 +100,7 @@ def static_reach(structure: Structure) -> Array:
     rows, direction = structure.contact_rows, structure.load_direction
     if structure.mechanical.moves(direction):
         return np.full(rows.count, np.inf)
-    return np.asarray(rows.normal @ structure.mechanical.solve(direction) + _residual_load(structure))
-
-
-def _residual_load(structure: Structure) -> Array:
-    rows = structure.contact_rows
-    return np.zeros(rows.count) if rows.residual_load is None else rows.residual_load
+    return np.asarray(rows.normal @ structure.mechanical.solve(direction) + rows.load_residual)
 
 
 def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
@@ -250,7 +245,7 @@ def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
     moving = (omega == 0) & (np.abs(tip) > 1e-9 * np.abs(tip).max()).any(axis=0)
     if np.any(moving) or damping.ndim == 2:
         return np.full((cases.count, len(tip)), np.inf)
-    elastic, residual = omega > 0, _residual_load(structure)
+    elastic, residual = omega > 0, structure.contact_rows.load_residual
     omega, tip, damping, shapes = omega[elastic], tip[:, elastic].T, damping[elastic], modes.shapes[:, elastic]
     amplitudes, frequencies, phases = (row.T for row in cases.load_harmonics.rows)
     constant = frequencies == 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -32,16 +32,46 @@ class Rayleigh:
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
-    """Coordinates of a structure's source, such as a file of matrices, where they differ from its own.
+class Bases:
+    """Bases of a structure in the given coordinates of another, or of its source.
 
     Attributes
     ----------
     displacement_basis, displacement_projection
         Transforms from own displacements to the given ones and back, ``(given, mechanical)`` and ``(mechanical,
-        given)``; SciPy's sparse arrays where the structure has many coordinates.
+        given)``; SciPy's sparse arrays where the source has many coordinates.
     temperature_basis, temperature_projection
         The same for temperatures.
+    """
+
+    displacement_basis: Array
+    displacement_projection: Array
+    temperature_basis: Array
+    temperature_projection: Array
+
+    def transformed(self, cases: Cases) -> Cases:
+        """Return cases in given coordinates in those of the structure."""
+        return replace(
+            cases,
+            steady=_brought(self.displacement_basis.T, cases.steady),
+            heating=_brought(self.temperature_basis.T, cases.heating),
+            displacement=_brought(self.displacement_projection, cases.displacement),
+            velocity=_brought(self.displacement_projection, cases.velocity),
+            temperature=_brought(self.temperature_projection, cases.temperature),
+        )
+
+    def given(self, state: EndState) -> EndState:
+        """Return states of the structure in the given coordinates."""
+        x, v = (_brought(self.displacement_basis, each) for each in state[:2])
+        return EndState(x, v, _brought(self.temperature_basis, state.temperature))
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates(Bases):
+    """Coordinates of a structure's source, such as a file of matrices, where they differ from its own.
+
+    Attributes
+    ----------
     steady, heating
         Constant loads [N] and heat loads [W] of the source, ``(given,)``.
     expansive
@@ -52,10 +82,6 @@ class Coordinates:
         ψ of the one contact with mass, rad.
     """
 
-    displacement_basis: Array
-    displacement_projection: Array
-    temperature_basis: Array
-    temperature_projection: Array
     steady: Array
     heating: Array
     expansive: Array
@@ -64,20 +90,8 @@ class Coordinates:
 
     def transformed(self, cases: Cases) -> Cases:
         """Transform cases from these coordinates to the structure's, and add the constant loads of the source."""
-        return replace(
-            cases,
-            steady=_brought(self.displacement_basis.T, cases.steady + (self.steady + self.expansive)),
-            heating=_brought(self.temperature_basis.T, cases.heating + self.heating),
-            displacement=_brought(self.displacement_projection, cases.displacement),
-            velocity=_brought(self.displacement_projection, cases.velocity),
-            temperature=_brought(self.temperature_projection, cases.temperature),
-        )
-
-    def given(self, state: EndState) -> EndState:
-        """Return states of the structure in these coordinates."""
-        x, v, theta = state
-        x, v = (_brought(self.displacement_basis, each) for each in (x, v))
-        return EndState(x, v, _brought(self.temperature_basis, theta))
+        steady, heating = cases.steady + (self.steady + self.expansive), cases.heating + self.heating
+        return super().transformed(replace(cases, steady=steady, heating=heating))
 
     @property
     def condensed(self) -> tuple[int, int]:
@@ -93,7 +107,21 @@ def _brought(matrix: Any, states: Array) -> Array:
     return np.ascontiguousarray((matrix @ states.T).T)
 
 
-class Structure:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Beside:
+    """What a structure may have beside its pairs, documented with :class:`Structure`."""
+
+    tip_growth: Array | None = None
+    load: Array | None = None
+    damper: Any = None
+    tangent: Array | None = None
+    coordinates: Coordinates | None = None
+    observed: Array | None = None
+    contacts: Contacts | None = None
+    sensors: Sensors | None = None
+
+
+class Structure(_Beside):
     """Equations (1a) and (1b) of a structure, full or reduced; the tip is the last coordinate.
 
     A pair keeps stiffness and conductance as springs and conductors with the maps that deform them, so that rank is
@@ -139,14 +167,6 @@ class Structure:
     expansion: Any
     uniform_rise: Array
     damping: Rayleigh
-    tip_growth: Array | None = None
-    load: Array | None = None
-    damper: Array | None = None
-    tangent: Array | None = None
-    coordinates: Coordinates | None = None
-    observed: Array | None = None
-    contacts: Contacts | None = None
-    sensors: Sensors | None = None
 
     @property
     def mechanical_size(self) -> int:
@@ -187,22 +207,14 @@ class Structure:
             return self.contacts
         tip, warm = self.mechanical.unit_tip[None], self.thermal.unit_tip[None]
         tangent = np.zeros_like(tip) if self.tangent is None else self.tangent[None]
-        return Contacts(("tip",), tip, tangent, warm, self.angles)
-
-    @property
-    def input_contact(self) -> Array:
-        """w, ``(given,)``: the tip is x_n = wᵀx in the displacements in which cases are given."""
-        tip = self.mechanical.unit_tip
-        return tip if self.coordinates is None else np.asarray(self.coordinates.displacement_projection.T @ tip)
+        angle = 0.0 if self.coordinates is None else self.coordinates.angle
+        return Contacts(("tip",), tip, tangent, warm, np.array([angle]))
 
     @property
     def input_contacts(self) -> Array:
         """Rows w_i of all contacts in the displacements in which cases are given, ``(contact, given)``."""
-        if self.contacts is None:
-            return self.input_contact[None]
-        if self.coordinates is None:
-            return self.contacts.normal
-        return np.asarray((self.coordinates.displacement_projection.T @ self.contacts.normal.T).T)
+        normal = self.contact_rows.normal
+        return normal if self.coordinates is None else (self.coordinates.displacement_projection.T @ normal.T).T
 
     def received(self, cases: Cases) -> Cases:
         """Return cases as they are given in the structure's coordinates, with the constant loads of its source."""
@@ -212,15 +224,12 @@ class Structure:
         """Return the structure with an elastic casing of this flexibility, m/N; 0 is a rigid one."""
         if flexibility == 0:
             return self
-        assert is_dataclass(self)
         return replace(self, contacts=replace(self.contact_rows, casing_flexibility=flexibility))
 
     @property
     def angles(self) -> Array:
         """ψ_i of all contacts, rad, ``(contact,)``."""
-        if self.contacts is not None:
-            return self.contacts.angle
-        return np.array([0.0 if self.coordinates is None else self.coordinates.angle])
+        return self.contact_rows.angle
 
     @property
     def slides(self) -> bool:
@@ -235,9 +244,9 @@ class Structure:
         TooManyCoordinatesError
             They would be too large.
         """
-        names = ["uniform_rise", "damping", "tip_growth", "load", "damper", "tangent", "coordinates", "observed"]
-        others = {name: getattr(self, name) for name in [*names, "contacts", "sensors"]}
-        return Matrices(self.mechanical.dense, self.thermal.dense, self.expansion, **others)
+        beside = {entry.name: getattr(self, entry.name) for entry in fields(_Beside)}
+        pairs = self.mechanical.dense, self.thermal.dense
+        return Matrices(*pairs, self.expansion, self.uniform_rise, self.damping, **beside)
 
     @property
     def sensor_count(self) -> int:
@@ -317,14 +326,6 @@ class Matrices(Structure):
     expansion: Array
     uniform_rise: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
-    tip_growth: Array | None = None
-    load: Array | None = None
-    damper: Array | None = None
-    tangent: Array | None = None
-    coordinates: Coordinates | None = None
-    observed: Array | None = None
-    contacts: Contacts | None = None
-    sensors: Sensors | None = None
 
     def matrices(self) -> Matrices:
         """Return itself."""

@@ -29,10 +29,8 @@ from workflow.declare import Values, quantity, speed
 from workflow.kernels import Array
 from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._cases import Cases
-from workflow.models._contacts import Contacts
 from workflow.models._from_matrices import structure_of_forms
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError, UnusableMatricesError
-from workflow.models._sensors import Sensors
 from workflow.models._structure import Matrices, Rayleigh, Structure
 
 MOST_ONE_BY_ONE = 100
@@ -231,8 +229,6 @@ class Chain(Structure):
         k_i [N/m] and κ_i [W/K] of the springs 1 … n, shape (n,).
     free_expansion
         a ℓ_i, free thermal elongation of a spring per kelvin [m/K], shape (n,).
-    damping
-        Rayleigh coefficients.
     lengths
         ℓ_i of the springs, m, shape (n,); empty where they are not known.
     angular_speed
@@ -249,11 +245,8 @@ class Chain(Structure):
     convection: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
     lengths: Array = field(default_factory=lambda: np.zeros(0))
-    observed: Array | None = None
-    contacts: Contacts | None = None
     angular_speed: float = 0.0
     centrifugal: Array | None = None
-    sensors: Sensors | None = None
 
     @cached_property
     def mechanical(self) -> Pair:  # type: ignore[override]

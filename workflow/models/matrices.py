@@ -7,7 +7,7 @@ no rank can be decided.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -41,8 +41,8 @@ _BESIDE = 1e-12
 """Largest other entry of the row over the diagonal: what is left out changes the answers relatively by this."""
 
 
-def with_held_left_out(given: GivenMatrices, build: Callable[[GivenMatrices], Matrices | Sparse]) -> Matrices | Sparse:
-    """Return what ``build`` makes of the matrices without held freedoms, for cases that are given with them.
+def with_held_left_out(given: GivenMatrices) -> Matrices | Sparse:
+    """Return the structure of the matrices without held freedoms, for cases that are given with them.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def with_held_left_out(given: GivenMatrices, build: Callable[[GivenMatrices], Ma
     """
     moving, warming = ~_is_held(given.stiffness), ~_is_held(given.conductance)
     if moving.all() and warming.all():
-        return build(given)
+        return _dense_or_sparse(given)
     into, heat_into = (scipy.sparse.eye_array(each.size, format="csc")[:, each] for each in (moving, warming))
     vectors = {name: getattr(given, name) for name in ("contact", "load", "tangent", "steady")}
     left: dict[str, Any] = {name: value if value is None else into.T @ value for name, value in vectors.items()}
@@ -71,7 +71,7 @@ def with_held_left_out(given: GivenMatrices, build: Callable[[GivenMatrices], Ma
         labels=tuple(np.array(given.labels)[moving]) if given.labels else (),
         **left,
     )
-    structure = build(rest)
+    structure = _dense_or_sparse(rest)
     own = structure.coordinates
     assert own is not None
     coordinates = replace(
@@ -157,7 +157,7 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     chosen = Chosen(parameters.contact, parameters.thermal_contact, parameters.tangent)
     with turning_at(parameters.speed):
         given, contacts = given_by(entries, chosen, parameters.damping, 2 * np.pi * parameters.speed)
-        structure = with_contacts(with_held_left_out(given, _dense_or_sparse), contacts)
+        structure = with_contacts(with_held_left_out(given), contacts)
         if parameters.speed and isinstance(structure, Sparse) and not is_definite(structure.mechanical.stiffness):
             raise UnusableMatricesError("K1 + Ω² K_Ω is not positive definite", "check `stiffness_speed2`")
     return structure
@@ -209,11 +209,8 @@ def write_matrices(
     UnusableMatricesError
         An entry is wrong; the message says which, and what would be right.
     """
-    place, known, given = (
-        Path(path),
-        (*MATRICES, *VECTORS, *ROWS, *LABELS),
-        {"mass": mass, "stiffness": stiffness, **entries},
-    )
+    place, known = Path(path), (*MATRICES, *VECTORS, *ROWS, *LABELS)
+    given = {"mass": mass, "stiffness": stiffness, **entries}
     if place.suffix.lower() != ".npz":
         raise UnusableMatricesError(f"`{place.name}` is no NPZ file", "end its name in .npz")
     unknown = sorted(set(given) - set(known))

@@ -111,38 +111,32 @@ def _reduce(
     structure: Structure, mechanical_modes: int | None, thermal_modes: int | None, basis: str, duration: float | None
 ) -> Reduction:
     """Reduce a structure whose contacts are its last coordinates."""
-    for count, pair in ((mechanical_modes, structure.mechanical), (thermal_modes, structure.thermal)):
+    counts = (mechanical_modes, structure.mechanical), (thermal_modes, structure.thermal)
+    for count, pair in counts:
         if count is not None and not 0 <= count <= pair.size - pair.boundary:
             raise ValueError(f"{count} interior modes of a structure that has {pair.size - pair.boundary}")
         large = not structure.has_matrices and pair.size > pair.most_modes + 1
         if large and (count is None or count > pair.most_modes):
             raise TooManyCoordinatesError(pair.size, pair.most_modes)
-    chosen = load(basis)
-    if mechanical_modes is None:
-        mechanical = unreduced(structure.mechanical)
-    else:
-        mechanical = chosen.mechanical(structure, mechanical_modes, duration)
-        _check(mechanical, mechanical_modes, structure.mechanical.boundary, basis)
-    if thermal_modes is None:
-        thermal = unreduced(structure.thermal)
-    else:
-        thermal = chosen.thermal(structure, thermal_modes, duration)
-        _check(thermal, thermal_modes, structure.thermal.boundary, basis)
+    chosen, kinds = load(basis), []
+    for (count, pair), vectors_of in zip(counts, (chosen.mechanical, chosen.thermal), strict=True):
+        if count is None:
+            kinds.append(unreduced(pair))
+            continue
+        vectors = vectors_of(structure, count, duration)
+        if not isinstance(vectors, Vectors):
+            raise BrokenModuleError(f"the basis {basis} returns {type(vectors).__name__}, not Vectors")
+        given = vectors.shapes.shape[1] - (pair.boundary if vectors.residual is None else 0)
+        if given != count:
+            raise BrokenModuleError(f"the basis {basis} gives {given} vectors for {count}")
+        kinds.append(vectors)
+    mechanical, thermal = kinds
     carried = None
     if mechanical_modes is not None and mechanical.residual is None:
         mechanical = with_friction(structure, mechanical)
     if chosen.carried is not None and mechanical_modes is not None:
         carried = chosen.carried(structure, mechanical, thermal)
     return galerkin(structure, mechanical, thermal, carried)
-
-
-def _check(vectors: Vectors, count: int, boundary: int, basis: str) -> None:
-    """Check that the vectors of a basis are ``count`` and the contacts' own."""
-    if not isinstance(vectors, Vectors):
-        raise BrokenModuleError(f"the basis {basis} returns {type(vectors).__name__}, not Vectors")
-    given = vectors.shapes.shape[1] - (boundary if vectors.residual is None else 0)
-    if given != count:
-        raise BrokenModuleError(f"the basis {basis} gives {given} vectors for {count}")
 
 
 def reduced_model(

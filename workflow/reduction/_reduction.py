@@ -36,6 +36,7 @@ from workflow.models import (
 )
 from workflow.models._from_matrices import structure_of_forms
 from workflow.models._pair import symmetric
+from workflow.models._structure import Bases
 
 Inertia = Callable[[Array], Array]
 """Product of an inertia and vectors."""
@@ -169,7 +170,7 @@ _ORTHONORMAL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Reduction:
+class Reduction(Bases):
     """A reduced structure and its bases for the expansion to the nodes.
 
     Attributes
@@ -177,11 +178,9 @@ class Reduction:
     structure
         The reduced structure; its coordinates are interior vectors, then the contacts that have mass.
     displacement_basis, temperature_basis
-        x = displacement_basis · x_r (and v likewise), θ = temperature_basis · θ_r, shapes
         ``(node, mechanical)`` and ``(node, thermal)``; the row of a tip with mass is (0, …, 0, 1).
     displacement_projection, temperature_projection
-        Projection of initial states: the tip itself, the interior inertia-orthogonally to its vectors, shapes
-        ``(mechanical, node)`` and ``(thermal, node)``.
+        The tip itself, the interior inertia-orthogonally to its vectors.
     carried
         Static displacement per temperature, m/K, ``(node, thermal)``: x = displacement_basis · x_r + carried · θ_r,
         v = displacement_basis · v_r. It is 0 at the tip and M-orthogonal to the interior vectors. ``None`` for none.
@@ -190,25 +189,13 @@ class Reduction:
     """
 
     structure: Structure
-    displacement_basis: Array
-    temperature_basis: Array
-    displacement_projection: Array
-    temperature_projection: Array
     carried: Array | None = None
     residual: Array | None = None
 
     def project(self, cases: Cases) -> Cases:
         """Return the cases of the full structure in reduced coordinates."""
         beside = 0.0 if self.residual is None else project(self.residual.T, cases.steady)
-        return replace(
-            cases,
-            offset=cases.offset + beside,
-            steady=project(self.displacement_basis.T, cases.steady),
-            heating=project(self.temperature_basis.T, cases.heating),
-            displacement=project(self.displacement_projection, cases.displacement),
-            velocity=project(self.displacement_projection, cases.velocity),
-            temperature=project(self.temperature_projection, cases.temperature),
-        )
+        return self.transformed(replace(cases, offset=cases.offset + beside))
 
     def sensors(self, full: Sensors, structure: Structure) -> Sensors:
         """Return the sensors of the full structure; they follow contacts that the basis leaves without mass.
@@ -226,9 +213,9 @@ class Reduction:
 
     def expanded(self, state: EndState) -> EndState:
         """Return states of the reduced structure on the nodes, without what the residual flexibility yields."""
-        x, v = (project(self.displacement_basis, each) for each in state[:2])
+        given = self.given(state)
         carried = 0.0 if self.carried is None else project(self.carried, state.temperature)
-        return EndState(x + carried, v, project(self.temperature_basis, state.temperature))
+        return given._replace(displacement=given.displacement + carried)
 
     def given_in(self, coordinates: ContactsLast) -> Reduction:
         """Return the reduction of the structure whose contacts these coordinates put last."""
@@ -343,7 +330,7 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
         tangent=None if structure.tangent is None or contacts is not None else x.T @ structure.tangent,
         contacts=None if contacts is None else contacts.transformed(x, theta),
     )
-    return Reduction(reduced, x, theta, mechanical.projection, thermal.projection, carried, residual)
+    return Reduction(x, mechanical.projection, theta, thermal.projection, reduced, carried, residual)
 
 
 def _without_mass(structure: Structure, residual: Array) -> Contacts:
@@ -391,11 +378,7 @@ def projection_residual(structure: Structure, reduction: Reduction, cases: Cases
     first, which = distinct_rows(
         *(cases.displacement, cases.velocity, cases.temperature, cases.steady, cases.mean[:, None], cases.heating)
     )
-    return _residual(structure, reduction, cases.take(first))[which]
-
-
-def _residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array:
-    """Return the projection residual of distinct cases."""
+    cases = cases.take(first)
     small = reduction.project(cases)
     loads = cases.steady + cases.mean[:, None] * structure.load_direction
     static: Array | float = 0.0
@@ -423,7 +406,7 @@ def _residual(structure: Structure, reduction: Reduction, cases: Cases) -> Array
         _lost(*temperature, theta, _in_inertia(structure.thermal)),
         _lost(*steady, theta, structure.thermal.energies),
     ]
-    return np.asarray(np.max(lost, axis=0))
+    return np.asarray(np.max(lost, axis=0)[which])
 
 
 _Squares = Callable[[Array], Array]

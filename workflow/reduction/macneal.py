@@ -19,7 +19,7 @@ import numpy as np
 from workflow.models import Structure
 from workflow.reduction import craig_bampton, rubin
 from workflow.reduction._reduction import DEPENDENT, Orthonormal, Vectors
-from workflow.reduction.rubin import thermal
+from workflow.reduction.craig_bampton import thermal
 
 __all__ = ["CONTACTS", "mechanical", "thermal"]
 

@@ -15,7 +15,10 @@ from __future__ import annotations
 import numpy as np
 
 from workflow.models import Structure
-from workflow.reduction._reduction import Vectors, mechanical_vectors, relative, relative_thermal_modes, thermal_vectors
+from workflow.reduction._reduction import Vectors, mechanical_vectors, relative
+from workflow.reduction.craig_bampton import thermal
+
+__all__ = ["CONTACTS", "mechanical", "thermal"]
 
 CONTACTS = frozenset({"several"})
 
@@ -27,8 +30,3 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     loose = [unit for unit in np.eye(held, pair.size, pair.size - held) if pair.moves(unit)]
     shapes = np.column_stack([*(pair.solve(unit) for unit in loose), modes.shapes])
     return mechanical_vectors(structure, relative(shapes, pair.constraint, pair.inertia_of, count))
-
-
-def thermal(structure: Structure, count: int, duration: float | None) -> Vectors:
-    """Return the slowest ``count`` modes relative to the constraint mode, and the constraint mode."""
-    return thermal_vectors(structure, relative_thermal_modes(structure, count))

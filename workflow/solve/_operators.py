@@ -56,7 +56,7 @@ def observed_structure(by: Reduced, depth: float | None, sensors: Watched = ()) 
     if sensors:
         rows = sensors_of(by.model, by.parameters, sensors)
         own = rows if model.reduction is None else model.reduction.sensors(rows, full)
-        model = model._replace(structure=replace(model.structure, sensors=own))  # type: ignore[type-var]
+        model = model._replace(structure=replace(model.structure, sensors=own))
     if depth is None:
         return model.structure
     assert isinstance(full, Chain), "a study is refused otherwise"
