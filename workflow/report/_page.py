@@ -12,7 +12,6 @@ from workflow.analysis import RULE, contact_text, most_loaded, ranges
 from workflow.archive import ArchiveError, commit, open_archive, usable
 from workflow.plots import HISTORIES, MADE_BY, histories, save
 from workflow.report import _sections as sections
-from workflow.report._explorer import explored_branches, explored_cases, with_contacts
 from workflow.report._html import interactive_scripts, page, picture, short
 from workflow.run import warnings_of
 
@@ -107,6 +106,8 @@ def _refuse_foreign(unnamed: Sequence[Path]) -> None:
 
 
 def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
+    from workflow.report._explorer import explored_branches, explored_cases, with_contacts
+
     with open_archive(archive) as opened:
         dataset = most_loaded(opened)
         drawn = precision, maps, over_speed, branches, shares = [section(dataset) for section in _DRAWN]
