@@ -321,7 +321,7 @@ def _order(part: xr.Dataset, first: Sequence[int], partners: NDArray[np.int64]) 
     Before each comes its exact partner. Without errors the cases of the rest are spread evenly, by a fixed shuffle.
     """
     shape, size = part["status"].shape, part["status"].size
-    numbers, place = np.arange(size).reshape(shape), np.unravel_index(first[0], shape) if shape else ()
+    numbers, place = np.arange(size).reshape(shape), list[Any](np.unravel_index(first[0], shape) if shape else ())
     neighbours = [numbers[(*place[:axis], slice(None), *place[axis + 1 :])] for axis in range(len(shape))]
     rest = np.random.default_rng(0).permutation(size)
     error = total_error(part)
