@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -76,34 +76,30 @@ def scene_map(dataset: xr.Dataset, across: str, up: str, variable: str | None = 
         A dimension has no numbers, or there is no such metric.
     """
     dims, dataset = (across, up), most_loaded(dataset)
-    _refuse(dataset, dims, variable)
-    place = middle(dataset, dims)
-    cut = _cut(dataset, dims, place)
-    if variable is not None:
-        figure = new_figure(5.25, 4.0)
-        _draw(figure.subplots(), cut, dims, _metric(cut, variable))
-        figure.suptitle(place_text(dataset, place), fontsize=10)
-        return figure
-    figure = new_figure(10.5, 8.0)
-    grid, panels = figure.subplots(2, 2, sharex=True, sharey=True), _panels(cut)
-    for axes in grid.flat[len(panels) :]:
-        axes.remove()
-    for axes, panel in zip(grid.flat, panels, strict=False):
-        _draw(axes, cut, dims, panel)
-        if len(panels) == grid.size:
-            axes.label_outer()
-    figure.suptitle(place_text(dataset, place), fontsize=10)
-    return figure
-
-
-def _refuse(dataset: xr.Dataset, dims: tuple[str, str], variable: str | None) -> None:
-    """Refuse dimensions and metrics that no map can show."""
     for dim in dims:
         require_numbers(dataset, dim)
     if variable is None and "period_impulse" not in dataset:
         raise ValueError("the dataset has no load periods; name the `variable` to draw, such as contact_impulse")
     if variable is not None and (variable not in dataset or dataset[variable].dims != dataset["status"].dims):
         raise ValueError(f"`{variable}` is no metric of the dataset, one number for each case")
+    place = middle(dataset, dims)
+    cut = _cut(dataset, dims, place)
+    figure = _drawn(cut, dims, _panels(cut), 2) if variable is None else _drawn(cut, dims, [_metric(cut, variable)])
+    figure.suptitle(place_text(dataset, place), fontsize=10)
+    return figure
+
+
+def _drawn(cut: xr.Dataset, dims: tuple[str, str], panels: Sequence[Panel], side: int = 1) -> Figure:
+    """Return a figure of maps, so many below and beside each other."""
+    figure = new_figure(5.25 * side, 4.0 * side)
+    grid = np.ravel(figure.subplots(side, side, sharex=True, sharey=True))
+    for axes in grid[len(panels) :]:
+        axes.remove()
+    for axes, panel in zip(grid, panels, strict=False):
+        _draw(axes, cut, dims, panel)
+        if len(panels) == grid.size:
+            axes.label_outer()
+    return figure
 
 
 def _metric(cut: xr.Dataset, variable: str) -> Panel:
@@ -115,11 +111,8 @@ def _metric(cut: xr.Dataset, variable: str) -> Panel:
 
 def single_maps(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> list[Figure]:
     """Draw the maps of :func:`scene_map` as a figure each, to stand below each other where a page is narrow."""
-    cut, figures = _cut(most_loaded(archive), dims, place), []
-    for panel in _panels(cut):
-        figures.append(new_figure(5.25, 4.0))
-        _draw(figures[-1].subplots(), cut, dims, panel)
-    return figures
+    cut = _cut(most_loaded(archive), dims, place)
+    return [_drawn(cut, dims, [panel]) for panel in _panels(cut)]
 
 
 def _cut(archive: xr.Dataset, dims: tuple[str, str], place: Mapping[str, int]) -> xr.Dataset:

@@ -62,8 +62,7 @@ def work_precision(dataset: xr.Dataset, beside: xr.Dataset | None = None) -> Fig
     first.set_xlim(first.get_xlim()[0] / 5)  # room for the names of the steps
     _leave_room(first, stepping)
     for panel in panels:
-        _tick_decades(panel.xaxis)
-        _tick_decades(panel.yaxis)
+        _tick_decades(panel)
     _name_steps(first, stepping)
     _name_below(figure, first, first.get_legend_handles_labels(), stepping, bool(reduced))
     return figure
@@ -111,8 +110,7 @@ def convergence(dataset: xr.Dataset) -> Figure:
         panel.set_title(about, fontsize=10)
     for panel in panels[:used]:
         _leave_room(panel, stepping)
-        _tick_decades(panel.xaxis)
-        _tick_decades(panel.yaxis)
+        _tick_decades(panel)
         trim(panel)
     label_lowest(panels, used, columns, "step h [s]")
     head(figure, contact_text(most_loaded(dataset)))
@@ -141,15 +139,16 @@ def _name_below(
     legend_below(figure, named, 4)
 
 
-def _tick_decades(axis: Any) -> None:
-    """Write powers of ten along a logarithmic axis, of fewer than two decades what lies between too."""
+def _tick_decades(panel: Any) -> None:
+    """Write powers of ten along logarithmic axes, along one of fewer than two decades what lies between too."""
     from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-    axis.set_minor_locator(NullLocator())
-    low, high = axis.get_view_interval()
-    if high < 100 * low:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    for axis in (panel.xaxis, panel.yaxis):
+        axis.set_minor_locator(NullLocator())
+        low, high = axis.get_view_interval()
+        if high < 100 * low:
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
 
 def _shown(x: Any, y: Any) -> tuple[Any, Any]:

@@ -111,26 +111,26 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
 
 def _draw_casing(panel: Axes, curves: list[Curve], scale: float, unit: str) -> None:
     """Draw where the casing of each case is: a line at the gap, its motion dotted in the colour of the case."""
-    stays: dict[float, bool] = {}
-    top: dict[float, float] = {}
+    casings: dict[float, tuple[float, bool]] = {}  # at each gap: how far up one moves, and whether one stays
     for curve in curves:
         if "gap" not in curve.case.coords:
             continue
         gap, motion = float(gap_of(curve.case)), casing_motion(curve.case)
-        stays[gap] = stays.get(gap, False) or motion is None
-        if motion is not None:
-            panel.plot(curve.case["t"].values, motion[0] * scale, color=curve.colour, lw=0.9, ls=":")
-        top[gap] = max(top.get(gap, gap), gap if motion is None else float(np.max(motion[0])))
+        top, stays = casings.get(gap, (gap, False))
         if motion is None:
             panel.axhline(gap * scale, color="black", lw=0.8, ls=":")
+            casings[gap] = top, True
+        else:
+            panel.plot(curve.case["t"].values, motion[0] * scale, color=curve.colour, lw=0.9, ls=":")
+            casings[gap] = max(top, float(np.max(motion[0]))), stays
     low, high = panel.get_ylim()
     above = -np.inf
-    for gap in sorted(stays):
-        if top[gap] * scale < above + _LINE * (high - low):  # the legend names gaps that are compared
+    for gap, (top, stays) in sorted(casings.items()):
+        if top * scale < above + _LINE * (high - low):  # the legend names gaps that are compared
             continue
-        above = top[gap] * scale
+        above = top * scale
         panel.annotate(
-            f"gap {gap * scale:.4g} {unit}" + ("" if stays[gap] else ", casing dotted"), (1.0, above),
+            f"gap {gap * scale:.4g} {unit}" + ("" if stays else ", casing dotted"), (1.0, above),
             xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8, xytext=(-3, 2),
             textcoords="offset points",
         )  # fmt: skip

@@ -7,10 +7,8 @@ mail, about 6 MB.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache, partial
-from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,31 +117,21 @@ _EXPLAINED = {
 def explored_cases(
     dataset: xr.Dataset, archive: str, choice: Choice | None, methods: Mapping[str, str], scene: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return what the page's template and script need of an archive's cases.
+    """Return what the page's template and script need of the cases of the archive in a file of that name.
 
-    Parameters
-    ----------
-    dataset, archive
-        The archive and the name of its file.
-    choice
-        What it recommends or comes nearest to it.
-    methods
-        Method of each scheme of its study by label.
-    scene
-        Of its study as resolved.
+    ``choice`` is what it recommends or comes nearest to it; ``methods`` and ``scene`` are those of
+    :func:`workflow.report._sections.study_of`.
     """
     notable = notable_cases(dataset, choice)
     shown = shown_part(dataset, notable)
     about = described(shown.dataset, shown.cases, methods, scene)
     about |= {"archive": repr(archive), "chosen_modes": _chosen_modes(dataset, choice)}
     figures = case_figures(about)
-    omitted = list(shown.left_out)
-    if about["left_out"]:
-        omitted.append("metrics that do not fit: " + ", ".join(about["left_out"]))
+    unfit = ["metrics that do not fit: " + ", ".join(about["left_out"])] if about["left_out"] else []
     return {
         "figures": list(figures),
         "contact": contact_text(dataset),
-        "omitted": omitted,
+        "omitted": [*shown.left_out, *unfit],
         "metrics": [metric["name"] for metric in about["metrics"]],
         "is_auto": "auto" in (about["chosen_modes"] or ()),
         "worth_a_look": list(_worth_a_look(notable.values(), shown.cases, about["dims"])),
@@ -189,19 +177,8 @@ def _worth_a_look(
         yield why, ", ".join(varied) or "the only case", case
 
 
-@dataclass(frozen=True)
-class Shown:
-    """The part of an archive that a page holds.
-
-    Attributes
-    ----------
-    dataset
-        That part.
-    cases
-        Number of each notable case in it.
-    left_out
-        A sentence for every axis of which values are left out.
-    """
+class Shown(NamedTuple):
+    """The part of an archive that a page holds, the numbers of its notable cases, and a remark on each axis cut."""
 
     dataset: xr.Dataset
     cases: tuple[int, ...]
@@ -237,18 +214,10 @@ def _part(dataset: xr.Dataset, kept: Mapping[str, NDArray[np.int64]]) -> xr.Data
 def described(
     part: xr.Dataset, first: Sequence[int], methods: Mapping[str, str], scene: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return what the page's script reads of cases, by name.
+    """Return what the page's script reads of the cases of :func:`shown_part`, by name.
 
-    Parameters
-    ----------
-    part
-        Of :func:`shown_part`.
-    first
-        Numbers of the cases whose histories come first; the first of all is the one shown.
-    methods
-        Method of each scheme by its label.
-    scene
-        Of its study as resolved.
+    The histories of the cases ``first`` come first, and the first of all is the one shown; ``methods`` and ``scene``
+    are those of :func:`workflow.report._sections.study_of`.
     """
     status = np.asarray(part["status"].values).ravel()
     partners = exact_partners(part, methods)
@@ -346,49 +315,39 @@ def _modes(part: xr.Dataset) -> dict[str, Any] | None:
     return {name: {"dim": _place_of(part, name), "texts": coordinate_texts(part[name])[1]} for name in MODES}
 
 
-def _order(part: xr.Dataset, first: Sequence[int], partners: NDArray[np.int64]) -> Iterator[int]:
-    """Yield every case once: notable ones, neighbours of the first along every axis, then the largest errors.
+def _order(part: xr.Dataset, first: Sequence[int], partners: NDArray[np.int64]) -> list[int]:
+    """Return every case once: notable ones, neighbours of the first along every axis, then the largest errors.
 
     Before each comes its exact partner. Without errors the cases of the rest are spread evenly, by a fixed shuffle.
     """
-    yielded: set[int] = set()
-    for case in _ranked(part, first):
-        for one in (int(partners[case]), case):
-            if one >= 0 and one not in yielded:
-                yielded.add(one)
-                yield one
-
-
-def _ranked(part: xr.Dataset, first: Sequence[int]) -> Iterator[int]:
-    shape = part["status"].shape
-    yield from first
-    place = np.unravel_index(first[0], shape) if shape else ()
-    for axis, size in enumerate(shape):
-        for k in range(size):
-            yield int(np.ravel_multi_index([*place[:axis], k, *place[axis + 1 :]], shape))
-    mixed = np.random.default_rng(0).permutation(part["status"].size)
+    shape, size = part["status"].shape, part["status"].size
+    numbers, place = np.arange(size).reshape(shape), list[Any](np.unravel_index(first[0], shape) if shape else ())
+    neighbours = [numbers[(*place[:axis], slice(None), *place[axis + 1 :])] for axis in range(len(shape))]
+    rest = np.random.default_rng(0).permutation(size)
     error = total_error(part)
     if error is not None:
-        rank = np.where(np.isfinite(error), error, -1.0).ravel()[mixed]
-        mixed = mixed[np.argsort(-rank, kind="stable")]
-    yield from map(int, mixed)
+        rank = np.where(np.isfinite(error), error, -1.0).ravel()[rest]
+        rest = rest[np.argsort(-rank, kind="stable")]
+    ranked = np.concatenate([first, *neighbours, rest])
+    pairs = np.stack([partners[ranked], ranked], axis=1).ravel()
+    return list(dict.fromkeys(pairs[pairs >= 0].tolist()))
 
 
-def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> dict[str, Any] | None:
+def _cases(part: xr.Dataset, order: Sequence[int], scene: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return histories, load periods and orbits of the first cases of an order, as many as a page holds.
 
     ``None`` where the archive keeps none of these.
     """
     names = [name for name in HISTORIES if name in part] if "t" in part.coords and part.sizes["t"] > 1 else []
     orbits = ORBIT if ORBIT[0] in part and "point" not in part.dims else ()
-    contacts = [str(label) for label in part[_CONTACT].values] if _OF_CONTACTS in part else []
+    contacts = part.sizes.get(_CONTACT, 0)
     others = [*orbits, *(name for name in ("period_impulse", "growth_rate") if name in part)]
     if not names and not orbits and "period_impulse" not in part:
         return None
     dims, samples = case_dims(part), part.sizes.get("t", 0)
-    rows = len(names) + len(contacts)
+    rows = len(names) + contacts
     size = rows * min(samples, 2 * BUCKETS) + sum(part[name][dict.fromkeys(dims, 0)].size for name in others)
-    kept = list(islice(order, min(MOST_KEPT, max(1, MOST_SAMPLES // size))))
+    kept = order[: min(MOST_KEPT, max(1, MOST_SAMPLES // size))]
     buckets = int(np.clip(MOST_SAMPLES // (2 * len(kept) * max(rows, 1)), BUCKETS, MOST_BUCKETS))
     others += [_OF_CONTACTS] if contacts else []
     has_gap = "displacement" in names and "gap" in part.coords
@@ -400,8 +359,15 @@ def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> 
 
     @cache
     def frequency_and_gap(*at: int) -> tuple[float, Array | None]:
+        """Return the gap as two equal numbers, or the motion of the casing at the times of the histories."""
         here = of_scene.isel(dict(zip(changing, at, strict=True)))
-        return period_frequency(here, scene), _gap(here, units["displacement"][1], buckets) if has_gap else None
+        frequency = period_frequency(here, scene)
+        if not has_gap:
+            return frequency, None
+        motion, factor = casing_motion(here), units["displacement"][1]
+        if motion is None:
+            return frequency, np.full(2, factor * float(gap_of(here)))
+        return frequency, on_screen(factor * thinned(motion[0], buckets))
 
     t = thinned_times(np.asarray(part["t"].values, dtype=float), buckets) if names else np.zeros(0)
     entries = {}
@@ -414,8 +380,7 @@ def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> 
         curves = {name: on_screen(thinned(values[name], buckets)) for name in names}
         entry: dict[str, Any] = {"curves": curves, "window": _window(t, frequency), "gap": gap}
         if contacts:
-            impulse = _impulse(part, values[_OF_CONTACTS])
-            entry["contacts"] = _contacts(impulse, contacts, part["t"].values, 2 * buckets)
+            entry["contacts"] = _contacts(part, values[_OF_CONTACTS], 2 * buckets)
         if "period_impulse" in values:
             entry["periods"] = _periods(values["period_impulse"], float(values.get("growth_rate", np.nan)), frequency)
         if orbits and np.isfinite(values[ORBIT[0]]).all():
@@ -425,7 +390,7 @@ def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> 
         entries[str(case)] = entry
     return {
         "histories": names,
-        "contacts": len(contacts),
+        "contacts": contacts,
         "titles": [f"{HISTORIES[name]} [{units[name][0]}]" for name in names],
         "t": t,
         "orbit_unit": units[orbits[0]][0] if orbits else None,
@@ -434,18 +399,18 @@ def _cases(part: xr.Dataset, order: Iterator[int], scene: Mapping[str, Any]) -> 
     }
 
 
-def _impulse(part: xr.Dataset, history: Array) -> Array:
-    """Return the impulses of contacts, N s, ``(contact, t)``, of themselves or of mean forces."""
+def _contacts(part: xr.Dataset, history: Array, most: int) -> dict[str, Any]:
+    """Return names and mean forces of contacts in pieces of the duration, N, of the largest impulse first.
+
+    The history holds the impulses of the contacts or their mean forces, ``(contact, t)``.
+    """
+    t, names = part["t"].values, part[_CONTACT].values
     is_force = str(part[_OF_CONTACTS].attrs["units"]) == "N"
-    return np.cumsum(history * np.diff(part["t"].values, prepend=0.0), axis=1) if is_force else history
-
-
-def _contacts(impulse: Array, names: Sequence[str], t: Array, most: int) -> dict[str, Any]:
-    """Return names and mean forces of contacts in pieces of the duration, N, of the largest impulse first."""
+    impulse = np.cumsum(history * np.diff(t, prepend=0.0), axis=1) if is_force else history
     edges = np.linspace(0, t.size - 1, min(t.size - 1, most) + 1).round().astype(int)
     order = np.argsort(-impulse[:, -1], kind="stable")
     force = np.diff(impulse[order][:, edges]) / np.diff(t[edges])
-    return {"names": [names[k] for k in order], "force": on_screen(force)}
+    return {"names": [str(name) for name in names[order]], "force": on_screen(force)}
 
 
 def _of_scene(part: xr.Dataset) -> xr.Dataset:
@@ -463,14 +428,6 @@ def _unit(part: xr.Dataset, name: str) -> tuple[str, float]:
     if not np.any(size):
         size = part[name].isel(dict.fromkeys(case_dims(part), 0)).values
     return scaled(str(part[name].attrs.get("units", "1")), size)
-
-
-def _gap(here: xr.Dataset, factor: float, buckets: int) -> Array:
-    """Return where the casing of a case is: two equal numbers, or its motion at the times of the histories."""
-    motion = casing_motion(here)
-    return (
-        np.full(2, factor * float(gap_of(here))) if motion is None else on_screen(factor * thinned(motion[0], buckets))
-    )
 
 
 def _window(t: Array, frequency: float) -> dict[str, Any] | None:

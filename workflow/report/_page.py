@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,6 @@ from workflow.analysis import RULE, contact_text, most_loaded, ranges
 from workflow.archive import ArchiveError, commit, open_archive, usable
 from workflow.plots import HISTORIES, MADE_BY, histories, save
 from workflow.report import _sections as sections
-from workflow.report._explorer import explored_branches, explored_cases, with_contacts
 from workflow.report._html import interactive_scripts, page, picture, short
 from workflow.run import warnings_of
 
@@ -55,8 +55,7 @@ def write_report(archive: Path | Sequence[Path], output: Path | None = None) -> 
     Raises
     ------
     ArchiveError
-        There is no such archive, the report would overwrite it, or there is no
-        figure.
+        There is no such archive, the report would overwrite it, or there is no figure.
     OSError
         The page cannot be written.
     """
@@ -64,12 +63,12 @@ def write_report(archive: Path | Sequence[Path], output: Path | None = None) -> 
     if output is not None:
         _refuse_place(output, len(archives))
         if output.suffix.lower() in _FIGURES:
+            _refuse_overwriting(archives, output)
             return _write_figure(archives[0], output)
     written = output or (archives[0].with_suffix(".html") if len(archives) == 1 else Path("report.html"))
     picture = written.with_suffix(".png")
     unnamed = [*([] if output else [written]), *([picture] if len(archives) == 1 else [])]
-    _refuse_overwriting(archives, written, *unnamed)
-    _refuse_foreign(unnamed)
+    _refuse_overwriting(archives, written, unnamed)
     if len(archives) > 1:
         return _write_joint(archives, written)
     return _write_single(archives[0], written, picture)
@@ -88,18 +87,14 @@ def _refuse_place(written: Path, archives: int) -> None:
         )
 
 
-def _refuse_overwriting(archives: Sequence[Path], *written: Path) -> None:
-    for archive in archives:
-        for place in written:
-            if os.path.realpath(place) == os.path.realpath(archive):
-                raise ArchiveError(
-                    f"{place}: the archive and its report would be one file; "
-                    f"choose another with -o, e.g. {archive.stem}-report.html"
-                )
-
-
-def _refuse_foreign(unnamed: Sequence[Path]) -> None:
-    """Refuse to write over what no report has written and nobody has named."""
+def _refuse_overwriting(archives: Sequence[Path], written: Path, unnamed: Sequence[Path] = ()) -> None:
+    """Refuse to write over an archive, or over what no report has written and nobody has named."""
+    for place, archive in product((written, *unnamed), archives):
+        if os.path.realpath(place) == os.path.realpath(archive):
+            raise ArchiveError(
+                f"{place}: the archive and its report would be one file; "
+                f"choose another with -o, e.g. {archive.stem}-report.html"
+            )
     for place in filter(Path.exists, unnamed):
         with open(place, "rb") as file:
             if MADE_BY.encode() not in file.read(_HEAD):
@@ -107,6 +102,8 @@ def _refuse_foreign(unnamed: Sequence[Path]) -> None:
 
 
 def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
+    from workflow.report._explorer import explored_branches, explored_cases, with_contacts
+
     with open_archive(archive) as opened:
         dataset = most_loaded(opened)
         drawn = precision, maps, over_speed, branches, shares = [section(dataset) for section in _DRAWN]
@@ -134,10 +131,10 @@ def _write_single(archive: Path, written: Path, beside: Path) -> ReportFiles:
             cases=sections.cases(dataset),
             rule=RULE,
             standing=sections.standing(dataset) if has_transients else None,
-            precision=precision if has_transients else None,
+            precision=precision,
             shares=shares if has_transients else None,
             effects=sections.effects(dataset, methods) if has_transients and not shares else None,
-            errors=sections.errors(dataset) if has_transients else None,
+            errors=sections.errors(dataset),
             origin=sections.origin(dataset, archive),
         )
     commit(written, text.encode())
@@ -152,7 +149,6 @@ def _response(dataset: xr.Dataset) -> Figure | None:
 
 def _write_figure(archive: Path, written: Path) -> ReportFiles:
     """Write the main figure of an archive without its page."""
-    _refuse_overwriting([archive], written)
     with open_archive(archive) as opened:
         dataset = most_loaded(opened)
         figure = _response(dataset)

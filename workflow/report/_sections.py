@@ -69,6 +69,7 @@ from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 Section = dict[str, Any]
 
@@ -140,11 +141,15 @@ def varied_along_branches(dataset: xr.Dataset) -> list[str]:
 def along_branches(dataset: xr.Dataset) -> Section | None:
     """Draw the branches of an archive."""
     names = varied_along_branches(dataset)
-    if not names:
+    return _drawn({f"{name.replace('_', ' ')} along the branches": branches(dataset, name) for name in names})
+
+
+def _drawn(figures: Mapping[str, Figure]) -> Section | None:
+    """Return a section of figures by what each shows, the first of which is the main one."""
+    if not figures:
         return None
-    figures = {name: branches(dataset, name) for name in names}
-    pictures = [picture(one, f"{name.replace('_', ' ')} along the branches") for name, one in figures.items()]
-    return {"pictures": pictures, "figure": branches(dataset, names[0])}
+    pictures = [picture(figure, about) for about, figure in figures.items()]
+    return {"pictures": pictures, "figure": next(iter(figures.values()))}
 
 
 def over_speed(dataset: xr.Dataset) -> Section | None:
@@ -160,10 +165,7 @@ def over_speed(dataset: xr.Dataset) -> Section | None:
         for name in kept[:_SENSORS_SHOWN]:
             figures[f"spectrum of {name.replace('_', ' ')} over the speed"] = interaction_map(dataset, name)
         figures["closing of the clearance over the speed"] = clearance(dataset)
-    if not figures:
-        return None
-    pictures = [picture(figure, about) for about, figure in figures.items()]
-    return {"pictures": pictures, "figure": next(iter(figures.values()))}
+    return _drawn(figures)
 
 
 def maps(dataset: xr.Dataset) -> Section | None:

@@ -10,6 +10,11 @@
 
   const model = (name) => Bokeh.documents[0].get_model_by_name(name); // null where the page has no such part
   const fill = (name, data) => { model(name).data = data; };
+  function fillImage(name, values, rows, height, [start, end]) {
+    const NDArray = model(name).data.image[0].constructor; // Bokeh's array with a shape
+    const image = new NDArray(Float32Array.from(values), [rows, values.length / rows]);
+    fill(name, { image: [image], x: [start], y: [0], dw: [end - start], dh: [height] });
+  }
   const say = (id, text) => { if ($(id)) $(id).textContent = text; };
   const numbers = (list) => Array.from(list ?? [], (value) => value ?? NaN); // JSON has null for what is not finite
 
@@ -106,10 +111,8 @@
         + (cases.thinned ? " Thinned: the least and the largest value of each short interval." : ""));
     }
     function drawContacts({ names, force } = { names: [], force: [] }) { // a row for each contact, the first on top
-      const cells = model("contact_cells"), NDArray = cells.data.image[0].constructor; // Bokeh's array with a shape
-      const values = Float32Array.from(force.flat(), (value) => value || NaN), [start, end] = [cases.t[0], cases.t[cases.t.length - 1]];
-      const image = new NDArray(values.length ? values : [NaN], values.length ? [names.length, force[0].length] : [1, 1]);
-      cells.data = { image: [image], x: [start], y: [0], dw: [end - start], dh: [names.length] };
+      const values = names.length ? force.flat().map((value) => value || NaN) : [NaN];
+      fillImage("contact_cells", values, names.length || 1, names.length, [cases.t[0], cases.t[cases.t.length - 1]]);
       Object.assign(model("contact_colours"), { low: 0, high: force.flat().reduce((most, value) => Math.max(most, value), 0) || 1 });
       Object.assign(model("contacts").y_range, { start: names.length, end: 0 });
       model("contact_names").ticker.ticks = names.map((_, k) => k + 0.5);
@@ -156,12 +159,9 @@
       figure.height = isGrid ? Math.min(470, Math.max(290, 170 + 36 * height)) : 420;
       const [w, h] = isGrid ? [1, 1] : [0.03 * width, 0.04 * height];
       fill("cell", { x: [spotOn(across, place)], y: [spotOn(up, place)], w: [w], h: [h] });
-      const scale = colourScale(values, metric), cells = `cells_${scale.name}`;
+      const scale = colourScale(values, metric);
       model(`image_${scale.name}`).visible = isGrid;
-      if (isGrid) {
-        const NDArray = model(cells).data.image[0].constructor; // Bokeh's array with a shape
-        fill(cells, { image: [new NDArray(Float32Array.from(values), [height, width])], x: [0], y: [0], dw: [width], dh: [height] });
-      }
+      if (isGrid) fillImage(`cells_${scale.name}`, values, height, height, [0, width]);
       fill("points", isGrid ? { x: [], y: [], value: [] } : { x: spots.x, y: spots.y, value: values });
       const isBad = (k) => metric && status[found[k]] !== 0 && (!isGrid || found.length <= 2500);
       const bad = found.map((_, k) => k).filter(isBad), [x, y] = [spots.x, spots.y].map((list) => bad.map((k) => list[k]));
@@ -287,30 +287,22 @@
       fill("modes_here", { x: [x], y: [y] });
     }
 
-    function draw() {
+    const sliders = dims.map((dim) => model(`slider_${dim.name}`));
+    function select(wanted) {
+      place = wanted;
+      sliders.forEach((slider, axis) => { if (slider) slider.value = dims[axis].texts[place[axis]]; });
       drawCase();
       drawMap();
       if (error && cost) drawErrors("cost", error, (number) => cost.values[number] / about.cost_unit);
       if (error) drawErrors("order", ofScheme, (_, h) => h);
       if (error) drawModes();
     }
-    function select(wanted) {
-      place = wanted;
-      dims.forEach((dim, axis) => {
-        const slider = model(`slider_${dim.name}`);
-        if (slider) slider.value = dim.texts[place[axis]];
-      });
-      draw();
-    }
 
     // What the reader does.
-    dims.forEach((dim, axis) => {
-      const slider = model(`slider_${dim.name}`);
-      slider?.properties.value.change.connect(() => {
-        const k = dim.texts.indexOf(slider.value);
-        if (k >= 0 && k !== place[axis]) select(moved(place, { [axis]: k }));
-      });
-    });
+    sliders.forEach((slider, axis) => slider?.properties.value.change.connect(() => {
+      const k = dims[axis].texts.indexOf(slider.value);
+      if (k >= 0 && k !== place[axis]) select(moved(place, { [axis]: k }));
+    }));
     if (model("map")) {
       for (const name of ["metric", "across", "up"]) model(name).properties.value.change.connect(drawMap);
       model("map").on_event("tap", (event) => { const at = placeAt(event); if (at) select(at); });
