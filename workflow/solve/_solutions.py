@@ -201,29 +201,25 @@ def solutions_of(grid: Grid, computed: Mapping[ReferenceBlock, ReferenceSolution
 
 
 def compute_block(grid: Grid, block: ReferenceBlock) -> ReferenceSolutions:
-    """Return the solutions of a block."""
-    return _computed_or_lost(grid, block.settings(grid), block.inner, is_exact=block.is_exact)
+    """Return the solutions of a block, references with their predictability.
+
+    One that raises is NaN, which harms neither its neighbours nor its cases.
+    """
+    settings = block.settings(grid)
+    try:
+        with waiting_for(REFERENCES), np.errstate(all="ignore"):
+            return _computed(grid, settings, block.inner, block.is_exact)
+    except (Exception, SystemExit) as error:  # whatever a model or scheme raises
+        if block.inner.size > 1:
+            return _together([compute_block(grid, replace(block, inner=np.array([k]))) for k in block.inner])
+        lost = np.full((1, *grid.study.contact_shape, grid.sampling.count), np.nan)
+        return ReferenceSolutions(block.inner, dict.fromkeys(COMPARED, lost), np.full(1, np.nan), {0: reason_of(error)})
 
 
 def solution_seconds(grid: Grid, settings: CaseSettings, is_exact: bool) -> float:
     """Return model seconds of a solution; a reference is run three times for its predictability."""
     sampling, periods = replace(grid.sampling, balances=False), grid.fastest * grid.sampling.duration
     return (1 if is_exact else REFERENCE_RUNS) * case_seconds(settings, reduced_structure(settings), sampling, periods)
-
-
-def _computed_or_lost(grid: Grid, settings: CaseSettings, inner: Indices, *, is_exact: bool) -> ReferenceSolutions:
-    """Return solutions, references with their predictability.
-
-    One that raises is NaN, which harms neither its neighbours nor its cases.
-    """
-    try:
-        with waiting_for(REFERENCES), np.errstate(all="ignore"):
-            return _computed(grid, settings, inner, is_exact)
-    except (Exception, SystemExit) as error:  # whatever a model or scheme raises
-        if inner.size > 1:
-            return _together([_computed_or_lost(grid, settings, np.array([k]), is_exact=is_exact) for k in inner])
-        lost = np.full((1, *grid.study.contact_shape, grid.sampling.count), np.nan)
-        return ReferenceSolutions(inner, dict.fromkeys(COMPARED, lost), np.full(1, np.nan), {0: reason_of(error)})
 
 
 def _computed(grid: Grid, settings: CaseSettings, inner: Indices, is_exact: bool) -> ReferenceSolutions:

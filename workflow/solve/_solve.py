@@ -53,15 +53,12 @@ NOT_ASKED = 6
 
 def steady_of(study: Study) -> Iterator[Variable]:
     """Yield the variables of steady rubs of a study's archive, along its branch where it has one."""
+    sensors: tuple[Condition, ...] = ("steady sensors",) if study.output.sensors else ()
     if study.branch is not None:
         axis = study.branch.axis
-        yield from variables.along_branch(axis.name, axis.unit, axis.description, *_steady_sensors(study))
+        yield from variables.along_branch(axis.name, axis.unit, axis.description, *sensors)
     elif study.output.steady is not None:
-        yield from variables.select(None, None, "steady", *_steady_sensors(study))
-
-
-def _steady_sensors(study: Study) -> tuple[Condition, ...]:
-    return ("steady sensors",) if study.output.sensors else ()
+        yield from variables.select(None, None, "steady", *sensors)
 
 
 def _sensors_of(study: Study) -> tuple[Sensor, ...]:
@@ -371,10 +368,25 @@ def _events(given: Mapping[str, Array], count: int, grid: Grid) -> dict[str, NDA
 
 def periods_of(study: Study) -> Iterator[Variable]:
     """Yield the variables of load periods of a study's archive."""
-    conditions: list[Condition] = ["always"]
-    conditions += ["sections"] if study.output.sections else []
-    conditions += ["sensors"] if study.output.sensors else []
-    return variables.select("period", None, *conditions)
+    return variables.select("period", None, *_conditions_of(study))
+
+
+def _conditions_of(study: Study) -> Iterator[Condition]:
+    """Yield what a study asks of its archive, but for steady rubs; of branches what their basis has."""
+    output, reference, is_branch = study.output, study.reference, study.branch is not None
+    asked: dict[Condition, object] = {
+        "always": not is_branch,
+        "branch": is_branch,
+        "auto": study.is_auto,
+        "depth": output.temperature_depth,
+        "balances": output.balances,
+        "sections": output.sections,
+        "sensors": output.sensors and not is_branch,
+        "events": output.events,
+        "reference": reference is not None,
+        "auto reference": reference is not None and reference.is_auto,
+    }
+    return (condition for condition, there in asked.items() if there)
 
 
 def scheme_metrics(study: Study) -> tuple[Variable, ...]:
@@ -385,16 +397,8 @@ def scheme_metrics(study: Study) -> tuple[Variable, ...]:
 
 def metrics_of(study: Study) -> tuple[Variable, ...]:
     """Return the metrics of a study's archive but those of steady rubs; of branches those of the basis."""
-    conditions: list[Condition] = ["always"] if study.branch is None else ["branch"]
-    conditions += ["auto"] if study.is_auto else []
-    conditions += ["depth"] if study.output.temperature_depth is not None else []
-    conditions += ["balances"] if study.output.balances else []
-    conditions += ["sensors"] if study.output.sensors and study.branch is None else []
-    conditions += ["events"] if study.output.events is not None else []
-    conditions += ["reference"] if study.reference is not None else []
-    conditions += ["auto reference"] if study.reference is not None and study.reference.is_auto else []
     own = () if study.branch is not None else scheme_metrics(study)
-    return (*variables.select("metric", None, *conditions), *own)
+    return (*variables.select("metric", None, *_conditions_of(study)), *own)
 
 
 def _failed(grid: Grid, text: str) -> Solved:

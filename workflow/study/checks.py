@@ -161,9 +161,9 @@ def _friction(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
     contacts = None if sizes.structure is None else sizes.structure.contacts
     if cases.scene.friction is not None:
         path = "scene.friction.coefficient"
-        axis = next((axis.values for axis in cases.axes() if axis.path == path), (cases.scene.friction.coefficient,))
         if contacts is not None and contacts.is_massless:
-            flexibility = contacts.flexibility(most := max(map(float, axis)))
+            most = max(map(float, _values(cases, path, cases.scene.friction.coefficient)))
+            flexibility = contacts.flexibility(most)
             if np.linalg.eigvalsh(flexibility + flexibility.T)[0] / 2 + min(_flexibilities(cases)) <= 0:
                 problem = f"{most:g} makes the symmetric part of R - µ R^t, the residuals of contacts, indefinite"
                 yield source.place_of(path), problem, "write less, or check `residual_tangent`"
@@ -174,16 +174,23 @@ def _friction(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
             yield place, "stands beside `scene.friction`, from which it follows", remedy
 
 
-def _labels(cases: CaseSpace) -> tuple[str, ...]:
-    """Return the labels of the schemes of all cases."""
-    return next((tuple(map(str, axis.values)) for axis in cases.axes() if axis.path == "scheme"), ())
+def _values(cases: CaseSpace, path: str, otherwise: Any = None) -> tuple[Any, ...]:
+    """Return the values at a path in all cases, where no axis has it one for all; none of ``None``."""
+    own = () if otherwise is None else (otherwise,)
+    return next((axis.values for axis in cases.axes() if axis.path == path), own)
+
+
+def _steps(cases: CaseSpace) -> tuple[float, ...]:
+    """Return the time steps of all cases; none where no scheme reads them."""
+    used = (schemes.load(cases.schemes[str(label)].method) for label in _values(cases, "scheme"))
+    return tuple(map(float, _values(cases, "h"))) if any("h" in scheme.READS for scheme in used) else ()
 
 
 def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     """Refuse schemes that do not take the harmonics of a scene."""
     casing, load = (bool(harmonics) for harmonics in _harmonics_of(cases).values())
     where = source.axes.get("scheme", ("scene", "casing" if casing else "load", "harmonics"))
-    named: list[tuple[Place, str]] = [(where, label) for label in _labels(cases)]
+    named: list[tuple[Place, str]] = [(where, str(label)) for label in _values(cases, "scheme")]
     if cases.reference is not None and "scheme" in cases.reference.values:
         named.append((("reference", "scheme"), str(cases.reference.values["scheme"])))
     for place, label in named:
@@ -246,9 +253,7 @@ def _sensors(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
 
 def _flexibilities(cases: CaseSpace) -> list[float]:
     """Return the flexibilities of the casing, m/N."""
-    path = "scene.casing.flexibility"
-    values = [float(value) for axis in cases.axes() if axis.path == path for value in axis.values]
-    return values or [cases.scene.casing.flexibility]
+    return [float(one) for one in _values(cases, "scene.casing.flexibility", cases.scene.casing.flexibility)]
 
 
 def _is_elastic(cases: CaseSpace) -> bool:
@@ -301,7 +306,7 @@ def _branch(cases: CaseSpace) -> Iterator[Fault]:
     """Refuse a branch of other schemes than event_driven, or beside a reference."""
     if cases.branch is None:
         return
-    if {cases.schemes[label].method for label in _labels(cases)} != {"event_driven"}:
+    if {cases.schemes[str(label)].method for label in _values(cases, "scheme")} != {"event_driven"}:
         remedy = "write `scheme: event_driven` under `axes`, or a list in the place of the branch"
         yield ("axes", cases.branch.axis.path), "is a branch, which only event_driven follows", remedy
     if cases.reference is not None:
@@ -316,7 +321,7 @@ def _speed(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     if cases.branch is not None and cases.branch.axis.path == path:
         problem = "is a branch over the speed, on which the structure depends"
         yield ("axes", path), problem, "write a list in its place"
-    fastest = max([scene.speed, *(float(value) for axis in cases.axes() if axis.path == path for value in axis.values)])
+    fastest = max(scene.speed, *map(float, _values(cases, path, scene.speed)))
     try:
         models.structure_of(scene.model, models.at_speed(scene.model, scene.parameters, fastest))
     except models.UnusableMatricesError as error:
@@ -332,14 +337,13 @@ def _sweep(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     beside = {"a branch": cases.branch, "a reference": cases.reference, "`auto`": cases.is_auto, "drawn numbers": drawn}
     for what in (what for what, there in beside.items() if there):
         yield place, f"is a sweep beside {what}", "leave one of the two out, or write a list in the place of the sweep"
-    if any("h" in schemes.load(cases.schemes[label].method).READS for label in _labels(cases)):
-        steps = next(axis.values for axis in cases.axes() if axis.path == "h")
-        duration = Fraction(repr(cases.scene.duration))
-        for h in (float(h) for h in steps):
-            if (duration / Fraction(repr(h))).denominator != 1:
-                remedy = f"write e.g. {float(duration / max(1, round(duration / Fraction(repr(h))))):.12g} s"
-                yield source.axes.get("h", ("h",)), f"{h!r} s does not divide the duration, as a sweep needs", remedy
-                return
+    duration = Fraction(repr(cases.scene.duration))
+    for h in _steps(cases):
+        count = duration / Fraction(repr(h))
+        if count.denominator != 1:
+            remedy = f"write e.g. {float(duration / max(1, round(count))):.12g} s"
+            yield source.axes.get("h", ("h",)), f"{h!r} s does not divide the duration, as a sweep needs", remedy
+            return
 
 
 def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
@@ -429,17 +433,14 @@ def _begins(harmonic: CasingHarmonic, k: int, each: Callable[[str, Any], Any], a
 
 def _extent(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     """Refuse more load periods or steps than any case can have, and steps longer than the duration."""
-    duration = cases.scene.duration
-    values = {axis.path: axis.values for axis in cases.axes()}
-    for path, fastest in _frequencies(cases, values):
+    duration, steps = cases.scene.duration, _steps(cases)
+    for path, fastest in _frequencies(cases):
         if duration * fastest > MOST_SAMPLES:
             remedy = f"write a shorter duration, or a frequency up to {MOST_SAMPLES / duration:.3g} Hz"
             yield source.place_of(path), f"gives {duration * fastest:.3g} load periods", remedy
-    methods = {cases.schemes[label].method for label in _labels(cases)}
-    if not any("h" in schemes.load(method).READS for method in methods):
+    if not steps:
         return
-    shortest, longest = (float(choose(values["h"])) for choose in (min, max))
-    place = source.axes.get("h", ("h",))
+    shortest, longest, place = min(steps), max(steps), source.axes.get("h", ("h",))
     if duration / shortest > MOST_STEPS:
         problem = f"{shortest:g} s makes {duration / shortest:.3g} steps of a duration of {duration:g} s"
         yield place, problem, f"write at least {duration / MOST_STEPS:.3g} s"
@@ -448,11 +449,11 @@ def _extent(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
         yield place, problem, f"write at most {duration!r} s"
 
 
-def _frequencies(cases: CaseSpace, values: Mapping[str, tuple[Any, ...]]) -> Iterator[tuple[str, float]]:
+def _frequencies(cases: CaseSpace) -> Iterator[tuple[str, float]]:
     """Yield path and largest value of the frequencies that load periods may be counted by."""
 
     def largest(path: str, value: float | None) -> float:
-        return max(float(each) for each in values.get(path, (value or 0.0,)))
+        return max(map(float, _values(cases, path, value or 0.0)))
 
     scene = cases.scene
     yield "scene.load.frequency", largest("scene.load.frequency", scene.load.frequency)

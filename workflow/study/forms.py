@@ -64,13 +64,6 @@ def many(item: Kind, **limits: Any) -> Kind:
     return Kind(core, {"type": "array", "items": item.schema, **limits})
 
 
-def sequence(*items: Kind) -> Kind:
-    """Return the kind of a list of so many entries, each of its own kind, read as a tuple."""
-    length = {"minItems": len(items), "maxItems": len(items)}
-    schema = {"type": "array", "prefixItems": [item.schema for item in items], **length}
-    return Kind(core_schema.tuple_schema([item.core for item in items]), schema)
-
-
 def either(choose: Callable[[Any], int], *kinds: Kind) -> Kind:
     """Return the kind of a value that is of one of several kinds.
 

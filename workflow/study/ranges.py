@@ -9,9 +9,10 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic_core import core_schema
 
 from workflow.declare import Quantity
-from workflow.study.forms import Entry, Kind, Number, either, many, no_mapping, number, record, sequence
+from workflow.study.forms import Entry, Kind, Number, either, many, no_mapping, number, record
 from workflow.study.mistakes import quoted, wrong
 
 Value = float | int | str
@@ -144,7 +145,9 @@ def _some(kinds: tuple[Kind, ...], otherwise: str, remedy: str, build: Callable[
             raise wrong(f"{quoted(value)} is {otherwise}", remedy)
         return value
 
-    return sequence(*kinds).checked(check).built(build)
+    length = {"minItems": len(kinds), "maxItems": len(kinds)}
+    schema = {"type": "array", "prefixItems": [kind.schema for kind in kinds], **length}
+    return Kind(core_schema.tuple_schema([kind.core for kind in kinds]), schema).checked(check).built(build)
 
 
 def _under(kinds: Mapping[Law, Kind], remedy: str, others: Mapping[str, str]) -> Kind:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -100,7 +101,7 @@ class Study(CaseSpace):
     def resolved(self) -> dict[str, Any]:
         """Return everything resolved as plain JSON values: SI, defaults filled in, no file names."""
         scene = self.scene
-        values = {
+        resolved = {
             "study": self.name,
             "title": self.title,
             **({"license": self.license} if self.license else {}),
@@ -122,20 +123,13 @@ class Study(CaseSpace):
             **({} if self.branch is None else {"branch": dataclasses.asdict(self.branch)}),
             "output": _without_empty(self.output, "sections", "steady", "temperature_depth", "sensors", "events"),
         }
-        resolved: dict[str, Any] = _listed(values)
-        return resolved
+        as_read: dict[str, Any] = json.loads(json.dumps(resolved))  # tuples as lists
+        return as_read
 
 
 def _without_empty(owner: Any, *later: str) -> dict[str, Any]:
     """Return the values of a dataclass without those added later that are empty: a study keeps its identity."""
     return {name: value for name, value in plain(owner).items() if name not in later or value}
-
-
-def _listed(value: Any) -> Any:
-    """Return nested values with lists in the place of tuples, as JSON has them."""
-    if isinstance(value, Mapping):
-        return {key: _listed(item) for key, item in value.items()}
-    return [_listed(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 StudySource = Study | Mapping[str, Any] | str | Path
