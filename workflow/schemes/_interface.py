@@ -168,7 +168,10 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
 
     def joined(arrays: list[Array]) -> Array:
         width = max((a.shape[-1] for a in arrays if a.ndim > 1), default=0)
-        wide = [_widened(a, width) if a.ndim > 1 and a.shape[-1] < width else a for a in arrays]
+        wide = [
+            np.pad(a, [(0, 0)] * (a.ndim - 1) + [(0, width - a.shape[-1])], constant_values=np.nan) if a.ndim > 1 else a
+            for a in arrays
+        ]
         return np.concatenate(wide)[order]
 
     ends: list[Any] = [result.end for result in results]
@@ -208,11 +211,6 @@ def sections_of(starts: Array, periods: NDArray[np.int64], start: Array) -> dict
     case, over = np.nonzero(np.arange(values.shape[-1]) >= periods[:, None])
     values[case, ..., over] = np.nan
     return dict(zip(SECTIONS, values.swapaxes(0, 1), strict=True))
-
-
-def _widened(array: Array, width: int) -> Array:
-    """Return rows padded with NaN."""
-    return np.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, width - array.shape[-1])], constant_values=np.nan)
 
 
 def complete_periods(frequency: Array, sampling: Sampling) -> NDArray[np.int64]:

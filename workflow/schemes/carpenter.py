@@ -23,8 +23,9 @@ from workflow.schemes._fixed import central, contact_cases, decoupled
 from workflow.schemes._fixed.central import Differences as Options
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._fixed.contact import Contact, Response, Tip
-from workflow.schemes._fixed.contact_cases import Operator
 from workflow.schemes._fixed.march import contact_law
+from workflow.schemes._fixed.outcome import Operator
+from workflow.schemes._fixed.outcome import compute as compute
 
 READS = frozenset({"h", "alpha"})
 
@@ -62,5 +63,5 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     return central.init(structure, float(h), options, CONTACT)
 
 
-compute, operator_name = contact_cases.compute, decoupled.operator_name
+operator_name = decoupled.operator_name
 amplification, thermal_amplification = central.amplification, central.thermal_amplification

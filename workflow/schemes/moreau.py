@@ -21,8 +21,9 @@ from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
 from workflow.schemes._fixed import contact_cases, decoupled, theta_method
-from workflow.schemes._fixed.contact_cases import Operator
 from workflow.schemes._fixed.newton import NEWTON
+from workflow.schemes._fixed.outcome import Operator
+from workflow.schemes._fixed.outcome import compute as compute
 
 READS = frozenset({"e", "h", "alpha"})
 GENERAL = frozenset({"contacts", "damping", "depth", "elastic", "friction", "load", "massless"})
@@ -46,7 +47,7 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     return theta_method.init(structure, float(h), theta, NEWTON)
 
 
-compute, operator_name = contact_cases.compute, decoupled.operator_name
+operator_name = decoupled.operator_name
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:

@@ -22,7 +22,8 @@ from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
 from workflow.schemes._fixed import central, contact_cases, decoupled, spring, step_limits, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
-from workflow.schemes._fixed.contact_cases import Operator
+from workflow.schemes._fixed.outcome import Operator
+from workflow.schemes._fixed.outcome import compute as compute
 from workflow.schemes._interface import NEEDS_MASS, RefusedStructureError
 
 READS = frozenset({"h", "alpha"})
@@ -104,7 +105,7 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     return theta_method.init(structure, h, theta, spring.theta_contact(theta, stiffness, damping))
 
 
-compute, operator_name = contact_cases.compute, decoupled.operator_name
+operator_name = decoupled.operator_name
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:

@@ -55,7 +55,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -308,29 +308,19 @@ def count_step(
 def _count(dense: Dense | None, account: Account, step: FreeStep, state: State, last: bool, lanes: int) -> None:
     _fill_dense(dense, account, step.coupled, step, state, lanes)
     for first in range(0, lanes, PACK):
-        _count_pack(dense, account, step, state, last, narrow(first))
-
-
-@inlined
-def _count_pack(dense: Dense | None, account: Account, step: FreeStep, state: State, last: bool, lane: Lane) -> None:
-    load, contact = pack(state.own.load, lane), pack(state.own.impulse, lane)
-    taken, (times, inputs) = nothing_taken(lane), _inputs(dense, account, contact, lane)
-    for j in range(account.velocity_before.shape[0]):
-        v, xi = _at_end(dense, step, state, j, load, contact, lane)
-        taken = _count_inputs(account, inputs, j, v, xi, times, taken, lane)
-    _add_dissipation(account, taken, times, lane)
-    _energy(dense, account, step, state, load, contact, lane)
-    if last:
-        loss = spread(0.0, lane)
-        for k in range(state.tau.shape[0]):
-            loss = with_loss(account, k, pack(state.tau, (k, lane)), loss, lane)
-        add_loss(account, step.tip.h * account.heat_theta, loss, friction_heat(state.own, lane), lane)
-
-
-@inlined
-def _inputs(dense: Dense | None, account: Account, contact: Pack, lane: Lane) -> tuple[Pack, Array]:
-    """Return the factor of the inputs of a step, and the inputs."""
-    return (contact, account.contact_inputs) if dense is None else (spread(1.0, lane), dense.inputs)
+        lane = narrow(first)
+        load, contact, taken = pack(state.own.load, lane), pack(state.own.impulse, lane), nothing_taken(lane)
+        times, inputs = (contact, account.contact_inputs) if dense is None else (spread(1.0, lane), dense.inputs)
+        for j in range(account.velocity_before.shape[0]):
+            v, xi = _at_end(dense, step, state, j, load, contact, lane)
+            taken = _count_inputs(account, inputs, j, v, xi, times, taken, lane)
+        _add_dissipation(account, taken, times, lane)
+        _energy(dense, account, step, state, load, contact, lane)
+        if last:
+            loss = spread(0.0, lane)
+            for k in range(state.tau.shape[0]):
+                loss = with_loss(account, k, pack(state.tau, (k, lane)), loss, lane)
+            add_loss(account, step.tip.h * account.heat_theta, loss, friction_heat(state.own, lane), lane)
 
 
 @inlined
@@ -572,7 +562,8 @@ def _half_flexibility(modal: Decoupled) -> Array:
 class Balance(NamedTuple):
     """Balances of cases after their march, J, ``(case,)``."""
 
-    totals: Totals
+    totals: Any
+    """:class:`Totals`, or an array with the fields that they share with it."""
     gained: Array
     """H_end - H_0."""
     initial: Array

@@ -32,7 +32,7 @@ from workflow.schemes._fixed.contact import CentralStep, Contact
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
 from workflow.schemes._fixed.loads import drive_of, placed
 from workflow.schemes._fixed.march import step_batch
-from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, friction_message, judged
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, friction_message, judged
 from workflow.schemes._fixed.step_limits import limit_text
 from workflow.schemes._fixed.stepping import collect
 from workflow.schemes._interface import Results, Sampling
@@ -118,6 +118,22 @@ class Operator:
     blocks: Blocks
     contact: Contact
 
+    def run(self, cases: Cases, sampling: Sampling, heated: bool) -> Results:
+        """Step cases that all carry thermal states, or that all carry none."""
+        contact, h, blocks = self.contact, self.h, self.blocks if heated else self.blocks.without_heat()
+        w, cases = blocks.step.delassus(blocks.modal, cases.alpha, cases.friction), placed(cases, sampling.duration)
+        drive, _ = drive_of(cases, h, 0.0, sampling.duration)
+        before = _half_step_before(blocks.modal, cases, h)
+        if contact.stiffness > 0:
+            force = contact.stiffness * np.fmax(0.0, cases.displacement[:, -1] - cases.casing_at(0.0))
+            along = 0.0 if blocks.modal.tangent is None else blocks.modal.tangent
+            before += 0.5 * h * force[:, None] * (blocks.modal.tip - cases.friction[:, None] * along)
+        ended = step_batch(self.structure, blocks, contact, w, cases, before, sampling, drive)
+        # squared: the state of a growing contact may be finite where its energy is not
+        tip = ended.watched.tip
+        finite = np.asarray(np.isfinite(np.square([tip.displacement, tip.velocity, tip.temperature])).all(axis=0))
+        return collect(ended, *_judge(self, blocks, cases, contact.factor(h, w) <= 0, finite))
+
 
 def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
     """Separate a structure into blocks, once for a batch."""
@@ -130,7 +146,7 @@ def step(modal: Decoupled, h: float, differences: Differences) -> Step:
     decay, (inertia, _) = differences.decay(h, modal.rate), differences.damped(h, modal.damping)
     heat_gain = modal.heat_tip * (decay if differences.implicit_heat else 1.0)
     return Step(
-        tip=CentralStep(h, 1.0, 0.0, np.sum(modal.recorded * heat_gain)),
+        tip=CentralStep(h, 1.0, np.sum(modal.recorded * heat_gain)),
         inertia=modal.effective_mass(inertia, 0.0 if differences.lagged else h / 2),
         stiffening=h,
         lever=h,
@@ -158,28 +174,6 @@ def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
     acceleration -= damped + modal.frequency**2 * project(modal.to_modes, cases.displacement)
     acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
     return np.asarray(velocity - 0.5 * h * acceleration)
-
-
-def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Step a whole batch; thermal states are carried only in the cases where they can act."""
-    return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
-
-
-def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
-    """Step cases that all carry thermal states, or that all carry none."""
-    contact, h, blocks = operator.contact, operator.h, operator.blocks if heated else operator.blocks.without_heat()
-    w, cases = blocks.step.delassus(blocks.modal, cases.alpha, cases.friction), placed(cases, sampling.duration)
-    drive, _ = drive_of(cases, h, 0.0, sampling.duration)
-    before = _half_step_before(blocks.modal, cases, h)
-    if contact.stiffness > 0:
-        force = contact.stiffness * np.fmax(0.0, cases.displacement[:, -1] - cases.casing_at(0.0))
-        along = 0.0 if blocks.modal.tangent is None else blocks.modal.tangent
-        before += 0.5 * h * force[:, None] * (blocks.modal.tip - cases.friction[:, None] * along)
-    ended = step_batch(operator.structure, blocks, contact, w, cases, before, sampling, drive)
-    # squared: the state of a growing contact may be finite where its energy is not
-    tip = ended.watched.tip
-    finite = np.asarray(np.isfinite(np.square([tip.displacement, tip.velocity, tip.temperature])).all(axis=0))
-    return collect(ended, *_judge(operator, blocks, cases, contact.factor(h, w) <= 0, finite))
 
 
 def growth(structure: Structure, h: float, differences: Differences) -> str | None:

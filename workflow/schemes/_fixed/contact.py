@@ -15,8 +15,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from workflow.kernels.compiled import by_type, defines, inlined, of_case, part
 from workflow.kernels.packs import (
     Lane,
@@ -34,7 +32,6 @@ from workflow.kernels.packs import (
 from workflow.models import Cases
 from workflow.schemes._fixed.loads import (
     Drive,
-    casing_place,
     gap_ahead,
     gap_before,
     onto_casing,
@@ -117,14 +114,6 @@ class Contact:
     rebounds: bool = False
     judges_heat: bool = True
 
-    def mobility(self, h: float, w: Any) -> Any:
-        """Return W for the law: NaN where contact has no unique solution."""
-        return np.where(self.factor(h, w) <= 0, np.nan, w)
-
-    def with_contact(self, step: TipStep) -> TipStep:
-        """Return a step with the fields ``stiffness`` and ``holds`` of its contact."""
-        return step._replace(stiffness=self.stiffness, holds=self.holds)
-
 
 class TipStep(NamedTuple):
     """Coefficients of the tip in a step of the θ-method."""
@@ -132,8 +121,6 @@ class TipStep(NamedTuple):
     h: float
     theta: float
     """Weight of the step's end, in the load and in the tip's velocity."""
-    rest: float
-    """1 - θ, the weight of the step's beginning."""
     warming: float
     """Tip temperature per unit heat, K/J."""
     load_mobility: float = 0.0
@@ -197,14 +184,8 @@ def count_no_rebound(law: Law, tip: Tip, velocity: float, force: float, own: Own
 def _apply_law(law: Law, step: TipStep, own: Own, first: int, stop: int) -> None:
     """Evaluate the law in some lanes; no branch but the law's own, so that the compiler can vectorise the loop."""
     for lane in range(first, stop):
-        tip = Tip(
-            own.place[lane],
-            own.speed[lane],
-            own.free[lane],
-            own.last[lane],
-            own.casing[lane],
-            own.mobility[lane],
-        )
+        place, speed, free, casing = own.place[lane], own.speed[lane], own.free[lane], own.casing[lane]
+        tip = Tip(place, speed, free, own.last[lane], casing, own.mobility[lane])
         impulse, velocity, force = respond(of_case(law, lane), tip, step.h, step.theta)
         count_rebound(law, tip, velocity, force, own, lane)
         own.impulse[lane], own.after[lane], own.last[lane] = impulse, velocity, force
@@ -234,9 +215,8 @@ def _contact(
     before = some_nonzero(pack(own.last, lane))
     _apply_law(law, step, own, first, stop)
     p, force = pack(own.impulse, lane), pack(own.last, lane)
-    flag(
-        own.pressed, lane, before or some_nonzero(p) or some_nonzero(force)
-    )  # also in the next step, in which the modes receive the impulse
+    # also in the next step, in which the modes receive the impulse
+    flag(own.pressed, lane, before or some_nonzero(p) or some_nonzero(force))
     return p, friction_heat(own, lane), pack(own.after, lane)
 
 
@@ -253,9 +233,9 @@ def was_pressed(own: Own, lane: Lane) -> bool:
 
 
 @inlined
-def _weighed(weight: float, after: Pack, rest: float, before: Pack) -> Pack:
-    """Return ``weight * after + rest * before``, for weights whose sum is 1: ``after`` alone where the rest is 0."""
-    return after if rest == 0.0 else weight * after + rest * before
+def _weighed(theta: float, after: Pack, before: Pack) -> Pack:
+    """Return θ ``after`` + (1-θ) ``before``: ``after`` alone where θ is 1."""
+    return after if theta == 1.0 else theta * after + (1.0 - theta) * before
 
 
 @by_type
@@ -266,14 +246,14 @@ def contact_step(step: TipStep, law: Law, free: TipInput, own: Own, tip: Tips, l
 
 @defines(contact_step, TipStep)
 def _contact_by_theta(step: TipStep, law: Law, free: TipInput, own: Own, tip: Tips, lane: Lane) -> End:
-    x, v = tip_before(free.drive, tip, lane)
-    gap, p, temperature = casing_place(free.drive, free.gap, lane), spread(0.0, lane), free.temperature
+    x, v, gap = tip_before(free.drive, tip, free.gap, lane)
+    p, temperature = spread(0.0, lane), free.temperature
     after = relative(free.drive, free.velocity + step.load_mobility * free.impulse, lane)
-    moved = step.h * _weighed(step.theta, after, step.rest, v)
+    moved = step.h * _weighed(step.theta, after, v)
     engaged = _is_near(x, step.h * v, moved, gap, own, lane)
     if engaged:
         p, heat, after = _contact(law, step, x, v, after, gap, own, lane)
-        moved = step.h * _weighed(step.theta, after, step.rest, v)
+        moved = step.h * _weighed(step.theta, after, v)
         temperature += step.warming * heat
     store(own.load, lane, free.impulse)
     x += moved

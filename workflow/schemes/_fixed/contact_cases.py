@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array, elementwise
 from workflow.kernels.algebra import eigenvalues
-from workflow.kernels.lanes import named_rows, rows_in
 from workflow.models import Cases, ContactBasis, Structure, analyse_contacts, poles, project, stops_together
 from workflow.schemes._exact.batch import record_of, results_of, state_of
 from workflow.schemes._exact.contact_batch import conditions_of, fill_first_sample, static_growth, with_contacts
 from workflow.schemes._exact.contact_motion import ContactCase
 from workflow.schemes._exact.event_loop import COMPLETED, NO_IMPACT_LAW, NOT_FINITE
 from workflow.schemes._exact.tables import wave
-from workflow.schemes._fixed import central, theta_method
+from workflow.schemes._fixed import central
 from workflow.schemes._fixed.balance import REST, Balance
 from workflow.schemes._fixed.central import Differences
 from workflow.schemes._fixed.contact_record import SUMS, Balancing, Ending, Marks
@@ -31,8 +30,7 @@ from workflow.schemes._fixed.contact_steps import (
     stepping,
 )
 from workflow.schemes._fixed.loads import discrete_gains
-from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, effective_restitution, judged
-from workflow.schemes._fixed.rows import Totals
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, effective_restitution, judged
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
 from workflow.schemes._fixed.stepping import period_marks
 from workflow.schemes._interface import AT_REST, Results, Sampling, complete_periods, schedule
@@ -59,6 +57,52 @@ class ContactSteps:
         cold, warm = (stepping(basis, self.h, self.method) for basis in self.bases)
         return cold, warm
 
+    def run(self, cases: Cases, sampling: Sampling, heated: bool) -> Results:
+        """Step cases that all carry thermal states, or that all carry none."""
+        basis, step, h, method = self.bases[heated], self.steps[heated], self.h, self.method
+        cases = cases if method.rebounds else replace(cases, e=np.zeros(cases.count))
+        periods, when = complete_periods(cases.period_frequency, sampling), schedule(sampling, h)
+        record = record_of(cases, sampling, periods, basis.sensors)
+        conditions = conditions_of(basis, cases, sampling.duration)
+        record.tally["next_sample"] = 1
+        casing_flexibility = 1 / method.spring if method.spring > 0 else basis.contacts.casing_flexibility
+        contacts = replace(basis.contacts, casing_flexibility=casing_flexibility)
+        fill_first_sample(record, replace(basis, contacts=contacts), cases)
+        speeds = _speeds(conditions, h, method.theta)
+        casing = CasingSteps(speeds, _begun(basis, cases, conditions, speeds, self))
+        marks = Marks(when.steps, when.due, when.weight, *period_marks(cases, periods, when.steps, h))
+        ended, split = np.full(cases.count, NOT_FINITE), with_contacts(record, basis)
+        content = self.structure.content @ basis.heat_shapes
+        begun = conditions.modal.copy()
+        deepest, sums = np.zeros((cases.count, basis.contacts.count)), np.zeros(cases.count, dtype=SUMS)
+        ending = Ending(ended, deepest, sums, Balancing(sampling.balances, content), begun.copy())
+        step_cases(
+            step,
+            conditions,
+            casing,
+            np.flatnonzero(cases.finite),
+            split,
+            marks,
+            memory(step, len(basis.sensors)),
+            ending,
+        )
+        tally, completed = record.tally, ended == COMPLETED
+        each = completed.reshape(-1, *(1,) * (tally.ndim - 1))
+        metrics = {name: np.where(each, tally[name], np.nan) for name in ("impacts", "contact_time", "max_temperature")}
+        metrics["max_penetration"] = np.where(each, ending.penetration.reshape(tally.shape), np.nan)
+        closing = project(static_growth(basis), conditions.modal[:, 2 * basis.frequency.size :]).max(axis=1)
+        own = {"thermal_closing": closing}
+        if method.spring > 0 or not method.rebounds:
+            own |= effective_restitution(ending.sums["approached"], ending.sums["separated"])
+        if sampling.balances:
+            own |= _balance(basis, cases, conditions, begun, content, when.steps * h, ending.sums).residuals()
+        metrics |= {name: np.where(completed, values, np.nan) for name, values in own.items()}
+        metrics["steps"] = np.full(cases.count, float(when.steps))
+        status, messages = _judge(self, cases, ended, split.tally["time"][:, 0])
+        given = {"metrics": metrics, "status": status, "messages": messages}
+        given["end"] = state_of(basis.shapes, basis.heat_shapes, ending.state)
+        return results_of(record, cases, periods, self.structure.sensors, **given)
+
 
 def theta_steps(structure: Structure, h: float, theta: float, **contact: Any) -> ContactSteps:
     """Return the θ-method for a structure with contacts; ``contact`` are fields of :class:`Method`."""
@@ -72,56 +116,6 @@ def central_steps(structure: Structure, h: float, differences: Differences, **co
     return ContactSteps(structure, analyse_contacts(structure), h, method, differences)
 
 
-Operator = ContactSteps | central.Operator | theta_method.Operator
-
-
-def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Step a whole batch: one contact with mass in packs, others case by case."""
-    if isinstance(operator, ContactSteps):  # thermal states are carried only in the cases where they can act
-        return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
-    if isinstance(operator, central.Operator):
-        return central.compute(operator, cases, sampling)
-    return theta_method.compute(operator, cases, sampling)
-
-
-def _run(operator: ContactSteps, cases: Cases, sampling: Sampling, heated: bool) -> Results:
-    """Step cases that all carry thermal states, or that all carry none."""
-    basis, step, h, method = operator.bases[heated], operator.steps[heated], operator.h, operator.method
-    cases = cases if method.rebounds else replace(cases, e=np.zeros(cases.count))
-    periods, when = complete_periods(cases.period_frequency, sampling), schedule(sampling, h)
-    record = record_of(cases, sampling, periods, basis.sensors)
-    conditions = conditions_of(basis, cases, sampling.duration)
-    record.tally["next_sample"] = 1
-    casing_flexibility = 1 / method.spring if method.spring > 0 else basis.contacts.casing_flexibility
-    contacts = replace(basis.contacts, casing_flexibility=casing_flexibility)
-    fill_first_sample(record, replace(basis, contacts=contacts), cases)
-    speeds = _speeds(conditions, h, method.theta)
-    casing = CasingSteps(speeds, _begun(basis, cases, conditions, speeds, operator))
-    marks = Marks(when.steps, when.due, when.weight, *period_marks(cases, periods, when.steps, h))
-    ended, which, split = np.full(cases.count, NOT_FINITE), np.flatnonzero(cases.finite), with_contacts(record, basis)
-    content = operator.structure.content @ basis.heat_shapes
-    begun = conditions.modal.copy()
-    deepest, sums = np.zeros((cases.count, basis.contacts.count)), np.zeros(cases.count, dtype=SUMS)
-    ending = Ending(ended, deepest, sums, Balancing(sampling.balances, content), begun.copy())
-    step_cases(step, conditions, casing, which, split, marks, memory(step, len(basis.sensors)), ending)
-    tally, completed = record.tally, ended == COMPLETED
-    each = completed.reshape(-1, *(1,) * (tally.ndim - 1))
-    metrics = {name: np.where(each, tally[name], np.nan) for name in ("impacts", "contact_time", "max_temperature")}
-    metrics["max_penetration"] = np.where(each, ending.penetration.reshape(tally.shape), np.nan)
-    closing = project(static_growth(basis), conditions.modal[:, 2 * basis.frequency.size :]).max(axis=1)
-    own = {"thermal_closing": closing}
-    if method.spring > 0 or not method.rebounds:
-        own |= effective_restitution(ending.sums["approached"], ending.sums["separated"])
-    if sampling.balances:
-        own |= _balance(basis, cases, conditions, begun, content, when.steps * h, ending.sums).residuals()
-    metrics |= {name: np.where(completed, values, np.nan) for name, values in own.items()}
-    metrics["steps"] = np.full(cases.count, float(when.steps))
-    status, messages = _judge(operator, cases, ended, split.tally["time"][:, 0])
-    given = {"metrics": metrics, "status": status, "messages": messages}
-    given["end"] = state_of(basis.shapes, basis.heat_shapes, ending.state)
-    return results_of(record, cases, periods, operator.structure.sensors, **given)
-
-
 def _balance(
     basis: ContactBasis,
     cases: Cases,
@@ -132,13 +126,11 @@ def _balance(
     sums: NDArray[np.void],
 ) -> Balance:
     """Return the balances of a march over ``elapsed`` seconds, from [y, y', τ] that ``begun`` it and what it summed."""
-    totals, n = named_rows(Totals, np.zeros((rows_in(Totals), cases.count))), basis.frequency.size
-    for name in ("first_energy", "last_energy", "largest_energy", "dissipated", "lost", "turned_over", "friction_heat"):
-        setattr(totals, name, sums[name])
+    n = basis.frequency.size
     load = np.abs(cases.mean) + cases.load_harmonics.reach
     pushed = elapsed * (np.abs(conditions.constant[:, :n]) + load[:, None] * np.abs(basis.load))
     return Balance(
-        totals,
+        sums.view(np.recarray),
         sums["gained"],
         initial=project(np.abs(content), np.abs(begun[:, 2 * n :])),
         heating=elapsed * project(content, conditions.constant[:, n : n + content.size]),
@@ -159,7 +151,7 @@ def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: A
     In the θ-method contacts with mass that start on the casing and move with it, both up to rounding, have r = u = 0,
     and their modes the velocity V(0) there; in central differences modes begin with w_-½.
     """
-    own, rows, central = cases.casing_harmonics, basis.contacts.normal, operator.method.central
+    rows, central = basis.contacts.normal, operator.method.central
     x, v = project(rows, cases.displacement), project(rows, cases.velocity)
     place, moves = cases.casing_of_contacts(0.0)
     before = operator.h * conditions.waves[:, :, wave.OMEGA] if central else 0.0
@@ -169,16 +161,13 @@ def _begun(basis: ContactBasis, cases: Cases, conditions: ContactCase, speeds: A
     if central:
         force = operator.method.spring * np.fmax(0.0, x - place)
         modal -= 0.5 * operator.h * _free_acceleration(basis, cases, conditions)
-        modal += (
-            0.5
-            * operator.h
-            * (project(basis.normal.T, force) - cases.friction[:, None] * project(basis.tangent.T, force))
-        )
+        along = cases.friction[:, None] * project(basis.tangent.T, force)
+        modal += 0.5 * operator.h * (project(basis.normal.T, force) - along)
         v = project(basis.normal, modal)
     begun = np.stack([x - place, v - begins], axis=1)
     if basis.contacts.is_compliant or central:
         return begun
-    lengths, speeds = (each[:, None] for each in own.rounding_scales(conditions.duration))
+    lengths, speeds = (each[:, None] for each in cases.casing_harmonics.rounding_scales(conditions.duration))
     lengths = lengths + project(np.abs(rows), np.abs(cases.displacement)) + np.abs(cases.clearances)
     speeds = speeds + project(np.abs(rows), np.abs(cases.velocity)) + lengths / operator.h
     beside = np.fmin(np.abs(v - moves), np.abs(v - begins))

@@ -274,7 +274,8 @@ def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64], sen
     h, (speed, place), (j, k) = step.tip.h, blocks.tip, blocks.pairs.T
     load, load_place = blocks.of_impulses((modal.tip if modal.load is None else modal.load)[:, None])[..., 0]
     pull, decay = blocks.thermal_load[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)
-    tip = contact.with_contact(step.tip)._replace(load_mobility=np.sum(speed * load + place * load_place))
+    mobility = np.sum(speed * load + place * load_place)
+    tip = step.tip._replace(load_mobility=mobility, stiffness=contact.stiffness, holds=contact.holds)
     return FreeStep(
         blocks=np.stack([1 - h * blocks.damping, -h * blocks.stiffness, load * blocks.scale], axis=1),
         coupled=np.stack([load_place, speed, place], axis=1) if modal.is_coupled else None,

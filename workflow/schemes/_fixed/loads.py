@@ -116,10 +116,11 @@ def weigh_load(before: float, after: float, leader: int, load: TipLoads, lanes: 
 
 
 @inlined
-def tip_load(sine: float, leader: int, load: TipLoads, lane: Lane) -> Pack:
-    """Return the load at the tip, N, for the ``sine`` that :func:`weigh_load` returned."""
+def tip_load(sine: float, leader: int, load: TipLoads, drive: Drive | None, lane: Lane) -> Pack:
+    """Return the load at the tip in a step, N, for the ``sine`` that :func:`weigh_load` returned."""
     mean, amplitude = pack(load.mean, lane), pack(load.amplitude, lane)
-    return mean + (amplitude * sine if leader >= 0 else amplitude * pack(load.weighed_sine, lane))
+    first = mean + (amplitude * sine if leader >= 0 else amplitude * pack(load.weighed_sine, lane))
+    return first if drive is None else first + pack(drive.state.load, lane)
 
 
 class Wave(Rows):
@@ -305,23 +306,11 @@ def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Tips
 
 
 @inlined
-def with_harmonics(drive: Drive | None, load: Pack, lane: Lane) -> Pack:
-    """Return the load at the tip in a step, with its harmonics, N."""
-    return load if drive is None else load + pack(drive.state.load, lane)
-
-
-@inlined
-def tip_before(drive: Drive | None, tip: Tips, lane: Lane) -> tuple[Pack, Pack]:
-    """Return position and velocity of the tip at the step's beginning: r and u where the casing moves."""
+def tip_before(drive: Drive | None, tip: Tips, gap: Pack, lane: Lane) -> tuple[Pack, Pack, Pack]:
+    """Return position and velocity of the tip at the beginning, and the position of the casing: r, u, 0 if it moves."""
     if drive is None:
-        return pack(tip.displacement, lane), pack(tip.velocity, lane)
-    return pack(drive.state.apart, lane), pack(drive.state.parting, lane)
-
-
-@inlined
-def casing_place(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
-    """Return the position of the casing in the frame of :func:`tip_before`."""
-    return gap if drive is None else spread(0.0, lane)
+        return pack(tip.displacement, lane), pack(tip.velocity, lane), gap
+    return pack(drive.state.apart, lane), pack(drive.state.parting, lane), spread(0.0, lane)
 
 
 @inlined

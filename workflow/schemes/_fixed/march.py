@@ -60,7 +60,7 @@ from workflow.schemes._fixed.free_motion import (
     plus,
     start,
 )
-from workflow.schemes._fixed.loads import DriveRows, start_load, turn_drive, turn_load
+from workflow.schemes._fixed.loads import DriveRows, start_load, tip_load, turn_drive, turn_load
 from workflow.schemes._fixed.outcome import effective_restitution
 from workflow.schemes._fixed.rows import Own
 from workflow.schemes._fixed.sensing import sense, sensing_of
@@ -80,10 +80,6 @@ FEW_ROWS = 60
 
 With more rows narrow packs were faster on the processor where it was measured; the bits are the same.
 """
-
-
-_MOVED = "motion", "drives"
-"""Rows of lanes that are scaled as blocks are."""
 
 
 class FreeTip(NamedTuple):
@@ -299,7 +295,7 @@ def close_step(
     lane: Lane,
 ) -> End:
     """Complete a step by load and contact, and count their work."""
-    tip, load = block.tip, stepping.load_impulse(now, step.tip.h, block, lane)
+    tip, load = block.tip, step.tip.h * tip_load(now.sine, now.leader, block.load, block.drive, lane)
     driven = TipInput(free.velocity, free.temperature, load, pack(tip.gap, lane), block.drive)
     end = contact_step(step.tip, law, driven, state.own, tip, lane)
     balance.count_work(account, step.tip, end, free.thermal_velocity, driven, state.own, tip, lane)
@@ -369,7 +365,7 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
     def add(law: R) -> R:
         def march_cases(step: FreeStep, law: Law, state: State, batch: Batch, account: Account | None) -> None:
             whole = batch.whole
-            for first in range(0, batch.values.shape[1], batch.width):
+            for first in range(0, batch.values.shape[1], whole.lanes):
                 marks, record, lanes = stepping.load_block(batch, first)
                 block = CaseBlock(whole.load, whole.tip, marks, record, whole.drive, lanes, whole.steps, whole.h)
                 march(step, law, state, block, account)
@@ -416,7 +412,7 @@ def step_batch(
     watched = stepping.watch(structure, cases, sampling, blocks.step.tip.h, drive)
     states, rows_of_cases = begun.states, np.zeros((rows_in(Own), cases.count))
     own = named_rows(Own, rows_of_cases)
-    own.alpha, own.mobility = cases.alpha, contact.mobility(free.tip.h, w)
+    own.alpha, own.mobility = cases.alpha, np.where(contact.factor(free.tip.h, w) <= 0, np.nan, w)
     own.drift, own.warmth, own.warming = begun.drift, begun.warmth, begun.warming
     if not free.heat_counts:
         states, own.first, own.thermal_velocity = first_free(blocks, begun)
@@ -456,7 +452,9 @@ def step_batch(
     rebounds = effective_restitution(own.approached, own.separated) if contact.rebounds else {}
     end = None
     if sampling.ends:
-        motion, pushed = (ended[name].swapaxes(0, 1) / np.where(scale == 0, np.inf, scale)[:, 0] for name in _MOVED)
+        motion, pushed = (
+            ended[name].swapaxes(0, 1) / np.where(scale == 0, np.inf, scale)[:, 0] for name in ("motion", "drives")
+        )
         tau = ended["tau"] / modal.heat_scale[:, None]
         last = LastStep(watched.elapsed, motion, pushed, tau, own.load, own.impulse, watched.tip.displacement)
         end = end_state(blocks, cases, begun, last)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.models import Cases
-from workflow.schemes._interface import Results, Status, merge
+from workflow.schemes._interface import Results, Sampling, Status, merge
 
 Outcome = tuple[NDArray[np.int8], dict[int, str]]
 """Status of each case, and the message of each that is not ok."""
@@ -25,12 +25,19 @@ def effective_restitution(approached: Array, separated: Array) -> dict[str, Arra
     return {"effective_restitution": np.where(met, separated / np.where(met, approached, 1.0), np.nan)}
 
 
-def by_heat(cases: Cases, run: Callable[[Cases, bool], Results]) -> Results:
-    """Run the cases whose thermal states can act, and those without: ``run(cases, heated)``."""
+class Operator(Protocol):
+    """Common data of a batch."""
+
+    def run(self, cases: Cases, sampling: Sampling, heated: bool) -> Results:
+        """Step cases that all carry thermal states, or that all carry none."""
+
+
+def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
+    """Step a whole batch; thermal states are carried only in the cases where they can act."""
     heated = cases.heated
     groups = [(np.flatnonzero(heated), True), (np.flatnonzero(~heated), False)]
     with np.errstate(over="ignore", invalid="ignore"):  # the status reports a case that is not finite
-        return merge([(which, run(cases.take(which), hot)) for which, hot in groups if which.size])
+        return merge([(which, operator.run(cases.take(which), sampling, hot)) for which, hot in groups if which.size])
 
 
 def judged(

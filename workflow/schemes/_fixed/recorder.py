@@ -85,7 +85,7 @@ class PlainBalance:
 def _count(step: int, batch: Batch) -> None:
     """Write the samples and load periods of a step, then count impact, contact and maxima at its end."""
     whole = batch.whole
-    for first in range(0, batch.values.shape[1], batch.width):
+    for first in range(0, batch.values.shape[1], whole.lanes):
         marks, record, lanes = load_block(batch, first)
         count_stored(step, CaseBlock(whole.load, whole.tip, marks, record, whole.drive, lanes, whole.steps, whole.h))
         store_block(batch, first)
@@ -117,11 +117,8 @@ class Recorder:
         self.steps = self._watched.schedule.steps
         waiting = {"samples": np.zeros((4 * WAITING, cases.count))}  # each block's, from step to step
         table = lane_table({**rows_of(self._watched), **waiting})
-        self._rows, self._shown, self._batch = (
-            table.cases["tip"],
-            table.cases["shown"],
-            batch_of(self._watched, table, table.lanes["samples"], LANES),
-        )
+        self._rows, self._shown = table.cases["tip"], table.cases["shown"]
+        self._batch = batch_of(self._watched, table, table.lanes["samples"], LANES)
         self._growth = static_tip_growth(structure)
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
         self._step = 0

@@ -77,11 +77,8 @@ def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> tuple[Array
             np.einsum("srb,rb->s", motion, load)[:, None],
         ]
     )
-    both, gains = (
-        motion.reshape(count, 2 * blocks.damping.size),
-        (responds + (0.5 if lagged else 1.0) * theta) @ step.heat_gain,
-    )
-    ahead = step.tip.h if lagged else 0.0
+    gains = (responds + (0.5 if lagged else 1.0) * theta) @ step.heat_gain
+    both, ahead = motion.reshape(count, 2 * blocks.damping.size), step.tip.h if lagged else 0.0
     own = np.stack(
         [
             _each(both, begun.known) + _each(theta, begun.settled) + ahead * _each(responds, begun.warming_modes),

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import LANES, PACK, ROW, LaneTable, named_rows, rows_in
-from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
+from workflow.kernels.packs import Lane, narrow, pack, some, some_nonzero, store, where
 from workflow.models import Array, Cases, EndState, Structure, sensed_values
 from workflow.schemes._fixed import loads
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.contact import End
-from workflow.schemes._fixed.loads import Drive, DriveRows, TipLoads, cut_gap, keep_apart, tip_loads, with_harmonics
+from workflow.schemes._fixed.loads import Drive, DriveRows, TipLoads, cut_gap, keep_apart, tip_loads
 from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
 
@@ -178,10 +178,9 @@ class Batch(NamedTuple):
     """Rows of all cases, ``(row, case)``."""
     lanes: Array
     """Rows of the block that is stepped, ``(row, ROW)``."""
-    width: int
-    """Largest number of cases of a block."""
     whole: CaseBlock
-    """Views of the lanes by name, with marks and outputs of all cases; :func:`load_block` returns those of a block."""
+    """Views of the lanes by name, as many as a block has cases at most, with marks and outputs of all cases;
+    :func:`load_block` returns those of a block."""
 
 
 class Now(NamedTuple):
@@ -207,12 +206,6 @@ def step_at(step: int, theta: float, leader: int, warmed: bool, block: CaseBlock
     """Return a step, with the load at its two ends weighted by 1 - θ and θ."""
     sine, mark = loads.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes), block.marks.next_mark[0]
     return Now(step * block.h, step == block.steps, step == mark, step + 1 == mark, sine, leader, warmed)
-
-
-@inlined
-def load_impulse(now: Now, h: float, block: CaseBlock, lane: Lane) -> Pack:
-    """Return the impulse of the load in a step, N s."""
-    return h * with_harmonics(block.drive, loads.tip_load(now.sine, now.leader, block.load, lane), lane)
 
 
 @inlined
@@ -386,20 +379,18 @@ def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Ba
     record = BlockRecord(watched.histories, samples, watched.periods, watched.sensed, lanes["shown"])
     drive = None if watched.drive is None else DriveRows(*(lanes[name] for name in DriveRows._fields)).named
     load, tip = named_rows(TipLoads, lanes["load"]), named_rows(Tips, lanes["tip"])
-    return Batch(
-        table.values, table.buffer, width, CaseBlock(load, tip, marks, record, drive, width, plan.steps, watched.h)
-    )
+    return Batch(table.values, table.buffer, CaseBlock(load, tip, marks, record, drive, width, plan.steps, watched.h))
 
 
 @inlined
 def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
-    """Copy up to ``width`` cases from the ``first`` on to the lanes; return marks, outputs and number of lanes.
+    """Copy the cases of a block from the ``first`` on to the lanes; return marks, outputs and number of lanes.
 
     Idle lanes are tips at rest that never touch. The caller makes the :class:`CaseBlock`: numba returns no records.
     """
     values, lanes, whole = batch.values, batch.lanes, batch.whole
     assert lanes.shape[1] == ROW
-    stop = min(first + batch.width, values.shape[1])
+    stop = min(first + whole.lanes, values.shape[1])
     count = stop - first
     for row in range(values.shape[0]):
         for lane in range(count):
@@ -414,7 +405,7 @@ def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
         whole.marks.sample_weight,
         whole.marks.period_due[first:stop],
         whole.marks.period_weight[first:stop],
-        whole.marks.next_mark[first // batch.width],
+        whole.marks.next_mark[first // whole.lanes],
         whole.marks.next_period[first:stop],
     )
     record = BlockRecord(
@@ -432,7 +423,7 @@ def store_block(batch: Batch, first: int) -> None:
     """Copy the lanes back to the cases from the ``first`` on."""
     values, lanes = batch.values, batch.lanes
     for row in range(values.shape[0]):
-        for lane in range(min(batch.width, values.shape[1] - first)):
+        for lane in range(min(batch.whole.lanes, values.shape[1] - first)):
             values[row, first + lane] = lanes[row, lane]
 
 

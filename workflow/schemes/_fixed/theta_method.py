@@ -10,7 +10,7 @@ with temperatures T and (·)_θ = θ (·)' + (1-θ) (·). With ξ = x - hθv tha
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from workflow.schemes._fixed.contact import Contact, TipStep
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
 from workflow.schemes._fixed.loads import drive_of, placed
 from workflow.schemes._fixed.march import step_batch
-from workflow.schemes._fixed.outcome import ROUNDING, Outcome, by_heat, friction_message, judged
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, friction_message, judged
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
 from workflow.schemes._fixed.stepping import collect
 from workflow.schemes._interface import Results, Sampling
@@ -51,6 +51,17 @@ class Operator:
         """Return the divisor of contact in a step h, ``(case,)``: there is one solution where it is positive."""
         return np.asarray(self.contact.factor(h, self.delassus(h, alpha, friction)))
 
+    def run(self, cases: Cases, sampling: Sampling, heated: bool) -> Results:
+        """Step cases that all carry thermal states, or that all carry none."""
+        h, blocks = self.h, self.blocks if heated else self.blocks.without_heat()
+        w, cases = self.delassus(h, cases.alpha, cases.friction), placed(cases, sampling.duration)
+        drive, stepped = drive_of(cases, h, self.theta, sampling.duration)
+        velocity = project(blocks.modal.to_modes, stepped.velocity)
+        ended = step_batch(self.structure, blocks, self.contact, w, cases, velocity, sampling, drive)
+        finite = ended.watched.finite("displacement", "temperature")
+        judged_blocks = self.blocks if self.contact.judges_heat else blocks
+        return collect(ended, *_judge(self, judged_blocks, cases, sampling.duration, finite))
+
 
 def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator:
     """Separate a structure into blocks, once for a batch."""
@@ -75,7 +86,7 @@ def step(modal: Decoupled, h: float, theta: float) -> Step:
     weight = 1 / (1 + lever * modal.rate)
     inertia = 1 + lever * modal.damping + lever * lever * modal.frequency**2
     return Step(
-        tip=TipStep(h, theta, 1.0 - theta, np.sum(modal.recorded * modal.heat_tip * weight)),
+        tip=TipStep(h, theta, np.sum(modal.recorded * modal.heat_tip * weight)),
         inertia=modal.effective_mass(inertia, lever),
         stiffening=2 * lever,
         lever=lever,
@@ -93,23 +104,6 @@ def step(modal: Decoupled, h: float, theta: float) -> Step:
     )
 
 
-def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Step a whole batch; thermal states are carried only in the cases where they can act."""
-    return by_heat(cases, lambda some, heated: _run(operator, some, sampling, heated))
-
-
-def _run(operator: Operator, cases: Cases, sampling: Sampling, heated: bool) -> Results:
-    """Step cases that all carry thermal states, or that all carry none."""
-    h, blocks = operator.h, operator.blocks if heated else operator.blocks.without_heat()
-    w, cases = operator.delassus(h, cases.alpha, cases.friction), placed(cases, sampling.duration)
-    drive, stepped = drive_of(cases, h, operator.theta, sampling.duration)
-    velocity = project(blocks.modal.to_modes, stepped.velocity)
-    ended = step_batch(operator.structure, blocks, operator.contact, w, cases, velocity, sampling, drive)
-    finite = ended.watched.finite("displacement", "temperature")
-    judged_blocks = operator.blocks if operator.contact.judges_heat else blocks
-    return collect(ended, *_judge(operator, judged_blocks, cases, sampling.duration, finite))
-
-
 def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, finite: NDArray[np.bool_]) -> Outcome:
     """Return status and message of each case."""
     h, theta, growth = operator.h, operator.theta, _spectral_radius(operator, blocks)
@@ -122,12 +116,10 @@ def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, fi
             f"it is stable up to h = {limit_text(limit)} s"
         )
 
-    @cache  # a limit takes hundreds of trials
-    def explained(alpha: float, friction: float) -> str:
-        return _message(operator, alpha, friction, duration)
+    message = cache(partial(_message, operator, duration))  # a limit takes hundreds of trials
 
     def explain(case: int) -> str:
-        return explained(float(cases.alpha[case]), float(cases.friction[case]))
+        return message(float(cases.alpha[case]), float(cases.friction[case]))
 
     ill_posed = operator.factor(h, cases.alpha, cases.friction) <= 0
     return judged(finite, ill_posed, explain, grown, f"the state left the finite numbers at h = {h:.6g} s")
@@ -140,7 +132,7 @@ def _spectral_radius(operator: Operator, blocks: Blocks) -> float:
     return max(blocks.spectral_radius, float(np.abs(blocks.step.decay).max(initial=0.0)))
 
 
-def _message(operator: Operator, alpha: float, friction: float, duration: float) -> str:
+def _message(operator: Operator, duration: float, alpha: float, friction: float) -> str:
     """Return the message of a case whose contact has no unique solution."""
     h, name = operator.h, operator.contact.name
 
