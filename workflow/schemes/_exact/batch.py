@@ -133,11 +133,11 @@ def record_of(cases: Cases, sampling: Sampling, periods: NDArray[np.int64], sens
         histories=np.full((cases.count, len(HISTORIES), *each, sampling.count), np.nan),
         periods=np.full((cases.count, 7, *each, numbers.size), np.nan),
         tally=np.zeros((cases.count, *each), dtype=TALLY),
-        events=np.zeros((0, 0)),
         asked=Asked(
             np.ascontiguousarray(sensors),
             np.full((cases.count, len(sensors), sampling.count), np.nan),
             np.full((cases.count, sampling.events, len(EVENT)), np.nan),
+            np.zeros((cases.count, 0, 0)),
         ),
     )
 

@@ -191,7 +191,6 @@ def with_contacts(record: Record, basis: ContactBasis) -> Record:
         record.histories.reshape(*record.histories.shape[:2], contacts, -1),
         record.periods.reshape(*record.periods.shape[:2], contacts, record.periods.shape[-1]),
         record.tally.reshape(-1, contacts),
-        record.events,
         record.asked,
     )
 
