@@ -15,7 +15,7 @@ from workflow.orbits._curve import Curve, Point, Problem
 from workflow.orbits._orbit import NOT_FOUND, Orbit, scale_of
 from workflow.orbits._rubs import tabulated
 from workflow.orbits._settle import Options, Settled, settle
-from workflow.schemes._exact.record import TOUCH
+from workflow.schemes._exact.record import TOUCHES
 
 BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing")
 """Names of the values of ``bifurcation``."""
@@ -315,5 +315,5 @@ def _order(point: Point) -> tuple[int, int, bool]:
     Impacts are not counted besides contacts, as chattering has infinitely many.
     """
     motion = point.orbit.motion
-    touches = int(np.sum(motion.kinds == TOUCH))
+    touches = int(np.sum(motion.kinds == TOUCHES))
     return touches, 0 if touches else motion.kinds.size, motion.was_held and not motion.times.size

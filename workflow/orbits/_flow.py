@@ -22,7 +22,7 @@ from workflow.models import Array, Cases, Structure
 from workflow.schemes import RefusedStructureError
 from workflow.schemes._exact.batch import make_operator
 from workflow.schemes._exact.layout import Budget, Regime
-from workflow.schemes._exact.record import RELEASE, TOUCH
+from workflow.schemes._exact.record import LEAVES, TOUCHES
 from workflow.schemes._exact.trajectory import Linear, Trajectory, linear, one_case, propagators, trajectory
 
 MOST_LOAD_PERIODS = 64
@@ -160,7 +160,7 @@ class Flow:
 
     def _saltations(self, motion: Trajectory) -> Array:
         """Return S of each event, ``(event, N, N)``."""
-        X, t, stays = motion.states, motion.begin + motion.times, motion.kinds == TOUCH
+        X, t, stays = motion.states, motion.begin + motion.times, motion.kinds == TOUCHES
         before = X - motion.impulses[:, None] * self.impulse_jump
         speed, acceleration = self._casing(t)
         jump = -(1 + np.where(stays, 0.0, self.e))[:, None] * self.impulse_jump / (self.tip[1] @ self.impulse_jump)
@@ -170,7 +170,7 @@ class Flow:
         approach = speed - before @ self.tip[1]
         late[approach == 0] = 0.0
         S = law - (late / np.where(approach == 0, 1.0, approach)[:, None])[:, :, None] * self.tip[0]
-        S[motion.kinds == RELEASE] = np.eye(X.shape[1])
+        S[motion.kinds == LEAVES] = np.eye(X.shape[1])
         return np.asarray(S)
 
     def _rates(self, X: Array, t: Array, held: NDArray[np.bool_]) -> Array:

@@ -101,9 +101,11 @@ def make_operator(structure: Structure, budget: Budget) -> ExactOperator:
 
 def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Results:
     """Run all cases that are finite; held regimes are made for as many α at a time as memory is bounded for."""
-    batch = BatchRun(operator, cases, sampling)
-    free, conditions, finite = operator.free, batch.conditions, np.flatnonzero(cases.finite)
-    memory, record = scratch(conditions.modal.shape[1], conditions.waves.shape[1]), batch.record
+    conditions, ended = conditions_of(operator, cases, sampling.duration), np.full(cases.count, INVALID)
+    periods = complete_periods(cases.period_frequency, sampling)
+    record = record_of(cases, sampling, periods, operator.basis.sensors)
+    memory = scratch(conditions.modal.shape[1], conditions.waves.shape[1])
+    free, finite = operator.free, np.flatnonzero(cases.finite)
     alpha, friction, heated = cases.alpha[finite], cases.friction[finite], cases.heated[finite]
     first, regime = distinct_rows(alpha[:, None], friction[:, None], heated[:, None])
     order, most = np.argsort(regime, kind="stable"), max(1, _REGIME_BYTES // (8 * operator.length))
@@ -114,9 +116,28 @@ def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Resu
         which, own = finite[those], regime[those] - begin
         conditions.held[which] = own
         separable = held.separable[own] & free.separable[conditions.free[which]]
-        batch.ended[which[~separable]] = INSEPARABLE
-        run_cases(free.rows, held.rows, conditions, which[separable], record, memory, batch.ended)
-    return batch.results()
+        ended[which[~separable]] = INSEPARABLE
+        run_cases(free.rows, held.rows, conditions, which[separable], record, memory, ended)
+    completed, tally, basis, modal = ended == COMPLETED, record.tally, operator.basis, conditions.modal
+    depth = penetration(conditions, record.histories[:, 0], sampling.times)
+    closing = project(basis.closing, modal[:, 2 * basis.tip.size :])
+    messages = {}
+    for i in np.flatnonzero(~completed | (tally["summed_speed"] > 0)).tolist():
+        if completed[i]:
+            messages[i] = _extrapolation_text(tally[i], operator.budget)
+        else:
+            messages[i] = failure_text(int(ended[i]), tally[i], operator.budget, float(cases.e[i]))
+    return results_of(
+        record,
+        cases,
+        periods,
+        operator.sensors,
+        metrics=metrics_of(record, sampling, completed, tally["steps"], depth, closing),
+        status=status_of(ended),
+        messages=messages,
+        end=state_of(basis.free.shapes, basis.free.heat_shapes, modal),
+        events=events_of(record, np.where(completed, tally["events"], np.nan)),
+    )
 
 
 def record_of(cases: Cases, sampling: Sampling, periods: NDArray[np.int64], sensors: Array) -> Record:
@@ -133,11 +154,11 @@ def record_of(cases: Cases, sampling: Sampling, periods: NDArray[np.int64], sens
         histories=np.full((cases.count, len(HISTORIES), *each, sampling.count), np.nan),
         periods=np.full((cases.count, 7, *each, numbers.size), np.nan),
         tally=np.zeros((cases.count, *each), dtype=TALLY),
-        events=np.zeros((0, 0)),
         asked=Asked(
             np.ascontiguousarray(sensors),
             np.full((cases.count, len(sensors), sampling.count), np.nan),
             np.full((cases.count, sampling.events, len(EVENT)), np.nan),
+            np.zeros((cases.count, 0, 0)),
         ),
     )
 
@@ -187,46 +208,22 @@ def results_of(
     )
 
 
-class BatchRun:
-    """The conditions of the cases of a batch and the arrays of their results."""
+def metrics_of(
+    record: Record, sampling: Sampling, completed: NDArray[np.bool_], steps: Array, depth: Array, closing: Array
+) -> dict[str, Array]:
+    """Return the metrics, with ``depth`` the largest penetration; of cases that did not complete the others are NaN.
 
-    def __init__(self, operator: ExactOperator, cases: Cases, sampling: Sampling):
-        self.operator, self.cases, self.sampling = operator, cases, sampling
-        self.conditions, self.ended = conditions_of(operator, cases, sampling.duration), np.full(cases.count, INVALID)
-        self.periods = complete_periods(cases.period_frequency, sampling)
-        self.record = record_of(cases, sampling, self.periods, operator.basis.sensors)
-
-    def results(self) -> Results:
-        """Return the results of the batch."""
-        status = status_of(self.ended)
-        metrics = self._metrics(status == Status.OK, self.record.histories[:, 0])
-        free, modal = self.operator.basis.free, self.conditions.modal
-        given = {"metrics": metrics, "status": status, "messages": self._messages()}
-        given["end"] = state_of(free.shapes, free.heat_shapes, modal)
-        given["events"] = events_of(self.record, np.where(status == Status.OK, self.record.tally["events"], np.nan))
-        return results_of(self.record, self.cases, self.periods, self.operator.sensors, **given)
-
-    def _metrics(self, completed: NDArray[np.bool_], displacement: Array) -> dict[str, Array]:
-        """Return the metrics; those of cases that did not complete are NaN, except ``steps``."""
-        tally, basis, modal = self.record.tally, self.operator.basis, self.conditions.modal
-        names = ("impacts", "contact_time", "max_temperature", "releases")
-        residuals = ("energy_residual", "heat_residual") if self.sampling.balances else ()
-        metrics = {name: np.where(completed, tally[name], np.nan) for name in names}
-        metrics["steps"] = np.where(tally["steps"] > 0, tally["steps"], np.nan)
-        metrics |= {name: np.full(completed.size, np.nan) for name in residuals}  # residuals of steps; there are none
-        metrics["thermal_closing"] = np.where(completed, project(basis.closing, modal[:, 2 * basis.tip.size :]), np.nan)
-        metrics["max_penetration"] = penetration(self.conditions, displacement, self.sampling.times)
-        return metrics
-
-    def _messages(self) -> dict[int, str]:
-        """Return the messages of cases that did not complete or were extrapolated."""
-        tally, budget, messages = self.record.tally, self.operator.budget, {}
-        for i in np.flatnonzero((self.ended != COMPLETED) | (tally["summed_speed"] > 0)).tolist():
-            if self.ended[i] != COMPLETED:
-                messages[i] = failure_text(int(self.ended[i]), tally[i], budget, float(self.cases.e[i]))
-            else:
-                messages[i] = _extrapolation_text(tally[i], budget)
-        return messages
+    Certified ``steps`` are not, and residuals, which are those of steps in time, always.
+    """
+    tally, count = record.tally, completed.size
+    each = completed.reshape(-1, *(1,) * (tally.ndim - 1))
+    metrics = {name: np.where(each, tally[name], np.nan) for name in ("impacts", "contact_time", "max_temperature")}
+    metrics["max_penetration"] = depth.reshape(tally.shape)
+    metrics["releases"] = np.where(completed, tally["releases"].reshape(count, -1).sum(axis=1), np.nan)
+    metrics["steps"] = np.where(steps > 0, steps, np.nan)
+    for name in ("energy_residual", "heat_residual") if sampling.balances else ():
+        metrics[name] = np.full(count, np.nan)
+    return metrics | {"thermal_closing": np.where(completed, closing, np.nan)}
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite

@@ -16,6 +16,7 @@ from workflow.kernels.algebra import block_diagonal
 from workflow.kernels.compiled import part
 from workflow.models import Array, ContactBasis, contact_system
 from workflow.poles import RealBlocks, real_blocks
+from workflow.schemes._exact.regimes import complete
 from workflow.schemes._exact.tables import block, first, padded
 
 
@@ -99,16 +100,9 @@ def fill_set(row: Array, basis: ContactBasis, closed: NDArray[np.bool_], alpha: 
         blocks = _separated(system.A, system.null.shape[1])
     except ValueError:  # poles that coincide, entries that are not finite
         return False
-    N, n, m, own, k, j = (
-        basis.size,
-        basis.frequency.size,
-        closed.size,
-        len(system.A),
-        blocks.damping.size,
-        blocks.rate.size,
-    )
+    m, own, k, j = closed.size, len(system.A), blocks.damping.size, blocks.rate.size
     row[:] = 0.0
-    row[:6] = k, j, N, m, n, basis.inputs
+    row[:6] = k, j, basis.size, m, basis.frequency.size, basis.inputs
     a = closed_set_of(row)
     a.block[block.DAMPING, :k], a.block[block.STIFFNESS, :k], a.first[first.RATE, :j] = blocks[:3]
     modes = system.null.shape[1]
@@ -119,20 +113,8 @@ def fill_set(row: Array, basis: ContactBasis, closed: NDArray[np.bool_], alpha: 
     a.source[:, :own], a.source[:, own : own + m] = (blocks.inward @ system.B).T, system.inputs.T
     into = block_diagonal(system.null, system.null, np.eye(basis.rate.size))
     a.entry[:], a.exit[:], a.place[:] = into @ blocks.inward.T, blocks.outward.T @ into.T, system.place
-    _complete(a.block, k)
-    row[6] = max(0.0, -blocks.damping.min(initial=0.0), -blocks.rate.min(initial=0.0))
-    row[7] = np.concatenate([a.block[block.OMEGA, :k], np.abs(blocks.damping), np.abs(blocks.rate)]).max(initial=0.0)
+    row[6], row[7] = complete(a.block, a.first, k, j)
     return True
-
-
-def _complete(b: Array, count: int) -> None:
-    """Fill what follows in the table of blocks from c and ω² of ``count`` blocks; others pad it at rest."""
-    b[block.STIFFNESS, count:] = max(1.0, b[block.STIFFNESS, count - 1]) if count else 1.0
-    b[block.OMEGA], b[block.HALF_DAMPING] = np.sqrt(b[block.STIFFNESS]), 0.5 * b[block.DAMPING]
-    b[block.INVERSE_OMEGA] = np.divide(1.0, b[block.OMEGA], out=np.zeros(b.shape[1]), where=b[block.OMEGA] > 0)
-    square = b[block.STIFFNESS] - b[block.HALF_DAMPING] ** 2
-    b[block.NU] = 1.0
-    b[block.NU, :count] = np.where(square[:count] > 0, np.sqrt(np.abs(square[:count])), 1.0)
 
 
 def _separated(A: Array, modes: int) -> RealBlocks:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from workflow.schemes._exact.batch import (
     events_of,
     failure_text,
     loads_of,
+    metrics_of,
     record_of,
     results_of,
     state_of,
@@ -81,12 +82,6 @@ class SetTable:
             return 0
 
 
-class _Variant(NamedTuple):
-    heated: bool
-    alpha: float
-    friction: float
-
-
 @dataclass(frozen=True, eq=False)
 class ContactOperator:
     """Common data of the cases of a batch; ``budget`` limits events and steps of one case."""
@@ -94,7 +89,7 @@ class ContactOperator:
     basis: ContactBasis
     budget: Budget
     sensors: Sensors | None = None
-    _tables: dict[_Variant, SetTable] = field(default_factory=dict)
+    _tables: dict[tuple[bool, float, float], SetTable] = field(default_factory=dict)
 
     @cached_property
     def bases(self) -> tuple[ContactBasis, ContactBasis]:
@@ -109,8 +104,7 @@ class ContactOperator:
 
     def sets(self, heated: bool, alpha: float, friction: float) -> SetTable:
         """Return the table of sets at one α and µ; one is made where there is none."""
-        key = _Variant(heated, alpha, friction)
-        return self._tables.setdefault(key, SetTable(self.bases[heated], alpha, friction))
+        return self._tables.setdefault((heated, alpha, friction), SetTable(self.bases[heated], alpha, friction))
 
 
 def make_contact_operator(structure: Structure, budget: Budget) -> ContactOperator:
@@ -146,16 +140,20 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
         own = conditions.modal[which]
         modal[which, : own.shape[1]] = own
         modal[which, own.shape[1] :] = 0.0
+    completed, steps = ended == COMPLETED, progress["steps"]
+    displacement = record.histories[:, 0].reshape(cases.count, basis.contacts.count, -1)
+    depth = _penetration(basis, cases, displacement, sampling)
+    closing = project(static_growth(basis), modal[:, 2 * basis.frequency.size :]).max(axis=1)
     return results_of(
         record,
         cases,
         periods,
         operator.sensors,
-        events=events_of(record, np.where(ended == COMPLETED, progress["listed"], np.nan)),
-        metrics=_metrics(operator, cases, sampling, record, progress, ended == COMPLETED, modal),
+        events=events_of(record, np.where(completed, progress["listed"], np.nan)),
+        metrics=metrics_of(record, sampling, completed, steps, depth, closing),
         status=status_of(ended),
         end=state_of(basis.shapes, basis.heat_shapes, modal),
-        messages={int(i): _failure(int(ended[i]), progress[i], operator) for i in np.flatnonzero(ended != COMPLETED)},
+        messages={int(i): _failure(int(ended[i]), progress[i], operator) for i in np.flatnonzero(~completed)},
     )
 
 
@@ -191,7 +189,6 @@ def with_contacts(record: Record, basis: ContactBasis) -> Record:
         record.histories.reshape(*record.histories.shape[:2], contacts, -1),
         record.periods.reshape(*record.periods.shape[:2], contacts, record.periods.shape[-1]),
         record.tally.reshape(-1, contacts),
-        record.events,
         record.asked,
     )
 
@@ -264,30 +261,6 @@ def _sine_cosine(angle: Array) -> tuple[Array, Array]:
     """Return sine and cosine of angles of any shape."""
     sin, cos = elementwise.sine_cosine(angle.ravel())
     return sin.reshape(angle.shape), cos.reshape(angle.shape)
-
-
-def _metrics(
-    operator: ContactOperator,
-    cases: Cases,
-    sampling: Sampling,
-    record: Record,
-    progress: Any,
-    completed: NDArray[np.bool_],
-    modal: Array,
-) -> dict[str, Array]:
-    """Return the metrics, those of contacts ``(case, contact)``; those of cases that did not complete are NaN."""
-    tally, basis = record.tally, operator.basis
-    each = completed.reshape(-1, *(1,) * (tally.ndim - 1))
-    metrics = {name: np.where(each, tally[name], np.nan) for name in ("impacts", "contact_time", "max_temperature")}
-    depth = _penetration(basis, cases, record.histories[:, 0].reshape(cases.count, basis.contacts.count, -1), sampling)
-    metrics["max_penetration"] = depth.reshape(tally.shape)
-    releases = tally["releases"].reshape(cases.count, -1).sum(axis=1)
-    metrics["releases"] = np.where(completed, releases, np.nan)
-    metrics["steps"] = np.where(progress["steps"] > 0, progress["steps"], np.nan)
-    for name in ("energy_residual", "heat_residual") if sampling.balances else ():
-        metrics[name] = np.full(cases.count, np.nan)  # of steps; there are none
-    growth = project(static_growth(basis), modal[:, 2 * basis.frequency.size :]).max(axis=1)
-    return metrics | {"thermal_closing": np.where(completed, growth, np.nan)}
 
 
 def _failure(ended: int, progress: Any, operator: ContactOperator) -> str:

@@ -135,7 +135,6 @@ def run_contacts(
             record.histories[i],
             record.periods[i],
             record.tally[i],
-            record.events,
             asked_of(record.asked, i),
         )
         ended[i] = _march(sets, structure, of_case(cases, i), mine, outcome.progress[i], own)
@@ -246,15 +245,14 @@ def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, 
 
     Impulses come first: what the integral takes of the propagation over h is overwritten by that to the samples.
     """
-    m = motion.m
-    times, ends, states, asked = record.times, record.period_ends, record.events, record.asked
+    m, times, ends, asked = motion.m, record.times, record.period_ends, record.asked
     for c in range(motion.views.shape[0]):
         own.impulse[c] = 0.0
         if record.tally[c].held:
             select(motion, c)
             own.impulse[c] = integral(m, m.now, m.after, t, h)
     for c in range(motion.views.shape[0]):
-        mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], states, asked)
+        mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
         if m.heated or next_due(mine) < t + h - late:
             select(motion, c)
             record_step(mine, m, t, h, observe(m, m.after, t + h), late)
@@ -279,9 +277,9 @@ def _sense(
 def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory) -> None:
     """Write the samples and periods that are due at the end, after any event there, and the state."""
     T, next_sample = case.duration, record.tally[0].next_sample
-    times, ends, states, asked = record.times, record.period_ends, record.events, record.asked
+    times, ends, asked = record.times, record.period_ends, record.asked
     for c in range(motion.views.shape[0]):
-        mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], states, asked)
+        mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
         select(motion, c)
         observed = observe(motion.m, motion.m.now, T)
         while next_due(mine) <= T * (1.0 + LATE):

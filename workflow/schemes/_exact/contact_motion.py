@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
-from workflow.kernels.compiled import inlined, part
+from workflow.kernels.compiled import part
 from workflow.kernels.lemke import Complementarity, problem
 from workflow.models import ContactBasis
 from workflow.schemes._exact.closed_sets import ClosedSet
@@ -27,13 +27,15 @@ from workflow.schemes._exact.motion import (
     Expansion,
     LoadedTables,
     Motion,
-    add_harmonic_outputs,
-    add_particular_outputs,
-    fill_unforced,
+    add_load_outputs,
+    copy_tables,
+    fastest_of,
+    fill_force,
+    fill_wave_force,
     from_coordinates,
-    is_explicit,
-    subtract_harmonics,
-    subtract_particular,
+    loaded_size,
+    loaded_tables,
+    subtract_loads,
     table,
     to_coordinates,
 )
@@ -42,8 +44,8 @@ from workflow.schemes._exact.tables import block, expansion, first, padded, stat
 _SHOWN = block.SIGNAL_INTEGRAL + 1 - block.SIGNAL_VALUE
 """Rows of the table of blocks that depend on the contact, from ``SIGNAL_VALUE`` on."""
 
-_WAVE_SHOWN = wave.CASING_COS + 1 - wave.SIGNAL_COS
-"""Columns of the table of waves that depend on the contact, from ``SIGNAL_COS`` on; and ``CASING``."""
+_WAVE_SHOWN = wave.CASING_COS + 1 - wave.SIGNAL_COS + 1
+"""Columns of the table of waves that depend on the contact: ``CASING``, and those from ``SIGNAL_COS`` on."""
 
 
 class ContactCase(NamedTuple):
@@ -133,7 +135,7 @@ class Memory(NamedTuple):
     modal: Array
     """X = [y, y', τ] at the last event, ``(N,)``."""
     inputs: Array
-    """Sources and signals by constant loads, cos ψ and sin ψ of a wave, ``(3, N + m)``; scratch."""
+    """Sources and signals by constant loads, and by cos ψ and sin ψ of each wave, ``(1 + 2 wave, N + m)``; scratch."""
     wanted: NDArray[np.bool_]
     """Contacts that are closed from the last event on, ``(contact,)``."""
     zeros: NDArray[np.int64]
@@ -169,8 +171,7 @@ def memory(basis: ContactBasis, waves: int, sets: int) -> Memory:
     """Return memory for a case with up to so many waves, and motions in so many sets."""
     N, n, m = basis.size, basis.frequency.size, basis.contacts.count
     columns, wide = padded(N // 2), padded(N)
-    tables = (block.ROWS + block.WAVE * waves) * columns + (first.ROWS + first.WAVE * waves) * wide
-    tables += wave.COLUMNS * waves + m * (_SHOWN * columns + 2 * wide + (_WAVE_SHOWN + 1) * waves + 3) + 5
+    tables = loaded_size(columns, wide, waves) + m * (3 + _SHOWN * columns + 2 * wide + _WAVE_SHOWN * waves) + 2
     return Memory(
         tables=np.zeros((sets, tables)),
         filled=np.zeros(sets, dtype=np.bool_),
@@ -182,7 +183,7 @@ def memory(basis: ContactBasis, waves: int, sets: int) -> Memory:
         differences=np.zeros((9, 4), dtype=np.complex128),
         coordinates=np.zeros(N),
         modal=np.zeros(N),
-        inputs=np.zeros((3, padded(N + m))),
+        inputs=np.zeros((1 + 2 * waves, padded(N + m))),
         wanted=np.zeros(m, dtype=np.bool_),
         zeros=np.zeros(m, dtype=np.int64),
         speed=np.zeros(m),
@@ -214,19 +215,15 @@ def motion_in(s: ClosedSet, case: ContactCase, own: Memory, slot: int) -> SetMot
     """Return the motion of a case in the set of a slot, its tables filled."""
     columns, wide, waves, contacts = s.block.shape[1], s.first.shape[1], case.acting, s.place.shape[0]
     numbers = own.tables[slot]
-    b, at = table(numbers, 0, block.ROWS + block.WAVE * waves, columns)
-    f, at = table(numbers, at, first.ROWS + first.WAVE * waves, wide)
-    rows, at = table(numbers, at, waves, wave.COLUMNS)
-    views, at = table(numbers, at, contacts, _SHOWN * columns + 2 * wide + (_WAVE_SHOWN + 1) * waves + 3)
-    outputs, counts = numbers[at : at + 3], numbers[at + 3 : at + 5]
+    loaded, at = loaded_tables(numbers, columns, wide, waves)
+    views, at = table(numbers, at, contacts, 3 + _SHOWN * columns + 2 * wide + _WAVE_SHOWN * waves)
+    counts = numbers[at : at + 2]
     if not own.filled[slot]:
         for i in range(numbers.size):
             numbers[i] = 0.0
-        _fill(s, case, own, LoadedTables(b, f, outputs, rows), views, counts)
+        _fill(s, case, own, loaded, views, counts)
         own.filled[slot] = True
-    fastest, most = s.fastest, max(columns, wide)
-    for i in range(waves):
-        fastest = max(fastest, rows[i, wave.OMEGA])
+    most = max(columns, wide)
     sums, _ = table(own.sums, 0, expansion.ROWS, s.blocks + 1)
     terms, _ = table(own.terms, 0, expansion.ROWS, columns)
     now, at = table(own.states, 0, state.ROWS, most)
@@ -237,10 +234,10 @@ def motion_in(s: ClosedSet, case: ContactCase, own: Memory, slot: int) -> SetMot
         s.firsts,
         int(counts[0]),
         int(counts[1]),
-        b,
-        f,
-        outputs,
-        rows,
+        loaded.block,
+        loaded.first,
+        loaded.outputs,
+        loaded.waves,
         own.differences,
         Expansion(sums, terms, own.derivatives, own.explicit),
         now,
@@ -253,7 +250,7 @@ def motion_in(s: ClosedSet, case: ContactCase, own: Memory, slot: int) -> SetMot
         s.entry,
         s.exit,
         s.growth,
-        fastest,
+        fastest_of(s.fastest, loaded.waves),
         2 * s.place.shape[1] < s.entry.shape[0],
         False,
     )
@@ -264,106 +261,68 @@ def motion_in(s: ClosedSet, case: ContactCase, own: Memory, slot: int) -> SetMot
 def _fill(s: ClosedSet, case: ContactCase, own: Memory, loaded: LoadedTables, views: Array, counts: Array) -> None:
     """Fill the tables of a motion, which are 0, and what each contact sees."""
     b, f, outputs, rows = loaded
-    for row in range(block.ROWS):
-        for k in range(b.shape[1]):
-            b[row, k] = s.block[row, k]
-    for row in range(first.ROWS):
-        for j in range(f.shape[1]):
-            f[row, j] = s.first[row, j]
-    size, waves = 2 * s.blocks + s.firsts, rows.shape[0]
-    _constant_sources(s, case.constant, own.inputs[0])
-    _fill_constants(s, own.inputs[0], b, f)
-    for i in range(waves):
-        for column in range(wave.GIVEN):
-            rows[i, column] = case.waves[i, column]
-        rows[i, wave.TIME] = rows[i, wave.TIME_BEFORE] = np.nan
-        _wave_sources(s, case, i, own.inputs)
-        _fill_wave(s, own.inputs, i, rows[i, wave.OMEGA], b, f)
-        for c in range(views.shape[0]):
-            at = _waves_at(s, c, i)
-            views[c, at], views[c, at + 1] = own.inputs[1, size + c], own.inputs[2, size + c]
-            views[c, at + _WAVE_SHOWN - 1], views[c, at + _WAVE_SHOWN] = case.casing[i, 0, c], case.casing[i, 1, c]
-    for k in range(s.blocks):
-        if is_explicit(b, k, rows, case.duration):
-            b[block.EXPLICIT_COLUMNS, int(counts[0])] = k
-            counts[0] += 1.0
-        else:
-            if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
-                b[block.APERIODIC_COLUMNS, int(counts[1])] = k
-                counts[1] += 1.0
-            subtract_particular(b, k, rows)
+    n, size, inputs, contacts = s.blocks, 2 * s.blocks + s.firsts, own.inputs, views.shape[0]
+    copy_tables(s.block, s.first, case.waves, loaded)
+    _constant_sources(s, case.constant, inputs[0])
+    for k in range(n):
+        fill_force(b, k, inputs[0, k], inputs[0, n + k])
     for j in range(s.firsts):
-        subtract_harmonics(f, j, rows)
-    for c in range(views.shape[0]):
-        outputs[SIGNAL], outputs[TEMPERATURE] = own.inputs[0, size + c], 0.0
-        outputs[PLACE] = case.constant[case.constant.size - 3 * views.shape[0] + c]
-        _fill_view(s, c, b, f, rows, views[c], outputs, int(counts[0]))
-
-
-@inlined
-def _waves_at(s: ClosedSet, c: int, i: int) -> int:
-    """Return where what contact ``c`` sees of wave i begins in its view."""
-    return int(3 + _SHOWN * s.block.shape[1] + 2 * s.first.shape[1] + (_WAVE_SHOWN + 1) * i)
+        f[first.SOURCE, j] = inputs[0, 2 * n + j]
+    for i in range(rows.shape[0]):
+        cos, sin, row = inputs[1 + 2 * i], inputs[2 + 2 * i], i * first.WAVE
+        _wave_sources(s, case, i, cos, sin)
+        for k in range(n):
+            fill_wave_force(b, k, i, rows[i, wave.OMEGA], (cos[k], sin[k]), (cos[n + k], sin[n + k]))
+        for j in range(s.firsts):
+            f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = cos[2 * n + j], sin[2 * n + j]
+    explicits, aperiodics = subtract_loads(loaded, n, s.firsts, case.duration)
+    counts[0], counts[1] = explicits, aperiodics
+    for c in range(contacts):
+        outputs[SIGNAL], outputs[TEMPERATURE] = inputs[0, size + c], 0.0
+        outputs[PLACE] = case.constant[case.constant.size - 3 * contacts + c]
+        for o in range(4):
+            for k in range(b.shape[1]):
+                b[block.SIGNAL_VALUE + o, k] = s.outputs[c, o, k]
+        for o in range(2):
+            for j in range(f.shape[1]):
+                f[first.SIGNAL + o, j] = s.slow_outputs[c, o, j]
+        for i in range(rows.shape[0]):
+            cos, sin = inputs[1 + 2 * i], inputs[2 + 2 * i]
+            rows[i, wave.SIGNAL_COS], rows[i, wave.SIGNAL_SIN] = cos[size + c], sin[size + c]
+            rows[i, wave.TEMPERATURE_COS] = rows[i, wave.TEMPERATURE_SIN] = 0.0
+            rows[i, wave.CASING_COS], rows[i, wave.CASING] = case.casing[i, 0, c], case.casing[i, 1, c]
+        add_load_outputs(loaded, n, s.firsts, explicits)
+        _exchange(loaded, views[c], False)
 
 
 @part
-def _fill_view(
-    s: ClosedSet, c: int, b: Array, f: Array, rows: Array, view: Array, outputs: Array, explicits: int
-) -> None:
-    """Fill what contact ``c`` sees; its signal by each wave alone is there."""
-    for o in range(4):
-        for k in range(b.shape[1]):
-            b[block.SIGNAL_VALUE + o, k] = s.outputs[c, o, k]
-    for o in range(2):
-        for j in range(f.shape[1]):
-            f[first.SIGNAL + o, j] = s.slow_outputs[c, o, j]
-    for i in range(rows.shape[0]):
-        at = _waves_at(s, c, i)
-        rows[i, wave.SIGNAL_COS], rows[i, wave.SIGNAL_SIN] = view[at], view[at + 1]
-        rows[i, wave.TEMPERATURE_COS] = rows[i, wave.TEMPERATURE_SIN] = 0.0
-    for k in range(s.blocks):
-        fill_unforced(b, k)
-        add_particular_outputs(b, k, rows, outputs)
-    for i in range(explicits):
-        k = int(b[block.EXPLICIT_COLUMNS, i])
-        for row in range(block.UNFORCED_VALUE, block.SIGNAL_INTEGRAL + 1):
-            b[row, k] = 0.0
-    for j in range(s.firsts):
-        add_harmonic_outputs(f, j, rows)
-    view[0], view[1], view[2] = outputs[0], outputs[1], outputs[2]
-    at = 3
-    for row in range(block.SIGNAL_VALUE, block.SIGNAL_INTEGRAL + 1):
-        for k in range(b.shape[1]):
-            view[at + k] = b[row, k]
-        at += b.shape[1]
-    for row in range(first.SIGNAL, first.TEMPERATURE + 1):
-        for j in range(f.shape[1]):
-            view[at + j] = f[row, j]
-        at += f.shape[1]
-    for i in range(rows.shape[0]):
-        for column in range(_WAVE_SHOWN - 1):
-            view[at + column] = rows[i, wave.SIGNAL_COS + column]
-        at += _WAVE_SHOWN + 1
+def _exchange(loaded: LoadedTables, view: Array, shows: bool) -> None:
+    """Copy what a contact sees from the tables to its view or, where it ``shows``, back."""
+    at = _copy(loaded.outputs.reshape((1, 3)), view, 0, shows)
+    at = _copy(loaded.block[block.SIGNAL_VALUE : block.SIGNAL_INTEGRAL + 1], view, at, shows)
+    at = _copy(loaded.first[first.SIGNAL : first.TEMPERATURE + 1], view, at, shows)
+    at = _copy(loaded.waves[:, wave.CASING : wave.CASING + 1], view, at, shows)
+    _copy(loaded.waves[:, wave.SIGNAL_COS : wave.CASING_COS + 1], view, at, shows)
+
+
+@part
+def _copy(rows: Array, view: Array, at: int, shows: bool) -> int:
+    """Copy a table to a place of a view, or back; return the place behind it."""
+    for row in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            if shows:
+                rows[row, k] = view[at + k]
+            else:
+                view[at + k] = rows[row, k]
+        at += rows.shape[1]
+    return at
 
 
 @part
 def select(motion: SetMotion, c: int) -> None:
     """Let the motion's signal and temperature be those of contact ``c``."""
-    m, view, at = motion.m, motion.views[c], 3
-    m.outputs[0], m.outputs[1], m.outputs[2] = view[0], view[1], view[2]
-    for row in range(block.SIGNAL_VALUE, block.SIGNAL_INTEGRAL + 1):
-        for k in range(m.block.shape[1]):
-            m.block[row, k] = view[at + k]
-        at += m.block.shape[1]
-    for row in range(first.SIGNAL, first.TEMPERATURE + 1):
-        for j in range(m.first.shape[1]):
-            m.first[row, j] = view[at + j]
-        at += m.first.shape[1]
-    for i in range(m.waves.shape[0]):
-        for column in range(_WAVE_SHOWN):
-            m.waves[i, wave.SIGNAL_COS + column] = view[at + column]
-        m.waves[i, wave.CASING] = view[at + _WAVE_SHOWN]
-        at += _WAVE_SHOWN + 1
+    m = motion.m
+    _exchange(LoadedTables(m.block, m.first, m.outputs, m.waves), motion.views[c], True)
 
 
 @part
@@ -378,12 +337,12 @@ def _constant_sources(s: ClosedSet, inputs: Array, out: Array) -> None:
 
 
 @part
-def _wave_sources(s: ClosedSet, case: ContactCase, i: int, out: Array) -> None:
-    """Fill the sources and signals by cos ψ and sin ψ of wave ``i`` in rows 1 and 2."""
+def _wave_sources(s: ClosedSet, case: ContactCase, i: int, by_cos: Array, by_sin: Array) -> None:
+    """Fill the sources and signals by cos ψ and sin ψ of wave ``i``."""
     contacts, omega = s.place.shape[0], case.waves[i, wave.OMEGA]
     at, width = s.source.shape[0] - 3 * contacts, s.source.shape[1]
     for r in range(width):
-        out[1, r], out[2, r] = 0.0, case.waves[i, wave.LOAD] * s.source[at - 1, r]
+        by_cos[r], by_sin[r] = 0.0, case.waves[i, wave.LOAD] * s.source[at - 1, r]
     for c in range(contacts):
         cos, sin = case.casing[i, 0, c], case.casing[i, 1, c]
         if cos != 0.0 or sin != 0.0:
@@ -391,34 +350,8 @@ def _wave_sources(s: ClosedSet, case: ContactCase, i: int, out: Array) -> None:
             for r in range(width):
                 still = s.source[d, r] - omega * omega * s.source[bend, r]
                 turning = omega * s.source[rate, r]
-                out[1, r] += cos * still + sin * turning
-                out[2, r] += sin * still - cos * turning
-
-
-@part
-def _fill_constants(s: ClosedSet, source: Array, b: Array, f: Array) -> None:
-    """Fill the constant forces on blocks and sources of first-order states."""
-    for k in range(s.blocks):
-        beta, gamma = source[k], source[s.blocks + k]
-        b[block.PARTICULAR_SLOPE, k], b[block.FORCE, k] = -beta, gamma + b[block.DAMPING, k] * beta
-    for j in range(s.firsts):
-        f[first.SOURCE, j] = source[2 * s.blocks + j]
-
-
-@part
-def _fill_wave(s: ClosedSet, source: Array, i: int, omega: float, b: Array, f: Array) -> None:
-    """Fill the forces on blocks and sources of first-order states by wave ``i``."""
-    row = i * block.WAVE
-    for k in range(s.blocks):
-        c = b[block.DAMPING, k]
-        beta_cos, beta_sin, at = source[1, k], source[2, k], s.blocks + k
-        b[block.PARTICULAR_SLOPE_COS + row, k], b[block.PARTICULAR_SLOPE_SIN + row, k] = -beta_cos, -beta_sin
-        b[block.FORCE_COS + row, k] = omega * beta_sin + source[1, at] + c * beta_cos
-        b[block.FORCE_SIN + row, k] = source[2, at] + c * beta_sin - omega * beta_cos
-    for j in range(s.firsts):
-        at = 2 * s.blocks + j
-        f[first.HARMONIC_COS + i * first.WAVE, j] = source[1, at]
-        f[first.HARMONIC_SIN + i * first.WAVE, j] = source[2, at]
+                by_cos[r] += cos * still + sin * turning
+                by_sin[r] += sin * still - cos * turning
 
 
 @part

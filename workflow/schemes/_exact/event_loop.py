@@ -20,10 +20,8 @@ from workflow.schemes._exact.layout import Case, in_row
 from workflow.schemes._exact.motion import Motion, Motions, Scratch, fill_modal, motions_of, set_free, set_held
 from workflow.schemes._exact.propagation import Observed, advance, copy_state, integral, observe
 from workflow.schemes._exact.record import (
-    IMPACT,
     IMPACTS,
     LEAVES,
-    RELEASE,
     TOUCHES,
     Record,
     asked_of,
@@ -75,7 +73,6 @@ def run_cases(
             record.histories[i],
             record.periods[i],
             record.tally[i],
-            record.events,
             asked_of(record.asked, i),
         )
         case = of_case(cases, i)
@@ -97,8 +94,10 @@ def _run_case(motions: Motions, case: Case, record: Record) -> int:
                 return OUT_OF_EVENTS
             was_held, before, approach = tally.held != 0, tally.impulse, 0.0 if tally.held else tally.speed
             start, observed = _pass_event(motions, case, tally, observed)
-            if tally.events <= record.events.shape[0]:
-                _note_event(motions, record, was_held, before)
+            if tally.events <= record.asked.states.shape[0]:
+                _fill_now(motions, tally)
+                for i in range(motions.free.modal.size):
+                    record.asked.states[tally.events - 1, i] = motions.free.modal[i]
             kind = LEAVES if was_held else TOUCHES if tally.held else IMPACTS
             note_event(record.asked, tally.events - 1, tally.time, kind, tally.impulse - before, approach, 0)
         if tally.time >= T:
@@ -127,16 +126,6 @@ def _run_case(motions: Motions, case: Case, record: Record) -> int:
         tally.time = T if h >= T - tally.time else tally.time + h
         start = Start(0, -1.0, False, 2.0 * h)
     return ended
-
-
-@part
-def _note_event(motions: Motions, record: Record, was_held: bool, before: float) -> None:
-    """Record an event and the state after it, from the impulse ``before`` it and whether the tip was held."""
-    tally, row = record.tally, record.events[record.tally.events - 1]
-    _fill_now(motions, tally)
-    row[0], row[1], row[2] = tally.time, RELEASE if was_held else IMPACT + tally.held, tally.impulse - before
-    for i in range(motions.free.modal.size):
-        row[3 + i] = motions.free.modal[i]
 
 
 @part

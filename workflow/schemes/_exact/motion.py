@@ -109,10 +109,9 @@ class Scratch(NamedTuple):
 def scratch(size: int, waves: int) -> Scratch:
     """Return memory for regimes of up to ``size`` coordinates under up to so many waves, see :func:`motion_of`."""
     columns, wide = padded(size // 2), padded(size)
-    tables = (block.ROWS + block.WAVE * waves) * columns + (first.ROWS + first.WAVE * waves) * wide
-    states = 2 * size + 4 * state.ROWS * wide + wave.COLUMNS * waves
-    expanded = expansion.ROWS * (2 * columns + 1) + 2 * ORDER + 3
-    return Scratch(np.zeros((2, tables + states + expanded + 3)), np.zeros((9, 4), dtype=np.complex128))
+    numbers = loaded_size(columns, wide, waves) + 2 * size + 4 * state.ROWS * wide
+    numbers += expansion.ROWS * (2 * columns + 1) + 2 * ORDER + 3
+    return Scratch(np.zeros((2, numbers)), np.zeros((9, 4), dtype=np.complex128))
 
 
 class LoadedTables(NamedTuple):
@@ -122,6 +121,21 @@ class LoadedTables(NamedTuple):
     first: Array
     outputs: Array
     waves: Array
+
+
+def loaded_size(columns: int, wide: int, waves: int) -> int:
+    """Return the count of numbers of :class:`LoadedTables`."""
+    by_wave = block.WAVE * columns + first.WAVE * wide + wave.COLUMNS
+    return block.ROWS * columns + first.ROWS * wide + waves * by_wave + 3
+
+
+@part
+def loaded_tables(numbers: Array, columns: int, wide: int, waves: int) -> tuple[LoadedTables, int]:
+    """Return the tables at the beginning of a row of numbers, and the place behind them."""
+    b, at = table(numbers, 0, block.ROWS + block.WAVE * waves, columns)
+    f, at = table(numbers, at, first.ROWS + first.WAVE * waves, wide)
+    rows, at = table(numbers, at, waves, wave.COLUMNS)
+    return LoadedTables(b, f, numbers[at : at + 3], rows), at + 3
 
 
 @part
@@ -155,32 +169,31 @@ def motion_of(regime: Regime, case: Case, numbers: Array, differences: Complex) 
     size, columns, wide, waves = regime.outward.shape[0], regime.block.shape[1], regime.first.shape[1], case.acting
     for i in range(numbers.size):
         numbers[i] = 0.0
-    b, at = table(numbers, 0, block.ROWS + block.WAVE * waves, columns)
-    f, at = table(numbers, at, first.ROWS + first.WAVE * waves, wide)
-    own, at = table(numbers, at, waves, wave.COLUMNS)
+    loaded, at = loaded_tables(numbers, columns, wide, waves)
     sums, at = table(numbers, at, expansion.ROWS, regime.blocks + 1)
     terms, at = table(numbers, at, expansion.ROWS, columns)
     states = numbers[at : at + 16 * max(columns, wide)].reshape((4, state.ROWS, max(columns, wide)))
     at += states.size
     memory = Expansion(sums, terms, numbers[at : at + ORDER + 1], numbers[at + ORDER + 1 : at + 2 * ORDER + 3])
     at += 2 * ORDER + 3
-    outputs, coordinates = numbers[at : at + 3], numbers[at + 3 : at + 3 + size]
-    at += 3 if regime.is_modal else 3 + size
-    loaded = LoadedTables(b, f, outputs, own)
-    explicits, aperiodics = _fill_tables(regime, case, loaded)
-    fastest, cooling = regime.fastest, regime.growth <= 0.0 and not regime.warms
+    coordinates = numbers[at : at + size]
+    at += 0 if regime.is_modal else size
+    copy_tables(regime.block, regime.first, case.waves, loaded)
+    _fill_sources(regime, case, loaded)
+    explicits, aperiodics = subtract_loads(loaded, regime.blocks, regime.firsts, case.duration)
+    add_load_outputs(loaded, regime.blocks, regime.firsts, explicits)
+    cooling = regime.growth <= 0.0 and not regime.warms
     for i in range(waves):
-        fastest = max(fastest, own[i, wave.OMEGA])
-        cooling &= own[i, wave.TEMPERATURE_COS] == 0.0 and own[i, wave.TEMPERATURE_SIN] == 0.0
+        cooling &= loaded.waves[i, wave.TEMPERATURE_COS] == 0.0 and loaded.waves[i, wave.TEMPERATURE_SIN] == 0.0
     return Motion(
         regime.blocks,
         regime.firsts,
         explicits,
         aperiodics,
-        b,
-        f,
-        outputs,
-        own,
+        loaded.block,
+        loaded.first,
+        loaded.outputs,
+        loaded.waves,
         differences,
         memory,
         states[0],
@@ -193,49 +206,67 @@ def motion_of(regime: Regime, case: Case, numbers: Array, differences: Complex) 
         regime.inward,
         regime.outward,
         regime.growth,
-        fastest,
+        fastest_of(regime.fastest, loaded.waves),
         regime.heated,
         cooling,
     )
 
 
+@inlined
+def fastest_of(poles: float, waves: Array) -> float:
+    """Return the bound of all poles and of the Ω of waves."""
+    for i in range(waves.shape[0]):
+        poles = max(poles, waves[i, wave.OMEGA])
+    return poles
+
+
 @part
-def _fill_tables(regime: Regime, case: Case, loaded: LoadedTables) -> tuple[int, int]:
-    """Fill tables of zeros; return the numbers of explicit blocks and of other blocks that do not oscillate."""
-    b, waves, explicits, aperiodics = loaded.block, loaded.waves, 0, 0
-    _copy_tables(regime, case, loaded)
-    _fill_sources(regime, case, loaded)
-    for k in range(regime.blocks):
-        _fill_force(regime, case, k, loaded)
-        if is_explicit(b, k, waves, case.duration):
+def copy_tables(blocks: Array, firsts: Array, waves: Array, loaded: LoadedTables) -> None:
+    """Copy the tables of a system and the waves of a case."""
+    for row in range(block.ROWS):
+        for k in range(blocks.shape[1]):
+            loaded.block[row, k] = blocks[row, k]
+    for row in range(first.ROWS):
+        for j in range(firsts.shape[1]):
+            loaded.first[row, j] = firsts[row, j]
+    for i in range(loaded.waves.shape[0]):
+        for column in range(wave.GIVEN):
+            loaded.waves[i, column] = waves[i, column]
+        loaded.waves[i, wave.TIME] = loaded.waves[i, wave.TIME_BEFORE] = np.nan
+
+
+@part
+def subtract_loads(loaded: LoadedTables, blocks: int, firsts: int, duration: float) -> tuple[int, int]:
+    """Fill what is subtracted; return the numbers of explicit blocks and of other blocks that do not oscillate."""
+    b, explicits, aperiodics = loaded.block, 0, 0
+    for k in range(blocks):
+        if _is_explicit(b, k, loaded.waves, duration):
             b[block.EXPLICIT_COLUMNS, explicits] = k
             explicits += 1
         else:
             if b[block.STIFFNESS, k] <= 0.25 * b[block.DAMPING, k] * b[block.DAMPING, k]:
                 b[block.APERIODIC_COLUMNS, aperiodics] = k
                 aperiodics += 1
-            subtract_particular(b, k, waves)
-            fill_unforced(b, k)
-        add_particular_outputs(b, k, waves, loaded.outputs)
-    for j in range(regime.firsts):
-        subtract_harmonics(loaded.first, j, waves)
-        add_harmonic_outputs(loaded.first, j, waves)
+            _subtract_particular(b, k, loaded.waves)
+    for j in range(firsts):
+        _subtract_harmonics(loaded.first, j, loaded.waves)
     return explicits, aperiodics
 
 
 @part
-def _copy_tables(regime: Regime, case: Case, loaded: LoadedTables) -> None:
-    """Copy the tables of the regime and the waves of the case."""
-    for row in range(block.ROWS):
-        for k in range(loaded.block.shape[1]):
-            loaded.block[row, k] = regime.block[row, k]
-    for row in range(first.ROWS):
-        for j in range(loaded.first.shape[1]):
-            loaded.first[row, j] = regime.first[row, j]
-    for i in range(loaded.waves.shape[0]):
-        for column in range(wave.GIVEN):
-            loaded.waves[i, column] = case.waves[i, column]
-        loaded.waves[i, wave.TIME] = loaded.waves[i, wave.TIME_BEFORE] = np.nan
+def add_load_outputs(loaded: LoadedTables, blocks: int, firsts: int, explicits: int) -> None:
+    """Add what is subtracted to the outputs of the loads, and fill those of blocks that are not explicit."""
+    b = loaded.block
+    for k in range(blocks):
+        b[block.SIGNAL_INTEGRAL, k] = b[block.SIGNAL_VALUE, k] / b[block.STIFFNESS, k]
+        for row in range(4):
+            b[block.UNFORCED_VALUE + row, k] = b[block.SIGNAL_VALUE + row, k]
+        _add_particular_outputs(b, k, loaded.waves, loaded.outputs)
+    for i in range(explicits):
+        for row in range(block.UNFORCED_VALUE, block.SIGNAL_INTEGRAL + 1):
+            b[row, int(b[block.EXPLICIT_COLUMNS, i])] = 0.0
+    for j in range(firsts):
+        _add_harmonic_outputs(loaded.first, j, loaded.waves)
 
 
 @part
@@ -264,33 +295,41 @@ def _wave_source(regime: Regime, case: Case, row: int, i: int) -> tuple[float, f
 
 @part
 def _fill_sources(regime: Regime, case: Case, loaded: LoadedTables) -> None:
-    """Fill the sources of the signal and of first-order states."""
-    f, outputs, waves, signal = loaded.first, loaded.outputs, loaded.waves, 2 * regime.blocks + regime.firsts
+    """Fill the sources of the signal, of first-order states and of blocks."""
+    b, f, outputs, waves = loaded
+    n, signal = regime.blocks, 2 * regime.blocks + regime.firsts
     outputs[SIGNAL], outputs[PLACE] = _source(regime, case, signal), case.gap
+    for j in range(regime.firsts):
+        f[first.SOURCE, j] = _source(regime, case, 2 * n + j)
+    for k in range(n):
+        fill_force(b, k, _source(regime, case, k), _source(regime, case, n + k))
     for i in range(waves.shape[0]):
         waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, case, signal, i)
-    for j in range(regime.firsts):
-        own = 2 * regime.blocks + j
-        f[first.SOURCE, j] = _source(regime, case, own)
-        for i in range(waves.shape[0]):
-            row = i * first.WAVE
-            f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = _wave_source(regime, case, own, i)
+        row = i * first.WAVE
+        for j in range(regime.firsts):
+            source = _wave_source(regime, case, 2 * n + j, i)
+            f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = source
+        for k in range(n):
+            fill_wave_force(
+                b, k, i, waves[i, wave.OMEGA], _wave_source(regime, case, k, i), _wave_source(regime, case, n + k, i)
+            )
 
 
 @part
-def _fill_force(regime: Regime, case: Case, k: int, loaded: LoadedTables) -> None:
-    """Fill the force F on a block, and -β."""
-    b, waves = loaded.block, loaded.waves
-    beta, gamma = _source(regime, case, k), _source(regime, case, regime.blocks + k)
-    c = b[block.DAMPING, k]
-    b[block.PARTICULAR_SLOPE, k], b[block.FORCE, k] = -beta, gamma + c * beta
-    for i in range(waves.shape[0]):
-        row, omega = i * block.WAVE, waves[i, wave.OMEGA]
-        beta_cos, beta_sin = _wave_source(regime, case, k, i)
-        gamma_cos, gamma_sin = _wave_source(regime, case, regime.blocks + k, i)
-        b[block.PARTICULAR_SLOPE_COS + row, k], b[block.PARTICULAR_SLOPE_SIN + row, k] = -beta_cos, -beta_sin
-        b[block.FORCE_COS + row, k] = omega * beta_sin + gamma_cos + c * beta_cos
-        b[block.FORCE_SIN + row, k] = gamma_sin + c * beta_sin - omega * beta_cos
+def fill_force(b: Array, k: int, beta: float, gamma: float) -> None:
+    """Fill the constant force F on a block, and -β."""
+    b[block.PARTICULAR_SLOPE, k], b[block.FORCE, k] = -beta, gamma + b[block.DAMPING, k] * beta
+
+
+@part
+def fill_wave_force(
+    b: Array, k: int, i: int, omega: float, beta: tuple[float, float], gamma: tuple[float, float]
+) -> None:
+    """Fill the force F by wave ``i`` on a block, and -β, from coefficients of cos ψ and sin ψ."""
+    row, c, (beta_cos, beta_sin), (gamma_cos, gamma_sin) = i * block.WAVE, b[block.DAMPING, k], beta, gamma
+    b[block.PARTICULAR_SLOPE_COS + row, k], b[block.PARTICULAR_SLOPE_SIN + row, k] = -beta_cos, -beta_sin
+    b[block.FORCE_COS + row, k] = omega * beta_sin + gamma_cos + c * beta_cos
+    b[block.FORCE_SIN + row, k] = gamma_sin + c * beta_sin - omega * beta_cos
 
 
 @inlined
@@ -314,7 +353,7 @@ def forced(b: Array, k: int, i: int) -> bool:
 
 
 @part
-def is_explicit(b: Array, k: int, waves: Array, duration: float) -> bool:
+def _is_explicit(b: Array, k: int, waves: Array, duration: float) -> bool:
     """Whether the response of a block to the loads cannot be subtracted without losing digits."""
     w2, half = b[block.STIFFNESS, k], abs(b[block.HALF_DAMPING, k])
     square = w2 - half * half
@@ -332,15 +371,7 @@ def is_explicit(b: Array, k: int, waves: Array, duration: float) -> bool:
 
 
 @part
-def fill_unforced(b: Array, k: int) -> None:
-    """Fill the outputs of a block that is not explicit."""
-    b[block.SIGNAL_INTEGRAL, k] = b[block.SIGNAL_VALUE, k] / b[block.STIFFNESS, k]
-    for row in range(4):
-        b[block.UNFORCED_VALUE + row, k] = b[block.SIGNAL_VALUE + row, k]
-
-
-@part
-def subtract_particular(b: Array, k: int, waves: Array) -> None:
+def _subtract_particular(b: Array, k: int, waves: Array) -> None:
     """Fill the rows of the particular solution of a block: η, and η' beside -β."""
     c, w2 = b[block.DAMPING, k], b[block.STIFFNESS, k]
     b[block.PARTICULAR, k] = b[block.FORCE, k] / w2
@@ -356,7 +387,7 @@ def subtract_particular(b: Array, k: int, waves: Array) -> None:
 
 
 @part
-def add_particular_outputs(b: Array, k: int, waves: Array, outputs: Array) -> None:
+def _add_particular_outputs(b: Array, k: int, waves: Array, outputs: Array) -> None:
     """Add the particular solution of a block to the outputs of the loads."""
     for o in range(2):
         value, slope = b[block.SIGNAL_VALUE + 2 * o, k], b[block.SIGNAL_SLOPE + 2 * o, k]
@@ -369,7 +400,7 @@ def add_particular_outputs(b: Array, k: int, waves: Array, outputs: Array) -> No
 
 
 @part
-def subtract_harmonics(f: Array, j: int, waves: Array) -> None:
+def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
     """Replace the sources of a first-order state in the rows of the harmonics by the response to them."""
     for i in range(waves.shape[0]):
         row = i * first.WAVE
@@ -380,7 +411,7 @@ def subtract_harmonics(f: Array, j: int, waves: Array) -> None:
 
 
 @part
-def add_harmonic_outputs(f: Array, j: int, waves: Array) -> None:
+def _add_harmonic_outputs(f: Array, j: int, waves: Array) -> None:
     """Add the response of a first-order state to the outputs of the waves."""
     for i in range(waves.shape[0]):
         cos, sin = f[first.HARMONIC_COS + i * first.WAVE, j], f[first.HARMONIC_SIN + i * first.WAVE, j]

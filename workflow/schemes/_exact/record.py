@@ -73,10 +73,6 @@ the promised accuracy, 1e-10."""
 _SHORTEST = 1e-15
 """Length of an interval, over the time, below which it is not bisected: a few roundings of the time itself."""
 
-RELEASE, IMPACT, TOUCH = 0.0, 1.0, 2.0
-"""Kinds of events: a contact ends, an impact with a flight after it, a contact begins (by an impact where there is an
-impulse)."""
-
 
 class Asked(NamedTuple):
     """What is recorded where it is asked for, of one case or, but for ``rows``, of a batch; else without rows."""
@@ -87,16 +83,19 @@ class Asked(NamedTuple):
     """What sensors show at samples, ``(sensor, t)``."""
     events: Array
     """With the columns of :data:`EVENT`, ``(event, 5)``; events beyond its rows are left out."""
+    states: Array
+    """[y, y', τ] after each event, ``(event, N)``; likewise."""
 
 
 EVENT = ("time", "kind", "impulse", "approach", "contact")
 """Columns of events: s, place in :data:`~workflow.variables.EVENT_KINDS`, N s, m/s, number of the contact from 0."""
 
 IMPACTS, TOUCHES, LEAVES = range(3)
+"""Kinds of events: an impact with a flight after it; a contact begins, by an impact if there is an impulse; it ends."""
 
 
 class Record(NamedTuple):
-    """Output arrays of one case, or those of a batch: all but sample times and events have one more axis before."""
+    """Output arrays of one case, or those of a batch: all but sample times have one more axis before."""
 
     times: Array
     """Sample times, s."""
@@ -109,16 +108,13 @@ class Record(NamedTuple):
     velocity [m/s] and temperature [K] at their ends, and impacts in them, ``(7, period)``."""
     tally: Any
     """One element of an array of :data:`TALLY`."""
-    events: Array
-    """Time [s], kind, impulse [N s] and the state [y, y', τ] after each event, ``(event, 3 + N)``; events beyond its
-    rows are left out."""
     asked: Asked
 
 
 @part
 def asked_of(asked: Asked, i: int) -> Asked:
     """Return what is asked for of one case of a batch."""
-    return Asked(asked.rows, asked.sensed[i], asked.events[i])
+    return Asked(asked.rows, asked.sensed[i], asked.events[i], asked.states[i])
 
 
 @part

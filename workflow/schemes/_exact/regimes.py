@@ -119,8 +119,17 @@ def _in_modes(system: ModalSystem, response: Array) -> RealBlocks:
 def _complete(row: Array) -> None:
     """Fill what follows in a row from c and ω² of blocks, μ of first-order states, outputs and transforms."""
     regime = in_row(row)
-    b, f, blocks = regime.block, regime.first, regime.blocks
-    growth, fastest, warms = 0.0, 0.0, False
+    b, warms = regime.block, False
+    row[GROWTH], row[FASTEST] = complete(b, regime.first, regime.blocks, regime.firsts)
+    for k in range(regime.blocks):
+        warms |= b[block.TEMPERATURE_VALUE, k] != 0.0 or b[block.TEMPERATURE_SLOPE, k] != 0.0
+    row[WARMS], row[IS_MODAL] = warms, _is_identity(regime.inward)
+
+
+@kernel
+def complete(b: Array, f: Array, blocks: int, firsts: int) -> tuple[float, float]:
+    """Fill what follows in tables from c and ω², others pad them at rest; return growth and fastest of a regime."""
+    growth, fastest = 0.0, 0.0
     filled = max(1.0, b[block.STIFFNESS, blocks - 1]) if blocks > 0 else 1.0
     for k in range(b.shape[1]):
         if k >= blocks:
@@ -134,10 +143,9 @@ def _complete(row: Array) -> None:
         if b[block.STIFFNESS, k] > 0.25 * c * c:
             b[block.NU, k] = np.sqrt(b[block.STIFFNESS, k] - 0.25 * c * c)
         growth, fastest = max(growth, -c), max(fastest, b[block.OMEGA, k], abs(c))
-        warms |= b[block.TEMPERATURE_VALUE, k] != 0.0 or b[block.TEMPERATURE_SLOPE, k] != 0.0
-    for j in range(regime.firsts):
+    for j in range(firsts):
         growth, fastest = max(growth, -f[first.RATE, j]), max(fastest, abs(f[first.RATE, j]))
-    row[GROWTH], row[FASTEST], row[WARMS], row[IS_MODAL] = growth, fastest, warms, _is_identity(regime.inward)
+    return growth, fastest
 
 
 @part

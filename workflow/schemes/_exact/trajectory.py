@@ -19,7 +19,7 @@ from workflow.schemes._exact.event_loop import COMPLETED, run_cases
 from workflow.schemes._exact.layout import Case, Regime, unpacked
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
 from workflow.schemes._exact.motion import scratch
-from workflow.schemes._exact.record import TALLY, TOUCH, Asked, Record
+from workflow.schemes._exact.record import EVENT, TALLY, TOUCHES, Asked, Record
 from workflow.schemes._exact.tables import block, first, wave
 from workflow.schemes._interface import HISTORIES
 
@@ -64,7 +64,7 @@ class Trajectory:
     def stretches(self) -> tuple[Array, NDArray[np.bool_]]:
         """Ends of flights and contacts after ``begin``, 0 first, s, and which are contacts."""
         ends = np.concatenate([[0.0], self.times, [self.span]])
-        return ends, np.concatenate([[self.was_held], self.kinds == TOUCH])
+        return ends, np.concatenate([[self.was_held], self.kinds == TOUCHES])
 
 
 class OneCase(NamedTuple):
@@ -125,11 +125,12 @@ def trajectory(
     while True:
         moving: dict[str, Any] = {"distance": apart, "speed": np.array([speed]), "modal": X[None].copy()}
         given = conditions._replace(waves=waves, duration=float(span), **moving)
-        tally, events = np.zeros(1, dtype=TALLY), np.zeros((kept, 3 + X.size))
+        tally, events = np.zeros(1, dtype=TALLY), np.zeros((1, kept, len(EVENT)))
         histories = np.full((1, len(HISTORIES), due.size), np.nan)
         tally["held"] = contact
-        asked = Asked(case.sensors, np.full((1, len(case.sensors), due.size), np.nan), np.zeros((1, 0, 5)))
-        record = Record(due, np.zeros((1, 0)), histories, np.zeros((1, 7, 0)), tally, events, asked)
+        sensed, states = np.full((1, len(case.sensors), due.size), np.nan), np.zeros((1, kept, X.size))
+        asked = Asked(case.sensors, sensed, events, states)
+        record = Record(due, np.zeros((1, 0)), histories, np.zeros((1, 7, 0)), tally, asked)
         run_cases(case.free, case.held, given, np.zeros(1, dtype=np.int64), record, memory, ended)
         count = int(tally["events"][0])
         if count <= kept or not kept:
@@ -138,10 +139,9 @@ def trajectory(
     done = ended[0] == COMPLETED
     end = given.modal[0] if done else np.full(X.size, np.nan)
     failure = "" if done else failure_text(int(ended[0]), tally[0], conditions.budget, float(conditions.e[0]))
-    times, kinds, impulses = events[:count, :3].T
-    at_end, states = bool(tally["held"][0]), events[:count, 3:]
-    shown = np.vstack([histories[0], asked.sensed[0]])
-    return Trajectory(begin, span, X, contact, end, at_end, times, kinds, impulses, states, shown, tally[0], failure)
+    (times, kinds, impulses), shown = events[0, :count, :3].T, np.vstack([histories[0], sensed[0]])
+    listed = times, kinds, impulses, states[0, :count]
+    return Trajectory(begin, span, X, contact, end, bool(tally["held"][0]), *listed, shown, tally[0], failure)
 
 
 def growth(regime: Regime) -> float:

@@ -260,7 +260,6 @@ def step_cases(
             record.histories[i],
             record.periods[i],
             record.tally[i],
-            record.events,
             asked_of(record.asked, i),
         )
         own = Marks(marks.steps, marks.sample_due, marks.sample_weight, marks.period_due[i], marks.period_weight[i])
