@@ -74,30 +74,21 @@ def measure(value: float, unit: str, digits: int = 12) -> str:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What one declared value means and which values are admissible.
-
-    Attributes
-    ----------
-    unit
-        SI unit in pint's spelling (``"W/m**2/K"``), ``"1"`` for a pure number.
-    description
-        One line for messages, the JSON Schema and the documentation.
-    above, at_least, at_most
-        Bounds: ``value > above``, ``value >= at_least``, ``value <= at_most``.
-    per
-        ``"node"``, ``"spring"``, ``"temperature"`` or ``"contact"`` where a list of one value for each is welcome
-        beside a scalar.
-    later
-        Whether it was declared when archives without it were there: at its default it enters no identity.
-    """
+    """What one declared value means and which values are admissible."""
 
     unit: str
+    """SI unit in pint's spelling (``"W/m**2/K"``), ``"1"`` for a pure number."""
     description: str
+    """One line for messages, the JSON Schema and the documentation."""
     above: float | None = None
     at_least: float | None = None
     at_most: float | None = None
+    """``above``, ``at_least``, ``at_most``: bounds: ``value > above``, ``value >= at_least``, ``value <= at_most``."""
     per: Literal["node", "spring", "temperature", "contact"] | None = None
+    """``"node"``, ``"spring"``, ``"temperature"`` or ``"contact"`` where a list of one value for each is welcome beside
+    a scalar."""
     later: bool = False
+    """Whether it was declared when archives without it were there: at its default it enters no identity."""
 
 
 def quantity(
@@ -136,28 +127,19 @@ def quantity_of(declared: Field[Any]) -> Quantity | None:
 
 @dataclass(frozen=True)
 class File:
-    """A file that a parameter names; what a case depends on is its content.
-
-    Attributes
-    ----------
-    digest
-        SHA-256 of the content, hexadecimal; of several files that of their names and digests.
-    name
-        As the study writes it.
-    place
-        Where it lies; while a model assembles, where what was read lies.
-    contents
-        What was read, by file name: of a directory or of files that belong together that of each.
-    shaken
-        Share by which a model changes the numbers that it reads from it, to see what rounding makes of results; 0 in
-        every study.
-    """
+    """A file that a parameter names; what a case depends on is its content."""
 
     digest: str
+    """SHA-256 of the content, hexadecimal; of several files that of their names and digests."""
     name: str = field(compare=False)
+    """As the study writes it."""
     place: str = field(compare=False)
+    """Where it lies; while a model assembles, where what was read lies."""
     contents: Mapping[str, bytes] = field(default_factory=dict, compare=False, repr=False)
+    """What was read, by file name: of a directory or of files that belong together that of each."""
     shaken: float = 0.0
+    """Share by which a model changes the numbers that it reads from it, to see what rounding makes of results; 0 in
+    every study."""
 
 
 def files_of(declared: Any) -> Iterator[File]:
@@ -171,33 +153,23 @@ def files_of(declared: Any) -> Iterator[File]:
 
 @dataclass(frozen=True)
 class Word:
-    """What a declared text means.
-
-    Attributes
-    ----------
-    description
-        One line for messages, the JSON Schema and the documentation.
-    file
-        Whether it is the name of a file, relative to the study.
-    files
-        Of the place that is named, all files that belong to it; ``None`` where it is one file by itself.
-    number
-        Whether numbers are welcome beside texts.
-    columns
-        Where rows of numbers are welcome instead of a file, name and unit of each column; none for any number of them.
-    later
-        Whether it was added later, so that its default does not count among what results depend on.
-    many
-        Whether a list of them is welcome.
-    """
+    """What a declared text means."""
 
     description: str
+    """One line for messages, the JSON Schema and the documentation."""
     file: bool = False
+    """Whether it is the name of a file, relative to the study."""
     files: Callable[[Path], tuple[Path, ...]] | None = None
+    """Of the place that is named, all files that belong to it; ``None`` where it is one file by itself."""
     number: bool = False
+    """Whether numbers are welcome beside texts."""
     columns: tuple[tuple[str, str], ...] | None = None
+    """Where rows of numbers are welcome instead of a file, name and unit of each column; none for any number of
+    them."""
     later: bool = False
+    """Whether it was added later, so that its default does not count among what results depend on."""
     many: bool = False
+    """Whether a list of them is welcome."""
 
 
 def word(description: str, *, default: Any = MISSING) -> Any:

@@ -40,38 +40,26 @@ axis is a branch, with a reference, if a scheme declares it, where a tolerance d
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable of an archive.
-
-    Attributes
-    ----------
-    name, unit, meaning
-        As in the archive; the unit in CF spelling, the meaning is its long name.
-    shape
-        See :data:`Shape`.
-    origin
-        Who gives it: the scheme, or the workflow from what schemes give.
-    condition
-        See :data:`Condition`.
-    signed
-        Whether a case that ended ok may have a negative value.
-    may_be_undefined
-        Whether a case that ended ok may have NaN or an infinite value.
-    comment
-        Definition, where the meaning leaves something open.
-    cell_methods
-        How the values stand for the cells of a dimension, in CF's words, where they are not those at its points.
-    """
+    """One variable of an archive."""
 
     name: str
     unit: str
     meaning: str
+    """``name``, ``unit``, ``meaning``: as in the archive; the unit in CF spelling, the meaning is its long name."""
     shape: Shape = "metric"
+    """See :data:`Shape`."""
     origin: Origin = "workflow"
+    """Who gives it: the scheme, or the workflow from what schemes give."""
     condition: Condition = "always"
+    """See :data:`Condition`."""
     signed: bool = False
+    """Whether a case that ended ok may have a negative value."""
     may_be_undefined: bool = False
+    """Whether a case that ended ok may have NaN or an infinite value."""
     comment: str = ""
+    """Definition, where the meaning leaves something open."""
     cell_methods: str = ""
+    """How the values stand for the cells of a dimension, in CF's words, where they are not those at its points."""
 
     @property
     def is_of_contact(self) -> bool:

@@ -116,29 +116,20 @@ _CORNERS_NAMED = 3
 
 @dataclass(frozen=True)
 class ChosenModes:
-    """Counts that a tolerance decides.
-
-    Attributes
-    ----------
-    mechanical_modes, thermal_modes
-        The counts.
-    error
-        Larger of the relative L2 errors of the tip's displacement and temperature in the hardest corner, 1; NaN
-        where none ended ok, or where trials cannot confirm so many vectors.
-    hardest
-        Path and value of every axis of the corner with that error.
-    against
-        What the error was measured against, in words.
-    untried
-        Which corners were left out, and why, in words; empty for none.
-    """
+    """Counts that a tolerance decides."""
 
     mechanical_modes: int
     thermal_modes: int
+    """``mechanical_modes``, ``thermal_modes``: the counts."""
     error: float
+    """Larger of the relative L2 errors of the tip's displacement and temperature in the hardest corner, 1; NaN where
+    none ended ok, or where trials cannot confirm so many vectors."""
     hardest: Corner
+    """Path and value of every axis of the corner with that error."""
     against: str
+    """What the error was measured against, in words."""
     untried: str = ""
+    """Which corners were left out, and why, in words; empty for none."""
 
     @property
     def is_confirmed(self) -> bool:

@@ -199,18 +199,12 @@ SHARE = 1e-12
 
 @dataclass(frozen=True)
 class Perturbation:
-    """A change of all data of a case but its discretisation, in one of two directions.
-
-    Attributes
-    ----------
-    direction
-        1 or -1.
-    reach
-        Largest displacement of the tip, m: the gap changes by :data:`SHARE` of it, also where it is 0.
-    """
+    """A change of all data of a case but its discretisation, in one of two directions."""
 
     direction: int
+    """1 or -1."""
     reach: float
+    """Largest displacement of the tip, m: the gap changes by :data:`SHARE` of it, also where it is 0."""
 
 
 def cases_of(

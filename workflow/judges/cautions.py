@@ -200,27 +200,19 @@ def free_modes(structure: Structure) -> FreeModes:
 
 @dataclass(frozen=True, eq=False)
 class SchemeStep:
-    """A step of a scheme on a structure.
-
-    Attributes
-    ----------
-    scheme, options, h
-        The scheme, its options and its step, s.
-    structure, modes
-        The structure it steps, and its free modes.
-    friction
-        Smallest and largest coefficient of friction of the cases.
-    frequency
-        Largest frequency of load and casing, Hz.
-    """
+    """A step of a scheme on a structure."""
 
     scheme: Scheme
     options: Any
     h: float
+    """``scheme``, ``options``, ``h``: the scheme, its options and its step, s."""
     structure: Structure
     modes: FreeModes
+    """``structure``, ``modes``: the structure it steps, and its free modes."""
     friction: tuple[float, float]
+    """Smallest and largest coefficient of friction of the cases."""
     frequency: float
+    """Largest frequency of load and casing, Hz."""
 
 
 class StepCaution(NamedTuple):

@@ -56,28 +56,19 @@ Counts = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Cases for the trials of reduced models of a structure.
-
-    Attributes
-    ----------
-    structure, cases
-        The full structure, and the cases on it.
-    is_static
-        Whether they start in equilibrium instead of their initial state.
-    basis
-        Basis of the reduced models.
-    sampling
-        Common sampling of all histories.
-    shortest
-        Shortest time that steps or samples resolve, s.
-    """
+    """Cases for the trials of reduced models of a structure."""
 
     structure: Structure
     cases: Cases
+    """``structure``, ``cases``: the full structure, and the cases on it."""
     is_static: bool
+    """Whether they start in equilibrium instead of their initial state."""
     basis: str
+    """Basis of the reduced models."""
     sampling: Sampling
+    """Common sampling of all histories."""
     shortest: float
+    """Shortest time that steps or samples resolve, s."""
 
     def model(self, counts: Counts) -> ReducedModel:
         """Return the reduced model with counts of vectors."""
@@ -167,28 +158,19 @@ def _innermost(text: str) -> str:
 
 
 class LeastVectors(NamedTuple):
-    """Counts of vectors that are determined by a tolerance.
-
-    Attributes
-    ----------
-    counts
-        Mechanical and thermal vectors.
-    error
-        Larger of the relative L2 errors of the tip's displacement and temperature in the worst case, 1; NaN where no
-        case ended ok, or where trials cannot confirm so many vectors.
-    worst
-        Index of the case with that error.
-    against
-        The reference of the error, in words.
-    untried
-        Why cases were left out, by their index.
-    """
+    """Counts of vectors that are determined by a tolerance."""
 
     counts: Counts
+    """Mechanical and thermal vectors."""
     error: float
+    """Larger of the relative L2 errors of the tip's displacement and temperature in the worst case, 1; NaN where no
+    case ended ok, or where trials cannot confirm so many vectors."""
     worst: int
+    """Index of the case with that error."""
     against: str
+    """The reference of the error, in words."""
     untried: Mapping[int, str]
+    """Why cases were left out, by their index."""
 
 
 class FullTrials:

@@ -88,22 +88,15 @@ def lane_rows(*shape: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class LaneTable:
-    """Numbers of a batch in two arrays: those of all cases, and the lanes of the block of cases that a kernel steps.
-
-    Attributes
-    ----------
-    values
-        ``(row, case)``: a kernel copies a block of cases to the lanes and back.
-    buffer
-        The lanes, ``(row, ROW)``.
-    cases, lanes
-        Views of both by name, ``(…, case)`` and ``(…, ROW)``.
-    """
+    """Numbers of a batch in two arrays: those of all cases, and the lanes of the block of cases that a kernel steps."""
 
     values: Array
+    """``(row, case)``: a kernel copies a block of cases to the lanes and back."""
     buffer: Array
+    """The lanes, ``(row, ROW)``."""
     cases: dict[str, Array]
     lanes: dict[str, Array]
+    """``cases``, ``lanes``: views of both by name, ``(…, case)`` and ``(…, ROW)``."""
 
 
 def lane_table(parts: Mapping[str, Array]) -> LaneTable:

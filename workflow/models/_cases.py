@@ -23,17 +23,13 @@ class EndState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Harmonics:
-    """A sum Σ a_k sin(2π f_k t + φ_k) for each case.
-
-    Attributes
-    ----------
-    amplitude, frequency, phase
-        a_k [N or m], f_k [Hz] and φ_k [rad]; shape ``(case, harmonic)``, the same number for all cases.
-    """
+    """A sum Σ a_k sin(2π f_k t + φ_k) for each case."""
 
     amplitude: Array
     frequency: Array
     phase: Array
+    """``amplitude``, ``frequency``, ``phase``: a_k [N or m], f_k [Hz] and φ_k [rad]; shape ``(case, harmonic)``, the
+    same number for all cases."""
 
     @property
     def width(self) -> int:
@@ -116,52 +112,39 @@ NO_HARMONICS = Harmonics(*np.zeros((3, 1, 0)))
 
 @dataclass(frozen=True, eq=False)
 class Cases:
-    """Parameters and initial states of the cases of a batch, in the coordinates of its structure.
-
-    Attributes
-    ----------
-    e, alpha, gap
-        Restitution coefficient [1], heat coupling [W/N], clearance d [m]; shape ``(case,)``.
-    mean
-        Tip load F0 besides its harmonics, N, shape ``(case,)``.
-    steady
-        Constant load of each mechanical coordinate, N, shape ``(case, mechanical)``.
-    heating
-        Constant heat load of each thermal coordinate, W, shape ``(case, thermal)``.
-    displacement, velocity
-        Initial state, m and m/s, shape ``(case, mechanical)``; the tip is last.
-    temperature
-        Initial temperature rises, K, shape ``(case, thermal)``; the tip is last.
-    load_harmonics, casing_harmonics
-        Harmonics of the tip load, N, and of the casing's position besides d, m; none by default.
-    friction
-        Friction coefficient µ of a structure with a sliding direction t: the contact force acts along n - µt. 1,
-        shape ``(case,)``; 0 by default.
-    gaps
-        Clearances d_i of several contacts, m, ``(case, contact)``; none for one, whose clearance is ``gap``.
-    turns
-        Phases k ψ_i by which contact i sees harmonics of the casing of order k ahead, rad, ``(case, contact,
-        harmonic)``; 0 for those given by a frequency, none for one contact.
-    offset
-        Displacement of contacts without mass by constant loads beside that of the modes, m, ``(case, contact)``; 0 by
-        default.
-    """
+    """Parameters and initial states of the cases of a batch, in the coordinates of its structure."""
 
     e: Array
     alpha: Array
     gap: Array
+    """``e``, ``alpha``, ``gap``: restitution coefficient [1], heat coupling [W/N], clearance d [m]; shape
+    ``(case,)``."""
     mean: Array
+    """Tip load F0 besides its harmonics, N, shape ``(case,)``."""
     steady: Array
+    """Constant load of each mechanical coordinate, N, shape ``(case, mechanical)``."""
     heating: Array
+    """Constant heat load of each thermal coordinate, W, shape ``(case, thermal)``."""
     displacement: Array
     velocity: Array
+    """``displacement``, ``velocity``: initial state, m and m/s, shape ``(case, mechanical)``; the tip is last."""
     temperature: Array
+    """Initial temperature rises, K, shape ``(case, thermal)``; the tip is last."""
     load_harmonics: Harmonics = NO_HARMONICS
     casing_harmonics: Harmonics = NO_HARMONICS
+    """``load_harmonics``, ``casing_harmonics``: harmonics of the tip load, N, and of the casing's position besides d,
+    m; none by default."""
     friction: Array = field(default_factory=lambda: np.zeros(0))
+    """Friction coefficient µ of a structure with a sliding direction t: the contact force acts along n - µt. 1, shape
+    ``(case,)``; 0 by default."""
     gaps: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """Clearances d_i of several contacts, m, ``(case, contact)``; none for one, whose clearance is ``gap``."""
     turns: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    """Phases k ψ_i by which contact i sees harmonics of the casing of order k ahead, rad, ``(case, contact,
+    harmonic)``; 0 for those given by a frequency, none for one contact."""
     offset: Array = field(default_factory=lambda: np.zeros((0, 1)))
+    """Displacement of contacts without mass by constant loads beside that of the modes, m, ``(case, contact)``; 0 by
+    default."""
 
     def __post_init__(self) -> None:
         """Fill friction and harmonics that are left out with a row for each case."""

@@ -28,41 +28,30 @@ _PARALLEL = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Rows of m contacts.
-
-    Attributes
-    ----------
-    labels
-        Name of each contact, m of them.
-    normal, tangent
-        w_i, towards the casing, and t_i, in which the casing slides, 0 for none, ``(contact, mechanical)``.
-    heat
-        s_i with the sum 1 over temperatures, ``(contact, thermal)``; θ_i = s_iᵀθ.
-    angle
-        ψ_i, rad, ``(contact,)``: contact i sees the casing at Ωt + ψ_i.
-    residual, residual_tangent
-        R = w ΔF wᵀ and R^t = w ΔF tᵀ, m/N, ``(contact, contact)``; ``None`` for contacts with mass.
-    residual_coupling
-        r = w ΔF K12, m/K, ``(contact, thermal)``.
-    residual_load
-        ρ = w ΔF b, m/N, ``(contact,)``.
-    residual_steady
-        x̄ = w ΔF f̄, m, ``(contact,)``: the residual's answer to the constant loads of the file.
-    casing_flexibility
-        c of an elastic casing, m/N; 0 for a rigid one.
-    """
+    """Rows of m contacts."""
 
     labels: tuple[str, ...]
+    """Name of each contact, m of them."""
     normal: Array
     tangent: Array
+    """``normal``, ``tangent``: w_i, towards the casing, and t_i, in which the casing slides, 0 for none, ``(contact,
+    mechanical)``."""
     heat: Array
+    """s_i with the sum 1 over temperatures, ``(contact, thermal)``; θ_i = s_iᵀθ."""
     angle: Array
+    """ψ_i, rad, ``(contact,)``: contact i sees the casing at Ωt + ψ_i."""
     residual: Array | None = None
     residual_tangent: Array | None = None
+    """``residual``, ``residual_tangent``: R = w ΔF wᵀ and R^t = w ΔF tᵀ, m/N, ``(contact, contact)``; ``None`` for
+    contacts with mass."""
     residual_coupling: Array | None = None
+    """r = w ΔF K12, m/K, ``(contact, thermal)``."""
     residual_load: Array | None = None
+    """ρ = w ΔF b, m/N, ``(contact,)``."""
     residual_steady: Array | None = None
+    """x̄ = w ΔF f̄, m, ``(contact,)``: the residual's answer to the constant loads of the file."""
     casing_flexibility: float = 0.0
+    """c of an elastic casing, m/N; 0 for a rigid one."""
 
     @property
     def count(self) -> int:

@@ -58,49 +58,36 @@ COLD = 1e30
 
 @dataclass(frozen=True, eq=False)
 class GivenMatrices:
-    """Matrices, dense or sparse, in SI and in coordinates of their own; all are symmetric but K12.
-
-    Attributes
-    ----------
-    mass, stiffness
-        M [kg] and K1 [N/m], ``(displacement, displacement)``.
-    coupling
-        K12 [N/K], ``(displacement, temperature)``.
-    heat_capacity, conductance
-        C2 [J/K] and K2 [W/K], ``(temperature, temperature)``.
-    contact
-        w with x_n = wᵀx, ``(displacement,)``; the casing is at x_n = d.
-    thermal_contact
-        Weights s of the contact heat on the temperatures, ``(temperature,)``, with the sum 1; θ_n = sᵀθ.
-    steady, heating
-        Constant loads [N] and heat loads [W], ``(displacement,)`` and ``(temperature,)``.
-    load
-        Direction of the load, ``(displacement,)``; that of the contact where ``None``.
-    tangent
-        Direction t in which the casing slides, ``(displacement,)``: the contact force acts along w - µt, or ``None``.
-    uniform_rise
-        Temperatures of a uniform rise by 1 K, ``(temperature,)``: 1 each where ``None``. They weight the heat balance.
-    damping, damper
-        Modal or Rayleigh damping; and a damping matrix [N s/m], ``(displacement, displacement)``.
-    labels
-        Labels of the displacements; their indices where there are none.
-    """
+    """Matrices, dense or sparse, in SI and in coordinates of their own; all are symmetric but K12."""
 
     mass: Array
     stiffness: Array
+    """``mass``, ``stiffness``: M [kg] and K1 [N/m], ``(displacement, displacement)``."""
     coupling: Array
+    """K12 [N/K], ``(displacement, temperature)``."""
     heat_capacity: Array
     conductance: Array
+    """``heat_capacity``, ``conductance``: C2 [J/K] and K2 [W/K], ``(temperature, temperature)``."""
     contact: Array
+    """w with x_n = wᵀx, ``(displacement,)``; the casing is at x_n = d."""
     thermal_contact: Array
+    """Weights s of the contact heat on the temperatures, ``(temperature,)``, with the sum 1; θ_n = sᵀθ."""
     steady: Array
     heating: Array
+    """``steady``, ``heating``: constant loads [N] and heat loads [W], ``(displacement,)`` and ``(temperature,)``."""
     damping: Rayleigh = field(default_factory=Rayleigh)
     damper: Array | None = None
+    """``damping``, ``damper``: modal or Rayleigh damping; and a damping matrix [N s/m], ``(displacement,
+    displacement)``."""
     load: Array | None = None
+    """Direction of the load, ``(displacement,)``; that of the contact where ``None``."""
     tangent: Array | None = None
+    """Direction t in which the casing slides, ``(displacement,)``: the contact force acts along w - µt, or ``None``."""
     uniform_rise: Array | None = None
+    """Temperatures of a uniform rise by 1 K, ``(temperature,)``: 1 each where ``None``. They weight the heat
+    balance."""
     labels: tuple[str, ...] = ()
+    """Labels of the displacements; their indices where there are none."""
 
 
 def structure_from_matrices(given: GivenMatrices) -> Matrices:

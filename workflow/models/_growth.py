@@ -71,30 +71,20 @@ class Growth(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InContact:
-    """The system in modes, the same for every α.
-
-    Attributes
-    ----------
-    modes
-        ω [1/s], c [1/s], L [√kg] and b [√kg/s] of the modes with the tip held, ``(4, mechanical mode)``.
-    heat
-        μ [1/s], t [1/√(J/K)] and g [N/√(J K)] of the thermal modes, ``(3, thermal mode)``.
-    coupling
-        κ, ``(mechanical mode, thermal mode)``.
-    has_rigid
-        Whether rigid modes, which no heat excites, are left out: they have the eigenvalues 0 and -a_M.
-    damping
-        φᵀ C1 φ [1/s], ``(mechanical mode, mechanical mode)``, where damping is not Rayleigh's and may couple modes.
-    slid
-        φᵀt, then ψᵀt, of the sliding direction t; ``None`` where there is none.
-    """
+    """The system in modes, the same for every α."""
 
     modes: Array
+    """ω [1/s], c [1/s], L [√kg] and b [√kg/s] of the modes with the tip held, ``(4, mechanical mode)``."""
     heat: Array
+    """μ [1/s], t [1/√(J/K)] and g [N/√(J K)] of the thermal modes, ``(3, thermal mode)``."""
     coupling: Array
+    """κ, ``(mechanical mode, thermal mode)``."""
     has_rigid: bool
+    """Whether rigid modes, which no heat excites, are left out: they have the eigenvalues 0 and -a_M."""
     damping: Array | None
+    """φᵀ C1 φ [1/s], ``(mechanical mode, mechanical mode)``, where damping is not Rayleigh's and may couple modes."""
     slid: Array | None
+    """φᵀt, then ψᵀt, of the sliding direction t; ``None`` where there is none."""
 
     @cached_property
     def poles(self) -> Complex:

@@ -144,18 +144,12 @@ class TooManyCoordinatesError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes y = shapes · amplitudes that diagonalise an inertia and a stiffness.
-
-    Attributes
-    ----------
-    values
-        λ of a pair, ascending; ω [rad/s] of :func:`~workflow.models.mechanical_modes`. Shape ``(mode,)``.
-    shapes
-        Columns with shapesᵀ · inertia · shapes = 1, shape ``(coordinate, mode)``.
-    """
+    """Modes y = shapes · amplitudes that diagonalise an inertia and a stiffness."""
 
     values: Array
+    """λ of a pair, ascending; ω [rad/s] of :func:`~workflow.models.mechanical_modes`. Shape ``(mode,)``."""
     shapes: Array
+    """Columns with shapesᵀ · inertia · shapes = 1, shape ``(coordinate, mode)``."""
 
     @property
     def tip(self) -> Array:
@@ -178,32 +172,24 @@ class Pair(ABC):
     Displacements u deform springs or conductors by d = D u, and K u = forces(d): K = Dᵀ diag(weights) D. Where there
     are no springs, d are the forces K u themselves. What is ``held`` is the boundary, the coordinates of the contacts:
     one contact is the last coordinate, several are made the last ones for a reduction.
-
-    Attributes
-    ----------
-    stiffness, inertia, deformation
-        K and M ``(coordinate, coordinate)``, and D ``(spring, coordinate)``, dense or sparse; a chain has no matrices.
-    weights
-        Springs [N/m] or conductors [W/K], ``(spring,)``.
-    most_modes
-        Largest number of modes or vectors of a structure that cannot be kept full.
-    boundary
-        Number of last coordinates that are held.
-    constraint
-        Constraint mode ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``; 0 in parts not linked to the tip.
-        Of a larger boundary one mode for each coordinate, ``(coordinate, boundary)``.
-    deformed
-        D ψ, ``(spring,)`` or ``(spring, boundary)``, exactly 0 where ψ deforms nothing.
     """
 
     stiffness: Any
     inertia: Any
     deformation: Any
+    """``stiffness``, ``inertia``, ``deformation``: K and M ``(coordinate, coordinate)``, and D ``(spring,
+    coordinate)``, dense or sparse; a chain has no matrices."""
     weights: Array
+    """Springs [N/m] or conductors [W/K], ``(spring,)``."""
     most_modes: int
+    """Largest number of modes or vectors of a structure that cannot be kept full."""
     boundary: int = 1
+    """Number of last coordinates that are held."""
     constraint: Array
+    """Constraint mode ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``; 0 in parts not linked to the tip. Of
+    a larger boundary one mode for each coordinate, ``(coordinate, boundary)``."""
     deformed: Array
+    """D ψ, ``(spring,)`` or ``(spring, boundary)``, exactly 0 where ψ deforms nothing."""
 
     @property
     def size(self) -> int:

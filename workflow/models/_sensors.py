@@ -39,19 +39,13 @@ class Sensor:
 
 @dataclass(frozen=True, eq=False)
 class Sensors:
-    """Rows of sensors.
-
-    Attributes
-    ----------
-    displacement, temperature
-        s_x and s_θ, ``(sensor, mechanical)`` and ``(sensor, thermal)``.
-    shares
-        B, ``(sensor, contact)``; 0 for contacts with mass.
-    """
+    """Rows of sensors."""
 
     displacement: Array
     temperature: Array
+    """``displacement``, ``temperature``: s_x and s_θ, ``(sensor, mechanical)`` and ``(sensor, thermal)``."""
     shares: Array
+    """B, ``(sensor, contact)``; 0 for contacts with mass."""
 
     def in_modes(self, shapes: Array, heat_shapes: Array) -> Array:
         """Return the rows of modal coordinates, ``(sensor, mode + thermal mode)``."""

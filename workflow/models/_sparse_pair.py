@@ -57,17 +57,12 @@ _CORRECTIONS = 2
 
 @dataclass(frozen=True, eq=False)
 class SparsePair(Pair):
-    """K and M as matrices ``(coordinate, coordinate)``.
-
-    Attributes
-    ----------
-    stiffness, inertia
-        K1 and M [N/m, kg], or K2 and C2 [W/K, J/K]. Coordinates other than the tip may have no inertia: they are
-        condensed statically in every vector that is found here.
-    """
+    """K and M as matrices ``(coordinate, coordinate)``."""
 
     stiffness: scipy.sparse.csc_array
     inertia: scipy.sparse.csc_array
+    """``stiffness``, ``inertia``: K1 and M [N/m, kg], or K2 and C2 [W/K, J/K]. Coordinates other than the tip may have
+    no inertia: they are condensed statically in every vector that is found here."""
     boundary: int = 1
     most_modes = MOST_REDUCED
 

@@ -33,21 +33,16 @@ class Rayleigh:
 
 @dataclass(frozen=True, eq=False)
 class Bases:
-    """Bases of a structure in the given coordinates of another, or of its source.
-
-    Attributes
-    ----------
-    displacement_basis, displacement_projection
-        Transforms from own displacements to the given ones and back, ``(given, mechanical)`` and ``(mechanical,
-        given)``; SciPy's sparse arrays where the source has many coordinates.
-    temperature_basis, temperature_projection
-        The same for temperatures.
-    """
+    """Bases of a structure in the given coordinates of another, or of its source."""
 
     displacement_basis: Array
     displacement_projection: Array
+    """``displacement_basis``, ``displacement_projection``: transforms from own displacements to the given ones and
+    back, ``(given, mechanical)`` and ``(mechanical, given)``; SciPy's sparse arrays where the source has many
+    coordinates."""
     temperature_basis: Array
     temperature_projection: Array
+    """``temperature_basis``, ``temperature_projection``: the same for temperatures."""
 
     def transformed(self, cases: Cases) -> Cases:
         """Return cases in given coordinates in those of the structure."""
@@ -68,25 +63,17 @@ class Bases:
 
 @dataclass(frozen=True, eq=False)
 class Coordinates(Bases):
-    """Coordinates of a structure's source, such as a file of matrices, where they differ from its own.
-
-    Attributes
-    ----------
-    steady, heating
-        Constant loads [N] and heat loads [W] of the source, ``(given,)``.
-    expansive
-        Constant force by heat loads on temperatures without heat capacity, N, ``(given,)``.
-    held
-        Numbers of displacements and temperatures that the source holds at 0.
-    angle
-        ψ of the one contact with mass, rad.
-    """
+    """Coordinates of a structure's source, such as a file of matrices, where they differ from its own."""
 
     steady: Array
     heating: Array
+    """``steady``, ``heating``: constant loads [N] and heat loads [W] of the source, ``(given,)``."""
     expansive: Array
+    """Constant force by heat loads on temperatures without heat capacity, N, ``(given,)``."""
     held: tuple[int, int] = (0, 0)
+    """Numbers of displacements and temperatures that the source holds at 0."""
     angle: float = 0.0
+    """ψ of the one contact with mass, rad."""
 
     def transformed(self, cases: Cases) -> Cases:
         """Transform cases from these coordinates to the structure's, and add the constant loads of the source."""

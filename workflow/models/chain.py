@@ -43,21 +43,14 @@ nodes lies at 1e-10 of it."""
 
 @dataclass(frozen=True, eq=False)
 class ChainPair(Pair):
-    """Joints between neighbours, lumps and grounds of a chain, ``(node,)`` each.
-
-    Attributes
-    ----------
-    joint
-        k_i [N/m] or κ_i [W/K], the first one to the root.
-    lumps
-        m_i [kg] or c_i [J/K].
-    ground
-        Conductances b_i to the surroundings, W/K; 0 for stiffness.
-    """
+    """Joints between neighbours, lumps and grounds of a chain, ``(node,)`` each."""
 
     joint: Array
+    """k_i [N/m] or κ_i [W/K], the first one to the root."""
     lumps: Array
+    """m_i [kg] or c_i [J/K]."""
     ground: Array
+    """Conductances b_i to the surroundings, W/K; 0 for stiffness."""
     most_modes = MOST_ONE_BY_ONE
 
     @property

@@ -16,31 +16,21 @@ from workflow.study import CaseSettings
 
 @dataclass(frozen=True)
 class Figures:
-    """Frequencies, stiffness, thermal times and critical coupling of a structure.
-
-    Attributes
-    ----------
-    label
-        Which structure.
-    first_frequency
-        f1, Hz; 0 for a free body.
-    tip_stiffness
-        1/S, N/m; 0 for a free body.
-    stiffness_by
-        Parameter that gives it, of a model that takes one of several; else empty.
-    slowest, fastest
-        Longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode.
-    critical_alpha
-        α_c, W/N, the least of the friction coefficients given.
-    """
+    """Frequencies, stiffness, thermal times and critical coupling of a structure."""
 
     label: str
+    """Which structure."""
     first_frequency: float
+    """f1, Hz; 0 for a free body."""
     tip_stiffness: float
+    """1/S, N/m; 0 for a free body."""
     stiffness_by: str
+    """Parameter that gives it, of a model that takes one of several; else empty."""
     slowest: float
     fastest: float
+    """``slowest``, ``fastest``: longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode."""
     critical_alpha: float
+    """α_c, W/N, the least of the friction coefficients given."""
 
 
 def figures(settings: CaseSettings, friction: Iterable[float]) -> Figures:

@@ -41,63 +41,46 @@ _ORDERS = {"seconds": 60.0, "minutes": 3600.0, "hours": 86400.0, "days": float("
 
 @dataclass(frozen=True)
 class Plan:
-    """Plan of a study: numbers, time, size and warnings.
-
-    Attributes
-    ----------
-    study, title
-        Its name and title.
-    dims
-        Names and sizes of the archive's dimensions, outermost first.
-    scene
-        Every value with its unit, and what was left to its default.
-    cases, unique, points
-        Cases of the archive, those that are computed, and how many of these follow each other in a line of a sweep.
-    references, exact
-        Reference solutions, and exact solutions of reduced models beside them, which split the errors.
-    batches, tasks
-        Runs of cases that share operators, and dask tasks.
-    steps
-        Steps of all cases together (0 for a scheme without steps).
-    time
-        The order of time that it takes on all processors here: seconds, minutes, hours or days.
-    bytes
-        Size of the results before compression.
-    stored
-        Names of the histories that are stored, without metrics; none for metrics alone.
-    structures
-        Figures of the first distinct structures.
-    more_structures
-        Number of the others.
-    choices
-        Counts of modes that a tolerance decides, for which structures, and the error found.
-    operators
-        What the schemes step the distinct structures by, where there is a choice, and how many more there are; before
-        it the ends of the speeds on which structures depend.
-    warnings
-        What to beware of, one sentence each.
-    """
+    """Plan of a study: numbers, time, size and warnings."""
 
     study: str
     title: str
+    """``study``, ``title``: its name and title."""
     dims: tuple[tuple[str, int], ...]
+    """Names and sizes of the archive's dimensions, outermost first."""
     scene: tuple[ResolvedValue, ...]
+    """Every value with its unit, and what was left to its default."""
     cases: int
     unique: int
     points: int
+    """``cases``, ``unique``, ``points``: cases of the archive, those that are computed, and how many of these follow
+    each other in a line of a sweep."""
     references: int
     exact: int
+    """``references``, ``exact``: reference solutions, and exact solutions of reduced models beside them, which split
+    the errors."""
     batches: int
     tasks: int
+    """``batches``, ``tasks``: runs of cases that share operators, and dask tasks."""
     steps: int
+    """Steps of all cases together (0 for a scheme without steps)."""
     time: str
+    """The order of time that it takes on all processors here: seconds, minutes, hours or days."""
     bytes: int
+    """Size of the results before compression."""
     stored: tuple[str, ...]
+    """Names of the histories that are stored, without metrics; none for metrics alone."""
     structures: tuple[Figures, ...]
+    """Figures of the first distinct structures."""
     more_structures: int
+    """Number of the others."""
     choices: tuple[str, ...]
+    """Counts of modes that a tolerance decides, for which structures, and the error found."""
     operators: tuple[str, ...]
+    """What the schemes step the distinct structures by, where there is a choice, and how many more there are; before it
+    the ends of the speeds on which structures depend."""
     warnings: tuple[str, ...]
+    """What to beware of, one sentence each."""
 
 
 def plan_study(study: StudySource) -> Plan:

@@ -32,27 +32,19 @@ DEFAULT = "craig_bampton"
 
 @dataclass(frozen=True)
 class Basis:
-    """Interface of a basis.
-
-    Attributes
-    ----------
-    mechanical
-        ``mechanical(structure, count, duration)``: ``count`` interior displacements, 0 at the tip and orthonormal in M,
-        and the tip's own vector, for cases of a duration [s], ``None`` where there are no cases. Of a structure with
-        several contacts the last ``structure.mechanical.boundary`` coordinates are theirs.
-    thermal
-        The same for temperatures, orthonormal in C2.
-    carried
-        ``carried(structure, mechanical, thermal)``: static displacements per temperature, see
-        :class:`~workflow.reduction._reduction.Reduction`. Optional.
-    CONTACTS
-        Kinds of contacts besides one with mass that it takes: ``several`` of them, or ``massless`` ones.
-    """
+    """Interface of a basis."""
 
     mechanical: Callable[[Structure, int, float | None], Vectors]
+    """``mechanical(structure, count, duration)``: ``count`` interior displacements, 0 at the tip and orthonormal in M,
+    and the tip's own vector, for cases of a duration [s], ``None`` where there are no cases. Of a structure with
+    several contacts the last ``structure.mechanical.boundary`` coordinates are theirs."""
     thermal: Callable[[Structure, int, float | None], Vectors]
+    """The same for temperatures, orthonormal in C2."""
     carried: Callable[[Structure, Vectors, Vectors], Array] | None = None
+    """``carried(structure, mechanical, thermal)``: static displacements per temperature, see
+    :class:`~workflow.reduction._reduction.Reduction`. Optional."""
     CONTACTS: frozenset[str] = frozenset()
+    """Kinds of contacts besides one with mass that it takes: ``several`` of them, or ``massless`` ones."""
 
 
 def takes(basis: str, contacts: Contacts | None) -> bool:

@@ -248,26 +248,18 @@ class ReducedModel(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Vectors:
-    """Basis of the displacements, or of the temperatures.
-
-    Attributes
-    ----------
-    shapes
-        Interior vectors, 0 at the contacts, then the contacts' own, 1 at one of them each, ``(node, coordinate)``; of
-        contacts without mass vectors of any kind, on which M is the unit matrix.
-    deformation
-        Elongation of each spring, or temperature difference across each conductor, per coordinate,
-        shape ``(spring, coordinate)``.
-    projection
-        Transform of states to coordinates, shape ``(coordinate, node)``.
-    residual
-        ΔF w_i of contacts without mass, m/N, ``(node, contact)``; else ``None``.
-    """
+    """Basis of the displacements, or of the temperatures."""
 
     shapes: Array
+    """Interior vectors, 0 at the contacts, then the contacts' own, 1 at one of them each, ``(node, coordinate)``; of
+    contacts without mass vectors of any kind, on which M is the unit matrix."""
     deformation: Array
+    """Elongation of each spring, or temperature difference across each conductor, per coordinate, shape ``(spring,
+    coordinate)``."""
     projection: Array
+    """Transform of states to coordinates, shape ``(coordinate, node)``."""
     residual: Array | None = None
+    """ΔF w_i of contacts without mass, m/N, ``(node, contact)``; else ``None``."""
 
 
 def mechanical_vectors(structure: Structure, interior: Array) -> Vectors:

@@ -41,28 +41,19 @@ class Status(IntEnum):
 
 @dataclass(frozen=True)
 class Sampling:
-    """Common sampling of all histories: t_k = k · interval from 0 to the duration inclusive.
-
-    Attributes
-    ----------
-    duration, interval
-        Seconds; the duration is ``count - 1`` intervals.
-    count
-        Number of samples, the initial state included.
-    balances
-        Whether the metrics ``energy_residual`` and ``heat_residual`` are given; NaN where the scheme is exact.
-    events
-        Most events of a case that are kept, of event_driven.
-    ends
-        Whether the states at the end are asked for.
-    """
+    """Common sampling of all histories: t_k = k · interval from 0 to the duration inclusive."""
 
     duration: float
     interval: float
+    """``duration``, ``interval``: seconds; the duration is ``count - 1`` intervals."""
     count: int
+    """Number of samples, the initial state included."""
     balances: bool = False
+    """Whether the metrics ``energy_residual`` and ``heat_residual`` are given; NaN where the scheme is exact."""
     events: int = 0
+    """Most events of a case that are kept, of event_driven."""
     ends: bool = False
+    """Whether the states at the end are asked for."""
 
     @property
     def times(self) -> Array:
@@ -113,49 +104,38 @@ def schedule(sampling: Sampling, h: float) -> Schedule:
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Results of a scheme for a batch.
-
-    Attributes
-    ----------
-    histories
-        One array per name in :data:`HISTORIES`, shape ``(case, t)``: m, m/s, K, N s. Of several contacts it is
-        ``(case, contact, t)``, as all that the table of variables gives each contact has them after the case. And
-        ``sensor_value``, ``(case, sensor, t)``, where the structure has sensors.
-    metrics
-        Shape ``(case,)``: ``impacts``, ``contact_time`` [s], ``max_penetration`` [m],
-        ``max_temperature`` [K], ``thermal_closing`` [m], ``steps``; with balances
-        ``energy_residual`` [1] and ``heat_residual`` [1]; and those of the scheme's ``METRICS``.
-    period_impulse, period_temperature, period_contact
-        Per complete load period, shape ``(case, period)``, NaN beyond a case's last one:
-        impulse [N s], largest tip temperature [K], share of the period in contact [1].
-    sections
-        ``section_displacement`` [m], ``section_velocity`` [m/s] and ``section_temperature`` [K] at the start of each of
-        these periods, and their ``period_impacts`` [1]; empty where a scheme does not give them.
-    events
-        ``event_time`` [s], ``event_kind`` (place in :data:`~workflow.variables.EVENT_KINDS`), ``event_impulse`` [N s],
-        ``event_approach`` [m/s], ``event_contact`` (from 0), ``(case, event)``, NaN beyond the last, and
-        ``event_count``, ``(case,)``; empty where none are asked for or given.
-    status
-        :class:`Status` of every case, int8, shape ``(case,)``. A case that is not ok has NaN
-        from the moment it failed, never another case's or an earlier value.
-    messages
-        Why a case is not ok, by its position in the batch; deterministic, without addresses or paths. That of a
-        case that is ok begins with :data:`EXTRAPOLATED`.
-    end
-        States at the end, in the structure's coordinates, from which the next point of a sweep starts; may be
-        ``None`` where :attr:`Sampling.ends` is false.
-    """
+    """Results of a scheme for a batch."""
 
     histories: dict[str, Array]
+    """One array per name in :data:`HISTORIES`, shape ``(case, t)``: m, m/s, K, N s. Of several contacts it is ``(case,
+    contact, t)``, as all that the table of variables gives each contact has them after the case. And ``sensor_value``,
+    ``(case, sensor, t)``, where the structure has sensors."""
     metrics: dict[str, Array]
+    """Shape ``(case,)``: ``impacts``, ``contact_time`` [s], ``max_penetration`` [m], ``max_temperature`` [K],
+    ``thermal_closing`` [m], ``steps``; with balances ``energy_residual`` [1] and ``heat_residual`` [1]; and those of
+    the scheme's ``METRICS``."""
     period_impulse: Array
     period_temperature: Array
     period_contact: Array
+    """``period_impulse``, ``period_temperature``, ``period_contact``: per complete load period, shape ``(case,
+    period)``, NaN beyond a case's last one: impulse [N s], largest tip temperature [K], share of the period in contact
+    [1]."""
     status: NDArray[np.int8]
+    """:class:`Status` of every case, int8, shape ``(case,)``. A case that is not ok has NaN from the moment it failed,
+    never another case's or an earlier value."""
     messages: dict[int, str]
+    """Why a case is not ok, by its position in the batch; deterministic, without addresses or paths. That of a case
+    that is ok begins with :data:`EXTRAPOLATED`."""
     sections: dict[str, Array] = field(default_factory=dict)
+    """``section_displacement`` [m], ``section_velocity`` [m/s] and ``section_temperature`` [K] at the start of each of
+    these periods, and their ``period_impacts`` [1]; empty where a scheme does not give them."""
     events: dict[str, Array] = field(default_factory=dict)
+    """``event_time`` [s], ``event_kind`` (place in :data:`~workflow.variables.EVENT_KINDS`), ``event_impulse`` [N s],
+    ``event_approach`` [m/s], ``event_contact`` (from 0), ``(case, event)``, NaN beyond the last, and ``event_count``,
+    ``(case,)``; empty where none are asked for or given."""
     end: EndState | None = None
+    """States at the end, in the structure's coordinates, from which the next point of a sweep starts; may be ``None``
+    where :attr:`Sampling.ends` is false."""
 
 
 def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
@@ -238,71 +218,51 @@ def _of_friction(limit: Callable[..., float]) -> Callable[[Structure, Any, float
 
 @dataclass(frozen=True)
 class Scheme:
-    """Interface of a scheme's module; fields with a default are optional.
-
-    Attributes
-    ----------
-    Options
-        Frozen dataclass of its options, declared with :func:`workflow.declare.quantity`.
-    READS
-        Which of the axes ``e``, ``h``, ``alpha`` change its results: cases that differ only in one of the others are
-        computed once. All else of the scene changes them, and so do its own options.
-    init
-        ``init(structure, h, options)``: work that depends on the operator alone, done once per batch. That of a module
-        is not called where :meth:`refusal` gives a reason: :class:`RefusedStructureError` is raised.
-    compute
-        ``compute(operator, cases, sampling)`` runs a whole batch and returns :class:`Results`; it never raises for
-        the failure of a case, and a case's bits do not depend on the other cases.
-    STEP_SECONDS
-        Measured time of a step of one case per state, s; 0 where it was not measured.
-    amplification
-        ``amplification(frequency, damping, h, options)``: eigenvalues of the free step of modes
-        x'' + c x' + ω² x = 0, complex, ``(mode, 2)``, for ω [rad/s] and c [1/s] of shape ``(mode,)``. A scheme
-        without steps returns the exact propagator's for ``h``.
-    thermal_amplification
-        ``thermal_amplification(rate, h, options)``: factor of the free step of thermal modes τ' = -μ τ, ``(mode,)``.
-    METRICS
-        Its metrics besides the common ones: name to unit and meaning.
-    TOGETHER
-        Number of cases that are stepped at once, at little more than the cost of one: tasks do not split them.
-    contact_limit
-        ``contact_limit(structure, options, friction)``: the largest step, s, that is stable in intermittent contact, at
-        a friction coefficient along the structure's tangent; without a third argument it holds for all coefficients.
-    operator_name
-        ``operator_name(structure)``: the form in which it solves a structure, as ``plan`` prints it; empty for none.
-    contact_stiffness_of
-        ``contact_stiffness_of(structure, options)``: stiffness of its contact spring, N/m, where it has one.
-    rigid
-        ``rigid(structure, h)``: options with which it converges to a rigid casing as h → 0, where not all do.
-    HARMONICS
-        Which of ``load`` and ``casing`` may have harmonics. By default the load (``Recorder.load`` and
-        ``Cases.load_at`` include them); ``casing`` declares that it takes a moving casing (``Cases.casing_at``).
-    GENERAL
-        What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction``
-        along the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: the mean
-        temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``
-        (``Structure.contacts``, ``Cases.gaps``), ``massless``: those without mass, one too, and an
-        ``elastic`` casing (``Contacts.casing_flexibility``).
-    about
-        One line on the scheme; by default the first paragraph of the module's docstring.
-    """
+    """Interface of a scheme's module; fields with a default are optional."""
 
     Options: type[Any]
+    """Frozen dataclass of its options, declared with :func:`workflow.declare.quantity`."""
     READS: frozenset[str]
+    """Which of the axes ``e``, ``h``, ``alpha`` change its results: cases that differ only in one of the others are
+    computed once. All else of the scene changes them, and so do its own options."""
     init: Callable[[Structure, float, Any], Any]
+    """``init(structure, h, options)``: work that depends on the operator alone, done once per batch. That of a module
+    is not called where :meth:`refusal` gives a reason: :class:`RefusedStructureError` is raised."""
     compute: Callable[[Any, Cases, Sampling], Results]
+    """``compute(operator, cases, sampling)`` runs a whole batch and returns :class:`Results`; it never raises for the
+    failure of a case, and a case's bits do not depend on the other cases."""
     STEP_SECONDS: float = 0.0
+    """Measured time of a step of one case per state, s; 0 where it was not measured."""
     amplification: Callable[[Array, Array, float, Any], Any] | None = None
+    """``amplification(frequency, damping, h, options)``: eigenvalues of the free step of modes x'' + c x' + ω² x = 0,
+    complex, ``(mode, 2)``, for ω [rad/s] and c [1/s] of shape ``(mode,)``. A scheme without steps returns the exact
+    propagator's for ``h``."""
     thermal_amplification: Callable[[Array, float, Any], Array] | None = None
+    """``thermal_amplification(rate, h, options)``: factor of the free step of thermal modes τ' = -μ τ, ``(mode,)``."""
     METRICS: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """Its metrics besides the common ones: name to unit and meaning."""
     TOGETHER: int = 1
+    """Number of cases that are stepped at once, at little more than the cost of one: tasks do not split them."""
     contact_limit: Callable[[Structure, Any, float], float] | None = None
+    """``contact_limit(structure, options, friction)``: the largest step, s, that is stable in intermittent contact, at
+    a friction coefficient along the structure's tangent; without a third argument it holds for all coefficients."""
     operator_name: Callable[[Structure], str] | None = None
+    """``operator_name(structure)``: the form in which it solves a structure, as ``plan`` prints it; empty for none."""
     contact_stiffness_of: Callable[[Structure, Any], float] | None = None
+    """``contact_stiffness_of(structure, options)``: stiffness of its contact spring, N/m, where it has one."""
     rigid: Callable[[Structure, float], Any] | None = None
+    """``rigid(structure, h)``: options with which it converges to a rigid casing as h → 0, where not all do."""
     HARMONICS: frozenset[str] = frozenset({"load"})
+    """Which of ``load`` and ``casing`` may have harmonics. By default the load (``Recorder.load`` and ``Cases.load_at``
+    include them); ``casing`` declares that it takes a moving casing (``Cases.casing_at``)."""
     GENERAL: frozenset[str] = frozenset()
+    """What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction`` along
+    the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: the mean
+    temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``
+    (``Structure.contacts``, ``Cases.gaps``), ``massless``: those without mass, one too, and an ``elastic`` casing
+    (``Contacts.casing_flexibility``)."""
     about: str = ""
+    """One line on the scheme; by default the first paragraph of the module's docstring."""
 
     @classmethod
     def required(cls) -> tuple[str, ...]:

@@ -37,19 +37,14 @@ _CENTRAL = central.Differences(heat="explicit")
 
 @dataclass(frozen=True)
 class Options:
-    """Options of the scheme.
-
-    Attributes
-    ----------
-    integration
-        ``explicit`` central differences or the ``implicit`` θ-method.
-    """
+    """Options of the scheme."""
 
     stiffness: float = quantity(
         "N/m", "contact stiffness; 0: ten times the static stiffness of the tip", default=0.0, at_least=0
     )
     damping: float = quantity("N*s/m", "contact damping", default=0.0, at_least=0)
     integration: Literal["explicit", "implicit"] = "explicit"
+    """``explicit`` central differences or the ``implicit`` θ-method."""
     theta: float = quantity(
         "1", "weight of the step's end where implicit, 1: implicit Euler", default=1.0, at_least=0, at_most=1
     )

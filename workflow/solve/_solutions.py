@@ -46,24 +46,16 @@ REFERENCE_RUNS = 3
 
 @dataclass(frozen=True, eq=False)
 class ReferenceSolutions:
-    """The solutions of some cases.
-
-    Attributes
-    ----------
-    inner
-        First inner indices that have them, ascending, ``(case,)``.
-    histories
-        ``(case, t)`` or ``(case, contact, t)`` by name, NaN where one did not end ok.
-    predictability
-        ``(case,)``, NaN where it was not computed, as of several contacts.
-    failures
-        Why those did not end ok that did not, by position.
-    """
+    """The solutions of some cases."""
 
     inner: Indices
+    """First inner indices that have them, ascending, ``(case,)``."""
     histories: Mapping[str, Array]
+    """``(case, t)`` or ``(case, contact, t)`` by name, NaN where one did not end ok."""
     predictability: Array
+    """``(case,)``, NaN where it was not computed, as of several contacts."""
     failures: Mapping[int, str]
+    """Why those did not end ok that did not, by position."""
 
     def of(self, inner: Indices) -> ReferenceSolutions:
         """Return the solutions of these inner indices, in their order; some may be there more than once."""

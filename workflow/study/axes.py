@@ -22,25 +22,18 @@ Counts = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of the structures of a study.
-
-    Attributes
-    ----------
-    inputs
-        By what a list has a value for each of, the numbers of values.
-    coordinates
-        Numbers of mechanical and of thermal coordinates, by the setting of their modes.
-    large, most
-        Coordinates above which a structure cannot be kept full, and the most modes of each kind that it then has.
-    structure
-        The one structure of a model without nodes, where it can be made.
-    """
+    """Sizes of the structures of a study."""
 
     inputs: Mapping[str, Counts]
+    """By what a list has a value for each of, the numbers of values."""
     coordinates: Mapping[str, Counts]
+    """Numbers of mechanical and of thermal coordinates, by the setting of their modes."""
     large: float = inf
     most: int = 0
+    """``large``, ``most``: coordinates above which a structure cannot be kept full, and the most modes of each kind
+    that it then has."""
     structure: Structure | None = None
+    """The one structure of a model without nodes, where it can be made."""
 
     @property
     def contacts(self) -> tuple[str, ...]:

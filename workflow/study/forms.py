@@ -22,27 +22,18 @@ LONGEST_LIST = 100
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of entry.
-
-    Attributes
-    ----------
-    core
-        How pydantic reads an entry, in SI; the context are the ``Files`` of the study.
-    schema
-        JSON Schema of what may be written.
-    varies
-        Whether its values can be those of an axis.
-    unit
-        CF unit of its values; empty for words.
-    remark
-        Unit and bounds in words, which follow the meaning of an entry.
-    """
+    """A kind of entry."""
 
     core: CoreSchema
+    """How pydantic reads an entry, in SI; the context are the ``Files`` of the study."""
     schema: Schema
+    """JSON Schema of what may be written."""
     varies: bool = False
+    """Whether its values can be those of an axis."""
     unit: str = ""
+    """CF unit of its values; empty for words."""
     remark: str = ""
+    """Unit and bounds in words, which follow the meaning of an entry."""
 
     def checked(self, check: Callable[[Any], Any]) -> Kind:
         """Return this kind, read from what a check makes of a value, or refuses."""

@@ -20,25 +20,17 @@ def place_of_path(path: str) -> Place:
 
 @dataclass(frozen=True)
 class Mistake:
-    """One mistake of a study.
-
-    Attributes
-    ----------
-    file
-        The file as it was named by the user.
-    line
-        Line of the entry, counted from 1; ``None`` where the file has no lines to speak of.
-    key
-        Dotted path of the entry, empty for the file as a whole.
-    problem, remedy
-        What is wrong, and what would be right.
-    """
+    """One mistake of a study."""
 
     file: str
+    """The file as it was named by the user."""
     line: int | None
+    """Line of the entry, counted from 1; ``None`` where the file has no lines to speak of."""
     key: str
+    """Dotted path of the entry, empty for the file as a whole."""
     problem: str
     remedy: str
+    """``problem``, ``remedy``: what is wrong, and what would be right."""
 
     def __str__(self) -> str:
         place = self.file if self.line is None else f"{self.file}:{self.line}"

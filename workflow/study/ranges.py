@@ -175,23 +175,16 @@ POINT, MATRIX = "sample_point", "sample_matrix"
 
 @dataclass(frozen=True)
 class Drawn:
-    """A zip whose numbers are drawn from ranges, point by point.
-
-    Attributes
-    ----------
-    sample
-        ``random``; ``latin_hypercube``, each number once in each of as many equal parts as there are points; or
-        ``sobol_indices``, matrices A and B of a scrambled Sobol' sequence and, for each number, A with that of B.
-    points, seed
-        Number of points, and what the generator starts from.
-    ranges
-        By path, in the order of the study.
-    """
+    """A zip whose numbers are drawn from ranges, point by point."""
 
     sample: str
+    """``random``; ``latin_hypercube``, each number once in each of as many equal parts as there are points; or
+    ``sobol_indices``, matrices A and B of a scrambled Sobol' sequence and, for each number, A with that of B."""
     points: int
     seed: int
+    """``points``, ``seed``: number of points, and what the generator starts from."""
     ranges: Mapping[str, Range]
+    """By path, in the order of the study."""
 
     @property
     def matrices(self) -> tuple[str, ...]:

@@ -207,27 +207,18 @@ class Output:
 
 @dataclass(frozen=True)
 class Axis:
-    """One quantity that a study varies, or one of the settings that it holds.
-
-    Attributes
-    ----------
-    path
-        What it sets: ``e``, ``scheme``, ``scene.casing.gap``, ``schemes.LABEL.option``.
-    name
-        Name of its coordinate.
-    values
-        Values in SI, in the study's order; ``full`` is resolved.
-    unit
-        CF unit (``N m-1``); empty for words.
-    description
-        Long name.
-    """
+    """One quantity that a study varies, or one of the settings that it holds."""
 
     path: str
+    """What it sets: ``e``, ``scheme``, ``scene.casing.gap``, ``schemes.LABEL.option``."""
     name: str
+    """Name of its coordinate."""
     values: tuple[Value, ...]
+    """Values in SI, in the study's order; ``full`` is resolved."""
     unit: str
+    """CF unit (``N m-1``); empty for words."""
     description: str
+    """Long name."""
 
 
 @dataclass(frozen=True)
@@ -273,36 +264,24 @@ class Reference:
 
 @dataclass(frozen=True, kw_only=True)
 class CaseSpace:
-    """The cases of a study, resolved to SI.
-
-    Attributes
-    ----------
-    scene
-        The scene as written, before axes replace any of it.
-    schemes
-        Schemes by label: those defined, and the bare methods that are used.
-    dimensions
-        Axes, then zips, in the study's order.
-    scalars
-        Settings and scene values that are no dimension, with one value each.
-    reference
-        What errors are measured against, or ``None``.
-    output
-        What the archive keeps.
-    branch
-        The axis that is followed as a curve, ``None`` where none is.
-    contacts
-        Labels of several contacts; none for one.
-    """
+    """The cases of a study, resolved to SI."""
 
     scene: Scene
+    """The scene as written, before axes replace any of it."""
     schemes: Mapping[str, SchemeChoice]
+    """Schemes by label: those defined, and the bare methods that are used."""
     dimensions: tuple[Dimension, ...]
+    """Axes, then zips, in the study's order."""
     scalars: tuple[Axis, ...]
+    """Settings and scene values that are no dimension, with one value each."""
     reference: Reference | None
+    """What errors are measured against, or ``None``."""
     output: Output
+    """What the archive keeps."""
     branch: Branch | None = None
+    """The axis that is followed as a curve, ``None`` where none is."""
     contacts: tuple[str, ...] = ()
+    """Labels of several contacts; none for one."""
 
     @property
     def contact_shape(self) -> tuple[int, ...]:

@@ -50,28 +50,19 @@ _OTHER_BASE = re.compile(r"0o[0-7]{1,60}|0x[0-9a-fA-F]{1,60}")
 
 @dataclass
 class StudyText:
-    """A study as composed from its text.
-
-    Attributes
-    ----------
-    file, text
-        Name of the file and what it holds.
-    tree
-        Plain mappings, lists and scalars.
-    lines
-        Line (from 1) of the entry at every place.
-    mistakes
-        What is wrong already: duplicate keys, tags, merge keys.
-    named
-        What the user calls values that do not stand in the file, by their place: ``-s scene.casing.gap``.
-    """
+    """A study as composed from its text."""
 
     file: str
     text: str
+    """``file``, ``text``: name of the file and what it holds."""
     tree: Any = None
+    """Plain mappings, lists and scalars."""
     lines: dict[Place, int] = field(default_factory=dict)
+    """Line (from 1) of the entry at every place."""
     mistakes: list[Mistake] = field(default_factory=list)
+    """What is wrong already: duplicate keys, tags, merge keys."""
     named: dict[Place, str] = field(default_factory=dict)
+    """What the user calls values that do not stand in the file, by their place: ``-s scene.casing.gap``."""
 
     @cached_property
     def given(self) -> frozenset[str]:

@@ -55,27 +55,20 @@ from workflow.variables import EVENTS, SENSORS, STEADY, reserved_names
 
 @dataclass(frozen=True, kw_only=True)
 class Study(CaseSpace):
-    """A study that has been read, checked and resolved to SI.
-
-    Attributes
-    ----------
-    name, title, text, file
-        Identifier, title (the identifier where a study has none), source as written, and its file.
-    license
-        Under which the archive may be used, empty where the study states none.
-    attached
-        Files that came with the study's text.
-    given
-        Dotted paths of what the text gives.
-    """
+    """A study that has been read, checked and resolved to SI."""
 
     name: str
     title: str
     text: str
     file: str
+    """``name``, ``title``, ``text``, ``file``: identifier, title (the identifier where a study has none), source as
+    written, and its file."""
     license: str = ""
+    """Under which the archive may be used, empty where the study states none."""
     attached: Attached = field(default_factory=dict)
+    """Files that came with the study's text."""
     given: frozenset[str] = frozenset()
+    """Dotted paths of what the text gives."""
 
     def gives(self, path: str) -> bool:
         """Tell whether the text gives the value at a path, where it belongs or as an axis of one value."""

@@ -40,18 +40,12 @@ from workflow.schemes._interface import Results, Sampling
 
 @dataclass(frozen=True)
 class Differences:
-    """Difference formulas of damping and heat: the options of a scheme by central differences.
-
-    Attributes
-    ----------
-    damping
-        Velocity in the damping force: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h.
-    heat
-        Temperature in conduction: ``implicit`` T_k+1 or ``explicit`` T_k, which has a stability limit of its own.
-    """
+    """Difference formulas of damping and heat: the options of a scheme by central differences."""
 
     damping: Literal["central", "lagged"] = "central"
+    """Velocity in the damping force: ``central`` (x_k+1 - x_k-1)/2h or ``lagged`` (x_k - x_k-1)/h."""
     heat: Literal["explicit", "implicit"] = "implicit"
+    """Temperature in conduction: ``implicit`` T_k+1 or ``explicit`` T_k, which has a stability limit of its own."""
 
     @property
     def lagged(self) -> bool:

@@ -87,32 +87,22 @@ def respond(law: Law, tip: Tip, h: float, theta: float) -> Response:
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Contact of a scheme, for any structure.
-
-    Attributes
-    ----------
-    law
-        ``law(cases)``: the parameters of a contact law.
-    factor, name
-        ``factor(h, w)``: the divisor of the contact law, which has one solution where it is positive; its name in
-        messages.
-    stiffness
-        κ of a contact spring, N/m, whose energy is not lost; 0 where there is none.
-    holds
-        Whether an impulse puts the tip on the casing exactly, without rounding.
-    rebounds
-        Whether the scheme gives the metric ``effective_restitution``.
-    judges_heat
-        Whether an unstable heat step also makes cases without heat ``diverged`` (θ-method in modes, θ < 1/2).
-    """
+    """Contact of a scheme, for any structure."""
 
     law: Callable[[Cases], Law]
+    """``law(cases)``: the parameters of a contact law."""
     factor: Callable[[float, Any], Any] = lambda h, w: w
     name: str = "W"
+    """``factor``, ``name``: ``factor(h, w)``: the divisor of the contact law, which has one solution where it is
+    positive; its name in messages."""
     stiffness: float = 0.0
+    """κ of a contact spring, N/m, whose energy is not lost; 0 where there is none."""
     holds: bool = False
+    """Whether an impulse puts the tip on the casing exactly, without rounding."""
     rebounds: bool = False
+    """Whether the scheme gives the metric ``effective_restitution``."""
     judges_heat: bool = True
+    """Whether an unstable heat step also makes cases without heat ``diverged`` (θ-method in modes, θ < 1/2)."""
 
 
 class TipStep(NamedTuple):

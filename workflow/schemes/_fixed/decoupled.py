@@ -32,52 +32,36 @@ LEAST_SHARE = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Decoupled:
-    """A structure in its modes.
-
-    Attributes
-    ----------
-    frequency, damping
-        ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``.
-    tip
-        φ_jn, 1/√kg, ``(mode,)``.
-    rate, heat_tip
-        μ_l [1/s] and χ_ln [1/√(J/K)], ``(thermal mode,)``.
-    coupling
-        G = φᵀ K12 χ, ``(mode, thermal mode)``.
-    to_modes, to_thermal
-        φ⁻¹ = φᵀ M and χ⁻¹ = χᵀ C2, which transform states to modal coordinates.
-    shapes, heat_shapes
-        φ and χ.
-    static_growth
-        Quasi-static tip displacement -e_nᵀ K1⁻¹ K12 χ_l of each thermal mode, ``(thermal mode,)``.
-    tangent
-        φ_jᵀ t of the direction t of friction, 1/√kg, ``(mode,)``; ``None`` where there is none.
-    damping_matrix
-        φᵀ C1 φ where damping couples the modes, ``(mode, mode)``; ``damping`` is its diagonal.
-    load
-        φ_jᵀ b of a load that does not act on the tip, 1/√kg, ``(mode,)``.
-    observed
-        wᵀχ_l of another temperature than the tip's that is recorded, 1/√(J/K), ``(thermal mode,)``.
-    sensors
-        Rows of sensors, ``(sensor, mode + thermal mode)``.
-    """
+    """A structure in its modes."""
 
     frequency: Array
     damping: Array
+    """``frequency``, ``damping``: ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``."""
     tip: Array
+    """φ_jn, 1/√kg, ``(mode,)``."""
     rate: Array
     heat_tip: Array
+    """``rate``, ``heat_tip``: μ_l [1/s] and χ_ln [1/√(J/K)], ``(thermal mode,)``."""
     coupling: Array
+    """G = φᵀ K12 χ, ``(mode, thermal mode)``."""
     to_modes: Array
     to_thermal: Array
+    """``to_modes``, ``to_thermal``: φ⁻¹ = φᵀ M and χ⁻¹ = χᵀ C2, which transform states to modal coordinates."""
     shapes: Array
     heat_shapes: Array
+    """``shapes``, ``heat_shapes``: φ and χ."""
     static_growth: Array
+    """Quasi-static tip displacement -e_nᵀ K1⁻¹ K12 χ_l of each thermal mode, ``(thermal mode,)``."""
     sensors: Array
+    """Rows of sensors, ``(sensor, mode + thermal mode)``."""
     tangent: Array | None = None
+    """φ_jᵀ t of the direction t of friction, 1/√kg, ``(mode,)``; ``None`` where there is none."""
     damping_matrix: Array | None = None
+    """φᵀ C1 φ where damping couples the modes, ``(mode, mode)``; ``damping`` is its diagonal."""
     load: Array | None = None
+    """φ_jᵀ b of a load that does not act on the tip, 1/√kg, ``(mode,)``."""
     observed: Array | None = None
+    """wᵀχ_l of another temperature than the tip's that is recorded, 1/√(J/K), ``(thermal mode,)``."""
 
     @property
     def recorded(self) -> Array:

@@ -122,37 +122,29 @@ class InitialState:
     a mechanical response to that. So the known part of the tip has the velocity drift, to which blocks of second order
     contribute, and the temperature warmth + warming · t. Constant loads on blocks of first order, rigid modes among
     them, act in every step.
-
-    Attributes
-    ----------
-    states
-        Remaining u and η, ``(2, block, case)``.
-    heat
-        Remaining τ, ``(thermal mode, case)``.
-    known
-        The static response in the blocks, ``(2, block, case)``.
-    settled, warming_modes
-        Modal temperatures of the known part, and their rate [1/s], ``(thermal mode, case)``.
-    drift, warmth, warming
-        m/s, K and K/s, ``(case,)``.
-    closing, closing_rate
-        Quasi-static tip growth of the known temperatures, m and m/s, ``(case,)``.
-    drifting, steady
-        Blocks of first order under constant loads, and the increment of u by these in a step, ``(block, case)``.
     """
 
     states: Array
+    """Remaining u and η, ``(2, block, case)``."""
     heat: Array
+    """Remaining τ, ``(thermal mode, case)``."""
     known: Array
+    """The static response in the blocks, ``(2, block, case)``."""
     settled: Array
     warming_modes: Array
+    """``settled``, ``warming_modes``: modal temperatures of the known part, and their rate [1/s], ``(thermal mode,
+    case)``."""
     drift: Array
     warmth: Array
     warming: Array
+    """``drift``, ``warmth``, ``warming``: m/s, K and K/s, ``(case,)``."""
     closing: Array
     closing_rate: Array
+    """``closing``, ``closing_rate``: quasi-static tip growth of the known temperatures, m and m/s, ``(case,)``."""
     drifting: NDArray[np.int64]
     steady: Array
+    """``drifting``, ``steady``: blocks of first order under constant loads, and the increment of u by these in a step,
+    ``(block, case)``."""
 
 
 def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
