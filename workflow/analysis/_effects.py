@@ -39,7 +39,7 @@ class Hidden:
 
     dim: str
     metric: str
-    """The axis and what it changes."""
+    """``dim``, ``metric``: the axis and what it changes."""
     effect: float
     """Its effect in the most accurate computation, as :func:`effect` counts it."""
     within: dict[str, str]

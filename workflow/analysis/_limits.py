@@ -57,7 +57,7 @@ class Limit:
     axis: str
     start: float | None
     stop: float | None
-    """Its ends, of an axis with a mild end that first."""
+    """``start``, ``stop``: its ends, of an axis with a mild end that first."""
     next: float | None
     """The first value beyond, ``None`` where the range ends with the axis."""
     limited_by: str | None

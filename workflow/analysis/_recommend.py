@@ -51,10 +51,10 @@ class Worst:
     """Which history that is the error of."""
     scheme_error: float
     model_error: float
-    """The two parts of that error, 1; NaN where the archive does not hold them."""
+    """``scheme_error``, ``model_error``: the two parts of that error, 1; NaN where the archive does not hold them."""
     status: str
     message: str
-    """How the case ended and what it says."""
+    """``status``, ``message``: how the case ended and what it says."""
 
     @property
     def limited_by(self) -> str:
@@ -82,7 +82,8 @@ class Choice:
     """Share of its cases whose error is within the tolerance."""
     worst: Worst
     number: int
-    """Its worst case, and the number of that; cases are counted along the archive's dimensions, the last fastest."""
+    """``worst``, ``number``: its worst case, and the number of that; cases are counted along the archive's dimensions,
+    the last fastest."""
     step_matters: bool
     """Whether its cases differ along ``h`` at all; the exact scheme's do not."""
     used: dict[str, int] = field(default_factory=dict)
@@ -410,12 +411,12 @@ class AutoModel:
     """Values of the dimensions along which counts differ, or along which numerics and errors do."""
     mechanical_modes: int
     thermal_modes: int
-    """Vectors beside the tip's own."""
+    """``mechanical_modes``, ``thermal_modes``: vectors beside the tip's own."""
     error: float
     """Largest known error: in the worst corner of the scene, or in a condition that misses the tolerance, 1."""
     met: int
     conditions: int
-    """Number of its conditions that are not known to miss the tolerance, and of all."""
+    """``met``, ``conditions``: number of its conditions that are not known to miss the tolerance, and of all."""
 
     @property
     def text(self) -> str:

@@ -111,7 +111,7 @@ class Line:
     """Processor seconds per simulated second, ``(h,)``."""
     penetration: Array
     residual: Array
-    """Largest penetration, m, and energy residual (NaN without balances), ``(h,)``."""
+    """``penetration``, ``residual``: largest penetration, m, and energy residual (NaN without balances), ``(h,)``."""
     ok: NDArray[np.bool_]
     """Whether the case ended ok, ``(h,)``."""
     orders: dict[str, tuple[float, float]]
@@ -196,7 +196,7 @@ class Standing:
 
     scheme: str
     step: str
-    """Labels; ``step`` is empty where the study has one step only."""
+    """``scheme``, ``step``: labels; ``step`` is empty where the study has one step only."""
     h: float
     """The step, s; NaN where the archive has none."""
     counts: dict[str, int]
@@ -295,17 +295,18 @@ class StepRange:
     """Its label."""
     cases: int
     ok: int
-    """Number of cases, and of those that are ok."""
+    """``cases``, ``ok``: number of cases, and of those that are ok."""
     stable: str
     accurate: str
-    """``every h``, ``no h``, or the largest step up to which all cases are ok, and within the tolerance of the study as
-    well; ``accurate`` is empty without a reference."""
+    """``stable``, ``accurate``: ``every h``, ``no h``, or the largest step up to which all cases are ok, and within the
+    tolerance of the study as well; ``accurate`` is empty without a reference."""
     finest: float
     coarsest: float
-    """Largest error at the smallest step and at the largest at which all cases have one; NaN without a reference."""
+    """``finest``, ``coarsest``: largest error at the smallest step and at the largest at which all cases have one; NaN
+    without a reference."""
     residual: float
     penetration: float
-    """Of all ok cases, as in :class:`Standing`."""
+    """``residual``, ``penetration``: of all ok cases, as in :class:`Standing`."""
     verdicts: tuple[str, ...]
     """Verdicts from the smallest step to the largest, repetitions left out."""
 

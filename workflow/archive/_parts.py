@@ -36,7 +36,7 @@ class Command:
     retry: bool = False
     recompute: bool = False
     drop: bool = False
-    """What it does with cases that are stored already."""
+    """``retry``, ``recompute``, ``drop``: what it does with cases that are stored already."""
 
     @property
     def key(self) -> str:

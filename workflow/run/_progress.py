@@ -31,7 +31,7 @@ class Advance:
 
     cases: int
     stored: int
-    """Cases of the study, and those whose results are stored."""
+    """``cases``, ``stored``: cases of the study, and those whose results are stored."""
     endings: Mapping[str, int]
     """Number of stored cases that are not ok, by name of their status."""
     work: float
@@ -40,8 +40,8 @@ class Advance:
     """Seconds since the run began."""
     rate: float
     left: float
-    """Cases per second of this run so far, and the seconds that the rest takes if its work goes on as fast; NaN until a
-    task has ended. Compilation in this process does not count."""
+    """``rate``, ``left``: cases per second of this run so far, and the seconds that the rest takes if its work goes on
+    as fast; NaN until a task has ended. Compilation in this process does not count."""
 
 
 Progress = Callable[[Advance], None]
