@@ -71,7 +71,7 @@ class ContactBasis:
     @property
     def residual_load(self) -> Array:
         """ρ, m/N, ``(contact,)``."""
-        return self.contacts.load_residual
+        return self.contacts.residual_load_or_zero
 
     @property
     def residual_coupling(self) -> Array:

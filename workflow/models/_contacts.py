@@ -69,7 +69,7 @@ class Contacts:
         return self.is_massless or self.casing_flexibility > 0
 
     @property
-    def load_residual(self) -> Array:
+    def residual_load_or_zero(self) -> Array:
         """ρ, m/N, ``(contact,)``, 0 where there is none."""
         return np.zeros(self.count) if self.residual_load is None else self.residual_load
 

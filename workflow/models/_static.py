@@ -100,7 +100,7 @@ def static_reach(structure: Structure) -> Array:
     rows, direction = structure.contact_rows, structure.load_direction
     if structure.mechanical.moves(direction):
         return np.full(rows.count, np.inf)
-    return np.asarray(rows.normal @ structure.mechanical.solve(direction) + rows.load_residual)
+    return np.asarray(rows.normal @ structure.mechanical.solve(direction) + rows.residual_load_or_zero)
 
 
 def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
@@ -245,7 +245,7 @@ def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
     moving = (omega == 0) & (np.abs(tip) > 1e-9 * np.abs(tip).max()).any(axis=0)
     if np.any(moving) or damping.ndim == 2:
         return np.full((cases.count, len(tip)), np.inf)
-    elastic, residual = omega > 0, structure.contact_rows.load_residual
+    elastic, residual = omega > 0, structure.contact_rows.residual_load_or_zero
     omega, tip, damping, shapes = omega[elastic], tip[:, elastic].T, damping[elastic], modes.shapes[:, elastic]
     amplitudes, frequencies, phases = (row.T for row in cases.load_harmonics.rows)
     constant = frequencies == 0

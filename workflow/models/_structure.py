@@ -32,8 +32,8 @@ class Rayleigh:
 
 
 @dataclass(frozen=True, eq=False)
-class Bases:
-    """Bases of a structure in the given coordinates of another, or of its source."""
+class Transforms:
+    """Transforms between the coordinates of a structure and those of another, or of its source."""
 
     displacement_basis: Array
     displacement_projection: Array
@@ -62,7 +62,7 @@ class Bases:
 
 
 @dataclass(frozen=True, eq=False)
-class Coordinates(Bases):
+class Coordinates(Transforms):
     """Coordinates of a structure's source, such as a file of matrices, where they differ from its own."""
 
     steady: Array
@@ -95,8 +95,8 @@ def _brought(matrix: Any, states: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Beside:
-    """What a structure may have beside its pairs, documented with :class:`Structure`."""
+class _OptionalParts:
+    """Parts that a structure may lack, documented with :class:`Structure`."""
 
     tip_growth: Array | None = None
     load: Array | None = None
@@ -108,7 +108,7 @@ class _Beside:
     sensors: Sensors | None = None
 
 
-class Structure(_Beside):
+class Structure(_OptionalParts):
     """Equations (1a) and (1b) of a structure, full or reduced; the tip is the last coordinate.
 
     A pair keeps stiffness and conductance as springs and conductors with the maps that deform them, so that rank is
@@ -231,7 +231,7 @@ class Structure(_Beside):
         TooManyCoordinatesError
             They would be too large.
         """
-        beside = {entry.name: getattr(self, entry.name) for entry in fields(_Beside)}
+        beside = {entry.name: getattr(self, entry.name) for entry in fields(_OptionalParts)}
         pairs = self.mechanical.dense, self.thermal.dense
         return Matrices(*pairs, self.expansion, self.uniform_rise, self.damping, **beside)
 

@@ -110,10 +110,10 @@ def _reduce(
         large = not structure.has_matrices and pair.size > pair.most_modes + 1
         if large and (count is None or count > pair.most_modes):
             raise TooManyCoordinatesError(pair.size, pair.most_modes)
-    chosen, kinds = load(basis), []
+    chosen, of_both = load(basis), []
     for (count, pair), vectors_of in zip(counts, (chosen.mechanical, chosen.thermal), strict=True):
         if count is None:
-            kinds.append(unreduced(pair))
+            of_both.append(unreduced(pair))
             continue
         vectors = vectors_of(structure, count, duration)
         if not isinstance(vectors, Vectors):
@@ -121,8 +121,8 @@ def _reduce(
         given = vectors.shapes.shape[1] - (pair.boundary if vectors.residual is None else 0)
         if given != count:
             raise BrokenModuleError(f"the basis {basis} gives {given} vectors for {count}")
-        kinds.append(vectors)
-    mechanical, thermal = kinds
+        of_both.append(vectors)
+    mechanical, thermal = of_both
     carried = None
     if mechanical_modes is not None and mechanical.residual is None:
         mechanical = with_friction(structure, mechanical)

@@ -36,7 +36,7 @@ from workflow.models import (
 )
 from workflow.models._from_matrices import structure_of_forms
 from workflow.models._pair import symmetric
-from workflow.models._structure import Bases
+from workflow.models._structure import Transforms
 
 Inertia = Callable[[Array], Array]
 """Product of an inertia and vectors."""
@@ -170,7 +170,7 @@ _ORTHONORMAL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Reduction(Bases):
+class Reduction(Transforms):
     """A reduced structure and its bases for the expansion to the nodes.
 
     Attributes

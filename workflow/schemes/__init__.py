@@ -13,7 +13,7 @@ from workflow.schemes._fixed.central import Differences as CentralDifferences
 from workflow.schemes._fixed.central import init as init_central
 from workflow.schemes._fixed.contact import Contact, Response, Tip
 from workflow.schemes._fixed.march import contact_law
-from workflow.schemes._fixed.outcome import compute as step_central
+from workflow.schemes._fixed.outcome import compute as step_central  # the operator of its `init` knows how it steps
 from workflow.schemes._fixed.outcome import compute as step_theta
 from workflow.schemes._fixed.recorder import Recorder
 from workflow.schemes._fixed.step_limits import limit_text
