@@ -1,5 +1,7 @@
 """Contact phases, growth of impulses, differences, labels and cost of known arrays and of archives."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 
 from quick import quick
 from studies import FALLING_BALL, parsed
-from workflow import compare, contact_phases, work_precision
+from workflow import compare, contact_phases, labels, work_precision
 from workflow.analysis import NoReferenceError, exact, impulse_growth, labels_of
 from workflow.archive import open_archive
 from workflow.run import run_study
@@ -194,3 +196,25 @@ def test_what_is_missing_is_said() -> None:
         work_precision(archive().drop_vars("impulse_error"))
     with pytest.raises(ValueError, match=r"no `force_error`; give one of displacement_error"):
         work_precision(archive(), "force_error")
+
+
+def test_places_of_a_list_that_is_not_full_have_no_word(tmp_path: Path) -> None:
+    """A mass of 10 g at 0.5 m/s touches a casing of 1e-6 m/N at 2e-5 s and leaves it π √(m c) later."""
+    scene = {
+        "chain": {"nodes": 1, "mass": 0.01, "stiffness": 0, "heat_capacity": 1},
+        "casing": {"gap": "10 um", "flexibility": 1e-6},
+        "initial": {"velocity": 0.5},
+        "duration": 2e-3,
+    }
+    study = {"study": "words", "scene": scene, "axes": {"scheme": "event_driven", "h": 1e-6}, "output": {"events": 4}}
+    dataset = run_study(study, tmp_path / "words.nc", threads=1).dataset
+    kinds = dataset["event_kind"]
+    assert dataset["event_time"].values[:2] == pytest.approx([2e-5, 2e-5 + np.pi * 1e-4])
+    assert labels(kinds).values.tolist() == ["touches", "leaves", "", ""]
+    assert labels(kinds.where(kinds != kinds[0])).values.tolist() == ["", "leaves", "", ""]
+
+
+def test_a_dimension_that_a_function_adds_is_not_that_of_an_axis() -> None:
+    phases = contact_phases(forces([0, 2, 4, 0, 0, 1], [0, 1, 1, 1, 1, 1]).rename(alpha="phase"))
+    assert phases["begin"].dims == ("phase", "contact_phase")
+    assert list(phases["contact_phase"].values) == [1, 2]

@@ -91,3 +91,31 @@ def test_a_map_of_rounding_says_that_nothing_vibrates() -> None:
     assert figure.axes[1].get_ylabel() == "amplitude [dB], nothing vibrates"
     drawn = np.ma.filled(figure.axes[0].collections[0].get_array(), np.nan)
     assert np.nanmax(drawn) == -60
+
+
+def test_the_axis_of_a_spectrum_has_a_name_of_its_own() -> None:
+    """Where the study varies what it calls ``frequency`` itself."""
+    tones = archive().isel(speed=slice(4)).rename(speed="frequency")
+    found = spectrum(tones["sensor_value"].sel(sensor="edge"))
+    assert found.dims == ("frequency", "spectral_frequency")
+    step = float(found["spectral_frequency"][1])
+    assert np.abs(found.idxmax("spectral_frequency").values - 4 * SPEED[:4]).max() <= step
+    panel, _ = plots.interaction_map(tones, "edge", along="frequency").axes
+    assert panel.collections[0].get_array().shape == (found.sizes["spectral_frequency"], 4)
+
+
+def test_a_spectrum_is_of_equal_steps_and_a_share_of_them() -> None:
+    history = archive()["sensor_value"].isel(speed=0, sensor=0)
+    cut = history.isel(t=np.r_[0:3000, 3400:4001])
+    with pytest.raises(ValueError, match="`sensor_value` are not equally spaced in time"):
+        spectrum(cut)
+    assert spectrum(cut, last=0.1).size == 181  # they begin behind what was cut out
+    for share in (0.0, -0.5, 1.5, np.nan):
+        with pytest.raises(ValueError, match="give a share of the samples above 0"):
+            spectrum(history, last=share)
+
+
+def test_a_map_of_one_speed_is_a_strip() -> None:
+    mesh = plots.interaction_map(archive().isel(speed=[3]), "edge").axes[0].collections[0]
+    left, right = np.unique(mesh.get_coordinates()[..., 0])
+    assert left < 60 * SPEED[3] < right

@@ -135,6 +135,15 @@ def test_maps_of_a_scene(tmp_path: Path) -> None:
     assert save(figure, tmp_path / "a.png").stat().st_size > 10_000
 
 
+def test_a_map_along_one_value_is_a_strip() -> None:
+    strip = scene(8).isel(gap=[2])
+    for figure in (scene_map(strip, "alpha", "gap"), scene_map(strip, "gap", "alpha", "contact_impulse")):
+        panel = figure.axes[0]
+        low, high = sorted(panel.get_ylim() if panel.get_ylabel() == "gap [µm]" else panel.get_xlim())
+        assert low < 1e6 * strip["gap"].item() < high
+        assert np.isfinite(panel.collections[0].get_array()).all()
+
+
 def test_maps_need_two_long_axes_and_load_periods() -> None:
     assert map_dims(scene(3)) is None
     assert map_dims(scene(4).drop_vars("period_impulse")) is None

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workflow import plots, run_study
+from workflow import plots, run_study, write_matrices
 
 ROD: dict[str, Any] = {
     "study": "rod",
@@ -53,3 +53,39 @@ def test_what_has_no_speed_is_refused() -> None:
     still["scene"]["casing"] = {"gap": 1.0}
     with pytest.raises(ValueError, match="has no speed"):
         plots.campbell(still)
+
+
+def test_marks_lie_on_modes_that_cross_whatever_speeds_the_study_has(tmp_path: Path) -> None:
+    """√(f² + k s²) = n s at s = f/√(n² - k); order 2 meets 60 Hz where that crosses 100 Hz."""
+    frequencies, slopes, masses = (
+        np.array([100.0, 60.0, 150.0]),
+        np.array([0.0, 2.56, -1.0]),
+        np.array([0.02, 0.03, 0.04]),
+    )
+    write_matrices(
+        tmp_path / "spin.npz",
+        mass=np.diag(masses),
+        stiffness=np.diag(masses * (2 * np.pi * frequencies) ** 2),
+        stiffness_speed2=np.diag(masses * slopes),
+        contact=np.ones(3),
+        load=np.ones(3),
+    )
+    scene = {"matrices": {"file": str(tmp_path / "spin.npz")}, "casing": {"gap": "1 mm"}, "duration": 0.01}
+    study = {"study": "spin", "scene": scene, "axes": {"scheme": "event_driven", "scene.speed": [0, 30, 55]}}
+    orders = np.array([2.0, 3.0, 6.0])
+    expected = (frequencies / np.sqrt(orders[:, None] ** 2 - slopes)).ravel()
+    marked = marks(plots.campbell(study, orders.tolist()), "crossing")
+    within = np.flatnonzero(expected <= 55.0)
+    order = np.lexsort((np.repeat(orders, 3)[within], expected[within]))
+    shown = marked[np.lexsort((marked[:, 1] / marked[:, 0], np.round(marked[:, 0], 3)))]
+    np.testing.assert_allclose(shown[:, 0], 60 * expected[within][order], rtol=1e-4)
+    np.testing.assert_allclose(shown[:, 1], (np.repeat(orders, 3) * expected)[within][order], rtol=1e-4)
+
+
+def test_as_many_free_frequencies_are_drawn_as_are_asked_for() -> None:
+    modes = ROD | {"scene": ROD["scene"] | {"chain": ROD["scene"]["chain"] | {"nodes": 5}, "speed": 1000.0}}
+    curves = [len(plots.campbell(modes, [3], count).axes[0].lines) for count in (2, 5)]
+    assert curves[1] - curves[0] == 3
+    for orders in ([0], [2, -1]):
+        with pytest.raises(ValueError, match="engine orders are above 0"):
+            plots.campbell(ROD, orders)

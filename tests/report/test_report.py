@@ -5,14 +5,17 @@ import json
 import os
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from quick import quick
 from studies import BLADE_SCENE, SCENE, parsed
 from terminal import workflow
 from workflow.analysis import answer_lines, labels, limits, recommend
 from workflow.archive import ArchiveError, open_archive
+from workflow.plots import save
 from workflow.report import ReportFiles, write_report
 from workflow.report import _sections as sections
 from workflow.report._html import prose
@@ -133,6 +136,30 @@ def test_the_figure_alone_is_what_its_name_says(kind: str, archives: list[Path],
     begins = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}[kind]
     assert workflow("report", archives[1], "-o", f"figure.{kind}", cwd=tmp_path).returncode == 0
     assert [path.read_bytes()[: len(begins)] for path in tmp_path.iterdir()] == [begins]
+
+
+def test_figures_and_pages_are_drawn_whatever_a_user_s_matplotlibrc_says(
+    archives: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A machine without LaTeX, a colour map that a package of the user's registers: the figure is the same."""
+    named = [tmp_path / "plain.png", tmp_path / "own.png"]
+    write_report(archives[1], named[0])
+    for name, value in {"text.usetex": True, "image.cmap": "firm", "axes.facecolor": "red"}.items():
+        monkeypatch.setitem(matplotlib.rcParams, name, value)
+    write_report(archives[1], named[1])
+    assert named[0].read_bytes() == named[1].read_bytes()
+    assert write_report(archives[1], tmp_path / "page.html").figure == tmp_path / "page.png"
+    assert matplotlib.rcParams["text.usetex"]
+
+
+def test_a_figure_that_cannot_be_drawn_leaves_the_one_that_stood_there(tmp_path: Path) -> None:
+    with matplotlib.rc_context({"text.usetex": True, "text.latex.preamble": r"\undefined"}):
+        figure = Figure()
+        figure.suptitle("x")
+    (tmp_path / "a.png").write_bytes(b"earlier")
+    with pytest.raises(RuntimeError):
+        save(figure, tmp_path / "a.png")
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("a.png", b"earlier")]
 
 
 def test_what_can_be_no_report_is_refused(archives: list[Path], tmp_path: Path) -> None:

@@ -54,6 +54,11 @@ def most_loaded(dataset: xr.Dataset) -> xr.Dataset:
     return dataset.isel(contact=int(np.argmax(impulse.max(case_dims(dataset)).values)))
 
 
+def added_dim(values: xr.Dataset | xr.DataArray, name: str, other: str) -> str:
+    """Return the name of a dimension that a function adds: another one where an axis of the study has the name."""
+    return other if name in values.dims or name in values.coords else name
+
+
 def contact_text(dataset: xr.Dataset) -> str:
     """Return the name of the one of several contacts at which an archive was taken; empty of others."""
     named = dataset.coords.get("contact")
@@ -61,7 +66,9 @@ def contact_text(dataset: xr.Dataset) -> str:
 
 
 def labels(flags: xr.DataArray) -> xr.DataArray:
-    """Return the words of a variable of flags (``status``, ``runaway``, ``steady_state``, ``bifurcation``).
+    """Return the words of flags (``status``, ``event_kind``, ``steady_state`` …); an empty text where there is none.
+
+    None is where a list of events is not full, and in what :meth:`xarray.DataArray.where` has masked.
 
     Raises
     ------
@@ -73,7 +80,7 @@ def labels(flags: xr.DataArray) -> xr.DataArray:
     if "flag_meanings" not in flags.attrs:
         raise ValueError(f"{flags.name or 'the array'} has no flag_meanings; give a variable as the archive holds it")
     words = dict(zip(np.ravel(flags.attrs["flag_values"]).tolist(), flags.attrs["flag_meanings"].split(), strict=True))
-    worded: xr.DataArray = xr.apply_ufunc(np.vectorize(words.__getitem__, otypes=[str]), flags)
+    worded: xr.DataArray = xr.apply_ufunc(np.vectorize(lambda flag: words.get(flag, ""), otypes=[str]), flags)
     return worded
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import finest, labels_of
+from workflow.analysis._cases import added_dim, finest, labels_of
 from workflow.analysis._recommend import numerical_dims
 from workflow.schemes import Status
 from workflow.study import MATRIX, POINT
@@ -118,7 +118,8 @@ def sobol(dataset: xr.Dataset, metric: str) -> xr.Dataset:
     -------
     xarray.Dataset
         ``first`` and ``total`` ``(…, number)``, and ``first_interval`` and ``total_interval`` ``(…, number, bound)``,
-        95 % of 999 resamples of the points. NaN where a case is not ok or the metric is the same in all cases.
+        95 % of 999 resamples of the points (``drawn_number`` where an axis is called ``number``). NaN where a case is
+        not ok or the metric is the same in all cases.
 
     Raises
     ------
@@ -142,7 +143,8 @@ def sobol(dataset: xr.Dataset, metric: str) -> xr.Dataset:
     others = f.isel({MATRIX: 0, POINT: 0}, drop=True)
     a, b, mixed = (np.asarray(f.sel({MATRIX: one}).values, dtype=np.float64) for one in (["A"], ["B"], paths))
     first, total, *intervals = _estimates(a, b, mixed)
-    dims = (*others.dims, "number")
+    number = added_dim(others, "number", "drawn_number")
+    dims = (*others.dims, number)
     return xr.Dataset(
         {
             "first": (dims, first, {"units": "1", "long_name": f"first-order index of {metric}"}),
@@ -150,7 +152,7 @@ def sobol(dataset: xr.Dataset, metric: str) -> xr.Dataset:
             "first_interval": ((*dims, "bound"), intervals[0]),
             "total_interval": ((*dims, "bound"), intervals[1]),
         },
-        {**others.coords, "number": [names.get(path, path) for path in paths], "bound": ["low", "high"]},
+        {**others.coords, number: [names.get(path, path) for path in paths], "bound": ["low", "high"]},
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow import models
-from workflow.analysis._cases import most_loaded
+from workflow.analysis._cases import added_dim, most_loaded
 from workflow.plan import HARMONIC
 
 if TYPE_CHECKING:
@@ -145,7 +145,8 @@ def contact_phases(dataset: xr.Dataset) -> xr.Dataset:
     -------
     xarray.Dataset
         Variables ``begin`` and ``end`` [s], ``impulse`` [N s] and ``peak_force`` [N] over the dimensions of the cases
-        and ``phase``, which counts from 1; NaN beyond a case's last phase.
+        and ``phase`` (``contact_phase`` where an axis is called ``phase``), which counts from 1; NaN beyond a case's
+        last phase.
 
     Raises
     ------
@@ -167,8 +168,9 @@ def contact_phases(dataset: xr.Dataset) -> xr.Dataset:
         row[:, : phases.shape[1]] = phases
     values = table.reshape(*force.shape[:-1], len(_VARIABLES), most)
     attributes = [{"units": unit, "long_name": meaning} for unit, meaning in _VARIABLES.values()]
-    variables = {name: ([*dims, "phase"], values[..., k, :], attributes[k]) for k, name in enumerate(_VARIABLES)}
-    return xr.Dataset(variables, {**force.isel(t=0, drop=True).coords, "phase": np.arange(1, most + 1)})
+    phase = added_dim(force, "phase", "contact_phase")
+    variables = {name: ([*dims, phase], values[..., k, :], attributes[k]) for k, name in enumerate(_VARIABLES)}
+    return xr.Dataset(variables, {**force.isel(t=0, drop=True).coords, phase: np.arange(1, most + 1)})
 
 
 def _phases(force: Array, t: Array) -> Array:
@@ -199,6 +201,11 @@ def impulse_growth(dataset: xr.Dataset) -> Array | None:
     return np.asarray(last / first)
 
 
+_UNEVEN = 1e-3
+"""Difference of two intervals, over the mean one, up to which samples are equally spaced: times are rounded to 1e-9 of
+the last, and a part that is cut out is an interval at least."""
+
+
 def spectrum(values: xr.DataArray, last: float = 0.5) -> xr.DataArray:
     """Return the amplitude spectrum of the last part of a history, its mean taken off.
 
@@ -216,28 +223,37 @@ def spectrum(values: xr.DataArray, last: float = 0.5) -> xr.DataArray:
     Returns
     -------
     xarray.DataArray
-        In the unit of the history, with the dimension ``frequency`` [Hz] in the place of ``t``; NaN where a case is.
+        In the unit of the history, with the dimension ``frequency`` [Hz] in the place of ``t``, the last one
+        (``spectral_frequency`` where an axis is called ``frequency``); NaN where a case is.
 
     Raises
     ------
     ValueError
-        The array has no dimension ``t``, or fewer than four samples are left.
+        The array has no dimension ``t``, fewer than four samples are left, or they are not equally spaced in time; or
+        the share is none.
     """
     import xarray as xr
 
     if "t" not in values.dims:
         raise ValueError(f"`{values.name}` has no dimension `t`; a spectrum is that of a history")
+    if not 0 < last <= 1:
+        raise ValueError(f"`last` is {last}; give a share of the samples above 0, 1 for all of them")
     part = values.isel(t=slice(values.sizes["t"] - round(last * values.sizes["t"]), None))
     count = part.sizes["t"]
     if count < 4:
         raise ValueError(f"a spectrum of {count} samples says nothing; record more, or take a larger part of them")
-    times = part["t"].values
+    times = np.asarray(part["t"].values, dtype=float)
+    steps, interval = np.diff(times), float(times[-1] - times[0]) / (count - 1)
+    if not (steps.min() > 0 and np.ptp(steps) < _UNEVEN * interval):
+        raise ValueError(
+            f"the samples of `{values.name}` are not equally spaced in time; give all that an archive holds"
+        )
     window = np.hanning(count + 1)[:-1]
-    frequency = np.fft.rfftfreq(count, (times[-1] - times[0]) / (count - 1))
+    frequency = np.fft.rfftfreq(count, interval)
     deviation = (part - part.mean("t", skipna=False)).transpose(..., "t")
     amplitude = 2 * np.abs(np.fft.rfft(deviation.values * window)) / window.sum()
-    dims = (*deviation.dims[:-1], "frequency")
+    name = added_dim(values, "frequency", "spectral_frequency")
     coords = {name: one for name, one in part.coords.items() if "t" not in one.dims}
-    coords["frequency"] = xr.DataArray(frequency, dims="frequency", attrs={"units": "Hz", "long_name": "frequency"})
-    about = {"units": str(values.attrs.get("units", "1")), "seconds": float(count * (times[1] - times[0]))}
-    return xr.DataArray(amplitude, coords, dims, name=values.name, attrs=about)
+    coords[name] = xr.DataArray(frequency, dims=name, attrs={"units": "Hz", "long_name": "frequency"})
+    about = {"units": str(values.attrs.get("units", "1")), "seconds": count * interval}
+    return xr.DataArray(amplitude, coords, (*deviation.dims[:-1], name), name=values.name, attrs=about)

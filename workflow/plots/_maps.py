@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.analysis import case_dims, impulse_growth, most_loaded, place_text, require_numbers, unit_of
-from workflow.plots._style import COLOURS, new_figure
+from workflow.plots._style import COLOURS, cell_edges, new_figure
 from workflow.plots._units import in_units
 
 if TYPE_CHECKING:
@@ -128,8 +128,8 @@ def _draw(axes: Any, cut: xr.Dataset, dims: tuple[str, str], panel: Panel) -> No
     (x, x_label), (y, y_label) = (in_units(cut[dim]) for dim in dims)
     norm, levels = _norm(panel.values)
     values = np.clip(panel.values, norm.vmin, None)
-    mesh = axes.pcolormesh(x, y, values, cmap=colormaps["cividis"], norm=norm, shading="nearest")
-    if panel.has_contours and len(levels):
+    mesh = axes.pcolormesh(cell_edges(x), cell_edges(y), values, cmap=colormaps["cividis"], norm=norm)
+    if panel.has_contours and len(levels) and min(values.shape) > 1:
         lines = axes.contour(x, y, values, levels=levels, colors="white", linewidths=0.8)
         axes.clabel(lines, fmt="%g", fontsize=8)
     for critical in _critical(cut) if dims[0] == "alpha" else ():

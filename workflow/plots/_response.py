@@ -87,7 +87,7 @@ def tip_response(curves: list[Curve], title: str = "", phases_of: int | None = N
             unit, scale = scaled("m", np.array([largest]))
         if phases_of is not None and "contact_force" in first:
             phases = contact_phases(curves[phases_of].case)
-            few = phases.sizes["phase"] <= MOST_SHADED
+            few = phases["begin"].size <= MOST_SHADED
             for begin, end in zip(phases["begin"].values, phases["end"].values, strict=True) if few else ():
                 panel.axvspan(begin, end, color=SHADE, alpha=0.09, lw=0)
         for curve in curves:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ from workflow.archive import grid_of, provenance
 from workflow.cases import arrange, full_structure
 from workflow.kernels import Array
 from workflow.models import at_speed, structure_of
-from workflow.plots._style import COLOURS, GREY, head, legend_below, new_figure, trim
+from workflow.plots._style import COLOURS, GREY, cell_edges, head, legend_below, new_figure, trim
 from workflow.plots._units import RPM, in_units, scaled
 from workflow.study import Study, StudySource, read_study
 
@@ -32,7 +32,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _POINTS = 60
-"""Speeds from 0 to that of a study without an axis of it."""
+"""Speeds from 0 to the fastest at which free frequencies are computed for a diagram, beside those of the study."""
+
+_LINE_WIDTH = 1e-5
+"""Share of the fastest speed to which crossings are known: far below the width of a line."""
+
+MOST_MODES = 6
+"""Free frequencies of a diagram whose number is left out."""
 
 _FAINTEST = -60.0
 """Decibels below which all is drawn alike: a thousandth of the largest amplitude."""
@@ -44,7 +50,7 @@ _SPEEDS, _MODES = 13, 12
 """Speeds at which free frequencies are computed, with straight lines between, and the most of them."""
 
 
-def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: int = 6) -> Figure:
+def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: int | None = None) -> Figure:
     """Draw the free frequencies over the speed with engine orders, lines through 0, and mark where they cross.
 
     The structure is that of the first case, with the tip free and nothing reduced.
@@ -52,34 +58,29 @@ def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: i
     Parameters
     ----------
     study
-        What ``read_study`` takes, or an archive's path, with a ``scene.speed``: along its axis, or from 0 to it.
+        What ``read_study`` takes, or an archive's path, with a ``scene.speed``: the fastest one ends the diagram.
     orders
-        Engine orders; those of the harmonics of casing and load where left out.
+        Engine orders, above 0; those of the harmonics of casing and load where left out.
     modes
-        Largest number of free frequencies.
+        Number of free frequencies; where left out six, less those that no order reaches.
 
     Raises
     ------
     ValueError
-        The study has no speed.
+        The study has no speed, or an order is not above 0.
     """
     study = _read(study)
     speeds = _speeds(study)
     lines = engine_orders(study) if orders is None else sorted(map(float, orders))
-    free = free_frequencies(study, speeds, modes)
-    highest = max([order * speeds[-1] for order in lines], default=0.0)
-    free = free[:, : max(1, int((free.min(axis=0) <= highest).sum()))]
+    free = free_frequencies(study, speeds, modes or MOST_MODES)
+    if modes is None:
+        highest = max([order * speeds[-1] for order in lines], default=0.0)
+        free = free[:, : max(1, int((free.min(axis=0) <= highest).sum()))]
     figure = new_figure(5.0, 3.8)
     panel: Any = figure.subplots()
-    top = 1.12 * max(free.max(), min(highest, free.max()))
-    for k, frequency in enumerate(free.T):
-        label = "free frequency" if k == 0 else None
-        panel.plot(RPM * speeds, frequency, color=COLOURS[0], lw=1.6, label=label)
-    for k, order in enumerate(lines):
-        panel.plot(RPM * speeds, order * speeds, "--", color=GREY, lw=1.0, label=None if k else "engine order")
-        x = min(float(speeds[-1]), top / order)
-        panel.annotate(f"{order:g}×", (RPM * x, order * x), (2, 2), textcoords="offset points", fontsize=9)
-    crossings = [crossing for order in lines for one in free.T for crossing in _crossings(speeds, one, order)]
+    panel.plot(RPM * speeds, free, color=COLOURS[0], lw=1.6)[0].set_label("free frequency")
+    _draw_orders(panel, speeds, RPM * speeds, lines, top := 1.12 * free.max(), GREY)
+    crossings = [crossing for order in lines for crossing in _crossings(study, speeds, free, order)]
     if crossings:
         at, frequency = np.transpose(crossings)
         panel.plot(RPM * at, frequency, "o", color="black", mfc="white", ms=6, label="crossing", zorder=3)
@@ -98,13 +99,12 @@ def _read(source: StudySource) -> Study:
 
 
 def _speeds(study: Study) -> Array:
-    """Return the speeds of a study's axis, or from 0 to its speed, ascending, rev/s."""
+    """Return speeds from 0 to the fastest of a study, its own among them, ascending, rev/s."""
     along = [axis.values for axis in study.axes() if axis.path == "scene.speed"]
-    values = np.unique(np.array([*(along[0] if along else ()), study.scene.speed], dtype=np.float64))
-    values = values if values.size > 2 else np.linspace(0.0, values.max(), _POINTS)
-    if values[-1] == 0:
+    own = np.array(along[0] if along else [study.scene.speed], dtype=np.float64)
+    if own.max() == 0:
         raise ValueError("the study has no speed; write `speed` in its scene, or the axis `scene.speed`")
-    return values
+    return np.union1d(np.linspace(0.0, own.max(), _POINTS), own)
 
 
 def engine_orders(study: Study) -> list[float]:
@@ -125,13 +125,21 @@ def free_frequencies(study: Study, speeds: Array, modes: int) -> Array:
     return np.sqrt(np.maximum(values, 0.0)) / (2 * np.pi)
 
 
-def _crossings(speeds: Array, frequency: Array, order: float) -> list[tuple[float, float]]:
-    """Return speeds and frequencies at which an engine order meets a free frequency, linear between the speeds."""
-    apart = frequency - order * speeds
-    places = np.flatnonzero((apart[:-1] > 0) != (apart[1:] > 0))
-    share = apart[places] / (apart[places] - apart[places + 1])
-    at = speeds[places] + share * (speeds[places + 1] - speeds[places])
-    return list(zip(at.tolist(), (order * at).tolist(), strict=True))
+def _crossings(study: Study, speeds: Array, free: Array, order: float) -> Iterator[tuple[float, float]]:
+    """Yield speeds and frequencies at which an engine order meets a free frequency; ``free`` are those at speeds."""
+    from scipy.optimize import brentq
+
+    apart = free - order * speeds[:, None]
+    for k, mode in np.argwhere((apart[:-1] > 0) != (apart[1:] > 0)).tolist():
+        known = dict(zip(speeds[k : k + 2].tolist(), apart[k : k + 2, mode].tolist(), strict=True))
+
+        def distance(speed: float, mode: int = mode, known: Mapping[float, float] = known) -> float:
+            if speed in known:  # rounding may turn the sign of one that is next to 0
+                return known[speed]
+            return float(free_frequencies(study, np.array([speed]), free.shape[1])[0, mode]) - order * speed
+
+        at = brentq(distance, *known, xtol=_LINE_WIDTH * float(speeds[-1]))
+        yield at, order * at
 
 
 def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
@@ -222,21 +230,21 @@ def interaction_map(
     place = {dim: k for dim, k in finest(dataset).items() if dim != along}
     cut = dataset.isel(place).sortby(along)
     history = _history(cut, sensor).where(cut["status"] == 0)
-    found = spectrum(history).transpose("frequency", along)
+    found = spectrum(history).transpose(..., along)
+    frequency = found[found.dims[0]].values
     largest, label = in_units(found.max())
     moves = float(found.max()) > _ROUNDING * float(abs(history).max())
     decibels = _decibels(found.values if moves else 0 * found.values)
     figure = new_figure(5.6, 4.2)
     panel: Any = figure.subplots()
-    (x, x_label), top = in_units(cut[along]), highest or float(found["frequency"][-1])
+    (x, x_label), top = in_units(cut[along]), highest or float(frequency[-1])
     drawn = panel.pcolormesh(
-        x, found["frequency"].values, decibels, cmap="magma_r", vmin=_FAINTEST, vmax=0.0,
-        shading="nearest", rasterized=True,
+        cell_edges(x), cell_edges(frequency), decibels, cmap="magma_r", vmin=_FAINTEST, vmax=0.0, rasterized=True,
     )  # fmt: skip
     if along == "speed":
         read = None if study is None else _read(study)
         shown = orders if orders is not None else _orders(dataset) if read is None else engine_orders(read)
-        _draw_orders(panel, cut[along].values, x, shown, top)
+        _draw_orders(panel, cut[along].values, x, shown, top, COLOURS[2])
         if read is not None:
             _draw_free(panel, read, cut[along].values, top)
     panel.set(xlabel=x_label, ylabel="frequency [Hz]", ylim=(0.0, top))
@@ -245,7 +253,7 @@ def interaction_map(
     figure.colorbar(drawn, ax=panel, label=f"amplitude [dB], {scale}")
     legend_below(figure, panel.get_legend_handles_labels(), 2)
     window = f"{sensor.replace('_', ' ')}: last {found.attrs['seconds']:.3g} s, Hann window"
-    resolution = f"resolution {2 * float(found['frequency'][1]):.3g} Hz"
+    resolution = f"resolution {2 * float(frequency[1]):.3g} Hz"
     head(figure, fill("; ".join(filter(None, [f"{window}, {resolution}", place_text(dataset, place)])), 60))
     return figure
 
@@ -283,11 +291,13 @@ def _draw_free(panel: Any, study: Study, speed: Array, top: float) -> None:
     lines[0].set_label("free frequency")
 
 
-def _draw_orders(panel: Any, speed: Any, x: Any, orders: Sequence[float], top: float) -> None:
+def _draw_orders(panel: Any, speed: Any, x: Any, orders: Sequence[float], top: float, colour: str) -> None:
     """Draw the lines f = order · speed, each with its order at its end."""
+    if not all(order > 0 for order in orders):
+        raise ValueError(f"engine orders are above 0, and one of {', '.join(map(str, orders))} is not")
     for order in orders:
         label = "engine order" if order == orders[0] else None
-        panel.plot(x, order * speed, color=COLOURS[2], lw=1.0, ls="--", label=label)
+        panel.plot(x, order * speed, color=colour, lw=1.0, ls="--", label=label)
         reached = order * speed[-1]
         at, up = (x[-1], reached) if reached <= top else (x[-1] * top / reached, top)
         panel.annotate(f"{order:g}×", (at, up), xytext=(0, 3), textcoords="offset points", fontsize=8, ha="right")

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.archive import commit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -55,6 +61,12 @@ def label_lowest(panels: Any, used: int, columns: int, label: str) -> None:
         panel.tick_params(labelbottom=True)
 
 
+def cell_edges(middles: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the edges of cells about their middles, ``(cell + 1,)``; one alone is as wide as its distance from 0."""
+    half = np.diff(middles) / 2 if len(middles) > 1 else np.array([abs(middles[0]) / 2 or 0.5])
+    return np.concatenate([middles[:1] - half[:1], middles[:-1] + half[: len(middles) - 1], middles[-1:] + half[-1:]])
+
+
 def trim(panel: Any, grid: str = "both") -> None:
     """Leave a panel its left and lower edge and a faint grid."""
     panel.spines[["top", "right"]].set_visible(False)
@@ -95,6 +107,7 @@ def _texts(artist: Artist) -> Iterator[Text]:
 
 def save(figure: Figure, path: Path) -> Path:
     """Write a figure as PNG, SVG or PDF, as the path ends, and return the path."""
-    with open(path, "wb") as file:
-        write_figure(figure, file, 150, path.suffix[1:].lower())
+    buffer = io.BytesIO()
+    write_figure(figure, buffer, 150, path.suffix[1:].lower())
+    commit(path, buffer.getvalue())
     return path

@@ -59,7 +59,14 @@ def write_report(archive: Path | Sequence[Path], output: Path | None = None) -> 
     OSError
         The page cannot be written.
     """
+    from matplotlib import style
+
     archives = [archive] if isinstance(archive, Path) else list(archive)
+    with style.context("default"):  # what a user's matplotlibrc says of fonts, colours and TeX is for other figures
+        return _write_report(archives, output)
+
+
+def _write_report(archives: Sequence[Path], output: Path | None) -> ReportFiles:
     if output is not None:
         _refuse_place(output, len(archives))
         if output.suffix.lower() in _FIGURES:
