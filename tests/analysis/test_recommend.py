@@ -177,7 +177,45 @@ def test_a_case_without_an_error_misses_and_is_named() -> None:
     assert recommended.next is not None
     assert recommended.next.share == pytest.approx(5 / 6)
     assert recommended.next.worst.case == {"e": 0.5, "gap": 3e-5}
-    assert "e = 0.5, gap = 3e-05 is diverged (it grew)" in sentence(recommended)
+    assert "e = 0.5, gap = 3e-05 (diverged: it grew)" in sentence(recommended)
+
+
+def test_cases_without_a_reference_are_named_with_the_answer_without_them() -> None:
+    """Of e = 1, say: no step and no mode helps there."""
+    dataset = even()
+    for name in ERRORS:
+        dataset[name][{"e": 1}] = np.nan
+    dataset["message"][{"e": 1}] = "reference: stopped"
+    recommended = recommend(dataset, 0.01)
+    assert recommended.choice is None
+    assert [case["e"] for case in recommended.missing] == [0.5] * 3
+    assert recommended.leave_out == "drop_sel(e=[0.5])"
+    without = recommend(dataset.drop_sel(e=[0.5]), 0.01)
+    assert without.choice is not None
+    assert recommended.rest == without
+    said = sentence(recommended)
+    assert "Nothing has an error in 3 of them: e = 0.5, gap = 1e-05; " in said
+    assert "(reference: stopped). Without them, `archive.drop_sel(e=[0.5])`: " + sentence(without) in said
+    assert "Add " not in said
+    assert recommendation_row(recommended) == recommendation_row(without)
+    assert recommendation_entries(recommended)["rest"]["sentence"] == sentence(without)
+    for name in ERRORS:
+        dataset[name][{"e": 0, "gap": 1}] = np.nan  # each value of e has one, two of the gap have none
+    assert recommend(dataset, 0.01).leave_out == ""
+    for name in ERRORS:
+        dataset[name][{"e": 1, "gap": [0, 2]}] = 1e-4
+    assert recommend(dataset, 0.01).leave_out == "drop_sel(gap=[2e-05])"
+
+
+def test_a_reference_that_some_choices_lack_is_asked_for() -> None:
+    dataset = even()
+    for name in ERRORS:
+        dataset[name][{"e": 1, "h": [0, 1]}] = np.nan
+        dataset[name][{"h": 2}] = 0.5
+    recommended = recommend(dataset, 0.01)
+    assert recommended.missing == ()
+    assert sentence(recommended).endswith("Add a reference that ends ok in that case.")
+    assert recommendation_row(recommended)[4:] == ("no error", "reference")
 
 
 def test_coordinates_have_their_units() -> None:

@@ -62,6 +62,9 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     assert shown.returncode == 0
     assert "ill_posed: " in shown.stdout
     assert " and 1 more: contact has no unique solution" in shown.stdout
+    assert [line for line in shown.stdout.splitlines() if "ill_posed: " in line] == [
+        line for line in ran.stdout.splitlines() if "ill_posed: " in line
+    ]
     assert "alpha 1e+09 W/N" in shown.stdout
 
 
@@ -83,7 +86,12 @@ output: {interval: 0.1 s, histories: [displacement]}
 def test_every_command_names_a_reference_that_failed(tmp_path: Path) -> None:
     """The cases are ok; run exits 1 and says how many lack an error, show and report say why, verify agrees."""
     study = written(FAILED_REFERENCE, tmp_path)
-    assert "references   2, and 0 exact solutions" in workflow("plan", study, cwd=tmp_path).stdout
+    planned = workflow("plan", study, cwd=tmp_path).stdout
+    assert "references   2, and 0 exact solutions" in planned
+    assert "beware: at e = 1 the bounces of the tip have no end where the load presses it onto the casing" in planned
+    below = workflow("plan", study, "-s", "axes.e=[0, 0.9]", cwd=tmp_path).stdout
+    above = workflow("plan", study, "-s", "scene.casing.gap=100 m", cwd=tmp_path).stdout
+    assert "the bounces" not in below + above
     ran = workflow("run", study, "-o", "out.nc", "--threads", "1", cwd=tmp_path)
     assert ran.returncode == 1
     assert "2 ok" in ran.stdout

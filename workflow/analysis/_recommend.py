@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis._cases import case_dims, coordinate_units, is_auto, labels_of
+from workflow.analysis._cases import case_dims, coordinate_units, exact, is_auto, labels_of
 from workflow.schemes import Status
 from workflow.study import MATRIX, MODES, POINT
 from workflow.variables import COMPARED
@@ -58,12 +58,17 @@ class Worst:
 
     @property
     def limited_by(self) -> str:
-        """What the error comes from: ``step``, ``basis``, ``nothing`` (no error), ``status`` or ``unknown``."""
+        """What the error comes from: ``step``, ``basis``, ``nothing`` (it is 0), ``unknown``; or why there is none.
+
+        Then it is ``status`` or ``reference``.
+        """
         if self.status != "ok":
             return "status"
+        if np.isnan(self.error):
+            return "reference"
         if self.error == 0:
             return "nothing"
-        if np.isnan([self.error, self.scheme_error, self.model_error]).any():
+        if np.isnan([self.scheme_error, self.model_error]).any():
             return "unknown"
         return "step" if self.scheme_error >= self.model_error else "basis"
 
@@ -111,6 +116,12 @@ class Recommendation:
     """Cases of the scene whose predictability exceeds a tenth of the tolerance, by their coordinates."""
     units: dict[str, str] = field(default_factory=dict)
     """Units of coordinates that have one, as they are written by hand, by name."""
+    missing: tuple[dict[str, Any], ...] = ()
+    """Cases of the scene in which no choice has an error, as where the reference failed, by their coordinates."""
+    leave_out: str = ""
+    """What leaves them out of an archive, ``drop_sel(e=[1])``; empty where that leaves nothing."""
+    rest: Recommendation | None = None
+    """The answer without them, where there is no choice with them."""
 
 
 def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Recommendation:
@@ -148,6 +159,8 @@ def _recommended(table: Table, share: float) -> Recommendation:
     nearest = max(cheaper, key=lambda k: (known[k], table.cost[k]), default=None)
     if not good:
         nearest = max(range(len(rank)), key=lambda k: (within[k].mean(), -_largest(table.error[k])), default=None)
+    missing = np.isnan(table.error).all(axis=0) & (table.status != Status.NOT_RUN).all(axis=0)
+    without = table.without(missing) if missing.any() and not good else None
     return Recommendation(
         share,
         table.choice(alike[0], within[alike[0]]) if alike else None,
@@ -156,6 +169,9 @@ def _recommended(table: Table, share: float) -> Recommendation:
         table.error.shape[1],
         table.unpredictable(DECIDABLE * share),
         coordinate_units(table.dataset),
+        table.cases(missing),
+        "" if without is None else without[0],
+        None if without is None else _recommended(Table(without[1]), share),
     )
 
 
@@ -331,8 +347,31 @@ class Table:
 
     def unpredictable(self, most: float) -> tuple[dict[str, Any], ...]:
         """Return the cases of the scene whose predictability exceeds a share."""
-        exceeds = (self._array("predictability") > most).any(axis=0)
-        return tuple(self._values(self.columns, self._place(0, int(case))) for case in np.flatnonzero(exceeds))
+        return self.cases((self._array("predictability") > most).any(axis=0))
+
+    def cases(self, which: NDArray[np.bool_]) -> tuple[dict[str, Any], ...]:
+        """Return the coordinates of some cases of the scene."""
+        return tuple(self._values(self.columns, self._place(0, int(case))) for case in np.flatnonzero(which))
+
+    def without(self, which: NDArray[np.bool_]) -> tuple[str, xr.Dataset] | None:
+        """Return what leaves out some cases of the scene and the fewest others, and the archive without them.
+
+        It leaves out values of one dimension; ``None`` where each of every dimension has such a case.
+        """
+        which = which.reshape([self.dataset.sizes[dim] for dim in self.columns])
+        found = []
+        for axis, dim in enumerate(self.columns):
+            out = np.flatnonzero(which.any(axis=tuple(k for k in range(which.ndim) if k != axis)))
+            found.append((1 - out.size / self.dataset.sizes[dim], dim, out))
+        kept, dim, out = max(found, key=lambda one: one[0], default=(0.0, "", which))
+        if not kept:
+            return None
+        labelled = dim in self.dataset.indexes
+        values = [
+            exact(value) if not isinstance(value, str) else repr(value) for value in self.dataset[dim].values[out]
+        ]
+        listed = ", ".join(values if labelled else map(str, out))
+        return f"drop_{'' if labelled else 'i'}sel({dim}=[{listed}])", self.dataset.drop_isel({dim: out})
 
 
 def simulated_seconds(dataset: xr.Dataset) -> float:

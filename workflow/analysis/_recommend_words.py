@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -77,7 +77,7 @@ def answer_lines(recommendation: Recommendation) -> tuple[str, ...]:
         if cheaper is not None and cheaper.worst.status == "not_run":
             return (f"No choice that has run in all its cases meets {tolerance}.", "Run the study to its end.")
         first = f"Nothing in this study meets {tolerance} in {_judged(recommendation, cheaper)}."
-        return first, *_nearest(recommendation)
+        return first, *(_without(recommendation) if recommendation.missing else _nearest(recommendation))
     worst = choice.worst
     where = f"{worst.variable}, {named_case(worst.case, units)}"
     lines = [
@@ -102,11 +102,9 @@ def undecidable(recommendation: Recommendation) -> str:
     cases = recommendation.undecidable
     if not cases:
         return ""
-    named = "; ".join(named_case(case, recommendation.units) for case in cases[:NAMED])
-    more = f"; and {len(cases) - NAMED} more" if len(cases) > NAMED else ""
     return (
         f"These cases are undecidable at {percent(recommendation.tolerance)}, because rounding of the gap moves their "
-        f"reference by more than a tenth of that: {named}{more}."
+        f"reference by more than a tenth of that: {_listed(cases, recommendation.units)}."
     )
 
 
@@ -135,14 +133,16 @@ def _by_own_basis(dataset: xr.Dataset) -> bool:
 
 
 def recommendation_row(recommendation: Recommendation) -> tuple[str, ...]:
-    """Return a recommendation as a row of a table with :data:`RECOMMENDATION_COLUMNS`."""
+    """Return a recommendation, or that of the rest, as a row of a table with :data:`RECOMMENDATION_COLUMNS`."""
+    recommendation = recommendation.rest or recommendation
     shown = recommendation.choice or recommendation.next
     if shown is None:
         return percent(recommendation.tolerance), "nothing", "", "", "", ""
     name = named_choice(shown, recommendation.units)
     name = name if recommendation.choice else f"nothing; nearest is {name}"
     worst = shown.worst
-    error = percent(worst.error) if not math.isnan(worst.error) else worst.status.replace("_", " ")
+    lacks_it = "no error" if worst.status == "ok" else worst.status.replace("_", " ")
+    error = lacks_it if math.isnan(worst.error) else percent(worst.error)
     return percent(recommendation.tolerance), name, _cost(shown), percent(shown.share), error, worst.limited_by
 
 
@@ -161,6 +161,9 @@ def recommendation_entries(recommendation: Recommendation) -> dict[str, Any]:
         "alike": [_choice(one) for one in recommendation.alike],
         "cases": recommendation.cases,
         "undecidable": recommendation.undecidable,
+        "missing": recommendation.missing,
+        "leave_out": recommendation.leave_out,
+        "rest": None if recommendation.rest is None else recommendation_entries(recommendation.rest),
         "sentence": sentence(recommendation),
     }
 
@@ -206,6 +209,23 @@ def _limit(worst: Worst) -> str:
     }[worst.limited_by]
 
 
+def _without(recommendation: Recommendation) -> tuple[str, ...]:
+    """Say in which cases no choice has an error and why, and the answer without them."""
+    nearest, named = recommendation.next, _listed(recommendation.missing, recommendation.units)
+    worst = [] if nearest is None else [nearest.worst.status.replace("ok", ""), nearest.worst.message]
+    why = ": ".join(filter(None, worst))
+    first = f"Nothing has an error in {len(recommendation.missing)} of them: {named}{f' ({why})' if why else ''}."
+    if recommendation.rest is None:
+        return first, "Every value of every axis has such a case: change what their message names, and run them again."
+    return first, f"Without them, `archive.{recommendation.leave_out}`:", *answer_lines(recommendation.rest)
+
+
+def _listed(cases: Sequence[Mapping[str, Any]], units: Mapping[str, str]) -> str:
+    """Name some cases of the scene, and how many more there are."""
+    named = "; ".join(named_case(case, units) for case in cases[:NAMED])
+    return named + (f"; and {len(cases) - NAMED} more" if len(cases) > NAMED else "")
+
+
 def _failure(choice: Choice, units: Mapping[str, str]) -> str:
     worst = choice.worst
     where, why = named_case(worst.case, units), f" ({worst.message})" if worst.message else ""
@@ -237,4 +257,6 @@ def _remedy(choice: Choice, tolerance: float) -> str:
         return "a smaller tolerance of `auto`" if choice.used else "more modes, or `full`"
     if worst.limited_by == "status":
         return "a scheme or a step at which that case ends ok"
+    if worst.limited_by == "reference":
+        return "a reference that ends ok in that case"
     return "smaller steps and more modes"

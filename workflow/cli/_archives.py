@@ -111,7 +111,7 @@ _PHYSICS = "which is physics, not a fault of the solver (flag `runaway`)"
 
 
 def _statuses(dataset: xr.Dataset) -> Iterator[str]:
-    from workflow.analysis import failures, runaways
+    from workflow.analysis import runaways
     from workflow.run import status_counts
 
     counts = status_counts(dataset)
@@ -122,6 +122,13 @@ def _statuses(dataset: xr.Dataset) -> Iterator[str]:
         yield f"  {above} ok cases above their critical alpha: {runs_away}, {_PHYSICS}"
     if flutter:
         yield f"  {flutter} ok cases below their critical alpha: in permanent contact their tip flutters, {_PHYSICS}"
+    yield from failure_lines(dataset)
+
+
+def failure_lines(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield a line for each message of cases, with the first of them and how many more there are."""
+    from workflow.analysis import failures
+
     groups = failures(dataset, rounded=True)
     for group in groups[:FAILURES_SHOWN]:
         many = "" if group.cases == 1 else f" and {group.cases - 1} more"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workflow.cli._archives import decided_lines
+from workflow.cli._archives import decided_lines, failure_lines
 from workflow.cli._failures import NOT_OK, WRONG
 from workflow.cli._stop import saying
 from workflow.cli._terminal import clean, console, following, print_error, say, write, write_json
@@ -101,11 +101,8 @@ def _tell(outcome: Outcome) -> None:
         say(f"  beware: {warning}")
     if outcome.without_error:
         say(f"  {outcome.without_error} of the ok cases lack an error against the reference")
-    for labels, message in outcome.failures:
-        say(f"  {labels}: {message}")
-    bad = cases - outcome.counts.get("ok", 0) + outcome.without_error
-    if bad > len(outcome.failures):
-        say(f"  … and {bad - len(outcome.failures)} more; `workflow show {outcome.archive}` groups them")
+    for line in () if outcome.ok else failure_lines(outcome.dataset):
+        say(line)
     say(f"next: {shlex.join(('workflow', 'report', str(outcome.archive)))}")
 
 

@@ -100,15 +100,33 @@ def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
 
 def _static_reach(structure: Structure, cases: Cases) -> Iterator[str]:
     """Yield that the load, applied statically, would move a contact by more than :data:`_FAR` gaps."""
-    reach, gaps = np.abs(static_reach(structure)), cases.clearances
-    loads = (np.abs(cases.mean) + cases.load_harmonics.reach)[:, None]
-    moved = loads * reach if np.isfinite(reach).all() else np.zeros_like(gaps)
+    moved, gaps = _moved(structure, cases), cases.clearances
     far = np.where((moved > _FAR * gaps) & (gaps > 0), moved, 0.0)
     if far.any():
         k, contact = np.unravel_index(np.argmax(far), far.shape)
         yield (
             f"the load alone would move {_name(structure, int(contact))} by {measure(moved[k, contact], 'm', 3)}, over "
             f"a gap of {measure(gaps[k, contact], 'm', 3)}: check the units of stiffness and load"
+        )
+
+
+def _moved(structure: Structure, cases: Cases) -> Array:
+    """Return how far the load, applied statically, moves each contact, m, ``(case, contact)``; 0 of a free body."""
+    reach, load = np.abs(static_reach(structure)), np.abs(cases.mean) + cases.load_harmonics.reach
+    return load[:, None] * np.where(np.isfinite(reach).all(), reach, 0.0)
+
+
+def endless_bounces(structure: Structure, cases: Cases) -> Iterator[str]:
+    """Yield that at e = 1 a contact never comes to rest where the load presses it onto the casing."""
+    elastic = cases.take(np.flatnonzero(cases.e == 1))
+    if structure.contact_rows.is_compliant or not elastic.count:
+        return
+    pressed = _moved(structure, elastic) > elastic.clearances
+    if pressed.any():
+        yield (
+            f"at e = 1 the bounces of {_name(structure, int(pressed.any(axis=0).argmax()))} have no end where the load "
+            "presses it onto the casing: damping makes them ever faster, until a case of event_driven has spent its "
+            "`events` and fails, or its reference does; take e below 1"
         )
 
 

@@ -33,6 +33,7 @@ from workflow.judges.cautions import (
     FreeModes,
     SchemeStep,
     StepCaution,
+    endless_bounces,
     flutter,
     free_modes,
     listed,
@@ -119,6 +120,7 @@ _MOST_STRUCTURES = 16
 def cautions_of_scene(grid: Grid) -> Iterator[str]:
     """Yield what to beware of in springs, structures with the conditions of their cases, and bases."""
     parameters = f"scene.{grid.study.scene.model}."
+    is_exact = any(choice.method == EXACT for choice in grid.study.schemes.values())  # that of a reference, too
     for settings in _distinct_settings(grid, "scheme", "schemes.", parameters):
         scheme, structure = schemes.load(settings.scheme.method), reduced_structure(settings)
         if scheme.contact_stiffness_of is not None and not scheme.refusal(structure, settings.scheme.options):
@@ -132,6 +134,8 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
             model = model_on(reduced(settings))
             yield from scene_cautions(structure, model, cases, duration, is_static=is_static)
             yield from flutter(model.structure, cases)
+            if is_exact:
+                yield from endless_bounces(model.structure, cases)
     worst: dict[str, float] = {}
     for settings in _distinct_settings(grid, "reduction", "mechanical_modes", "thermal_modes", parameters):
         basis = basis_text(settings)
