@@ -101,3 +101,15 @@ def test_a_contact_without_mass_is_a_spring_in_series() -> None:
     assert ours.histories["impulse"][0] == pytest.approx(force / w * (1 - np.cos(w * inside)), abs=1e-11)
     assert ours.histories["impulse"][0, -1] == pytest.approx(198.0198019802, rel=1e-10)
     assert ours.metrics["impacts"][0] == 0
+
+
+def test_a_start_beyond_the_casing_that_a_runaway_has_left_says_so() -> None:
+    """Of one contact, of several: a sweep goes on from what the point before has heated."""
+    for rows in ([[1.0]], [[1.0], [-1.0]]):
+        heat = {"heat_capacity": [[1.0]], "conductance": [[1.0]], "coupling": [[-1.0]], "thermal_contact": np.abs(rows)}
+        own = structure(1.0, 1.0, rows, **heat)
+        for temperature in (20.0, 2.7e6):
+            ours = run(own, np.linspace(0, 1, 11), gaps=[1.0] * len(rows), displacement=2.0, temperature=temperature)
+            hot = "; it starts at 2.7e+06 K: in the sweep before it the rub has run away thermally"
+            assert "beyond" in ours.messages[0]
+            assert ours.messages[0].endswith(hot) == (temperature > 1e3)

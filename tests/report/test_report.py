@@ -8,11 +8,13 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.figure import Figure
 
 from quick import quick
 from studies import BLADE_SCENE, SCENE, parsed
 from terminal import workflow
+from workflow import plots
 from workflow.analysis import answer_lines, labels, limits, recommend
 from workflow.archive import ArchiveError, open_archive
 from workflow.plots import save
@@ -279,6 +281,35 @@ def test_the_fold_of_the_blade_is_stored_verified_told_and_drawn(tmp_path: Path)
     page = write_report(archive).page
     assert page is not None
     assert "runs away or jumps" in page.read_text(encoding="utf-8")
+    joint = write_report([archive, archive], tmp_path / "joint.html").page
+    assert joint is not None
+    assert joint.read_text(encoding="utf-8").count('alt="steady max temperature along the branches"') == 2
+
+
+def test_two_sweeps_of_one_axis_are_drawn_over_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever stands first: up is the one that begins lower; sweeps of two axes are not."""
+    drawn: list[tuple[float, float]] = []
+
+    def sweep(up: xr.Dataset, variable: str, down: xr.Dataset, branch: xr.Dataset | None) -> Figure:
+        drawn.append((float(up["frequency"][0]), float(down["frequency"][0])))
+        return plots.sweep(up, variable, down, branch)
+
+    monkeypatch.setattr(sections, "sweep", sweep)
+    monkeypatch.chdir(tmp_path)
+    axes = {
+        "load.frequency": {"up": [500.0, 800.0, 3], "down": [800.0, 500.0, 3]},
+        "load.amplitude": {"other": [50, 99, 3]},
+    }
+    for path, ways in axes.items():
+        for name, ends in ways.items():
+            over = {"h": None, "e": 0.3, "alpha": 0.0, "scheme": "event_driven", f"scene.{path}": {"sweep": ends}}
+            run_study(quick(over, output={"interval": 4e-3, "histories": []}), tmp_path / f"{name}.nc", threads=1)
+    assert workflow("report", "down.nc", "up.nc", cwd=tmp_path).returncode == 0
+    text = Path("report.html").read_text(encoding="utf-8")
+    assert 'alt="impulse of the load periods along frequency"' in text
+    assert drawn == [(500.0, 800.0)]
+    write_report([Path("up.nc"), Path("other.nc")])
+    assert "Both sweeps" not in Path("report.html").read_text(encoding="utf-8")
 
 
 def test_a_page_shows_what_changes_over_the_speed_and_along_a_sweep(tmp_path: Path) -> None:

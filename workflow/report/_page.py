@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -172,12 +173,14 @@ def _write_figure(archive: Path, written: Path) -> ReportFiles:
 def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
     rows: list[Any] = []
     new, parts = [], []
-    for archive in archives:
-        with open_archive(archive) as opened:
-            dataset = most_loaded(opened)
+    with ExitStack() as every:
+        datasets = [most_loaded(every.enter_context(open_archive(archive))) for archive in archives]
+        swept = sections.sweeps(datasets)
+        for dataset, archive in zip(datasets, archives, strict=True):
             about = _about(dataset, archive)
             new.append(len(rows))
-            for k, row in enumerate(ranges(dataset)):
+            has_transients = "point" not in dataset.dims
+            for k, row in enumerate(ranges(dataset) if has_transients else []):
                 rows.append(
                     [
                         about["name"] if k == 0 else "", row.scheme, f"{row.ok}/{row.cases}", row.stable,
@@ -187,11 +190,12 @@ def _write_joint(archives: Sequence[Path], written: Path) -> ReportFiles:
                 )  # fmt: skip
             response = _response(dataset)
             about["response"] = [] if response is None else [picture(response, "tip response")]
+            about["branches"] = sections.along_branches(dataset)
             about["answer"], _ = sections.answered(dataset, sections.study_of(archive)[0])
-            about["standing"] = sections.standing(dataset)
+            about["standing"] = sections.standing(dataset) if has_transients else None
             about["precision"] = sections.precision(dataset) if dataset.sizes.get("h", 1) > 4 else None
             parts.append(about)
-    commit(written, page("studies", rule=RULE, archives=parts, rows=rows, new=new[1:]).encode())
+    commit(written, page("studies", rule=RULE, archives=parts, rows=rows, new=new[1:], sweeps=swept).encode())
     return ReportFiles(written, None)
 
 

@@ -5,7 +5,7 @@ A section with pictures has one that is its main ``figure`` too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -166,6 +166,17 @@ def over_speed(dataset: xr.Dataset) -> Section | None:
             figures[f"spectrum of {name.replace('_', ' ')} over the speed"] = interaction_map(dataset, name)
         figures["closing of the clearance over the speed"] = clearance(dataset)
     return _drawn(figures)
+
+
+def sweeps(datasets: Sequence[xr.Dataset]) -> Section | None:
+    """Draw two sweeps along one axis over each other, and a branch along it behind them, of several archives."""
+    swept = [one for one in datasets if swept_axis(one) is not None and any_ok(one)]
+    axis = swept_axis(swept[0]) if swept else None
+    if axis is None or len(swept) != 2 or swept_axis(swept[1]) != axis:
+        return None
+    branch = next((one for one in datasets if followed_axis(one) == axis and any_ok(one)), None)
+    up, down = sorted(swept, key=lambda one: float(one[axis][0]))
+    return _drawn({f"impulse of the load periods along {axis}": sweep(up, "period_impulse", down, branch)})
 
 
 def maps(dataset: xr.Dataset) -> Section | None:

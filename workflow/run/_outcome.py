@@ -12,7 +12,7 @@ import numpy as np
 
 from workflow.archive import open_archive
 from workflow.plan import WARNINGS, too_thick
-from workflow.schemes import Status
+from workflow.schemes import LINEAR, Status
 from workflow.variables import COMPARED
 
 if TYPE_CHECKING:
@@ -55,9 +55,6 @@ MOST_FAILURES = 10
 """Failed cases that a summary names."""
 
 _ERRORS = tuple(f"{name}_error" for name in COMPARED)
-
-LINEAR = 1000.0
-"""Temperature rise, K, above which a linear model means nothing: metals melt, or conduct and expand otherwise."""
 
 
 def status_name(value: int) -> str:

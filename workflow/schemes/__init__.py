@@ -20,6 +20,7 @@ from workflow.schemes._fixed.step_limits import limit_text
 from workflow.schemes._fixed.theta_method import init as init_theta
 from workflow.schemes._interface import (
     HISTORIES,
+    LINEAR,
     SECTIONS,
     RefusedStructureError,
     Results,

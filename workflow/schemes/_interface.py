@@ -25,6 +25,9 @@ AT_REST = 1e-13
 which they are rounding: that of the some hundred terms of a static start, or of a state in which another case ended.
 Among the velocities is that of the lengths in a step, or in 1/ω of the fastest mode."""
 
+LINEAR = 1000.0
+"""Temperature rise, K, above which a linear model means nothing: metals melt, or conduct and expand otherwise."""
+
 EXTRAPOLATED = "extrapolated: "
 """Prefix of the message of a case that ended ok, but in part by extrapolation."""
 

@@ -32,6 +32,7 @@ from workflow.schemes._interface import (
     AT_REST,
     EXTRAPOLATED,
     HISTORIES,
+    LINEAR,
     RefusedStructureError,
     Results,
     Sampling,
@@ -302,6 +303,13 @@ def penetration(loads: Case, displacement: Array, times: Array) -> Array:
         return np.asarray(np.maximum(0.0, np.max(displacement - place, axis=1)))
 
 
+def run_away_text(temperature: float) -> str:
+    """Return why a case starts beyond its casing at a temperature [K] that rubs of an earlier point have left."""
+    if not abs(temperature) > LINEAR:
+        return ""
+    return f"; it starts at {temperature:.3g} K: in the sweep before it the rub has run away thermally"
+
+
 def failure_text(ended: int, tally: Any, budget: Budget, e: float) -> str:
     """Return the message of a case that did not complete, from its :data:`~workflow.schemes._exact.record.TALLY`."""
     at = f"at t = {tally['time']:.6g} s" if np.isfinite(tally["time"]) else "in its first steps"
@@ -315,7 +323,7 @@ def failure_text(ended: int, tally: Any, budget: Budget, e: float) -> str:
         NO_IMPACT_LAW: f"contact has no unique solution {at} (W <= 0 as the step vanishes): friction pushes the "
         "tip into the casing more than the contact force pushes it out; lower the friction coefficient",
         INSEPARABLE: f"with the tip held, the damping of the structure {_INSEPARABLE}",
-        INSIDE_CASING: "the tip starts beyond the casing: x_n(0) > d",
+        INSIDE_CASING: f"the tip starts beyond the casing: x_n(0) > d{run_away_text(tally['max_temperature'])}",
         NOT_FINITE: f"the state left the finite numbers {at}",
     }[ended]
 

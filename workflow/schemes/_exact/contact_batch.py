@@ -17,6 +17,7 @@ from workflow.schemes._exact.batch import (
     InseparablePolesError,
     events_of,
     failure_text,
+    run_away_text,
     loads_of,
     metrics_of,
     record_of,
@@ -153,7 +154,10 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
         metrics=metrics_of(record, sampling, completed, steps, depth, closing),
         status=status_of(ended),
         end=state_of(basis.shapes, basis.heat_shapes, modal),
-        messages={int(i): _failure(int(ended[i]), progress[i], operator) for i in np.flatnonzero(~completed)},
+        messages={
+            int(i): _failure(int(ended[i]), progress[i], operator, np.abs(record.histories[i, 2, ..., 0]).max())
+            for i in np.flatnonzero(~completed)
+        },
     )
 
 
@@ -263,20 +267,21 @@ def _sine_cosine(angle: Array) -> tuple[Array, Array]:
     return sin.reshape(angle.shape), cos.reshape(angle.shape)
 
 
-def _failure(ended: int, progress: Any, operator: ContactOperator) -> str:
-    """Return the message of a case that did not complete."""
+def _failure(ended: int, progress: Any, operator: ContactOperator, warmest: float) -> str:
+    """Return the message of a case that did not complete; the warmest contact has this temperature at the start."""
     at, names = f"at t = {progress['time']:.6g} s", ", ".join(operator.basis.contacts.labels)
     own = {
         TOO_MANY_SETS: f"stopped {at}: it meets more than {MOST_SETS} sets of closed contacts, or more than "
         f"{MOST_BYTES // 2**20} MB of them; take contacts without mass, fewer contacts, or moreau",
         NO_IMPACT_LAW: f"contact has no unique solution {at}, contacts {names}: lower the friction coefficient",
-        INSIDE_CASING: f"a contact starts beyond its casing, of contacts {names}",
+        INSIDE_CASING: f"a contact starts beyond its casing, of contacts {names}{run_away_text(warmest)}",
         OUT_OF_EVENTS: f"stopped {at} after {operator.budget.events} contact events, its budget: contacts with mass "
         "open each other again and again; take contacts without mass, or raise the scheme's option `events`",
     }
     if ended in own:
         return own[ended]
-    return failure_text(ended, {"time": progress["time"], "speed": 0.0, "impacts": 0}, operator.budget, 0.0)
+    tally = {"time": progress["time"], "speed": 0.0, "impacts": 0, "max_temperature": warmest}
+    return failure_text(ended, tally, operator.budget, 0.0)
 
 
 def static_growth(basis: ContactBasis) -> Array:
