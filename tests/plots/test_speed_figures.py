@@ -45,7 +45,11 @@ def test_clearance_is_that_of_the_archive(tmp_path: Path) -> None:
     static = square * 1e-3 * 0.21 / (4e6 - square * 1e-3)
     np.testing.assert_allclose(marks(figure, "tip at the start"), np.transpose([60 * np.array(speeds), 1e6 * static]))
     assert (marks(figure, "tip at most")[:, 1] >= 1e6 * static - 1e-9).all()
-    assert (marks(figure, "gap")[:, 1] == 3.0).all()
+    assert (marks(figure, "clearance at rest, 3 µm")[:, 1] == 3.0).all()
+    figure.savefig(tmp_path / "drawn.png")
+    (legend,) = figure.legends
+    inside = legend.get_window_extent().transformed(figure.transFigure.inverted())
+    assert 0 <= inside.x0 < inside.x1 <= 1
 
 
 def test_what_has_no_speed_is_refused() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from workflow.analysis._cases import (
+    RPM,
     case_dims,
     contact_text,
     exact,
     failures,
     finest,
     is_of_contacts,
+    is_speed,
     labels,
     labels_of,
     modes_along,

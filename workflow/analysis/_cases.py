@@ -119,6 +119,15 @@ def coordinate_units(dataset: xr.Dataset) -> dict[str, str]:
     return {str(name): unit_of(values) for name, values in dataset.coords.items()}
 
 
+RPM = 60.0
+"""Revolutions per minute in one per second."""
+
+
+def is_speed(coordinate: xr.DataArray) -> bool:
+    """Tell whether a coordinate is a speed of rotation, which is read in rpm."""
+    return coordinate.attrs.get("study_path") == "scene.speed"
+
+
 def is_auto(coordinate: xr.DataArray, value: object) -> bool:
     """Tell whether a count of modes is `auto`, left to the tolerance."""
     return str(coordinate.name) in MODES and value == CHOSEN
@@ -194,6 +203,8 @@ def place_text(dataset: xr.Dataset, place: Mapping[str, int]) -> str:
 
 def _labels(coordinate: xr.DataArray, named: bool, rounded: bool) -> list[str]:
     unit, values = unit_of(coordinate), coordinate.values
+    if is_speed(coordinate):
+        unit, values = "rpm", RPM * values
     if unit == "m" and 0 < np.abs(values).max(initial=0.0) < 1e-3:
         unit, values = "µm", 1e6 * values
     before = f"{coordinate.name} ".replace("_", " ") if named else ""

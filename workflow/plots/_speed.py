@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workflow.analysis import (
-    contact_text,
+    RPM,
     finest,
     gap_of,
     most_loaded,
@@ -24,7 +24,7 @@ from workflow.cases import arrange, full_structure
 from workflow.kernels import Array
 from workflow.models import at_speed, structure_of
 from workflow.plots._style import COLOURS, GREY, cell_edges, head, legend_below, new_figure, trim
-from workflow.plots._units import RPM, in_units, scaled
+from workflow.plots._units import in_units, scaled
 from workflow.study import Study, StudySource, read_study
 
 if TYPE_CHECKING:
@@ -143,8 +143,9 @@ def _crossings(study: Study, speeds: Array, free: Array, order: float) -> Iterat
 
 
 def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
-    """Draw how far the tip closes its clearance: at the start, at most, and by heat at the end; the gap dotted.
+    """Draw how far the tip closes its clearance: at the start, at most, and by heat at the end; the clearance dotted.
 
+    The clearance is the gap at rest, cold, with what the study adds as ``clearance``; the legend gives the least of it.
     The start is the static growth where the study says ``initial: static``; that of the points of a sweep is left out.
     The most is that of the samples. Of all other dimensions the smallest step, the most modes and the largest α are
     shown: select what else is shown before. Of several contacts the most loaded one is shown.
@@ -166,7 +167,7 @@ def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
     place = {dim: k for dim, k in finest(dataset).items() if dim != along}
     cut = dataset.isel(place).where(dataset["status"].isel(place) == 0)
     heat = np.asarray(cut["thermal_closing"].values, dtype=float)
-    curves = {"quasi-static growth by heat at the end": heat} if heat.any() else {}
+    curves = {"growth by heat at the end": heat} if heat.any() else {}
     if "displacement" in cut:
         x = np.asarray(cut["displacement"].transpose(along, "t").values, dtype=float)
         begins = {} if swept_axis(dataset) else {"tip at the start": x[:, 0]}
@@ -176,17 +177,18 @@ def clearance(dataset: xr.Dataset, along: str = "speed") -> Figure:
     across, label = in_units(dataset[along])
     figure = new_figure(5.0, 3.5)
     panel: Any = figure.subplots()
-    panel.plot(across, factor * gap, ":", color="black", lw=1.4, label="gap", zorder=3)
+    name = f"clearance at rest, {'' if np.ptp(gap) == 0 else 'from '}{factor * gap.min():.4g} {unit}"
+    panel.plot(across, factor * gap, ":", color="black", lw=1.4, label=name, zorder=3)
     reach = float(np.abs(np.nan_to_num(dataset["gap"].attrs.get("casing_amplitude", 0.0))).sum())
     if reach > 0:
         low, high = factor * (gap - reach), factor * (gap + reach)
-        panel.fill_between(across, low, high, color=GREY, alpha=0.2, lw=0, label="all that the casing's motion reaches")
+        panel.fill_between(across, low, high, color=GREY, alpha=0.2, lw=0, label="reached by the casing")
     for k, (name, values) in enumerate(curves.items()):
         panel.plot(across, factor * values, ("-", "-", "--")[k], color=COLOURS[k], lw=1.6, label=name)
     panel.set(xlabel=label, ylabel=f"displacement [{unit}]")
     trim(panel)
     legend_below(figure, panel.get_legend_handles_labels(), 2)
-    head(figure, contact_text(dataset))
+    head(figure, fill(place_text(dataset, place), 60))
     return figure
 
 

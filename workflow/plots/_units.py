@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.analysis import exact, naming, rounded_texts, value_text
+from workflow.analysis import RPM, exact, is_speed, naming, rounded_texts, value_text
 from workflow.study import POINT, readable
 
 if TYPE_CHECKING:
@@ -19,9 +19,6 @@ _SCALES = {
     "s": ((0.1, "s", 1.0), (1e-4, "ms", 1e3), (0.0, "µs", 1e6)),
 }
 """From which usual magnitude on which unit serves, and the factor to it."""
-
-RPM = 60.0
-"""Revolutions per minute in one per second."""
 
 _UNSCALED = ("h", "t")
 """Coordinates that stay in SI, as studies and commands write them."""
@@ -39,9 +36,7 @@ def scaled(unit: str, values: NDArray[Any]) -> tuple[str, float]:
 
 def in_units(values: xr.DataArray) -> tuple[NDArray[Any], str]:
     """Return values in a readable unit, and their label."""
-    unit, factor = scaled(str(values.attrs.get("units", "1")), values.values)
-    if values.attrs.get("study_path") == "scene.speed":
-        unit, factor = "rpm", RPM
+    unit, factor = ("rpm", RPM) if is_speed(values) else scaled(str(values.attrs.get("units", "1")), values.values)
     return np.asarray(values.values) * factor, str(values.name).replace("_", " ") + (f" [{unit}]" if unit else "")
 
 
@@ -52,6 +47,7 @@ def coordinate_texts(coordinate: xr.DataArray) -> tuple[str, list[str]]:
         return "", [value_text(coordinate, value) for value in values]
     unit = str(coordinate.attrs.get("units", "1"))
     name, factor = (readable(unit), 1.0) if coordinate.name in _UNSCALED else scaled(unit, values)
+    name, factor = ("rpm", RPM) if is_speed(coordinate) else (name, factor)
     return name, rounded_texts(values * factor)
 
 

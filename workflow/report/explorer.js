@@ -147,6 +147,7 @@
     function drawMap() {
       const figure = model("map");
       if (!figure) return;
+      sayHere(place);
       let [across, up] = ["across", "up"].map(sideOf);
       const isGrid = !across.values && !up?.values;
       if (isGrid && up?.axis === across.axis) up = null;
@@ -199,6 +200,10 @@
       const known = values.map((_, k) => k).filter((k) => Number.isFinite(values[k])), of = (list) => known.map((k) => list[k]);
       const text = of(values).map(short), colour = of(values).map((value) => inkOn(scale.share(value)));
       fill("values", { x: of(spots.x), y: of(spots.y), text, colour });
+    }
+    function sayHere(at) { // the line under the map: of the case that is selected, or under the pointer
+      const metric = metrics.get(model("metric").value), number = numberOf(at), isWord = status[number] !== 0 || !metric;
+      say("map-here", `${labels(at)}: ${isWord ? statuses[status[number]] : written(metric, metric.values[number])}`);
     }
     function placeAt(event) { // of the cell or the point that is nearest
       const { x_range, y_range } = model("map"), lies = (at, { start, end }) => at >= start && at <= end;
@@ -306,11 +311,7 @@
     if (model("map")) {
       for (const name of ["metric", "across", "up"]) model(name).properties.value.change.connect(drawMap);
       model("map").on_event("tap", (event) => { const at = placeAt(event); if (at) select(at); });
-      model("map").on_event("mousemove", (event) => {
-        const at = placeAt(event), metric = metrics.get(model("metric").value), number = at && numberOf(at);
-        if (!at) return;
-        say("map-here", `${labels(at)}: ${status[number] !== 0 || !metric ? statuses[status[number]] : written(metric, metric.values[number])}`);
-      });
+      model("map").on_event("mousemove", (event) => { const at = placeAt(event); if (at) sayHere(at); });
       // Bokeh tells of a new width while it paints, when no data may change.
       model("map").properties.inner_width.change.connect(() => setTimeout(drawMap));
     }

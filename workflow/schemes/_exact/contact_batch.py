@@ -17,11 +17,11 @@ from workflow.schemes._exact.batch import (
     InseparablePolesError,
     events_of,
     failure_text,
-    run_away_text,
     loads_of,
     metrics_of,
     record_of,
     results_of,
+    run_away_text,
     state_of,
     status_of,
 )
