@@ -325,7 +325,9 @@ def figure_section() -> Iterator[str]:
         yield ""
         for line in arguments:
             yield (
-                f"  {line.strip()}".replace("``", "`") if line.startswith(" ") else f"- `{line.replace(', ', '`, `')}`:"
+                f"  {line.strip()}".replace("``", "`").replace(":func:", "")
+                if line.startswith(" ")
+                else f"- `{line.replace(', ', '`, `')}`:"
             )
         yield ""
         yield f"```python\n{code}\n```"
