@@ -98,5 +98,5 @@ def solved(study: str, **settings: Any) -> xr.Dataset:
         results = outcome.dataset.load()
         outcome.dataset.close()
     if not outcome.ok:
-        raise ValueError(f"{study}: {outcome.failures}")
+        raise ValueError(f"{study}: {outcome.counts}")
     return results

@@ -258,7 +258,7 @@ def test_a_scheme_that_lacks_a_contact_fails_with_a_message(tmp_path: Path, monk
     monkeypatch.setattr(module, "compute", lacking)
     outcome = run_study(study(tmp_path), tmp_path / "b.nc", threads=1)
     assert outcome.counts == {"failed": 1}
-    assert "`impacts` the shape (1,) where it is (1, 2)" in outcome.failures[0][1]
+    assert "`impacts` the shape (1,) where it is (1, 2)" in outcome.dataset["message"].item()
 
 
 def test_an_interrupted_run_is_viewed_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

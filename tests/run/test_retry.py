@@ -10,6 +10,7 @@ import workflow.run._study as studying
 import workflow.run._task as running
 from quick import interrupted, quick, same_values
 from studies import cut_finely
+from workflow.analysis import failures
 from workflow.archive import _provenance, content_hash, open_archive, parts_of
 from workflow.run import run_study
 from workflow.schemes import Status
@@ -44,7 +45,7 @@ def test_only_what_failed_is_run_again(tmp_path: Path, broken: set[float], solve
     outcome = run_study(quick(), archive)
     assert not outcome.ok
     assert outcome.counts == {"ok": 6, "failed": 3}
-    assert outcome.failures[0] == ("e = 0, alpha = 5", "FloatingPointError: the blade is gone")
+    assert failures(outcome.dataset)[0].message == "FloatingPointError: the blade is gone"
     with open_archive(archive) as data:
         before = data.load()
     solved.clear()
@@ -94,7 +95,7 @@ def test_failures_of_an_archive_that_is_extended_stay_until_they_are_retried(
     outcome = run_study(quick({"e": [0.0, 0.5, 0.9, 1.0]}), archive)
     assert outcome.counts == {"ok": 9, "failed": 3}
     assert len(solved) == 3
-    assert outcome.failures[0][1] == "FloatingPointError: the blade is gone"
+    assert failures(outcome.dataset)[0].message == "FloatingPointError: the blade is gone"
     outcome = run_study(quick({"e": [0.0, 0.5, 1.0]}), archive, retry=True, drop=True)
     assert outcome.ok
     assert len(solved) == 3 + 2

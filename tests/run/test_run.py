@@ -10,6 +10,7 @@ import xarray as xr
 
 from quick import quick
 from studies import ILL, SINGLE, SMALL, cut_finely, parsed
+from workflow.analysis import failures
 from workflow.archive import content_hash, open_archive, parts_of
 from workflow.run import _threads, run_study
 
@@ -40,7 +41,7 @@ def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:
     outcome = run_study(parsed(ILL), tmp_path / "ill.nc")
     assert outcome.counts == {"ok": 4, "ill_posed": 4}
     assert not outcome.ok
-    assert "alpha = 1e+09" in outcome.failures[0][0]
+    assert "alpha 1e+09 W/N" in failures(outcome.dataset)[0].first
     with open_archive(tmp_path / "ill.nc") as data:
         assert np.isfinite(data["contact_impulse"].sel(alpha=[0, 5]).values).all()
         assert np.isnan(data["contact_impulse"].sel(alpha=[1e9, 2e9]).values).all()

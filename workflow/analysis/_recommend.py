@@ -58,10 +58,7 @@ class Worst:
 
     @property
     def limited_by(self) -> str:
-        """What the error comes from: ``step``, ``basis``, ``nothing`` (it is 0), ``unknown``; or why there is none.
-
-        Then it is ``status`` or ``reference``.
-        """
+        """What makes the error: ``step``, ``basis``, ``nothing``, ``unknown``; or lacks: ``status``, ``reference``."""
         if self.status != "ok":
             return "status"
         if np.isnan(self.error):
@@ -347,7 +344,7 @@ class Table:
 
     def unpredictable(self, most: float) -> tuple[dict[str, Any], ...]:
         """Return the cases of the scene whose predictability exceeds a share."""
-        return self.cases((self._array("predictability") > most).any(axis=0))
+        return self.cases(np.any(self._array("predictability") > most, axis=0))
 
     def cases(self, which: NDArray[np.bool_]) -> tuple[dict[str, Any], ...]:
         """Return the coordinates of some cases of the scene."""
@@ -358,20 +355,15 @@ class Table:
 
         It leaves out values of one dimension; ``None`` where each of every dimension has such a case.
         """
-        which = which.reshape([self.dataset.sizes[dim] for dim in self.columns])
-        found = []
-        for axis, dim in enumerate(self.columns):
-            out = np.flatnonzero(which.any(axis=tuple(k for k in range(which.ndim) if k != axis)))
-            found.append((1 - out.size / self.dataset.sizes[dim], dim, out))
-        kept, dim, out = max(found, key=lambda one: one[0], default=(0.0, "", which))
-        if not kept:
+        sizes = [self.dataset.sizes[dim] for dim in self.columns]
+        held = map(np.unique, np.unravel_index(np.flatnonzero(which), sizes) if sizes else ())
+        of_dims = [(out.size / size, dim, out) for size, dim, out in zip(sizes, self.columns, held, strict=True)]
+        share, dim, out = min(of_dims, default=(1.0, "", which), key=lambda one: one[0])
+        if share == 1:
             return None
-        labelled = dim in self.dataset.indexes
-        values = [
-            exact(value) if not isinstance(value, str) else repr(value) for value in self.dataset[dim].values[out]
-        ]
-        listed = ", ".join(values if labelled else map(str, out))
-        return f"drop_{'' if labelled else 'i'}sel({dim}=[{listed}])", self.dataset.drop_isel({dim: out})
+        by_label, values = dim in self.dataset.indexes, self.dataset[dim].values[out].tolist()
+        listed = ", ".join(map(repr, values) if isinstance(values[0], str) else map(exact, values if by_label else out))
+        return f"drop_{'' if by_label else 'i'}sel({dim}=[{listed}])", self.dataset.drop_isel({dim: out})
 
 
 def simulated_seconds(dataset: xr.Dataset) -> float:

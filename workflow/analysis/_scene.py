@@ -201,11 +201,6 @@ def impulse_growth(dataset: xr.Dataset) -> Array | None:
     return np.asarray(last / first)
 
 
-_UNEVEN = 1e-3
-"""Difference of two intervals, over the mean one, up to which samples are equally spaced: times are rounded to 1e-9 of
-the last, and a part that is cut out is an interval at least."""
-
-
 def spectrum(values: xr.DataArray, last: float = 0.5) -> xr.DataArray:
     """Return the amplitude spectrum of the last part of a history, its mean taken off.
 
@@ -229,8 +224,7 @@ def spectrum(values: xr.DataArray, last: float = 0.5) -> xr.DataArray:
     Raises
     ------
     ValueError
-        The array has no dimension ``t``, fewer than four samples are left, or they are not equally spaced in time; or
-        the share is none.
+        The array has no dimension ``t``, ``last`` is no share, or fewer than four samples are left, or uneven ones.
     """
     import xarray as xr
 
@@ -243,11 +237,9 @@ def spectrum(values: xr.DataArray, last: float = 0.5) -> xr.DataArray:
     if count < 4:
         raise ValueError(f"a spectrum of {count} samples says nothing; record more, or take a larger part of them")
     times = np.asarray(part["t"].values, dtype=float)
-    steps, interval = np.diff(times), float(times[-1] - times[0]) / (count - 1)
-    if not (steps.min() > 0 and np.ptp(steps) < _UNEVEN * interval):
-        raise ValueError(
-            f"the samples of `{values.name}` are not equally spaced in time; give all that an archive holds"
-        )
+    interval = float(times[-1] - times[0]) / (count - 1)
+    if not (interval > 0 and np.allclose(np.diff(times), interval, rtol=1e-3, atol=0)):  # a part is cut out, say
+        raise ValueError(f"the samples of `{values.name}` are not equally spaced in time; give all of an archive")
     window = np.hanning(count + 1)[:-1]
     frequency = np.fft.rfftfreq(count, interval)
     deviation = (part - part.mean("t", skipna=False)).transpose(..., "t")

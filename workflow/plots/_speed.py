@@ -34,12 +34,6 @@ if TYPE_CHECKING:
 _POINTS = 60
 """Speeds from 0 to the fastest at which free frequencies are computed for a diagram, beside those of the study."""
 
-_LINE_WIDTH = 1e-5
-"""Share of the fastest speed to which crossings are known: far below the width of a line."""
-
-MOST_MODES = 6
-"""Free frequencies of a diagram whose number is left out."""
-
 _FAINTEST = -60.0
 """Decibels below which all is drawn alike: a thousandth of the largest amplitude."""
 
@@ -72,7 +66,7 @@ def campbell(study: StudySource, orders: Sequence[float] | None = None, modes: i
     study = _read(study)
     speeds = _speeds(study)
     lines = engine_orders(study) if orders is None else sorted(map(float, orders))
-    free = free_frequencies(study, speeds, modes or MOST_MODES)
+    free = free_frequencies(study, speeds, modes or 6)
     if modes is None:
         highest = max([order * speeds[-1] for order in lines], default=0.0)
         free = free[:, : max(1, int((free.min(axis=0) <= highest).sum()))]
@@ -138,7 +132,7 @@ def _crossings(study: Study, speeds: Array, free: Array, order: float) -> Iterat
                 return known[speed]
             return float(free_frequencies(study, np.array([speed]), free.shape[1])[0, mode]) - order * speed
 
-        at = brentq(distance, *known, xtol=_LINE_WIDTH * float(speeds[-1]))
+        at = brentq(distance, *known, xtol=1e-5 * float(speeds[-1]))  # far below the width of a line
         yield at, order * at
 
 

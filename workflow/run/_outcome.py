@@ -27,8 +27,6 @@ class Outcome:
     """Where the archive is."""
     counts: dict[str, int]
     """Number of cases by name of their status."""
-    failures: tuple[tuple[str, str], ...]
-    """Labels and message of the first cases that are not ok or lack an error, at most :data:`MOST_FAILURES`."""
     seconds: float
     """Wall time of this run."""
     resumed: int
@@ -50,9 +48,6 @@ class Outcome:
         """Whether every case is ok and has its errors against the reference, where the study has one."""
         return set(self.counts) <= {Status.OK.name.lower()} and not self.without_error
 
-
-MOST_FAILURES = 10
-"""Failed cases that a summary names."""
 
 _ERRORS = tuple(f"{name}_error" for name in COMPARED)
 
@@ -152,13 +147,9 @@ def summarise(archive: Path, resumed: int | None) -> Outcome:
         status = dataset["status"].values
         missing = [np.isnan(dataset[name].values) for name in _ERRORS if name in dataset]
         without_error = (status == Status.OK) & np.any(missing, axis=0)
-        unsound = np.flatnonzero((status != Status.OK) | without_error)[:MOST_FAILURES].tolist()
-        labels = [labels_of_case(dataset, number) or "the case" for number in unsound]
-        messages = [str(case_of(dataset, number)["message"].item()) for number in unsound]
         return Outcome(
             archive,
             status_counts(dataset),
-            tuple(zip(labels, messages, strict=True)),
             0.0,
             status.size if resumed is None else resumed,
             int(np.sum(without_error)),
