@@ -5,8 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from workflow import plots, run_study, write_matrices
+from workflow.analysis import labels_of
+from workflow.plots._units import axis_of
 
 ROD: dict[str, Any] = {
     "study": "rod",
@@ -93,3 +96,11 @@ def test_as_many_free_frequencies_are_drawn_as_are_asked_for() -> None:
     for orders in ([0], [2, -1]):
         with pytest.raises(ValueError, match="engine orders are above 0"):
             plots.campbell(ROD, orders)
+
+
+def test_speeds_of_sliders_and_tables_are_those_of_figures() -> None:
+    about = {"units": "Hz", "study_path": "scene.speed"}
+    dataset = xr.Dataset({"status": ("speed", [0, 0])}, {"speed": ("speed", [25.0, 100.0], about)})
+    axis = axis_of(dataset, "speed")
+    assert (axis["unit"], axis["texts"], axis["selectors"]) == ("rpm", ["1500", "6000"], ["speed=25", "speed=100"])
+    assert labels_of(dataset, "speed", rounded=True) == ["speed 1500 rpm", "speed 6000 rpm"]

@@ -148,6 +148,24 @@ def test_a_button_shows_a_hard_case_and_menus_change_the_map(wide: Any, page: Pa
     assert errors(wide) == []
 
 
+def test_the_line_under_the_map_is_of_the_case_that_is_selected(wide: Any, page: Path) -> None:
+    """By a button as by a slider, and from the beginning."""
+    opened(wide, page)
+
+    def said() -> tuple[str, str]:
+        script = "return ['map-here', 'case-labels'].map((id) => document.getElementById(id).textContent)"
+        here, selected_case = wide.execute_script(script)
+        return here, selected_case
+
+    first = said()
+    assert first[0].startswith(f"{first[1]}: ")
+    wide.execute_script("[...document.querySelectorAll('button[data-case]')].at(-1).click()")
+    settle(wide)
+    shown = said()
+    assert shown != first
+    assert shown[0].startswith(f"{shown[1]}: ")
+
+
 def test_a_page_is_readable_at_400_pixels(page: Path) -> None:
     narrow = window(400)
     opened(narrow, page)
