@@ -131,13 +131,6 @@ class Line:
         """Return values at the steps whose impulse error is not :data:`SENSELESS`, NaN at others."""
         return np.where(self.errors["impulse_error"] < SENSELESS, values, np.nan)
 
-    def stable_steps(self) -> tuple[float, float] | None:
-        """Return the largest step before the first that is lost, and that one, where there are both."""
-        bad = np.flatnonzero(self.lost)
-        if not bad.size or bad[0] == 0:
-            return None
-        return float(self.h[bad[0] - 1]), float(self.h[bad[0]])
-
 
 def lines(dataset: xr.Dataset) -> list[Line]:
     """Return a line per scheme through all steps, in the case that :func:`finest` shows of all other dimensions.

@@ -314,8 +314,8 @@ def precision(dataset: xr.Dataset) -> Section | None:
 
 
 def _limit(line: Line) -> str:
-    steps = line.stable_steps()
-    return "every h" if not line.lost.any() else f"{steps[0]:.6g}" if steps else "none"
+    lost = np.flatnonzero(line.lost)
+    return "every h" if not lost.size else f"{line.h[lost[0] - 1]:.6g}" if lost[0] else "none"
 
 
 def _fewest_modes(dataset: xr.Dataset) -> dict[str, int]:
