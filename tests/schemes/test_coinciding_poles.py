@@ -146,7 +146,9 @@ def test_real_poles_that_meet(beside: float, dashpot: float) -> None:
 def test_blocks_are_the_poles_of_the_held_tip_in_the_order_of_their_size(alpha: float) -> None:
     """Searches for events take the slowest blocks first."""
     structure = heavy_chain(nodes=9)
-    held = make_operator(structure, Budget(1, 1)).held.at(np.array([alpha]), np.zeros(1), np.ones(1, dtype=bool))
+    held = make_operator(structure, Budget(1, 1)).held.at(
+        np.array([alpha]), np.zeros(1), np.ones(1, dtype=bool), OVER.duration
+    )
     assert held.separable.all()
     regime = unpacked(held.rows[0])
     c, w2 = regime.block[[block.DAMPING, block.STIFFNESS], : regime.blocks]

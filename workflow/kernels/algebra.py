@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse.csgraph
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import lapack
 
@@ -20,11 +21,18 @@ _SCALED_ROWS = 2
 """JOBA of dgejsv: values keep their digits where rows and columns are scaled by any factors."""
 
 
+def connected_parts(links: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    """Return the indices of each part of a graph that no link joins to the others; ``links`` is a square matrix."""
+    count, label = scipy.sparse.csgraph.connected_components(links, directed=False)
+    return [np.flatnonzero(label == k) for k in range(count)]
+
+
 def singular(matrix: ArrayLike) -> tuple[Array, Array]:
     """Return the singular values of a real matrix, descending, ``(column,)``, and right singular vectors in columns.
 
     Where A = D₁ B D₂ with any diagonal D₁, D₂ and a well-conditioned B each value has a small relative error, up to
-    :data:`MOST_BY_JACOBI` columns: springs of a chain may differ by many decades.
+    :data:`MOST_BY_JACOBI` columns: springs of a chain may differ by many decades. Columns that no row links have
+    vectors of their own, also where their values are equal.
     Source: Drmač and Veselić, New fast and accurate Jacobi SVD algorithm I (SIAM J. Matrix Anal. Appl. 29, 2008).
 
     Raises
@@ -33,9 +41,21 @@ def singular(matrix: ArrayLike) -> tuple[Array, Array]:
         Entries are not finite, or the iteration did not converge.
     """
     a = _finite(matrix)
+    if a.shape[1] == 0:
+        return np.zeros(0), np.zeros((0, 0))
+    parts = connected_parts((a != 0).T.astype(np.float64) @ (a != 0) > 0)
+    each = [_singular_of_part(a[:, part]) for part in parts]
+    values = np.concatenate([own for own, _ in each])
+    order = np.argsort(-values, kind="stable")
+    vectors = block_diagonal(*(own for _, own in each))[np.argsort(np.concatenate(parts))]
+    return values[order], np.ascontiguousarray(vectors[:, order])
+
+
+def _singular_of_part(a: Array) -> tuple[Array, Array]:
+    """Return the singular values of a matrix, and right singular vectors."""
     size, values = a.shape[1], np.zeros(a.shape[1])
-    if not a.any():
-        return values, np.eye(size)
+    if size == 1:
+        return np.linalg.norm(a, axis=0), np.ones((1, 1))
     if size > MOST_BY_JACOBI:
         _, s, vt = np.linalg.svd(a, full_matrices=a.shape[0] < size)
         values[: s.size] = s

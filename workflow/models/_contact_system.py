@@ -26,6 +26,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from workflow.kernels import Array
+from workflow.kernels.algebra import singular
 from workflow.kernels.lemke import complementarity
 from workflow.models._cases import Cases, distinct_rows, project
 from workflow.models._contacts import Contacts
@@ -33,7 +34,7 @@ from workflow.models._modes import coupled_damping, mechanical_modes, modal_coup
 from workflow.models._structure import Structure
 
 _RIGID = 1e-13
-"""Frequency of a constrained structure, over the largest, up to which it is 0: the rounding of some hundred terms."""
+"""Part of a row, over the whole, up to which it is 0: the rounding of some hundred terms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,17 +147,27 @@ def contact_system(
     return build(basis, np.flatnonzero(closed), alpha, friction)
 
 
-def _constrained(basis: ContactBasis, rows: Array) -> tuple[Array, Array]:
-    """Return Z, the modes of the structure with ``rows`` held, and their ω², ascending.
+def _turned(basis: ContactBasis, S: Any) -> tuple[Array, int]:
+    """Return the modes, ``(mode, mode)``, and how many come first: rigid motions that do not move the contacts S.
+
+    Rigid ones are turned, and have exact zeros in other modes, so that no force depends on the place of the first.
+    """
+    rigid, rows = basis.frequency == 0, basis.normal[S]
+    seen, turn = singular(rows[:, rigid] / np.linalg.norm(rows, axis=1, keepdims=True))
+    each = np.eye(rigid.size)
+    return np.hstack([each[:, rigid] @ turn[:, ::-1], each[:, ~rigid]]), int(np.sum(seen <= _RIGID))
+
+
+def _constrained(basis: ContactBasis, S: Any) -> tuple[Array, Array]:
+    """Return Z, the modes of the structure with the contacts S held, and their ω²; rigid motions that stay come first.
 
     They are singular values of diag(ω) Z: eigenvalues of Zᵀ diag(ω²) Z would lose the digits of low modes.
     """
-    if not len(rows):
-        return np.eye(basis.frequency.size), basis.frequency**2
-    null = scipy.linalg.null_space(rows)
-    _, values, vectors = scipy.linalg.svd(basis.frequency[:, None] * null, full_matrices=False)
-    held = np.where(values > _RIGID * values.max(initial=0.0), values, 0.0)
-    return null @ vectors[::-1].T, held[::-1] ** 2
+    modes, still = _turned(basis, S)
+    seen, shapes = singular(basis.normal[S] @ modes[:, still:])
+    null = modes[:, still:] @ shapes[:, seen <= _RIGID * seen.max(initial=0.0)]
+    values, vectors = singular(basis.frequency[:, None] * null)
+    return np.hstack([modes[:, :still], null @ vectors[:, ::-1]]), np.append(np.zeros(still), values[::-1] ** 2)
 
 
 def _without_rounding(matrix: Array) -> Array:
@@ -169,7 +180,7 @@ def _without_rounding(matrix: Array) -> Array:
 def _with_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) -> ContactSystem | None:
     W, T = basis.normal[S], basis.tangent[S]
     n, heats, m = basis.frequency.size, basis.rate.size, basis.contacts.count
-    null, squares = _constrained(basis, W)
+    null, squares = _constrained(basis, S)
     modes = null.shape[1]
     try:
         inverse_delassus = np.linalg.inv(W @ (W - friction * T).T)
@@ -220,20 +231,24 @@ def _compliant(basis: ContactBasis, S: Any, alpha: float, friction: float) -> Co
         return None
     size, F = basis.size, n + heats
     z, u, tau = slice(0, n), slice(n, 2 * n), slice(2 * n, size)
+    modes, still = _turned(basis, S)
+    normal = basis.normal @ modes
+    normal[S, :still] = 0.0
     place, place_inputs = np.zeros((m, size)), np.zeros((m, basis.inputs))  # x_i without forces
-    place[:, z], place[:, tau] = basis.normal, -basis.residual_coupling
+    place[:, z], place[:, tau] = normal, -basis.residual_coupling
     place_inputs[:, F] = basis.residual_load
     depth_inputs = place_inputs.copy()
     depth_inputs[:, F + 1 : F + 1 + m] -= np.eye(m)
     force, force_inputs = stiffness @ place[S], stiffness @ depth_inputs[S]
-    push = -(basis.normal[S] - friction * basis.tangent[S]).T
+    push = -modes.T @ (basis.normal[S] - friction * basis.tangent[S]).T
     A, B = np.zeros((size, size)), np.zeros((size, basis.inputs))
     A[z, u] = np.eye(n)
-    A[u, z] = -np.diag(basis.frequency**2)
-    A[u, u] = -basis.damping if basis.damping.ndim == 2 else -np.diag(basis.damping)
-    A[u, tau] = -basis.coupling
+    A[u, z] = -np.diag((basis.frequency @ modes) ** 2)
+    C = basis.damping if basis.damping.ndim == 2 else np.diag(basis.damping)
+    A[u, u] = -_without_rounding(modes.T @ C @ modes)
+    A[u, tau] = -modes.T @ basis.coupling
     A[tau, tau] = -np.diag(basis.rate)
-    B[u, :n], B[u, F], B[tau, n : n + heats] = np.eye(n), basis.load, np.eye(heats)
+    B[u, :n], B[u, F], B[tau, n : n + heats] = modes.T, modes.T @ basis.load, np.eye(heats)
     A[u] += push @ force
     B[u] += push @ force_inputs
     A[tau] += alpha * basis.heat[S].T @ force
@@ -242,7 +257,7 @@ def _compliant(basis: ContactBasis, S: Any, alpha: float, friction: float) -> Co
     signals += flexibility[:, S] @ force
     inputs += flexibility[:, S] @ force_inputs
     signals[S], inputs[S] = force, force_inputs
-    return ContactSystem(A, B, signals, inputs, np.eye(n), np.zeros((m, n)))
+    return ContactSystem(A, B, signals, inputs, modes, np.zeros((m, n)))
 
 
 _REAL = 1e-9

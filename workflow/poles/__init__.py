@@ -6,7 +6,8 @@ X' = A X is separated into blocks η' = u, u' = -c u - ω² η and first-order s
 
 q any vector of the invariant subspace of a block's two poles that is no eigenvector. For a pair s = σ ± iν with the
 eigenvector x it is 2 Im x/ν, and p = 2 Re x - σ q. Eigenvectors x of two close poles nearly agree; x and a generalised
-eigenvector w, (A - s) w = x with s one of the poles, span their subspace instead.
+eigenvector w, (A - s) w = x with s one of the poles, span their subspace instead. A load on a slow block with
+displacements in q, coordinates y with y' = v, would cancel in u + β: q has as little of them as can be.
 
 Where eigenvectors do not separate A, invariant subspaces of clusters of poles do, from an ordered Schur form. In that
 of real poles near μ, N = A - μ of rank r there with N² near 0 makes r blocks (N q, q), and first-order states of the
@@ -32,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack, solve_sylvester
 
 from workflow.kernels import Array
-from workflow.kernels.algebra import Complex
+from workflow.kernels.algebra import Complex, block_diagonal, connected_parts
 
 _NEAR = 1e-3
 """Distance of two unit eigenvectors up to which they cost more than three digits."""
@@ -53,6 +54,9 @@ _ZERO = 1e-15
 _WEAK = 1e-8
 """Link of coinciding poles, over them, up to which it is left out: a block of two would lose as much."""
 
+_TIMES = 40
+"""Times at which a propagated state is seen, each half of the one after it: from that of a case to its fastest pole."""
+
 _Block = tuple[float, float, Array, Array]
 
 
@@ -71,24 +75,43 @@ class RealBlocks(NamedTuple):
     """X per [η, u, ξ], ``(N, N)``."""
 
 
-def real_blocks(A: Array, parting: float = 1e-11) -> RealBlocks:
+def real_blocks(A: Array, duration: float = 1.0, parting: float = 1e-11) -> RealBlocks:
     """Return blocks for complex pairs and nearly coinciding real poles, and first-order states for other real poles.
 
-    Eigenvectors are taken where they separate A, else clusters of coinciding poles. Two pairs with one eigenvector
-    are parted by a relative change of A, ``parting``: by its root, which leaves ten digits; three poles by its third.
+    Parts of A that no entry links are separated apart. Eigenvectors are taken where they separate A, else clusters of
+    coinciding poles. Two pairs with one eigenvector are parted by a relative change of A, ``parting``: by its root,
+    which leaves ten digits; three poles by its third. A state is propagated over the ``duration`` [s] to see the error.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         No separation keeps seven digits, or loses less than a hundred times ``parting``.
     """
-    least, best = max(_KEPT, 100 * parting), None
+    parts = connected_parts(A != 0) or [np.arange(0)]
+    each = [_blocks_of_part(A[np.ix_(part, part)], duration, parting) for part in parts]
+    c, w2, mu = (np.concatenate([blocks[i] for blocks in each]) for i in range(3))
+    kind = np.concatenate([np.repeat([0, 1, 2], [part.damping.size] * 2 + [part.rate.size]) for part in each])
+    size = np.concatenate([np.abs(np.concatenate([part.stiffness, part.stiffness, part.rate])) for part in each])
+    blocks, firsts = np.argsort(w2, kind="stable"), np.argsort(np.abs(mu), kind="stable")
+    order, place = np.lexsort((size, kind)), np.argsort(np.concatenate(parts))
+    inward = block_diagonal(*(part.inward for part in each))[order][:, place]
+    outward = block_diagonal(*(part.outward for part in each))[place][:, order]
+    return RealBlocks(c[blocks], w2[blocks], mu[firsts], inward, outward)
+
+
+def _blocks_of_part(A: Array, duration: float, parting: float) -> RealBlocks:
+    """Return the blocks of A, all coordinates of which are linked."""
+    none, least, best = np.zeros(0), max(_KEPT, 100 * parting), None
+    if len(A) < 2:
+        return RealBlocks(none, none, -np.diag(A), np.eye(len(A)), np.eye(len(A)))
+    if len(A) == 2 and A[0, 0] == 0 and A[0, 1] == 1 and A[1, 0] <= 0:
+        return RealBlocks(-A[1, 1:], -A[1, :1], none, np.eye(2), np.eye(2))
     by_clusters: list[Callable[[Array], RealBlocks]]
     by_clusters = [partial(_by_clusters, near=near, change=change) for change in (0.0, parting) for near in _CLUSTERS]
     for separate in (_by_eigenvectors, *by_clusters):
         with suppress(np.linalg.LinAlgError, ValueError):
             blocks = _beside_rigid_motions(A, separate)
-            error = _error_of(A, blocks)
+            error = max(_error_of(A, blocks), propagated_error(A, blocks, duration))
             if error < least:
                 least, best = error, blocks
             if error <= _SOUND:
@@ -96,6 +119,11 @@ def real_blocks(A: Array, parting: float = 1e-11) -> RealBlocks:
     if best is None:
         raise np.linalg.LinAlgError("poles coincide, and their eigenvectors depend on each other")
     return best
+
+
+def _displacements(A: Array) -> NDArray[np.bool_]:
+    """Return which coordinates y have y' = v, another coordinate."""
+    return np.asarray((np.sum(A != 0, axis=1) == 1) & (A.max(axis=1, initial=0.0) == 1))
 
 
 def _by_eigenvectors(A: Array) -> RealBlocks:
@@ -114,9 +142,10 @@ def _by_eigenvectors(A: Array) -> RealBlocks:
         apart = moved[np.ix_(pair, pair)] - values[alone, None, None] * np.eye(2)
         step[np.ix_(alone, pair)] = (moved[alone][:, None, pair] @ np.linalg.pinv(apart))[:, 0]
     values, vectors = values + np.diag(change), vectors + vectors @ step
-    blocks = [_block_of(moved[np.ix_(pair, pair)].real, vectors[:, pair].real) for pair in near]
+    y = _displacements(A)
+    blocks = [_block_of(moved[np.ix_(pair, pair)].real, vectors[:, pair].real, y) for pair in near]
     for k in alone[(values.imag > 0)[alone] & ~real[alone]]:
-        blocks.append(_block_of_pair(values[k], vectors[:, k]))
+        blocks.append(_block_of_pair(values[k], vectors[:, k], y))
     firsts = alone[real[alone]]
     return _assembled(blocks, -values[firsts].real, vectors[:, firsts].real, scale)
 
@@ -136,6 +165,37 @@ def _error_of(A: Array, blocks: RealBlocks) -> float:
     return max(relative_residual(A, blocks), _ROUNDING * float(condition))
 
 
+def propagated_error(A: Array, blocks: RealBlocks, duration: float) -> float:
+    """Return the error of a state that the blocks propagate over a time [s], of each coordinate over its largest value.
+
+    The state begins with velocities and temperatures. X = outward · [η, u, ξ] has the defect X' - A X, integrated in
+    time; what rounding of A would do as well does not count. At 0 it is outward · inward X - X.
+    """
+    c, w2, mu, inward, outward = blocks
+    scale = scipy.linalg.matrix_balance(A, permute=False, separate=True)[1][0]
+    begin = np.where(_displacements(A), 0.0, scale * np.random.default_rng(0).normal(size=len(A)))
+    times, half = duration * 0.5 ** np.arange(_TIMES), c / 2
+    growth = max(0.0, np.max((np.sqrt(half**2 - w2 + 0j) - half).real, initial=0.0), np.max(-mu, initial=0.0))
+    C, S = oscillations(half + growth, half**2 - w2, times)
+    eta, u, xi = np.split(inward @ begin, [c.size, 2 * c.size])
+    eta, u = eta * (C + half * S) + u * S, u * (C - half * S) - eta * w2 * S
+    xi = xi * np.exp(-(mu + growth) * times[:, None])
+    X, slope = outward @ np.hstack([eta, u, xi]).T, outward @ np.hstack([u, -c * u - w2 * eta, -mu * xi]).T
+    beyond = np.abs(slope - A @ X) - 16 * _ROUNDING * (np.abs(A) @ np.abs(X))
+    largest = np.maximum(np.abs(X).max(axis=1), np.abs(begin))
+    error = np.abs(outward @ (inward @ begin) - begin) + np.maximum(beyond, 0.0) @ times
+    return float(np.max(np.divide(error, largest, out=error, where=largest > 0)))
+
+
+def oscillations(half: Array, square: Array, times: Array) -> tuple[Array, Array]:
+    """Return e^(-c t/2) cosh(r t) and e^(-c t/2) sinh(r t)/r by c/2 and r² of blocks, ``(time, block)``."""
+    t, root = times[:, None], np.sqrt(square + 0j)
+    z, one, other = root * t, np.exp((root - half) * t), np.exp((-root - half) * t)
+    near = np.abs(z) < 1  # sinh(z)/z is sinc(iz/π)
+    still = t * np.exp(-half * t) * np.sinc(np.where(near, z, 0) * (1j / np.pi))
+    return ((one + other) / 2).real, np.where(near, still, (one - other) / np.where(near, 1.0, 2 * root)).real
+
+
 def relative_residual(A: Array, blocks: RealBlocks) -> float:
     """Return max |A - blocks| / max |A|: rounding times the condition number of the eigenvectors."""
     seconds = blocks.damping.size
@@ -150,7 +210,7 @@ def _beside_rigid_motions(A: Array, separate: Callable[[Array], RealBlocks]) -> 
     Of the other coordinates the first-order states with the largest effect on y, as many as y, become blocks with
     ω² = 0, u = ξ and y = V η. The rest contributes y' = r η + r' u, integrated to (r' - c r/ω²) η - r/ω² u.
     """
-    drifts = np.flatnonzero(~A.any(axis=0) & (np.sum(A != 0, axis=1) == 1) & (A.max(axis=1, initial=0.0) == 1))
+    drifts = np.flatnonzero(~A.any(axis=0) & _displacements(A))
     if drifts.size == 0:
         return separate(A)
     others = np.setdiff1d(np.arange(len(A)), drifts)
@@ -176,6 +236,7 @@ def _by_clusters(A: Array, near: float, change: float = 0.0) -> RealBlocks:
 
     ``change`` is the relative size of a random change of A that parts poles whose eigenvectors coincide.
     """
+    y = _displacements(A)
     A = A * (1 + change * np.random.default_rng(0).uniform(-1, 1, A.shape))
     balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     T, Q = scipy.linalg.rsf2csf(*scipy.linalg.schur(balanced))
@@ -210,13 +271,13 @@ def _by_clusters(A: Array, near: float, change: float = 0.0) -> RealBlocks:
                 continue
             basis, pairs = _pairs_and_singles(M.real)
             M, space = np.linalg.solve(basis, M.real @ basis), space.real @ basis
-            blocks += [_block_of(M[k : k + 2, k : k + 2], space[:, k : k + 2]) for k in range(0, 2 * pairs, 2)]
+            blocks += [_block_of(M[k : k + 2, k : k + 2], space[:, k : k + 2], y) for k in range(0, 2 * pairs, 2)]
             rates += list(-np.diag(M)[2 * pairs :])
             firsts += list(space[:, 2 * pairs :].T)
             continue
         basis = _independent(M)
         space, M = space @ basis, np.linalg.solve(basis, M @ basis)
-        blocks += [_block_of_pair(s, x) for s, x in zip(np.diag(M), space.T, strict=True)]
+        blocks += [_block_of_pair(s, x, y) for s, x in zip(np.diag(M), space.T, strict=True)]
     return _assembled(blocks, np.array(rates), np.array(firsts).reshape(-1, len(A)).T, scale)
 
 
@@ -291,14 +352,16 @@ def _subspace(A: Array, x: Array, s: float) -> Array:
     return np.asarray(np.linalg.qr(np.column_stack([x, w]))[0])
 
 
-def _block_of_pair(s: complex, x: Complex) -> _Block:
-    """Return c, ω², p and q of a pair of poles, s and its eigenvector x above the real axis."""
+def _block_of_pair(s: complex, x: Complex, y: NDArray[np.bool_]) -> _Block:
+    """Return c, ω², p and q of a pair of poles, s and its eigenvector x above the real axis, turned to real x[y]."""
+    x = x * np.exp(-0.5j * np.angle(np.sum(x[y] ** 2)))
     q = 2 * x.imag / s.imag
     return -2 * s.real, s.real**2 + s.imag**2, 2 * x.real - s.real * q, q
 
 
-def _block_of(pair: Array, space: Array) -> _Block:
+def _block_of(pair: Array, space: Array, y: NDArray[np.bool_]) -> _Block:
     """Return c, ω², p and q of two poles, with ``pair`` the matrix of A in their invariant subspace."""
     c = -np.trace(pair)
-    q = np.linalg.svd(pair + c / 2 * np.eye(2))[2][0]
+    seen = np.vstack([space[y], _WEAK * np.eye(2)])
+    q = np.linalg.svd(seen @ (pair + c / 2 * np.eye(2)))[2][0]
     return c, max(0.0, np.linalg.det(pair)), space @ (pair @ q + c * q), space @ q

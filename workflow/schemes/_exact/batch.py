@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -50,8 +49,8 @@ _NEARLY_ELASTIC = 0.99
 """Restitution above which the message on the budget of events states how many impacts it takes to come to rest."""
 
 _INSEPARABLE = (
-    "leaves poles that coincide and share an eigenvector, which event_driven cannot separate; change it slightly, "
-    "or take a scheme with a fixed step"
+    "the structure has poles that coincide and share an eigenvector, or nearly so, which event_driven cannot separate "
+    "to seven digits over the duration; change its damping slightly, or take a scheme with a fixed step"
 )
 
 
@@ -59,7 +58,7 @@ class InseparablePolesError(RefusedStructureError):
     """Poles of a structure with coupled modes are too near each other to be separated."""
 
     def __init__(self) -> None:
-        super().__init__(f"its damping {_INSEPARABLE}")
+        super().__init__(_INSEPARABLE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,31 +72,27 @@ class ExactOperator:
     budget: Budget
     sensors: Sensors | None = None
     thresholds: Thresholds = THRESHOLDS
+    _free: dict[float, Regimes] = field(default_factory=dict)
 
-    @cached_property
-    def free(self) -> Regimes:
-        """The regimes of a free tip without and with thermal modes."""
-        rows, free = np.empty((2, self.length)), self.basis.free
-        return Regimes(rows, np.array([fill_row(rows[0], free.unheated), fill_row(rows[1], free)]))
+    def free(self, duration: float) -> Regimes:
+        """Return the regimes of a free tip without and with thermal modes, for cases of a duration [s]."""
+        if duration not in self._free:
+            rows, free = np.empty((2, self.length)), self.basis.free
+            found = [
+                fill_row(row, system, 0.0, duration) for row, system in zip(rows, (free.unheated, free), strict=True)
+            ]
+            self._free[duration] = Regimes(rows, np.array(found))
+        return self._free[duration]
 
 
 def make_operator(structure: Structure, budget: Budget) -> ExactOperator:
-    """Diagonalise the structure with its tip free and held.
-
-    Raises
-    ------
-    InseparablePolesError
-        Three poles coincide with the tip free.
-    """
+    """Diagonalise the structure with its tip free and held."""
     basis = analyse(structure)
     size, inputs = 2 * basis.tip.size + basis.free.rate.size, signal_inputs(basis.free).size
     length = row_length(size, basis.tip.size, inputs)
     inside = basis.held.shapes.shape[0]
     sensors = np.zeros((0, inside)) if structure.sensors is None else structure.sensors.displacement[:, :inside]
-    operator = ExactOperator(basis, HeldRegimes(basis.held, length, sensors), length, budget, structure.sensors)
-    if not operator.free.separable[0]:
-        raise InseparablePolesError
-    return operator
+    return ExactOperator(basis, HeldRegimes(basis.held, length, sensors), length, budget, structure.sensors)
 
 
 def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Results:
@@ -106,13 +101,13 @@ def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Resu
     periods = complete_periods(cases.period_frequency, sampling)
     record = record_of(cases, sampling, periods, operator.basis.sensors)
     memory = scratch(conditions.modal.shape[1], conditions.waves.shape[1])
-    free, finite = operator.free, np.flatnonzero(cases.finite)
+    free, finite = operator.free(sampling.duration), np.flatnonzero(cases.finite)
     alpha, friction, heated = cases.alpha[finite], cases.friction[finite], cases.heated[finite]
     first, regime = distinct_rows(alpha[:, None], friction[:, None], heated[:, None])
     order, most = np.argsort(regime, kind="stable"), max(1, _REGIME_BYTES // (8 * operator.length))
     for begin in range(0, first.size, most):
         some = first[begin : begin + most]
-        held = operator.held.at(alpha[some], friction[some], heated[some])
+        held = operator.held.at(alpha[some], friction[some], heated[some], sampling.duration)
         those = order[slice(*np.searchsorted(regime[order], (begin, begin + most)))]
         which, own = finite[those], regime[those] - begin
         conditions.held[which] = own
@@ -322,7 +317,7 @@ def failure_text(ended: int, tally: Any, budget: Budget, e: float) -> str:
         "raise the scheme's option `steps`",
         NO_IMPACT_LAW: f"contact has no unique solution {at} (W <= 0 as the step vanishes): friction pushes the "
         "tip into the casing more than the contact force pushes it out; lower the friction coefficient",
-        INSEPARABLE: f"with the tip held, the damping of the structure {_INSEPARABLE}",
+        INSEPARABLE: _INSEPARABLE,
         INSIDE_CASING: f"the tip starts beyond the casing: x_n(0) > d{run_away_text(tally['max_temperature'])}",
         NOT_FINITE: f"the state left the finite numbers {at}",
     }[ended]

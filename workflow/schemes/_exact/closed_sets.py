@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from workflow.kernels.algebra import block_diagonal
 from workflow.kernels.compiled import part
 from workflow.models import Array, ContactBasis, contact_system
-from workflow.poles import RealBlocks, real_blocks
+from workflow.poles import real_blocks
 from workflow.schemes._exact.regimes import complete
 from workflow.schemes._exact.tables import block, first, padded
 
@@ -91,13 +91,18 @@ closed_set_in = part(closed_set_of)
 """:func:`closed_set_of` in kernels."""
 
 
-def fill_set(row: Array, basis: ContactBasis, closed: NDArray[np.bool_], alpha: float, friction: float) -> bool:
-    """Store the system with the contacts ``closed`` (bool, ``(contact,)``) in a row; whether it could be separated."""
+def fill_set(
+    row: Array, basis: ContactBasis, closed: NDArray[np.bool_], alpha: float, friction: float, duration: float
+) -> bool:
+    """Store the system with the contacts ``closed`` (bool, ``(contact,)``) in a row; whether it could be separated.
+
+    ``duration`` is that of the cases, s.
+    """
     system = contact_system(basis, closed, alpha, friction)
     if system is None:
         return False
     try:
-        blocks = _separated(system.A, system.null.shape[1])
+        blocks = real_blocks(system.A, duration)
     except ValueError:  # poles that coincide, entries that are not finite
         return False
     m, own, k, j = closed.size, len(system.A), blocks.damping.size, blocks.rate.size
@@ -115,13 +120,3 @@ def fill_set(row: Array, basis: ContactBasis, closed: NDArray[np.bool_], alpha: 
     a.entry[:], a.exit[:], a.place[:] = into @ blocks.inward.T, blocks.outward.T @ into.T, system.place
     row[6], row[7] = complete(a.block, a.first, k, j)
     return True
-
-
-def _separated(A: Array, modes: int) -> RealBlocks:
-    """Return the blocks of [z, z', τ]; where nothing couples the modes, they are the blocks."""
-    z, u = A[modes : 2 * modes, :modes], A[modes : 2 * modes, modes : 2 * modes]
-    rest = A[2 * modes :, 2 * modes :]
-    beside = np.any(A[: 2 * modes, 2 * modes :]) or np.any(A[2 * modes :, : 2 * modes])
-    if not beside and all(np.array_equal(own, np.diag(np.diag(own))) for own in (z, u, rest)):
-        return RealBlocks(-np.diag(u), -np.diag(z), -np.diag(rest), np.eye(len(A)), np.eye(len(A)))
-    return real_blocks(A)

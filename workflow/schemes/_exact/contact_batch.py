@@ -14,7 +14,6 @@ from workflow.kernels import elementwise
 from workflow.kernels.lemke import complementarity
 from workflow.models import Array, Cases, ContactBasis, Sensors, Structure, analyse_contacts, distinct_rows, project
 from workflow.schemes._exact.batch import (
-    InseparablePolesError,
     events_of,
     failure_text,
     loads_of,
@@ -52,10 +51,13 @@ MOST_SETS, MOST_BYTES = 2000, 2**29
 
 
 class SetTable:
-    """The sets of closed contacts that are known of a structure at one α and µ; threads add to it in turns."""
+    """The sets of closed contacts that are known of a structure at one α and µ; threads add to it in turns.
 
-    def __init__(self, basis: ContactBasis, alpha: float, friction: float):
-        self.basis, self.alpha, self.friction = basis, alpha, friction
+    Cases last for the ``duration``, s.
+    """
+
+    def __init__(self, basis: ContactBasis, alpha: float, friction: float, duration: float):
+        self.basis, self._conditions = basis, (alpha, friction, duration)
         self.most = max(1, min(MOST_SETS, MOST_BYTES // (8 * row_length(basis))))
         room = min(8, self.most)
         self._rows = np.empty((room, row_length(basis)))
@@ -76,7 +78,7 @@ class SetTable:
             if self.count == len(self._rows):
                 self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
                 self._closed = np.concatenate([self._closed, np.zeros_like(self._closed)])
-            if not fill_set(self._rows[self.count], self.basis, closed, self.alpha, self.friction):
+            if not fill_set(self._rows[self.count], self.basis, closed, *self._conditions):
                 return INSEPARABLE
             self._closed[self.count] = closed
             self.count += 1
@@ -90,7 +92,7 @@ class ContactOperator:
     basis: ContactBasis
     budget: Budget
     sensors: Sensors | None = None
-    _tables: dict[tuple[bool, float, float], SetTable] = field(default_factory=dict)
+    _tables: dict[tuple[bool, float, float, float], SetTable] = field(default_factory=dict)
 
     @cached_property
     def bases(self) -> tuple[ContactBasis, ContactBasis]:
@@ -103,23 +105,14 @@ class ContactOperator:
         cold, warm = self.bases
         return contacting(cold), contacting(warm)
 
-    def sets(self, heated: bool, alpha: float, friction: float) -> SetTable:
-        """Return the table of sets at one α and µ; one is made where there is none."""
-        return self._tables.setdefault((heated, alpha, friction), SetTable(self.bases[heated], alpha, friction))
+    def sets(self, heated: bool, *conditions: float) -> SetTable:
+        """Return the table of sets at one α, µ and duration; one is made where there is none."""
+        return self._tables.setdefault((heated, *conditions), SetTable(self.bases[heated], *conditions))
 
 
 def make_contact_operator(structure: Structure, budget: Budget) -> ContactOperator:
-    """Return the modes of a structure with several contacts, or contacts without mass.
-
-    Raises
-    ------
-    InseparablePolesError
-        Three poles coincide with all contacts open.
-    """
-    operator = ContactOperator(analyse_contacts(structure), budget, structure.sensors)
-    if operator.sets(False, 0.0, 0.0).add(np.zeros(operator.basis.contacts.count, dtype=np.bool_)):
-        raise InseparablePolesError
-    return operator
+    """Return the modes of a structure with several contacts, or contacts without mass."""
+    return ContactOperator(analyse_contacts(structure), budget, structure.sensors)
 
 
 def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Sampling) -> Results:
@@ -135,7 +128,7 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
     outcome = Outcome(with_contacts(record, basis), progress, ended)
     for k, i in enumerate(finite[first]):
         which, heated = finite[variant == k], bool(cases.heated[i])
-        table = operator.sets(heated, float(cases.alpha[i]), float(cases.friction[i]))
+        table = operator.sets(heated, float(cases.alpha[i]), float(cases.friction[i]), sampling.duration)
         conditions = conditions_of(operator.bases[heated], cases, sampling.duration, operator.budget)
         _march(operator, table, heated, conditions, which, outcome)
         own = conditions.modal[which]

@@ -76,17 +76,17 @@ class Regimes(NamedTuple):
     """Whether their poles can be separated, ``(regime,)``; the row of others is meaningless."""
 
 
-def fill_row(row: Array, system: ModalSystem, alpha: float = 0.0) -> bool:
+def fill_row(row: Array, system: ModalSystem, alpha: float, duration: float) -> bool:
     """Store the regime of a structure with its tip free, or held at α [W/N]; return whether its poles can be separated.
 
     At α > 0 or with friction along t ``system`` is one of :func:`observable` modes. Three poles that coincide cannot be
-    separated.
+    separated; ``duration`` is that of the cases, s.
     """
     is_apart = alpha == 0 and system.friction_force is None and not system.is_coupled
     response = thermal_response(system, NEAR_RATE) if is_apart else None
     A, signal, source = state_space(system, alpha)
     try:
-        blocks = real_blocks(A) if response is None else _in_modes(system, response)
+        blocks = real_blocks(A, duration) if response is None else _in_modes(system, response)
     except ValueError:  # poles that coincide, entries that are not finite
         return False
     n, j, size = blocks.damping.size, blocks.rate.size, len(A)
@@ -238,8 +238,11 @@ class HeldRegimes:
         self._sensors, all_react = sensors, bool(_reacts(self._observable).all())
         self._heated = _heated(self._observable) if all_react and not held.is_coupled else None
 
-    def at(self, alpha: Array, friction: Array, heated: NDArray[np.bool_]) -> Regimes:
-        """Return the regimes at some α [W/N] and µ along the tangent, without thermal modes where no heat acts."""
+    def at(self, alpha: Array, friction: Array, heated: NDArray[np.bool_], duration: float) -> Regimes:
+        """Return the regimes at some α [W/N] and µ along the tangent, without thermal modes where no heat acts.
+
+        Cases last for the ``duration``, s.
+        """
         rows, found = np.zeros((alpha.size, self._length)), np.zeros(alpha.size, dtype=np.bool_)
         slides = (friction != 0) & (self._held.tangent is not None)
         if self._heated is not None:
@@ -247,7 +250,8 @@ class HeldRegimes:
             zeros = Zeros(np.zeros(size, np.int64), *np.zeros((4, size), np.complex128))
             _fill_rows(self._heated, np.where(slides, 0.0, alpha), zeros, rows, found)
         for k in np.flatnonzero(~found):
-            found[k] = fill_row(rows[k], self._system(slides[k] * friction[k], alpha[k] > 0, heated[k]), alpha[k])
+            system = self._system(slides[k] * friction[k], alpha[k] > 0, heated[k])
+            found[k] = fill_row(rows[k], system, alpha[k], duration)
         return Regimes(rows, found)
 
     def _system(self, friction: float, heats: bool, heated: bool) -> ModalSystem:

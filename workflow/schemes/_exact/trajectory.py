@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.algebra import block_diagonal
 from workflow.models import Array, Cases
+from workflow.poles import oscillations
 from workflow.schemes._exact.batch import ExactOperator, InseparablePolesError, conditions_of, failure_text
 from workflow.schemes._exact.event_loop import COMPLETED, run_cases
 from workflow.schemes._exact.layout import Case, Regime, unpacked
@@ -100,7 +101,7 @@ def one_case(operator: ExactOperator, cases: Cases, duration: float, *, heated: 
         Three poles coincide.
     """
     warm = cases.heated | heated
-    free, held = operator.free, operator.held.at(cases.alpha, cases.friction, warm)
+    free, held = operator.free(duration), operator.held.at(cases.alpha, cases.friction, warm, duration)
     if not (free.separable[warm.astype(int)].all() and held.separable.all()):
         raise InseparablePolesError
     conditions = conditions_of(operator, cases, duration)._replace(free=warm.astype(np.int64))
@@ -155,12 +156,7 @@ def propagators(regime: Regime, spans: Array) -> Array:
     """Return the propagators of X, of the free tip, over each of some spans [s], ``(span, N, N)``."""
     n, t = regime.blocks, spans[:, None]
     half, w2 = 0.5 * regime.block[block.DAMPING, :n], regime.block[block.STIFFNESS, :n]
-    root = np.sqrt(half**2 - w2 + 0j)
-    z, one, other = root * t, np.exp((root - half) * t), np.exp((-root - half) * t)
-    near = np.abs(z) < 1  # sinh(z)/z is sinc(iz/π)
-    still = t * np.exp(-half * t) * np.sinc(np.where(near, z, 0) * (1j / np.pi))
-    S = np.where(near, still, (one - other) / np.where(near, 1.0, 2 * root)).real[:, None]
-    C = ((one + other) / 2).real[:, None]
+    C, S = (each[:, None] for each in oscillations(half, half**2 - w2, spans))
     eta, u, xi = np.split(regime.inward[:, : len(regime.inward)], [n, 2 * n], axis=1)
     decay = np.exp(-regime.first[first.RATE, : regime.firsts] * t)[:, None]
     moved = [eta * (C + half * S) + u * S, u * (C - half * S) - eta * (w2 * S), xi * decay]

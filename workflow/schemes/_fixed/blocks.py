@@ -207,7 +207,7 @@ def separate(modal: Decoupled, step: Step) -> Blocks:
     F[: elastic.size, elastic.size :] = np.eye(n)[elastic]
     F[elastic.size :, : elastic.size] = -step.moved_by(np.diag(stiffness))[:, elastic]
     F[elastic.size :, elastic.size :] = -step.moved_by(modal.damping_matrix + step.stiffening * np.diag(stiffness))
-    parts = real_blocks(F, _PARTING)
+    parts = real_blocks(F, h, _PARTING)
     seconds = parts.damping.size
     c, k = np.append(parts.damping, parts.rate), np.append(parts.stiffness, np.zeros(parts.rate.size))
     inward, outward = np.zeros((2, c.size, 2, n)), np.zeros((2, n, 2, c.size))
