@@ -45,6 +45,9 @@ _ROUNDING = float(np.finfo(float).eps)
 _SOUND, _KEPT = 2.5e-10, 1e-7
 """Error of a separation up to which no other is looked for: a condition of 1e6; up to which it is taken."""
 
+_RIGHT = 1e-8
+"""Error of a propagated state up to which no other separation is looked for: the least of motions of all coordinates."""
+
 _CLUSTERS = 1e-12, 1e-9, 1e-7, 1e-5, 1e-3
 """Relative distances of neighbours in a cluster: poles that rounding parts, those of two that coincide, of three."""
 
@@ -54,8 +57,8 @@ _ZERO = 1e-15
 _WEAK = 1e-8
 """Link of coinciding poles, over them, up to which it is left out: a block of two would lose as much."""
 
-_TIMES = 40
-"""Times at which a propagated state is seen, each half of the one after it: from that of a case to its fastest pole."""
+_TIMES = 0.25 ** np.arange(20)
+"""Times at which a propagated state is seen, over the last: from the fastest pole to the end of a case."""
 
 _Block = tuple[float, float, Array, Array]
 
@@ -111,10 +114,10 @@ def _blocks_of_part(A: Array, duration: float, parting: float) -> RealBlocks:
     for separate in (_by_eigenvectors, *by_clusters):
         with suppress(np.linalg.LinAlgError, ValueError):
             blocks = _beside_rigid_motions(A, separate)
-            error = max(_error_of(A, blocks), propagated_error(A, blocks, duration))
-            if error < least:
-                least, best = error, blocks
-            if error <= _SOUND:
+            error, lost = _error_of(A, blocks), propagated_error(A, blocks, duration)
+            if max(error, lost) < least:
+                least, best = max(error, lost), blocks
+            if error <= _SOUND and lost <= _RIGHT:
                 break
     if best is None:
         raise np.linalg.LinAlgError("poles coincide, and their eigenvectors depend on each other")
@@ -174,7 +177,7 @@ def propagated_error(A: Array, blocks: RealBlocks, duration: float) -> float:
     c, w2, mu, inward, outward = blocks
     scale = scipy.linalg.matrix_balance(A, permute=False, separate=True)[1][0]
     begin = np.where(_displacements(A), 0.0, scale * np.random.default_rng(0).normal(size=len(A)))
-    times, half = duration * 0.5 ** np.arange(_TIMES), c / 2
+    times, half = duration * _TIMES, c / 2
     growth = max(0.0, np.max((np.sqrt(half**2 - w2 + 0j) - half).real, initial=0.0), np.max(-mu, initial=0.0))
     C, S = oscillations(half + growth, half**2 - w2, times)
     eta, u, xi = np.split(inward @ begin, [c.size, 2 * c.size])
