@@ -1,0 +1,159 @@
+"""Rigid motions that a closed set does not touch, soft bodies, equal blades: right, or not separated at all."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from scenes import of_entries
+from workflow import poles
+from workflow.kernels import algebra
+from workflow.models import Array, ContactBasis, _contact_system, analyse_contacts, contact_system
+from workflow.poles import propagated_error, real_blocks
+
+
+def free_beam(count: int, seed: int, heated: bool = True) -> dict[str, Any]:
+    """Return a beam of masses that nothing holds, a stop under each end, which bends as its ends warm."""
+    rng = np.random.default_rng(seed)
+    place = np.cumsum(rng.uniform(0.02, 0.05, count))
+    bends = np.zeros((count - 2, count))
+    for i, (a, b) in enumerate(zip(np.diff(place)[:-1], np.diff(place)[1:], strict=True)):
+        bends[i, i : i + 3] = 1 / a, -1 / a - 1 / b, 1 / b
+    mass, rigidity = np.diag(rng.uniform(0.008, 0.02, count)), np.diag(rng.uniform(20, 60, count - 2))
+    stiffness, ends = bends.T @ rigidity @ bends, np.eye(count)[[0, -1]]
+    entries = {"mass": mass, "stiffness": stiffness, "contact": ends, "load": np.ones(count) / count}
+    entries["damping"] = 3e-6 * stiffness
+    if heated:
+        entries |= {
+            "heat_capacity": np.diag([0.6, 0.8]),
+            "conductance": np.array([[30.0, -8.0], [-8.0, 25.0]]),
+            "coupling": -bends.T @ rigidity @ np.full((count - 2, 2), 1e-3),
+            "thermal_contact": np.eye(2),
+        }
+    return entries
+
+
+def blades(count: int = 6) -> dict[str, Any]:
+    """Return two equal chains that nothing joins, heated at their tips."""
+    links, each, tip = np.eye(count) - np.eye(count, k=-1), np.eye(2), np.eye(count)[-1]
+    chain = {
+        "mass": 0.3 * np.eye(count),
+        "stiffness": 2e5 * links.T @ links,
+        "damping": 2.0 * links.T @ links,
+        "heat_capacity": 0.3 * np.eye(count),
+        "conductance": 0.5 * links.T @ links,
+        "coupling": -0.3 * links.T @ (np.eye(count) + np.eye(count, k=-1)),
+    }
+    entries: dict[str, Any] = {name: np.kron(each, matrix) for name, matrix in chain.items()}
+    return entries | {"contact": np.kron(each, tip), "thermal_contact": np.kron(each, tip), "load": np.tile(tip, 2)}
+
+
+def basis_of(entries: dict[str, Any], flexibility: float = 0.0) -> ContactBasis:
+    basis = analyse_contacts(of_entries(entries))
+    basis = replace(basis, contacts=replace(basis.contacts, casing_flexibility=flexibility))
+    return basis if "heat_capacity" in entries else basis.unheated
+
+
+FREE: dict[str, tuple[ContactBasis, float]] = {
+    "heat": (basis_of(free_beam(3, 5)), 2.0),
+    "elastic stops": (basis_of(free_beam(4, 1, heated=False), 1e-6), 0.0),
+    "heat on elastic stops": (basis_of(free_beam(5, 2), 1e-6), 2.0),
+}
+
+
+@pytest.mark.parametrize("name", FREE)
+@pytest.mark.parametrize("closed", [[True, False], [False, True], [False, False]])
+def test_nothing_depends_on_the_place_of_a_rigid_motion_that_a_set_does_not_touch(
+    name: str, closed: list[bool]
+) -> None:
+    (basis, alpha), count = FREE[name], 2 - sum(closed)
+    system = contact_system(basis, np.array(closed), alpha, 0.0)
+    assert system is not None
+    assert not system.A[:, :count].any()
+    touched = basis.normal[np.array(closed)] @ system.null[:, :count]
+    assert np.abs(touched).max(initial=0.0) < 1e-14 * np.abs(basis.normal).max()
+    blocks = real_blocks(system.A, 0.1)
+    assert np.sum(blocks.stiffness == 0) == count
+    assert propagated_error(system.A, blocks, 0.1) < 1e-12
+
+
+def with_one_part(links: Array) -> list[Any]:
+    """Return all coordinates as one part."""
+    return [np.arange(len(links))]
+
+
+def equal_blades(patch: pytest.MonkeyPatch) -> list[Array]:
+    patch.setattr(algebra, "connected_parts", with_one_part)
+    basis = basis_of(blades())
+    return [system_of(basis, [True, True], alpha) for alpha in np.linspace(1, 30, 40)]
+
+
+def rigid_motions(patch: pytest.MonkeyPatch) -> list[Array]:
+    patch.setattr(_contact_system, "_turned", lambda basis, S: (np.eye(basis.frequency.size), 0))
+    sides = [True, False], [False, True]
+    return [system_of(basis, closed, alpha) for basis, alpha in FREE.values() for closed in sides]
+
+
+def repeated_poles(patch: pytest.MonkeyPatch, apart: float = 0.0) -> list[Array]:
+    one, found = -np.diag(1 + apart * np.arange(4)) + np.diag([1.0, 0.0, 0.0], 1), []
+    for seed in range(10):
+        basis = np.random.default_rng(seed).normal(size=(4, 4))
+        found.append(1e3 * basis @ one @ np.linalg.inv(basis))
+    return found
+
+
+def near_poles(patch: pytest.MonkeyPatch) -> list[Array]:
+    return repeated_poles(patch, 1e-12)
+
+
+def system_of(basis: ContactBasis, closed: list[bool], alpha: float) -> Array:
+    system = contact_system(basis, np.array(closed), alpha, 0.0)
+    assert system is not None
+    return system.A
+
+
+@pytest.mark.parametrize("kind", [equal_blades, rigid_motions, repeated_poles, near_poles])
+def test_a_propagated_state_shows_the_separations_that_the_cures_mend(
+    kind: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a cure taken out, by eigenvectors alone, some are wrong; those that pass have the exponential."""
+    matrices, T, wrong = kind(monkeypatch), 2e-3, 0
+    for A in matrices:
+        try:
+            blocks = poles._beside_rigid_motions(A, poles._by_eigenvectors)
+        except np.linalg.LinAlgError:
+            continue
+        if poles.propagated_error(A, blocks, T) > 1e-7:
+            wrong += 1
+            continue
+        moved = scipy.linalg.expm(A * T)
+        c, w2, n = blocks.damping, blocks.stiffness, blocks.damping.size
+        still = np.zeros(A.shape)
+        still[:n, n : 2 * n], still[n : 2 * n, :n] = np.eye(n), -np.diag(w2)
+        still[n : 2 * n, n : 2 * n], still[2 * n :, 2 * n :] = -np.diag(c), -np.diag(blocks.rate)
+        ours = blocks.outward @ scipy.linalg.expm(still * T) @ blocks.inward
+        assert ours == pytest.approx(moved, abs=1e-6 * np.abs(moved).max())
+    assert wrong
+
+
+def test_equal_blades_are_separated_apart() -> None:
+    """Each by itself, with no link of rounding, at every α: the blocks of one blade are those of the other."""
+    basis = basis_of(blades())
+    for alpha in np.linspace(1, 30, 20):
+        A = system_of(basis, [True, True], alpha)
+        assert len(algebra.connected_parts(A != 0)) == 2
+        blocks = real_blocks(A, 0.1)
+        assert blocks.stiffness[::2] == pytest.approx(blocks.stiffness[1::2], rel=1e-11)
+        assert propagated_error(A, blocks, 0.1) < 1e-11
+
+
+def test_a_load_moves_a_slow_block_by_its_velocity() -> None:
+    """A soft body whose damping couples modes, 1e-5 of its highest frequency: q of the slow block is a velocity."""
+    stiffness, loose = np.array([[1e10, -1e10], [-1e10, 1e10]]), np.diag([1.0, 0.3])
+    K, C = stiffness + loose, 1e-6 * stiffness + np.diag([0.3, 0.05])
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-K, -C]])
+    blocks = real_blocks(A)
+    slow = blocks.outward[:, blocks.damping.size]  # per u of the slowest block
+    assert np.abs(slow[:2]).max() < 1e-8 * np.abs(slow[2:]).max()
