@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from scenes import of_entries
+from scenes import cases_of_file, of_entries, step
 from workflow import poles
 from workflow.kernels import algebra
-from workflow.models import Array, ContactBasis, _contact_system, analyse_contacts, contact_system
+from workflow.models import Array, Cases, ContactBasis, Structure, _contact_system, analyse_contacts, contact_system
 from workflow.poles import propagated_error, real_blocks
+from workflow.schemes import Sampling
 
 
 def free_beam(count: int, seed: int, heated: bool = True) -> dict[str, Any]:
@@ -157,3 +158,41 @@ def test_a_load_moves_a_slow_block_by_its_velocity() -> None:
     blocks = real_blocks(A)
     slow = blocks.outward[:, blocks.damping.size]  # per u of the slowest block
     assert np.abs(slow[:2]).max() < 1e-8 * np.abs(slow[2:]).max()
+
+
+def drawn(seed: int) -> tuple[Structure, Cases, Sampling]:
+    """Return a free body or beam with heat, friction or elastic stops, and a case over some contacts."""
+    rng = np.random.default_rng(seed)
+    kind, count = ("heat", "friction", "elastic")[seed % 3], int(rng.integers(3, 6))
+    entries = free_beam(count, seed, heated=kind == "heat")
+    if seed % 2:  # a body: coordinates turned and sheared, so that its rigid motions stay two
+        turn = np.eye(count) + 0.3 * rng.normal(size=(count, count))
+        for name in ("mass", "stiffness", "damping"):
+            entries[name] = turn.T @ entries[name] @ turn
+        for name in ("contact", "load"):
+            entries[name] = entries[name] @ turn
+        if kind == "heat":
+            entries["coupling"] = turn.T @ entries["coupling"]
+    if kind == "friction":
+        entries["tangent"] = 0.3 * rng.normal(size=(2, count))
+    structure = of_entries(entries)
+    if kind == "elastic":
+        structure = replace(structure, contacts=replace(structure.contacts, casing_flexibility=1e-5))
+    given: dict[str, Any] = {"gaps": [2e-4, 3e-4], "e": rng.choice([0.0, 0.3]), "mean": 20.0}
+    given |= {"alpha": 2.0 * (kind == "heat"), "friction": 0.1 * (kind == "friction")}
+    case = cases_of_file(structure, load_harmonics=[[25.0, 60.0, 0.3]], **given)
+    return structure, case, Sampling(0.01, 1e-4, 101)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(60))
+def test_random_free_bodies_are_what_the_theta_method_comes_to(seed: int) -> None:
+    structure, case, over = drawn(seed)
+    exact = step(structure, case, 0.0, over, "event_driven")
+    assert exact.status[0] == 0
+    largest, errors = np.abs(exact.histories["displacement"]).max(), []
+    for h in (4e-6, 1e-6, 2.5e-7):
+        stepped = step(structure, case, h, over, theta=0.5)
+        errors.append(np.abs(stepped.histories["displacement"] - exact.histories["displacement"]).max() / largest)
+    assert errors[-1] < 2e-3
+    assert errors[-1] < errors[0]

@@ -21,10 +21,7 @@ _SCALED_ROWS = 2
 
 
 def connected_parts(links: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Return the indices of each part of a graph that no link joins to the others; ``links`` is a small square matrix.
-
-    SciPy's search in a sparse graph takes longer to begin than this takes to end.
-    """
+    """Return the indices of each part that no link joins to the others; SciPy's search is slow to begin for so few."""
     size, label = len(links), np.arange(len(links))
     near = links | links.T | np.eye(size, dtype=np.bool_)
     while np.any(label != (least := np.where(near, label, size).min(axis=1, initial=size))):

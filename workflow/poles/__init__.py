@@ -46,7 +46,7 @@ _SOUND, _KEPT = 2.5e-10, 1e-7
 """Error of a separation up to which no other is looked for: a condition of 1e6; up to which it is taken."""
 
 _RIGHT = 1e-8
-"""Error of a propagated state up to which no other separation is looked for: the least of motions of all coordinates."""
+"""Error of a propagated state up to which no other separation is looked for: a tenth of what is taken."""
 
 _CLUSTERS = 1e-12, 1e-9, 1e-7, 1e-5, 1e-3
 """Relative distances of neighbours in a cluster: poles that rounding parts, those of two that coincide, of three."""
@@ -57,7 +57,7 @@ _ZERO = 1e-15
 _WEAK = 1e-8
 """Link of coinciding poles, over them, up to which it is left out: a block of two would lose as much."""
 
-_TIMES = 0.25 ** np.arange(20)
+_TIMES: Array = 0.25 ** np.arange(20.0)
 """Times at which a propagated state is seen, over the last: from the fastest pole to the end of a case."""
 
 _Block = tuple[float, float, Array, Array]

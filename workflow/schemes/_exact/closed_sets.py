@@ -91,13 +91,9 @@ closed_set_in = part(closed_set_of)
 """:func:`closed_set_of` in kernels."""
 
 
-def fill_set(
-    row: Array, basis: ContactBasis, closed: NDArray[np.bool_], alpha: float, friction: float, duration: float
-) -> bool:
-    """Store the system with the contacts ``closed`` (bool, ``(contact,)``) in a row; whether it could be separated.
-
-    ``duration`` is that of the cases, s.
-    """
+def fill_set(row: Array, basis: ContactBasis, closed: NDArray[np.bool_], *conditions: float) -> bool:
+    """Store the system with the contacts ``closed`` in a row, at α, µ and a duration; whether it could be separated."""
+    alpha, friction, duration = conditions
     system = contact_system(basis, closed, alpha, friction)
     if system is None:
         return False

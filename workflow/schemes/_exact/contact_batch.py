@@ -51,13 +51,10 @@ MOST_SETS, MOST_BYTES = 2000, 2**29
 
 
 class SetTable:
-    """The sets of closed contacts that are known of a structure at one α and µ; threads add to it in turns.
+    """The sets of closed contacts that are known of a structure at one α, µ and duration; threads add in turns."""
 
-    Cases last for the ``duration``, s.
-    """
-
-    def __init__(self, basis: ContactBasis, alpha: float, friction: float, duration: float):
-        self.basis, self._conditions = basis, (alpha, friction, duration)
+    def __init__(self, basis: ContactBasis, *conditions: float):
+        self.basis, self._conditions = basis, conditions
         self.most = max(1, min(MOST_SETS, MOST_BYTES // (8 * row_length(basis))))
         room = min(8, self.most)
         self._rows = np.empty((room, row_length(basis)))
@@ -92,7 +89,7 @@ class ContactOperator:
     basis: ContactBasis
     budget: Budget
     sensors: Sensors | None = None
-    _tables: dict[tuple[bool, float, float, float], SetTable] = field(default_factory=dict)
+    _tables: dict[tuple[float, ...], SetTable] = field(default_factory=dict)
 
     @cached_property
     def bases(self) -> tuple[ContactBasis, ContactBasis]:

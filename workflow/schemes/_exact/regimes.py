@@ -239,10 +239,7 @@ class HeldRegimes:
         self._heated = _heated(self._observable) if all_react and not held.is_coupled else None
 
     def at(self, alpha: Array, friction: Array, heated: NDArray[np.bool_], duration: float) -> Regimes:
-        """Return the regimes at some α [W/N] and µ along the tangent, without thermal modes where no heat acts.
-
-        Cases last for the ``duration``, s.
-        """
+        """Return the regimes at some α [W/N] and µ for a duration [s], without thermal modes where no heat acts."""
         rows, found = np.zeros((alpha.size, self._length)), np.zeros(alpha.size, dtype=np.bool_)
         slides = (friction != 0) & (self._held.tangent is not None)
         if self._heated is not None:
