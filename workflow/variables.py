@@ -292,7 +292,16 @@ TABLE = (
             "are followed one by one; time-stepping schemes: steps with an impulse after one without"
         ),
     ),
-    Variable("contact_time", "s", "time in contact", origin="scheme"),
+    Variable(
+        "contact_time",
+        "s",
+        "time in contact",
+        origin="scheme",
+        comment=(
+            "event_driven with several contacts: right to 1e-9 of the duration, to 1e-5 where contacts open each other "
+            "in turn while their impacts accumulate; so is period_contact"
+        ),
+    ),
     Variable(
         "max_penetration",
         "m",

@@ -218,7 +218,10 @@ def _march(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | 
         assert solved.following is not None
         start = solved.following.take(ended)
     marched, number = _joined(parts), np.concatenate(numbers)
-    rows = np.argsort(number)[np.searchsorted(np.sort(number), inner)]
+    order = np.argsort(number)
+    rows = order[np.minimum(np.searchsorted(number[order], inner), number.size - 1)]
+    if not np.array_equal(number[rows], inner):
+        raise RuntimeError(f"a sweep has the points {sorted(number.tolist())}, not all of {inner.tolist()}")
     values = {name: array[rows] for name, array in marched.values.items()}
     return Solved(values, texts_of(marched.messages, rows))
 

@@ -12,7 +12,8 @@ each of which heats at its place, and those that stay are a complementarity prob
 
 whose rates b', a moment δ later, decide where a force leaves a contact at zero. Without mass, or on an elastic casing,
 forces are continuous: 0 <= λ ⊥ d - w y + (R - µ R^t + c) λ >= 0, a moment later. Bounces may accumulate at e = 0 too
-where W is not diagonal; a contact whose next bounce would be lower than 1e-11 of the largest motion is held.
+where W is not diagonal; a contact whose next bounce would be lower than 1e-11 of the largest motion is held, if it and
+those at rest are still pressed when all its bounces have ended, after 2 u⁺/(W λ)/(1 - e).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels import Array, elementary
+from workflow.kernels import Array
 from workflow.kernels.compiled import kernel, of_case, part
 from workflow.kernels.lemke import solve_complementarity, solve_in_place
 from workflow.schemes._exact.closed_sets import ClosedSet, closed_set_in
@@ -31,8 +32,11 @@ from workflow.schemes._exact.contact_motion import (
     Contacting,
     Memory,
     SetMotion,
+    damped,
     enter,
+    fill_casing,
     leave,
+    load_at,
     motion_in,
     select,
 )
@@ -49,6 +53,7 @@ from workflow.schemes._exact.event_loop import (
     SAME_TIME,
 )
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
+from workflow.schemes._exact.motion import SIGNAL
 from workflow.schemes._exact.propagation import advance, copy_state, integral, observe
 from workflow.schemes._exact.record import (
     IMPACTS,
@@ -81,7 +86,8 @@ PROGRESS = np.dtype(
 certified steps; the largest motion of a contact, m; the length of the next step tried first, s."""
 
 LOWEST_BOUNCE = 1e-11
-"""Height of a bounce, over the largest motion of any contact, below which the contact is held."""
+"""Height of a bounce, over the largest motion of any contact, below which the contact may be held; gaps whose terms are
+all smaller do not move."""
 
 _MOMENT = 1e-9
 """δ over the time constant of the fastest pole: rates change forces by 1e-9 in it, above rounding and below what
@@ -187,7 +193,7 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
         at.events += 1
         if at.events > case.budget.events:
             return OUT_OF_EVENTS
-        _fill_casing(case, at.time, own)
+        fill_casing(case, at.time, own)
         leave(motion, s, own, motion.m.now, at.time)
         ended = _pass(structure, case, record, at, own, motion.m.fastest, struck)
         if ended != RUNNING:
@@ -216,7 +222,11 @@ def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[floa
     for c in range(motion.views.shape[0]):
         select(motion, c)
         expand(m, m.now, t)
-        zeros = own.zeros[c]
+        zeros, least = own.zeros[c], LOWEST_BOUNCE * at.length
+        own.still[c] = not own.wanted[c] and m.expansion.sums[expansion.SIZE, 0] <= least
+        if own.still[c]:  # nothing moves it: only what takes it out of rounding ends the set
+            zeros, m.outputs[SIGNAL] = 0, m.outputs[SIGNAL] + least
+            expand(m, m.now, t)
         if zeros < 0:
             sums = m.expansion.sums
             zeros = int(abs(sums[expansion.D0, m.blocks]) <= _ZERO_FORCE * SUM_ROUNDING * sums[expansion.SIZE, 0])
@@ -236,6 +246,8 @@ def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[floa
         if h == 0.0 and struck >= 0:
             break
         guess = h
+    if struck >= 0:
+        own.still[struck] = False
     return h, struck
 
 
@@ -250,7 +262,7 @@ def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, 
         own.impulse[c] = 0.0
         if record.tally[c].held:
             select(motion, c)
-            own.impulse[c] = integral(m, m.now, m.after, t, h)
+            own.impulse[c] = max(0.0, integral(m, m.now, m.after, t, h))
     for c in range(motion.views.shape[0]):
         mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
         if m.heated or next_due(mine) < t + h - late:
@@ -268,7 +280,7 @@ def _sense(
     for sample in range(first, record.tally[0].next_sample):
         at = max(t, record.times[sample])
         advance(m, m.now, t, at - t, m.between)
-        _fill_casing(case, at, own)
+        fill_casing(case, at, own)
         leave(motion, s, own, m.between, at)
         note_sensors(record.asked, own.modal, s.place.shape[1], sample)
 
@@ -285,7 +297,7 @@ def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, 
         while next_due(mine) <= T * (1.0 + LATE):
             write(mine, T, observed, mine.tally.impulse)
         mine.tally.contact_time = contact_time(mine.tally, T)
-    _fill_casing(case, T, own)
+    fill_casing(case, T, own)
     leave(motion, s, own, motion.m.now, T)
     for sample in range(next_sample, record.times.size):
         note_sensors(record.asked, own.modal, s.place.shape[1], sample)
@@ -294,49 +306,17 @@ def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, 
 
 
 @part
-def _fill_casing(case: ContactCase, t: float, own: Memory) -> None:
-    """Fill d and its derivatives of each contact."""
-    contacts = own.wanted.size
-    at = case.constant.size - 3 * contacts
-    for c in range(contacts):
-        own.casing[0, c] = case.constant[at + c]
-        own.casing[1, c] = own.casing[2, c] = own.casing[3, c] = 0.0
-    for i in range(case.acting):
-        omega = case.waves[i, wave.OMEGA]
-        sin, cos = elementary.sine_cosine(omega * t + case.waves[i, wave.PHASE])
-        for c in range(contacts):
-            a, b = case.casing[i, 0, c], case.casing[i, 1, c]
-            value, turn = a * cos + b * sin, omega * (b * cos - a * sin)
-            own.casing[0, c] += value
-            own.casing[1, c] += turn
-            own.casing[2, c] -= omega * omega * value
-            own.casing[3, c] -= omega * omega * turn
-
-
-@part
-def _load(case: ContactCase, t: float) -> tuple[float, float]:
-    """Return the sinusoids of the load F at t, and their rate."""
-    load, rate = 0.0, 0.0
-    for i in range(case.acting):
-        omega = case.waves[i, wave.OMEGA]
-        sin, cos = elementary.sine_cosine(omega * t + case.waves[i, wave.PHASE])
-        load += case.waves[i, wave.LOAD] * sin
-        rate += omega * case.waves[i, wave.LOAD] * cos
-    return load, rate
-
-
-@part
 def _begin(structure: Contacting, case: ContactCase, record: Record, at: Any, own: Memory) -> int:
     """Set the initial state and the first set; return RUNNING or how the case ended."""
     for i in range(own.modal.size):
         own.modal[i] = case.modal[i]
     for c in range(own.wanted.size):
-        own.wanted[c], own.zeros[c], own.speed[c] = False, 0, -1.0
+        own.wanted[c], own.still[c], own.zeros[c], own.speed[c] = False, False, 0, -1.0
         tally = record.tally[c]
         tally.contact_begin, tally.casing_flexibility = np.inf, case.flexibility
         tally.max_temperature = tally.period_temperature = _temperature(structure, own, c)
     at.length = case.reach
-    _fill_casing(case, 0.0, own)
+    fill_casing(case, 0.0, own)
     fastest = structure.frequency[structure.frequency.size - 1] if structure.frequency.size > 0 else 0.0
     return _pass(structure, case, record, at, own, fastest, -1)
 
@@ -360,9 +340,9 @@ def _pass(
     """
     moment = _MOMENT / fastest if fastest > 0.0 else 0.0
     for c in range(own.wanted.size):
-        own.taken[0, c] = own.taken[1, c] = 0.0
+        own.taken[0, c] = own.taken[1, c] = own.bounces[c] = 0.0
     if structure.compliant:
-        _fill_distances(structure, case, own, at.time)
+        _fill_distances(structure, case, at, own, fastest, struck < 0)
         sound = _next_compliant_set(structure, case, own, at.time, moment, struck)
     elif struck >= 0 and own.wanted[struck]:
         own.wanted[struck], own.zeros[struck], own.speed[struck], sound = False, 3, -1.0, True
@@ -374,7 +354,7 @@ def _pass(
         sound = sound and _next_set(structure, case, record, at, own, moment)
     for c in range(own.wanted.size):
         _note_event(record, at, own, c)
-        _note_change(record.tally[c], own.wanted[c], at.time)
+        _note_change(record.tally[c], own.wanted[c], own.bounces[c], at.time)
     return RUNNING if sound else NO_IMPACT_LAW
 
 
@@ -392,11 +372,12 @@ def _note_event(record: Record, at: Any, own: Memory, c: int) -> None:
 
 
 @part
-def _note_change(tally: Any, closed: bool, t: float) -> None:
-    """Begin or end a contact in the tally."""
-    if closed and not tally.held:
-        tally.held, tally.contact_begin = 1, t
-    elif tally.held and not closed:
+def _note_change(tally: Any, closed: bool, bounces: float, t: float) -> None:
+    """Begin or end a contact in the tally; ``bounces`` take so much of its time that are not followed."""
+    if closed:
+        tally.contact_begin = bounces + (tally.contact_begin if tally.held else t)
+        tally.held = 1
+    elif tally.held:
         tally.contact_time += max(0.0, t - tally.contact_begin)
         tally.held, tally.contact_begin = 0, np.inf
         tally.releases += 1
@@ -430,9 +411,9 @@ def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, 
         turning += fastest * (at.length + size)
         if own.wanted[c]:
             own.kinds[c], own.approach[c] = _RESTING, 0.0
-        elif c == struck or abs(own.distance[c]) <= 4.0 * least * (at.length + size):
+        elif c == struck or own.still[c] or abs(own.distance[c]) <= 4.0 * least * (at.length + size):
             own.kinds[c] = _RESTING
-            if abs(own.approach[c]) <= least * (turning + abs(own.casing[1, c])):
+            if own.still[c] or abs(own.approach[c]) <= least * (turning + abs(own.casing[1, c])):
                 own.approach[c] = 0.0
             elif own.approach[c] < 0.0:
                 own.kinds[c] = _LEAVING
@@ -511,12 +492,12 @@ def _apply(structure: Contacting, case: ContactCase, record: Record, own: Memory
 def _fill_push(structure: Contacting, case: ContactCase, own: Memory, t: float, row: int) -> None:
     """Fill ``push[row]``: b of each contact for row 0, its rate for row 1, under the forces ``own.force``."""
     n, heats = structure.frequency.size, structure.rate.size
-    load, rate = _load(case, t)
+    load, rate = load_at(case, t)
     load += case.constant[n + heats]
     a, y, v, tau = own.acceleration, own.modal[:n], own.modal[n : 2 * n], own.modal[2 * n :]
     for k in range(n):
         if row == 0:
-            a[0, k] = case.constant[k] + load * structure.load[k] - _damped(structure, v, k)
+            a[0, k] = case.constant[k] + load * structure.load[k] - damped(structure, v, k)
             a[0, k] -= structure.frequency[k] * structure.frequency[k] * y[k]
             for j in range(heats):
                 a[0, k] -= structure.coupling[k, j] * tau[j]
@@ -526,33 +507,23 @@ def _fill_push(structure: Contacting, case: ContactCase, own: Memory, t: float, 
     if row == 1:
         for k in range(n):
             a[1, k] = rate * structure.load[k] - structure.frequency[k] * structure.frequency[k] * v[k]
-            a[1, k] -= _damped(structure, a[0], k)
+            a[1, k] -= damped(structure, a[0], k)
         for j in range(heats):
             warming = case.constant[n + j] - structure.rate[j] * tau[j]
             for c in range(own.wanted.size):
                 warming += case.alpha * structure.heat[c, j] * own.force[c]
             for k in range(n):
                 a[1, k] -= structure.coupling[k, j] * warming
+    every = 0.0
+    for k in range(n):
+        every += abs(a[row, k]) + structure.frequency[k] * structure.frequency[k] * abs(v[k] if row == 1 else y[k])
     for c in range(own.wanted.size):
-        total, size = -own.casing[2 + row, c], abs(own.casing[2 + row, c])
+        total, most = -own.casing[2 + row, c], 0.0
         for k in range(n):
             total += structure.normal[c, k] * a[row, k]
-            elastic = structure.frequency[k] * structure.frequency[k] * y[k]
-            size += abs(structure.normal[c, k]) * (abs(a[0, k]) + abs(elastic))
-        own.push[row, c] = total
-        if row == 0:
-            own.rounding[c] = _ZERO_FORCE * SUM_ROUNDING * size
-
-
-@part
-def _damped(structure: Contacting, v: Array, k: int) -> float:
-    """Return the damping of mode k, c v."""
-    if structure.damping.shape[0] == 1:
-        return float(structure.damping[0, k] * v[k])
-    total = 0.0
-    for i in range(v.size):
-        total += structure.damping[k, i] * v[i]
-    return total
+            most = max(most, abs(structure.normal[c, k]))
+        own.rounding[row, c] = _ZERO_FORCE * SUM_ROUNDING * (most * every + abs(own.casing[2 + row, c]))
+        own.push[row, c] = 0.0 if own.still[c] or abs(total) <= own.rounding[row, c] else total
 
 
 @part
@@ -575,7 +546,7 @@ def _next_set(structure: Contacting, case: ContactCase, record: Record, at: Any,
         _fill_push(structure, case, own, at.time, 1)
         if not _solve_forces(structure, case, own, moment):
             return False
-        if not _hold_low_bounces(structure, case, at, own):
+        if not _hold_low_bounces(structure, case, at, own, moment):
             break
         _stop(structure, case, record, own)
     size = 0
@@ -584,7 +555,7 @@ def _next_set(structure: Contacting, case: ContactCase, record: Record, at: Any,
         if own.kinds[c] == _RESTING:
             own.wanted[c] = p.active[size]
             size += 1
-            loose = 2 if _parting(structure, case, own, c) > own.rounding[c] else 3
+            loose = 2 if _parting(structure, case, own, c) > own.rounding[0, c] else 3
             own.zeros[c], own.speed[c] = (own.zeros[c] if was else -1) if own.wanted[c] else loose, -1.0
         elif own.kinds[c] == _LEAVING:
             own.zeros[c], own.speed[c] = 1, -own.approach[c]
@@ -596,7 +567,7 @@ def _solve_forces(structure: Contacting, case: ContactCase, own: Memory, moment:
     """Solve the complementarity problem of the forces of contacts at rest, a moment later; whether it has one."""
     p, size = own.problem, 0
     for c in range(own.wanted.size):
-        if own.kinds[c] == _RESTING:
+        if own.kinds[c] >= _RESTING:
             own.members[size], p.active[size] = c, own.wanted[c]
             p.constant[size] = -own.push[0, c] - moment * (own.push[1, c] if moment > 0.0 else 0.0)
             size += 1
@@ -616,19 +587,39 @@ def _parting(structure: Contacting, case: ContactCase, own: Memory, c: int) -> f
 
 
 @part
-def _hold_low_bounces(structure: Contacting, case: ContactCase, at: Any, own: Memory) -> bool:
-    """Let contacts rest that leave so slowly that they would return from a height of nothing; return whether any do."""
-    any_held = False
+def _hold_low_bounces(structure: Contacting, case: ContactCase, at: Any, own: Memory, moment: float) -> bool:
+    """Let contacts rest that leave so slowly that they would return from a height of nothing; return whether any do.
+
+    None does that would lose its force, or take another's, before its bounces end: the last one opens it for good.
+    """
+    pressed, held, later, is_rounding = _pressed(own), 0, 0.0, True
     for c in range(own.wanted.size):
         if own.kinds[c] == _LEAVING:
-            bend = _parting(structure, case, own, c)
-            if bend < 0.0 and own.approach[c] * own.approach[c] <= -2.0 * bend * LOWEST_BOUNCE * at.length:
-                own.kinds[c] = _RETURNING
-                any_held = True
+            bend, square = _parting(structure, case, own, c), own.approach[c] * own.approach[c]
+            if bend < 0.0 and square <= -2.0 * bend * LOWEST_BOUNCE * at.length:
+                own.kinds[c], held = _RETURNING, held + 1
+                own.bounces[c] = 2.0 * own.approach[c] / bend / (1.0 - case.e) if case.e < 1.0 else 0.0
+                later = max(later, own.bounces[c]) if case.e < 1.0 else np.inf
+                is_rounding = is_rounding and square <= -2.0 * bend * SUM_ROUNDING * at.length
+    if held == 0:
+        return False
+    holds = is_rounding or (_solve_forces(structure, case, own, later) and _pressed(own) >= pressed + held)
     for c in range(own.wanted.size):
         if own.kinds[c] == _RETURNING:
-            own.kinds[c] = _RESTING
-    return any_held
+            own.kinds[c], own.bounces[c] = _RESTING if holds else _LEAVING, own.bounces[c] if holds else 0.0
+    if not holds:
+        _solve_forces(structure, case, own, moment)
+    return holds
+
+
+@part
+def _pressed(own: Memory) -> int:
+    """Return how many of the contacts at rest have a force."""
+    pressed, size = 0, 0
+    for c in range(own.wanted.size):
+        if own.kinds[c] >= _RESTING:
+            pressed, size = pressed + own.problem.active[size], size + 1
+    return pressed
 
 
 @part
@@ -654,10 +645,10 @@ def _stop(structure: Contacting, case: ContactCase, record: Record, own: Memory)
 
 
 @part
-def _fill_distances(structure: Contacting, case: ContactCase, own: Memory, t: float) -> None:
+def _fill_distances(structure: Contacting, case: ContactCase, at: Any, own: Memory, fastest: float, begins: bool) -> None:
     """Fill d - x and its rate of compliant contacts without forces."""
     n, heats = structure.frequency.size, structure.rate.size
-    load, rate = _load(case, t)
+    load, rate = load_at(case, at.time)
     mean = case.constant[n + heats]
     for c in range(own.wanted.size):
         place, speed = structure.residual_load[c] * (mean + load), structure.residual_load[c] * rate
@@ -670,6 +661,12 @@ def _fill_distances(structure: Contacting, case: ContactCase, own: Memory, t: fl
             speed -= structure.residual_coupling[c, j] * warming
         own.distance[c], own.approach[c] = own.casing[0, c] - place, speed - own.casing[1, c]
         own.taken[0, c] = own.approach[c]
+        at.length = max(at.length, abs(place))
+    for c in range(own.wanted.size):
+        if own.still[c] or (begins and abs(own.distance[c]) <= AT_REST * at.length):
+            own.distance[c] = 0.0
+            if own.still[c] or abs(own.approach[c]) <= AT_REST * fastest * at.length:
+                own.approach[c] = 0.0
 
 
 @part

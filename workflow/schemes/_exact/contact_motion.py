@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels import Array
+from workflow.kernels import Array, elementary
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import part
 from workflow.kernels.lemke import Complementarity, problem
 from workflow.models import ContactBasis
 from workflow.schemes._exact.closed_sets import ClosedSet
+from workflow.schemes._exact.expansion import SUM_ROUNDING
 from workflow.schemes._exact.layout import Budget
 from workflow.schemes._exact.motion import (
     ORDER,
@@ -97,7 +98,7 @@ class Contacting(NamedTuple):
 def contacting(basis: ContactBasis) -> Contacting:
     """Return the arrays of a basis for kernels."""
     own, compliant = basis.contacts, basis.contacts.is_compliant
-    operator, tangential = basis.delassus(0.0), basis.normal @ basis.tangent.T
+    operator, tangential = _products(basis.normal, basis.normal), _products(basis.normal, basis.tangent)
     if compliant:
         operator, tangential = own.compliance(0.0), own.flexibility(0.0) - own.flexibility(1.0)
     return Contacting(
@@ -115,6 +116,12 @@ def contacting(basis: ContactBasis) -> Contacting:
         np.ascontiguousarray(basis.residual_coupling),
         compliant,
     )
+
+
+def _products(rows: Array, others: Array) -> Array:
+    """Return rows · othersᵀ, ``(contact, contact)``, 0 where it is the rounding of its terms."""
+    products, sizes = rows @ others.T, np.linalg.norm(rows, axis=1)[:, None] * np.linalg.norm(others, axis=1)
+    return np.where(np.abs(products) <= SUM_ROUNDING * sizes, 0.0, products)
 
 
 class Memory(NamedTuple):
@@ -140,8 +147,12 @@ class Memory(NamedTuple):
     """Contacts that are closed from the last event on, ``(contact,)``."""
     zeros: NDArray[np.int64]
     """Order of the zero of each signal at the last event, see :mod:`.step`; -1 where a force may begin at 0."""
+    still: NDArray[np.bool_]
+    """Open contacts that touch their casing and that nothing moves in the present set, ``(contact,)``."""
     speed: Array
     """Rate of the signal there, where an impact gives it; else -1, ``(contact,)``."""
+    bounces: Array
+    """Time of the bounces after the last event that are not followed, s, ``(contact,)``."""
     approach: Array
     """u = w y' - d', m/s, ``(contact,)``."""
     distance: Array
@@ -151,7 +162,7 @@ class Memory(NamedTuple):
     push: Array
     """w (g - c y' - ω² y - G τ) - d'' and its rate, ``(2, contact)``."""
     rounding: Array
-    """Of the first of these, ``(contact,)``."""
+    """Up to which these are 0, ``(2, contact)``."""
     impulse: Array
     """p, N s, ``(contact,)``."""
     taken: Array
@@ -186,12 +197,14 @@ def memory(basis: ContactBasis, waves: int, sets: int) -> Memory:
         inputs=np.zeros((1 + 2 * waves, padded(N + m))),
         wanted=np.zeros(m, dtype=np.bool_),
         zeros=np.zeros(m, dtype=np.int64),
+        still=np.zeros(m, dtype=np.bool_),
         speed=np.zeros(m),
+        bounces=np.zeros(m),
         approach=np.zeros(m),
         distance=np.zeros(m),
         casing=np.zeros((4, m)),
         push=np.zeros((2, m)),
-        rounding=np.zeros(m),
+        rounding=np.zeros((2, m)),
         impulse=np.zeros(m),
         taken=np.zeros((2, m)),
         force=np.zeros(m),
@@ -352,6 +365,49 @@ def _wave_sources(s: ClosedSet, case: ContactCase, i: int, by_cos: Array, by_sin
                 turning = omega * s.source[rate, r]
                 by_cos[r] += cos * still + sin * turning
                 by_sin[r] += sin * still - cos * turning
+
+
+@part
+def fill_casing(case: ContactCase, t: float, own: Memory) -> None:
+    """Fill d and its derivatives of each contact."""
+    contacts = own.wanted.size
+    at = case.constant.size - 3 * contacts
+    for c in range(contacts):
+        own.casing[0, c] = case.constant[at + c]
+        own.casing[1, c] = own.casing[2, c] = own.casing[3, c] = 0.0
+    for i in range(case.acting):
+        omega = case.waves[i, wave.OMEGA]
+        sin, cos = elementary.sine_cosine(omega * t + case.waves[i, wave.PHASE])
+        for c in range(contacts):
+            a, b = case.casing[i, 0, c], case.casing[i, 1, c]
+            value, turn = a * cos + b * sin, omega * (b * cos - a * sin)
+            own.casing[0, c] += value
+            own.casing[1, c] += turn
+            own.casing[2, c] -= omega * omega * value
+            own.casing[3, c] -= omega * omega * turn
+
+
+@part
+def load_at(case: ContactCase, t: float) -> tuple[float, float]:
+    """Return the sinusoids of the load F at t, and their rate."""
+    load, rate = 0.0, 0.0
+    for i in range(case.acting):
+        omega = case.waves[i, wave.OMEGA]
+        sin, cos = elementary.sine_cosine(omega * t + case.waves[i, wave.PHASE])
+        load += case.waves[i, wave.LOAD] * sin
+        rate += omega * case.waves[i, wave.LOAD] * cos
+    return load, rate
+
+
+@part
+def damped(structure: Contacting, v: Array, k: int) -> float:
+    """Return the damping of mode k, c v."""
+    if structure.damping.shape[0] == 1:
+        return float(structure.damping[0, k] * v[k])
+    total = 0.0
+    for i in range(v.size):
+        total += structure.damping[k, i] * v[i]
+    return total
 
 
 @part

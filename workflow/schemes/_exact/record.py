@@ -198,7 +198,7 @@ def record_step(record: Record, m: Motion, t: float, dt: float, final: Observed,
     while next_due(record) < t + dt - tolerance:
         at = max(t, next_due(record))
         advance(m, m.now, t, at - t, m.between)
-        impulse = integral(m, m.now, m.between, t, at - t) if tally.held else 0.0
+        impulse = max(0.0, integral(m, m.now, m.between, t, at - t)) if tally.held else 0.0
         outputs = observe(m, m.between, at)
         if heated:
             note_temperature(tally, outputs.temperature)

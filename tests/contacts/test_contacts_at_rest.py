@@ -1,0 +1,85 @@
+"""Contacts of the exact scheme that nothing moves, and bounces that accumulate, against closed forms."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from random_contacts import positive
+
+from scenes import cases_of_file, of_entries, step
+from workflow.schemes import Results, Sampling, Status
+
+KINDS = ("with mass", "without mass", "elastic casing")
+DURATION = 0.05
+
+
+def body(rng: np.random.Generator, size: int, count: int, softness: float) -> dict[str, Any]:
+    """Return a body with contacts whose damping couples its modes."""
+    mass, stiffness = 0.1 * positive(rng, size, 0.5), 4e5 / softness * positive(rng, size, 0.05)
+    along = rng.normal(size=size)
+    return {
+        "mass": mass,
+        "stiffness": stiffness,
+        "damping": 5.0 * mass + 2e-5 * stiffness + np.outer(along, along),
+        "contact": np.eye(count, size) + 0.15 * rng.normal(size=(count, size)),
+        "residual_flexibility": 4e-6 * positive(rng, count, 0.3),
+    }
+
+
+def rub(bodies: list[dict[str, Any]], kind: str, contacts: int, amplitude: float, e: float) -> Results:
+    """Run a rub of the first body, whose loads act on it alone; the others touch their casing at rest."""
+    rng, load = np.random.default_rng(3), np.zeros(sum(len(own["mass"]) for own in bodies))
+    load[: len(bodies[0]["mass"])] = rng.normal(size=len(bodies[0]["mass"]))
+    entries = {name: blocks([own[name] for own in bodies]) for name in bodies[0]} | {"load": load}
+    if kind != "without mass":
+        del entries["residual_flexibility"]
+    structure = of_entries(entries)
+    flexibility = 3e-6 if kind == "elastic casing" else 0.0
+    rows = replace(structure.contact_rows, casing_flexibility=flexibility)
+    gaps = np.zeros(rows.count)
+    gaps[:contacts] = 2e-5
+    given: dict[str, Any] = {"load_harmonics": [[amplitude, 110.0, 0.4]], "mean": 2.0, "velocity": 0.02 * load}
+    cases = cases_of_file(structure, gaps=gaps, e=e, **given)
+    over = Sampling(DURATION, DURATION / 100, 101)
+    return step(replace(structure, contacts=rows, tangent=None), cases, 0.0, over, "event_driven")
+
+
+def blocks(matrices: list[Any]) -> Any:
+    """Return a matrix of blocks that are not linked."""
+    out = np.zeros(np.sum([own.shape for own in matrices], axis=0))
+    row, column = 0, 0
+    for own in matrices:
+        out[row : row + own.shape[0], column : column + own.shape[1]] = own
+        row, column = row + own.shape[0], column + own.shape[1]
+    return out
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(8))
+def test_a_body_at_rest_that_touches_its_casing_stays_at_rest(kind: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    contacts = int(rng.integers(1, 3))
+    one, e = body(rng, 3, contacts, 1.0), float(rng.choice([0.0, 0.4]))
+    other, amplitude = body(rng, int(rng.integers(2, 4)), 2, 10.0 ** rng.uniform(-2, 2)), rng.uniform(3, 9)
+    both, alone = (rub(bodies, kind, contacts, amplitude, e) for bodies in ([one, other], [one]))
+    assert both.status[0] == Status.OK
+    assert np.any(both.histories["impulse"][0, :contacts, -1] > 0)
+    for name in ("displacement", "impulse"):
+        ours, expected = both.histories[name][0], alone.histories[name].reshape(contacts, -1)
+        assert ours[:contacts] == pytest.approx(expected, abs=1e-10 * np.abs(expected).max())
+        assert np.abs(ours[contacts:]).max() <= 1e-11 * np.abs(expected).max()
+    for name in ("impacts", "contact_time"):
+        assert np.all(both.metrics[name][0, contacts:] == 0)
+        assert both.metrics[name][0, :contacts] == pytest.approx(alone.metrics[name].ravel(), rel=1e-9)
+
+
+@pytest.mark.parametrize("e", [0.2, 0.8])
+def test_time_in_contact_after_bounces_that_accumulate(e: float) -> None:
+    """A mass pressed by F bounces with flights 2 v e^k/F (m = 1): they last 2 v e/(F (1 - e)) in all."""
+    gaps, F = np.array([0.5, 0.3]), 2.0
+    own = of_entries({"mass": np.eye(2), "stiffness": np.zeros((2, 2)), "contact": np.eye(2), "load": np.ones(2)})
+    done = step(own, cases_of_file(own, gaps=gaps, e=e, mean=F), 0.0, Sampling(20.0, 1.0, 21), "event_driven")
+    begins = np.sqrt(2 * gaps / F) * (1 + 2 * e / (1 - e))
+    assert done.metrics["contact_time"][0] == pytest.approx(20.0 - begins, rel=1e-9)
+    assert done.histories["impulse"][0, :, -1] == pytest.approx(20.0 * F, rel=1e-12)
