@@ -21,7 +21,7 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._cases import Cases, distinct_rows
-from workflow.models._contact_system import contacts_at_rest, critical_alpha_of_contacts
+from workflow.models._contact_system import contacts_at_rest, critical_alphas
 from workflow.models._modes import coupled_damping, mechanical_modes
 from workflow.models._pair import UNBALANCED
 from workflow.models._structure import Structure
@@ -109,11 +109,12 @@ def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
     S = e_nᵀ K1⁻¹ (e_n - µ t) + c on a casing of flexibility c, see :mod:`workflow.models._static`, and
     β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. With the steady temperatures χ for 1 K at the tip and the conductance σ of the tip
     K2⁻¹ e_n = χ/σ. Singular cases are decided by rank: ``inf`` where the root is free or heat at the tip does not push
-    it out (β <= 0), 0 where heat that cannot leave the structure (σ = 0) pushes the tip out.
+    it out (β <= 0), 0 where heat that cannot leave the structure (σ = 0) pushes the tip out. Of several contacts it is
+    the least of :func:`critical_alphas`.
     """
     rows = structure.contacts
     if rows is not None and (rows.count > 1 or rows.residual is not None):
-        return critical_alpha_of_contacts(structure, friction)
+        return min(critical_alphas(structure, friction).values())
     yields = 1 - friction * static_share(structure)
     if yields <= 0:
         return 0.0
