@@ -91,11 +91,6 @@ class ContactBasis:
         return self.frequency.size + self.rate.size + 1 + 3 * self.contacts.count
 
     @property
-    def is_cold(self) -> bool:
-        """Whether the structure has no temperatures, but one that stands for them."""
-        return stays_cold(self.heat)
-
-    @property
     def unheated(self) -> ContactBasis:
         """The same without thermal modes, where no heat acts."""
         none: dict[str, Any] = {name: getattr(self, name)[:0] for name in ("rate", "to_thermal")}
@@ -372,12 +367,13 @@ def poles_in_contact(
 
     A temperature that stands for none has none.
     """
-    is_closed, is_warm = np.isin(np.arange(basis.contacts.count), closed), alpha > 0 and not basis.is_cold
-    system = contact_system(basis if is_warm else basis.unheated, is_closed, alpha, friction)
+    basis = basis.unheated if stays_cold(basis.heat) else basis
+    is_closed = np.isin(np.arange(basis.contacts.count), closed)
+    system = contact_system(basis if alpha > 0 else basis.unheated, is_closed, alpha, friction)
     if system is None:
         return None
     poles = np.linalg.eigvals(system.A).astype(np.complex128)
-    return poles if is_warm or basis.is_cold else np.append(poles, -basis.rate)
+    return poles if alpha > 0 else np.append(poles, -basis.rate)
 
 
 def contacts_at_rest(structure: Structure, cases: Cases) -> Cases | None:

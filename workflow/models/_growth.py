@@ -1,8 +1,7 @@
 """Growth rate in permanent contact: the rightmost eigenvalue of the structure held at the gap, with its heat.
 
-Of several contacts it is the worst of the sets that are judged (:func:`growth_of_sets`). Of one contact with mass:
-
-With x = φ η + ψ x_n (fixed-interface modes and constraint mode), θ = χ τ (thermal modes of the whole structure), x_n
+Of several contacts it is the worst of :func:`closed_sets`, whose systems are those of ``_contact_system``. Of one,
+with x = φ η + ψ x_n (fixed-interface modes and constraint mode), θ = χ τ (thermal modes of the whole structure), x_n
 constant and no loads, equation (1) becomes
 
     η'' + c η' + ω² η + κ τ = 0               κ = φᵀ K12 χ,   c = φᵀ C1 φ
@@ -200,14 +199,13 @@ def in_contact(structure: Structure) -> InContact | ContactBasis:
     """Return the system of a structure in contact; of one without matrices that of its lowest modes of both kinds.
 
     Friction excites rigid modes of the interior too: they are kept where there is a sliding direction. Of several
-    contacts, or contacts without mass, it is the structure with all of them open. A temperature that stands for none is
-    left out.
+    contacts, or contacts without mass, it is the structure with all of them open.
     """
     if structure.contacts is not None:
         return analyse_contacts(structure)
     pair, few = structure.mechanical, None if structure.has_matrices else _STRONGEST
     held, thermal = pair.modes(few, held=True), structure.thermal.modes(few)
-    if stays_cold(thermal.tip):
+    if stays_cold(thermal.tip):  # the one temperature stands for none
         thermal = Modes(thermal.values[:0], thermal.shapes[:, :0])
     kept = (held.values > 0) | (structure.tangent is not None)
     omega, shapes = np.sqrt(held.values[kept]), np.ascontiguousarray(held.shapes[:, kept])
@@ -228,23 +226,13 @@ def in_contact(structure: Structure) -> InContact | ContactBasis:
 
 
 def growth_of_sets(contact: InContact | ContactBasis, alpha: Array, friction: Array) -> dict[tuple[str, ...], Growth]:
-    """Return the growth of a structure in permanent contact for each set of contacts that is judged, by their labels.
+    """Return the growth of a structure in permanent contact for each of :func:`closed_sets`, by its labels.
 
-    The sets are each contact closed alone and all closed together, of opposite stops one of each pair: see
-    :func:`~workflow.models.closed_sets`; the only set of a structure with one contact is ``("tip",)``.
-
-    Parameters
-    ----------
-    contact
-        What :func:`in_contact` returns of a structure, full or reduced; it serves any number of calls.
-    alpha, friction
-        Heat couplings α [W/N] and friction coefficients µ of the cases, ``(case,)``.
-
-    Notes
-    -----
-    The bits of a case do not depend on the others. Where damping or friction couples the modes no eigenvalue is
-    refined. NaN where forces are not unique, or none of a larger structure could be refined; flutter of modes that
-    contact heat shifts little may be missed there. :func:`~workflow.models.poles_in_contact` gives all poles of a set.
+    ``contact`` is what :func:`in_contact` returns of a structure, full or reduced; of one contact with mass the set is
+    ``("tip",)``. ``alpha`` [W/N] and ``friction`` are ``(case,)``; the bits of a case do not depend on the others.
+    Where damping or friction couples the modes no eigenvalue is refined. NaN where forces are not unique, or none of a
+    larger structure could be refined; flutter of modes that contact heat shifts little may be missed there.
+    :func:`poles_in_contact` gives all poles of a set.
     """
     if isinstance(contact, ContactBasis):
         return _of_contacts(contact, alpha, friction)
@@ -274,10 +262,7 @@ def growth(contact: InContact | ContactBasis, alpha: Array, friction: Array) -> 
 
 
 def worst(of_sets: dict[tuple[str, ...], Growth]) -> tuple[NDArray[np.intp], Growth]:
-    """Return which closed set has the growth rate that is largest for certain in each case, and its growth.
-
-    0 is the rate of a structure that contact holds whole.
-    """
+    """Return which set grows fastest for certain in each case, and its growth: 0 where nothing can move."""
     poles, uncertainties = (np.array([getattr(each, name) for each in of_sets.values()]) for name in Growth._fields)
     at = np.nan_to_num(poles.real - uncertainties, nan=-np.inf).argmax(axis=0)
     pole, uncertainty = (np.take_along_axis(each, at[None], axis=0)[0] for each in (poles, uncertainties))
@@ -298,8 +283,9 @@ def _growth(contact: InContact, alpha: Array, friction: Array) -> Growth:
         refined, other = _refined(contact, part, alpha[some], values), _rightmost(others)
         pole[some] = np.where(refined.real < other.real, other, refined)
         largest[some] = np.abs(values).max(axis=1, initial=np.abs(contact.poles).max(initial=0.0))
-    pole = np.where(contact.has_rigid & (pole.real < 0), 0.0, pole) + 0.0
-    return Growth(np.where(pole.real < np.inf, pole, np.nan), _UNCERTAIN * largest)
+    pole[contact.has_rigid & (pole.real < 0)] = 0.0
+    pole[~(pole.real < np.inf)] = np.nan
+    return Growth(pole + 0.0, _UNCERTAIN * largest)
 
 
 def _refined(contact: InContact, part: InContact, alpha: Array, spectrum: Complex) -> Complex:
