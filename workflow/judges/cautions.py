@@ -17,6 +17,7 @@ from workflow.models import (
     Sparse,
     Structure,
     at_rest,
+    critical_alpha,
     critical_friction,
     free_reach,
     frequencies,
@@ -178,14 +179,19 @@ def flutter(structure: Structure, cases: Cases) -> Iterator[str]:
     """
     if structure.mechanical_size + structure.thermal_size > _JUDGED:
         return
-    some = np.unique([np.argmax(cases.alpha), np.argmax(cases.friction)])
+    runaways, several = Runaways(structure), structure.contact_rows.count > 1
+    below = np.where(cases.alpha <= critical_alpha(structure, float(cases.friction.max())), cases.alpha, -1.0)
+    some = np.unique([np.argmax(cases.alpha), np.argmax(cases.friction), np.argmax(below)])
     alpha, friction = cases.alpha[some], cases.friction[some]
-    critical, rate, grows = Runaways(structure).of(alpha, friction)
-    for k in np.flatnonzero(grows & (alpha <= critical))[:1]:
+    contact = runaways.of(alpha, friction)
+    for k in np.flatnonzero(contact.runaway & (contact.frequency > 0))[:1]:
         slides = f" and a friction coefficient of {friction[k]:g}" if structure.slides else ""
+        limit = "although alpha is below its critical value, the static limit"
         yield (
-            f"at alpha = {alpha[k]:.4g} W/N{slides} permanent contact flutters, although alpha is below its "
-            f"critical value, the static limit: an oscillation grows at {rate[k]:.3g} 1/s (`runaway` is set)"
+            f"at alpha = {alpha[k]:.4g} W/N{slides} permanent contact flutters"
+            f"{f', {limit}' if alpha[k] <= contact.critical_alpha[k] else ''}: "
+            f"{f'with {contact.growth_set[k]} closed ' if several else ''}an oscillation of "
+            f"{contact.frequency[k]:.4g} Hz grows at {contact.growth_rate[k]:.3g} 1/s (`runaway` is set)"
         )
 
 

@@ -286,7 +286,7 @@ def set_text(labels: tuple[str, ...]) -> str:
     return "" if not labels else f"{', '.join(labels)} {'alone' if len(labels) == 1 else 'together'}"
 
 
-def critical_alphas(structure: Structure, friction: float = 0.0) -> dict[tuple[str, ...], float]:
+def critical_alphas_of_contacts(structure: Structure, friction: float = 0.0) -> dict[tuple[str, ...], float]:
     """Return the least α > 0 at which the static problem of each closed set is singular, W/N, by :func:`closed_sets`.
 
     det(S - α B) = 0 with S_ij = w_iᵀ K1⁻¹ (w_j - µ t_j) + R_ij - µ R^t_ij + c δ_ij and
