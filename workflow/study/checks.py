@@ -289,8 +289,8 @@ def _reduced_contacts(cases: CaseSpace, sizes: Sizes, source: StudyText, several
 
     is_reduced = False
     for path, own in zip(MODES, models.independent_rows(contacts), strict=True):
-        size = sizes.coordinates[path][0]
-        counts = values[path] - {size - 1, FULL}
+        size = min(sizes.coordinates[path])
+        counts = values[path] - {FULL, *(count - 1 for count in sizes.coordinates[path])}
         is_reduced |= bool(counts)
         counts -= {CHOSEN}
         if max(counts, default=0) > size - own:
