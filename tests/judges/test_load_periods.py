@@ -67,5 +67,7 @@ def test_the_change_of_the_mean_impulse_is_of_the_last_quarters() -> None:
     )
     expected = np.array([0.1 / 2.1, 0.0, 1.0, nan])
     np.testing.assert_allclose(change_of_impulse(impulse), expected)
-    np.testing.assert_allclose(change_of_impulse(impulse[:, None].repeat(2, axis=1)), expected[:, None].repeat(2, axis=1))
+    np.testing.assert_allclose(
+        change_of_impulse(impulse[:, None].repeat(2, axis=1)), expected[:, None].repeat(2, axis=1)
+    )
     assert change_of_impulse(impulse[0]) < SETTLED

@@ -309,7 +309,9 @@ def _critical_alpha(basis: ContactBasis, closed: NDArray[np.intp], friction: flo
         S = S + basis.contacts.compliance(friction)[np.ix_(closed, closed)]
     B = (grows[:, warm] / basis.rate[warm]) @ basis.heat[closed][:, warm].T
     held, sizes, moved = np.linalg.svd(normal[:, ~elastic])
-    rigid = int(np.sum(sizes > _RIGID * np.abs(basis.normal).max()))  # motions that a contact of the set stops
+    rigid = int(
+        np.sum(sizes > _RIGID * np.abs(basis.normal).max(initial=0.0))
+    )  # motions that a contact of the set stops
     pushed = sliding[:, ~elastic] @ moved[:rigid].T
     if np.linalg.slogdet(_at_rest(normal[:, ~elastic] @ moved[:rigid].T, pushed, S))[0] * (-1) ** len(S) < 0:
         return 0.0
