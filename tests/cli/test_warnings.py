@@ -14,7 +14,7 @@ RUB = RUB.replace("nodes: 20", "nodes: 30, tip_cell: 60 um").replace("gap: 20 um
 
 
 def test_what_only_results_show_is_told_of_them(tmp_path: Path) -> None:
-    """``run``, ``show`` and the page name the hottest case and the one that settles least; ``plan`` cannot know them."""
+    """``run``, ``show`` and the page name the hottest case and the least settled; ``plan`` cannot know them."""
     study = written(RUB, tmp_path)
     planned = workflow("plan", study, cwd=tmp_path).stdout
     assert " 1000 K" not in planned
