@@ -130,6 +130,13 @@ def test_friction_alone_that_leaves_no_stable_rest_has_no_critical_coupling() ->
     assert critical_alpha(of_entries(one | {"contact_labels": np.array(["leading edge"])}), 0.6) == 0.0
 
 
+@pytest.mark.parametrize(("sign", "limits"), [(1, [0.0, 0.0, 0.0]), (-1, [np.inf, np.inf, np.inf])])
+def test_heat_that_cannot_leave_counts_where_it_pushes_out(sign: int, limits: list[float]) -> None:
+    entries = plate() | {"conductance": np.array([[1.0, -1.0], [-1.0, 1.0]])}
+    entries["coupling"] = sign * -entries["stiffness"] @ np.full((2, 2), 1e-7)
+    assert list(critical_alphas(of_entries(entries)).values()) == limits
+
+
 def bend(**more: Any) -> dict[str, Any]:
     """Three masses with dampers, the second of which a contact holds or not."""
     stiffness = 1e5 * np.array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]])

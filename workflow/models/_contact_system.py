@@ -302,21 +302,22 @@ def _critical_alpha(basis: ContactBasis, closed: NDArray[np.intp], friction: flo
     normal, sliding = basis.normal[closed], (basis.normal - friction * basis.tangent)[closed]
     flexible = normal[:, elastic] / basis.frequency[elastic] ** 2
     grows = -flexible @ basis.coupling[elastic] - basis.residual_coupling[closed]
-    if np.any(np.abs(grows[:, ~warm] @ basis.heat[closed][:, ~warm].T) > 0):
-        return 0.0
+    grows[np.abs(grows) <= _RIGID * np.abs(grows).max(initial=0.0)] = 0.0
+    heat = basis.heat[closed].T
+    kept = grows[:, ~warm] @ heat[~warm]  # growth rate of heat that cannot leave
+    kept[np.abs(kept) <= _RIGID * (np.abs(grows) @ np.abs(heat))] = 0.0
     S = flexible @ sliding[:, elastic].T
     if basis.contacts.is_compliant:
         S = S + basis.contacts.compliance(friction)[np.ix_(closed, closed)]
-    B = (grows[:, warm] / basis.rate[warm]) @ basis.heat[closed][:, warm].T
+    B = (grows[:, warm] / basis.rate[warm]) @ heat[warm]
     held, sizes, moved = np.linalg.svd(normal[:, ~elastic])
-    rigid = int(
-        np.sum(sizes > _RIGID * np.abs(basis.normal).max(initial=0.0))
-    )  # motions that a contact of the set stops
+    rigid = int(np.sum(sizes > _RIGID * np.abs(basis.normal).max(initial=0.0)))  # motions that the set stops
     pushed = sliding[:, ~elastic] @ moved[:rigid].T
     if np.linalg.slogdet(_at_rest(normal[:, ~elastic] @ moved[:rigid].T, pushed, S))[0] * (-1) ** len(S) < 0:
         return 0.0
     left, balanced = held[:, rigid:].T, np.linalg.svd(pushed.T)[2][rigid:].T
-    return _least_root(left @ S @ balanced, left @ B @ balanced)
+    S, B, kept = (left @ matrix @ balanced for matrix in (S, B, kept))
+    return 0.0 if np.isfinite(_least_root(S, kept)) else _least_root(S, B)
 
 
 def _at_rest(normal: Array, sliding: Array, flexibility: Array) -> Array:
@@ -327,10 +328,11 @@ def _at_rest(normal: Array, sliding: Array, flexibility: Array) -> Array:
 
 def _least_root(A: Array, B: Array) -> float:
     """Return the least z > 0 with det(A - z B) = 0; ``inf`` for none."""
-    values = scipy.linalg.eigvals(A, B)
+    values = scipy.linalg.eigvals(B, A)  # 1/z
     values = values[np.isfinite(values)]
     real = values.real[np.abs(values.imag) <= _REAL * np.abs(values)]
-    return float(real[real > 0].min(initial=np.inf))
+    largest = float(real.max(initial=0.0))
+    return 1 / largest if largest > _RIGID * np.abs(values).max(initial=0.0) else float("inf")
 
 
 class CriticalFriction(NamedTuple):
