@@ -189,6 +189,7 @@ def _field(declared: Any, name: str) -> dataclasses.Field[Any]:
 SHAPES = {
     "history": "(…, t)",
     "metric": "(…)",
+    "text": "(…), text",
     "period": "(…, period)",
     "flag": "(…), int8",
     "phase": "(…, phase)",
@@ -202,6 +203,7 @@ WHEN = {
     "sections": "with `output.sections`",
     "sensors": "with `output.sensors`",
     "events": "with `output.events`",
+    "contacts": "of several contacts",
     "steady": "with `output.steady`; along `point` of a branch",
     "steady sensors": "with `output.steady` and `output.sensors`; along `point` of a branch",
     "branch": "where an axis is a branch",

@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-Shape = Literal["history", "metric", "period", "flag", "phase", "point", "point phase", "event"]
-"""``history``: (…, t); ``metric``: (…) float64; ``period``: (…, period), ``phase``: (…, phase) float64; ``flag``: (…)
-int8; ``point``: (…, point) float64 or int8, ``point phase``: (…, point, phase), in archives of branches alone;
-``event``: (…, event) float64 or int8. What is of sensors has ``sensor`` before these."""
+Shape = Literal["history", "metric", "text", "period", "flag", "phase", "point", "point phase", "event"]
+"""``history``: (…, t); ``metric``: (…) float64, ``text``: (…) text; ``period``: (…, period), ``phase``: (…, phase)
+float64; ``flag``: (…) int8; ``point``: (…, point) float64 or int8, ``point phase``: (…, point, phase), in archives of
+branches alone; ``event``: (…, event) float64 or int8. What is of sensors has ``sensor`` before these."""
 
 Origin = Literal["scheme", "workflow"]
 
@@ -25,6 +25,7 @@ Condition = Literal[
     "sections",
     "sensors",
     "events",
+    "contacts",
     "steady",
     "steady sensors",
     "branch",
@@ -34,8 +35,9 @@ Condition = Literal[
     "auto reference",
 ]
 """When an archive has the variable: always, with ``output.temperature_depth``, ``output.balances``,
-``output.sections``, ``output.sensors``, ``output.events`` or ``output.steady``, with sensors and steady rubs, where an
-axis is a branch, with a reference, if a scheme declares it, where a tolerance decides a count of modes."""
+``output.sections``, ``output.sensors``, ``output.events`` or ``output.steady``, of several contacts, with sensors and
+steady rubs, where an axis is a branch, with a reference, if a scheme declares it, where a tolerance decides a count of
+modes."""
 
 
 @dataclass(frozen=True)
@@ -186,6 +188,11 @@ _GROWTH = (
     "contact force; uncertain by 1e-12 of the largest modulus of an eigenvalue; of more than 600 states those of the "
     "100 modes of each kind that contact heat moves most, the rightmost improved on the whole structure: flutter of "
     "others may be missed; NaN where it was not found, which message then tells"
+)
+
+_SETS = (
+    "the worst of each contact closed alone and all closed together, of opposite stops one of each pair; other sets "
+    "are not searched"
 )
 
 _PROJECTION = (
@@ -349,6 +356,18 @@ TABLE = (
         may_be_undefined=True,
         comment=_GROWTH,
     ),
+    *(
+        Variable(
+            f"{name}_set",
+            "",
+            f"contacts whose permanent contact gives {of}",
+            "text",
+            "workflow",
+            "contacts",
+            comment=_SETS,
+        )
+        for name, of in (("critical", "critical_alpha"), ("growth", "growth_rate"))
+    ),
     Variable(
         "projection_residual",
         "1",
@@ -460,7 +479,10 @@ TABLE = (
         "1",
         "whether a tip in permanent contact would run away",
         "flag",
-        comment="alpha > 0 and growth_rate positive by more than its uncertainty; by heat alone or as flutter",
+        comment=(
+            "alpha > 0 or friction along a tangent, and growth_rate positive by more than its uncertainty; by heat or "
+            "friction alone, or as flutter"
+        ),
     ),
 )
 """Every variable but those that a scheme declares for itself in ``METRICS``."""
@@ -486,8 +508,8 @@ _OF_SEVERAL = {
     "impacts": "velocity jumps of a contact with an impulse of its own; 0 of contacts without mass, which have none",
     "contact_time": "time in which a contact is held",
     "thermal_closing": "the largest of all contacts",
-    "critical_alpha": "static limit with all contacts closed; with opposite stops the worst of each stop alone",
-    "growth_rate": "with all contacts closed; with opposite stops the worst of each stop alone",
+    "critical_alpha": f"static limit of critical_set, {_SETS}",
+    "growth_rate": f"of growth_set, {_SETS}; {_GROWTH}",
 }
 
 

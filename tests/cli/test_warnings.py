@@ -13,20 +13,23 @@ RUB = f"study: rub{BLADE_SCENE}axes: {{scheme: event_driven, alpha: [0, 1, 30]}}
 RUB = RUB.replace("nodes: 20", "nodes: 30, tip_cell: 60 um").replace("gap: 20 um", "gap: 15 um")
 
 
-def test_temperatures_that_a_linear_model_cannot_mean_are_told_of_results(tmp_path: Path) -> None:
-    """``run``, ``show`` and the page name the hottest case; ``plan`` cannot know it, and says nothing of it."""
+def test_what_only_results_show_is_told_of_them(tmp_path: Path) -> None:
+    """``run``, ``show`` and the page name the hottest case and the least settled; ``plan`` cannot know them."""
     study = written(RUB, tmp_path)
-    assert " 1000 K" not in workflow("plan", study, cwd=tmp_path).stdout
+    planned = workflow("plan", study, cwd=tmp_path).stdout
+    assert " 1000 K" not in planned
+    assert "settled" not in planned
     ran, again = (workflow("run", study, cwd=tmp_path).stdout for _ in range(2))
     shown, shown_as_json = workflow("show", "rub.nc", cwd=tmp_path), workflow("show", "rub.nc", "--json", cwd=tmp_path)
-    [warning] = json.loads(shown_as_json.stdout)["warnings"]
-    assert warning.startswith("1 of 3 ok cases are hotter than 1000 K, above which a linear model means nothing")
-    assert warning.endswith("K: alpha = 30")
-    assert all(f"  beware: {warning}\n" in text for text in (ran, again))
-    assert shown.stdout.splitlines()[1] == f"  beware: {warning}"
+    hot, unsettled = json.loads(shown_as_json.stdout)["warnings"]
+    assert hot.startswith("1 of 3 ok cases are hotter than 1000 K, above which a linear model means nothing")
+    assert hot.endswith("K: alpha = 30")
+    assert " of 3 ok cases have not settled: " in unsettled
+    assert all(f"  beware: {warning}\n" in text for text in (ran, again) for warning in (hot, unsettled))
+    assert shown.stdout.splitlines()[1:3] == [f"  beware: {warning}" for warning in (hot, unsettled)]
     workflow("report", "rub.nc", cwd=tmp_path)
     page = (tmp_path / "rub.html").read_text(encoding="utf-8")
-    assert f"<p>Beware: {warning}.</p>" in page.split("<h2>")[0]
+    assert all(f"<p>Beware: {warning}.</p>" in page.split("<h2>")[0] for warning in (hot, unsettled))
 
 
 def test_a_run_repeats_what_plan_warns_of(tmp_path: Path) -> None:

@@ -10,8 +10,7 @@ import yaml
 from scenes import cases, chain, step
 from workflow import run_study
 from workflow.archive import open_archive
-from workflow.models import Rayleigh, at_rest, critical_alpha, growth_rate
-from workflow.models._contact_system import critical_alpha_of_contacts
+from workflow.models import Rayleigh, at_rest, critical_alpha, critical_alphas, growth_rate
 from workflow.schemes import Sampling
 from workflow.study import StudyError, read_study
 
@@ -64,7 +63,7 @@ def test_it_adds_to_the_flexibility_in_contact() -> None:
     rod = chain(**CHAIN, damping=Rayleigh(stiffness=1e-3))
     elastic = rod.on_casing(CASING)
     np.testing.assert_allclose(critical_alpha(elastic), critical_alpha(rod) * (1 + CASING * 4000 / 3), rtol=1e-12)
-    np.testing.assert_allclose(critical_alpha_of_contacts(elastic), critical_alpha(elastic), rtol=1e-12)
+    np.testing.assert_allclose(min(critical_alphas(elastic).values()), critical_alpha(elastic), rtol=1e-12)
     above = 1.001 * critical_alpha(elastic)
     assert growth_rate(elastic, above) > 0 > growth_rate(elastic, 0.999 * critical_alpha(elastic))
 

@@ -5,7 +5,7 @@ import pytest
 
 from scenes import cases, chain, sampling, step
 from workflow.judges.distances import perturbed
-from workflow.judges.load_periods import contact_force, largest_per_period, sections
+from workflow.judges.load_periods import SETTLED, change_of_impulse, contact_force, largest_per_period, sections
 
 
 def test_forces_are_those_of_the_intervals_whose_middle_lies_in_a_period() -> None:
@@ -52,3 +52,22 @@ def test_a_share_widens_gaps_and_takes_as_much_of_loads(share: float) -> None:
     on = cases(lump, 3, displacement=one.casing_at(0.0)[:, None], gap=gap, casing_harmonics=sway)
     start = perturbed(on, share, 0.0)
     assert np.all(start.displacement[:, -1] <= start.casing_at(0.0))
+
+
+def test_the_change_of_the_mean_impulse_is_of_the_last_quarters() -> None:
+    """Of each contact; without contact 0; behind its last period a case has NaN; fewer than eight are not judged."""
+    nan = np.nan
+    impulse = np.array(
+        [
+            [9.0, 9, 9, 9, 9, 1, 3, 2, 2.2, nan],  # (1 + 3)/2, then (2 + 2.2)/2
+            [9.0, 9, 9, 9, 0, 0, 0, 0, nan, nan],
+            [0.0, 0, 0, 0, 1, 1, 0, 0, nan, nan],
+            [1.0, 1, 1, 1, 4, 4, 3, nan, nan, nan],
+        ]
+    )
+    expected = np.array([0.1 / 2.1, 0.0, 1.0, nan])
+    np.testing.assert_allclose(change_of_impulse(impulse), expected)
+    np.testing.assert_allclose(
+        change_of_impulse(impulse[:, None].repeat(2, axis=1)), expected[:, None].repeat(2, axis=1)
+    )
+    assert change_of_impulse(impulse[0]) < SETTLED

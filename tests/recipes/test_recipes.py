@@ -367,3 +367,59 @@ def test_a_basis_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert errors[0] > errors[1] > errors[2]
     assert errors[1] < 0.1
     assert errors[2] < 1e-9
+
+
+TWO_CONTACTS = '''"""A chain whose middle and end may touch."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workflow.declare import quantity
+from workflow.models import Chain, Contacts, Matrices, Rayleigh
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Its size."""
+
+    nodes: int = quantity("1", "number of nodes", at_least=2)
+
+
+def assemble(parameters: Parameters) -> Matrices:
+    """Return it with a second displacement, a lump on a spring of its own, beside the nodes."""
+    n = parameters.nodes + 1
+    one, none = np.ones(n), np.zeros(n)
+    chain = Chain(1e-3 * one, 1e6 * one, none, one, one, none, Rayleigh(mass=10.0)).matrices()
+    rows = np.eye(n)[[n // 2, n - 1]]
+    return replace(chain, load=rows[1], contacts=Contacts(("mid", "end"), rows, 0 * rows, rows, np.zeros(2)))
+'''
+
+
+def test_a_model_with_nodes_may_have_several_contacts_and_other_sizes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "two_contacts.py").write_text(TWO_CONTACTS)
+    added(models, tmp_path, monkeypatch)
+    scene = {"two_contacts": {"nodes": 4}, "casing": {"gap": [5e-5, 2e-5]}, "duration": 0.02}
+    scene["load"] = {"amplitude": 100.0, "frequency": 50.0}
+    axes = {"scheme": ["moreau", "event_driven"], "h": 1e-5, "alpha": 0, "scene.two_contacts.nodes": [4, 7]}
+    given = {"study": "a", "scene": scene, "axes": axes}
+    with run_study(read_study(given), tmp_path / "a.nc", threads=1).dataset as archive:
+        assert (archive["status"] == 0).all()
+        assert archive["contact"].values.tolist() == ["mid", "end"]
+        assert archive["mechanical_modes"].values.tolist() == [4, 7]
+        assert archive["contact_impulse"].dims == (*archive["status"].dims, "contact")
+    with pytest.raises(StudyError, match="has 3 values where the model has 2 contacts"):
+        read_study({**given, "scene": {**scene, "casing": {"gap": [5e-5, 2e-5, 1e-5]}}})
+    sys.modules.pop("workflow.models.two_contacts", None)
+
+
+@pytest.mark.parametrize("init", ["init_theta", "init_central"])
+def test_a_contact_law_refuses_several_contacts(init: str) -> None:
+    chain = short_chain().matrices()
+    rows = np.eye(4)[[1, 3]]
+    several = replace(chain, contacts=models.Contacts(("mid", "end"), rows, 0 * rows, rows, np.zeros(2)))
+    method = 1.0 if init == "init_theta" else schemes.CentralDifferences()
+    with pytest.raises(schemes.RefusedStructureError, match="it takes one contact, with mass"):
+        getattr(schemes, init)(several, H, method, schemes.Contact(lambda cases: None))

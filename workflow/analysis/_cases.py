@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,16 +84,34 @@ def labels(flags: xr.DataArray) -> xr.DataArray:
     return worded
 
 
-def runaways(dataset: xr.Dataset) -> tuple[int, int]:
-    """Return how many ok cases lie above their critical coupling, and how many others grow in permanent contact.
+class RunawayCases(NamedTuple):
+    """Ok cases that grow in permanent contact: above their critical coupling, or below it, where they flutter.
 
-    Those flutter: an oscillation of theirs grows, however slowly, as that of any undamped structure may.
+    An oscillation of these grows, however slowly, as that of any undamped structure may.
     """
+
+    above: int = 0
+    flutter: int = 0
+    critical: str = ""
+    """Critical couplings of the cases above, W/N, the first five; of several contacts with those that are closed."""
+    flutter_sets: str = ""
+    """Of several contacts those that are closed in the cases that flutter, the first five sets."""
+
+
+def runaways(dataset: xr.Dataset) -> RunawayCases:
+    """Return how many ok cases grow in permanent contact, and where."""
     if "runaway" not in dataset or "critical_alpha" not in dataset or "alpha" not in dataset.coords:
-        return 0, 0
-    grows = (dataset["runaway"] == 1) & (dataset["status"] == Status.OK)
-    above = int((grows & (dataset["alpha"] > dataset["critical_alpha"])).sum())
-    return above, int(grows.sum()) - above
+        return RunawayCases()
+    critical, grows = dataset["critical_alpha"], (dataset["runaway"] == 1) & (dataset["status"] == Status.OK)
+    above = grows & (dataset["alpha"] > critical)
+    flutter, blank = (grows & ~above).values, np.full(grows.shape, "")
+    sets = (dataset[name].values if name in dataset else blank for name in ("critical_set", "growth_set"))
+    least, fastest = (each[where].tolist() for each, where in zip(sets, (above.values, flutter), strict=True))
+    limits = sorted({*zip(least, critical.values[above.values].round(12).tolist(), strict=True)})
+    texts = [f"{closed}: {value:.4g}" if closed else f"{value:.4g}" for closed, value in limits][:5]
+    return RunawayCases(
+        int(above.sum()), int(flutter.sum()), ", ".join(texts), ", ".join(sorted({*fastest} - {""})[:5])
+    )
 
 
 _ROUNDED = 1e-14

@@ -67,7 +67,9 @@ def _norm(history: xr.DataArray) -> xr.DataArray:
 
 def _is_result(name: str) -> bool:
     variable = BY_NAME[name]
-    return variable.shape != "flag" and name not in LEFT_OUT and not name.endswith(("_error", "_residual"))
+    return (
+        variable.shape not in ("flag", "text") and name not in LEFT_OUT and not name.endswith(("_error", "_residual"))
+    )
 
 
 def _paired(dataset: xr.Dataset, other: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:

@@ -168,7 +168,7 @@ def write_shard(
     texts = np.zeros(len(hashes), f"S{max([1, *map(len, encoded.values())])}")
     for k, text in encoded.items():
         texts[k] = text
-    arrays = {str(name): _as_stored(values[str(name)], template.variables[name].dtype) for name in template.data_vars}
+    arrays = {str(name): _as_stored(values[str(name)], template.variables[name]) for name in template.data_vars}
     return _write(Path(parts), name, arrays | {MESSAGE: texts, CASE_HASH: hashes})
 
 
@@ -188,9 +188,11 @@ def _write(parts: Path, name: str, arrays: Mapping[str, NDArray[Any]]) -> Path:
     return path
 
 
-def _as_stored(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+def _as_stored(values: NDArray[Any], like: xr.Variable) -> NDArray[Any]:
+    if values.dtype.kind == "U":
+        values = np.strings.encode(values).astype(f"S{like.shape[-1]}").view("S1").reshape(len(values), -1)
     with np.errstate(over="ignore"):  # a diverged float64 is an infinite float32
-        values = np.asarray(values, dtype=dtype.newbyteorder("<"))
+        values = np.asarray(values, dtype=like.dtype.newbyteorder("<"))
     if values.dtype.kind == "f" and (missing := np.isnan(values)).any():
         values = np.where(missing, np.array(np.nan, values.dtype), values)  # one NaN, whatever made it
     return values

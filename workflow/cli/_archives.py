@@ -116,12 +116,14 @@ def _statuses(dataset: xr.Dataset) -> Iterator[str]:
 
     counts = status_counts(dataset)
     yield "  status: " + ", ".join(f"{number} {name}" for name, number in counts.items())
-    above, flutter = runaways(dataset)
-    if above:
+    growing, several = runaways(dataset), "critical_set" in dataset
+    if growing.above:
         runs_away = "in permanent contact their tip runs away thermally"
-        yield f"  {above} ok cases above their critical alpha: {runs_away}, {_PHYSICS}"
-    if flutter:
-        yield f"  {flutter} ok cases below their critical alpha: in permanent contact their tip flutters, {_PHYSICS}"
+        limits = f" ({growing.critical} W/N)" if several else ""
+        yield f"  {growing.above} ok cases above their critical alpha{limits}: {runs_away}, {_PHYSICS}"
+    if growing.flutter:
+        flutters = f"in permanent contact {growing.flutter_sets if several else 'their tip'} flutters"
+        yield f"  {growing.flutter} ok cases below their critical alpha: {flutters}, {_PHYSICS}"
     yield from failure_lines(dataset)
 
 

@@ -176,7 +176,8 @@ def _structure(figures: Figures) -> str:
     times = "no heat flows" if no_decay else f"thermal times {figures.fastest:.3g} to {figures.slowest:.3g} s"
     by = f" by {figures.stiffness_by}" if figures.stiffness_by else ""
     stiffness = f"tip stiffness {figures.tip_stiffness:.4g} N/m{by}"
-    return f"  {figures.label}: f1 {first}, {stiffness}, {times}, critical alpha {alpha}"
+    of = f" of {figures.critical_set}:" if figures.critical_set else ""
+    return f"  {figures.label}: f1 {first}, {stiffness}, {times}, critical alpha{of} {alpha}"
 
 
 def _size(size: int) -> str:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +24,12 @@ from workflow.models import (
     Array,
     Cases,
     Structure,
-    critical_alpha,
-    growth,
+    critical_alphas,
+    growth_of_sets,
     in_contact,
     one_thread,
+    set_text,
+    worst,
 )
 from workflow.schemes import Results, Status
 
@@ -180,17 +183,33 @@ def _energy(structure: Structure, cases: Cases) -> Array:
     return np.array([pair.energies(x).sum() + v @ pair.inertia_of(v) for x, v in states]) / 2
 
 
+class PermanentContact(NamedTuple):
+    """What becomes of cases whose contacts stay closed, ``(case,)`` each."""
+
+    critical_alpha: Array
+    """α_c, the least of all closed sets, m/s."""
+    critical_set: NDArray[np.str_]
+    """Which set that is, in words; empty where α_c is infinite."""
+    growth_rate: Array
+    frequency: Array
+    """``growth_rate``, ``frequency``: of the set that grows fastest, 1/s and Hz, 0 where nothing oscillates."""
+    growth_set: NDArray[np.str_]
+    runaway: NDArray[np.bool_]
+    """``growth_set``, ``runaway``: which set that is, in words, and whether it grows."""
+
+
 class Runaways:
-    """Critical coupling and growth rate of the structure on which cases are run, kept for each pair of α and µ."""
+    """What becomes of permanent contact of the structure on which cases are run, kept for each pair of α and µ."""
 
     def __init__(self, structure: Structure) -> None:
         with one_thread():
             self._contact = in_contact(structure)
-        self._critical = cache(lambda friction: critical_alpha(structure, friction))
-        self._known: dict[tuple[float, float], tuple[float, float, float]] = {}
+        self._slides = structure.slides
+        self._critical = cache(lambda friction: critical_alphas(structure, friction))
+        self._known: dict[tuple[float, float], tuple[Any, ...]] = {}
 
-    def of(self, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return critical coupling [m/s], growth rate [1/s] and whether it grows, ``(case,)`` each.
+    def of(self, alpha: Array, friction: Array) -> PermanentContact:
+        """Return what becomes of cases in permanent contact.
 
         Above the critical coupling a real eigenvalue is certainly positive, however small beside the largest one:
         1 - α G(s) is negative at 0 and 1 at infinity.
@@ -198,13 +217,24 @@ class Runaways:
         distinct, where = np.unique(alpha + 1j * friction, return_inverse=True)
         pairs = list(zip(distinct.real.tolist(), distinct.imag.tolist(), strict=True))
         if new := [pair for pair in pairs if pair not in self._known]:
-            self._known.update(zip(new, self._computed(*np.transpose(new)), strict=True))
-        critical, rate, grows = np.transpose([self._known[pair] for pair in pairs])[:, where]
-        return critical, rate, grows != 0
+            computed = self._computed(*np.transpose(new))
+            self._known.update(zip(new, zip(*computed, strict=True), strict=True))
+        columns = zip(*(self._known[pair] for pair in pairs), strict=True)
+        return PermanentContact(*(np.array(column)[where] for column in columns))
 
-    def _computed(self, alpha: Array, friction: Array) -> list[tuple[float, float, float]]:
-        """Return critical coupling, growth rate and whether it grows of each pair of α and µ."""
-        critical = np.array([self._critical(each) for each in friction.tolist()])
-        rates, acts = growth(self._contact, alpha, friction), (alpha > 0) | (friction > 0)
-        grows = acts & (rates.is_positive | (alpha > critical * (1 + _AT_CRITICAL)))
-        return list(zip(critical.tolist(), rates.rate.tolist(), grows.tolist(), strict=True))
+    def _computed(self, alpha: Array, friction: Array) -> PermanentContact:
+        """Return what becomes of permanent contact at each pair of α and µ."""
+        every = [self._critical(each) for each in friction.tolist()]
+        least = [min(alphas, key=alphas.__getitem__) for alphas in every]
+        critical = np.array([alphas[labels] for alphas, labels in zip(every, least, strict=True)])
+        of_sets = growth_of_sets(self._contact, alpha, friction)
+        which, fastest = worst(of_sets)
+        acts = (alpha > 0) | ((friction > 0) & self._slides)
+        return PermanentContact(
+            critical,
+            np.where(np.isfinite(critical), [set_text(labels) for labels in least], ""),
+            fastest.rate,
+            fastest.frequency,
+            np.array([set_text(labels) for labels in of_sets])[which],
+            acts & (fastest.is_positive | (alpha > critical * (1 + _AT_CRITICAL))),
+        )

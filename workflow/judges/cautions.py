@@ -49,6 +49,9 @@ _JUDGED = 400
 FEW = 6
 """Number of amounts up to which all are listed."""
 
+_BELOW = 1e-6
+"""Distance to the critical coupling at which no real pole grows yet."""
+
 _FAR = 100
 """Static tip displacement by a load, over the gap, above which units are doubtful: a rub has a few."""
 
@@ -172,20 +175,26 @@ def _friction_limits(structure: Structure, cases: Cases, *, has_impacts: bool) -
 
 
 def flutter(structure: Structure, cases: Cases) -> Iterator[str]:
-    """Yield that lasting contact is unstable below the critical coupling, which is static, of the cases of most heat.
+    """Yield that lasting contact of the cases of most heat oscillates as it grows, or below the static limit of α.
 
     ``structure`` is the one that is run. Of more than :data:`_JUDGED` coordinates it takes too long.
     """
     if structure.mechanical_size + structure.thermal_size > _JUDGED:
         return
     some = np.unique([np.argmax(cases.alpha), np.argmax(cases.friction)])
-    alpha, friction = cases.alpha[some], cases.friction[some]
-    critical, rate, grows = Runaways(structure).of(alpha, friction)
-    for k in np.flatnonzero(grows & (alpha <= critical))[:1]:
+    alpha, friction = np.tile([cases.alpha[some], cases.friction[some]], 2)
+    runaways, several = Runaways(structure), structure.contact_rows.count > 1
+    alpha[some.size :] = np.minimum(alpha, (1 - _BELOW) * runaways.of(alpha, friction).critical_alpha)[some.size :]
+    contact = runaways.of(alpha, friction)
+    for k in np.flatnonzero(contact.runaway & ((contact.frequency > 0) | (alpha < contact.critical_alpha)))[:1]:
         slides = f" and a friction coefficient of {friction[k]:g}" if structure.slides else ""
+        limit = ", although alpha is below its critical value, the static limit"
+        what = f"an oscillation of {contact.frequency[k]:.4g} Hz" if contact.frequency[k] else "a motion"
         yield (
-            f"at alpha = {alpha[k]:.4g} W/N{slides} permanent contact flutters, although alpha is below its "
-            f"critical value, the static limit: an oscillation grows at {rate[k]:.3g} 1/s (`runaway` is set)"
+            f"at alpha = {alpha[k]:.4g} W/N{slides} permanent contact flutters"
+            f"{limit if alpha[k] < contact.critical_alpha[k] else ''}: "
+            f"{f'with {contact.growth_set[k]} closed ' if several else ''}{what} grows at "
+            f"{contact.growth_rate[k]:.3g} 1/s (`runaway` is set)"
         )
 
 

@@ -22,6 +22,26 @@ def widened(values: Array, periods: int) -> Array:
     return wide
 
 
+SETTLED, FEWEST = 0.05, 8
+"""Change of the mean impulse up to which a rub has settled, and the load periods below which that is not judged."""
+
+
+def change_of_impulse(impulse: Array) -> Array:
+    """Return the change of the mean impulse of a load period from the third quarter of the periods to the last.
+
+    |p₄ - p₃|/max(p₄, p₃), ``(…)``, of impulses ``(…, period)`` that are NaN behind a case's last period; 0 without
+    contact, NaN of fewer than :data:`FEWEST` periods. A rub has settled where no contact exceeds :data:`SETTLED`.
+    """
+    count = np.isfinite(impulse).sum(axis=-1, keepdims=True)
+    ago, quarter = count - np.arange(impulse.shape[-1]), count // 4  # 1 of the last period
+    last, before = (
+        np.where((ago > k * quarter) & (ago <= (k + 1) * quarter), impulse, 0.0).sum(axis=-1) for k in range(2)
+    )
+    larger = np.maximum(last, before)
+    change = np.divide(np.abs(last - before), larger, out=np.zeros_like(larger), where=larger > 0)
+    return np.where(count[..., 0] >= FEWEST, change, np.nan)
+
+
 def largest_per_period(force: Array, frequency: Array, sampling: Sampling, periods: int) -> Array:
     """Return the largest force of the output intervals with their middle in each load period.
 

@@ -22,14 +22,17 @@ from workflow.models._contact_system import (
     ContactSystem,
     CriticalFriction,
     analyse_contacts,
+    closed_sets,
     contact_system,
     critical_friction,
+    poles_in_contact,
+    set_text,
     stops_together,
 )
 from workflow.models._contacts import Contacts
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
 from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
-from workflow.models._growth import growth, growth_rate, in_contact
+from workflow.models._growth import Growth, growth, growth_of_sets, growth_rate, in_contact, worst
 from workflow.models._matrix_files import discard_files, files_laid_out
 from workflow.models._modes import (
     coupled_damping,
@@ -52,6 +55,7 @@ from workflow.models._static import (
     NoEquilibriumError,
     at_rest,
     critical_alpha,
+    critical_alphas,
     directions,
     free_reach,
     instantaneous_growth,

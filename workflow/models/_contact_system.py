@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from workflow.kernels import Array
 from workflow.kernels.algebra import singular
 from workflow.kernels.lemke import complementarity
-from workflow.models._cases import Cases, distinct_rows, project
+from workflow.models._cases import Cases, project
 from workflow.models._contacts import Contacts
 from workflow.models._modes import coupled_damping, mechanical_modes, modal_coupling, thermal_modes
-from workflow.models._structure import Structure
+from workflow.models._structure import Structure, stays_cold
 
 _RIGID = 1e-13
 """Part of a row, over the whole, up to which it is 0: the rounding of some hundred terms."""
@@ -264,40 +264,60 @@ _REAL = 1e-9
 """Imaginary part of an eigenvalue, over it, up to which it is the rounding of a real one."""
 
 
-def stops_together(basis: ContactBasis) -> list[NDArray[np.bool_]]:
+def stops_together(contacts: Contacts) -> list[NDArray[np.bool_]]:
     """Return the largest sets of contacts that can be closed at once: all, or one of each pair of opposite stops."""
-    pairs, sets = [pair[:2] for pair in basis.contacts.opposite], []
+    pairs, sets = [pair[:2] for pair in contacts.opposite], []
     for left in product(*pairs):
-        closed = np.ones(basis.contacts.count, dtype=np.bool_)
+        closed = np.ones(contacts.count, dtype=np.bool_)
         closed[list(left)] = False
         sets.append(closed)
     return sets
 
 
-def critical_alpha_of_contacts(structure: Structure, friction: float = 0.0) -> float:
-    """Return the least α > 0 at which the static problem with all contacts closed is singular, W/N.
+def closed_sets(contacts: Contacts) -> dict[tuple[str, ...], NDArray[np.intp]]:
+    """Return the sets of contacts that are judged, by their labels: each contact alone, all that can close together."""
+    every = [np.flatnonzero(closed) for closed in stops_together(contacts)]
+    sets = [*np.arange(contacts.count)[:, None], *(some for some in every if some.size > 1)]
+    return {tuple(contacts.labels[k] for k in closed): closed for closed in sets}
+
+
+def set_text(labels: tuple[str, ...]) -> str:
+    """Return a set of closed contacts in words: `LE alone`, `LE, TE together`; empty for no contact."""
+    return "" if not labels else f"{', '.join(labels)} {'alone' if len(labels) == 1 else 'together'}"
+
+
+def critical_alphas_of_contacts(structure: Structure, friction: float = 0.0) -> dict[tuple[str, ...], float]:
+    """Return the least α > 0 at which the static problem of each closed set is singular, W/N, by :func:`closed_sets`.
 
     det(S - α B) = 0 with S_ij = w_iᵀ K1⁻¹ (w_j - µ t_j) + R_ij - µ R^t_ij + c δ_ij and
-    B_ij = -(w_iᵀ K1⁻¹ K12 + r_i) K2⁻¹ s_j. Rigid motions are unknowns beside the forces. ``inf`` for none, 0 where heat
-    that cannot leave pushes a contact out.
+    B_ij = -(w_iᵀ K1⁻¹ K12 + r_i) K2⁻¹ s_j, under forces that balance on rigid motions. ``inf`` for none; 0 where heat
+    that cannot leave pushes a contact out, or friction alone makes the set unstable, det S < 0.
     """
     basis = analyse_contacts(structure)
-    return min(_critical_alpha(basis, closed, friction) for closed in stops_together(basis))
+    return {labels: _critical_alpha(basis, closed, friction) for labels, closed in closed_sets(basis.contacts).items()}
 
 
-def _critical_alpha(basis: ContactBasis, closed: NDArray[np.bool_], friction: float) -> float:
+def _critical_alpha(basis: ContactBasis, closed: NDArray[np.intp], friction: float) -> float:
     elastic, warm = basis.frequency > 0, basis.rate > 0
     normal, sliding = basis.normal[closed], (basis.normal - friction * basis.tangent)[closed]
     flexible = normal[:, elastic] / basis.frequency[elastic] ** 2
     grows = -flexible @ basis.coupling[elastic] - basis.residual_coupling[closed]
-    if np.any(np.abs(grows[:, ~warm] @ basis.heat[closed][:, ~warm].T) > 0):
-        return 0.0
+    grows[np.abs(grows) <= _RIGID * np.abs(grows).max(initial=0.0)] = 0.0
+    heat = basis.heat[closed].T
+    kept = grows[:, ~warm] @ heat[~warm]  # growth rate of heat that cannot leave
+    kept[np.abs(kept) <= _RIGID * (np.abs(grows) @ np.abs(heat))] = 0.0
     S = flexible @ sliding[:, elastic].T
     if basis.contacts.is_compliant:
         S = S + basis.contacts.compliance(friction)[np.ix_(closed, closed)]
-    B = (grows[:, warm] / basis.rate[warm]) @ basis.heat[closed][:, warm].T
-    none = np.zeros((len(S), int((~elastic).sum())))
-    return _least_root(_at_rest(normal[:, ~elastic], sliding[:, ~elastic], S), _at_rest(none, none, B))
+    B = (grows[:, warm] / basis.rate[warm]) @ heat[warm]
+    held, sizes, moved = np.linalg.svd(normal[:, ~elastic])
+    rigid = int(np.sum(sizes > _RIGID * np.abs(basis.normal).max(initial=0.0)))  # motions that the set stops
+    pushed = sliding[:, ~elastic] @ moved[:rigid].T
+    if np.linalg.slogdet(_at_rest(normal[:, ~elastic] @ moved[:rigid].T, pushed, S))[0] * (-1) ** len(S) < 0:
+        return 0.0
+    left, balanced = held[:, rigid:].T, np.linalg.svd(pushed.T)[2][rigid:].T
+    S, B, kept = (left @ matrix @ balanced for matrix in (S, B, kept))
+    return 0.0 if np.isfinite(_least_root(S, kept)) else _least_root(S, B)
 
 
 def _at_rest(normal: Array, sliding: Array, flexibility: Array) -> Array:
@@ -308,10 +328,11 @@ def _at_rest(normal: Array, sliding: Array, flexibility: Array) -> Array:
 
 def _least_root(A: Array, B: Array) -> float:
     """Return the least z > 0 with det(A - z B) = 0; ``inf`` for none."""
-    values = scipy.linalg.eigvals(A, B)
+    values = scipy.linalg.eigvals(B, A)  # 1/z
     values = values[np.isfinite(values)]
     real = values.real[np.abs(values.imag) <= _REAL * np.abs(values)]
-    return float(real[real > 0].min(initial=np.inf))
+    largest = float(real.max(initial=0.0))
+    return 1 / largest if largest > _RIGID * np.abs(values).max(initial=0.0) else float("inf")
 
 
 class CriticalFriction(NamedTuple):
@@ -329,34 +350,34 @@ def critical_friction(structure: Structure) -> list[CriticalFriction]:
     """Return the critical friction coefficients of each contact alone, and of all that can be closed together."""
     contacts = structure.contact_rows
     basis = analyse_contacts(structure)
-    elastic, every = basis.frequency > 0, [np.flatnonzero(closed) for closed in stops_together(basis)]
+    elastic = basis.frequency > 0
     flexible = basis.normal[:, elastic] / basis.frequency[elastic] ** 2
     compliance, found = contacts.compliance(0.0), []
-    for closed in [*np.arange(contacts.count)[:, None], *(some for some in every if some.size > 1)]:
+    for labels, closed in closed_sets(contacts).items():
         w, t, pairs = basis.normal[closed], basis.tangent[closed], np.ix_(closed, closed)
         S = flexible[closed] @ w[:, elastic].T + compliance[pairs]
         aside = flexible[closed] @ t[:, elastic].T + (compliance - contacts.compliance(1.0))[pairs]
         rigid, none = w[:, ~elastic], np.zeros((closed.size, int((~elastic).sum())))
         impact = np.inf if contacts.is_compliant else _least_root(w @ w.T, w @ t.T)
         rest = _least_root(_at_rest(rigid, rigid, S), _at_rest(none, t[:, ~elastic], aside))
-        found.append(CriticalFriction(tuple(contacts.labels[k] for k in closed), impact, rest))
+        found.append(CriticalFriction(labels, impact, rest))
     return found
 
 
-def rates_in_contact(basis: ContactBasis, alpha: Array, friction: Array) -> tuple[Array, Array]:
-    """Return the largest real part of the eigenvalues with all contacts closed, and the largest modulus, ``(case,)``.
+def poles_in_contact(
+    basis: ContactBasis, closed: NDArray[np.intp], alpha: float, friction: float
+) -> NDArray[np.complex128] | None:
+    """Return all poles with some contacts ``closed`` for good, 1/s; ``None`` where their forces are not unique.
 
-    1/s; of opposite stops the worst of each alone. NaN where forces are not unique.
+    A temperature that stands for none has none.
     """
-    first, which = distinct_rows(alpha[:, None], friction[:, None])
-    found = np.full((2, first.size), np.nan)
-    for k, i in enumerate(first.tolist()):
-        for closed in stops_together(basis):
-            system = contact_system(basis, closed, float(alpha[i]), float(friction[i]))
-            if system is not None:
-                values = np.linalg.eigvals(system.A)
-                found[:, k] = np.fmax(found[:, k], [values.real.max(initial=-np.inf), np.abs(values).max(initial=0.0)])
-    return found[0, which], found[1, which]
+    basis = basis.unheated if stays_cold(basis.heat) else basis
+    is_closed = np.isin(np.arange(basis.contacts.count), closed)
+    system = contact_system(basis if alpha > 0 else basis.unheated, is_closed, alpha, friction)
+    if system is None:
+        return None
+    poles = np.linalg.eigvals(system.A).astype(np.complex128)
+    return poles if alpha > 0 else np.append(poles, -basis.rate)
 
 
 def contacts_at_rest(structure: Structure, cases: Cases) -> Cases | None:

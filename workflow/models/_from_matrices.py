@@ -52,10 +52,6 @@ _UNBALANCED = 1e-8
 """Relative thermal force that may act on a rigid body: half the digits of a file in full precision."""
 
 
-COLD = 1e30
-"""Heat capacity [J/K] of a structure whose temperatures are not given: it stays cold."""
-
-
 @dataclass(frozen=True, eq=False)
 class GivenMatrices:
     """Matrices, dense or sparse, in SI and in coordinates of their own; all are symmetric but K12."""

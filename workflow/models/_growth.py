@@ -1,6 +1,7 @@
-"""Growth rate of a tip in permanent contact: the rightmost eigenvalue of the structure held at the gap, with its heat.
+"""Growth rate in permanent contact: the rightmost eigenvalue of the structure held at the gap, with its heat.
 
-With x = φ η + ψ x_n (fixed-interface modes and constraint mode), θ = χ τ (thermal modes of the whole structure), x_n
+Of several contacts it is the worst of :func:`closed_sets`, whose systems are those of ``_contact_system``. Of one,
+with x = φ η + ψ x_n (fixed-interface modes and constraint mode), θ = χ τ (thermal modes of the whole structure), x_n
 constant and no loads, equation (1) becomes
 
     η'' + c η' + ω² η + κ τ = 0               κ = φᵀ K12 χ,   c = φᵀ C1 φ
@@ -27,10 +28,11 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
-from workflow.models._contact_system import ContactBasis, analyse_contacts, rates_in_contact
+from workflow.models._cases import distinct_rows
+from workflow.models._contact_system import ContactBasis, analyse_contacts, closed_sets, poles_in_contact
 from workflow.models._modes import held_damping, is_rayleigh, poles
 from workflow.models._pair import Modes
-from workflow.models._structure import Structure
+from workflow.models._structure import Structure, stays_cold
 
 _ALL_STATES = 600
 """States up to which all eigenvalues are computed."""
@@ -58,15 +60,35 @@ _ROUNDING = 1e-13
 
 
 class Growth(NamedTuple):
-    """Largest real part of the eigenvalues with the tip in permanent contact, and its uncertainty, 1/s, ``(α,)``."""
+    """The pole of largest real part with contacts closed for good, not below the real axis, and its uncertainty.
 
-    rate: Array
+    1/s, ``(case,)`` each; -∞ where the structure cannot move then, NaN where it was not found.
+    """
+
+    pole: Complex
     uncertainty: Array
 
     @property
+    def rate(self) -> Array:
+        """Growth rate, 1/s."""
+        return self.pole.real
+
+    @property
+    def frequency(self) -> Array:
+        """Frequency of what grows, Hz; 0 where it does not oscillate."""
+        return np.where(self.pole.imag > self.uncertainty, self.pole.imag, 0.0) / (2 * np.pi)
+
+    @property
     def is_positive(self) -> NDArray[np.bool_]:
-        """Whether it is positive by more than its uncertainty."""
+        """Whether the rate is positive by more than its uncertainty."""
         return self.rate > self.uncertainty
+
+
+def _rightmost(poles: Complex) -> Complex:
+    """Return of each row the pole of largest real part, or its conjugate, not below the real axis; -∞ of none."""
+    poles = np.concatenate([poles, np.full((*poles.shape[:-1], 1), -np.inf)], axis=-1)
+    found = np.take_along_axis(poles, poles.real.argmax(axis=-1)[..., None], axis=-1)[..., 0]
+    return np.where(found.imag < 0, found.conj(), found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +205,8 @@ def in_contact(structure: Structure) -> InContact | ContactBasis:
         return analyse_contacts(structure)
     pair, few = structure.mechanical, None if structure.has_matrices else _STRONGEST
     held, thermal = pair.modes(few, held=True), structure.thermal.modes(few)
+    if stays_cold(thermal.tip):  # the one temperature stands for none
+        thermal = Modes(thermal.values[:0], thermal.shapes[:, :0])
     kept = (held.values > 0) | (structure.tangent is not None)
     omega, shapes = np.sqrt(held.values[kept]), np.ascontiguousarray(held.shapes[:, kept])
     constraint, expansions = pair.constraint, structure.expansions(thermal.shapes)
@@ -201,40 +225,71 @@ def in_contact(structure: Structure) -> InContact | ContactBasis:
     )
 
 
-def growth(contact: InContact | ContactBasis, alpha: Array, friction: Array) -> Growth:
-    """Return the largest real parts of the eigenvalues of a structure in permanent contact, 1/s; stable where negative.
+def growth_of_sets(contact: InContact | ContactBasis, alpha: Array, friction: Array) -> dict[tuple[str, ...], Growth]:
+    """Return the growth of a structure in permanent contact for each of :func:`closed_sets`, by its labels.
 
-    ``alpha`` and ``friction`` are ``(case,)``; the bits of a case do not depend on the others. Where damping or
-    friction couples the modes no eigenvalue is refined. NaN where none of a larger structure could be refined; flutter
-    of modes that contact heat shifts little may be missed there.
+    ``contact`` is what :func:`in_contact` returns of a structure, full or reduced; of one contact with mass the set is
+    ``("tip",)``. ``alpha`` [W/N] and ``friction`` are ``(case,)``; the bits of a case do not depend on the others.
+    Where damping or friction couples the modes no eigenvalue is refined. NaN where forces are not unique, or none of a
+    larger structure could be refined; flutter of modes that contact heat shifts little may be missed there.
+    :func:`poles_in_contact` gives all poles of a set.
     """
     if isinstance(contact, ContactBasis):
-        rate, largest = rates_in_contact(contact, alpha, friction)
-        return Growth(rate, _UNCERTAIN * largest)
-    most = max(1, _TOGETHER // contact.poles.size**2)
+        return _of_contacts(contact, alpha, friction)
+    most = max(1, _TOGETHER // max(1, contact.poles.size) ** 2)
     slices = (slice(first, first + most) for first in range(0, alpha.size, most))
-    return Growth(*np.hstack([_growth(contact, alpha[some], friction[some]) for some in slices]))
+    each = [_growth(contact, alpha[some], friction[some]) for some in slices]
+    return {("tip",): Growth(*map(np.concatenate, zip(*each, strict=True)))}
+
+
+def _of_contacts(basis: ContactBasis, alpha: Array, friction: Array) -> dict[tuple[str, ...], Growth]:
+    """Return the growth for each closed set of several contacts, or of contacts without mass."""
+    first, which = distinct_rows(alpha[:, None], friction[:, None])
+    found = {}
+    for labels, closed in closed_sets(basis.contacts).items():
+        pole, largest = np.full(first.size, np.nan, np.complex128), np.zeros(first.size)
+        for k, i in enumerate(first.tolist()):
+            poles = poles_in_contact(basis, closed, float(alpha[i]), float(friction[i]))
+            if poles is not None:
+                pole[k], largest[k] = _rightmost(poles), np.abs(poles).max(initial=0.0)
+        found[labels] = Growth(pole[which], _UNCERTAIN * largest[which])
+    return found
+
+
+def growth(contact: InContact | ContactBasis, alpha: Array, friction: Array) -> Growth:
+    """Return the growth of the worst closed set of each case, see :func:`worst`; stable where its rate is negative."""
+    return worst(growth_of_sets(contact, alpha, friction))[1]
+
+
+def worst(of_sets: dict[tuple[str, ...], Growth]) -> tuple[NDArray[np.intp], Growth]:
+    """Return which set grows fastest for certain in each case, and its growth: 0 where nothing can move."""
+    poles, uncertainties = (np.array([getattr(each, name) for each in of_sets.values()]) for name in Growth._fields)
+    at = np.nan_to_num(poles.real - uncertainties, nan=-np.inf).argmax(axis=0)
+    pole, uncertainty = (np.take_along_axis(each, at[None], axis=0)[0] for each in (poles, uncertainties))
+    return at, Growth(np.where(pole.real == -np.inf, 0.0, pole), uncertainty)
 
 
 def _growth(contact: InContact, alpha: Array, friction: Array) -> Growth:
-    """Return the growth rates of cases whose matrices are made at a time."""
-    rate, largest = np.empty((2, alpha.size))
+    """Return the growth of cases whose matrices are made at a time."""
+    pole, largest = np.empty(alpha.size, np.complex128), np.empty(alpha.size)
     couples = (contact.damping is not None) | ((contact.slid is not None) & (friction != 0))
     if couples.any():
-        values = np.linalg.eigvals(contact.matrices(alpha[couples], friction[couples]))
-        rate[couples], largest[couples] = values.real.max(axis=1), np.abs(values).max(axis=1)
+        values = np.linalg.eigvals(contact.matrices(alpha[couples], friction[couples])).astype(np.complex128)
+        pole[couples], largest[couples] = _rightmost(values), np.abs(values).max(axis=1, initial=0.0)
     uncoupled = np.flatnonzero(~couples)
     for part, others, group in contact.shifted_modes(alpha[uncoupled]):
         some = uncoupled[group]
         values = np.linalg.eigvals(part.matrices(alpha[some], friction[some])).astype(np.complex128)
-        rate[some] = np.maximum(_refined(contact, part, alpha[some], values), others.real.max(initial=-np.inf))
-        largest[some] = np.abs(values).max(axis=1, initial=np.abs(contact.poles).max())
-    rate = np.maximum(rate, 0.0 if contact.has_rigid else -np.inf) + 0.0
-    return Growth(np.where(np.isfinite(rate), rate, np.nan), _UNCERTAIN * largest)
+        refined, other = _refined(contact, part, alpha[some], values), _rightmost(others)
+        pole[some] = np.where(refined.real < other.real, other, refined)
+        largest[some] = np.abs(values).max(axis=1, initial=np.abs(contact.poles).max(initial=0.0))
+    pole[contact.has_rigid & (pole.real < 0)] = 0.0
+    pole[~(pole.real < np.inf)] = np.nan
+    return Growth(pole + 0.0, _UNCERTAIN * largest)
 
 
-def _refined(contact: InContact, part: InContact, alpha: Array, spectrum: Complex) -> Array:
-    """Return the largest real part of each spectrum of a part, refined by Newton's method on 1/G(s) = α, ``(case,)``.
+def _refined(contact: InContact, part: InContact, alpha: Array, spectrum: Complex) -> Complex:
+    """Return the rightmost pole of each spectrum of a part, refined by Newton's method on 1/G(s) = α, ``(case,)``.
 
     An eigenvalue from which it comes to a root nearer to another one is kept: contact heat cannot shift it, so it is no
     root. Where it does not converge they are kept if the spectrum is that of all modes, else left out; NaN if none is
@@ -264,9 +319,9 @@ def _refined(contact: InContact, part: InContact, alpha: Array, spectrum: Comple
     unshifted &= distance == distance.min(axis=1, keepdims=True, initial=np.inf)
     exact = np.where(unshifted, part.poles.real, -np.inf).max(axis=2, initial=-np.inf)
     known = above & (found | (contact.poles.size <= _ALL_STATES))
-    rates = np.where(known, np.where(refined, roots, starts).real, -np.inf)
-    rates = np.where(exact > -np.inf, exact, rates).max(axis=1, initial=-np.inf)
-    return np.where(known.any(axis=1) | ~above.any(axis=1), rates, np.nan)
+    kept = np.where(known, np.where(refined, roots, starts), -np.inf)
+    kept = _rightmost(np.where(exact > -np.inf, exact + 1j * starts.imag, kept))
+    return np.where(known.any(axis=1) | ~above.any(axis=1), kept, np.nan)
 
 
 def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:

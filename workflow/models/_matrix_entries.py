@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.models._contacts import Contacts, checked_contacts
-from workflow.models._from_matrices import ASYMMETRY, COLD, GivenMatrices
+from workflow.models._from_matrices import ASYMMETRY, GivenMatrices
 from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, Entries
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._sensors import Sensor
-from workflow.models._structure import Rayleigh
+from workflow.models._structure import COLD, Rayleigh
 
 _WHOLE = 1e-9
 """Accepted deviation of a sum of weights from 1: rounding of many of them."""

@@ -21,7 +21,7 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._cases import Cases, distinct_rows
-from workflow.models._contact_system import contacts_at_rest, critical_alpha_of_contacts
+from workflow.models._contact_system import contacts_at_rest, critical_alphas_of_contacts
 from workflow.models._modes import coupled_damping, mechanical_modes
 from workflow.models._pair import UNBALANCED
 from workflow.models._structure import Structure
@@ -104,25 +104,31 @@ def static_reach(structure: Structure) -> Array:
 
 
 def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
-    """Return α_c = S/β above which a tip in permanent contact runs away, W/N; 0 where it is never stable there.
+    """Return the least of :func:`critical_alphas`, W/N."""
+    return min(critical_alphas(structure, friction).values())
+
+
+def critical_alphas(structure: Structure, friction: float = 0.0) -> dict[tuple[str, ...], float]:
+    """Return α_c of each closed set by its labels: of a tip S/β, above which it runs away, W/N; 0 if it always does.
 
     S = e_nᵀ K1⁻¹ (e_n - µ t) + c on a casing of flexibility c, see :mod:`workflow.models._static`, and
     β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. With the steady temperatures χ for 1 K at the tip and the conductance σ of the tip
     K2⁻¹ e_n = χ/σ. Singular cases are decided by rank: ``inf`` where the root is free or heat at the tip does not push
-    it out (β <= 0), 0 where heat that cannot leave the structure (σ = 0) pushes the tip out.
+    it out (β <= 0), 0 where heat that cannot leave the structure (σ = 0) pushes the tip out. Several contacts:
+    :func:`critical_alphas_of_contacts`.
     """
     rows = structure.contacts
     if rows is not None and (rows.count > 1 or rows.residual is not None):
-        return critical_alpha_of_contacts(structure, friction)
+        return critical_alphas_of_contacts(structure, friction)
     yields = 1 - friction * static_share(structure)
     if yields <= 0:
-        return 0.0
+        return {("tip",): 0.0}
     terms = static_tip_growth(structure) * structure.thermal.constraint
     pushed, flexibility = float(terms.sum()), tip_flexibility(structure)
     if np.isinf(flexibility) or pushed <= _CANCELLED * np.abs(terms).max(initial=0.0):
-        return float("inf")
+        return {("tip",): float("inf")}
     casing = 0.0 if rows is None else rows.casing_flexibility
-    return structure.thermal.tip_stiffness * (flexibility * yields + casing) / pushed
+    return {("tip",): structure.thermal.tip_stiffness * (flexibility * yields + casing) / pushed}
 
 
 def instantaneous_growth(structure: Structure) -> float:

@@ -31,6 +31,15 @@ class Rayleigh:
         return np.asarray(damping if self.ratio == 0 else damping + 2 * self.ratio * frequency)
 
 
+COLD = 1e30
+"""Heat capacity [J/K] of the temperature of a structure that has none: it stays cold."""
+
+
+def stays_cold(shares: Array) -> bool:
+    """Tell by the thermal modes' shares in contacts, 1/√(J/K), whether a structure has no temperatures."""
+    return bool(np.all(shares**2 <= 2 / COLD))
+
+
 @dataclass(frozen=True, eq=False)
 class Transforms:
     """Transforms between the coordinates of a structure and those of another, or of its source."""

@@ -22,12 +22,12 @@ import numpy as np
 from workflow.declare import NUMBER, File, Rows, rows, speed
 from workflow.kernels import Array
 from workflow.models._contacts import Contacts, checked_contacts
-from workflow.models._from_matrices import COLD, GivenMatrices, Sparse, structure_from_matrices, with_contacts
+from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, with_contacts
 from workflow.models._matrix_entries import symmetric_entry
 from workflow.models._matrix_files import in_c
 from workflow.models._pair import UnusableMatricesError, turning_at
 from workflow.models._sensors import Sensor
-from workflow.models._structure import Matrices, Rayleigh, Structure
+from workflow.models._structure import COLD, Matrices, Rayleigh, Structure
 
 COLUMNS = (("frequency", "Hz"), ("damping_ratio", "1"), ("tip", "1/kg**0.5"))
 HEAT_COLUMNS = (("rate", "1/s"), ("tip", "K**0.5/J**0.5"))

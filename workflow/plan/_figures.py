@@ -10,7 +10,7 @@ import numpy as np
 from workflow import models
 from workflow.cases import Grid, cases_of, full_structure
 from workflow.declare import measure
-from workflow.models import Chain, critical_alpha, frequencies, rates, statics
+from workflow.models import Chain, critical_alphas, frequencies, rates, set_text, statics
 from workflow.study import CaseSettings
 
 
@@ -30,7 +30,9 @@ class Figures:
     fastest: float
     """``slowest``, ``fastest``: longest and shortest thermal time 1/μ, s; ``inf`` for an adiabatic mode."""
     critical_alpha: float
-    """α_c, W/N, the least of the friction coefficients given."""
+    critical_set: str
+    """``critical_alpha``, ``critical_set``: α_c, W/N, the least of the friction coefficients given and of all closed
+    sets, and the one it is of, in words; empty for one contact."""
 
 
 def figures(settings: CaseSettings, friction: Iterable[float]) -> Figures:
@@ -39,6 +41,8 @@ def figures(settings: CaseSettings, friction: Iterable[float]) -> Figures:
     with np.errstate(divide="ignore"):
         times = 1.0 / rates(structure)
     flexibility = float(statics(structure)[0].max())
+    alphas = [(alpha, k) for each in {*friction} for k, alpha in critical_alphas(structure, each).items()]
+    alpha, labels = min(alphas, key=lambda one: one[0])
     return Figures(
         label=f"{settings.scene.model}, {size_text(settings)}{_condensed(settings)}",
         first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
@@ -46,7 +50,8 @@ def figures(settings: CaseSettings, friction: Iterable[float]) -> Figures:
         stiffness_by=_stiffness_by(settings),
         slowest=float(times.max()),
         fastest=float(times.min()),
-        critical_alpha=min(critical_alpha(structure, each) for each in {*friction}),
+        critical_alpha=alpha,
+        critical_set=set_text(labels) if structure.contact_rows.count > 1 else "",
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import workflow
 from workflow import variables
 from workflow.cases import FRICTION, Grid, alpha_of, full_structure
+from workflow.models import set_text
 from workflow.plan._warnings import tip_cells
 from workflow.schemes import Status
 from workflow.solve import NOT_ASKED, metrics_of, periods_of, steady_of
@@ -44,7 +45,7 @@ def encode(dataset: xr.Dataset) -> xr.Dataset:
         lengths.append(max(1, min(size, most // math.prod(lengths))))
     cut = dict(zip(dataset["status"].dims, reversed(lengths), strict=True))
     for variable in results:
-        fill = {} if variable.dtype.kind == "i" else {"_FillValue": np.nan}
+        fill = {"_FillValue": np.nan} if variable.dtype.kind == "f" else {}
         tail = list(variable.shape[len(shape) :])
         along = len({"contact", "sensor"} & set(variable.dims))
         if len(tail) > along:
@@ -150,6 +151,7 @@ def _tails(grid: Grid) -> dict[str, int]:
         "period": grid.longest_period_count if branch is None else 0,
         "point": 0 if branch is None else branch.points,
         "phase": 0 if steady is None else steady.samples,
+        **dict.fromkeys(("critical_set_length", "growth_set_length"), len(set_text(grid.study.contacts).encode())),
     }
     return {name: size for name, size in tails.items() if size}
 
@@ -167,6 +169,7 @@ def _results(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[variables.V
         about = variables.of_contacts(about) if study.contacts else about
         texts = {name: text for name in ("comment", "cell_methods") if (text := getattr(about, name))}
         units = {"units": unit} if (unit := _unit(about, study)) else {}
+        units |= {"_Encoding": "utf-8"} if about.shape == "text" else {}
         yield about, {**units, "long_name": about.meaning, **texts, **depths.get(about.name, {})}
     for about in (about for about in (*others, *kept) if about.name in flags):
         meanings = flags[about.name]
@@ -199,9 +202,11 @@ def _result(about: variables.Variable, attributes: Attributes, grid: Grid, sizes
     if "flag_values" in attributes or about.name == "event_contact":
         unset = {"status": Status.NOT_RUN, "steady_state": NOT_ASKED, "event_kind": -1, "event_contact": -1}
         blank = np.int8(unset.get(about.name, 0))
+    blank = np.bytes_() if about.shape == "text" else blank
     contact = ("contact",) if about.is_of_contact and "contact" in sizes else ()
     contact = ("sensor",) if about.is_of_sensor else contact
-    dims = (*(name for name, _ in grid.dims), *contact, *_TAILS.get(about.shape, ()))
+    tail = (f"{about.name}_length",) if about.shape == "text" else _TAILS.get(about.shape, ())
+    dims = (*(name for name, _ in grid.dims), *contact, *tail)
     return _variable(dims, np.broadcast_to(blank, tuple(sizes[name] for name in dims)), attributes)
 
 

@@ -193,17 +193,10 @@ def maps(dataset: xr.Dataset) -> Section | None:
 
 def cases(dataset: xr.Dataset) -> Section:
     """Tell how the cases ended and along which dimensions they lie."""
-    above, flutter = runaways(dataset)
-    critical = np.zeros(0)
-    if above:
-        couplings = dataset["critical_alpha"].where(dataset["status"] == Status.OK)
-        critical = np.unique(couplings.where(dataset["alpha"] > couplings).values.round(12))
     groups = failures(dataset, rounded=True)
     return {
         "counts": [[name, str(number)] for name, number in status_counts(dataset).items()],
-        "above": above,
-        "critical": ", ".join(f"{value:.4g}" for value in critical[np.isfinite(critical)][:5]),
-        "flutter": flutter,
+        **runaways(dataset)._asdict(),
         "failures": [[f.status, str(f.cases), f.first, f.message] for f in groups[:_FAILURES_SHOWN]],
         "more_failures": max(len(groups) - _FAILURES_SHOWN, 0),
         "decided": [

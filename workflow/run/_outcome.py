@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workflow.archive import open_archive
+from workflow.judges.load_periods import SETTLED, change_of_impulse
 from workflow.plan import WARNINGS, too_thick
 from workflow.schemes import LINEAR, Status
 from workflow.variables import COMPARED
@@ -52,6 +53,10 @@ class Outcome:
 _ERRORS = tuple(f"{name}_error" for name in COMPARED)
 
 
+_PARTS = 64
+"""Parts in which load periods are read."""
+
+
 def status_name(value: int) -> str:
     """Return the name of a status, also of one that no version of this workflow has written."""
     return Status(value).name.lower() if value in Status._value2member_map_ else f"status {value}"
@@ -75,11 +80,12 @@ def labels_of_case(dataset: xr.Dataset, number: int) -> str:
 
 
 def warnings_of(dataset: xr.Dataset) -> tuple[str, ...]:
-    """Return what to beware of in an archive, one sentence each: its temperatures, and what its plan warned of."""
+    """Return what to beware of in an archive, a sentence each: temperatures, settling, what its plan warned of."""
     return (
         *_hottest(dataset),
         *_coarse_tip(dataset),
         *_moving(dataset),
+        *_unsettled(dataset),
         *str(dataset.attrs.get(WARNINGS, "")).splitlines(),
     )
 
@@ -115,6 +121,27 @@ def _coarse_tip(dataset: xr.Dataset) -> Iterator[str]:
         counted = lasts & (dataset["status"] == Status.OK) & (dataset["alpha"] > 0)
         total, count = (float(values.where(counted).sum()) for values in (time, contacts))
         yield from too_thick(about, total / max(count, 1.0), "a mean contact")
+
+
+def _unsettled(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield how many ok cases have not settled, by the impulses of load periods, where no steady rubs are asked for."""
+    if "period_impulse" not in dataset or "steady_state" in dataset:
+        return
+    ok, periods = dataset["status"].values == Status.OK, dataset["period_impulse"].transpose(..., "period")
+    along, size = periods.dims[0], periods.shape[0]
+    width = size if along == "period" else 1 + size // _PARTS
+    parts = (periods.isel({along: slice(k, k + width)}) for k in range(0, size, width))
+    change = np.concatenate([np.ravel(change_of_impulse(part.values)) for part in parts])
+    change = np.where(ok, np.fmax.reduce(change.reshape(*ok.shape, -1), axis=-1), np.nan)
+    unsettled = int(np.sum(change > SETTLED))
+    if unsettled:
+        most = int(np.nanargmax(change))
+        where = labels_of_case(dataset, most) or "the only case"
+        yield (
+            f"{unsettled} of {np.sum(ok)} ok cases have not settled: the mean impulse of a load period changes by more "
+            f"than {SETTLED:.0%} between the last two quarters of the periods; most, {change.flat[most]:.0%}: {where}; "
+            "make `duration` longer, or ask for `output.steady`"
+        )
 
 
 def _moving(dataset: xr.Dataset) -> Iterator[str]:

@@ -205,6 +205,9 @@ class RefusedStructureError(ValueError):
     """A scheme cannot step a structure; the text says why."""
 
 
+ONE_CONTACT = "it takes one contact, with mass"
+"""Why a scheme cannot step a structure with :attr:`~workflow.models.Structure.contacts`."""
+
 NEEDS_MASS = (
     "its contacts are without mass, by which a step of the scheme divides; moreau, event_driven and implicit penalty "
     "take them"
@@ -297,7 +300,7 @@ class Scheme:
         if structure.contact_rows.casing_flexibility > 0 and "elastic" not in self.GENERAL:
             return "it takes a rigid casing; `event_driven` and `moreau` take one with `flexibility`"
         if structure.contacts is not None and "contacts" not in self.GENERAL:
-            return "it takes one contact, with mass"
+            return ONE_CONTACT
         if structure.has_massless_tip and "massless" not in self.GENERAL:
             return NEEDS_MASS
         if structure.contacts is not None and structure.observed is not None:

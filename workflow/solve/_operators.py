@@ -7,11 +7,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.cases import Reduced, full_structure, model_on, reduced, reduced_structure
-from workflow.judges.blow_ups import Runaways, mark_blown_up
+from workflow.judges.blow_ups import PermanentContact, Runaways, mark_blown_up
 from workflow.models import (
     Array,
     Cases,
@@ -89,8 +88,8 @@ def compile_for(settings: CaseSettings, balances: bool) -> None:
         compile_scheme(variant)
 
 
-def runaways_of(settings: CaseSettings, alpha: Array, friction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return critical coupling, growth rate and whether a tip in contact runs away: see :class:`Runaways`."""
+def permanent_contact(settings: CaseSettings, alpha: Array, friction: Array) -> PermanentContact:
+    """Return what becomes of cases of settings in permanent contact."""
     return _runaways(reduced(settings)).of(alpha, friction)
 
 
@@ -107,7 +106,7 @@ def judged(settings: CaseSettings, cases: Cases, results: Results, duration: flo
     return mark_blown_up(
         full_structure(settings),
         lambda: statics_of(settings.scene.model, settings.scene.parameters),
-        lambda some: runaways_of(settings, some.alpha, some.friction)[1],
+        lambda some: permanent_contact(settings, some.alpha, some.friction).growth_rate,
         cases,
         results,
         duration,

@@ -36,9 +36,9 @@ from workflow.solve._operators import (
     end_of,
     judged,
     kernel_variant,
+    permanent_contact,
     projection_residual_of,
     run_batch,
-    runaways_of,
 )
 from workflow.solve._solutions import Solutions, against_reference, solutions_for, texts_of
 from workflow.solve._tasks import Batch
@@ -273,7 +273,7 @@ def _solve_distinct(
     results, seconds = _timed(grid, settings, cases)
     results = judged(settings, cases, results, grid.sampling.duration)
     steady, remarks = steady_values(grid, settings, cases)
-    critical, growth, runaway = runaways_of(settings, cases.alpha, cases.friction)
+    contact = permanent_contact(settings, cases.alpha, cases.friction)._asdict()
     values: dict[str, NDArray[Any]] = {
         **results.histories,
         **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},
@@ -283,13 +283,12 @@ def _solve_distinct(
         **_events(results.events, cases.count, grid),
         **_over_depth(grid, settings, cases),
         **steady,
-        "critical_alpha": critical,
-        "growth_rate": growth,
+        **{name: value for name, value in contact.items() if name in variables.BY_NAME},
         "projection_residual": projection_residual_of(settings, cases),
         "processor_time": np.full(inner.size, seconds / inner.size),
         "batch_width": np.full(inner.size, float(inner.size)),
         "status": results.status,
-        "runaway": runaway.astype(np.int8),
+        "runaway": contact["runaway"].astype(np.int8),
     }
     lost = np.flatnonzero(np.isnan(values["growth_rate"])).tolist()
     unconverged = dict.fromkeys(lost, "growth_rate: the eigenvalues of the tip in contact did not converge")
@@ -380,6 +379,7 @@ def _conditions_of(study: Study) -> Iterator[Condition]:
     asked: dict[Condition, object] = {
         "always": not is_branch,
         "branch": is_branch,
+        "contacts": study.contacts and not is_branch,
         "auto": study.is_auto,
         "depth": output.temperature_depth,
         "balances": output.balances,
@@ -399,19 +399,19 @@ def scheme_metrics(study: Study) -> tuple[Variable, ...]:
 
 
 def metrics_of(study: Study) -> tuple[Variable, ...]:
-    """Return the metrics of a study's archive but those of steady rubs; of branches those of the basis."""
-    own = () if study.branch is not None else scheme_metrics(study)
-    return (*variables.select("metric", None, *_conditions_of(study)), *own)
+    """Return metrics and texts of a study's archive but those of steady rubs; of branches those of the basis."""
+    own, there = () if study.branch is not None else scheme_metrics(study), [*_conditions_of(study)]
+    return (*variables.select("metric", None, *there), *variables.select("text", None, *there), *own)
 
 
 def _failed(grid: Grid, text: str) -> Solved:
     """Return one case that raised: NaN everywhere, flags unset, with the error as its message."""
-    tails = {"history": (grid.sampling.count,), "metric": (), "period": (grid.longest_period_count,)}
+    tails = {"history": (grid.sampling.count,), "metric": (), "text": (), "period": (grid.longest_period_count,)}
     contacts, sensors = grid.study.contact_shape, (len(grid.study.output.sensors),)
 
     def blanks(about: Variable) -> Array:
         own = sensors if about.is_of_sensor else contacts if about.is_of_contact else ()
-        return np.full((1, *own, *tails[about.shape]), np.nan)
+        return np.full((1, *own, *tails[about.shape]), "" if about.shape == "text" else np.nan)
 
     values: dict[str, NDArray[Any]] = {
         about.name: blanks(about)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 
 from workflow import models
@@ -33,7 +33,7 @@ class Sizes:
     """``large``, ``most``: coordinates above which a structure cannot be kept full, and the most modes of each kind
     that it then has."""
     structure: Structure | None = None
-    """The one structure of a model without nodes, where it can be made."""
+    """The first structure of a model that makes no chains, where it can be made."""
 
     @property
     def contacts(self) -> tuple[str, ...]:
@@ -50,22 +50,30 @@ def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
     UnusableMatricesError
         The matrices of the scene are no structure.
     """
-    if nodes:
-        inputs = {**dict.fromkeys(("node", "spring", "temperature"), nodes), "contact": (1,)}
-        return Sizes(inputs, dict.fromkeys(MODES, nodes), models.MOST_FULL, models.MOST_ONE_BY_ONE)
+    every = [replace(scene.parameters, nodes=count) for count in nodes] or [scene.parameters]
     try:
-        structure = models.structure_of(scene.model, scene.parameters)
-        both = structure.mechanical_size, structure.thermal_size
-        displacements, temperatures = ((size,) for size in structure.input_sizes)
-        most = models.most_modes(scene.model, scene.parameters)
-    except models.UnusableMatricesError:
-        raise
-    except Exception:  # whatever a model from outside raises: its cases say it
-        return Sizes({}, dict.fromkeys(MODES, ()))
-    contacts = (1 if structure.contacts is None else structure.contacts.count,)
+        first = models.structure_of(scene.model, every[0])
+        if nodes and isinstance(first, models.Chain):
+            return _of_chains(nodes)
+        structures = [first, *(models.structure_of(scene.model, other) for other in every[1:])]
+        most = models.most_modes(scene.model, every[-1])
+    except Exception as error:
+        if nodes:
+            return _of_chains(nodes)
+        if isinstance(error, models.UnusableMatricesError):
+            raise
+        return Sizes({}, dict.fromkeys(MODES, ()))  # whatever a model from outside raises: its cases say it
+    displacements, temperatures = zip(*(one.input_sizes for one in structures), strict=True)
+    contacts = tuple(one.contact_rows.count for one in structures)
     inputs = {"node": displacements, "spring": displacements, "temperature": temperatures, "contact": contacts}
-    coordinates = {path: (size,) for path, size in zip(MODES, both, strict=True)}
-    return Sizes(inputs, coordinates, inf if most is None else most + 1, most or 0, structure)
+    both = zip(*((one.mechanical_size, one.thermal_size) for one in structures), strict=True)
+    return Sizes(inputs, dict(zip(MODES, both, strict=True)), inf if most is None else most + 1, most or 0, first)
+
+
+def _of_chains(nodes: Counts) -> Sizes:
+    """Return the sizes of chains, whose tip is their one contact."""
+    inputs = {**dict.fromkeys(("node", "spring", "temperature"), nodes), "contact": (1,)}
+    return Sizes(inputs, dict.fromkeys(MODES, nodes), models.MOST_FULL, models.MOST_ONE_BY_ONE)
 
 
 MOST_CASES = 10**8

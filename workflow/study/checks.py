@@ -237,7 +237,7 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
 def _sensors(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
     """Refuse sensors that the structure does not have, the smallest one where nodes vary, or named as a variable."""
     model, parameters = cases.scene.model, cases.scene.parameters
-    if hasattr(parameters, "nodes"):
+    if sizes.structure is None and hasattr(parameters, "nodes"):
         parameters = dataclasses.replace(parameters, nodes=min(sizes.inputs["node"]))
     for name, sensor in cases.output.sensors.items():
         place = ("output", "sensors", name)
@@ -289,8 +289,8 @@ def _reduced_contacts(cases: CaseSpace, sizes: Sizes, source: StudyText, several
 
     is_reduced = False
     for path, own in zip(MODES, models.independent_rows(contacts), strict=True):
-        size = sizes.coordinates[path][0]
-        counts = values[path] - {size - 1, FULL}
+        size = min(sizes.coordinates[path])
+        counts = values[path] - {FULL, *(count - 1 for count in sizes.coordinates[path])}
         is_reduced |= bool(counts)
         counts -= {CHOSEN}
         if max(counts, default=0) > size - own:

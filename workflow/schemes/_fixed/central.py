@@ -35,7 +35,7 @@ from workflow.schemes._fixed.march import step_batch
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, friction_message, judged
 from workflow.schemes._fixed.step_limits import limit_text
 from workflow.schemes._fixed.stepping import collect
-from workflow.schemes._interface import Results, Sampling
+from workflow.schemes._interface import ONE_CONTACT, RefusedStructureError, Results, Sampling
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,9 @@ class Operator:
 
 
 def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
-    """Separate a structure into blocks, once for a batch."""
+    """Separate a structure with one contact into blocks, once for a batch."""
+    if structure.contacts is not None:
+        raise RefusedStructureError(ONE_CONTACT)
     modal = decouple(structure)
     return Operator(structure, h, differences, separate(modal, step(modal, h, differences)), contact)
 

@@ -236,5 +236,5 @@ def _is_unique(s: Stepping, basis: ContactBasis, alpha: float, friction: float) 
     """Whether the symmetric part of the step's matrix is positive definite; of opposite stops that of either."""
     parts = s.law[:, : basis.contacts.count, : basis.contacts.count]
     matrix = parts[0] + friction * parts[1] + alpha * parts[2]
-    sets = (matrix[np.ix_(closed, closed)] for closed in stops_together(basis))
+    sets = (matrix[np.ix_(closed, closed)] for closed in stops_together(basis.contacts))
     return all(np.linalg.eigvalsh(one + one.T)[0] > 0 for one in sets)

@@ -25,7 +25,7 @@ from workflow.schemes._fixed.march import step_batch
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, friction_message, judged
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
 from workflow.schemes._fixed.stepping import collect
-from workflow.schemes._interface import Results, Sampling
+from workflow.schemes._interface import ONE_CONTACT, RefusedStructureError, Results, Sampling
 
 _MOST_GROWTH = 300.0
 """Logarithm of the largest growth within a run whose squares are still finite (355), with a margin of 1e24 for loads
@@ -64,7 +64,9 @@ class Operator:
 
 
 def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator:
-    """Separate a structure into blocks, once for a batch."""
+    """Separate a structure with one contact into blocks, once for a batch."""
+    if structure.contacts is not None:
+        raise RefusedStructureError(ONE_CONTACT)
     modal = decouple(structure)
     return Operator(structure, h, theta, separate(modal, step(modal, h, theta)), contact)
 
