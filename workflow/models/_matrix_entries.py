@@ -137,8 +137,9 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     size, heats = sizes
     contact, thermal_contact, sliding = (one[0] if isinstance(one, tuple) and len(one) == 1 else one for one in chosen)
     own = _labelled(entries, contact, labels, size)
-    names: tuple[str | int, ...] = contact if isinstance(contact, tuple) else (contact or 0,)
-    if all(name in own for name in names):
+    each = contact if isinstance(contact, tuple) else () if contact is None else (contact,)
+    names = tuple(_as_label("contact", one, entries, labels, size, own) for one in each)
+    if names and all(name in own for name in names):
         entries, contact = _rows_of(entries, names, tuple(own)), None
         own = {str(name): own[str(name)] for name in names}
     normal = _rows("contact", contact, entries, labels, size, own)
@@ -152,7 +153,7 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     tangent = _beside("tangent", sliding, entries, labels, size, count) if slides else np.zeros_like(normal)
     heat = np.ones((count, 1))
     if heats:
-        warm = _texts("thermal_labels", entries, heats) or (labels if len(labels) == heats else ())
+        warm = labels_of(entries, of_heat=True)
         alone = thermal_contact is None and "thermal_contact" not in entries
         found = _own_temperatures(names, normal, warm, heats) if alone else None
         heat = _beside("thermal_contact", thermal_contact, entries, warm, heats, count) if found is None else found
@@ -173,18 +174,22 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     return checked_contacts(contacts)
 
 
+def labels_of(entries: Entries, of_heat: bool) -> tuple[str, ...]:
+    """Return the labels of the displacements of a file, or of its temperatures; none where it has none."""
+    sizes = [np.shape(entries[name])[0] for name in ("mass", "heat_capacity") if name in entries]
+    labels = _texts("labels", entries, sizes[0])
+    own = _texts("thermal_labels", entries, sizes[-1]) if of_heat else labels
+    return own or (labels if sizes[0] == sizes[-1] else ())
+
+
 def row_of(entries: Entries, sensor: Sensor) -> Array:
     """Return the row of a sensor at a label, an index or a vector of the file, ``(coordinate,)``."""
     size = np.shape(entries["mass"])[0]
-    labels, own = _texts("labels", entries, size), _labelled(entries, None, (), size)
+    labels, own = labels_of(entries, sensor.of_heat), _labelled(entries, None, (), size)
     if sensor.of_heat:
         if "heat_capacity" not in entries:
             raise UnusableMatricesError("the file has no temperatures", "choose a displacement")
-        heats = np.shape(entries["heat_capacity"])[0]
-        labels = _texts("thermal_labels", entries, heats) or (labels if size == heats else ())
-        size, own = heats, {}
-    if isinstance(sensor.at, str) and sensor.at in own:
-        return own[sensor.at]
+        size, own = np.shape(entries["heat_capacity"])[0], {}
     rows = _rows("sensor", sensor.at, entries, labels, size, own)
     if len(rows) > 1:
         raise UnusableMatricesError(f"`{sensor.at}` has {len(rows)} rows", "choose a vector")
@@ -267,7 +272,7 @@ def _rows(
     rows with labels of their own.
     """
     if isinstance(chosen, tuple):
-        each = [own[str(one)][None] if one in own else _rows(name, one, entries, labels, size, own) for one in chosen]
+        each = [_rows(name, one, entries, labels, size, own) for one in chosen]
         for one, rows in zip(chosen, each, strict=True):
             if len(rows) > 1:
                 raise UnusableMatricesError(f"`{name}: {one}` has {len(rows)} rows", "name it alone, not in a list")
@@ -283,7 +288,10 @@ def _rows(
             return _entry_rows(name, entries, size)
         is_index = value.dtype.kind in "iu" or (value.dtype.kind == "f" and float(value.item()).is_integer())
         chosen = int(value.item()) if is_index else str(value.item())
+    chosen = _as_label(name, chosen, entries, labels, size, own)
     if isinstance(chosen, str):
+        if chosen in own:
+            return own[chosen][None]
         if chosen not in labels:
             vectors = [entry for entry in entries if entry not in (*MATRICES, *LABELS)]
             if chosen in vectors:
@@ -293,13 +301,32 @@ def _rows(
             more = ", …" * (len(own) + len(labels) > len(near))
             some = ", ".join(f"`{text}`" for text in (*vectors, *near)) + more
             remedy = f"write {some + ' or ' if some else ''}an index from 0 to {size - 1}"
-            raise UnusableMatricesError(f"`{name}: {chosen}` is neither a label nor a vector of the file", remedy)
+            raise UnusableMatricesError(f"`{name}: {chosen}` is no label, vector or index of the file", remedy)
         chosen = list(labels).index(chosen)
-    if not 0 <= chosen < size:
-        raise UnusableMatricesError(f"`{name}: {chosen}` is no index", f"write one from 0 to {size - 1}")
     unit = np.zeros((1, size))
     unit[0, chosen] = 1.0
     return unit
+
+
+def _as_label(
+    name: str, chosen: str | int, entries: Entries, labels: Sequence[str], size: int, own: Mapping[str, Array]
+) -> str | int:
+    """Return a choice as a text, but an integer that is an index and no label, nor the name of a vector.
+
+    Raises
+    ------
+    UnusableMatricesError
+        It is a label, and the index of another place.
+    """
+    text = str(chosen)
+    if isinstance(chosen, int) and 0 <= chosen < size:
+        if text not in {*own, *labels, *entries}:
+            return chosen
+        if np.flatnonzero(_rows(name, text, entries, labels, size, own)).tolist() != [chosen]:
+            problem = f"`{name}: {text}` is the label of one place and the index of another"
+            other = f', `"{labels[chosen]}"` for the index' if labels else ""
+            raise UnusableMatricesError(problem, f'write `"{text}"` in quotes for the label{other}')
+    return text
 
 
 def _entry_rows(name: str, entries: Entries, size: int) -> Array:

@@ -42,7 +42,7 @@ _SPELLINGS = {
 }
 """Accepted spellings of a column's unit, in brackets after its name; messages use the first one."""
 
-_HEADING = re.compile(r"(\w+)\s*(?:\[\s*(.*?)\s*\])?")
+_HEADING = re.compile(r"([\w.-]+)\s*(?:\[\s*(.*?)\s*\])?")
 
 _BLANK = " \t,"
 """What a line without numbers consists of, such as a spreadsheet writes."""
@@ -282,12 +282,13 @@ def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: 
         source, known = (parameters.heat, HEAT_COLUMNS) if sensor.of_heat else (parameters.table, COLUMNS)
         written = _headed(source)[2] if isinstance(source, File) else {}
         names = [name for name in written if name not in {name for name, _ in known[:-1]}]
-        if not isinstance(source, File) or sensor.at not in names:
+        at = str(sensor.at)
+        if not isinstance(source, File) or at not in names:
             problem = f"`{sensor.at}` is no column of `{'heat' if sensor.of_heat else 'table'}`"
             raise UnusableMatricesError(problem, f"write {' or '.join(names) or 'the table as a file with columns'}")
-        columns = {**dict(columns_of_contacts(source, known, "tangent")), str(sensor.at): known[-1][1]}
+        columns = {**dict(columns_of_contacts(source, known, "tangent")), at: known[-1][1]}
         table = read_table(source, tuple(columns.items()), others=True)
-        rows.append(table[:, list(columns).index(str(sensor.at))])
+        rows.append(table[:, list(columns).index(at)])
     return rows
 
 

@@ -48,6 +48,36 @@ _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _OTHER_BASE = re.compile(r"0o[0-7]{1,60}|0x[0-9a-fA-F]{1,60}")
 
 
+class Spelled:
+    """A number that Python would spell otherwise: a label ``007`` or ``3.10`` is looked up as it is written."""
+
+    spelling, tag = "", ""
+
+    def __repr__(self) -> str:
+        return self.spelling
+
+
+class SpelledInt(Spelled, int):
+    """A whole number."""
+
+    tag = "tag:yaml.org,2002:int"
+
+
+class SpelledFloat(Spelled, float):
+    """A number."""
+
+    tag = "tag:yaml.org,2002:float"
+
+
+def spelled(text: str, value: float) -> float:
+    """Return a number with its spelling where Python has another one."""
+    if repr(value) == text:
+        return value
+    number = SpelledInt(value) if isinstance(value, int) else SpelledFloat(value)
+    number.spelling = text
+    return number
+
+
 @dataclass
 class StudyText:
     """A study as composed from its text."""
@@ -260,11 +290,11 @@ def _resolved(text: str) -> Any:
     if text in _WORDS:
         return _WORDS[text]
     if _INTEGER.fullmatch(text):
-        return int(text)
+        return spelled(text, int(text))
     if _FLOAT.fullmatch(text):
-        return float(text)
+        return spelled(text, float(text))
     if _OTHER_BASE.fullmatch(text):
-        return int(text, 0)
+        return spelled(text, int(text, 0))
     return text
 
 
@@ -324,11 +354,22 @@ def text_of(tree: Any, written: str = "", settings: Mapping[str, Any] | None = N
     if written and settings:
         try:
             text = _round_trip(written, settings)
-            if compose(text, "").tree == tree:
+            if repr(compose(text, "").tree) == repr(tree):  # spellings too
                 return text
         except Exception:  # what the text has in it that ruamel.yaml cannot write again
             pass
-    return json.dumps(tree, indent=2, ensure_ascii=False) + "\n"
+    return _as_json(tree) + "\n"
+
+
+def _as_json(value: Any, line: str = "\n") -> str:
+    """Return a tree in indented lines of JSON, but numbers as they are spelled."""
+    if not value or not isinstance(value, dict | list):
+        return repr(value) if isinstance(value, Spelled) else json.dumps(value, ensure_ascii=False)
+    below = f"{line}  "
+    if isinstance(value, list):
+        return f"[{below}{f',{below}'.join(_as_json(item, below) for item in value)}{line}]"
+    items = (f"{_as_json(key)}: {_as_json(item, below)}" for key, item in value.items())
+    return f"{{{below}{f',{below}'.join(items)}{line}}}"
 
 
 def _round_trip(written: str, settings: Mapping[str, Any]) -> str:
@@ -337,6 +378,7 @@ def _round_trip(written: str, settings: Mapping[str, Any]) -> str:
 
     yaml = YAML(typ="rt")
     yaml.preserve_quotes, yaml.width = True, 2**20
+    yaml.representer.add_multi_representer(Spelled, lambda to, number: to.represent_scalar(number.tag, repr(number)))
     data = yaml.load(written)
     for key, value in settings.items():
         _put(data, _place(key), value)
@@ -364,7 +406,7 @@ def _numbers(value: Any) -> Any:
         return {key: _numbers(item) for key, item in value.items()}
     if isinstance(value, list):
         return [_numbers(item) for item in value]
-    return float(value) if isinstance(value, str) and _POWER.fullmatch(value) else value
+    return spelled(value, float(value)) if isinstance(value, str) and _POWER.fullmatch(value) else value
 
 
 def _place(key: str) -> Place:
