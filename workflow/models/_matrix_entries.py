@@ -18,14 +18,18 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.models._contacts import Contacts, checked_contacts
+from workflow.models._factors import is_definite
 from workflow.models._from_matrices import ASYMMETRY, COLD, GivenMatrices
-from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, Entries
+from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, Entries, in_unicode
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._sensors import Sensor
 from workflow.models._structure import Rayleigh
 
 _WHOLE = 1e-9
 """Accepted deviation of a sum of weights from 1: rounding of many of them."""
+
+_SINGLE = 1e-6
+"""Negative part of a damping matrix, over its diagonal, up to which it is the rounding of entries of seven digits."""
 
 _TO_SI = {
     **dict.fromkeys(("mass", "stiffness", "stiffness_speed2", "damping"), 1e3),
@@ -82,7 +86,7 @@ def given_by(
         turning = symmetric_entry(entries, SPEED2[0], size)
         stiffness = stiffness + angular**2 * turning if angular else stiffness
     steady = steady + angular**2 * _vector(SPEED2[1], entries, size) if SPEED2[1] in entries else steady
-    damper = symmetric_entry(entries, "damping", size) if "damping" in entries else None
+    damper = _dissipative(symmetric_entry(entries, "damping", size)) if "damping" in entries else None
     if damper is not None and damping != Rayleigh():
         raise UnusableMatricesError("it has a `damping`, and the study has one too", "keep one of them")
     load = np.zeros(size) if contacts.count > 1 else None  # there is no one contact that it would act along
@@ -101,6 +105,17 @@ def given_by(
         **(_cold(size) if heat is None else heat),
     )
     return given, contacts
+
+
+def _dissipative(damper: scipy.sparse.csc_array) -> scipy.sparse.csc_array:
+    """Return a damping matrix that is positive semi-definite beyond rounding; any other one drives some motion."""
+    diagonal = damper.diagonal()
+    acts = np.flatnonzero(abs(damper).sum(axis=0))
+    own = damper[acts][:, acts] + scipy.sparse.diags_array(_SINGLE * diagonal[acts])
+    if not (np.all(diagonal[acts] > 0) and (not acts.size or is_definite(scipy.sparse.csc_array(own)))):
+        problem = "`damping` is not positive semi-definite: it would drive some motion"
+        raise UnusableMatricesError(problem, "check its signs, as damping forces are C1 x' on the left of equation 1a")
+    return damper
 
 
 def _heat(entries: Entries, size: int) -> dict[str, Any] | None:
@@ -301,7 +316,9 @@ def _rows(
             more = ", …" * (len(own) + len(labels) > len(near))
             some = ", ".join(f"`{text}`" for text in (*vectors, *near)) + more
             remedy = f"write {some + ' or ' if some else ''}an index from 0 to {size - 1}"
-            raise UnusableMatricesError(f"`{name}: {chosen}` is no label, vector or index of the file", remedy)
+            is_index = chosen.lstrip("-").isdecimal()
+            problem = f"`{name}: {chosen}` is {'no index' if is_index else 'neither a label nor a vector of the file'}"
+            raise UnusableMatricesError(problem, remedy)
         chosen = list(labels).index(chosen)
     unit = np.zeros((1, size))
     unit[0, chosen] = 1.0
@@ -398,12 +415,15 @@ def _texts(name: str, entries: Entries, size: int) -> tuple[str, ...]:
     """Return labels, one per degree of freedom or contact, all different; none where the file has none."""
     if name not in entries:
         return ()
-    labels = tuple(str(text).strip() for text in np.asarray(entries[name]).astype(str).ravel())
+    labels = tuple(str(text).strip() for text in in_unicode(name, np.asarray(entries[name])).astype(str).ravel())
     each, rows = "degree of freedom", "the matrices have"
     if name == "contact_labels":
         each, rows = "contact", "`contact` has"
     if len(labels) != size:
         raise UnusableMatricesError(f"`{name}` has {len(labels)} labels", f"write {size}, as {rows} rows")
+    for label in labels:
+        if not label.isprintable():
+            raise UnusableMatricesError(f"`{name}` has {label[:40]!r}", "write labels of printable characters")
     if len(set(labels)) < size:
         twice = next(label for label in labels if labels.count(label) > 1)
         raise UnusableMatricesError(f"`{name}` has {twice[:40]!r} twice", f"name each {each} once")
