@@ -101,7 +101,7 @@ def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
 def _static_reach(structure: Structure, cases: Cases) -> Iterator[str]:
     """Yield that the load, applied statically, would move a contact by more than :data:`_FAR` gaps."""
     moved, gaps = _moved(structure, cases), cases.clearances
-    far = np.where((moved > _FAR * gaps) & (gaps > 0), moved, 0.0)
+    far = np.where((moved / _FAR > gaps) & (gaps > 0), moved, 0.0)
     if far.any():
         k, contact = np.unravel_index(np.argmax(far), far.shape)
         yield (

@@ -43,7 +43,7 @@ def static_share(structure: Structure) -> float:
 
 
 _GROWS = 1e-6
-"""Growth over a duration, of a mode with negative damping, up to which it is rounding: that of entries of six digits."""
+"""Growth over a duration, of a mode with negative damping, up to which it is rounding of six digits."""
 
 _CANCELLED = 1e-13
 """Growth by the tip's heat, over its largest term, up to which it is rounding."""

@@ -210,6 +210,12 @@ class Parameters:
     )
     speed: float = speed()
 
+    @property
+    def damping_ratio(self) -> float:
+        """The largest of the table."""
+        columns = columns_of_contacts(self.table, COLUMNS, "tangent")
+        return float(read_table(self.table, columns, others=True)[:, 1].max())
+
 
 def depends_on_speed(parameters: Parameters) -> bool:
     """Tell whether the structure depends on the scene's speed."""

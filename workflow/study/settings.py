@@ -98,16 +98,15 @@ class Casing:
 
 @dataclass(frozen=True)
 class Friction:
-    """What makes the heat coupling: alpha = heat_share · coefficient · sliding_speed."""
+    """What makes the heat coupling, alpha = heat_share · coefficient · sliding_speed; or a coefficient beside alpha."""
 
     coefficient: float = quantity("1", "friction coefficient between tip and casing", at_least=0)
-    sliding_speed: float = quantity("m/s", "speed at which the tip slides along the casing", at_least=0)
-    heat_share: float = quantity("1", "share of the friction heat that enters the blade", at_least=0, at_most=1)
-
-    @property
-    def alpha(self) -> float:
-        """Heat coupling α, W/N."""
-        return self.heat_share * self.coefficient * self.sliding_speed
+    sliding_speed: float | None = quantity(
+        "m/s", "speed at which the tip slides along the casing", default=None, at_least=0
+    )
+    heat_share: float | None = quantity(
+        "1", "share of the friction heat that enters the blade", default=None, at_least=0, at_most=1
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,8 +114,7 @@ class Scene:
     """Model, casing, load, initial state and duration of a case.
 
     ``model`` is the name of a module of ``workflow/models/`` and ``parameters`` an instance of its ``Parameters``. An
-    ``initial`` state ``"static"`` is equilibrium under the constant loads. ``speed`` is 0 where none is given, and
-    ``friction`` is ``None`` where α is given as it is.
+    ``initial`` state ``"static"`` is equilibrium under the constant loads. ``speed`` is 0 where none is given.
     """
 
     model: str
@@ -127,6 +125,11 @@ class Scene:
     duration: float = quantity("s", "duration of every case", above=0)
     speed: float = quantity("Hz", "revolutions per second, of which an `order` is a multiple", default=0.0, at_least=0)
     friction: Friction | None = None
+
+    @property
+    def makes_alpha(self) -> bool:
+        """Whether α follows from friction and is not given as it is."""
+        return self.friction is not None and self.friction.sliding_speed is not None
 
     @property
     def gap(self) -> Values:
@@ -342,12 +345,17 @@ class CaseSpace:
             replace(scene, parameters=models.at_speed(scene.model, scene.parameters, scene.speed)),
             scheme,
             e=float(values["e"]),
-            alpha=float(values["alpha"]) if scene.friction is None else scene.friction.alpha,
+            alpha=_made(scene.friction) if scene.makes_alpha else float(values["alpha"]),
             h=float(values["h"]),
             reduction=str(values["reduction"]),
             mechanical_modes=_interior(scene, 0) if mechanical == FULL else int(mechanical),
             thermal_modes=_interior(scene, 1) if thermal == FULL else int(thermal),
         )
+
+
+def _made(friction: Any) -> float:
+    """Return the heat coupling α that friction makes, W/N."""
+    return float(friction.heat_share * friction.coefficient * friction.sliding_speed)
 
 
 def _interior(scene: Scene, kind: int) -> int:

@@ -29,6 +29,24 @@ LARGEST = 2**20
 MOST_ENTRIES = 50_000
 """Keys and values of a study, which take about 30 us each to read: a second and a half."""
 
+_NO_STUDIES = (".npz", ".mat", ".op4", ".mtx", ".rua", ".rsa", ".hb", ".sti", ".mas", ".dof", ".csv")
+"""Endings of files of matrices and tables, which a study names."""
+
+_IN_WORDS = (
+    (
+        "mapping values|could not find",
+        "wrong indentation, no space after a colon, or a text with `: ` that needs quotes",
+    ),
+    ("expected <block end>", "wrong indentation, or a bracket or a quote too many"),
+    (r"found character '\\t'", "a tab; lines are indented by spaces"),
+    ("found character|expected alpha", "a text that needs quotes, by its first character"),
+    ("expected (',' or|the node)", "a bracket that is not closed, or a comma that is missing or too many"),
+    ("found unexpected end of stream", "a quote that is not closed"),
+    ("found unknown escape", "a backslash within double quotes; single quotes take it"),
+    ("but found another document", "another document begins, by a line ---"),
+)
+"""How the parser's problems begin, as regular expressions, and what they mean in words."""
+
 _TOO_DEEP = (f"nests deeper than {DEEPEST} levels", "a study needs five")
 _TOO_LARGE = ("is larger than 1 MiB", "write long axes as {lin: [first, last, count]}")
 _TOO_MANY = (
@@ -176,6 +194,8 @@ def read_text(path: str | Path) -> str:
     def refusal(problem: str, remedy: str, line: int | None = None) -> StudyError:
         return StudyError([Mistake(str(path), line, "", problem, remedy)])
 
+    if Path(path).suffix.lower() in _NO_STUDIES:
+        raise refusal("is no study", f"write one that names it, as `scene: {{matrices: {{file: {Path(path).name}}}}}`")
     try:
         if Path(path).exists() and not Path(path).is_file():
             raise refusal("is not a file", "give the path of a study, a YAML file")
@@ -228,6 +248,7 @@ def compose(text: str, file: str) -> StudyText:
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or "a character that YAML does not allow"
+        problem = next((words for begins, words in _IN_WORDS if re.match(begins, problem)), problem)
         line = mark and mark.line + 1
         raise source.refusal(f"is not YAML: {problem}", "mend the text here or above", line) from None
     except (ValueError, OverflowError):  # an escape beyond Unicode
