@@ -49,6 +49,9 @@ _JUDGED = 400
 FEW = 6
 """Number of amounts up to which all are listed."""
 
+_WIDEST = 1.0
+"""Gap above which its unit is doubtful, where nothing bounds the motion, m."""
+
 _FAR = 100
 """Static tip displacement by a load, over the gap, above which units are doubtful: a rub has a few."""
 
@@ -145,6 +148,8 @@ def _without_contact(structure: Structure, cases: Cases, reach: Array) -> Iterat
             f"stays below {measure(float(of_clear.max()), 'm', 3)} (static and harmonic answer, and a bound of what "
             "the start adds)"
         )
+    elif gaps.max() > _WIDEST:
+        yield f"a gap of {gaps.max():.6g} m is that of no machine: check its unit, m or e.g. `20 um`"
 
 
 def _friction_limits(structure: Structure, cases: Cases, *, has_impacts: bool) -> Iterator[str]:

@@ -132,7 +132,7 @@ def _lines(file: File, most: int) -> list[str]:
     if content.count(b"\n") + content.count(b"\r") > most:  # counted as bytes: a text takes ten times their memory
         count = sum(bool(line.strip(_BLANK.encode() + b"\n")) for line in BytesIO(content.replace(b"\r", b"\n")))
         if count > most + 1:
-            raise UnusableMatricesError(f"`{file.name}` has {count} rows", f"write 1 to {most}")
+            raise UnusableMatricesError(f"`{file.name}` has {count} lines", f"write 1 to {most} rows")
     try:
         lines = content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:

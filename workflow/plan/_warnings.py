@@ -110,9 +110,6 @@ _SPEEDS = 100.0, 20e3
 _FASTEST = 2000.0
 """Speed above which nothing but a turbocharger or a spindle turns, 120 000 rpm, rev/s."""
 
-_GAPS, _WIDEST = ("gap", "clearance"), 1.0
-"""What a gap is given by, and the gap, m, above which none is one."""
-
 _LIGHTEST = 100.0
 """Density below which nothing is a blade, kg/m³: that of cork or foam."""
 
@@ -171,14 +168,11 @@ def _units(every: Sequence[Any]) -> Iterator[str]:
 
 
 def _units_of_scene(grid: Grid) -> Iterator[str]:
-    """Yield that a speed or a gap is that of no machine, and that friction beside α acts on nothing."""
+    """Yield that a speed is that of no machine, and that friction beside α acts on nothing."""
     scene, friction = grid.study.scene, grid.study.scene.friction
     fastest = float(max(_values(grid, "scene.speed", scene.speed)))
     if fastest > _FASTEST:
         yield f"a speed of {fastest:.6g} Hz is {60 * fastest:.6g} rpm: check its unit, Hz or e.g. `9000 rpm`"
-    widest = max(np.max(np.abs(_values(grid, f"scene.casing.{name}", getattr(scene.casing, name)))) for name in _GAPS)
-    if widest > _WIDEST:
-        yield f"a gap of {widest:.6g} m is that of no machine: check its unit, m or e.g. `20 um`"
     if friction is not None and not scene.makes_alpha and not full_structure(grid.settings(0)).slides:
         yield "`scene.friction.coefficient` changes nothing: alpha is given, and the structure has no `tangent`"
 

@@ -35,7 +35,7 @@ _NO_STUDIES = (".npz", ".mat", ".op4", ".mtx", ".rua", ".rsa", ".hb", ".sti", ".
 _IN_WORDS = (
     (
         "mapping values|could not find",
-        "wrong indentation, no space after a colon, or a text with `: ` that needs quotes",
+        "wrong indentation, no space after a colon, or a text with `: ` without quotes",
     ),
     ("expected <block end>", "wrong indentation, or a bracket or a quote too many"),
     (r"found character '\\t'", "a tab; lines are indented by spaces"),
