@@ -137,12 +137,6 @@ def labels_of(name: str, parameters: Any, of_heat: bool) -> tuple[str, ...]:
         return tuple(labels(own, of_heat))
 
 
-def largest_ratio(parameters: Any) -> float:
-    """Return the largest damping ratio that a model's parameters give: their ``damping_ratio``, or that of damping."""
-    damping = getattr(parameters, "damping", None)
-    return float(getattr(parameters, "damping_ratio", getattr(damping, "ratio", 0.0)))
-
-
 @lru_cache(maxsize=1024)
 def depends_on_speed(name: str, parameters: Any) -> bool:
     """Tell whether a model's structure depends on the speed of its scene: its ``depends_on_speed`` says so."""

@@ -88,6 +88,7 @@ ROWS = ("angle", *(f"residual_{name}" for name in ("flexibility", "tangent", "co
 """Of contacts, which have rows of `contact`, `tangent` and `thermal_contact` too."""
 
 LABELS = ("labels", "thermal_labels", "contact_labels")
+KNOWN = (*MATRICES, *VECTORS, *ROWS, *LABELS)
 
 Entries = Mapping[str, Any]
 """Matrices, vectors and labels by name."""

@@ -29,17 +29,7 @@ from workflow.models._from_matrices import (
     with_contacts,
 )
 from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, labels_of, row_of, shaken
-from workflow.models._matrix_files import (
-    LABELS,
-    MATRICES,
-    PART,
-    ROWS,
-    SPEED2,
-    VECTORS,
-    files_of,
-    in_unicode,
-    read_entries,
-)
+from workflow.models._matrix_files import KNOWN, LABELS, MATRICES, PART, SPEED2, files_of, in_unicode, read_entries
 from workflow.models._pair import UnusableMatricesError, turning_at
 from workflow.models._sensors import Sensor
 from workflow.models._structure import Matrices, Rayleigh, Structure
@@ -102,10 +92,6 @@ def _is_held(matrix: Any) -> NDArray[np.bool_]:
     diagonal = matrix.diagonal()
     beside = abs(matrix - scipy.sparse.diags_array(diagonal)).max(axis=0).toarray().ravel()
     return np.asarray((diagonal >= _HUGE) & (beside <= _BESIDE * diagonal))
-
-
-_OF_SAVEZ = "file", "args", "kwds", "allow_pickle"
-"""Names that NumPy's ``savez_compressed`` takes for itself."""
 
 
 @dataclass(frozen=True)
@@ -228,13 +214,13 @@ def write_matrices(
     UnusableMatricesError
         An entry is wrong; the message says which, and what would be right.
     """
-    place, known = Path(path), (*MATRICES, *VECTORS, *ROWS, *LABELS)
+    place = Path(path)
     given = {"mass": mass, "stiffness": stiffness, **entries}
     if place.suffix.lower() != ".npz":
         raise UnusableMatricesError(f"`{place.name}` is no NPZ file", "end its name in .npz")
-    unknown = sorted(set(given) - set(known))
+    unknown = sorted(set(given) - set(KNOWN))
     if unknown:
-        remedy = f"entries are {', '.join(known)}; vectors of your own names go into `vectors`"
+        remedy = f"entries are {', '.join(KNOWN)}; vectors of your own names go into `vectors`"
         raise UnusableMatricesError(f"no entry is called {', '.join(unknown)}", remedy)
     _check(given)
     arrays: dict[str, Any] = {}
@@ -259,8 +245,7 @@ def _own_vectors(vectors: Mapping[str, Any], given: Mapping[str, Any]) -> dict[s
     """Return vectors of names of their own as arrays, each with a number for each displacement or temperature."""
     sizes = {np.shape(given[name])[0] for name in ("mass", "heat_capacity") if name in given}
     arrays = {str(name): np.asarray(vector, dtype=float) for name, vector in vectors.items()}
-    taken = {*MATRICES, *VECTORS, *ROWS, *LABELS, *_OF_SAVEZ}
-    taken |= {str(text) for name in LABELS for text in np.ravel(given.get(name, ()))}
+    taken = {*KNOWN, "file", "allow_pickle", *(str(text) for name in LABELS for text in np.ravel(given.get(name, ())))}
     for name, array in arrays.items():
         if not name or name in taken or PART.fullmatch(name) or not name.isprintable():
             raise UnusableMatricesError(f"{name!r} is no name of a vector", "choose one that is no entry and no label")

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow import models, schemes
+from workflow import schemes
 from workflow.cases import (
     OF_REFERENCE,
     TOLERANCE,
@@ -159,7 +159,7 @@ def _units(every: Sequence[Any]) -> Iterator[str]:
     if density < _LIGHTEST:
         yield f"a density of {density:.3g} kg/m3 is not that of a blade: check its unit, kg/m3 or e.g. `4.43 g/cm**3`"
     speeds = [one.wave_speed for one in every if getattr(one, "wave_speed", 0) > 0]
-    ratio = max((models.largest_ratio(one) for one in every), default=0.0)
+    ratio = max(getattr(one, "damping_ratio", getattr(getattr(one, "damping", None), "ratio", 0.0)) for one in every)
     if ratio >= 1:
         yield f"a damping ratio of {ratio:g} is overcritical: if per cent are meant, write {ratio / 100:g}"
     for speed in (min(speeds, default=np.inf), max(speeds, default=0.0)):

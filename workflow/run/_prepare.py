@@ -297,8 +297,7 @@ def _unasked_text(archive: Path, unasked: int, cases: int, was: Mapping[str, str
 def _differences(was: Any, now: Any, path: str = "") -> Iterator[str]:
     """Yield the single values by which two studies differ."""
     if path == "scalars":
-        was, now = ({one["path"]: one["values"][0] for one in study} for study in (was, now))
-        path = ""
+        was, now, path = *({one["path"]: one["values"][0] for one in study} for study in (was, now)), ""
     if isinstance(was, dict) and isinstance(now, dict):
         for key in sorted(was.keys() & now.keys() - {"title", "license"}):
             yield from _differences(was[key], now[key], f"{path}.{key}".removeprefix("."))

@@ -101,12 +101,13 @@ class Friction:
     """What makes the heat coupling, alpha = heat_share · coefficient · sliding_speed; or a coefficient beside alpha."""
 
     coefficient: float = quantity("1", "friction coefficient between tip and casing", at_least=0)
-    sliding_speed: float | None = quantity(
-        "m/s", "speed at which the tip slides along the casing", default=None, at_least=0
-    )
-    heat_share: float | None = quantity(
-        "1", "share of the friction heat that enters the blade", default=None, at_least=0, at_most=1
-    )
+    sliding_speed: float | None = quantity("m/s", "speed of the tip along the casing", default=None, at_least=0)
+    heat_share: float | None = quantity("1", "share of its heat in the blade", default=None, at_least=0, at_most=1)
+
+    @property
+    def alpha(self) -> float:
+        """Heat coupling α that it makes, W/N."""
+        return (self.heat_share or 0.0) * self.coefficient * (self.sliding_speed or 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -345,17 +346,12 @@ class CaseSpace:
             replace(scene, parameters=models.at_speed(scene.model, scene.parameters, scene.speed)),
             scheme,
             e=float(values["e"]),
-            alpha=_made(scene.friction) if scene.makes_alpha else float(values["alpha"]),
+            alpha=scene.friction.alpha if scene.friction and scene.makes_alpha else float(values["alpha"]),
             h=float(values["h"]),
             reduction=str(values["reduction"]),
             mechanical_modes=_interior(scene, 0) if mechanical == FULL else int(mechanical),
             thermal_modes=_interior(scene, 1) if thermal == FULL else int(thermal),
         )
-
-
-def _made(friction: Any) -> float:
-    """Return the heat coupling α that friction makes, W/N."""
-    return float(friction.heat_share * friction.coefficient * friction.sliding_speed)
 
 
 def _interior(scene: Scene, kind: int) -> int:

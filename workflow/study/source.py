@@ -33,10 +33,7 @@ _NO_STUDIES = (".npz", ".mat", ".op4", ".mtx", ".rua", ".rsa", ".hb", ".sti", ".
 """Endings of files of matrices and tables, which a study names."""
 
 _IN_WORDS = (
-    (
-        "mapping values|could not find",
-        "wrong indentation, no space after a colon, or a text with `: ` without quotes",
-    ),
+    ("mapping values|could not find", "wrong indentation, no space after a colon, or `: ` in a text without quotes"),
     ("expected <block end>", "wrong indentation, or a bracket or a quote too many"),
     (r"found character '\\t'", "a tab; lines are indented by spaces"),
     ("found character|expected alpha", "a text that needs quotes, by its first character"),
@@ -69,7 +66,7 @@ _OTHER_BASE = re.compile(r"0o[0-7]{1,60}|0x[0-9a-fA-F]{1,60}")
 class Spelled:
     """A number that Python would spell otherwise: a label ``007`` or ``3.10`` is looked up as it is written."""
 
-    spelling, tag = "", ""
+    spelling = ""
 
     def __repr__(self) -> str:
         return self.spelling
@@ -78,13 +75,9 @@ class Spelled:
 class SpelledInt(Spelled, int):
     """A whole number."""
 
-    tag = "tag:yaml.org,2002:int"
-
 
 class SpelledFloat(Spelled, float):
     """A number."""
-
-    tag = "tag:yaml.org,2002:float"
 
 
 def spelled(text: str, value: float) -> float:
@@ -310,13 +303,10 @@ def _resolved(text: str) -> Any:
     """Return what a plain scalar means in the core schema of YAML 1.2."""
     if text in _WORDS:
         return _WORDS[text]
-    if _INTEGER.fullmatch(text):
-        return spelled(text, int(text))
-    if _FLOAT.fullmatch(text):
-        return spelled(text, float(text))
     if _OTHER_BASE.fullmatch(text):
         return spelled(text, int(text, 0))
-    return text
+    read = int if _INTEGER.fullmatch(text) else float if _FLOAT.fullmatch(text) else None
+    return text if read is None else spelled(text, read(text))
 
 
 OPTION = "-s"
@@ -399,7 +389,8 @@ def _round_trip(written: str, settings: Mapping[str, Any]) -> str:
 
     yaml = YAML(typ="rt")
     yaml.preserve_quotes, yaml.width = True, 2**20
-    yaml.representer.add_multi_representer(Spelled, lambda to, number: to.represent_scalar(number.tag, repr(number)))
+    for kind, tag in ((SpelledInt, "tag:yaml.org,2002:int"), (SpelledFloat, "tag:yaml.org,2002:float")):
+        yaml.representer.add_representer(kind, lambda to, x, tag=tag: to.represent_scalar(tag, repr(x)))
     data = yaml.load(written)
     for key, value in settings.items():
         _put(data, _place(key), value)

@@ -519,9 +519,8 @@ def _output_values(study: Study, cell: CaseSettings) -> Iterator[ResolvedValue]:
     values = {entry.name: getattr(study.output, entry.name) for entry in dataclasses.fields(Output)}
     steady, sensors = values.pop("steady"), values.pop("sensors")
     if sensors:
-        at = [_with_labels(cell, one.of_heat, (one.at,))[0] for one in sensors.values()]
-        heat = ["temperature " * one.of_heat for one in sensors.values()]
-        values["sensors"] = tuple(f"{name}: {word}{one}" for name, word, one in zip(sensors, heat, at, strict=True))
+        at = {name: _with_labels(cell, one.of_heat, (one.at,))[0] for name, one in sensors.items()}
+        values["sensors"] = tuple(f"{name}: {'temperature ' * one.of_heat}{at[name]}" for name, one in sensors.items())
     values |= {"steady": False} if steady is None else {f"steady.{k}": v for k, v in dataclasses.asdict(steady).items()}
     units = {"interval": "s", "temperature_depth": "m"}
     for name, value in ((name, value) for name, value in values.items() if value is not None):
