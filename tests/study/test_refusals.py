@@ -263,7 +263,7 @@ def test_more_entries_than_anybody_writes_are_refused_before_they_are_read() -> 
 IN_WORDS = [
     ("scene:\n  a: 1\n b: 2\n", 3, "wrong indentation"),
     ("study: a\nscene:\n  a:1\n  b: 2\n", 4, "no space after a colon"),
-    ("title: a: b\n", 1, "a text with `: ` without quotes"),
+    ("title: a: b\n", 1, "`: ` in a text without quotes"),
     ("scene:\n\ta: 1\n", 2, "a tab"),
     ("a: [1, 2\nb: 3\n", 2, "a bracket that is not closed"),
     ("a: 'x\nb: 2\n", 3, "a quote that is not closed"),
