@@ -8,6 +8,7 @@ import pytest
 
 from workflow import models
 from workflow.cases import arrange
+from workflow.plan._template import template
 from workflow.study import StudyError, read_study, resolved_values
 from workflow.study.source import compose, plain_tree, replaced, setting, text_of
 
@@ -124,3 +125,12 @@ def test_texts_of_other_loaders_keep_their_spelling() -> None:
     assert (
         repr(compose(text_of(plain_tree({"a": {"b": "1e3", "c": "007"}})), "f").tree) == "{'a': {'b': 1e3, 'c': '007'}}"
     )
+
+
+def test_an_axis_of_contacts_is_no_dimension_of_contacts(tmp_path: Path) -> None:
+    """Labels and indices are texts of one coordinate; a result has its dimension once."""
+    path = write(tmp_path, ["007", "a", "b"])
+    Path(path).write_text(STUDY.replace(", contact: CONTACT", ""))
+    archive = template(arrange(read_study(path, {"axes.scene.matrices.contact": ["007", 2, "a"]})))
+    assert archive["matrices_contact"].values.tolist() == ["007", "2", "a"]
+    assert archive["impacts"].dims == ("matrices_contact",)
