@@ -218,3 +218,8 @@ def test_a_dimension_that_a_function_adds_is_not_that_of_an_axis() -> None:
     phases = contact_phases(forces([0, 2, 4, 0, 0, 1], [0, 1, 1, 1, 1, 1]).rename(alpha="phase"))
     assert phases["begin"].dims == ("phase", "contact_phase")
     assert list(phases["contact_phase"].values) == [1, 2]
+
+
+def test_paths_are_no_datasets() -> None:
+    with pytest.raises(TypeError, match=r"compare takes datasets, and 'a.nc' is none: give open_archive\('a.nc'\)"):
+        compare("a.nc", cases())  # type: ignore[arg-type]

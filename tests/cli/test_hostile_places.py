@@ -150,3 +150,10 @@ def test_a_free_mass_has_no_stiffness_that_a_contact_spring_could_follow(tmp_pat
             workflow("plan", study, "-s", "schemes.penalty={method: penalty, stiffness: 1e6}", cwd=tmp_path).returncode
             == 0
         )
+
+
+@pytest.mark.parametrize("epoch", ["", "now"])
+def test_a_source_date_that_is_none_stops_nothing(epoch: str) -> None:
+    """numpy.f2py, which SciPy imports, ends in a traceback by it."""
+    ended = typed("--version", cwd=Path(), env={**os.environ, "SOURCE_DATE_EPOCH": epoch})
+    assert (ended.returncode, ended.stderr) == (0, "")

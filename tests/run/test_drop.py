@@ -73,6 +73,29 @@ def test_histories_that_a_study_no_longer_keeps_are_not_lost_in_silence(
         assert name in lost
 
 
+def test_what_differs_is_named(tmp_path: Path) -> None:
+    archive = tmp_path / "a.nc"
+    run_study(quick(), archive, threads=1)
+    for part, said in (
+        ({"casing.gap": 1e-5}, r"scene.casing.gap: \S+ → 1e-05\)"),
+        ({"chain.mass": 3e-3}, r"scene.chain.mass: \S+ → 0.003\)"),
+    ):
+        refused(quick(scene=part), archive, rf"\(differs in {said}")
+
+
+def test_a_list_of_fewer_events_costs_no_case_without_one(tmp_path: Path) -> None:
+    """The cases of moreau list no events; that a list was of another length was said to be a lack of variables."""
+    archive = tmp_path / "a.nc"
+    axes = {"scheme": ["event_driven", "moreau"]}
+    run_study(quick(axes=axes, output={"events": 30}), archive, threads=1)
+    count = len(hashes_of(quick(axes=axes)))
+    for most in (20, 40):
+        study = quick(axes=axes, output={"events": most})
+        refused(study, archive, rf"{count // 2} of its {count} cases .*differs in output.events: \d+ → {most}\)")
+    assert run_study(study, archive, threads=1, drop=True).resumed == count // 2
+    assert open_archive(archive).sizes["event"] == 40
+
+
 def test_what_grows_or_is_put_in_another_order_needs_no_word(tmp_path: Path) -> None:
     archive = tmp_path / "a.nc"
     run_study(quick(), archive, threads=1)

@@ -135,6 +135,7 @@ REFUSED: dict[str, tuple[Array, Array, dict[str, Any], str]] = {
     "too few": (np.array([0.0, 180.0]), np.ones(2), {}, "the profile has 2 angles"),
     "a step": (np.linspace(0, 360, 73), np.linspace(1e-5, 2e-5, 73), {}, "1e-05 m at 0 deg and 2e-05 m"),
     "a rough one": (FINE, np.sign(np.sin(np.radians(FINE + 0.1))) * 1e-6, {}, "32 orders leave 0.41 of the range"),
+    "no gap": (ANGLES, 1e308 * np.cos(np.pi * np.arange(72)), {}, "a gap or an angle of more than 1e6"),
     "too coarse a one": (ANGLES[::18], np.array([0, 1e-6, 0, 1e-6]), {}, "1 orders leave 0.5 of the range"),
 }  # fmt: skip
 

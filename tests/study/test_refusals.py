@@ -258,3 +258,27 @@ def test_more_entries_than_anybody_writes_are_refused_before_they_are_read() -> 
         parse_study(f"study: a\naxes: {{e: {entries}, alpha: {entries}}}\n", "study.yaml")
     assert "has more than 50000 keys and values; write long axes as {lin: [first, last, count]}" in str(refusal.value)
     assert str(refusal.value).startswith("study.yaml:2: ")
+
+
+IN_WORDS = [
+    ("scene:\n  a: 1\n b: 2\n", 3, "wrong indentation"),
+    ("study: a\nscene:\n  a:1\n  b: 2\n", 4, "no space after a colon"),
+    ("title: a: b\n", 1, "`: ` in a text without quotes"),
+    ("scene:\n\ta: 1\n", 2, "a tab"),
+    ("a: [1, 2\nb: 3\n", 2, "a bracket that is not closed"),
+    ("a: 'x\nb: 2\n", 3, "a quote that is not closed"),
+    ("a: @x\n", 1, "a text that needs quotes"),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "problem"), IN_WORDS)
+def test_what_is_no_yaml_is_said_in_words(text: str, line: int, problem: str) -> None:
+    (mistake,) = mistakes_of(text)
+    assert (mistake.line, problem in mistake.problem) == (line, True)
+
+
+@pytest.mark.parametrize("name", ["blade.npz", "blade.mtx", "modes.CSV"])
+def test_a_file_that_a_study_names_is_no_study(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"\x93NUMPY")
+    with pytest.raises(StudyError, match=f"is no study; write one that names it.*{name}"):
+        read_study(tmp_path / name)

@@ -44,6 +44,9 @@ def compare(dataset: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
     """
     import xarray as xr
 
+    for one in (dataset, other):
+        if not isinstance(one, xr.Dataset):
+            raise TypeError(f"compare takes datasets, and {one!r} is none: give open_archive({str(one)!r})")
     names = [name for name in BY_NAME if _is_result(name) and name in dataset and name in other]
     if not names:
         raise ValueError("the datasets have no result in common")

@@ -326,7 +326,10 @@ def _has(kinds: Kinds, name: str, variable: xr.Variable, cases: int) -> bool:
     if name not in kinds:
         return name not in BY_NAME or is_steady or (is_period and "period" not in kinds)
     dtype, tail = kinds[name]
-    is_whole = is_period or is_steady or tail == variable.shape[cases:]  # the hash covers how many samples an orbit has
+    is_whole = (
+        is_period or is_steady or "event" in variable.dims
+    )  # the hash covers how many samples, or events, a case has
+    is_whole |= tail == variable.shape[cases:]
     return is_whole and dtype.itemsize >= variable.dtype.itemsize
 
 

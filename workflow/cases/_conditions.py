@@ -116,9 +116,9 @@ def spread(varying: Mapping[str, Array], path: str, value: float, count: int) ->
 
 
 def alpha_of(settings: CaseSettings, varying: Mapping[str, Array], count: int) -> Array:
-    """Return α of each case, W/N, ``(case,)``: heat_share · coefficient · sliding_speed where a scene has friction."""
+    """Return α of each case, W/N, ``(case,)``: heat_share · coefficient · sliding_speed where a scene has these."""
     friction = settings.scene.friction
-    if friction is None:
+    if not settings.scene.makes_alpha:
         return spread(varying, "alpha", settings.alpha, count)
     share, coefficient, speed = (
         spread(varying, f"{FRICTION}{name}", getattr(friction, name), count)

@@ -28,6 +28,8 @@ def main() -> None:
     gc.set_threshold(GARBAGE)
     for name in [name for name in os.environ if name.startswith(("MPLBACKEND", "BOKEH_"))]:
         del os.environ[name]  # figures and pages are files here, whatever a shell asks of windows and servers
+    if not os.environ.get("SOURCE_DATE_EPOCH", "0").isdecimal():
+        del os.environ["SOURCE_DATE_EPOCH"]  # empty as build scripts leave it, numpy.f2py would fail by it
     atexit.register(gc.freeze)  # or Python looks through all objects for garbage when it ends
     from workflow.cli._stop import heed_signals
     from workflow.pinning import pin

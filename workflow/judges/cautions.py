@@ -52,6 +52,9 @@ FEW = 6
 _BELOW = 1e-6
 """Distance to the critical coupling at which no real pole grows yet."""
 
+_WIDEST = 1.0
+"""Gap above which its unit is doubtful, where nothing bounds the motion, m."""
+
 _FAR = 100
 """Static tip displacement by a load, over the gap, above which units are doubtful: a rub has a few."""
 
@@ -104,7 +107,7 @@ def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
 def _static_reach(structure: Structure, cases: Cases) -> Iterator[str]:
     """Yield that the load, applied statically, would move a contact by more than :data:`_FAR` gaps."""
     moved, gaps = _moved(structure, cases), cases.clearances
-    far = np.where((moved > _FAR * gaps) & (gaps > 0), moved, 0.0)
+    far = np.where((moved / _FAR > gaps) & (gaps > 0), moved, 0.0)
     if far.any():
         k, contact = np.unravel_index(np.argmax(far), far.shape)
         yield (
@@ -148,6 +151,8 @@ def _without_contact(structure: Structure, cases: Cases, reach: Array) -> Iterat
             f"stays below {measure(float(of_clear.max()), 'm', 3)} (static and harmonic answer, and a bound of what "
             "the start adds)"
         )
+    elif gaps.max() > _WIDEST:
+        yield f"a gap of {gaps.max():.6g} m is that of no machine: check its unit, m or e.g. `20 um`"
 
 
 def _friction_limits(structure: Structure, cases: Cases, *, has_impacts: bool) -> Iterator[str]:

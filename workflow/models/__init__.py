@@ -133,6 +133,14 @@ def sensors_of(name: str, parameters: Any, sensors: tuple[Sensor, ...]) -> Senso
         return given_sensors(sensors, rows_of(own, sensors, structure), structure)
 
 
+@lru_cache(maxsize=_MOST_STRUCTURES)
+def labels_of(name: str, parameters: Any, of_heat: bool) -> tuple[str, ...]:
+    """Return the labels of the displacements, or temperatures, in which a model's cases are given: its ``labels``."""
+    labels = getattr(load(name), "labels", lambda own, of_heat: ())
+    with files_laid_out(parameters) as own:
+        return tuple(labels(own, of_heat))
+
+
 @lru_cache(maxsize=1024)
 def depends_on_speed(name: str, parameters: Any) -> bool:
     """Tell whether a model's structure depends on the speed of its scene: its ``depends_on_speed`` says so."""

@@ -18,14 +18,18 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.models._contacts import Contacts, checked_contacts
+from workflow.models._factors import is_definite
 from workflow.models._from_matrices import ASYMMETRY, GivenMatrices
-from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, Entries
+from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, Entries, in_unicode
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._sensors import Sensor
 from workflow.models._structure import COLD, Rayleigh
 
 _WHOLE = 1e-9
 """Accepted deviation of a sum of weights from 1: rounding of many of them."""
+
+_SINGLE = 1e-6
+"""Negative part of a damping matrix, over its diagonal, up to which it is the rounding of entries of seven digits."""
 
 _TO_SI = {
     **dict.fromkeys(("mass", "stiffness", "stiffness_speed2", "damping"), 1e3),
@@ -82,7 +86,7 @@ def given_by(
         turning = symmetric_entry(entries, SPEED2[0], size)
         stiffness = stiffness + angular**2 * turning if angular else stiffness
     steady = steady + angular**2 * _vector(SPEED2[1], entries, size) if SPEED2[1] in entries else steady
-    damper = symmetric_entry(entries, "damping", size) if "damping" in entries else None
+    damper = _dissipative(symmetric_entry(entries, "damping", size)) if "damping" in entries else None
     if damper is not None and damping != Rayleigh():
         raise UnusableMatricesError("it has a `damping`, and the study has one too", "keep one of them")
     load = np.zeros(size) if contacts.count > 1 else None  # there is no one contact that it would act along
@@ -101,6 +105,17 @@ def given_by(
         **(_cold(size) if heat is None else heat),
     )
     return given, contacts
+
+
+def _dissipative(damper: scipy.sparse.csc_array) -> scipy.sparse.csc_array:
+    """Return a damping matrix that is positive semi-definite beyond rounding; any other one drives some motion."""
+    diagonal = damper.diagonal()
+    acts = np.flatnonzero(abs(damper).sum(axis=0))
+    own = damper[acts][:, acts] + scipy.sparse.diags_array(_SINGLE * diagonal[acts])
+    if not (np.all(diagonal[acts] > 0) and (not acts.size or is_definite(scipy.sparse.csc_array(own)))):
+        problem = "`damping` is not positive semi-definite: it would drive some motion"
+        raise UnusableMatricesError(problem, "check its signs, as damping forces are C1 x' on the left of equation 1a")
+    return damper
 
 
 def _heat(entries: Entries, size: int) -> dict[str, Any] | None:
@@ -137,8 +152,9 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     size, heats = sizes
     contact, thermal_contact, sliding = (one[0] if isinstance(one, tuple) and len(one) == 1 else one for one in chosen)
     own = _labelled(entries, contact, labels, size)
-    names: tuple[str | int, ...] = contact if isinstance(contact, tuple) else (contact or 0,)
-    if all(name in own for name in names):
+    each = contact if isinstance(contact, tuple) else () if contact is None else (contact,)
+    names = tuple(_as_label("contact", one, entries, labels, size, own) for one in each)
+    if names and all(name in own for name in names):
         entries, contact = _rows_of(entries, names, tuple(own)), None
         own = {str(name): own[str(name)] for name in names}
     normal = _rows("contact", contact, entries, labels, size, own)
@@ -152,7 +168,7 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     tangent = _beside("tangent", sliding, entries, labels, size, count) if slides else np.zeros_like(normal)
     heat = np.ones((count, 1))
     if heats:
-        warm = _texts("thermal_labels", entries, heats) or (labels if len(labels) == heats else ())
+        warm = labels_of(entries, of_heat=True)
         alone = thermal_contact is None and "thermal_contact" not in entries
         found = _own_temperatures(names, normal, warm, heats) if alone else None
         heat = _beside("thermal_contact", thermal_contact, entries, warm, heats, count) if found is None else found
@@ -173,18 +189,22 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
     return checked_contacts(contacts)
 
 
+def labels_of(entries: Entries, of_heat: bool) -> tuple[str, ...]:
+    """Return the labels of the displacements of a file, or of its temperatures; none where it has none."""
+    sizes = [np.shape(entries[name])[0] for name in ("mass", "heat_capacity") if name in entries]
+    labels = _texts("labels", entries, sizes[0])
+    own = _texts("thermal_labels", entries, sizes[-1]) if of_heat else labels
+    return own or (labels if sizes[0] == sizes[-1] else ())
+
+
 def row_of(entries: Entries, sensor: Sensor) -> Array:
     """Return the row of a sensor at a label, an index or a vector of the file, ``(coordinate,)``."""
     size = np.shape(entries["mass"])[0]
-    labels, own = _texts("labels", entries, size), _labelled(entries, None, (), size)
+    labels, own = labels_of(entries, sensor.of_heat), _labelled(entries, None, (), size)
     if sensor.of_heat:
         if "heat_capacity" not in entries:
             raise UnusableMatricesError("the file has no temperatures", "choose a displacement")
-        heats = np.shape(entries["heat_capacity"])[0]
-        labels = _texts("thermal_labels", entries, heats) or (labels if size == heats else ())
-        size, own = heats, {}
-    if isinstance(sensor.at, str) and sensor.at in own:
-        return own[sensor.at]
+        size, own = np.shape(entries["heat_capacity"])[0], {}
     rows = _rows("sensor", sensor.at, entries, labels, size, own)
     if len(rows) > 1:
         raise UnusableMatricesError(f"`{sensor.at}` has {len(rows)} rows", "choose a vector")
@@ -267,7 +287,7 @@ def _rows(
     rows with labels of their own.
     """
     if isinstance(chosen, tuple):
-        each = [own[str(one)][None] if one in own else _rows(name, one, entries, labels, size, own) for one in chosen]
+        each = [_rows(name, one, entries, labels, size, own) for one in chosen]
         for one, rows in zip(chosen, each, strict=True):
             if len(rows) > 1:
                 raise UnusableMatricesError(f"`{name}: {one}` has {len(rows)} rows", "name it alone, not in a list")
@@ -283,7 +303,10 @@ def _rows(
             return _entry_rows(name, entries, size)
         is_index = value.dtype.kind in "iu" or (value.dtype.kind == "f" and float(value.item()).is_integer())
         chosen = int(value.item()) if is_index else str(value.item())
+    chosen = _as_label(name, chosen, entries, labels, size, own)
     if isinstance(chosen, str):
+        if chosen in own:
+            return own[chosen][None]
         if chosen not in labels:
             vectors = [entry for entry in entries if entry not in (*MATRICES, *LABELS)]
             if chosen in vectors:
@@ -293,13 +316,34 @@ def _rows(
             more = ", …" * (len(own) + len(labels) > len(near))
             some = ", ".join(f"`{text}`" for text in (*vectors, *near)) + more
             remedy = f"write {some + ' or ' if some else ''}an index from 0 to {size - 1}"
-            raise UnusableMatricesError(f"`{name}: {chosen}` is neither a label nor a vector of the file", remedy)
+            is_index = chosen.lstrip("-").isdecimal()
+            problem = f"`{name}: {chosen}` is {'no index' if is_index else 'neither a label nor a vector of the file'}"
+            raise UnusableMatricesError(problem, remedy)
         chosen = list(labels).index(chosen)
-    if not 0 <= chosen < size:
-        raise UnusableMatricesError(f"`{name}: {chosen}` is no index", f"write one from 0 to {size - 1}")
     unit = np.zeros((1, size))
     unit[0, chosen] = 1.0
     return unit
+
+
+def _as_label(
+    name: str, chosen: str | int, entries: Entries, labels: Sequence[str], size: int, own: Mapping[str, Array]
+) -> str | int:
+    """Return a choice as a text, but an integer that is an index and no label, nor the name of a vector.
+
+    Raises
+    ------
+    UnusableMatricesError
+        It is a label, and the index of another place.
+    """
+    text = str(chosen)
+    if isinstance(chosen, int) and 0 <= chosen < size:
+        if text not in {*own, *labels, *entries}:
+            return chosen
+        if np.flatnonzero(_rows(name, text, entries, labels, size, own)).tolist() != [chosen]:
+            problem = f"`{name}: {text}` is the label of one place and the index of another"
+            other = f', `"{labels[chosen]}"` for the index' if labels else ""
+            raise UnusableMatricesError(problem, f'write `"{text}"` in quotes for the label{other}')
+    return text
 
 
 def _entry_rows(name: str, entries: Entries, size: int) -> Array:
@@ -371,12 +415,15 @@ def _texts(name: str, entries: Entries, size: int) -> tuple[str, ...]:
     """Return labels, one per degree of freedom or contact, all different; none where the file has none."""
     if name not in entries:
         return ()
-    labels = tuple(str(text).strip() for text in np.asarray(entries[name]).astype(str).ravel())
+    labels = tuple(str(text).strip() for text in in_unicode(name, np.asarray(entries[name])).astype(str).ravel())
     each, rows = "degree of freedom", "the matrices have"
     if name == "contact_labels":
         each, rows = "contact", "`contact` has"
     if len(labels) != size:
         raise UnusableMatricesError(f"`{name}` has {len(labels)} labels", f"write {size}, as {rows} rows")
+    for label in labels:
+        if not label.isprintable():
+            raise UnusableMatricesError(f"`{name}` has {label[:40]!r}", "write labels of printable characters")
     if len(set(labels)) < size:
         twice = next(label for label in labels if labels.count(label) > 1)
         raise UnusableMatricesError(f"`{name}` has {twice[:40]!r} twice", f"name each {each} once")

@@ -88,6 +88,7 @@ ROWS = ("angle", *(f"residual_{name}" for name in ("flexibility", "tangent", "co
 """Of contacts, which have rows of `contact`, `tangent` and `thermal_contact` too."""
 
 LABELS = ("labels", "thermal_labels", "contact_labels")
+KNOWN = (*MATRICES, *VECTORS, *ROWS, *LABELS)
 
 Entries = Mapping[str, Any]
 """Matrices, vectors and labels by name."""
@@ -99,7 +100,7 @@ _MARKET = re.compile(
     r"%%MatrixMarket\s+matrix\s+(coordinate|array)\s+(real|integer)\s.*\n(?:[ \t]*(?:%.*)?\n)*.*\n", re.I
 )
 _OUTPUT4 = re.compile(r"[-\d\s]{32,48}[A-Z]\w*\s*(?:(?:1P,)?\d+[ED](\d+)\.\d+)?\s*(?:\|I16)?\s*", re.I)
-_PART = re.compile(rf"({'|'.join(MATRICES)})[._](data|indices|indptr|shape|row|col|format)")
+PART = re.compile(rf"({'|'.join(MATRICES)})[._](data|indices|indptr|shape|row|col|format)")
 
 
 def files_of(place: Path) -> tuple[Path, ...]:
@@ -151,7 +152,8 @@ def _read(place: Path, readers: Mapping[str, Callable[[Path], dict[str, Any]]]) 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return {name: _of_rows(name, value) for name, value in readers[kind](place).items()}
+            entries = {name: _of_rows(name, value) for name, value in readers[kind](place).items()}
+        return {name: in_unicode(f"{place.name}: {name}", value) for name, value in entries.items()}
     except UnusableMatricesError:
         raise
     except Exception as error:
@@ -170,12 +172,20 @@ def _of_rows(name: str, value: Any) -> Any:
     return value.tocsr() if hasattr(value, "tocsr") else value
 
 
+def in_unicode(name: str, value: Any) -> Any:
+    """Return an entry with its texts as characters: bytes are UTF-8."""
+    try:
+        return np.char.decode(value, "utf-8") if value.dtype.kind == "S" else value
+    except UnicodeDecodeError as error:
+        raise UnusableMatricesError(f"`{name}` has a text that is not UTF-8: {error.object!r}", "write UTF-8") from None
+
+
 def _npz(place: Path) -> dict[str, Any]:
     from scipy import sparse  # here and below: reading a study needs none of it
 
     with np.load(place, allow_pickle=False) as arrays:
         entries = dict(arrays)
-        found = [(name, _PART.fullmatch(name)) for name in arrays]
+        found = [(name, PART.fullmatch(name)) for name in arrays]
     _refuse_twice([".".join(part.groups()) if part else name for name, part in found], "as a part")
     parts: dict[str, dict[str, Any]] = {}
     for match in filter(None, (part for _, part in found)):
@@ -258,14 +268,13 @@ def _rua(place: Path) -> dict[str, Any]:
 
 
 def _txt(place: Path) -> dict[str, Any]:
-    lines = place.read_text(encoding="utf-8", errors="replace").splitlines()
-    return {place.stem: np.array([line.strip() for line in lines if line.strip()])}
+    return {place.stem: np.array([line.strip() for line in place.read_bytes().splitlines() if line.strip()])}
 
 
 def _calculix(place: Path) -> dict[str, Any]:
     from scipy import sparse
 
-    labels = np.array(place.with_suffix(".dof").read_text(encoding="ascii", errors="replace").split())
+    labels = np.array(place.with_suffix(".dof").read_bytes().split())
     entries: dict[str, Any] = {"labels": labels}
     for name, suffix in (("stiffness", ".sti"), ("mass", ".mas")):
         part = place.with_suffix(suffix)

@@ -42,6 +42,9 @@ def static_share(structure: Structure) -> float:
     return float(structure.mechanical.constraint @ structure.tangent)
 
 
+_GROWS = 1e-6
+"""Growth over a duration, of a mode with negative damping, up to which it is rounding of six digits."""
+
 _CANCELLED = 1e-13
 """Growth by the tip's heat, over its largest term, up to which it is rounding."""
 
@@ -238,7 +241,7 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
 def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
     """Return a bound of the displacement of each contact without contact, m, ``(case, contact)``.
 
-    ``inf`` where a rigid mode moves one, or damping couples modes.
+    ``inf`` where a rigid mode moves one, damping couples modes, or a mode is driven by more than rounding.
 
     It sums the responses to constant and harmonic loads, the transient of the initial state, and twice the quasi-static
     growth by heating and initial temperatures. In modes, x_i = Σ φ_i η, with p̄ the constant load and p the harmonic
@@ -249,7 +252,7 @@ def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
     modes = mechanical_modes(structure)
     omega, tip, damping = modes.values, structure.contact_rows.normal @ modes.shapes, coupled_damping(structure, modes)
     moving = (omega == 0) & (np.abs(tip) > 1e-9 * np.abs(tip).max()).any(axis=0)
-    if np.any(moving) or damping.ndim == 2:
+    if np.any(moving) or damping.ndim == 2 or np.any(damping * duration < -_GROWS):
         return np.full((cases.count, len(tip)), np.inf)
     elastic, residual = omega > 0, structure.contact_rows.residual_load_or_zero
     omega, tip, damping, shapes = omega[elastic], tip[:, elastic].T, damping[elastic], modes.shapes[:, elastic]

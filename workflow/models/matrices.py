@@ -28,8 +28,8 @@ from workflow.models._from_matrices import (
     structure_from_sparse,
     with_contacts,
 )
-from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, row_of, shaken
-from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, files_of, read_entries
+from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, labels_of, row_of, shaken
+from workflow.models._matrix_files import KNOWN, LABELS, MATRICES, PART, SPEED2, files_of, in_unicode, read_entries
 from workflow.models._pair import UnusableMatricesError, turning_at
 from workflow.models._sensors import Sensor
 from workflow.models._structure import Matrices, Rayleigh, Structure
@@ -163,6 +163,11 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     return structure
 
 
+def labels(parameters: Parameters, of_heat: bool) -> tuple[str, ...]:
+    """Return the labels of the displacements, or temperatures, of the file."""
+    return labels_of(read_entries(Path(parameters.file.place)), of_heat)
+
+
 def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: Structure) -> list[Array]:
     """Return the rows of sensors in the coordinates of the file.
 
@@ -209,13 +214,13 @@ def write_matrices(
     UnusableMatricesError
         An entry is wrong; the message says which, and what would be right.
     """
-    place, known = Path(path), (*MATRICES, *VECTORS, *ROWS, *LABELS)
+    place = Path(path)
     given = {"mass": mass, "stiffness": stiffness, **entries}
     if place.suffix.lower() != ".npz":
         raise UnusableMatricesError(f"`{place.name}` is no NPZ file", "end its name in .npz")
-    unknown = sorted(set(given) - set(known))
+    unknown = sorted(set(given) - set(KNOWN))
     if unknown:
-        remedy = f"entries are {', '.join(known)}; vectors of your own names go into `vectors`"
+        remedy = f"entries are {', '.join(KNOWN)}; vectors of your own names go into `vectors`"
         raise UnusableMatricesError(f"no entry is called {', '.join(unknown)}", remedy)
     _check(given)
     arrays: dict[str, Any] = {}
@@ -225,7 +230,13 @@ def write_matrices(
             arrays |= {f"{name}.{part}": getattr(rows, part) for part in ("data", "indices", "indptr", "shape")}
         else:  # a contact may be an index or a label
             plain = np.asarray(value.toarray() if hasattr(value, "toarray") else value)
-            arrays[name] = plain.astype(str) if name in LABELS else plain if plain.size == 1 else plain.astype(float)
+            arrays[name] = (
+                in_unicode(name, plain).astype(str)
+                if name in LABELS
+                else plain
+                if plain.size == 1
+                else plain.astype(float)
+            )
     np.savez_compressed(place, **arrays, **_own_vectors(vectors or {}, given))
     return place
 
@@ -233,8 +244,11 @@ def write_matrices(
 def _own_vectors(vectors: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return vectors of names of their own as arrays, each with a number for each displacement or temperature."""
     sizes = {np.shape(given[name])[0] for name in ("mass", "heat_capacity") if name in given}
-    arrays = {name: np.asarray(vector, dtype=float) for name, vector in vectors.items()}
+    arrays = {str(name): np.asarray(vector, dtype=float) for name, vector in vectors.items()}
+    taken = {*KNOWN, "file", "allow_pickle", *(str(text) for name in LABELS for text in np.ravel(given.get(name, ())))}
     for name, array in arrays.items():
+        if not name or name in taken or PART.fullmatch(name) or not name.isprintable():
+            raise UnusableMatricesError(f"{name!r} is no name of a vector", "choose one that is no entry and no label")
         if array.ndim != 1 or array.size not in sizes or not np.isfinite(array).all():
             numbers = " or ".join(map(str, sorted(sizes)))
             raise UnusableMatricesError(f"`{name}` has the shape {array.shape}", f"write {numbers} finite numbers")
@@ -243,10 +257,12 @@ def _own_vectors(vectors: Mapping[str, Any], given: Mapping[str, Any]) -> dict[s
 
 def _check(given: dict[str, Any]) -> None:
     """Check the entries as the model does, except contacts, which the study may name."""
-    contact, checked = None, given
+    checked = given
     if "contact" not in given:
-        contact, checked = 0, {name: value for name, value in given.items() if name != "tangent"}
-    heat: Choice = None
+        some = {"contact": np.eye(1, (*np.shape(given["mass"]), 1)[0])}
+        checked = {name: value for name, value in given.items() if name != "tangent"} | some
     if "thermal_contact" not in given and "heat_capacity" in given:
-        heat = (0,) * (len(given["contact"]) if len(np.shape(given.get("contact", 0))) == 2 else 1)
-    given_by(checked, Chosen(contact, heat), Rayleigh())
+        count = len(given["contact"]) if len(np.shape(given.get("contact", 0))) == 2 else 1
+        shares = np.repeat(np.eye(1, (*np.shape(given["heat_capacity"]), 1)[0]), count, axis=0)
+        checked = {**checked, "thermal_contact": shares}
+    given_by(checked, Chosen(), Rayleigh())

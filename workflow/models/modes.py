@@ -15,6 +15,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,7 @@ _SPELLINGS = {
 }
 """Accepted spellings of a column's unit, in brackets after its name; messages use the first one."""
 
-_HEADING = re.compile(r"(\w+)\s*(?:\[\s*(.*?)\s*\])?")
+_HEADING = re.compile(r"([\w.-]+)\s*(?:\[\s*(.*?)\s*\])?")
 
 _BLANK = " \t,"
 """What a line without numbers consists of, such as a spreadsheet writes."""
@@ -69,12 +70,13 @@ def read_table(
     names = [name for name, _ in columns]
     if not isinstance(source, File):
         return _table("the table", source, len(names), most=most)
-    lines, start, written = _headed(source)
+    lines, start, written = _headed(source, most)
     width, more = lines[start].count(",") + 1, sorted(set(written) - set(names))
     misspelt = not others or any(get_close_matches(name, (*names, "tangent"), cutoff=_NEARLY) for name in more)
     if not set(names) <= set(written) or len(written) != width or (more and misspelt):
         problem = f"`{source.name}` has the columns {lines[start][:80]}"
-        raise UnusableMatricesError(problem, f"write {', '.join(names)}")
+        beside = others * ", and others of letters, digits, _, - and ."
+        raise UnusableMatricesError(problem, f"write {', '.join(names)}{beside}")
     for name, unit in columns:
         if written[name] not in (None, *_SPELLINGS[unit]):
             problem = f"`{source.name}` has `{name}` in {written[name]}"
@@ -97,15 +99,15 @@ def columns_of_contacts(
     return (*others, *((f"{name}{end}", unit) for name in names for end in ends))
 
 
-def _headed(source: File) -> tuple[list[str], int, dict[str, str | None]]:
+def _headed(source: File, most: int = MOST_MODES) -> tuple[list[str], int, dict[str, str | None]]:
     """Return the lines of a file, the place of its header among them, and the units of its columns by name."""
-    lines = _lines(source)
+    lines = _lines(source, most)
     start = next(k for k, line in enumerate(lines) if line.strip(_BLANK))
     parsed = (_HEADING.fullmatch(word.strip(' "')) for word in lines[start].split(","))
     return lines, start, {match[1]: match[2] for match in parsed if match}
 
 
-def read_matrix(source: File | Rows, shape: tuple[int, int], name: str = "coupling") -> Array:
+def read_matrix(source: File | Rows, shape: tuple[int, int], name: str = "coupling", of: str = "mode") -> Array:
     """Return a matrix of numbers from a CSV file without a header, or from rows.
 
     Raises
@@ -114,8 +116,9 @@ def read_matrix(source: File | Rows, shape: tuple[int, int], name: str = "coupli
         It has another shape.
     """
     if not isinstance(source, File):
-        return _table(f"the {name}", source, shape[1], shape[0])
-    return _shaken(source, _table(f"`{source.name}`", _numbers(source, _lines(source), shape[1]), shape[1], shape[0]))
+        return _table(f"the {name}", source, shape[1], shape[0], of=of)
+    numbers = _numbers(source, _lines(source, MOST_MODES), shape[1])
+    return _shaken(source, _table(f"`{source.name}`", numbers, shape[1], shape[0], of=of))
 
 
 def _shaken(file: File, table: Array) -> Array:
@@ -123,9 +126,13 @@ def _shaken(file: File, table: Array) -> Array:
     return np.asarray(table * (1 + file.shaken * (-1.0) ** np.arange(table.shape[1])))
 
 
-def _lines(file: File) -> list[str]:
-    """Return the lines of a file, of which one at least is not empty."""
+def _lines(file: File, most: int) -> list[str]:
+    """Return the lines of a file, of which one at least is not empty, and one more than so many at most."""
     content = next(iter(file.contents.values())) if file.contents else Path(file.place).read_bytes()
+    if content.count(b"\n") + content.count(b"\r") > most:  # counted as bytes: a text takes ten times their memory
+        count = sum(bool(line.strip(_BLANK.encode() + b"\n")) for line in BytesIO(content.replace(b"\r", b"\n")))
+        if count > most + 1:
+            raise UnusableMatricesError(f"`{file.name}` has {count} lines", f"write 1 to {most} rows")
     try:
         lines = content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
@@ -133,7 +140,7 @@ def _lines(file: File) -> list[str]:
             f"`{file.name}` is no CSV file: {error}", "write values with commas between"
         ) from None
     if not any(line.strip(_BLANK) for line in lines):
-        raise UnusableMatricesError(f"`{file.name}` is empty", "write a row for each mode")
+        raise UnusableMatricesError(f"`{file.name}` is empty", "write its rows")
     return lines
 
 
@@ -145,14 +152,16 @@ def _numbers(file: File, lines: list[str], width: int, start: int = 0) -> Array:
     return np.fromstring(text.translate({ord(mark): " " for mark in '",'}), sep=" ").reshape(-1, width)
 
 
-def _table(name: str, rows: Rows | Array, width: int, height: int | None = None, most: int = MOST_MODES) -> Array:
+def _table(
+    name: str, rows: Rows | Array, width: int, height: int | None = None, most: int = MOST_MODES, of: str = "mode"
+) -> Array:
     """Return rows as an array of finite numbers ``(height, width)``, of any height up to the limit where ``None``."""
     if not 0 < len(rows) <= most:
         raise UnusableMatricesError(f"{name} has {len(rows)} rows", f"write 1 to {most}")
     widths = sorted({len(row) for row in rows})
     if widths != [width] or len(rows) != (height or len(rows)):
         problem = f"{name} has {len(rows)} rows of {' and '.join(map(str, widths))} numbers"
-        raise UnusableMatricesError(problem, f"write {height or 'rows'} of {width}, one for each mode")
+        raise UnusableMatricesError(problem, f"write {height or 'rows'} of {width}, a row for each {of}")
     table = np.array(rows, dtype=np.float64)
     if not np.isfinite(table).all():
         raise UnusableMatricesError(f"{name} has a value that is not finite", "write finite numbers")
@@ -201,6 +210,12 @@ class Parameters:
     )
     speed: float = speed()
 
+    @property
+    def damping_ratio(self) -> float:
+        """The largest of the table."""
+        columns = columns_of_contacts(self.table, COLUMNS, "tangent")
+        return float(read_table(self.table, columns, others=True)[:, 1].max())
+
 
 def depends_on_speed(parameters: Parameters) -> bool:
     """Tell whether the structure depends on the scene's speed."""
@@ -233,8 +248,10 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
         sliding = parameters.residual_tangent
         contacts = replace(
             contacts,
-            residual=read_matrix(parameters.residual, square, "residual"),
-            residual_tangent=np.zeros(square) if sliding is None else read_matrix(sliding, square, "residual_tangent"),
+            residual=read_matrix(parameters.residual, square, "residual", "contact"),
+            residual_tangent=np.zeros(square)
+            if sliding is None
+            else read_matrix(sliding, square, "residual_tangent", "contact"),
         )
     contacts, slides = checked_contacts(contacts, "residual"), tangent[np.any(tangent != 0, axis=1)]
     shape = frequency.size, rate.size
@@ -282,12 +299,13 @@ def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: 
         source, known = (parameters.heat, HEAT_COLUMNS) if sensor.of_heat else (parameters.table, COLUMNS)
         written = _headed(source)[2] if isinstance(source, File) else {}
         names = [name for name in written if name not in {name for name, _ in known[:-1]}]
-        if not isinstance(source, File) or sensor.at not in names:
+        at = str(sensor.at)
+        if not isinstance(source, File) or at not in names:
             problem = f"`{sensor.at}` is no column of `{'heat' if sensor.of_heat else 'table'}`"
             raise UnusableMatricesError(problem, f"write {' or '.join(names) or 'the table as a file with columns'}")
-        columns = {**dict(columns_of_contacts(source, known, "tangent")), str(sensor.at): known[-1][1]}
+        columns = {**dict(columns_of_contacts(source, known, "tangent")), at: known[-1][1]}
         table = read_table(source, tuple(columns.items()), others=True)
-        rows.append(table[:, list(columns).index(str(sensor.at))])
+        rows.append(table[:, list(columns).index(at)])
     return rows
 
 

@@ -21,6 +21,7 @@ from workflow.cases import (
 )
 from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod, one_thread
 from workflow.plan._figures import Figures, figures, speed_lines
+from workflow.plan._template import made_by_friction
 from workflow.plan._warnings import (
     MOST_OUTER,
     choice_lines,
@@ -111,11 +112,12 @@ def _plan(grid: Grid) -> Plan:
     batches = [len(task.batches) for task in tasks(grid, threads=threads)]
     cases = grid.outer_count * grid.inner_count
     references, exact = solution_counts(grid)
+    alpha = tuple(np.unique(made_by_friction(grid).values).tolist()) if grid.study.scene.makes_alpha else ()
     return Plan(
         study=grid.study.name,
         title=grid.study.title,
         dims=grid.dims,
-        scene=resolved_values(grid.study, grid.settings(0)),
+        scene=resolved_values(grid.study, grid.settings(0), alpha),
         cases=cases,
         unique=unique,
         points=grid.points,

@@ -222,8 +222,8 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
         if dimension.drawn is not None:
             yield from _design(dimension.name, dimension.drawn)
     followed = "" if study.branch is None else study.branch.axis.path
-    if study.scene.friction is not None and not followed.startswith(FRICTION):
-        yield "alpha", _made_by_friction(grid)
+    if study.scene.makes_alpha and not followed.startswith(FRICTION):
+        yield "alpha", made_by_friction(grid)
     if "gap" not in names and followed != "scene.casing.gap":
         about, gap = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}, np.asarray(study.scene.gap)
         yield "gap", _variable(("contact",) * gap.ndim, gap, about)
@@ -283,7 +283,7 @@ def _of_axis(axis: Axis, dims: tuple[str, ...], more: Attributes) -> xr.Variable
     attributes |= {} if is_text else {"units": axis.unit}
     if axis.path in MODES and CHOSEN in axis.values:
         attributes |= {"flag_values": [CHOSEN], "flag_meanings": AUTO}
-    values = np.asarray(axis.values, dtype=object if is_text else None)
+    values = np.array([*map(str, axis.values)], dtype=object) if is_text else np.asarray(axis.values)
     return _variable(dims, values if dims else values.reshape(()), attributes)
 
 
@@ -309,7 +309,7 @@ def _motion_of_casing(study: Study) -> Attributes:
     return {"speed": [study.scene.speed], **{f"casing_{name}": column for name, column in columns.items()}}
 
 
-def _made_by_friction(grid: Grid) -> xr.Variable:
+def made_by_friction(grid: Grid) -> xr.Variable:
     """Return α = heat_share · coefficient · sliding_speed along the dimensions that it varies with."""
     dimensions = [d for d in (*grid.outer, *grid.inner) if any(axis.path.startswith(FRICTION) for axis in d.axes)]
     shape = tuple(dimension.size for dimension in dimensions)

@@ -74,7 +74,7 @@ def tip_cells(grid: Grid) -> dict[str, Any]:
 def coarse_tip(grid: Grid) -> Iterator[str]:
     """Yield that the cell at the tip is thicker than heat enters in a contact of a tenth of the shortest period."""
     about, frequency, scene = tip_cells(grid), grid.fastest, grid.study.scene
-    heated = scene.friction or any(any(axis.values) for axis in grid.study.axes() if axis.path == "alpha")
+    heated = scene.makes_alpha or any(_values(grid, "alpha"))
     if about and frequency > 0 and heated:
         yield from too_thick(about, _CONTACT_SHARE / frequency, "a tenth of the shortest period")
 
@@ -107,6 +107,9 @@ LOST = 1e-3
 _SPEEDS = 100.0, 20e3
 """Least and largest speed of sound of a blade, m/s: of soft rubber and above diamond's."""
 
+_FASTEST = 2000.0
+"""Speed above which nothing but a turbocharger or a spindle turns, 120 000 rpm, rev/s."""
+
 _LIGHTEST = 100.0
 """Density below which nothing is a blade, kg/m³: that of cork or foam."""
 
@@ -127,6 +130,7 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
             stiffness = scheme.contact_stiffness_of(structure, settings.scheme.options)
             yield from soft_spring(full_structure(settings), stiffness, settings.scheme.label)
     yield from _units([one.scene.parameters for one in _distinct_settings(grid, parameters)])
+    yield from _units_of_scene(grid)
     for settings in _distinct_settings(grid, parameters):
         structure, duration = full_structure(settings), grid.sampling.duration
         is_static, cases = settings.scene.initial == "static", _cases(grid, settings)
@@ -155,9 +159,27 @@ def _units(every: Sequence[Any]) -> Iterator[str]:
     if density < _LIGHTEST:
         yield f"a density of {density:.3g} kg/m3 is not that of a blade: check its unit, kg/m3 or e.g. `4.43 g/cm**3`"
     speeds = [one.wave_speed for one in every if getattr(one, "wave_speed", 0) > 0]
+    ratio = max(getattr(one, "damping_ratio", getattr(getattr(one, "damping", None), "ratio", 0.0)) for one in every)
+    if ratio >= 1:
+        yield f"a damping ratio of {ratio:g} is overcritical: if per cent are meant, write {ratio / 100:g}"
     for speed in (min(speeds, default=np.inf), max(speeds, default=0.0)):
         if 0 < speed < _SPEEDS[0] or _SPEEDS[1] < speed < np.inf:
             yield f"the speed of sound would be {speed:.3g} m/s: check the units of stiffness, density and lengths"
+
+
+def _units_of_scene(grid: Grid) -> Iterator[str]:
+    """Yield that a speed is that of no machine, and that friction beside α acts on nothing."""
+    scene, friction = grid.study.scene, grid.study.scene.friction
+    fastest = float(max(_values(grid, "scene.speed", scene.speed)))
+    if fastest > _FASTEST:
+        yield f"a speed of {fastest:.6g} Hz is {60 * fastest:.6g} rpm: check its unit, Hz or e.g. `9000 rpm`"
+    if friction is not None and not scene.makes_alpha and not full_structure(grid.settings(0)).slides:
+        yield "`scene.friction.coefficient` changes nothing: alpha is given, and the structure has no `tangent`"
+
+
+def _values(grid: Grid, path: str, otherwise: Any = ()) -> Any:
+    """Return the values at a path in all cases, where no axis has it one for all or a list."""
+    return next((axis.values for axis in grid.study.axes() if axis.path == path), np.ravel(otherwise))
 
 
 def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
@@ -165,8 +187,8 @@ def _distinct_settings(grid: Grid, *beginnings: str) -> Iterator[CaseSettings]:
 
     Where structures depend on the speed the fastest counts: it grows most.
     """
-    speeds = [axis.values for axis in grid.study.axes() if axis.path == "scene.speed" and grid.study.depends_on_speed]
-    fastest = {"scene.speed": max(speeds[0])} if speeds else {}
+    speeds = _values(grid, "scene.speed") if grid.study.depends_on_speed else ()
+    fastest = {"scene.speed": max(speeds)} if len(speeds) else {}
     for outer in _some_of(np.array(grid.kinds(lambda path: path.startswith(beginnings))), MOST_OUTER):
         yield grid.settings(int(outer), fastest)
 
@@ -293,8 +315,7 @@ def warnings(grid: Grid) -> tuple[str, ...]:
 
 def _stands_still(grid: Grid) -> Iterator[str]:
     """Yield that a structure depends on a speed that is left out."""
-    speeds = [value for axis in grid.study.axes() if axis.path == "scene.speed" for value in axis.values]
-    if grid.study.depends_on_speed and not any([*speeds, grid.study.scene.speed]):
+    if grid.study.depends_on_speed and not any(_values(grid, "scene.speed", grid.study.scene.speed)):
         yield "the structure depends on the speed, and `scene.speed` is left out, so it stands still (Ω = 0)"
 
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -285,10 +286,23 @@ def _unasked_text(archive: Path, unasked: int, cases: int, was: Mapping[str, str
     which = none if unasked == cases else f"{unasked} of its {cases} cases are not"
     before, after = ({str(one) for one in read_choices(texts.get("choices", "{}")).values()} for texts in (was, now))
     decided = "" if before <= after else ", as its tolerance decides `auto` by other cases"
+    differs = ", ".join(islice(_differences(*(json.loads(texts["resolved"]) for texts in (was, now))), 3))
+    decided += differs and f" (differs in {differs})"
     return (
         f"{archive}: {which} asked for by this study as it is now{decided}: {unasked} stored cases would be "
         "lost; --drop (in Python drop=True) leaves them out, -o chooses another archive"
     )
+
+
+def _differences(was: Any, now: Any, path: str = "") -> Iterator[str]:
+    """Yield the single values by which two studies differ."""
+    if path == "scalars":
+        was, now, path = *({one["path"]: one["values"][0] for one in study} for study in (was, now)), ""
+    if isinstance(was, dict) and isinstance(now, dict):
+        for key in sorted(was.keys() & now.keys() - {"title", "license"}):
+            yield from _differences(was[key], now[key], f"{path}.{key}".removeprefix("."))
+    elif was != now and not isinstance(was, list) and not isinstance(now, list):
+        yield f"{path}: {' → '.join(f'{one:.12g}' if isinstance(one, float) else str(one) for one in (was, now))}"
 
 
 def _unasked(archive: Path, texts: Mapping[str, str], hashes: Hashes) -> tuple[int, int]:

@@ -159,18 +159,25 @@ def _harmonics_of(cases: CaseSpace) -> dict[str, tuple[LoadHarmonic | CasingHarm
 def _friction(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
     """Refuse an alpha beside the friction that makes it, and µ with which R - µ R^t is not positive definite."""
     contacts = None if sizes.structure is None else sizes.structure.contacts
-    if cases.scene.friction is not None:
-        path = "scene.friction.coefficient"
+    friction = cases.scene.friction
+    if friction is not None:
+        path, other = "scene.friction.coefficient", "sliding_speed" if friction.sliding_speed is None else "heat_share"
+        if (friction.sliding_speed is None) != (friction.heat_share is None):
+            remedy = f"write `{other}` too, or the coefficient alone and alpha under `axes`"
+            yield ("scene", "friction"), f"has no `{other}`, and makes no alpha", remedy
         if contacts is not None and contacts.is_massless:
-            most = max(map(float, _values(cases, path, cases.scene.friction.coefficient)))
+            most = max(map(float, _values(cases, path, friction.coefficient)))
             flexibility = contacts.flexibility(most)
             if np.linalg.eigvalsh(flexibility + flexibility.T)[0] / 2 + min(_flexibilities(cases)) <= 0:
                 problem = f"{most:g} makes the symmetric part of R - µ R^t, the residuals of contacts, indefinite"
                 yield source.place_of(path), problem, "write less, or check `residual_tangent`"
         reference = {} if cases.reference is None else cases.reference.values
         beside = [source.axes["alpha"]] if "alpha" in source.axes else []
-        for place in (*beside, *([("reference", "alpha")] if "alpha" in reference else [])):
-            remedy = "keep one of the two: alpha = heat_share · coefficient · sliding_speed"
+        beside += [("reference", "alpha")] if "alpha" in reference else []
+        for place in beside if cases.scene.makes_alpha else ():
+            remedy = (
+                "keep one of the two, as alpha = heat_share · coefficient · sliding_speed, or the coefficient alone"
+            )
             yield place, "stands beside `scene.friction`, from which it follows", remedy
 
 

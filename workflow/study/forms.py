@@ -152,7 +152,7 @@ def text(declared: Word) -> Kind:
 
     def read(value: Any, info: core_schema.ValidationInfo[Any]) -> str | int | File:
         if declared.number and isinstance(value, int | float) and not isinstance(value, bool):
-            return value if isinstance(value, int) else repr(value)
+            return value if type(value) is int else repr(value)  # one that is spelled otherwise is no index
         if not isinstance(value, str) or not value or len(value) > LONGEST_TEXT or not value.isprintable():
             raise wrong(f"{quoted(value)} is not a line of text", f"write up to {LONGEST_TEXT} printable characters")
         return info.context.read(value, declared) if declared.file else value

@@ -14,6 +14,9 @@ from workflow.study.settings import Casing, CasingHarmonic
 COLUMNS = (("angle", "deg"), ("gap", "m"))
 MOST_ANGLES = 100_000
 
+LARGEST = 1e6
+"""Of gaps, m, and of angles, deg: those of no casing."""
+
 MOST_ORDERS = 32
 REMAINDER = 1e-3
 """Largest deviation of the harmonics from the profile, over its range."""
@@ -50,6 +53,10 @@ def harmonics_of(angle: Array, gap: Array) -> tuple[float, tuple[CasingHarmonic,
     UnusableMatricesError
         The angles are not equally spaced over a revolution, or the harmonics are too many.
     """
+    if max(np.abs(gap).max(), np.abs(angle).max()) > LARGEST:
+        raise UnusableMatricesError(
+            "the profile has a gap or an angle of more than 1e6", "write gaps in m, angles in deg"
+        )
     span = float(np.ptp(gap))
     if angle.size > 1 and abs(angle[-1] - angle[0] - 360) < _OFF * 360 / (angle.size - 1):
         if abs(gap[-1] - gap[0]) > REMAINDER * span:

@@ -98,16 +98,16 @@ class Casing:
 
 @dataclass(frozen=True)
 class Friction:
-    """What makes the heat coupling: alpha = heat_share · coefficient · sliding_speed."""
+    """What makes the heat coupling, alpha = heat_share · coefficient · sliding_speed; or a coefficient beside alpha."""
 
     coefficient: float = quantity("1", "friction coefficient between tip and casing", at_least=0)
-    sliding_speed: float = quantity("m/s", "speed at which the tip slides along the casing", at_least=0)
-    heat_share: float = quantity("1", "share of the friction heat that enters the blade", at_least=0, at_most=1)
+    sliding_speed: float | None = quantity("m/s", "speed of the tip along the casing", default=None, at_least=0)
+    heat_share: float | None = quantity("1", "share of its heat in the blade", default=None, at_least=0, at_most=1)
 
     @property
     def alpha(self) -> float:
-        """Heat coupling α, W/N."""
-        return self.heat_share * self.coefficient * self.sliding_speed
+        """Heat coupling α that it makes, W/N."""
+        return (self.heat_share or 0.0) * self.coefficient * (self.sliding_speed or 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,8 +115,7 @@ class Scene:
     """Model, casing, load, initial state and duration of a case.
 
     ``model`` is the name of a module of ``workflow/models/`` and ``parameters`` an instance of its ``Parameters``. An
-    ``initial`` state ``"static"`` is equilibrium under the constant loads. ``speed`` is 0 where none is given, and
-    ``friction`` is ``None`` where α is given as it is.
+    ``initial`` state ``"static"`` is equilibrium under the constant loads. ``speed`` is 0 where none is given.
     """
 
     model: str
@@ -127,6 +126,11 @@ class Scene:
     duration: float = quantity("s", "duration of every case", above=0)
     speed: float = quantity("Hz", "revolutions per second, of which an `order` is a multiple", default=0.0, at_least=0)
     friction: Friction | None = None
+
+    @property
+    def makes_alpha(self) -> bool:
+        """Whether α follows from friction and is not given as it is."""
+        return self.friction is not None and self.friction.sliding_speed is not None
 
     @property
     def gap(self) -> Values:
@@ -342,7 +346,7 @@ class CaseSpace:
             replace(scene, parameters=models.at_speed(scene.model, scene.parameters, scene.speed)),
             scheme,
             e=float(values["e"]),
-            alpha=float(values["alpha"]) if scene.friction is None else scene.friction.alpha,
+            alpha=scene.friction.alpha if scene.friction and scene.makes_alpha else float(values["alpha"]),
             h=float(values["h"]),
             reduction=str(values["reduction"]),
             mechanical_modes=_interior(scene, 0) if mechanical == FULL else int(mechanical),

@@ -29,6 +29,21 @@ LARGEST = 2**20
 MOST_ENTRIES = 50_000
 """Keys and values of a study, which take about 30 us each to read: a second and a half."""
 
+_NO_STUDIES = (".npz", ".mat", ".op4", ".mtx", ".rua", ".rsa", ".hb", ".sti", ".mas", ".dof", ".csv")
+"""Endings of files of matrices and tables, which a study names."""
+
+_IN_WORDS = (
+    ("mapping values|could not find", "wrong indentation, no space after a colon, or `: ` in a text without quotes"),
+    ("expected <block end>", "wrong indentation, or a bracket or a quote too many"),
+    (r"found character '\\t'", "a tab; lines are indented by spaces"),
+    ("found character|expected alpha", "a text that needs quotes, by its first character"),
+    ("expected (',' or|the node)", "a bracket that is not closed, or a comma that is missing or too many"),
+    ("found unexpected end of stream", "a quote that is not closed"),
+    ("found unknown escape", "a backslash within double quotes; single quotes take it"),
+    ("but found another document", "another document begins, by a line ---"),
+)
+"""How the parser's problems begin, as regular expressions, and what they mean in words."""
+
 _TOO_DEEP = (f"nests deeper than {DEEPEST} levels", "a study needs five")
 _TOO_LARGE = ("is larger than 1 MiB", "write long axes as {lin: [first, last, count]}")
 _TOO_MANY = (
@@ -46,6 +61,32 @@ _WORDS = {
 _INTEGER = re.compile(r"[-+]?[0-9]{1,300}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _OTHER_BASE = re.compile(r"0o[0-7]{1,60}|0x[0-9a-fA-F]{1,60}")
+
+
+class Spelled:
+    """A number that Python would spell otherwise: a label ``007`` or ``3.10`` is looked up as it is written."""
+
+    spelling = ""
+
+    def __repr__(self) -> str:
+        return self.spelling
+
+
+class SpelledInt(Spelled, int):
+    """A whole number."""
+
+
+class SpelledFloat(Spelled, float):
+    """A number."""
+
+
+def spelled(text: str, value: float) -> float:
+    """Return a number with its spelling where Python has another one."""
+    if repr(value) == text:
+        return value
+    number = SpelledInt(value) if isinstance(value, int) else SpelledFloat(value)
+    number.spelling = text
+    return number
 
 
 @dataclass
@@ -146,6 +187,8 @@ def read_text(path: str | Path) -> str:
     def refusal(problem: str, remedy: str, line: int | None = None) -> StudyError:
         return StudyError([Mistake(str(path), line, "", problem, remedy)])
 
+    if Path(path).suffix.lower() in _NO_STUDIES:
+        raise refusal("is no study", f"write one that names it, as `scene: {{matrices: {{file: {Path(path).name}}}}}`")
     try:
         if Path(path).exists() and not Path(path).is_file():
             raise refusal("is not a file", "give the path of a study, a YAML file")
@@ -198,6 +241,7 @@ def compose(text: str, file: str) -> StudyText:
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or "a character that YAML does not allow"
+        problem = next((words for begins, words in _IN_WORDS if re.match(begins, problem)), problem)
         line = mark and mark.line + 1
         raise source.refusal(f"is not YAML: {problem}", "mend the text here or above", line) from None
     except (ValueError, OverflowError):  # an escape beyond Unicode
@@ -259,13 +303,10 @@ def _resolved(text: str) -> Any:
     """Return what a plain scalar means in the core schema of YAML 1.2."""
     if text in _WORDS:
         return _WORDS[text]
-    if _INTEGER.fullmatch(text):
-        return int(text)
-    if _FLOAT.fullmatch(text):
-        return float(text)
     if _OTHER_BASE.fullmatch(text):
-        return int(text, 0)
-    return text
+        return spelled(text, int(text, 0))
+    read = int if _INTEGER.fullmatch(text) else float if _FLOAT.fullmatch(text) else None
+    return text if read is None else spelled(text, read(text))
 
 
 OPTION = "-s"
@@ -324,11 +365,22 @@ def text_of(tree: Any, written: str = "", settings: Mapping[str, Any] | None = N
     if written and settings:
         try:
             text = _round_trip(written, settings)
-            if compose(text, "").tree == tree:
+            if repr(compose(text, "").tree) == repr(tree):  # spellings too
                 return text
         except Exception:  # what the text has in it that ruamel.yaml cannot write again
             pass
-    return json.dumps(tree, indent=2, ensure_ascii=False) + "\n"
+    return _as_json(tree) + "\n"
+
+
+def _as_json(value: Any, line: str = "\n") -> str:
+    """Return a tree in indented lines of JSON, but numbers as they are spelled."""
+    if not value or not isinstance(value, dict | list):
+        return repr(value) if isinstance(value, Spelled) else json.dumps(value, ensure_ascii=False)
+    below = f"{line}  "
+    if isinstance(value, list):
+        return f"[{below}{f',{below}'.join(_as_json(item, below) for item in value)}{line}]"
+    items = (f"{_as_json(key)}: {_as_json(item, below)}" for key, item in value.items())
+    return f"{{{below}{f',{below}'.join(items)}{line}}}"
 
 
 def _round_trip(written: str, settings: Mapping[str, Any]) -> str:
@@ -337,6 +389,8 @@ def _round_trip(written: str, settings: Mapping[str, Any]) -> str:
 
     yaml = YAML(typ="rt")
     yaml.preserve_quotes, yaml.width = True, 2**20
+    for kind, tag in ((SpelledInt, "tag:yaml.org,2002:int"), (SpelledFloat, "tag:yaml.org,2002:float")):
+        yaml.representer.add_representer(kind, lambda to, x, tag=tag: to.represent_scalar(tag, repr(x)))
     data = yaml.load(written)
     for key, value in settings.items():
         _put(data, _place(key), value)
@@ -364,7 +418,7 @@ def _numbers(value: Any) -> Any:
         return {key: _numbers(item) for key, item in value.items()}
     if isinstance(value, list):
         return [_numbers(item) for item in value]
-    return float(value) if isinstance(value, str) and _POWER.fullmatch(value) else value
+    return spelled(value, float(value)) if isinstance(value, str) and _POWER.fullmatch(value) else value
 
 
 def _place(key: str) -> Place:

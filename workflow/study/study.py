@@ -335,10 +335,10 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     defaults = {path: entry.default for path, entry in settings().items() if path != TOLERANCE}
     asked = sections.get("output", {})
     steady = bool(asked.get("steady")) or bool(arrangement.followed)
-    names = _reserved(defined, steady) | ({"contact"} if sizes.contacts else frozenset())
+    names = _reserved(defined, steady) | {"contact"}
     names |= (SENSORS if asked.get("sensors") else frozenset()) | (EVENTS if asked.get("events") else frozenset())
     dimensions, scalars, branch = arrangement.named(varied, defaults, names)
-    if scene.friction is not None:  # alpha is what it makes
+    if scene.makes_alpha:
         scalars = tuple(axis for axis in scalars if axis.path != "alpha")
     reference = None
     if sections.get("reference") is not None:
@@ -446,8 +446,11 @@ class ResolvedValue:
         return f"{', '.join(few)} {unit}".rstrip()
 
 
-def resolved_values(study: Study, cell: CaseSettings) -> tuple[ResolvedValue, ...]:
-    """Return the values of a study: scene, settings, scheme options and output; ``cell`` is one of its cases."""
+def resolved_values(study: Study, cell: CaseSettings, alpha: tuple[float, ...] = ()) -> tuple[ResolvedValue, ...]:
+    """Return the values of a study: scene, settings, scheme options and output; ``cell`` is one of its cases.
+
+    ``alpha`` are the values of α that friction makes.
+    """
     axes = {axis.path: axis for axis in study.axes()}
     ranges = {path: span for each in study.dimensions if each.drawn for path, span in each.drawn.ranges.items()}
     if study.branch is not None:
@@ -462,14 +465,24 @@ def resolved_values(study: Study, cell: CaseSettings) -> tuple[ResolvedValue, ..
     for path in sorted(units, key=lambda path: not path.startswith("scene.")):  # those of the scene first
         if path == TOLERANCE and path not in axes:
             continue
-        values = axes[path].values if path in axes else _values_at(study, cell, path)
+        is_made = path == "alpha" and path not in axes
+        values = axes[path].values if path in axes else alpha or None if is_made else _values_at(study, cell, path)
         if values is not None:
             words = tuple(AUTO if path in MODES and value == CHOSEN else value for value in values)
+            words = words if units[path] else _with_labels(cell, path.endswith("thermal_contact"), words)
             profiled = study.gives("scene.casing.profile") and path.startswith(("scene.casing.gap", "scene.casing.h"))
-            origin: Origin = "study" if study.gives(path) or profiled else "default"
-            varied = path in axes and path not in single
+            origin: Origin = "study" if study.gives(path) or profiled or is_made else "default"
+            varied = len(values) > 1 if is_made else path in axes and path not in single
             resolved.append(ResolvedValue(path, words, units[path], "axis" if varied else origin, ranges.get(path)))
-    return (*resolved, *_output_values(study))
+    return (*resolved, *_output_values(study, cell))
+
+
+def _with_labels(cell: CaseSettings, of_heat: bool, values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return values with the labels of those that are indices of displacements, or temperatures, of the file."""
+    if not any(type(value) is int for value in values):
+        return values
+    at = dict(enumerate(models.labels_of(cell.scene.model, cell.scene.parameters, of_heat)))
+    return tuple(f"{value} (label `{at[value]}`)" if value in at else value for value in values)
 
 
 def _files(cell: CaseSettings) -> Iterator[ResolvedValue]:
@@ -485,8 +498,8 @@ def _files(cell: CaseSettings) -> Iterator[ResolvedValue]:
 def _values_at(study: Study, cell: CaseSettings, path: str) -> tuple[Any, ...] | None:
     """Return the value of a path in a case as a tuple, ``None`` where it has none; a static start is given once."""
     head, *words = path.split(".")
-    if path == "alpha" or (path == "scene.speed" and not cell.scene.speed):
-        return None  # made by the scene's friction, and given by its factors; none
+    if path == "scene.speed" and not cell.scene.speed:
+        return None
     owner: Any = cell.scene
     if head == "schemes":
         label, *words = words
@@ -502,11 +515,12 @@ def _values_at(study: Study, cell: CaseSettings, path: str) -> tuple[Any, ...] |
     return owner if isinstance(owner, tuple) else (owner,)
 
 
-def _output_values(study: Study) -> Iterator[ResolvedValue]:
+def _output_values(study: Study, cell: CaseSettings) -> Iterator[ResolvedValue]:
     values = {entry.name: getattr(study.output, entry.name) for entry in dataclasses.fields(Output)}
     steady, sensors = values.pop("steady"), values.pop("sensors")
     if sensors:
-        values["sensors"] = tuple(f"{name}: {'temperature ' * one.of_heat}{one.at}" for name, one in sensors.items())
+        at = {name: _with_labels(cell, one.of_heat, (one.at,))[0] for name, one in sensors.items()}
+        values["sensors"] = tuple(f"{name}: {'temperature ' * one.of_heat}{at[name]}" for name, one in sensors.items())
     values |= {"steady": False} if steady is None else {f"steady.{k}": v for k, v in dataclasses.asdict(steady).items()}
     units = {"interval": "s", "temperature_depth": "m"}
     for name, value in ((name, value) for name, value in values.items() if value is not None):
