@@ -645,7 +645,9 @@ def _stop(structure: Contacting, case: ContactCase, record: Record, own: Memory)
 
 
 @part
-def _fill_distances(structure: Contacting, case: ContactCase, at: Any, own: Memory, fastest: float, begins: bool) -> None:
+def _fill_distances(
+    structure: Contacting, case: ContactCase, at: Any, own: Memory, fastest: float, begins: bool
+) -> None:
     """Fill d - x and its rate of compliant contacts without forces."""
     n, heats = structure.frequency.size, structure.rate.size
     load, rate = load_at(case, at.time)
