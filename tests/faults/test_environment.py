@@ -35,24 +35,6 @@ def test_what_stops_numba_is_named_before_any_case(setting: str, tmp_path: Path)
     assert [path.name for path in tmp_path.iterdir()] == ["study.yaml"]
 
 
-def test_what_all_cases_fail_by_is_not_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor is it found by the next run; of some cases it is."""
-    archive, run = tmp_path / "a.nc", _solve.run_batch
-
-    def failing(settings: Any, cases: Any, *words: Any, **more: Any) -> Any:
-        if (cases.e >= least).any():
-            raise OSError("no room for temporary files")
-        return run(settings, cases, *words, **more)
-
-    monkeypatch.setattr(_solve, "run_batch", failing)
-    least = 0.0
-    with pytest.raises(ArchiveError, match=r"all 9 cases fail alike, .*: OSError: no room for temporary files"):
-        run_study(STUDY, archive)
-    assert not list(tmp_path.iterdir())
-    least = 0.5
-    assert run_study(STUDY, archive).counts == {"ok": 3, "failed": 6}
-
-
 FORKED = """
     import os, sys
     import workflow; workflow.pin()

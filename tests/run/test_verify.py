@@ -269,16 +269,12 @@ def test_an_edited_study_is_noticed(copied: Path) -> None:
 def test_cases_that_failed_are_not_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from workflow.solve import _solve
 
-    run = _solve.run_batch
-
-    def failing(settings: Any, cases: Any, *words: Any, **more: Any) -> Any:
-        if (cases.alpha > 0).any():
-            raise MemoryError
-        return run(settings, cases, *words, **more)
+    def failing(*_: object) -> None:
+        raise MemoryError
 
     with monkeypatch.context() as patch:
         patch.setattr(_solve, "run_batch", failing)
         run_study(quick(), tmp_path / "a.nc")
     checks = list(verify(tmp_path / "a.nc"))
     assert all(check.holds for check in checks)
-    assert checks[-1].detail.endswith("3 cases run again, the same bit for bit; 6 that failed hold nothing to compare")
+    assert checks[-1].detail.endswith("0 cases run again, the same bit for bit; 9 that failed hold nothing to compare")

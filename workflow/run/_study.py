@@ -16,9 +16,6 @@ from typing import cast
 import numpy as np
 
 from workflow.archive import (
-    MESSAGE,
-    ArchiveError,
-    Stored,
     gather,
     parts_of,
     provenance,
@@ -41,7 +38,7 @@ from workflow.run._progress import Progress, ProgressCounter, in_notebook, noteb
 from workflow.run._task import Report
 from workflow.run._threads import available_threads, run_on_threads
 from workflow.schemes import Status
-from workflow.solve import NOT_REACHED, compiled_ahead, kernel_variants, model_seconds, require_memory
+from workflow.solve import compiled_ahead, kernel_variants, model_seconds, require_memory
 from workflow.study import Study, StudySource, read_study
 
 RunTasks = Callable[[Prepared, Callable[[Report], None]], None]
@@ -178,23 +175,9 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
         }
         with waiting_for(GATHERING):
             texts = {**prepared.texts, "run": json.dumps(record)}
-            stored = prepared.stored()
-            _refuse_alike(prepared, stored)
-            gather(job.template, texts, parts, archive, prepared.hashes, stored)
+            gather(job.template, texts, parts, archive, prepared.hashes, prepared.stored())
         remove_parts(parts)
     return replace(summarise(archive, int(np.sum(~missing))), seconds=time.perf_counter() - begun)
-
-
-def _refuse_alike(prepared: Prepared, stored: Stored) -> None:
-    """Raise, and keep nothing, of a study all of whose cases fail alike: whatever is to blame, it is none of them."""
-    if not np.all(stored.status_of(prepared.hashes) == Status.FAILED):
-        return
-    sources = [source for source in stored.sources if not source.takes_back]
-    texts = {text.decode() for source in sources for text in source.read(MESSAGE).tolist()}
-    first = [text for text in texts if not text.startswith(NOT_REACHED)]
-    if len(first) == 1:
-        remove_parts(prepared.job.parts)
-        raise ArchiveError(f"all {prepared.missing.size} cases fail alike, and none is stored: {first[0]}")
 
 
 def _has_work(study: Study, archive: Path, reuse: Reuse) -> bool:

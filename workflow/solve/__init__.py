@@ -15,7 +15,7 @@ from workflow.solve._solutions import (
     solution_seconds,
     solutions_of,
 )
-from workflow.solve._solve import NOT_REACHED, Solved, failed, joined, kernel_variants, solve, solve_in_parts
+from workflow.solve._solve import Solved, failed, joined, kernel_variants, solve, solve_in_parts
 from workflow.solve._tasks import (
     TASK_BYTES,
     Batch,

@@ -160,7 +160,8 @@ def solve_in_parts(
             messages = _said(remarks, texts_of(solved.messages, where), unconfirmed)
             yield places, Solved({**values, **errors}, messages)
         left -= count
-    assert not left, "each case ends once"
+    if left:
+        raise RuntimeError(f"of the cases {inner.tolist()} {left} did not end")
 
 
 def _said(*every: Mapping[int, str]) -> dict[int, str]:
@@ -185,10 +186,6 @@ def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> d
     return basis
 
 
-NOT_REACHED = "not run: "
-"""What the message of a case begins with whose line of a sweep ended before it."""
-
-
 def _ended(
     grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None
 ) -> Iterator[tuple[Indices, Solved]]:
@@ -207,7 +204,7 @@ def _ended(
         ended = solved.values["status"] == Status.OK
         for k in np.flatnonzero(~ended).tolist():
             how = Status(int(solved.values["status"][k])).name.lower()
-            text = f"{NOT_REACHED}the sweep ended at {swept.name} = {swept.values[point]!r}, which is {how}"
+            text = f"not run: the sweep ended at {swept.name} = {swept.values[point]!r}, which is {how}"
             for following in range(point + 1, last + 1):
                 yield lines[[k]] * points + following, failed(grid, 1, text)
         lines = lines[ended]
