@@ -21,10 +21,7 @@ _SCALED_ROWS = 2
 
 
 def connected_parts(links: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Return the indices of each part that no link joins to the others; links are symmetric, and of each to itself.
-
-    SciPy's search takes 0.3 ms to begin, more than all else that is done with a small matrix.
-    """
+    """Return the indices of parts that no link joins, of symmetric links; SciPy's search takes 0.3 ms to begin."""
     left, parts = np.ones(len(links), dtype=np.bool_), []
     while left.any():
         part = links[left.argmax()]
@@ -49,9 +46,7 @@ def singular(matrix: ArrayLike, graded: bool = True) -> tuple[Array, Array]:
         Entries are not finite, or the iteration did not converge.
     """
     a = _finite(matrix)
-    if a.shape[1] == 0:
-        return np.zeros(0), np.zeros((0, 0))
-    if a.all(axis=1).any():
+    if a.shape[1] == 0 or a.all(axis=1).any():
         return _singular_of_part(a, graded)
     parts = connected_parts(((a != 0).T.astype(np.float64) @ (a != 0) > 0) | np.eye(a.shape[1], dtype=np.bool_))
     each = [_singular_of_part(a[:, part], graded) for part in parts]
@@ -64,8 +59,8 @@ def singular(matrix: ArrayLike, graded: bool = True) -> tuple[Array, Array]:
 def _singular_of_part(a: Array, graded: bool) -> tuple[Array, Array]:
     """Return the singular values of a matrix, and right singular vectors."""
     size, values = a.shape[1], np.zeros(a.shape[1])
-    if size == 1:
-        return np.linalg.norm(a, axis=0), np.ones((1, 1))
+    if size < 2:
+        return np.linalg.norm(a, axis=0), np.eye(size)
     if size > MOST_BY_JACOBI or not graded:
         _, s, vt = np.linalg.svd(a, full_matrices=a.shape[0] < size)
         values[: s.size] = s

@@ -153,8 +153,6 @@ def _turned(basis: ContactBasis, S: Any) -> tuple[Array, int]:
     Rigid ones are turned, and have exact zeros in other modes, so that no force depends on the place of the first.
     """
     rigid, rows = basis.frequency == 0, basis.normal[S]
-    if not (S.size and rigid.any()):
-        return np.eye(rigid.size), int(rigid.sum())
     seen, turn = singular(rows[:, rigid] / np.linalg.norm(rows, axis=1, keepdims=True))
     each = np.eye(rigid.size)
     return np.hstack([each[:, rigid] @ turn[:, ::-1], each[:, ~rigid]]), int(np.sum(seen <= _RIGID))
@@ -165,14 +163,13 @@ def _constrained(basis: ContactBasis, S: Any) -> tuple[Array, Array]:
 
     They are singular values of diag(ω) Z: eigenvalues of Zᵀ diag(ω²) Z would lose the digits of low modes.
     """
+    if S.size == 0:
+        return np.eye(basis.frequency.size), basis.frequency**2
     modes, still = _turned(basis, S)
-    if not S.size:
-        return modes, basis.frequency**2
     seen, shapes = singular(basis.normal[S] @ modes[:, still:], graded=False)
     null = modes[:, still:] @ shapes[:, seen <= _RIGID * seen.max(initial=0.0)]
     values, vectors = singular(basis.frequency[:, None] * null, graded=False)
-    shapes = np.concatenate([modes[:, :still], null @ vectors[:, ::-1]], axis=1)
-    return shapes, np.concatenate([np.zeros(still), values[::-1] ** 2])
+    return np.hstack([modes[:, :still], null @ vectors[:, ::-1]]), np.append(np.zeros(still), values[::-1] ** 2)
 
 
 def _without_rounding(matrix: Array) -> Array:
