@@ -153,6 +153,8 @@ def _turned(basis: ContactBasis, S: Any) -> tuple[Array, int]:
     Rigid ones are turned, and have exact zeros in other modes, so that no force depends on the place of the first.
     """
     rigid, rows = basis.frequency == 0, basis.normal[S]
+    if not rigid.any():
+        return np.eye(rigid.size), 0
     seen, turn = singular(rows[:, rigid] / np.linalg.norm(rows, axis=1, keepdims=True))
     each = np.eye(rigid.size)
     return np.hstack([each[:, rigid] @ turn[:, ::-1], each[:, ~rigid]]), int(np.sum(seen <= _RIGID))
