@@ -24,7 +24,7 @@ from workflow.archive import ArchiveError, Command, code_revision, grid_of, read
 from workflow.cases import WORKERS, waiting_for
 from workflow.models import FACTORISING, has_cholmod, one_thread
 from workflow.run._prepare import Prepared
-from workflow.run._task import Job, Report, store_lost, store_task
+from workflow.run._task import Job, Report, Stored, store_lost, store_task
 from workflow.run._threads import MOST_TASKS, graphs
 from workflow.schemes import SOLVER_VERSION
 from workflow.solve import ReferenceBlock, ReferenceSolutions, Task, compute_block, tasks
@@ -120,10 +120,12 @@ def run_block(session: Session, block: ReferenceBlock) -> ReferenceSolutions:
         return compute_block(_job(session).grid, block)
 
 
-def run_task(session: Session, task: Task, *words: Any) -> Report:
+def run_task(session: Session, task: Task, *words: Any) -> list[Report]:
     """Compute a task on this worker and store it; one that came later may be refused here, see :func:`join`."""
+    shards = list[Report]()
     with one_thread():
-        return store_task(_job(session), task, *words)
+        store_task(_job(session), task, *words, stored=shards.append)
+    return shards
 
 
 def _job(session: Session) -> Job:
@@ -256,8 +258,8 @@ def _while_it_lives(scheduler: str) -> Iterator[None]:
         raise ClusterError(f"{scheduler}: {_GONE}") from None
 
 
-def run_on_cluster(prepared: Prepared, stored: Callable[[Report], None], client: Any) -> None:
-    """Run the tasks that are missing; ``stored`` is called with each when its shard is written.
+def run_on_cluster(prepared: Prepared, stored: Stored, client: Any) -> None:
+    """Run the tasks that are missing; ``stored`` hears of the shards of each when it has ended.
 
     dask blames a worker's death on every task that the worker had been given. A task that has been
     blamed too often is therefore tried again alone, when all others are done; one that then kills its
@@ -278,15 +280,18 @@ def run_on_cluster(prepared: Prepared, stored: Callable[[Report], None], client:
     for task, result in _results(client, session, prepared, cut, threads, MOST_TASKS):
         if result is None:
             suspects.append(task)
-        else:
-            stored(result)
+        for report in result or []:
+            stored(report)
     for task, result in _results(client, session, prepared, iter(suspects), threads, 1):
-        stored(store_lost(job, task, prepared.hashes_of(task), LOST) if result is None else result)
+        if result is None:
+            store_lost(job, task, prepared.hashes_of(task), LOST, stored)
+        for report in result or []:
+            stored(report)
 
 
 def _results(
     client: Any, session: Session, prepared: Prepared, cut: Iterator[Task], threads: int, most: int
-) -> Iterator[tuple[Task, Report | None]]:
+) -> Iterator[tuple[Task, list[Report] | None]]:
     """Yield tasks as they end, with ``None`` where dask has given up; their futures are let go.
 
     They are handed over in graphs of so many, the next when half of one is done.
@@ -335,12 +340,12 @@ def _has_workers(client: Any) -> bool:
         return True
 
 
-def _result(future: Any, client: Any) -> Report | None:
+def _result(future: Any, client: Any) -> list[Report] | None:
     """Return what a task that has ended returned; with a worker that died in between it is not there any more."""
     from distributed import CancelledError, KilledWorker
 
     try:
-        result: Report = _patiently(lambda seconds: future.result(timeout=seconds), client)
+        result: list[Report] = _patiently(lambda seconds: future.result(timeout=seconds), client)
         return result
     except KilledWorker:
         return None

@@ -17,6 +17,7 @@ from workflow.solve._solutions import (
 )
 from workflow.solve._solve import Solved, failed, joined, kernel_variants, solve, solve_in_parts
 from workflow.solve._tasks import (
+    LONGEST,
     TASK_BYTES,
     Batch,
     Task,
