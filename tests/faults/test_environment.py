@@ -19,7 +19,7 @@ from workflow.archive import ArchiveError, content_hash, parts_of
 from workflow.archive._files import commit
 from workflow.cases import arrange
 from workflow.plan import plan_study
-from workflow.run import Advance, run_study
+from workflow.run import Advance, ClusterError, _cluster, run_study
 from workflow.solve import _solve, _tasks, solve_in_parts
 
 STUDY = quick()
@@ -166,3 +166,11 @@ def test_a_plan_says_the_memory_of_the_cases_that_are_held_at_once() -> None:
     assert 10 * 8 * 4e5 < one < 20 * 8 * 4e5
     points = {"scene.load.frequency": {"sweep": [900.0, 1000.0, 50]}}
     assert plan_study(quick({"e": 0.5, "alpha": 5.0, "h": 1e-5, **points}, **long)).memory < 1.2 * one
+
+
+def test_a_fork_of_a_process_that_had_workers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The threads of distributed are not in it, and it would wait for them."""
+    _cluster._first_process()
+    monkeypatch.setattr(os, "getpid", lambda: -1)
+    with pytest.raises(ClusterError, match="forked from one that has run on workers"):
+        run_study(STUDY, tmp_path / "a.nc", workers=1)

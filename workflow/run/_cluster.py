@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import logging
+import os
 import signal
 import sys
 import threading
@@ -14,7 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -150,6 +151,12 @@ def _prepared(session: Session) -> Job:
     return Job(grid, Path(session.parts), command.begun)
 
 
+@cache
+def _first_process() -> int:
+    """Return the process that first used distributed: this one, or what it was forked from, which has the threads."""
+    return os.getpid()
+
+
 @contextmanager
 def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """Give a dask client of as many worker processes here, or of the scheduler at an address.
@@ -159,10 +166,15 @@ def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     Raises
     ------
     ClusterError
-        Workers cannot be started, or no scheduler answers, or it has no workers.
+        Workers cannot be started, no scheduler answers, or it has no workers; or a process that had some was forked.
     """
     import distributed  # noqa: F401 - it gives these loggers levels, which are changed below
 
+    if _first_process() != os.getpid():
+        raise ClusterError(
+            "this process was forked from one that has run on workers, and lacks the threads that served them; run on "
+            "threads here, or start it by multiprocessing's `spawn`"
+        )
     for name in _LOGGERS:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is reported here, once
     with _workers_here(workers) if scheduler is None else _workers_of(scheduler) as client:
@@ -184,7 +196,8 @@ def _workers_here(workers: int | None) -> Iterator[Any]:
                     n_workers=workers,
                     threads_per_worker=1,
                     processes=True,
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",  # any port: there may be other runs
+                    scheduler_kwargs={"dashboard": False},
                     memory_limit=0,
                     silence_logs=logging.CRITICAL,
                 )
