@@ -53,13 +53,7 @@ def code_revision() -> str:
 
 
 def grid_of(texts: Mapping[str, str]) -> Grid:
-    """Return the grid of the study that texts of a provenance group hold, with the choices its tolerances made.
-
-    Raises
-    ------
-    StudyError, LookupError, ValueError
-        They cannot be read.
-    """
+    """Return the grid of the study that texts of a provenance group hold, with the choices its tolerances made."""
     study = parse_study(texts["study"], "study", attached=unpacked(texts.get("files", "")))
     return arrange(study, read_choices(texts.get("choices", "{}")))
 
