@@ -69,7 +69,7 @@ def variables_of(grid: Grid) -> Iterator[Variable]:
 
 
 def dims_of(about: Variable, lengths: Mapping[str, int]) -> tuple[str, ...]:
-    """Return the dimensions that a variable has beyond the cases, where there are several contacts if they have one."""
+    """Return a variable's dimensions beyond the cases: sensors, or contacts if there are several, then its shape's."""
     contact = ("contact",) if about.is_of_contact and "contact" in lengths else ()
     tails = {"metric": "", "flag": "", "text": f"{about.name}_length", "history": "t"}
     return (*(("sensor",) if about.is_of_sensor else contact), *tails.get(about.shape, about.shape).split())
