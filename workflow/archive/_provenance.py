@@ -53,7 +53,10 @@ def code_revision() -> str:
 
 
 def grid_of(texts: Mapping[str, str]) -> Grid:
-    """Return the grid of the study that texts of a provenance group hold, with the choices its tolerances made."""
+    """Return the grid of the study that texts of a provenance group hold, with the choices its tolerances made.
+
+    Raises :class:`StudyError`, :class:`LookupError` or :class:`ValueError` where they cannot be read.
+    """
     study = parse_study(texts["study"], "study", attached=unpacked(texts.get("files", "")))
     return arrange(study, read_choices(texts.get("choices", "{}")))
 
