@@ -88,10 +88,7 @@ def software() -> tuple[tuple[str, str], ...]:
 def join(session: Session) -> Command:
     """Check that a worker may work for a run, and return the run's command.
 
-    Raises
-    ------
-    ClusterError
-        It has other software, or does not share the directory of the shards.
+    Raises :class:`ClusterError` where it has other software, or does not share the directory of the shards.
     """
     differences = ", ".join(
         f"{name} {mine} instead of {expected}"
@@ -161,12 +158,9 @@ def _first_process() -> int:
 def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """Give a dask client of as many worker processes here, or of the scheduler at an address.
 
-    Worker processes of this machine end with this context, and at once if this process is killed.
-
-    Raises
-    ------
-    ClusterError
-        Workers cannot be started, no scheduler answers, or it has no workers; or a process that had some was forked.
+    Worker processes of this machine end with this context, and at once if this process is killed. Raises
+    :class:`ClusterError` where they cannot be started, no scheduler answers or it has no workers, or a process that
+    had some was forked.
     """
     import distributed  # noqa: F401 - it gives these loggers levels, which are changed below
 
@@ -204,17 +198,10 @@ def _workers_here(workers: int | None) -> Iterator[Any]:
                 client = running.enter_context(distributed.Client(running.enter_context(cluster)))
         except Exception as error:  # whatever the death of a process that starts becomes
             raise ClusterError(
-                f"worker processes could not be started: {_first_cause(error)}; give the command again, with fewer "
+                f"worker processes could not be started: {error}; give the command again, with fewer "
                 "--workers where memory is short, or on --threads"
             ) from error
         yield client
-
-
-def _first_cause(error: BaseException) -> str:
-    """Return what the error says that others were raised from."""
-    while cause := error.__cause__ or error.__context__:
-        error = cause
-    return str(error) or type(error).__name__
 
 
 @contextmanager
@@ -276,14 +263,7 @@ def run_on_cluster(prepared: Prepared, stored: Stored, client: Any) -> None:
 
     dask blames a worker's death on every task that the worker had been given. A task that has been
     blamed too often is therefore tried again alone, when all others are done; one that then kills its
-    workers too becomes failed cases.
-
-    Raises
-    ------
-    ClusterError
-        A worker may not work for this run, all workers have left, or the scheduler is gone.
-    ArchiveError
-        A shard could not be written.
+    workers too becomes failed cases. Raises :class:`ClusterError` where no worker may work for it, or all have left.
     """
     if not prepared.missing.any():
         return

@@ -29,4 +29,4 @@ from workflow.solve._tasks import (
     steady_bytes,
     tasks,
 )
-from workflow.solve._variables import FLAGS, dims_of, lengths, unset, variables_of
+from workflow.solve._variables import dims_of, lengths, unset, variables_of
