@@ -217,7 +217,7 @@ def flutter_of_basis(full: Structure, reduced: Structure, friction: float, basis
         if grow.size:
             whole = whole or analyse_contacts(full)
             for known in _growing(whole, k, friction):  # each is one of the basis at most
-                apart = np.abs(grow.imag / known.imag - 1)
+                apart = np.abs(1 - known.imag / grow.imag)
                 grow = np.delete(grow, np.flatnonzero(apart == apart.min(initial=_SAME))[:1])
         if grow.size:
             pole = grow[np.argmax(grow.real)]

@@ -158,10 +158,10 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
     lossy = [(lost, basis) for basis, lost in worst.items() if lost > LOST]
     if lossy:
         lost, basis = max(lossy)
+        worst_of = f", the worst of {len(lossy)} such bases," if len(lossy) > 1 else ""
         yield (
-            f"{basis}{f', the worst of {len(lossy)} such bases,' if len(lossy) > 1 else ''} cannot represent {lost:.2g} "
-            "of initial states or constant loads (projection_residual), which sensors show most; keep more modes, or "
-            "`full`"
+            f"{basis}{worst_of} cannot represent {lost:.2g} of initial states or constant loads (projection_residual), "
+            "which sensors show most; keep more modes, or `full`"
         )
 
 
