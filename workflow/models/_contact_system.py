@@ -357,17 +357,14 @@ class CriticalFriction(NamedTuple):
 
 def critical_friction(structure: Structure) -> list[CriticalFriction]:
     """Return the critical friction coefficients of each contact alone, and of all that can be closed together."""
-    contacts = structure.contact_rows
-    basis = analyse_contacts(structure)
-    still, found = basis.flexibility(0.0), []
+    contacts, basis = structure.contact_rows, analyse_contacts(structure)
+    rigid, still, found = basis.frequency == 0, basis.flexibility(0.0), []
     aside = still - basis.flexibility(1.0)
     for labels, closed in closed_sets(contacts).items():
         w, t, pairs = basis.normal[closed], basis.tangent[closed], np.ix_(closed, closed)
-        rigid, none = w[:, basis.frequency == 0], np.zeros((closed.size, int((basis.frequency == 0).sum())))
         impact = np.inf if contacts.is_compliant else _least_root(w @ w.T, w @ t.T)
-        rest = _least_root(
-            _at_rest(rigid, rigid, still[pairs]), _at_rest(none, t[:, basis.frequency == 0], aside[pairs])
-        )
+        pressed = _at_rest(w[:, rigid], w[:, rigid], still[pairs])
+        rest = _least_root(pressed, _at_rest(0 * w[:, rigid], t[:, rigid], aside[pairs]))
         found.append(CriticalFriction(labels, impact, rest))
     return found
 
