@@ -257,9 +257,10 @@ def _of_contacts(basis: ContactBasis, alpha: Array, friction: Array) -> dict[tup
 
 
 def worst(of_sets: dict[tuple[str, ...], Growth]) -> tuple[NDArray[np.intp], Growth]:
-    """Return which set grows fastest for certain in each case, and its growth: 0 where nothing can move."""
+    """Return which set grows fastest for certain in each case, of equals the first, and its growth: 0 of no motion."""
     poles, uncertainties = (np.array([getattr(each, name) for each in of_sets.values()]) for name in Growth._fields)
-    at = np.nan_to_num(poles.real - uncertainties, nan=-np.inf).argmax(axis=0)
+    certain = np.nan_to_num(poles.real - uncertainties, nan=-np.inf)
+    at = (certain >= certain.max(axis=0) - uncertainties).argmax(axis=0)
     pole, uncertainty = (np.take_along_axis(each, at[None], axis=0)[0] for each in (poles, uncertainties))
     return at, Growth(np.where(pole.real == -np.inf, 0.0, pole), uncertainty)
 
