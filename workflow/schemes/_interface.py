@@ -301,7 +301,7 @@ class Scheme:
             return "it takes a rigid casing; `event_driven` and `moreau` take one with `flexibility`"
         if structure.contacts is not None and "contacts" not in self.GENERAL:
             return ONE_CONTACT
-        if structure.has_massless_tip and "massless" not in self.GENERAL:
+        if structure.contact_rows.is_massless and "massless" not in self.GENERAL:
             return NEEDS_MASS
         if structure.contacts is not None and structure.observed is not None:
             return "it does not record the temperature over a depth at contacts without mass, or on an elastic casing"
