@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.algebra import block_diagonal
 from workflow.kernels.compiled import part
+from workflow.kernels.packs import view
 from workflow.models import Array, ContactBasis, contact_system
 from workflow.poles import real_blocks
 from workflow.schemes._exact.regimes import complete
@@ -76,14 +77,14 @@ def closed_set_of(row: Array) -> ClosedSet:
         firsts,
         row[6],
         row[7],
-        row[HEAD:a].reshape((block.ROWS, columns)),
-        row[a:b].reshape((first.ROWS, wide)),
-        row[b:c].reshape((m, 4, columns)),
-        row[c:d].reshape((m, 2, wide)),
-        row[d:e].reshape((inputs, across)),
-        row[e:f].reshape((N, own)),
-        row[f:g].reshape((own, N)),
-        row[g : g + m * n].reshape((m, n)),
+        view(row, HEAD, (block.ROWS, columns)),
+        view(row, a, (first.ROWS, wide)),
+        view(row, b, (m, 4, columns)),
+        view(row, c, (m, 2, wide)),
+        view(row, d, (inputs, across)),
+        view(row, e, (N, own)),
+        view(row, f, (own, N)),
+        view(row, g, (m, n)),
     )
 
 

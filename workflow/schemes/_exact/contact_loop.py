@@ -31,14 +31,12 @@ from workflow.schemes._exact.contact_motion import (
     ContactCase,
     Contacting,
     Memory,
-    SetMotion,
     damped,
     enter,
     fill_casing,
     leave,
     load_at,
     motion_in,
-    select,
 )
 from workflow.schemes._exact.event_loop import (
     COMPLETED,
@@ -53,7 +51,7 @@ from workflow.schemes._exact.event_loop import (
     SAME_TIME,
 )
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
-from workflow.schemes._exact.motion import SIGNAL
+from workflow.schemes._exact.motion import OUTPUTS, SIGNAL, Motion, face
 from workflow.schemes._exact.propagation import advance, copy_state, integral, observe
 from workflow.schemes._exact.record import (
     IMPACTS,
@@ -165,27 +163,27 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
         if slot < 0:
             return WAITING
         s = closed_set_in(sets.rows[slot])
-        motion = motion_in(s, case, own, slot)
-        enter(motion, s, own, at.time)
+        m = motion_in(s, case, own, slot)
+        enter(m, s, own, at.time)
         struck = -1
         if at.events > 0:
-            at.guess = FIRST_STEP / motion.m.fastest if motion.m.fastest > 0.0 else T
+            at.guess = FIRST_STEP / m.fastest if m.fastest > 0.0 else T
         while struck < 0:
             if at.time >= T:
-                _finish(motion, s, case, record, own)
+                _finish(m, s, case, record, own)
                 return COMPLETED
             at.steps += 1
             if at.steps > case.budget.steps:
                 return OUT_OF_STEPS
-            h, struck = _first_zero(motion, own, at, T)
+            h, struck = _first_zero(m, own, at, T)
             if not np.isfinite(h):
                 return NOT_FINITE
-            advance(motion.m, motion.m.now, at.time, h, motion.m.after)
+            advance(m, m.now, at.time, h, m.after)
             sample = record.tally[0].next_sample
-            _record(motion, record, own, at.time, h, SAME_TIME * T)
+            _record(m, record, own, at.time, h, SAME_TIME * T)
             if record.asked.rows.shape[0] > 0:
-                _sense(motion, s, case, record, own, at.time, sample)
-            copy_state(motion.m.after, motion.m.now)
+                _sense(m, s, case, record, own, at.time, sample)
+            copy_state(m.after, m.now)
             at.time = T if h >= T - at.time else at.time + h
             at.guess = 2.0 * h
             for c in range(own.zeros.size if h > SAME_TIME * T else 0):  # else another event of this instant
@@ -194,8 +192,8 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
         if at.events > case.budget.events:
             return OUT_OF_EVENTS
         fill_casing(case, at.time, own)
-        leave(motion, s, own, motion.m.now, at.time)
-        ended = _pass(structure, case, record, at, own, motion.m.fastest, struck)
+        leave(m, s, own, m.now, at.time)
+        ended = _pass(structure, case, record, at, own, m.fastest, struck)
         if ended != RUNNING:
             return ended
 
@@ -215,28 +213,11 @@ def _slot(closed: NDArray[np.bool_], wanted: NDArray[np.bool_]) -> int:
 
 
 @part
-def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[float, int]:
+def _first_zero(m: Motion, own: Memory, at: Any, T: float) -> tuple[float, int]:
     """Return the length of a certified step and the contact whose signal ends it by falling through zero, or -1."""
-    m, t, struck, h = motion.m, at.time, -1, T - at.time
-    guess = at.guess
-    for c in range(motion.views.shape[0]):
-        select(motion, c)
-        expand(m, m.now, t)
-        zeros, least = own.zeros[c], LOWEST_BOUNCE * at.length
-        own.still[c] = not own.wanted[c] and m.expansion.sums[expansion.SIZE, 0] <= least
-        if own.still[c]:  # nothing moves it: only what takes it out of rounding ends the set
-            zeros, m.outputs[SIGNAL] = 0, m.outputs[SIGNAL] + least
-            expand(m, m.now, t)
-        if zeros < 0:
-            sums = m.expansion.sums
-            zeros = int(abs(sums[expansion.D0, m.blocks]) <= _ZERO_FORCE * SUM_ROUNDING * sums[expansion.SIZE, 0])
-        if c > 0 and zeros == 0:
-            accumulate(m)
-            if has_no_zero(m, 0, h):
-                continue
-        length, falls = certified_step(
-            m, Start(zeros, own.speed[c], True, guess), t, h, SAME_TIME * T if c == 0 else 0.0
-        )
+    struck, h, guess = -1, T - at.time, at.guess
+    for c in range(own.wanted.size):
+        length, falls = _zero_of(face(m, c), own, at, h, guess, T)
         if not np.isfinite(length):
             return length, -1
         if falls:
@@ -252,53 +233,72 @@ def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[floa
 
 
 @part
-def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, late: float) -> None:
+def _zero_of(m: Motion, own: Memory, at: Any, most: float, guess: float, T: float) -> tuple[float, bool]:
+    """Return the length of a step of up to ``most`` on which a contact's signal has no zero, or that ends at its first.
+
+    The second number tells which.
+    """
+    c, t, zeros, least, sums = m.contact, at.time, own.zeros[m.contact], LOWEST_BOUNCE * at.length, m.expansion.sums
+    constant = m.outputs[OUTPUTS * c + SIGNAL]
+    expand(m, m.now, t)
+    own.still[c] = not own.wanted[c] and sums[expansion.SIZE, 0] <= least
+    if own.still[c]:  # nothing moves it: only what takes it out of rounding ends the set
+        zeros, m.outputs[OUTPUTS * c + SIGNAL] = 0, constant + least
+        expand(m, m.now, t)
+    if zeros < 0:
+        zeros = int(abs(sums[expansion.D0, m.blocks]) <= _ZERO_FORCE * SUM_ROUNDING * sums[expansion.SIZE, 0])
+    if c > 0 and zeros == 0:
+        accumulate(m)
+    if c > 0 and zeros == 0 and has_no_zero(m, 0, most):
+        found = most, False
+    else:
+        start = Start(zeros, own.speed[c], True, guess)
+        found = certified_step(m, start, t, most, SAME_TIME * T if c == 0 else 0.0)
+    m.outputs[OUTPUTS * c + SIGNAL] = constant
+    return found
+
+
+@part
+def _record(m: Motion, record: Record, own: Memory, t: float, h: float, late: float) -> None:
     """Write samples and load periods within a step, and add the impulses of closed contacts.
 
     Impulses come first: what the integral takes of the propagation over h is overwritten by that to the samples.
     """
-    m, times, ends, asked = motion.m, record.times, record.period_ends, record.asked
-    for c in range(motion.views.shape[0]):
-        own.impulse[c] = 0.0
-        if record.tally[c].held:
-            select(motion, c)
-            own.impulse[c] = max(0.0, integral(m, m.now, m.after, t, h))
-    for c in range(motion.views.shape[0]):
+    times, ends, asked, contacts = record.times, record.period_ends, record.asked, own.wanted.size
+    for c in range(contacts):
+        held = record.tally[c].held
+        own.impulse[c] = max(0.0, integral(face(m, c), m.now, m.after, t, h)) if held else 0.0
+    for c in range(contacts):
         mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
         if m.heated or next_due(mine) < t + h - late:
-            select(motion, c)
-            record_step(mine, m, t, h, observe(m, m.after, t + h), late)
+            record_step(mine, face(m, c), t, h, observe(face(m, c), m.after, t + h), late)
         mine.tally.impulse += own.impulse[c]
 
 
 @part
-def _sense(
-    motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, first: int
-) -> None:
+def _sense(m: Motion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, first: int) -> None:
     """Write what sensors show at the samples of a step from t on, from the ``first`` on."""
-    m = motion.m
     for sample in range(first, record.tally[0].next_sample):
         at = max(t, record.times[sample])
         advance(m, m.now, t, at - t, m.between)
         fill_casing(case, at, own)
-        leave(motion, s, own, m.between, at)
+        leave(m, s, own, m.between, at)
         note_sensors(record.asked, own.modal, s.place.shape[1], sample)
 
 
 @part
-def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory) -> None:
+def _finish(m: Motion, s: ClosedSet, case: ContactCase, record: Record, own: Memory) -> None:
     """Write the samples and periods that are due at the end, after any event there, and the state."""
     T, next_sample = case.duration, record.tally[0].next_sample
     times, ends, asked = record.times, record.period_ends, record.asked
-    for c in range(motion.views.shape[0]):
+    for c in range(own.wanted.size):
         mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
-        select(motion, c)
-        observed = observe(motion.m, motion.m.now, T)
+        observed = observe(face(m, c), m.now, T)
         while next_due(mine) <= T * (1.0 + LATE):
             write(mine, T, observed, mine.tally.impulse)
         mine.tally.contact_time = contact_time(mine.tally, T)
     fill_casing(case, T, own)
-    leave(motion, s, own, motion.m.now, T)
+    leave(m, s, own, m.now, T)
     for sample in range(next_sample, record.times.size):
         note_sensors(record.asked, own.modal, s.place.shape[1], sample)
     for i in range(own.modal.size):

@@ -230,7 +230,7 @@ def _is_monotone(m: Motion, span: float) -> bool:
     """
     f, low, high = m.first, 0.0, 0.0
     for j in range(m.firsts):
-        rate = f[first.TEMPERATURE, j] * m.now[state.FIRST_SLOPE, j]
+        rate = f[m.slow + TEMPERATURE, j] * m.now[state.FIRST_SLOPE, j]
         later = rate * max(0.0, 1.0 - f[first.RATE, j] * span)
         low += min(rate, later)
         high += max(rate, later)

@@ -33,7 +33,7 @@ from workflow.kernels.compiled import inlined, kernel, part
 from workflow.poles import RealBlocks, real_blocks
 from workflow.schemes._exact.layout import FASTEST, GROWTH, IS_MODAL, WARMS, Regime, in_row, unpacked
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
-from workflow.schemes._exact.tables import block, first
+from workflow.schemes._exact.tables import block, first, seen
 
 NEAR_RATE = 1e-3
 """Size of μ² - μ c + ω², over the sum of its terms, below which R has fewer than thirteen digits."""
@@ -98,8 +98,9 @@ def fill_row(row: Array, system: ModalSystem, alpha: float, duration: float) -> 
     b[block.DAMPING, :n], b[block.STIFFNESS, :n], f[first.RATE, :j] = blocks.damping, blocks.stiffness, blocks.rate
     outputs = signal @ outward, system.observed @ outward[2 * system.frequency.size :]
     for o, per in enumerate(outputs):
-        b[block.SIGNAL_VALUE + 2 * o, :n], b[block.SIGNAL_SLOPE + 2 * o, :n] = per[:n], per[n : 2 * n]
-        f[first.SIGNAL + o, :j] = per[2 * n :]
+        row_of = block.ROWS + 2 * o
+        b[row_of + seen.SIGNAL_VALUE, :n], b[row_of + seen.SIGNAL_SLOPE, :n] = per[:n], per[n : 2 * n]
+        f[first.ROWS + o, :j] = per[2 * n :]
     regime.source[:, :size], regime.source[:, size] = (blocks.inward @ source).T, inputs
     regime.inward[:, :size], regime.outward[:] = blocks.inward.T, outward.T
     regime.entry[:], regime.exit[:] = system.entry, system.exit
@@ -122,7 +123,7 @@ def _complete(row: Array) -> None:
     b, warms = regime.block, False
     row[GROWTH], row[FASTEST] = complete(b, regime.first, regime.blocks, regime.firsts)
     for k in range(regime.blocks):
-        warms |= b[block.TEMPERATURE_VALUE, k] != 0.0 or b[block.TEMPERATURE_SLOPE, k] != 0.0
+        warms |= b[block.ROWS + seen.TEMPERATURE_VALUE, k] != 0.0 or b[block.ROWS + seen.TEMPERATURE_SLOPE, k] != 0.0
     row[WARMS], row[IS_MODAL] = warms, _is_identity(regime.inward)
 
 
@@ -309,21 +310,21 @@ def _fill_row(h: Heated, alpha: float, count: int, zeros: Zeros, row: Array) -> 
         if s.imag > 0.0:
             ratio, u = s.real / s.imag, pairs + p
             b[block.DAMPING, p], b[block.STIFFNESS, p] = -2.0 * s.real, square(s)
-            b[block.SIGNAL_VALUE, p] = 2.0 * (force.real - force.imag * ratio)
-            b[block.SIGNAL_SLOPE, p] = 2.0 * force.imag / s.imag
+            b[block.ROWS + seen.SIGNAL_VALUE, p] = 2.0 * (force.real - force.imag * ratio)
+            b[block.ROWS + seen.SIGNAL_SLOPE, p] = 2.0 * force.imag / s.imag
             for n in range(size):
                 right, left = zeros.right[n], zeros.left[n]
                 inward[n, p], inward[n, u] = left.real, (s * left).real
                 outward[p, n], outward[u, n] = 2.0 * (right.real - right.imag * ratio), 2.0 * right.imag / s.imag
-            b[block.TEMPERATURE_VALUE, p] = _observed(h, outward[p])
-            b[block.TEMPERATURE_SLOPE, p] = _observed(h, outward[u])
+            b[block.ROWS + seen.TEMPERATURE_VALUE, p] = _observed(h, outward[p])
+            b[block.ROWS + seen.TEMPERATURE_SLOPE, p] = _observed(h, outward[u])
             p += 1
         else:
             own = 2 * pairs + j
-            f[first.RATE, j], f[first.SIGNAL, j] = -s.real, force.real
+            f[first.RATE, j], f[first.ROWS, j] = -s.real, force.real
             for n in range(size):
                 inward[n, own], outward[own, n] = zeros.left[n].real, zeros.right[n].real
-            f[first.TEMPERATURE, j] = _observed(h, outward[own])
+            f[first.ROWS + 1, j] = _observed(h, outward[own])
             j += 1
     _fill_shared(h, alpha, regime)
     return sound
