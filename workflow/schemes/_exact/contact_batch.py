@@ -24,7 +24,7 @@ from workflow.schemes._exact.batch import (
     state_of,
     status_of,
 )
-from workflow.schemes._exact.closed_sets import fill_set, row_length
+from workflow.schemes._exact.closed_sets import SetAnyAlpha, row_length
 from workflow.schemes._exact.contact_loop import PROGRESS, Outcome, Sets, run_contacts
 from workflow.schemes._exact.contact_motion import ContactCase, Contacting, Memory, contacting, memory
 from workflow.schemes._exact.event_loop import (
@@ -47,18 +47,36 @@ UNLIMITED = Budget(2**62, 2**62)
 """For steps of a fixed size, which have no events."""
 
 MOST_SETS, MOST_BYTES = 2000, 2**29
-"""Sets of closed contacts that are kept of a structure at one α and µ."""
+"""Sets of closed contacts that are kept of a structure at one α and µ; and of all α, if each has :data:`_ROOM`."""
+
+_ROOM = 4
+"""Sets for which a table has room at first."""
+
+
+class Family:
+    """The sets of closed contacts of a structure at one µ and duration, which tables at each α share."""
+
+    def __init__(self, basis: ContactBasis, friction: float, duration: float):
+        self.basis, self._conditions = basis, (friction, duration)
+        self._sets: dict[bytes, SetAnyAlpha] = {}
+
+    def fill(self, row: Array, closed: NDArray[np.bool_], alpha: float) -> bool:
+        """Store a set at one α in a row; whether its poles can be separated."""
+        key = closed.tobytes()
+        if key not in self._sets:
+            self._sets[key] = SetAnyAlpha(self.basis, closed, *self._conditions)
+        return self._sets[key].fill(row, alpha)
 
 
 class SetTable:
     """The sets of closed contacts that are known of a structure at one α, µ and duration; threads add in turns."""
 
-    def __init__(self, basis: ContactBasis, *conditions: float):
-        self.basis, self._conditions = basis, conditions
-        self.most = max(1, min(MOST_SETS, MOST_BYTES // (8 * row_length(basis))))
-        room = min(8, self.most)
-        self._rows = np.empty((room, row_length(basis)))
-        self._closed = np.zeros((room, basis.contacts.count), dtype=np.bool_)
+    def __init__(self, family: Family, alpha: float):
+        self._family, self._alpha, length = family, alpha, row_length(family.basis)
+        self.most = max(1, min(MOST_SETS, MOST_BYTES // (8 * length)))
+        room = min(_ROOM, self.most)
+        self._rows = np.empty((room, length))
+        self._closed = np.zeros((room, family.basis.contacts.count), dtype=np.bool_)
         self.count, self._lock = 0, Lock()
 
     def known(self) -> Sets:
@@ -75,7 +93,7 @@ class SetTable:
             if self.count == len(self._rows):
                 self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
                 self._closed = np.concatenate([self._closed, np.zeros_like(self._closed)])
-            if not fill_set(self._rows[self.count], self.basis, closed, *self._conditions):
+            if not self._family.fill(self._rows[self.count], closed, self._alpha):
                 return INSEPARABLE
             self._closed[self.count] = closed
             self.count += 1
@@ -89,6 +107,7 @@ class ContactOperator:
     basis: ContactBasis
     budget: Budget
     sensors: Sensors | None = None
+    _families: dict[tuple[float, ...], Family] = field(default_factory=dict)
     _tables: dict[tuple[float, ...], SetTable] = field(default_factory=dict)
 
     @cached_property
@@ -102,9 +121,16 @@ class ContactOperator:
         cold, warm = self.bases
         return contacting(cold), contacting(warm)
 
-    def sets(self, heated: bool, *conditions: float) -> SetTable:
-        """Return the table of sets at one α, µ and duration; one is made where there is none."""
-        return self._tables.setdefault((heated, *conditions), SetTable(self.bases[heated], *conditions))
+    def sets(self, heated: bool, alpha: float, *conditions: float) -> SetTable:
+        """Return the table of sets at one α, µ and duration; one is made where there is none, the oldest may go."""
+        key = heated, alpha, *conditions
+        table = self._tables.get(key)
+        if table is None:
+            family = self._families.setdefault(key[:1] + key[2:], Family(self.bases[heated], *conditions))
+            while len(self._tables) * _ROOM * 8 * row_length(family.basis) > MOST_BYTES:
+                self._tables.pop(next(iter(self._tables)), None)
+            table = self._tables.setdefault(key, SetTable(family, alpha))
+        return table
 
 
 def make_contact_operator(structure: Structure, budget: Budget) -> ContactOperator:
@@ -123,14 +149,18 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
     finite = np.flatnonzero(cases.finite)
     first, variant = distinct_rows(*(row[finite, None] for row in (cases.alpha, cases.friction, cases.heated)))
     outcome = Outcome(with_contacts(record, basis), progress, ended)
-    for k, i in enumerate(finite[first]):
-        which, heated = finite[variant == k], bool(cases.heated[i])
-        table = operator.sets(heated, float(cases.alpha[i]), float(cases.friction[i]), sampling.duration)
+    order, heats = np.argsort(variant, kind="stable"), cases.heated[finite[first]]
+    groups = np.split(finite[order], np.searchsorted(variant[order], np.arange(1, first.size)))
+    for heated in np.unique(heats).tolist():
         conditions = conditions_of(operator.bases[heated], cases, sampling.duration, operator.budget)
-        _march(operator, table, heated, conditions, which, outcome)
-        own = conditions.modal[which]
-        modal[which, : own.shape[1]] = own
-        modal[which, own.shape[1] :] = 0.0
+        own = memory(operator.bases[heated], conditions.waves.shape[1], _ROOM)
+        for which in (groups[k] for k in np.flatnonzero(heats == heated)):
+            i = which[0]
+            table = operator.sets(heated, float(cases.alpha[i]), float(cases.friction[i]), sampling.duration)
+            own = _march(table, operator.structures[heated], conditions, which, outcome, own)
+            reached = conditions.modal[which]
+            modal[which, : reached.shape[1]] = reached
+            modal[which, reached.shape[1] :] = 0.0
     completed, steps = ended == COMPLETED, progress["steps"]
     displacement = record.histories[:, 0].reshape(cases.count, basis.contacts.count, -1)
     depth = _penetration(basis, cases, displacement, sampling)
@@ -152,21 +182,20 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
 
 
 def _march(
-    operator: ContactOperator,
     table: SetTable,
-    heated: bool,
+    structure: Contacting,
     conditions: ContactCase,
     which: NDArray[np.int64],
     outcome: Outcome,
-) -> None:
+    own: Memory,
+) -> Memory:
     """March cases of one α and µ; the kernel stops at each set that is not known yet, which is made."""
     sets, at = table.known(), 0
-    own = memory(operator.bases[heated], conditions.waves.shape[1], max(8, len(sets.closed)))
     while True:
         own = _with_room(own, len(sets.closed))
-        at = run_contacts(sets, operator.structures[heated], conditions, which, at, outcome, own)
+        at = run_contacts(sets, structure, conditions, which, at, outcome, own)
         if at == which.size:
-            return
+            return own
         fault = table.add(own.wanted)
         if fault:
             outcome.ended[which[at]] = fault

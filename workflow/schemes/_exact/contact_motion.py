@@ -17,7 +17,7 @@ from workflow.kernels.compiled import part
 from workflow.kernels.lemke import Complementarity, problem
 from workflow.kernels.packs import view
 from workflow.models import ContactBasis
-from workflow.schemes._exact.closed_sets import ClosedSet
+from workflow.schemes._exact.closed_sets import LINKED, ClosedSet
 from workflow.schemes._exact.expansion import SUM_ROUNDING
 from workflow.schemes._exact.layout import Budget
 from workflow.schemes._exact.motion import (
@@ -133,6 +133,8 @@ class Memory(NamedTuple):
     explicit: Array
     differences: Complex
     coordinates: Array
+    modes: Array
+    """[z, z', τ] of a set; scratch."""
     modal: Array
     """X = [y, y', τ] at the last event, ``(N,)``."""
     inputs: Array
@@ -189,6 +191,7 @@ def memory(basis: ContactBasis, waves: int, sets: int) -> Memory:
         explicit=np.zeros(ORDER + 2),
         differences=np.zeros((9, 4), dtype=np.complex128),
         coordinates=np.zeros(N),
+        modes=np.zeros(N),
         modal=np.zeros(N),
         inputs=np.zeros((1 + 2 * waves, padded(N + m))),
         wanted=np.zeros(m, dtype=np.bool_),
@@ -246,12 +249,12 @@ def motion_in(s: ClosedSet, case: ContactCase, own: Memory, slot: int) -> Motion
         own.coordinates,
         own.coordinates,
         True,
-        s.entry,
-        s.exit,
+        s.inward,
+        s.outward,
         s.growth,
         fastest_of(s.fastest, loaded.waves),
-        2 * s.place.shape[1] < s.entry.shape[0],
-        False,
+        s.inward.shape[0] > 2 * s.null.shape[1],
+        s.link != LINKED and s.growth <= 0.0,
         0,
         rows,
         slow,
@@ -377,32 +380,56 @@ def damped(structure: Contacting, v: Array, k: int) -> float:
 
 
 @part
-def leave(motion: Motion, s: ClosedSet, own: Memory, y: Array, t: float) -> None:
+def leave(m: Motion, s: ClosedSet, own: Memory, y: Array, t: float) -> None:
     """Fill X = [y, y', τ] of the contacts open from a state of the motion; ``own.casing`` is that of t."""
-    to_coordinates(motion, y, t, own.coordinates)
-    n = s.place.shape[1]
-    for i in range(own.modal.size):
-        own.modal[i] = 0.0
-    for r in range(s.exit.shape[0]):
-        for i in range(own.modal.size):
-            own.modal[i] += own.coordinates[r] * s.exit[r, i]
-    for c in range(s.place.shape[0]):
-        for k in range(n):
-            own.modal[k] += own.casing[0, c] * s.place[c, k]
-            own.modal[n + k] += own.casing[1, c] * s.place[c, k]
+    Z, X, (n, k) = own.modes, own.modal, s.null.shape
+    to_coordinates(m, y, t, own.coordinates)
+    _change(s.link, s.outward, own.coordinates, Z, 2 * k)
+    for j in range(s.inward.shape[0] - 2 * k):
+        X[2 * n + j] = Z[2 * k + j]
+    for i in range(2 * n):
+        X[i] = Z[i] if s.is_open else 0.0
+    for j in range(0 if s.is_open else k):
+        for i in range(n):
+            X[i] += Z[j] * s.spread[j, i]
+            X[n + i] += Z[k + j] * s.spread[j, i]
+    for c in range(own.wanted.size):
+        if own.wanted[c]:
+            for i in range(n):
+                X[i] += own.casing[0, c] * s.place[c, i]
+                X[n + i] += own.casing[1, c] * s.place[c, i]
 
 
 @part
-def enter(motion: Motion, s: ClosedSet, own: Memory, t: float) -> None:
+def enter(m: Motion, s: ClosedSet, own: Memory, t: float) -> None:
     """Set the present state from X = [y, y', τ]."""
-    now, size = motion.now, s.entry.shape[1]
-    for r in range(size):
-        own.coordinates[r] = 0.0
-    for i in range(own.modal.size):
-        if own.modal[i] != 0.0:
-            for r in range(size):
-                own.coordinates[r] += own.modal[i] * s.entry[i, r]
+    Z, X, (n, k) = own.modes, own.modal, s.null.shape
+    for i in range(2 * k):
+        Z[i] = X[i] if s.is_open else 0.0
+    for j in range(0 if s.is_open else n):
+        for i in range(k):
+            Z[i] += X[j] * s.null[j, i]
+            Z[k + i] += X[n + j] * s.null[j, i]
+    for j in range(s.inward.shape[0] - 2 * k):
+        Z[2 * k + j] = X[2 * n + j]
+    _change(s.link, s.inward, Z, own.coordinates, 2 * k)
     for row in range(state.ROWS):
-        for k in range(now.shape[1]):
-            now[row, k] = 0.0
-    from_coordinates(motion, own.coordinates, t, now)
+        for i in range(m.now.shape[1]):
+            m.now[row, i] = 0.0
+    from_coordinates(m, own.coordinates, t, m.now)
+
+
+@part
+def _change(link: int, matrix: Array, source: Array, target: Array, mechanical: int) -> None:
+    """Fill target = source · matrix; of coordinates that are not linked only the rows of heat differ from 1."""
+    N = matrix.shape[0]
+    for i in range(N):
+        target[i] = 0.0 if link == LINKED else source[i]
+    if link == LINKED:
+        for j in range(N):
+            for i in range(N):
+                target[i] += source[j] * matrix[j, i]
+    else:
+        for j in range(mechanical, N):
+            for i in range(mechanical):
+                target[i] += source[j] * matrix[j, i]
