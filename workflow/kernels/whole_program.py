@@ -17,7 +17,7 @@ from functools import cache
 from typing import Any
 
 from llvmlite import ir
-from llvmlite.binding import Linkage
+from llvmlite.binding import Linkage, create_pass_builder, create_pipeline_tuning_options
 from numba.core import base, codegen, compiler, lowering, postproc, transforms, typed_passes, types
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.ir import Assign
@@ -66,7 +66,15 @@ class _Whole(_Library):
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage in (Linkage.weak_odr, Linkage.linkonce_odr):
                 function.linkage = "internal"
-        super()._optimize_final_module()
+        first, builder = self._codegen._module_pass_manager(
+            loop_vectorize=False, slp_vectorize=False, opt=0, cost="cheap"
+        )
+        first.run(self._final_module, builder)  # it turns loops so that they can be vectorised
+        tuning = create_pipeline_tuning_options(3)
+        tuning.loop_unrolling = tuning.loop_interleaving = tuning.slp_vectorization = False  # packs are written out
+        tuning.loop_vectorization = True
+        builder = create_pass_builder(self._codegen._tm, tuning)
+        builder.getModulePassManager().run(self._final_module, builder)
 
 
 class _Builder(ir.IRBuilder):
