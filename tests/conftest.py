@@ -28,6 +28,8 @@ are started in, whose kernels would be compiled once more."""
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--regenerate", action="store_true", help="write the kept archives of data/ anew")
     parser.addoption("--kills", type=int, default=30, help="how often runs are killed at random moments")
+    parser.addoption("--sequences", type=int, default=6, help="how many random sequences of commands are tried")
+    parser.addoption("--first", type=int, default=0, help="seed of the first of these sequences")
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import workflow
+from workflow.kernels import compiled
 
 ROOT = Path(workflow.__file__).parent
 REPOSITORY = Path(__file__).parents[1]
@@ -59,6 +60,13 @@ def test_imports_go_left_and_down(path: Path) -> None:
     others = {name.split(".")[1] for name in imports_of(path) if name.startswith("workflow.")}
     wrong = {other for other in others & set(ORDER) if ORDER[other] > ORDER[room]}
     assert not wrong, f"{path.name} imports {wrong}, which lie to its right"
+
+
+def test_rooms_whose_edits_compile_nothing_anew_are_those_there_are() -> None:
+    """Kernels from outside are valid as long as no source of the other rooms changes."""
+    assert set(FLOOR) < compiled._WITHOUT_KERNELS < set(ORDER)
+    assert all((ROOT / room).is_dir() for room in compiled._WITHOUT_KERNELS)
+    assert not {name.split(".")[1] for name in compiled._SOURCES if "." in name} & compiled._WITHOUT_KERNELS
 
 
 @pytest.mark.parametrize("path", [p for p in sources() if room_of(p) in PHYSICS], ids=lambda p: p.name)

@@ -115,7 +115,7 @@ def test_more_modes_come_closer() -> None:
     cases = rub(full)
     whole = run(full, cases, 0.01)
     assert whole.metrics["impacts"].min() > 5
-    for basis, errors in {"craig_bampton": (0.02, 2e-3, 2e-4), "macneal": (0.2, 0.04, 0.02)}.items():
+    for basis, errors in {"craig_bampton": (0.03, 5e-3, 3e-4), "macneal": (0.2, 0.04, 0.02)}.items():
         for count, most in zip((5, 10, 20), errors, strict=True):
             assert apart(reduced_run(reduce_structure(full, count, None, basis), cases, 0.01), whole) < most
 

@@ -7,6 +7,7 @@ import os
 import pwd
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -91,6 +92,41 @@ def test_processes_that_save_at_once_keep_their_own_machine_code(monkeypatch: py
     monkeypatch.undo()
     assert files[0].load("second") == "its code"
     files[0].flush()
+
+
+def flipped(image: bytes, at: int) -> bytes:
+    return image[:at] + bytes([image[at] ^ 1 << at % 8]) + image[at + 1 :]
+
+
+def test_what_is_cached_is_loaded_as_it_was_or_not_at_all() -> None:
+    """With a flipped bit in any byte of it or of its index."""
+    file = compiled._cache_type()(doubled.__wrapped__)._cache_file
+    file.flush()
+    file.save("signature", "machine code")
+    for path in (Path(file._index_path), Path(file._data_path(file._load_index()["signature"]))):
+        image = path.read_bytes()
+        for at in range(len(image)):
+            path.write_bytes(flipped(image, at))
+            loaded = None
+            with suppress(Exception):  # by which the cache is made anew
+                loaded = file.load("signature")
+            assert loaded in ("machine code", None)
+        path.write_bytes(image)
+    assert file.load("signature") == "machine code"
+    file.flush()
+
+
+def test_a_kernel_with_a_flipped_bit_is_compiled_anew() -> None:
+    file = compiled._cache_type()(doubled.__wrapped__)._cache_file
+    file.flush()
+    assert compiled._compiled(doubled.__wrapped__)(1.0) == 2.0
+    [name] = file._load_index().values()
+    path = Path(file._data_path(name))
+    path.write_bytes(flipped(path.read_bytes(), path.stat().st_size // 2))
+    for misses, hits in ((1, 0), (0, 1)):
+        again = compiled._compiled(doubled.__wrapped__)
+        assert again(1.5) == 3.0
+        assert (sum(again.stats.cache_misses.values()), sum(again.stats.cache_hits.values())) == (misses, hits)
 
 
 STUDY = f"""study: both_ways

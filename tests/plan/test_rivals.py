@@ -7,7 +7,8 @@ from studies import SCENE, parsed
 from workflow.cases import arrange
 from workflow.plan import plan, template
 from workflow.schemes import Status, names
-from workflow.solve import metrics_of, solve
+from workflow.solve import solve
+from workflow.solve._variables import metrics_of
 
 LIMIT = 2 / (2 * np.sqrt(4e6 / 2.5e-3) * np.sin(7 * np.pi / 18))
 """2/ω_max of the four nodes, whose tip has a whole mass: ω_j = 2 √(k/m) sin((2j-1)π/18)."""

@@ -32,14 +32,14 @@ from workflow.study import Study
 @contextmanager
 def counted() -> Iterator[list[int]]:
     """Count the cases that tasks ask the solver for."""
-    solve, sizes = running.solve, []
+    solve, sizes = running.solve_in_parts, []
 
     def counting(grid: Any, outer: int, inner: Any, **more: Any) -> Any:
         sizes.append(inner.size)
         return solve(grid, outer, inner, **more)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(running, "solve", counting)
+        patch.setattr(running, "solve_in_parts", counting)
         yield sizes
 
 

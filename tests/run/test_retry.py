@@ -35,8 +35,10 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> set[float]:
 @pytest.fixture
 def solved(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     cells: list[int] = []
-    solve = running.solve
-    monkeypatch.setattr(running, "solve", lambda g, o, i, **more: (cells.extend(i.tolist()), solve(g, o, i, **more))[1])
+    solve = running.solve_in_parts
+    monkeypatch.setattr(
+        running, "solve_in_parts", lambda g, o, i, **more: (cells.extend(i.tolist()), solve(g, o, i, **more))[1]
+    )
     return cells
 
 

@@ -156,10 +156,13 @@ SHORT, LONG = ({FREQUENCY: {"sweep": [50.0, last, count]}} for last, count in ((
 def test_stopped_and_extended_sweeps_are_as_from_nothing(
     stop: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A line is one unit: a shard holds whole lines of what is missing; points that are stored stay as they are."""
+    """A line is one unit: a task computes whole lines of what is missing; points that are stored stay as they are."""
     cut_finely(monkeypatch, 1)
     archive, asked = tmp_path / "a.nc", list[list[int]]()
-    monkeypatch.setattr(running, "solve", lambda g, o, i, **more: (asked.append(i.tolist()), solve(g, o, i, **more))[1])
+    in_parts = running.solve_in_parts
+    monkeypatch.setattr(
+        running, "solve_in_parts", lambda g, o, i, **more: (asked.append(i.tolist()), in_parts(g, o, i, **more))[1]
+    )
     interrupted(sweep({**LINES, **SHORT}), archive, stop)
     assert len(asked) == stop + 1
     assert all(inner == list(range(inner[0], inner[0] + 5)) and inner[0] % 5 == 0 for inner in asked)

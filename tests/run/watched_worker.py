@@ -18,6 +18,6 @@ def _noted(grid: Any, outer: int, inner: Any, **known: Any) -> Any:
     return solve(grid, outer, inner, **known)
 
 
-if running.solve.__module__ == "workflow.solve._solve":  # dask may load a preload twice
-    solve = running.solve
-    running.solve = _noted
+if running.solve_in_parts.__module__ == "workflow.solve._solve":  # dask may load a preload twice
+    solve = running.solve_in_parts
+    running.solve_in_parts = _noted

@@ -6,7 +6,7 @@ xarray, netCDF4 and h5py are imported when they are needed, not with this packag
 """
 
 from workflow.archive._checksums import LEFT_OUT
-from workflow.archive._files import ArchiveError, commit, file_of, usable
+from workflow.archive._files import ArchiveError, commit, file_of, replaceable, usable
 from workflow.archive._gather import gather
 from workflow.archive._open import (
     content_hash,
@@ -33,6 +33,7 @@ from workflow.archive._provenance import (
     versions,
 )
 from workflow.archive._stored import (
+    MESSAGE,
     STATUS,
     Hashes,
     Source,

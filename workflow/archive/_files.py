@@ -6,7 +6,7 @@ import os
 import stat
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -151,24 +151,62 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
+def replaceable(path: Path) -> os.stat_result | None:
+    """Return what the system says of a file that is to be replaced, ``None`` where none is.
+
+    Raises
+    ------
+    ArchiveError
+        This process may not write it, or nobody may.
+    """
+    try:
+        about = path.stat()
+    except FileNotFoundError:
+        return None
+    if not os.access(path, os.W_OK) or not about.st_mode & 0o222:
+        raise ArchiveError(f"{path}: read-only; make it writable (chmod u+w), or choose another file with -o")
+    return about
+
+
+def put(aside: Path, path: Path) -> None:
+    """Rename a file that was made aside, with the mode of the file that it replaces, and the owner where it may be.
+
+    Raises
+    ------
+    ArchiveError
+        It is read-only.
+    """
+    about = replaceable(path)
+    if about is not None:
+        with suppress(OSError):
+            os.chown(aside, about.st_uid, about.st_gid)
+        os.chmod(aside, stat.S_IMODE(about.st_mode))
+    os.replace(aside, path)
+    sync(path.parent)
+
+
 def commit(path: Path, *pieces: Any) -> None:
-    """Write pieces of bytes aside as ``*.tmp``, flush it, and rename it to ``path``: all of it or nothing.
+    """Write pieces of bytes aside as ``*.tmp``, flush it, and :func:`put` it under ``path``: all of it or nothing.
+
+    A link goes on to lead to it.
 
     Raises
     ------
     OSError
         The disk is full, or the directory missing or not writable. Nothing is left behind.
+    ArchiveError
+        The file is read-only.
     """
+    path = Path(os.path.realpath(path))
     aside = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
         with open(aside, "wb") as file:
             file.writelines(pieces)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(aside, path)
+        put(aside, path)
     except BaseException as error:
         aside.unlink(missing_ok=True)
         if isinstance(error, OSError) and error.filename is None:  # as of a full disk
             error.filename = str(path)
         raise
-    sync(path.parent)

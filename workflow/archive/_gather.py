@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.archive._checksums import hash_content, seal
-from workflow.archive._files import LOCK, ArchiveError, free_space, sync, writing
+from workflow.archive._files import LOCK, ArchiveError, free_space, put, sync, writing
 from workflow.archive._stored import CASE_HASH, MESSAGE, PROVENANCE, STATUS, Hashes, Places, Stored, boxes
 from workflow.plan import CHUNK_BYTES, COMPRESSED, LEVEL
 
@@ -102,8 +102,7 @@ def gather(
             seal(aside)
             sync(aside)
         with writing("the archive", target.parent):
-            os.replace(aside, target)
-            sync(target.parent)
+            put(aside, target)
     finally:
         aside.unlink(missing_ok=True)
 

@@ -39,21 +39,25 @@ def tell(error: Exception) -> int:
 def _to_be_mended(error: Exception) -> list[str]:
     """Return what is wrong with a study, an archive or a place, and what would be right; nothing of a defect."""
     from workflow.archive import ArchiveError
+    from workflow.kernels.compiled import CompilerError
     from workflow.models import UnusableMatricesError
     from workflow.registry import BrokenModuleError
     from workflow.schemes import RefusedStructureError
     from workflow.study import StudyError
 
+    if isinstance(error, ImportError) and "failed to map" in str(error):  # of a library
+        error = MemoryError()
     match error:
         case StudyError():
             return [str(mistake) for mistake in error.mistakes]
         case UnusableMatricesError() | BrokenModuleError() | RefusedStructureError():
             # of one value: what is wrong with all is the study's
             return [f"a structure of this study cannot be used: {error}"]
-        case ArchiveError():
+        case ArchiveError() | CompilerError():
             return [str(error)]
         case MemoryError():
-            return ["there is not enough memory; run a smaller study, or on fewer threads"]
+            said = f": {error}" if str(error) else ""
+            return [f"there is not enough memory{said}; take a longer output.interval, or fewer --threads or --workers"]
         case UnicodeDecodeError():
             return ["a text in the archive is not UTF-8, as `workflow run` writes it; restore a copy"]
         case RuntimeError() if any(word in str(error) for word in ("NetCDF", "HDF")):

@@ -22,7 +22,7 @@ from workflow.cli._words import AsJson, Settings, StudyFile, named, read
 
 if TYPE_CHECKING:
     from workflow.plan import Figures, Plan
-    from workflow.run import Advance, Follower, Outcome
+    from workflow.run import Follower, Outcome
 
 
 def run(
@@ -65,8 +65,7 @@ def run(
                 workers=workers, scheduler=scheduler, retry=retry, recompute=recompute, drop=drop,
             )  # fmt: skip
     except ClusterError as error:
-        reached = "" if follower.advance is None else f"; {_reached(follower.advance)} {archive}"
-        print_error(f"{error}{reached}")
+        print_error(f"{error}; {_stored(follower)} {archive}")
         raise typer.Exit(WRONG) from None
     if not (quiet and outcome.ok):
         _tell(outcome)
@@ -80,12 +79,13 @@ def _refuse_several(options: dict[str, Any]) -> None:
 
 
 def _stopped(archive: Path, follower: Follower) -> str:
-    stored = "what was done is stored beside" if follower.advance is None else _reached(follower.advance)
-    return clean(f"stopped; {stored} {archive}, the same command goes on from there")
+    return clean(f"stopped; {_stored(follower)} {archive}, the same command goes on from there")
 
 
-def _reached(advance: Advance) -> str:
-    return f"{advance.stored} of {advance.cases} cases are stored beside"
+def _stored(follower: Follower) -> str:
+    if follower.advance is None:
+        return "what was done is stored beside"
+    return f"{follower.advance.stored} of {follower.advance.cases} cases are stored beside"
 
 
 def _tell(outcome: Outcome) -> None:
@@ -161,6 +161,7 @@ def _lines(plan: Plan) -> Iterator[str]:
     yield f"  time         {plan.time}"
     yield f"  stored       metrics{''.join(f', {name}' for name in plan.stored)}"
     yield f"  size         at most {_size(plan.bytes)} before compression"
+    yield f"  memory       {_size(plan.memory)} for the cases that are held at once on all processors here"
     yield from map(_structure, plan.structures)
     if plan.more_structures:
         yield f"  … and {plan.more_structures} more structures"

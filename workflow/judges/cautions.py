@@ -10,25 +10,30 @@ import numpy as np
 
 from workflow.declare import measure
 from workflow.judges.blow_ups import Runaways
+from workflow.kernels.algebra import Complex
 from workflow.models import (
     Array,
     Cases,
+    ContactBasis,
     NoEquilibriumError,
     Sparse,
     Structure,
+    analyse_contacts,
     at_rest,
     critical_friction,
     free_reach,
     frequencies,
+    independent_rows,
     mechanical_modes,
     modal_damping,
+    poles_in_contact,
     rates,
     rounding_of_flexibility,
     static_reach,
     statics,
     steady_warmth,
 )
-from workflow.reduction import ReducedModel
+from workflow.reduction import OF_AUTO, ReducedModel, reduce_structure, takes
 from workflow.schemes import Scheme, limit_text
 
 ROUNDED = 1e-6
@@ -201,6 +206,64 @@ def flutter(structure: Structure, cases: Cases) -> Iterator[str]:
             f"{f'with {contact.growth_set[k]} closed ' if several else ''}{what} grows at "
             f"{contact.growth_rate[k]:.3g} 1/s (`runaway` is set)"
         )
+
+
+_SAME = 0.1
+"""Relative distance of frequencies up to which an unstable pole of a basis is one of the structure."""
+
+
+def flutter_of_basis(full: Structure, reduced: Structure, friction: float, basis: str) -> Iterator[str]:
+    """Yield a contact whose friction, with it alone closed, drives modes of the basis that the structure lacks."""
+    if friction == 0 or not full.slides or not full.has_matrices:
+        return
+    own, whole = analyse_contacts(reduced), None
+    for k in range(own.contacts.count):
+        grow = _growing(own, k, friction)
+        if grow.size:
+            whole = whole or analyse_contacts(full)
+            distance = np.abs(grow.imag[:, None] - _growing(whole, k, friction).imag)
+            grow = grow[distance.min(axis=1, initial=np.inf) > _SAME * grow.imag]
+        if grow.size:
+            pole = grow[np.argmax(grow.real)]
+            yield (
+                f"{basis}: friction at {_name(full, k)} closed alone drives an oscillation of "
+                f"{measure(pole.imag / (2 * np.pi), 'Hz', 4)} that grows at {pole.real:.3g} 1/s, and that the full "
+                "structure does not have: the basis is wrong; choose another count of mechanical modes"
+            )
+
+
+def _growing(basis: ContactBasis, contact: int, friction: float) -> Complex:
+    """Return the growing oscillations with one contact closed and no heat, 1/s."""
+    poles = poles_in_contact(basis, np.array([contact]), 0.0, friction)
+    if poles is None:
+        return np.zeros(0, dtype=np.complex128)
+    return np.asarray(poles[(poles.imag > 0) & (poles.real > _GROWS * np.abs(poles).max(initial=0.0))])
+
+
+def coarse_heat(full: Structure, reduced: Structure, seconds: float, period: str, basis: str) -> Iterator[str]:
+    """Yield contacts at which a thermal basis resolves a larger depth than heat enters in some time, ``period``.
+
+    Heat at a contact warms the capacity 1/(s C2⁻¹ s) of the basis at once, and of the structure the capacity t/u in the
+    time t, with its answer u = s (K2 + C2/t)⁻¹ s to unit power, which krylov has exactly at that one shift.
+    """
+    contacts = full.contacts
+    own = 1 if contacts is None else independent_rows(contacts)[1]
+    if full.thermal_size <= 2 * own or not takes(OF_AUTO, contacts):
+        return
+    exact = reduce_structure(full, 0, own, OF_AUTO, seconds).structure
+    answers = _at_contacts(exact, exact.conductance_matrix + exact.heat_capacity / seconds)
+    depth = answers / (seconds * _at_contacts(reduced, reduced.heat_capacity))
+    coarse = np.flatnonzero(depth > 1 + ROUNDED)
+    if coarse.size:
+        where = f"in {period} at {listed(_name(full, int(k)) for k in coarse)}"
+        kept = f"the thermal modes kept resolve {depth.max():.2g} times the depth that heat enters"
+        yield f"{basis}: {kept} {where}: temperatures there are too low; keep more, or use krylov"
+
+
+def _at_contacts(structure: Structure, matrix: Array) -> Array:
+    """Return s_i matrix⁻¹ s_i of each contact, ``(contact,)``."""
+    heat = structure.contact_rows.heat
+    return np.asarray((heat.T * np.linalg.solve(matrix, heat.T)).sum(axis=0))
 
 
 def soft_spring(structure: Structure, stiffness: float, label: str) -> Iterator[str]:

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import hashlib
 import os
+import pickle
 import re
 import shutil
 import sys
 import tempfile
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, update_wrapper
@@ -44,7 +46,8 @@ TESTED = ("0.68",)
 
 UNUSED_SECONDS = 24 * 3600.0
 
-_WITHOUT_KERNELS = {"judges", "study", "grid", "archive", "run", "analysis", "plots", "report", "cli"}
+_WITHOUT_KERNELS = {"judges", "study", "cases", "solve", "plan", "archive", "run", "analysis", "plots"}
+_WITHOUT_KERNELS |= {"report", "cli", "examples"}
 """Directories of the package that no module with kernels imports."""
 
 _IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+)?import[ \t]+(\([^)]*\)|.*)", re.MULTILINE)
@@ -122,6 +125,10 @@ def _remove_unused(root: Path) -> None:
                 shutil.rmtree(directory, ignore_errors=True)
 
 
+class CompilerError(Exception):
+    """Numba cannot be used in this process, whatever it is to compile; the message says why."""
+
+
 class Deferred:
     """A function that numba compiles or translates at its first use."""
 
@@ -131,12 +138,16 @@ class Deferred:
 
     @property
     def dispatcher(self) -> Any:
-        """Numba's dispatcher of the function; its first use imports numba."""
+        """Numba's dispatcher of the function; its first use imports numba, or raises :class:`CompilerError`."""
         if self._dispatcher is None:
             with _LOADING:
-                _extend_numba()
-                if self._dispatcher is None:
-                    self._dispatcher = self._make(self._function)
+                try:
+                    _extend_numba()
+                    self._dispatcher = self._dispatcher or self._make(self._function)
+                except Exception as error:
+                    given = [f"{name}={value}" for name, value in os.environ.items() if name.startswith("NUMBA_")]
+                    where = f"the environment has {', '.join(given) or 'no NUMBA_ variable'}"
+                    raise CompilerError(f"numba cannot be used here: {error}; {where}") from error
         return self._dispatcher
 
     @property
@@ -198,10 +209,27 @@ class _CacheLocator:
         return self._module  # instead of the function's first line: numba itself stores only a module's last name
 
 
+class _Checked:
+    """A pickle that is compared with its checksum before it is read: changed machine code ends the process."""
+
+    def __init__(self, image: bytes):
+        self._image = image
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unchanged, (zlib.crc32(self._image), self._image)
+
+
+def _unchanged(crc: int, image: bytes) -> Any:
+    """Return what a pickle holds that has this checksum."""
+    if zlib.crc32(image) != crc:
+        raise ValueError("checksum")
+    return pickle.loads(image)
+
+
 @cache
 def _cache_type() -> type[FunctionCache]:
-    """Return the type of numba's function cache with our location."""
-    from numba.core.caching import CompileResultCacheImpl, FunctionCache
+    """Return the type of numba's function cache with our location and checksums."""
+    from numba.core.caching import CompileResultCacheImpl, FunctionCache, dumps
 
     class Results(CompileResultCacheImpl):
         _locator_classes: list[type[object]] = [_CacheLocator]  # noqa: RUF012 - as numba declares it
@@ -215,12 +243,13 @@ def _cache_type() -> type[FunctionCache]:
             stem = file._data_name_pattern.partition(".{number")[0]
             # numba numbers files: two processes that save at once may both take a number, and load each other's code
             file._data_name = lambda number: f"{stem}.{uuid4().hex}.nbc"
+            file._dump = lambda content: dumps(_Checked(dumps(content)))  # type: ignore[no-untyped-call]
 
         @contextmanager
         def _guard_against_spurious_io_errors(self) -> Iterator[None]:  # around numba's loading and saving
             try:
                 yield
-            except Exception:  # a full disk, or a file left empty by a power cut: compile again, cache if possible
+            except Exception:  # a full disk, or a file that was changed: compile again, cache if possible
                 with suppress(OSError):
                     self.flush()  # type: ignore[no-untyped-call]
 
@@ -272,8 +301,12 @@ _CHOICES: dict[Callable[..., Any], Callable[..., Any]] = {}
 
 def _extend_numba() -> None:
     """Register operations on packs, and functions dispatched by type, with numba."""
+    import numba
+
     import workflow.kernels.pack_operations  # noqa: F401
 
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        raise RuntimeError("its compiler is switched off")
     while _CHOICES:
         from numba.extending import overload
 

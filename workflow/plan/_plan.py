@@ -31,7 +31,7 @@ from workflow.plan._warnings import (
     looked_at,
     warnings,
 )
-from workflow.solve import asked_bytes, model_seconds, solution_seconds, steady_bytes, tasks
+from workflow.solve import asked_bytes, memory_needed, model_seconds, solution_seconds, steady_bytes, tasks
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
 _STRUCTURES_SHOWN = 8
@@ -69,6 +69,8 @@ class Plan:
     """The order of time that it takes on all processors here: seconds, minutes, hours or days."""
     bytes: int
     """Size of the results before compression."""
+    memory: int
+    """Bytes of the cases that are held at once, on all processors here."""
     stored: tuple[str, ...]
     """Names of the histories that are stored, without metrics; none for metrics alone."""
     structures: tuple[Figures, ...]
@@ -128,6 +130,7 @@ def _plan(grid: Grid) -> Plan:
         steps=steps,
         time=order_of_time((model_seconds(grid) + _reference_seconds(grid)) / threads),
         bytes=_result_bytes(grid),
+        memory=memory_needed(grid, threads),
         stored=tuple(grid.study.output.sampled),
         structures=tuple(figures(settings, ends_of_friction(grid, settings)) for settings in shown),
         more_structures=len(structures) - len(shown),

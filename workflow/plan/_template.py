@@ -13,11 +13,11 @@ import numpy as np
 import workflow
 from workflow import variables
 from workflow.cases import FRICTION, Grid, alpha_of, full_structure
-from workflow.models import set_text
 from workflow.plan._warnings import tip_cells
 from workflow.schemes import Status
-from workflow.solve import NOT_ASKED, metrics_of, periods_of, steady_of
+from workflow.solve import dims_of, lengths, unset, variables_of
 from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, SWEEP, Axis, Drawn, Study
+from workflow.variables import Variable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -91,16 +91,6 @@ _SOURCES = (
     "Acary, Brogliato: Numerical Methods for Nonsmooth Dynamical Systems (2008)"
 )
 
-_TAILS: Mapping[str, tuple[str, ...]] = {
-    "history": ("t",),
-    "period": ("period",),
-    "phase": ("phase",),
-    "point": ("point",),
-    "point phase": ("point", "phase"),
-    "event": ("event",),
-}
-"""Dimensions that variables have beyond the cases."""
-
 Attributes = Mapping[str, Any]
 
 
@@ -112,8 +102,10 @@ def template(grid: Grid, warnings: str = "") -> xr.Dataset:
     """
     import xarray as xr
 
-    study, sizes = grid.study, dict(grid.dims) | _tails(grid)
-    results = {about.name: _result(about, attributes, grid, sizes) for about, attributes in _results(grid, sizes)}
+    study, sizes = grid.study, dict(grid.dims) | lengths(grid)
+    if not study.output.histories:
+        del sizes["t"]
+    results = {about.name: _result(about, attributes, grid, sizes) for about, attributes in _results(grid)}
     attributes = {
         "Conventions": "CF-1.11",
         "title": study.title,
@@ -140,45 +132,26 @@ def _variable(dims: tuple[str, ...], values: Any, attributes: Attributes) -> xr.
     return xr.Variable(dims, values, typed)
 
 
-def _tails(grid: Grid) -> dict[str, int]:
-    """Return the sizes of the dimensions beyond the cases, those that there are."""
-    steady, branch = grid.study.output.steady, grid.study.branch
-    tails = {
-        "contact": len(grid.study.contacts),
-        "sensor": len(grid.study.output.sensors),
-        "event": grid.study.output.events or 0,
-        "t": grid.sampling.count if grid.study.output.histories else 0,
-        "period": grid.longest_period_count if branch is None else 0,
-        "point": 0 if branch is None else branch.points,
-        "phase": 0 if steady is None else steady.samples,
-        **dict.fromkeys(("critical_set_length", "growth_set_length"), len(set_text(grid.study.contacts).encode())),
-    }
-    return {name: size for name, size in tails.items() if size}
-
-
-def _results(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[variables.Variable, Attributes]]:
+def _results(grid: Grid) -> Iterator[tuple[Variable, Attributes]]:
     """Yield the variables of the table that an archive has, with their attributes, flags last."""
     study, flags = grid.study, _flags(grid.study)
-    others = [*metrics_of(study), *(periods_of(study) if "period" in sizes else ()), *steady_of(study)]
-    others += variables.select("event") if "event" in sizes else ()
-    kept = [variables.BY_NAME[name] for name in (("status", "runaway") if study.branch is None else ("status",))]
-    histories = [variables.BY_NAME[name] for name in study.output.sampled]
     over = {"depth": study.output.temperature_depth}
     depths = {"max_temperature": tip_cells(grid), "depth_temperature": over, "max_depth_temperature": over}
-    for about in (*histories, *(about for about in others if about.name not in flags)):
+    for about in variables_of(grid):
+        if about.name in flags:
+            meanings = flags[about.name]
+            comment = {"comment": about.comment} if about.name in ("steady_state", "event_kind") else {}
+            values = {"flag_values": range(len(meanings)), "flag_meanings": " ".join(meanings)}
+            yield about, {"long_name": about.meaning, **comment, **values}
+            continue
         about = variables.of_contacts(about) if study.contacts else about
         texts = {name: text for name in ("comment", "cell_methods") if (text := getattr(about, name))}
         units = {"units": unit} if (unit := _unit(about, study)) else {}
         units |= {"_Encoding": "utf-8"} if about.shape == "text" else {}
         yield about, {**units, "long_name": about.meaning, **texts, **depths.get(about.name, {})}
-    for about in (about for about in (*others, *kept) if about.name in flags):
-        meanings = flags[about.name]
-        comment = {"comment": about.comment} if about.name in ("steady_state", "event_kind") else {}
-        values = {"flag_values": range(len(meanings)), "flag_meanings": " ".join(meanings)}
-        yield about, {"long_name": about.meaning, **comment, **values}
 
 
-def _unit(about: variables.Variable, study: Study) -> str:
+def _unit(about: Variable, study: Study) -> str:
     """Return the unit of a variable; that of sensors where all have one, else none: ``sensor_unit`` tells."""
     units = {sensor.unit for sensor in study.output.sensors.values()}
     return about.unit if not about.is_of_sensor else units.pop() if len(units) == 1 else ""
@@ -195,18 +168,11 @@ def _flags(study: Study) -> dict[str, tuple[str, ...]]:
     return flags | {"steady_state": STATES, "bifurcation": BIFURCATIONS}
 
 
-def _result(about: variables.Variable, attributes: Attributes, grid: Grid, sizes: Mapping[str, int]) -> xr.Variable:
-    """Return a variable where nothing has run: NaN, of flags ``not_run``, ``not_asked`` and 0."""
+def _result(about: Variable, attributes: Attributes, grid: Grid, sizes: Mapping[str, int]) -> xr.Variable:
+    """Return a variable where nothing has run."""
     single = about.shape == "history" and grid.study.output.precision == "float32"
-    blank: Any = np.float32(np.nan) if single else np.float64(np.nan)
-    if "flag_values" in attributes or about.name == "event_contact":
-        unset = {"status": Status.NOT_RUN, "steady_state": NOT_ASKED, "event_kind": -1, "event_contact": -1}
-        blank = np.int8(unset.get(about.name, 0))
-    blank = np.bytes_() if about.shape == "text" else blank
-    contact = ("contact",) if about.is_of_contact and "contact" in sizes else ()
-    contact = ("sensor",) if about.is_of_sensor else contact
-    tail = (f"{about.name}_length",) if about.shape == "text" else _TAILS.get(about.shape, ())
-    dims = (*(name for name, _ in grid.dims), *contact, *tail)
+    blank = np.float32(np.nan) if single else unset(about)
+    dims = (*(name for name, _ in grid.dims), *dims_of(about, sizes))
     return _variable(dims, np.broadcast_to(blank, tuple(sizes[name] for name in dims)), attributes)
 
 

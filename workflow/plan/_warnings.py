@@ -33,8 +33,10 @@ from workflow.judges.cautions import (
     FreeModes,
     SchemeStep,
     StepCaution,
+    coarse_heat,
     endless_bounces,
     flutter,
+    flutter_of_basis,
     free_modes,
     listed,
     scene_cautions,
@@ -46,10 +48,13 @@ from workflow.models import Cases, Chain, frequencies, one_thread
 from workflow.plan._figures import size_text
 from workflow.reduction import DEFAULT
 from workflow.solve import observed_structure, projection_residual_of
-from workflow.study import CaseSettings
+from workflow.study import MODES, CaseSettings
 
 _CONTACT_SHARE = 0.1
 """Time of a contact, over the load's period, before a run has told it."""
+
+_TENTH = "a tenth of the shortest period"
+"""The same in words."""
 
 
 def tip_cells(grid: Grid) -> dict[str, Any]:
@@ -76,7 +81,7 @@ def coarse_tip(grid: Grid) -> Iterator[str]:
     about, frequency, scene = tip_cells(grid), grid.fastest, grid.study.scene
     heated = scene.makes_alpha or any(_values(grid, "alpha"))
     if about and frequency > 0 and heated:
-        yield from too_thick(about, _CONTACT_SHARE / frequency, "a tenth of the shortest period")
+        yield from too_thick(about, _CONTACT_SHARE / frequency, _TENTH)
 
 
 def too_thick(about: Mapping[str, Any], seconds: float, words: str) -> Iterator[str]:
@@ -142,8 +147,13 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
                 yield from endless_bounces(model.structure, cases)
     worst: dict[str, float] = {}
     for settings in _distinct_settings(grid, "reduction", "mechanical_modes", "thermal_modes", parameters):
-        basis = basis_text(settings)
-        lost = float(np.nanmax(projection_residual_of(settings, _cases(grid, settings)), initial=0.0))
+        basis, cases, full = basis_text(settings), _cases(grid, settings), full_structure(settings)
+        model = model_on(reduced(settings))
+        if model.reduction is not None:
+            yield from flutter_of_basis(full, model.structure, float(cases.friction.max()), basis)
+            if grid.fastest > 0 and cases.alpha.max() > 0 and grid.study.scene.model != "blade":
+                yield from coarse_heat(full, model.structure, _CONTACT_SHARE / grid.fastest, _TENTH, basis)
+        lost = float(np.nanmax(projection_residual_of(settings, cases), initial=0.0))
         worst[basis] = max(worst.get(basis, 0.0), lost)
     for basis, lost in worst.items():
         if lost > LOST:
@@ -306,11 +316,23 @@ def warnings(grid: Grid) -> tuple[str, ...]:
         *steady,
         *_stands_still(grid),
         *samples,
+        *_fixed_reference(grid),
         *choice_cautions(grid),
         *cautions_of_scene(grid),
         *steps,
     )
     return tuple(dict.fromkeys(sentences))
+
+
+def _fixed_reference(grid: Grid) -> Iterator[str]:
+    """Yield that a reference has fixed counts of modes, whose error nothing states."""
+    reference = grid.study.reference
+    if reference is None or reference.is_auto or not set(MODES) & set(reference.values):
+        return
+    settings = reference_settings(grid, int(grid.computed[0]))
+    if model_on(reduced(settings)).reduction is not None:
+        remedy = "write `auto` with a `tolerance` under `reference`, which states it, or `full`"
+        yield f"nothing states the error of the reference's basis, {basis_text(settings)}: {remedy}"
 
 
 def _stands_still(grid: Grid) -> Iterator[str]:

@@ -45,8 +45,9 @@ _ROUNDING = float(np.finfo(float).eps)
 _SOUND, _KEPT = 2.5e-10, 1e-7
 """Error of a separation up to which no other is looked for: a condition of 1e6; up to which it is taken."""
 
-_RIGHT = 1e-8
-"""Error of a propagated state up to which no other separation is looked for: a tenth of what is taken."""
+_RIGHT, _MOST = 1e-8, 1e-3
+"""Error of a propagated state up to which no other separation is looked for: the least of motions of all coordinates;
+up to which it is taken: links of 1e12 times the stiffness of others leave 1e-4, wrong separations 1 and more."""
 
 _CLUSTERS = 1e-12, 1e-9, 1e-7, 1e-5, 1e-3
 """Relative distances of neighbours in a cluster: poles that rounding parts, those of two that coincide, of three."""
@@ -104,7 +105,7 @@ def real_blocks(A: Array, duration: float = 1.0, parting: float = 1e-11) -> Real
 
 def _blocks_of_part(A: Array, duration: float, parting: float) -> RealBlocks:
     """Return the blocks of A, all coordinates of which are linked."""
-    none, least, best = np.zeros(0), max(_KEPT, 100 * parting), None
+    none, least, best = np.zeros(0), _MOST, None
     if len(A) < 2:
         return RealBlocks(none, none, -np.diag(A), np.eye(len(A)), np.eye(len(A)))
     if len(A) == 2 and A[0, 0] == 0 and A[0, 1] == 1 and A[1, 0] <= 0:
@@ -115,8 +116,8 @@ def _blocks_of_part(A: Array, duration: float, parting: float) -> RealBlocks:
         with suppress(np.linalg.LinAlgError, ValueError):
             blocks = _beside_rigid_motions(A, separate)
             error, lost = _error_of(A, blocks), propagated_error(A, blocks, duration)
-            if max(error, lost) < least:
-                least, best = max(error, lost), blocks
+            if error < max(_KEPT, 100 * parting) and lost < least:
+                least, best = lost, blocks
             if error <= _SOUND and lost <= _RIGHT:
                 break
     if best is None:

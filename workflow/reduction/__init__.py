@@ -22,12 +22,16 @@ from workflow.reduction._reduction import (
     relative_thermal_modes,
     thermal_vectors,
     unreduced,
+    with_doubtful_modes_damped,
     with_friction,
 )
 from workflow.registry import BrokenModuleError, Registry
 
 DEFAULT = "craig_bampton"
 """The basis where a study names none."""
+
+OF_AUTO = "krylov"
+"""The basis where a study names none and leaves a count to a tolerance: the fewest vectors, of heat by far."""
 
 
 @dataclass(frozen=True)
@@ -123,12 +127,13 @@ def _reduce(
             raise BrokenModuleError(f"the basis {basis} gives {given} vectors for {count}")
         of_both.append(vectors)
     mechanical, thermal = of_both
-    carried = None
-    if mechanical_modes is not None and mechanical.residual is None:
+    carried, slides = None, structure.slides and mechanical_modes is not None and mechanical.residual is None
+    if slides:
         mechanical = with_friction(structure, mechanical)
     if chosen.carried is not None and mechanical_modes is not None:
         carried = chosen.carried(structure, mechanical, thermal)
-    return galerkin(structure, mechanical, thermal, carried)
+    reduction = galerkin(structure, mechanical, thermal, carried)
+    return with_doubtful_modes_damped(structure, reduction) if slides else reduction
 
 
 def reduced_model(

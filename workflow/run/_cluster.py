@@ -175,24 +175,31 @@ def _workers_here(workers: int | None) -> Iterator[Any]:
     if _QUIETLY not in sys.warnoptions:
         sys.warnoptions.append(_QUIETLY)
     preload = [*config.get("distributed.worker.preload", []), _BEGINNING]
-    starting = ExitStack()
-    starting.enter_context(waiting_for(WORKERS))
-    with (
-        starting,
-        config.set({"distributed.worker.preload": preload}),
-        _without_interrupts(),
-        distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            memory_limit=0,
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        starting.close()
+    with config.set({"distributed.worker.preload": preload}), _without_interrupts(), ExitStack() as running:
+        try:
+            with waiting_for(WORKERS):
+                cluster = distributed.LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address=None,
+                    memory_limit=0,
+                    silence_logs=logging.CRITICAL,
+                )
+                client = running.enter_context(distributed.Client(running.enter_context(cluster)))
+        except Exception as error:  # whatever the death of a process that starts becomes
+            raise ClusterError(
+                f"worker processes could not be started: {_first_cause(error)}; give the command again, with fewer "
+                "--workers where memory is short, or on --threads"
+            ) from error
         yield client
+
+
+def _first_cause(error: BaseException) -> str:
+    """Return what the error says that others were raised from."""
+    while cause := error.__cause__ or error.__context__:
+        error = cause
+    return str(error) or type(error).__name__
 
 
 @contextmanager

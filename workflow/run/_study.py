@@ -11,6 +11,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
+from typing import cast
 
 import numpy as np
 
@@ -20,12 +21,15 @@ from workflow.archive import (
     provenance,
     read_command,
     remove_parts,
+    replaceable,
     require_whole,
     run_lock,
     statuses,
     study_key,
 )
 from workflow.cases import CASES, GATHERING, arrange, read_choices, waiting_for
+from workflow.kernels.compiled import Deferred
+from workflow.kernels.lemke import solve_one
 from workflow.models import one_thread
 from workflow.run._cluster import ClusterError, connected, run_on_cluster
 from workflow.run._outcome import Outcome, summarise
@@ -34,7 +38,7 @@ from workflow.run._progress import Progress, ProgressCounter, in_notebook, noteb
 from workflow.run._task import Report
 from workflow.run._threads import available_threads, run_on_threads
 from workflow.schemes import Status
-from workflow.solve import compiled_ahead, kernel_variants, model_seconds
+from workflow.solve import compiled_ahead, kernel_variants, model_seconds, require_memory
 from workflow.study import Study, StudySource, read_study
 
 RunTasks = Callable[[Prepared, Callable[[Report], None]], None]
@@ -143,9 +147,12 @@ def _run(study: Study, archive: Path, resources: Resources, reuse: Reuse, progre
     parts = parts_of(archive)
     if archive.exists() and not _has_work(study, archive, reuse):
         return replace(summarise(archive, None), seconds=time.perf_counter() - begun)
+    replaceable(archive)
+    _ = cast(Deferred, solve_one).dispatcher  # what stops numba stops every case
     earlier = read_command(parts)
     same = earlier if earlier is not None and earlier.key == study_key(study) else None
     grid = arrange(study, None if same is None else read_choices(same.texts.get("choices", "{}")))
+    require_memory(grid, resources.computing)
     with (
         _runner(resources) as run_tasks,
         run_lock(parts),

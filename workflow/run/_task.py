@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,18 @@ from workflow.cases import Grid
 from workflow.plan import template
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
-from workflow.solve import Batch, ReferenceBlock, ReferenceSolutions, Solved, Task, solutions_of, solve
+from workflow.solve import (
+    TASK_BYTES,
+    Batch,
+    ReferenceBlock,
+    ReferenceSolutions,
+    Solved,
+    Task,
+    failed,
+    joined,
+    solutions_of,
+    solve_in_parts,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -80,33 +91,47 @@ def store_task(
 ) -> Report:
     """Compute the cases of a task, with these hashes, and store them; they are compared with what blocks hold."""
     solutions = solutions_of(job.grid, dict(zip(blocks, computed, strict=True)))
-    return _store(job, task, hashes, lambda batch: solve(job.grid, batch.outer, batch.inner, solutions=solutions))
+
+    def parts_of(batch: Batch) -> Iterator[Part]:
+        return solve_in_parts(job.grid, batch.outer, batch.inner, solutions=solutions)
+
+    return _store(job, task, hashes, parts_of, 1)
 
 
 def store_lost(job: Job, task: Task, hashes: Hashes, text: str) -> Report:
-    """Store a task that cannot be computed: its cases fail with the message ``text``."""
+    """Store a task that cannot be computed: its cases fail with the message ``text``, but for those stored before."""
 
-    def lost(batch: Batch) -> Solved:
-        count = batch.inner.size
-        blank = job.template.isel(dict.fromkeys(job.template[STATUS].dims, 0))
-        values = {str(name): np.repeat(one.values[None], count, axis=0) for name, one in blank.data_vars.items()}
-        values[STATUS][...] = Status.FAILED
-        return Solved(values, dict.fromkeys(range(count), text))
+    def parts_of(batch: Batch) -> Iterator[Part]:
+        yield np.arange(batch.inner.size), failed(job.grid, batch.inner.size, text)
 
-    return _store(job, task, hashes, lost)
+    return _store(job, task, hashes, parts_of, 0)
 
 
-def _store(job: Job, task: Task, hashes: Hashes, results_of: Callable[[Batch], Solved]) -> Report:
-    parts, messages = [], dict[int, str]()
+Part = tuple[NDArray[np.int64], Solved]
+"""Cases that have ended, by their places in a batch."""
+
+
+def _store(job: Job, task: Task, hashes: Hashes, parts_of: Callable[[Batch], Iterator[Part]], number: int) -> Report:
+    """Store the cases of a task as they end, in shards of about :data:`TASK_BYTES`, which are numbered from there."""
+    names, held, size = list(map(str, job.template.data_vars)), list[Part](), 0
     count, cases, endings = 0, 0, Counter[str]()
     for batch in task.batches:
-        solved = results_of(batch)
-        messages |= {count + k: text for k, text in solved.messages.items()}
-        parts.append(solved.values)
         times = job.grid.times(batch.outer)
-        count, cases = count + batch.inner.size, cases + batch.inner.size * times
-        endings += not_ok(solved.values[STATUS], times)
-    arrays = {name: np.concatenate([values[name] for values in parts]) for name in map(str, job.template.data_vars)}
-    name = shard_name(job.begun, task.number + 1)  # 0 is the shard of what is taken back
-    write_shard(job.parts, name, hashes, arrays, messages, job.template)
+        for places, solved in parts_of(batch):
+            kept = {name: solved.values[name] for name in names}
+            held.append((count + places, Solved(kept, solved.messages)))
+            cases, endings = cases + places.size * times, endings + not_ok(kept[STATUS], times)
+            size += sum(values.nbytes for values in kept.values())
+            if size > TASK_BYTES:
+                _write(job, task, hashes, held, number)
+                held, size, number = [], 0, number + 1
+        count += batch.inner.size
+    _write(job, task, hashes, held, number)
     return Report(task.seconds, cases, endings)
+
+
+def _write(job: Job, task: Task, hashes: Hashes, held: Sequence[Part], number: int) -> None:
+    if held:
+        places, together = np.concatenate([places for places, _ in held]), joined([solved for _, solved in held])
+        name = f"{shard_name(job.begun, task.number + 1)}-{number:06d}"  # task 0 is what is taken back
+        write_shard(job.parts, name, hashes[places], together.values, together.messages, job.template)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from itertools import count, islice
@@ -88,6 +89,6 @@ def run_on_threads(prepared: Prepared, stored: Callable[[Report], None], threads
         stored(store_task(prepared.job, task, *arguments))
 
     cut = tasks(grid, prepared.missing, threads)
-    with one_thread():
+    with one_thread(), ThreadPoolExecutor(threads) as pool:  # its own: dask keeps its threads, which a fork has not
         for graph in graphs(prepared, cut, partial(compute_block, grid), store, threads):
-            get(graph.nodes, list(graph.tasks), num_workers=threads)
+            get(graph.nodes, list(graph.tasks), pool=pool)

@@ -15,5 +15,17 @@ from workflow.solve._solutions import (
     solution_seconds,
     solutions_of,
 )
-from workflow.solve._solve import NOT_ASKED, Solved, kernel_variants, metrics_of, periods_of, solve, steady_of
-from workflow.solve._tasks import Batch, Task, asked_bytes, model_seconds, seconds_per_case, steady_bytes, tasks
+from workflow.solve._solve import Solved, failed, joined, kernel_variants, solve, solve_in_parts
+from workflow.solve._tasks import (
+    TASK_BYTES,
+    Batch,
+    Task,
+    asked_bytes,
+    memory_needed,
+    model_seconds,
+    require_memory,
+    seconds_per_case,
+    steady_bytes,
+    tasks,
+)
+from workflow.solve._variables import FLAGS, dims_of, lengths, unset, variables_of

@@ -30,6 +30,7 @@ from workflow.cases import (
 )
 from workflow.judges.distances import norms, predictability, relative
 from workflow.judges.trials import EXACT, reason_of
+from workflow.kernels.compiled import CompilerError
 from workflow.models import Array, Cases
 from workflow.schemes import Results, Status
 from workflow.solve._operators import compile_for, judged, run_batch
@@ -201,6 +202,8 @@ def compute_block(grid: Grid, block: ReferenceBlock) -> ReferenceSolutions:
     try:
         with waiting_for(REFERENCES), np.errstate(all="ignore"):
             return _computed(grid, settings, block.inner, block.is_exact)
+    except CompilerError:
+        raise
     except (Exception, SystemExit) as error:  # whatever a model or scheme raises
         if block.inner.size > 1:
             return _together([compute_block(grid, replace(block, inner=np.array([k]))) for k in block.inner])

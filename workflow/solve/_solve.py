@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow import schemes, variables
+from workflow import variables
 from workflow.cases import (
     TOLERANCE,
     Grid,
@@ -27,6 +27,7 @@ from workflow.cases import (
 )
 from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
 from workflow.judges.trials import DECIDING, EXACT, reason_of
+from workflow.kernels.compiled import CompilerError
 from workflow.models import Array, Cases, Sensor, Structure, instantaneous_growth
 from workflow.schemes import Results, Status
 from workflow.solve._compile import KernelVariant
@@ -42,49 +43,19 @@ from workflow.solve._operators import (
 )
 from workflow.solve._solutions import Solutions, against_reference, solutions_for, texts_of
 from workflow.solve._tasks import Batch
+from workflow.solve._variables import Values, blank
 from workflow.study import CaseSettings, Study
-from workflow.variables import Condition, Variable
-
-Values = dict[str, NDArray[Any]]
-
-NOT_ASKED = 6
-"""Of ``steady_state``."""
-
-
-def steady_of(study: Study) -> Iterator[Variable]:
-    """Yield the variables of steady rubs of a study's archive, along its branch where it has one."""
-    sensors: tuple[Condition, ...] = ("steady sensors",) if study.output.sensors else ()
-    if study.branch is not None:
-        axis = study.branch.axis
-        yield from variables.along_branch(axis.name, axis.unit, axis.description, *sensors)
-    elif study.output.steady is not None:
-        yield from variables.select(None, None, "steady", *sensors)
 
 
 def _sensors_of(study: Study) -> tuple[Sensor, ...]:
     return tuple(study.output.sensors.values())
 
 
-def blank(study: Study, count: int) -> Values:
-    """Return the variables of steady rubs of so many cases that have none."""
-    steady, branch, values = study.output.steady, study.branch, Values()
-    points = () if branch is None else (branch.points,)
-    for about in steady_of(study):
-        assert steady is not None
-        own = (len(study.output.sensors),) if about.is_of_sensor else ()
-        shape = (count, *own, *points, *((steady.samples,) if "phase" in about.shape else ()))
-        values[about.name] = np.full(shape, np.nan)
-    flags = {"steady_state": NOT_ASKED, "bifurcation": 0}
-    return values | {
-        name: np.full(values[name].shape, flag, dtype=np.int8) for name, flag in flags.items() if name in values
-    }
-
-
 def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Values, dict[int, str]]:
     """Return the steady rubs of cases given on the nodes, and what is said of some; nothing where none is asked for."""
     asked = grid.study.output.steady
     if asked is None or settings.scheme.method != EXACT:
-        return blank(grid.study, cases.count), {}
+        return {}, {}
     from workflow.orbits import Options, steady_rubs
 
     structure, projected = as_run(settings, cases, _sensors_of(grid.study))
@@ -149,31 +120,51 @@ def solve(
     perturbation: Perturbation | None = None,
     solutions: Solutions | None = None,
 ) -> Solved:
-    """Run the cases ``inner`` of one outer index.
+    """Run the cases ``inner`` of one outer index, as :func:`solve_in_parts`, and return all of them."""
+    places, parts = zip(*solve_in_parts(grid, outer, inner, perturbation, solutions), strict=True)
+    rows, every = np.argsort(np.concatenate(places)), joined(parts)
+    values = {name: array[rows] for name, array in every.values.items()}
+    return Solved(values, texts_of(every.messages, rows))
 
-    Cases that differ only in axes their scheme does not read are run once; the reference may read them, so each has its
-    own errors. Lines of a sweep are run from their first point on. If the batch raises, its cases run one by one, and
-    those that raise have the status ``failed``. ``perturbation`` changes the data of the cases, not those of their
-    reference; ``solutions`` are those that errors are measured against, which are computed here if they are not given.
+
+def solve_in_parts(
+    grid: Grid,
+    outer: int,
+    inner: Indices,
+    perturbation: Perturbation | None = None,
+    solutions: Solutions | None = None,
+) -> Iterator[tuple[Indices, Solved]]:
+    """Run the cases ``inner`` of one outer index and yield them as they end, with their places in ``inner``.
+
+    They end together, those of a sweep point by point: lines are run from their first point on. Cases that differ only
+    in axes their scheme does not read are run once; the reference may read them, so each has its own errors. If a batch
+    raises, its cases run one by one, and those that raise have the status ``failed``. ``perturbation`` changes the data
+    of the cases, not those of their reference; ``solutions`` are those that errors are measured against, which are
+    computed here if they are not given.
     """
-    settings = grid.settings(outer)
-    first, where = np.unique(grid.inner_alike(inner, grid.is_read(settings.scheme)), return_inverse=True)
-    run = _solve_or_tell if grid.points == 1 else _march
-    solved = run(grid, outer, first, perturbation)
-    values = {name: array[where] for name, array in solved.values.items()}
+    first = grid.inner_alike(inner, grid.is_read(grid.settings(outer).scheme))
     if solutions is None:
         solutions = solutions_for(grid, Batch(outer, inner))
-    with np.errstate(all="ignore"):
-        errors, remarks = against_reference(grid, outer, inner, values, solutions)
-        values |= _basis(grid, outer, inner.size, errors)
-    choice, unconfirmed = grid.choice(outer), dict[int, str]()
-    if choice is not None and not choice.is_confirmed:
-        unconfirmed = dict.fromkeys(range(inner.size), f"basis_error: {choice.against}")
-    messages = _joined_messages(remarks, texts_of(solved.messages, where), unconfirmed)
-    return Solved({**values, **errors}, messages)
+    choice, left = grid.choice(outer), inner.size
+    for number, solved in _ended(grid, outer, np.unique(first), perturbation):
+        places = np.flatnonzero(np.isin(first, number))
+        where, count = np.searchsorted(number, first[places]), places.size
+        values = {name: array[where] for name, array in solved.values.items()}
+        with np.errstate(all="ignore"):
+            errors, remarks = against_reference(grid, outer, inner[places], values, solutions)
+            values |= _basis(grid, outer, count, errors)
+        unconfirmed = dict[int, str]()
+        if choice is not None and not choice.is_confirmed:
+            unconfirmed = dict.fromkeys(range(count), f"basis_error: {choice.against}")
+        if count:  # else they are stored: a line begins before the points that are asked for
+            messages = _said(remarks, texts_of(solved.messages, where), unconfirmed)
+            yield places, Solved({**values, **errors}, messages)
+        left -= count
+    if left:
+        raise RuntimeError(f"of the cases {inner.tolist()} {left} did not end")
 
 
-def _joined_messages(*every: Mapping[int, str]) -> dict[int, str]:
+def _said(*every: Mapping[int, str]) -> dict[int, str]:
     """Return what several say of cases, by position, of those of which any says something."""
     return {k: "; ".join(texts[k] for texts in every if k in texts) for k in set().union(*every)}
 
@@ -195,35 +186,32 @@ def _basis(grid: Grid, outer: int, count: int, errors: Mapping[str, Array]) -> d
     return basis
 
 
-def _march(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
-    """Run lines of a sweep to the last point that is asked for, each from the state in which the one before ended.
+def _ended(
+    grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None
+) -> Iterator[tuple[Indices, Solved]]:
+    """Yield distinct cases as they end, with their inner indices, ascending: those of a line as far as asked for.
 
-    After a point that is not ok its line cannot go on: the points that follow are ``failed``.
+    Each point of a sweep starts from the state in which the one before ended. After a point that is not ok its line
+    cannot go on: the points that follow are ``failed``.
     """
-    points, last, swept = grid.points, int((inner % grid.points).max()), grid.study.swept
-    assert swept is not None
-    lines, start, parts, numbers = np.unique(inner // points), None, list[Solved](), list[Indices]()
+    points, last, swept, start = grid.points, int((inner % grid.points).max()), grid.study.swept, None
+    lines = np.unique(inner // points)
     for point in range(last + 1):
         solved = _solve_or_tell(grid, outer, lines * points + point, perturbation, start)
-        parts, numbers = [*parts, solved], [*numbers, lines * points + point]
+        yield lines * points + point, solved
+        if swept is None:
+            return
         ended = solved.values["status"] == Status.OK
         for k in np.flatnonzero(~ended).tolist():
             how = Status(int(solved.values["status"][k])).name.lower()
             text = f"not run: the sweep ended at {swept.name} = {swept.values[point]!r}, which is {how}"
-            following = lines[k] * points + np.arange(point + 1, last + 1)
-            parts, numbers = [*parts, *[_failed(grid, text)] * following.size], [*numbers, following]
+            for following in range(point + 1, last + 1):
+                yield lines[[k]] * points + following, failed(grid, 1, text)
         lines = lines[ended]
         if not lines.size:
-            break
+            return
         assert solved.following is not None
         start = solved.following.take(ended)
-    marched, number = _joined(parts), np.concatenate(numbers)
-    order = np.argsort(number)
-    rows = order[np.minimum(np.searchsorted(number[order], inner), number.size - 1)]
-    if not np.array_equal(number[rows], inner):
-        raise RuntimeError(f"a sweep has the points {sorted(number.tolist())}, not all of {inner.tolist()}")
-    values = {name: array[rows] for name, array in marched.values.items()}
-    return Solved(values, texts_of(marched.messages, rows))
 
 
 def _solve_or_tell(
@@ -233,21 +221,29 @@ def _solve_or_tell(
     try:
         with np.errstate(all="ignore"):  # a case that leaves the numbers says so by its status
             return _solve_distinct(grid, outer, inner, perturbation, start)
+    except CompilerError:
+        raise
     except (Exception, SystemExit) as error:  # whatever a model or scheme raises is that case's result
         if inner.size == 1:
-            return _failed(grid, reason_of(error))
+            return failed(grid, 1, reason_of(error))
         each = [slice(k, k + 1) for k in range(inner.size)]
         parts = [_solve_or_tell(grid, outer, inner[k], perturbation, start and start.take(k)) for k in each]
-        return replace(_joined(parts), following=_following([part.following for part in parts]))
+        return replace(joined(parts), following=_following([part.following for part in parts]))
 
 
-def _joined(parts: list[Solved]) -> Solved:
+def joined(parts: Sequence[Solved]) -> Solved:
     """Put batches together, with the variables that all have: a branch that raised has more."""
     shared = [name for name in parts[0].values if all(name in part.values for part in parts)]
     values = {name: np.concatenate([part.values[name] for part in parts]) for name in shared}
     first = np.cumsum([0, *(part.values["status"].size for part in parts)]).tolist()
     messages = {at + k: text for at, part in zip(first, parts, strict=False) for k, text in part.messages.items()}
     return Solved(values, messages)
+
+
+def failed(grid: Grid, count: int, text: str) -> Solved:
+    """Return so many cases that failed: without results, with a text that says why."""
+    status = {"status": np.full(count, Status.FAILED, dtype=np.int8)}
+    return Solved({**blank(grid, count), **status}, dict.fromkeys(range(count), text))
 
 
 def _following(each: list[Start | None]) -> Start | None:
@@ -265,7 +261,7 @@ def _solve_distinct(
     settings = grid.at_point(outer, int(inner[0]) % grid.points)
     if grid.study.branch is not None:
         compile_for(settings, grid.sampling.balances)
-        return _joined([_followed(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
+        return joined([_followed(grid, outer, inner[k : k + 1], perturbation) for k in range(inner.size)])
     settings, cases = cases_of(settings, grid.inner_values(inner), inner.size, perturbation, start)
     if cases.contact_shape != grid.study.contact_shape:
         raise ValueError("its structure has another number of contacts than the archive; give it a study of its own")
@@ -275,12 +271,12 @@ def _solve_distinct(
     steady, remarks = steady_values(grid, settings, cases)
     contact = permanent_contact(settings, cases.alpha, cases.friction)._asdict()
     values: dict[str, NDArray[Any]] = {
+        **blank(grid, inner.size),
         **results.histories,
-        **{about.name: np.full(inner.size, np.nan) for about in scheme_metrics(grid.study)},
         **results.metrics,
         **_contact(results, cases, grid),
         **_of_sensors(results, cases, grid),
-        **_events(results.events, cases.count, grid),
+        **_events(results.events, cases.count),
         **_over_depth(grid, settings, cases),
         **steady,
         **{name: value for name, value in contact.items() if name in variables.BY_NAME},
@@ -292,7 +288,7 @@ def _solve_distinct(
     }
     lost = np.flatnonzero(np.isnan(values["growth_rate"])).tolist()
     unconverged = dict.fromkeys(lost, "growth_rate: the eigenvalues of the tip in contact did not converge")
-    messages = _joined_messages(results.messages, remarks, unconverged)
+    messages = _said(results.messages, remarks, unconverged)
     if grid.points == 1:
         return Solved(values, messages)
     return Solved(values, messages, Start.after(end_of(settings, results), cases, start, grid.sampling.duration))
@@ -355,73 +351,11 @@ def _of_sensors(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
     }
 
 
-def _events(given: Mapping[str, Array], count: int, grid: Grid) -> dict[str, NDArray[Any]]:
-    """Return the list of events; of a scheme without one it is empty."""
-    most = grid.study.output.events
-    if most is None:
-        return {}
-    values: dict[str, NDArray[Any]] = {
-        about.name: given.get(about.name, np.full((count, most), np.nan)) for about in variables.select("event")
-    }
-    for name in ("event_kind", "event_contact"):
-        values[name] = np.where(np.isnan(values[name]), -1, values[name]).astype(np.int8)
-    return values | {"event_count": given.get("event_count", np.zeros(count))}
-
-
-def periods_of(study: Study) -> Iterator[Variable]:
-    """Yield the variables of load periods of a study's archive."""
-    return variables.select("period", None, *_conditions_of(study))
-
-
-def _conditions_of(study: Study) -> Iterator[Condition]:
-    """Yield what a study asks of its archive, but for steady rubs; of branches what their basis has."""
-    output, reference, is_branch = study.output, study.reference, study.branch is not None
-    asked: dict[Condition, object] = {
-        "always": not is_branch,
-        "branch": is_branch,
-        "contacts": study.contacts and not is_branch,
-        "auto": study.is_auto,
-        "depth": output.temperature_depth,
-        "balances": output.balances,
-        "sections": output.sections,
-        "sensors": output.sensors and not is_branch,
-        "events": output.events,
-        "reference": reference is not None,
-        "auto reference": reference is not None and reference.is_auto,
-    }
-    return (condition for condition, there in asked.items() if there)
-
-
-def scheme_metrics(study: Study) -> tuple[Variable, ...]:
-    """Return the metrics that some of a study's schemes declare for themselves."""
-    methods = sorted({scheme.method for scheme in study.schemes.values()})
-    return tuple({about.name: about for method in methods for about in schemes.metrics(method)}.values())
-
-
-def metrics_of(study: Study) -> tuple[Variable, ...]:
-    """Return metrics and texts of a study's archive but those of steady rubs; of branches those of the basis."""
-    own, there = () if study.branch is not None else scheme_metrics(study), [*_conditions_of(study)]
-    return (*variables.select("metric", None, *there), *variables.select("text", None, *there), *own)
-
-
-def _failed(grid: Grid, text: str) -> Solved:
-    """Return one case that raised: NaN everywhere, flags unset, with the error as its message."""
-    tails = {"history": (grid.sampling.count,), "metric": (), "text": (), "period": (grid.longest_period_count,)}
-    contacts, sensors = grid.study.contact_shape, (len(grid.study.output.sensors),)
-
-    def blanks(about: Variable) -> Array:
-        own = sensors if about.is_of_sensor else contacts if about.is_of_contact else ()
-        return np.full((1, *own, *tails[about.shape]), "" if about.shape == "text" else np.nan)
-
-    values: dict[str, NDArray[Any]] = {
-        about.name: blanks(about)
-        for about in (*variables.select("history"), *metrics_of(grid.study), *periods_of(grid.study))
-        if about.condition not in ("reference", "auto", "auto reference")
-    }
-    values |= blank(grid.study, 1)
-    values = _events({}, 1, grid) | values
-    values |= {"status": np.full(1, Status.FAILED, dtype=np.int8), "runaway": np.zeros(1, dtype=np.int8)}
-    return Solved(values, {0: text})
+def _events(given: Mapping[str, Array], count: int) -> dict[str, NDArray[Any]]:
+    """Return the list of events, whose words are numbers; of a scheme without one its length is 0."""
+    words = {name: given[name] for name in ("event_kind", "event_contact") if name in given}
+    numbers = {name: np.where(np.isnan(values), -1, values).astype(np.int8) for name, values in words.items()}
+    return {"event_count": np.zeros(count), **given, **numbers}
 
 
 def kernel_variants(grid: Grid) -> list[KernelVariant]:

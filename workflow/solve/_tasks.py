@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
+import resource
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -194,6 +198,39 @@ def bytes_per_case(grid: Grid) -> int:
     return each + 2 * asked_bytes(grid, 8) + steady_bytes(grid)
 
 
+def together_in_memory(grid: Grid) -> int:
+    """Return how many cases, of a sweep lines with a point each, a task has in memory at once."""
+    return max(1, TASK_BYTES // bytes_per_case(grid))
+
+
+def memory_needed(grid: Grid, threads: int) -> int:
+    """Return the bytes of all cases that so many threads hold at once, of sweeps a point of each line."""
+    lines = grid.outer_count * grid.inner_count // grid.points
+    return min(threads * together_in_memory(grid), lines) * bytes_per_case(grid)
+
+
+def _memory_there_is() -> float:
+    """Return the bytes that this process may still take: what is free, within limits of its shell and container."""
+    limits = [float(re.findall(r"MemAvailable:\s*(\d+)", Path("/proc/meminfo").read_text(encoding="ascii"))[0]) * 1024]
+    with suppress(OSError, ValueError):  # "max" where there is none
+        limits.append(float(int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii"))))
+    address_space = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if address_space != resource.RLIM_INFINITY:
+        used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+        limits.append(float(address_space - used))
+    return min(limits)
+
+
+def require_memory(grid: Grid, threads: int) -> None:
+    """Raise :class:`MemoryError` where the cases that are held at once do not fit in the memory that there is."""
+    needed, there = memory_needed(grid, threads), _memory_there_is()
+    if needed > there:
+        raise MemoryError(
+            f"{threads} at once need {needed / 1e9:.3g} GB for {grid.sampling.count} samples of each case, and "
+            f"{there / 1e9:.3g} GB are free"
+        )
+
+
 def asked_bytes(grid: Grid, stored: int) -> int:
     """Return the bytes of a case's sensors and events, with so many of a sample."""
     output, samples = grid.study.output, grid.sampling.count
@@ -239,12 +276,8 @@ def tasks(grid: Grid, missing: NDArray[np.bool_] | None = None, threads: int = 1
         Those that share the tasks.
     """
     outer, (setup, each, together) = grid.computed.tolist(), costs(grid)
-    each, counts, bytes_each = (
-        each * grid.points,
-        _counts(grid, missing) // grid.points,
-        bytes_per_case(grid) * grid.points,
-    )
-    left, lines_left, most = model_seconds(grid, missing), int(counts.sum()), max(1, TASK_BYTES // bytes_each)
+    each, counts, most = each * grid.points, _counts(grid, missing) // grid.points, together_in_memory(grid)
+    left, lines_left = model_seconds(grid, missing), int(counts.sum())
     units = [min(most, unit(grid, *of_scheme)) for of_scheme in zip(each.tolist(), together.tolist(), strict=True)]
     usual = fair_seconds(left, threads)
     number, batches, seconds, lines = 0, list[Batch](), 0.0, 0

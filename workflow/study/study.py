@@ -18,7 +18,7 @@ from workflow import models, reduction, schemes
 from workflow.declare import File, measure, plain, word_of
 from workflow.study.axes import Arrangement, Sizes, mode_count, sizes_of
 from workflow.study.checks import faults
-from workflow.study.document import SCENE_KEYS, addresses, settings, study_form
+from workflow.study.document import REDUCTION, SCENE_KEYS, addresses, settings, study_form
 from workflow.study.files import Attached, Files
 from workflow.study.forms import LONGEST_LIST, Entry
 from workflow.study.mistakes import UNKNOWN, Place, StudyError, faults_of, one_of, place_of_path
@@ -333,6 +333,8 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     arrangement.count_modes(nodes, sizes)
     arrangement.refuse_repeated()
     defaults = {path: entry.default for path, entry in settings().items() if path != TOLERANCE}
+    if any(CHOSEN in arrangement.values(path) for path in MODES):
+        defaults[REDUCTION] = reduction.OF_AUTO
     asked = sections.get("output", {})
     steady = bool(asked.get("steady")) or bool(arrangement.followed)
     names = _reserved(defined, steady) | {"contact"}
@@ -343,6 +345,8 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     reference = None
     if sections.get("reference") is not None:
         reference = Reference(_reference(source, sections["reference"], sizes, nodes, dimensions))
+        if reference.is_auto and REDUCTION not in source.axes:
+            reference = Reference({REDUCTION: reduction.OF_AUTO, **reference.values})
     output = _output(asked, scene.duration)
     if sizes.structure is not None and sizes.structure.contacts is not None:
         output = dataclasses.replace(output, balances=asked.get("balances") or False)
