@@ -178,7 +178,7 @@ def _options(**options: Any) -> dict[str, Any]:
     if program is not None:
         options["pipeline_class"] = program.KernelCompiler
     usual = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False, "forceinline": False}
-    return {**usual, **options}  # numba would take forceinline from the function that is being compiled
+    return {**usual, **options}  # forceinline is given, else numba takes that of the function that is being compiled
 
 
 _PART = {"no_cpython_wrapper": True}
