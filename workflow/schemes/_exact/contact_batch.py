@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,9 +53,11 @@ MOST_SETS, MOST_BYTES = 2000, 2**29
 _ROOM = 4
 """Sets for which a table has room at first."""
 
+T = TypeVar("T")
 
-class Family:
-    """The sets of closed contacts of a structure at one µ and duration, which tables at each α share."""
+
+class SharedSets:
+    """What the sets of closed contacts of a structure at one µ and duration have at all α."""
 
     def __init__(self, basis: ContactBasis, friction: float, duration: float):
         self.basis, self._conditions = basis, (friction, duration)
@@ -71,12 +74,12 @@ class Family:
 class SetTable:
     """The sets of closed contacts that are known of a structure at one α, µ and duration; threads add in turns."""
 
-    def __init__(self, family: Family, alpha: float):
-        self._family, self._alpha, length = family, alpha, row_length(family.basis)
+    def __init__(self, shared: SharedSets, alpha: float):
+        self._shared, self._alpha, length = shared, alpha, row_length(shared.basis)
         self.most = max(1, min(MOST_SETS, MOST_BYTES // (8 * length)))
         room = min(_ROOM, self.most)
         self._rows = np.empty((room, length))
-        self._closed = np.zeros((room, family.basis.contacts.count), dtype=np.bool_)
+        self._closed = np.zeros((room, shared.basis.contacts.count), dtype=np.bool_)
         self.count, self._lock = 0, Lock()
 
     def known(self) -> Sets:
@@ -93,7 +96,7 @@ class SetTable:
             if self.count == len(self._rows):
                 self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
                 self._closed = np.concatenate([self._closed, np.zeros_like(self._closed)])
-            if not self._family.fill(self._rows[self.count], closed, self._alpha):
+            if not self._shared.fill(self._rows[self.count], closed, self._alpha):
                 return INSEPARABLE
             self._closed[self.count] = closed
             self.count += 1
@@ -107,7 +110,7 @@ class ContactOperator:
     basis: ContactBasis
     budget: Budget
     sensors: Sensors | None = None
-    _families: dict[tuple[float, ...], Family] = field(default_factory=dict)
+    _shared: dict[tuple[float, ...], SharedSets] = field(default_factory=dict)
     _tables: dict[tuple[float, ...], SetTable] = field(default_factory=dict)
 
     @cached_property
@@ -123,14 +126,20 @@ class ContactOperator:
 
     def sets(self, heated: bool, alpha: float, *conditions: float) -> SetTable:
         """Return the table of sets at one α, µ and duration; one is made where there is none, the oldest may go."""
-        key = heated, alpha, *conditions
-        table = self._tables.get(key)
-        if table is None:
-            family = self._families.setdefault(key[:1] + key[2:], Family(self.bases[heated], *conditions))
-            while len(self._tables) * _ROOM * 8 * row_length(family.basis) > MOST_BYTES:
-                self._tables.pop(next(iter(self._tables)), None)
-            table = self._tables.setdefault(key, SetTable(family, alpha))
-        return table
+        basis = self.bases[heated]
+        most = MOST_BYTES // (8 * _ROOM * row_length(basis))
+        shared = _kept(self._shared, (heated, *conditions), lambda: SharedSets(basis, *conditions), most)
+        return _kept(self._tables, (heated, alpha, *conditions), lambda: SetTable(shared, alpha), most)
+
+
+def _kept(known: dict[tuple[float, ...], T], key: tuple[float, ...], make: Callable[[], T], most: int) -> T:
+    """Return what is known at a key; it is made where there is none, and the oldest go beyond ``most``."""
+    found = known.get(key)
+    if found is None:
+        for oldest in list(known)[: max(0, len(known) + 1 - max(1, most))]:
+            known.pop(oldest, None)
+        found = known.setdefault(key, make())
+    return found
 
 
 def make_contact_operator(structure: Structure, budget: Budget) -> ContactOperator:

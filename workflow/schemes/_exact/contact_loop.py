@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import kernel, of_case, part
+from workflow.kernels.compiled import inlined, kernel, of_case, part
 from workflow.schemes._exact.closed_sets import ClosedSet, closed_set_in
 from workflow.schemes._exact.contact_events import LOWEST_BOUNCE, ZERO_FORCE, begin_case, pass_event
 from workflow.schemes._exact.contact_motion import (
@@ -37,7 +37,7 @@ from workflow.schemes._exact.event_loop import (
     SAME_TIME,
 )
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
-from workflow.schemes._exact.motion import OUTPUTS, SIGNAL, Motion, face
+from workflow.schemes._exact.motion import OUTPUTS, SIGNAL, Motion, seen_by
 from workflow.schemes._exact.propagation import advance, copy_state, integral, observe
 from workflow.schemes._exact.record import (
     Record,
@@ -131,8 +131,8 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
         s = closed_set_in(sets.rows[slot])
         m = motion_in(s, case, own, slot)
         enter(m, s, own, at.time)
-        for c in range(own.sure.size):
-            own.sure[c] = -1.0
+        for c in range(own.certified.size):
+            own.certified[c] = -1.0
         struck = -1
         if at.events > 0:
             at.guess = FIRST_STEP / m.fastest if m.fastest > 0.0 else T
@@ -180,14 +180,14 @@ def _slot(closed: NDArray[np.bool_], wanted: NDArray[np.bool_]) -> int:
     return -1
 
 
-@part
+@inlined
 def _first_zero(m: Motion, own: Memory, at: Any, T: float) -> tuple[float, int]:
     """Return the length of a certified step and the contact whose signal ends it by falling through zero, or -1."""
     struck, h, guess, tried = -1, T - at.time, at.guess, False
     for c in range(own.wanted.size):
-        if own.sure[c] - at.time >= h:
+        if own.certified[c] - at.time >= h:
             continue
-        length, falls = _zero_of(face(m, c), own, at, h, guess, T, tried)
+        length, falls = _zero_of(seen_by(m, c), own, at, h, guess, T, tried)
         if not np.isfinite(length):
             return length, -1
         if falls:
@@ -226,7 +226,7 @@ def _zero_of(m: Motion, own: Memory, at: Any, most: float, guess: float, T: floa
         start = Start(zeros, own.speed[c], True, guess)
         length, falls = certified_step(m, start, t, most, 0.0 if tried else SAME_TIME * T)
         known = length
-    own.sure[c] = -1.0 if own.still[c] else t + known
+    own.certified[c] = -1.0 if own.still[c] else t + known
     m.outputs[place] = constant
     return length, falls
 
@@ -242,7 +242,7 @@ def _certain(m: Motion, h: float, most: float) -> float:
     return h
 
 
-@part
+@inlined
 def _record(m: Motion, record: Record, own: Memory, t: float, h: float, late: float) -> None:
     """Write samples and load periods within a step, and add the impulses of closed contacts.
 
@@ -250,17 +250,17 @@ def _record(m: Motion, record: Record, own: Memory, t: float, h: float, late: fl
     """
     for c in range(own.wanted.size):
         held = record.tally[c].held
-        own.impulse[c] = max(0.0, integral(face(m, c), m.now, m.after, t, h)) if held else 0.0
+        own.impulse[c] = max(0.0, integral(seen_by(m, c), m.now, m.after, t, h)) if held else 0.0
     left = _write_due(m, record, own, t, h, late)
     for c in range(own.wanted.size):
         tally = record.tally[c]
         if m.heated:
-            note_temperature(tally, observe(face(m, c), m.after, t + h).temperature)
-            note_temperature(tally, peak_temperature(face(m, c), t, left, t + h, tally.period_temperature))
+            note_temperature(tally, observe(seen_by(m, c), m.after, t + h).temperature)
+            note_temperature(tally, peak_temperature(seen_by(m, c), t, left, t + h, tally.period_temperature))
         tally.impulse += own.impulse[c]
 
 
-@part
+@inlined
 def _write_due(m: Motion, record: Record, own: Memory, t: float, h: float, late: float) -> float:
     """Write the samples and load periods of all contacts within a step; return the end of the last period, or t."""
     left, times, ends, asked = t, record.times, record.period_ends, record.asked
@@ -271,16 +271,16 @@ def _write_due(m: Motion, record: Record, own: Memory, t: float, h: float, late:
         period_ends = m.heated and period < ends.size and ends[period] <= at
         for c in range(own.wanted.size):
             mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
-            own_face = face(m, c)
+            by_contact = seen_by(m, c)
             if period_ends and c > 0:  # the search of the largest temperature has used it
                 advance(m, m.now, t, at - t, m.between)
             held = mine.tally.held
-            impulse = max(0.0, integral(own_face, m.now, m.between, t, at - t)) if held else 0.0
-            outputs = observe(own_face, m.between, at)
+            impulse = max(0.0, integral(by_contact, m.now, m.between, t, at - t)) if held else 0.0
+            outputs = observe(by_contact, m.between, at)
             if m.heated:
                 note_temperature(mine.tally, outputs.temperature)
             if period_ends:
-                note_temperature(mine.tally, peak_temperature(own_face, t, left, at, mine.tally.period_temperature))
+                note_temperature(mine.tally, peak_temperature(by_contact, t, left, at, mine.tally.period_temperature))
             write(mine, at, outputs, mine.tally.impulse + impulse)
         left = at if period_ends else left
     return left
@@ -304,7 +304,7 @@ def _finish(m: Motion, s: ClosedSet, case: ContactCase, record: Record, own: Mem
     times, ends, asked = record.times, record.period_ends, record.asked
     for c in range(own.wanted.size):
         mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
-        observed = observe(face(m, c), m.now, T)
+        observed = observe(seen_by(m, c), m.now, T)
         while next_due(mine) <= T * (1.0 + LATE):
             write(mine, T, observed, mine.tally.impulse)
         mine.tally.contact_time = contact_time(mine.tally, T)

@@ -143,7 +143,7 @@ class Memory(NamedTuple):
     """Contacts that are closed from the last event on, ``(contact,)``."""
     zeros: NDArray[np.int64]
     """Order of the zero of each signal at the last event, see :mod:`.step`; -1 where a force may begin at 0."""
-    sure: Array
+    certified: Array
     """Time until which each signal has certainly no zero, s; -1 where it is not known."""
     still: NDArray[np.bool_]
     """Open contacts that touch their casing and that nothing moves in the present set, ``(contact,)``."""
@@ -196,7 +196,7 @@ def memory(basis: ContactBasis, waves: int, sets: int) -> Memory:
         inputs=np.zeros((1 + 2 * waves, padded(N + m))),
         wanted=np.zeros(m, dtype=np.bool_),
         zeros=np.zeros(m, dtype=np.int64),
-        sure=np.zeros(m),
+        certified=np.zeros(m),
         still=np.zeros(m, dtype=np.bool_),
         speed=np.zeros(m),
         bounces=np.zeros(m),

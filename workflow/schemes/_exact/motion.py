@@ -115,7 +115,7 @@ def place_of(waves: int, c: int) -> tuple[int, int, int]:
 
 
 @inlined
-def face(m: Motion, c: int) -> Motion:
+def seen_by(m: Motion, c: int) -> Motion:
     """Return the motion as contact ``c`` sees it: poles, states and propagators are the same for all."""
     rows, slow, columns = place_of(m.waves.shape[0], c)
     return Motion(
