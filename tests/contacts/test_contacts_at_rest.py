@@ -83,3 +83,21 @@ def test_time_in_contact_after_bounces_that_accumulate(e: float) -> None:
     begins = np.sqrt(2 * gaps / F) * (1 + 2 * e / (1 - e))
     assert done.metrics["contact_time"][0] == pytest.approx(20.0 - begins, rel=1e-9)
     assert done.histories["impulse"][0, :, -1] == pytest.approx(20.0 * F, rel=1e-12)
+
+
+@pytest.mark.parametrize("flexibility", [0.0, 0.01])
+@pytest.mark.parametrize("depth", [1e-13, 1e-12, 1e-11])
+def test_a_graze_of_a_trifle_of_the_motion(depth: float, flexibility: float) -> None:
+    """x = sin t would pass d = 1 - ε: the impact is (1 + e) √(2 ε), an elastic casing takes 4/3 ε √(2 ε)/c."""
+    own, e = of_entries({"mass": np.eye(2), "stiffness": np.diag([1.0, 3.0]), "contact": np.eye(2)}), 0.5
+    own = replace(own, contacts=replace(own.contacts, casing_flexibility=flexibility))
+    gap = 1 - depth
+    case = cases_of_file(own, gaps=[gap, 1.0], e=e, velocity=[1.0, 0.1])
+    done = step(own, case, 0.0, Sampling(3.0, 0.1, 31, events=9), "event_driven")
+    speed, rounding = np.sqrt(2 * (1 - gap)), 1e-15 / depth
+    impulse = 4 / 3 * (1 - gap) * speed / flexibility if flexibility else (1 + e) * speed
+    assert done.histories["impulse"][0, :, -1] == pytest.approx([impulse, 0.0], rel=4 * rounding)
+    assert np.all(np.diff(done.histories["impulse"][0]) >= 0)
+    assert done.metrics["impacts"][0].tolist() == [0.0 if flexibility else 1.0, 0.0]
+    assert np.nanmin(done.events["event_impulse"]) >= 0
+    assert done.histories["displacement"][0, 0] == pytest.approx(np.sin(np.linspace(0, 3, 31)), abs=2 * speed)

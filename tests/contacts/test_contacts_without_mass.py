@@ -9,7 +9,7 @@ from random_contacts import drawn
 from two_masses import pressed, two_masses
 
 from plain_steps import march, results
-from scenes import sampling, step
+from scenes import cases_of_file, sampling, step
 from workflow.models import Array, Cases, Structure, at_rest
 from workflow.schemes import HISTORIES, Results, Status
 
@@ -86,3 +86,21 @@ def test_a_spring_before_contacts_without_mass_starts_pressed_and_stays(theta: f
     place = np.repeat((1e-3 + force / kappa)[:, None], over.count, axis=1)
     np.testing.assert_allclose(ours.histories["displacement"][0], place, rtol=1e-9)
     np.testing.assert_allclose(ours.histories["impulse"][0], force[:, None] * over.times, rtol=1e-9, atol=1e-15)
+
+
+def test_a_static_start_of_contacts_without_mass_takes_residuals_and_the_mean_load() -> None:
+    """λ = (f/k + ρ F - d)/(1/k + R) of the contact that is pressed; the other has x = f/k + ρ F - R λ < d."""
+    residual = {"residual_flexibility": 1e-5 * np.array([[2.0, 1.0], [1.0, 3.0]])}
+    structure = two_masses(**residual, residual_load=np.array([2e-4, -1e-4]), load=np.array([1.0, 0.5]))
+    F, gaps, times = 10.0, [1e-3, 2e-3], np.linspace(0, 0.1, 11)
+    case = at_rest(structure, cases_of_file(structure, steady=[30.0, 5.0], mean=F, gaps=gaps))
+    force = ((30.0 + F) / 1e4 + 2e-4 * F - gaps[0]) / (1e-4 + 2e-5)
+    aside = (5.0 + 0.5 * F) / 1e4
+    np.testing.assert_allclose(
+        structure.coordinates.displacement_basis @ case.displacement[0], [(40.0 - force) / 1e4, aside], rtol=1e-12
+    )
+    place = np.array([gaps[0], aside - 1e-4 * F - 1e-5 * force])
+    for method in ("event_driven", "moreau"):
+        ours = step(structure, case, 1e-3, sampling(0.1, 0.01), method)
+        np.testing.assert_allclose(ours.histories["impulse"][0], np.outer([force, 0.0], times), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(ours.histories["displacement"][0], place[:, None] + 0 * times, rtol=1e-9)

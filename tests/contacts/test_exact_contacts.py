@@ -1,15 +1,18 @@
 """event_driven with several contacts: scenes solved in 80 bits by another program, closed forms, uncoupled copies."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import workflow
 from scenes import cases_of_file, of_entries, step
 from workflow.models import Rayleigh, Structure
 from workflow.schemes import Results, Sampling
+from workflow.variables import EVENT_KINDS
 
 SCENES = Path(__file__).parent / "scenes"
 """Made by an event-driven solver in 80-bit arithmetic: Taylor polynomials, Bernstein subdivision, Lemke's method."""
@@ -113,3 +116,79 @@ def test_a_start_beyond_the_casing_that_a_runaway_has_left_says_so() -> None:
             hot = "; it starts at 2.7e+06 K: in the sweep before it the rub has run away thermally"
             assert "beyond" in ours.messages[0]
             assert ours.messages[0].endswith(hot) == (temperature > 1e3)
+
+
+TIMES, OMEGA = np.linspace(0, 2, 21), 0.4 * np.pi
+COUPLED = np.array([[1.0, 0, -1], [0, 1, -1], [-1, -1, 2]])
+DECIDING: dict[str, dict[str, Any]] = {
+    "load": {"sine": np.array([3.0, 3, 0])},
+    "damping": {"damping": 0.7 * COUPLED, "constant": np.array([0, 0, 4.0])},
+    "heat": {"coupling": np.array([-5.0, -4, 0]), "heating": 2.0},
+}
+"""What alone gives the force of a contact a rate: a load F sin Ωt, a mass that begins to draw it, warming."""
+
+
+@pytest.mark.parametrize("kind", DECIDING)
+def test_forces_that_begin_at_zero_are_decided_by_their_rates(kind: str) -> None:
+    """Of two masses that touch opposite stops the first is pressed, the second drawn off, without any impact.
+
+    The truth is the exponential of [x, v, θ, p, 1, sin Ωt, cos Ωt]' with the first mass held.
+    """
+    none, times = dict.fromkeys(("sine", "constant", "coupling"), np.zeros(3)), TIMES
+    acts = {"damping": 0 * COUPLED, "heating": 0.0, **none, **DECIDING[kind]}
+    m, K, heat = np.array([1.0, 2.0, 1.5]), np.diag([3.0, 2.0, 1.0]), {"thermal_contact": np.ones((2, 1))}
+    entries = {"mass": np.diag(m), "stiffness": K, "contact": np.array([[1.0, 0, 0], [0, -1, 0]]), **heat}
+    entries |= {"heat_capacity": np.eye(1), "conductance": np.eye(1), "coupling": acts["coupling"][:, None]}
+    entries |= {"damping": acts["damping"], "load": acts["sine"] if kind == "load" else np.ones(3)}
+    given = {"load_harmonics": [[float(kind == "load"), 0.2, 0.0]], "heating": acts["heating"]}
+    ours = run(of_entries(entries), times, 9, gaps=[0.0, 0.0], steady=acts["constant"], **given)
+    push = np.column_stack([-K, -acts["damping"], -acts["coupling"], np.zeros(3), acts["constant"], acts["sine"]])
+    A = np.zeros((11, 11))
+    A[:3, 3:6], A[4:6, :10], A[7, :10] = np.eye(3), push[1:] / m[1:, None], push[0]
+    A[6, [6, 8]], A[9, 10], A[10, 9] = [-1.0, acts["heating"]], OMEGA, -OMEGA
+    exact = np.array([expm(A * t)[:, [8, 10]].sum(axis=1) for t in times]).T
+    assert ours.histories["impulse"][0] == pytest.approx(np.stack([exact[7], 0 * times]), abs=1e-13 * exact[7].max())
+    assert ours.histories["displacement"][0] == pytest.approx(np.stack([0 * times, -exact[1]]), abs=1e-13)
+    assert ours.metrics["contact_time"][0].tolist() == [times[-1], 0.0]
+    listed = [ours.events[f"event_{name}"][0, 0] for name in ("time", "impulse", "approach", "contact")]
+    assert (ours.events["event_count"][0], listed) == (1, [0.0] * 4)
+
+
+def test_a_small_force_is_decided_before_its_rate() -> None:
+    """F sin Ωt - ε draws a mass from its casing first; it comes back after 3 ε/(F Ω)."""
+    small, own = 1e-3, structure(np.eye(2), np.diag([0.0, 9.0]), np.eye(2), load=np.array([1.0, 0.0]))
+    ours = run(own, TIMES, 9, gaps=[0.0, 1.0], load_harmonics=[[1.0, 0.2, 0.0]], mean=-small)
+    assert ours.metrics["impacts"][0].tolist() == [1.0, 0.0]
+    assert ours.events["event_time"][0, 0] == pytest.approx(3 * small / OMEGA, rel=1e-5)
+    assert ours.events["event_impulse"][0, 0] == pytest.approx(1.5 * small**2 / OMEGA, rel=1e-5)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.3])
+def test_a_load_on_the_residual_alone_presses_a_contact_without_mass(phase: float) -> None:
+    """x = y - R λ + ρ F sin(Ωt + φ): one contact is pressed, m y'' + (k + 1/R) y = -ρ F/R sin(Ωt + φ), one is left."""
+    m, k, R, F, times = 1.5, 2.0, 0.1, 4.0, TIMES[:8]
+    residual = {"residual_flexibility": R * np.eye(2), "residual_load": np.array([0.3, -0.3])}
+    own = structure(m * np.eye(3), k * np.eye(3), np.eye(2, 3), load=np.eye(3)[2], **residual)
+    ours = run(own, times, 9, gaps=[0.0, 0.0], load_harmonics=[[F, 0.2, phase]])
+    w, turned, cos, sin = np.sqrt((k + 1 / R) / m), OMEGA * times + phase, np.cos(phase), np.sin(phase)
+    loads = (cos - np.cos(turned)) / OMEGA  # ∫ sin(Ωt + φ) dt
+    own_motion = loads - sin * np.sin(w * times) / w - OMEGA * cos * (1 - np.cos(w * times)) / w**2
+    impulse = 0.3 * F / R * (loads - own_motion / R / m / (w**2 - OMEGA**2))
+    assert ours.histories["impulse"][0] == pytest.approx(np.stack([impulse, 0 * times]), abs=1e-12)
+    left = -0.3 * F * np.sin(turned)
+    assert ours.histories["displacement"][0] == pytest.approx(np.stack([0 * times, left]), abs=1e-12)
+    assert ours.metrics["contact_time"][0].tolist() == [times[-1], 0.0]
+    listed = [ours.events[f"event_{name}"][0, 0] for name in ("time", "approach", "contact")]
+    assert (ours.events["event_count"][0], listed) == (1, [0.0, pytest.approx(0.3 * F * OMEGA * cos), 0.0])
+
+
+def test_the_approach_of_an_elastic_contact_is_that_of_its_beginning() -> None:
+    """A mass that strikes elastic stops in turn: v when contact begins, 0 when one that was held ends."""
+    both = structure(1.0, 0.0, [[1.0], [-1.0]])
+    both = replace(both, contacts=replace(both.contacts, casing_flexibility=0.01))
+    ours = run(both, np.linspace(0, 3, 7), 9, gaps=[1.0, 1.0], velocity=1.5)
+    count = int(ours.events["event_count"][0])
+    kinds, approach, contact = (ours.events[f"event_{name}"][0, :count] for name in ("kind", "approach", "contact"))
+    assert [EVENT_KINDS[int(kind)] for kind in kinds] == ["touches", "leaves"] * 2
+    assert contact.tolist() == [0, 0, 1, 1]
+    assert approach == pytest.approx([1.5, 0.0, 1.5, 0.0], abs=1e-13)

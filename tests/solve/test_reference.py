@@ -17,7 +17,7 @@ from workflow.run import run_study, verify
 from workflow.schemes import Status
 from workflow.solve import ReferenceBlock, References, Solved, solve, tasks
 from workflow.solve import _tasks as cutting
-from workflow.solve._solutions import solution_seconds
+from workflow.solve._solutions import ReferenceSolutions, solution_seconds
 from workflow.study import CaseSettings, read_study
 
 REFERRED = (
@@ -83,6 +83,15 @@ def test_blocks_are_cut_as_tasks_are(threads: int, scheme: str) -> None:
     assert min(8 * threads, sum(each) / cutting.SHORTEST) * 0.9 - len(solved) <= len(begun)
     assert len(begun) <= max(8 * threads, sum(each) / cutting.LONGEST) * 1.1 + len(solved)
     assert np.percentile(each, 90) < 2 * np.percentile(each, 10)
+
+
+def test_the_solution_of_a_case_is_not_that_of_the_next() -> None:
+    held = ReferenceSolutions(np.array([1, 4, 7]), {}, np.array([0.1, 0.4, 0.7]), {1: "lost"})
+    some = held.of(np.array([7, 4, 7]))
+    assert (some.predictability.tolist(), some.failures) == ([0.7, 0.4, 0.7], {1: "lost"})
+    for asked in ([0], [3, 4], [7, 8]):
+        with pytest.raises(RuntimeError, match=r"only \[1, 4, 7\] have solutions"):
+            held.of(np.array(asked))
 
 
 def test_a_reference_that_raises_harms_no_case() -> None:

@@ -60,6 +60,8 @@ class ReferenceSolutions:
 
     def of(self, inner: Indices) -> ReferenceSolutions:
         """Return the solutions of these inner indices, in their order; some may be there more than once."""
+        if not np.isin(inner, self.inner).all():
+            raise RuntimeError(f"of the cases {inner.tolist()} only {self.inner.tolist()} have solutions")
         rows = np.searchsorted(self.inner, inner)
         histories = {name: values[rows] for name, values in self.histories.items()}
         return ReferenceSolutions(inner, histories, self.predictability[rows], texts_of(self.failures, rows))
