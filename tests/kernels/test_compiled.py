@@ -19,6 +19,7 @@ from studies import SCENE
 from workflow.archive import provenance
 from workflow.kernels import Array, compiled
 from workflow.kernels.compiled import by_type, defines, inlined, kernel
+from workflow.kernels.packs import view
 
 
 class Never(NamedTuple):
@@ -181,3 +182,20 @@ def test_other_code_of_the_process_meets_the_usual_compiler() -> None:
     assert compiled.kernel(second)(np.arange(3.0)) == 1.0
     assert all(getattr(owner, name) is not ours for owner, name, ours in program._REPLACED)
     assert numba.njit(second)(np.arange(3.0)) == 1.0
+
+
+@kernel
+def _doubled(row: Array, at: int, rows: int, columns: int) -> float:
+    table, total = view(row, at, (rows, columns)), 0.0
+    for i in range(table.shape[0]):
+        for j in range(table.shape[1]):
+            table[i, j] *= 2.0
+            total += (i + 1) * table[i, j]
+    return total
+
+
+def test_a_table_is_a_view_of_a_row() -> None:
+    row, table = np.arange(20.0), view(np.arange(20.0), 3, (4, 3))
+    assert _doubled(row, 3, 4, 3) == 2 * (table.sum(axis=1) @ np.arange(1.0, 5.0))
+    assert np.array_equal(view(row, 3, (4, 3)), 2 * table)
+    assert np.array_equal(row[[0, 1, 2, *range(15, 20)]], [0, 1, 2, *range(15, 20)])

@@ -3,12 +3,13 @@
 import numpy as np
 
 from workflow.schemes._exact.motion import ORDER, Expansion, Motion
-from workflow.schemes._exact.tables import block, expansion, first, padded, state, wave
+from workflow.schemes._exact.tables import block, expansion, first, padded, seen, seen_wave, state, wave
 
 
 def bare_motion(blocks: int, firsts: int = 0, waves: int = 0, growth: float = 0.0, cooling: bool = False) -> Motion:
     """Return a motion whose tables are 0."""
     columns = padded(blocks)
+    rows, slow, across = block.ROWS + block.WAVE * waves, first.ROWS + first.WAVE * waves, wave.COLUMNS
     now, after, between, jump = np.zeros((4, state.ROWS, 8))
     none = np.zeros((0, 0))
     return Motion(
@@ -16,10 +17,10 @@ def bare_motion(blocks: int, firsts: int = 0, waves: int = 0, growth: float = 0.
         firsts,
         explicits=0,
         aperiodics=0,
-        block=np.zeros((block.ROWS, columns)),
-        first=np.zeros((first.ROWS, 8)),
+        block=np.zeros((rows + seen.ROWS, columns)),
+        first=np.zeros((slow + first.SEEN, 8)),
         outputs=np.zeros(3),
-        waves=np.full((waves, wave.COLUMNS), np.nan),
+        waves=np.full((waves, across + seen_wave.COLUMNS), np.nan),
         differences=np.zeros((9, 4), complex),
         expansion=Expansion(
             np.zeros((expansion.ROWS, blocks + 1)),
@@ -40,10 +41,14 @@ def bare_motion(blocks: int, firsts: int = 0, waves: int = 0, growth: float = 0.
         fastest=0.0,
         heated=False,
         cooling=cooling,
+        contact=0,
+        rows=rows,
+        slow=slow,
+        columns=across,
     )
 
 
 def add_decay(m: Motion, share: float, rate: float) -> None:
     """Set the only first-order state, of size 1 at t = 0, and the signal per size."""
-    m.first[first.RATE, 0], m.first[first.SIGNAL, 0] = rate, share
+    m.first[first.RATE, 0], m.first[m.slow, 0] = rate, share
     m.now[state.FIRST, 0], m.now[state.FIRST_SLOPE, 0] = 1.0, -rate

@@ -10,7 +10,7 @@ from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
 from workflow.schemes._exact.expansion import accumulate, bounds, expand, growth_bound
 from workflow.schemes._exact.motion import Motion
-from workflow.schemes._exact.tables import block, state, wave
+from workflow.schemes._exact.tables import block, seen, seen_wave, state, wave
 
 
 @kernel
@@ -54,11 +54,12 @@ def bounded(parts: Parts, k: int, h: float) -> Array:
     m = bare_motion(n, firsts=1, waves=1, growth=max(0.0, -parts.c.min(), -parts.mu))
     b, y = m.block[:, :n], m.now[:, :n]
     b[block.DAMPING], b[block.OMEGA], b[block.STIFFNESS] = parts.c, parts.omega, parts.omega**2
-    b[block.INVERSE_OMEGA], b[block.UNFORCED_VALUE], b[block.UNFORCED_SLOPE] = 1 / parts.omega, parts.p, parts.q
+    b[block.INVERSE_OMEGA] = 1 / parts.omega
+    b[m.rows + seen.UNFORCED_VALUE], b[m.rows + seen.UNFORCED_SLOPE] = parts.p, parts.q
     y[state.VALUE], y[state.SLOPE] = parts.eta, parts.rate
     add_decay(m, 1.0, parts.mu)
-    m.waves[0, : wave.TIME], m.waves[0, wave.SIGNAL_COS :] = 0.0, 0.0
-    m.waves[0, wave.OMEGA], m.waves[0, wave.SIGNAL_COS] = parts.turn, 1.0
+    m.waves[0, : wave.TIME], m.waves[0, m.columns :] = 0.0, 0.0
+    m.waves[0, wave.OMEGA], m.waves[0, m.columns + seen_wave.SIGNAL_COS] = parts.turn, 1.0
     _bound(m, k, h, found)
     return found
 

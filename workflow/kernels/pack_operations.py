@@ -22,6 +22,7 @@ from numba.core.codegen import get_host_cpu_features
 from numba.core.datamodel.models import PrimitiveModel
 from numba.core.typing.templates import AbstractTemplate, infer, infer_global, make_intrinsic_template, signature
 from numba.extending import lower_builtin, register_model
+from numba.np.arrayobj import make_array, populate_array
 
 from workflow.kernels import packs
 from workflow.kernels.lanes import PACK
@@ -258,3 +259,20 @@ def _fused(context, builder, sig, args):
 @_implements(packs.broadest, lambda: types.intp)
 def _broadest(context, builder, sig, args):
     return ir.Constant(cgutils.intp_t, BROAD)
+
+
+@_implements(packs.view, lambda row, at, shape: types.Array(row.dtype, len(shape), "C"))
+def _view(context, builder, sig, args):
+    made, width = sig.return_type, context.get_abi_sizeof(context.get_value_type(sig.return_type.dtype))
+    source = make_array(sig.args[0])(context, builder, value=args[0])
+    sizes = [
+        context.cast(builder, size, kind, types.intp)
+        for size, kind in zip(cgutils.unpack_tuple(builder, args[2]), sig.args[2], strict=True)
+    ]
+    strides = [context.get_constant(types.intp, width)]
+    for size in sizes[:0:-1]:
+        strides.insert(0, builder.mul(strides[0], size))
+    table = make_array(made)(context, builder)
+    data = builder.gep(source.data, [context.cast(builder, args[1], sig.args[1], types.intp)])
+    populate_array(table, data=data, shape=sizes, strides=strides, itemsize=strides[-1], meminfo=None)
+    return table._getvalue()

@@ -12,11 +12,13 @@ modes. Packs are explicit vectors, and a pack stays in registers for a whole ste
 A broad pack shares the reads and branches common to all lanes among more of them, and has more sums in
 progress at a time. Each lane's bits are those of the plain loop.
 
-Only kernels can call these operations; their code is in :mod:`workflow.kernels.pack_operations`, which needs numba.
+Only kernels can call these operations, but for :func:`view`; their code is in :mod:`workflow.kernels.pack_operations`,
+which needs numba.
 """
 
 from __future__ import annotations
 
+from math import prod
 from typing import NoReturn, Protocol
 
 from workflow.kernels import Array
@@ -139,3 +141,8 @@ def magnitude(numbers: Pack) -> Pack:
 def spread(number: float, lane: Lane) -> Pack:
     """Return a pack of one number."""
     _only_in_kernels()
+
+
+def view(row: Array, at: int, shape: tuple[int, ...]) -> Array:
+    """Return the table of a shape that begins at a place of a contiguous row; without a call in kernels."""
+    return row[at : at + prod(shape)].reshape(shape)

@@ -1,8 +1,13 @@
-"""Several contacts, or contacts without mass: the linear system of each set of closed contacts, in real blocks.
+"""The linear system of each set S of closed contacts in real blocks [η, u, ξ], as a row of numbers.
 
-The system is :func:`~workflow.models.contact_system`. The signals, whose fall through zero ends the set, are the gaps
-d_i - x_i of open contacts and λ_i of closed ones. A set is a row of numbers (:class:`ClosedSet`), separated once for
-(structure, S, α, µ), whatever the loads are.
+The system is :func:`~workflow.models.contact_system`, in modes [z, z', τ] with S held, y = Z z + Pᵀ d. The signals,
+whose fall through zero ends the set, are the gaps d_i - x_i of open contacts and λ_i of closed ones. It is separated
+once for (structure, S, α, µ), whatever the loads are, in one of four ways:
+
+    unlinked   nothing links the modes, and there are no thermal ones: they are the blocks
+    apart      no heat of contact feeds back: blocks are modes less their response to thermal modes
+    rank one   one closed contact heats: :mod:`workflow.schemes._exact.regimes`
+    general    :func:`workflow.poles.real_blocks`
 """
 
 from __future__ import annotations
@@ -12,43 +17,69 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.algebra import block_diagonal
-from workflow.kernels.compiled import part
-from workflow.models import Array, ContactBasis, contact_system
-from workflow.poles import real_blocks
-from workflow.schemes._exact.regimes import complete
+from workflow.kernels import Array
+from workflow.kernels.compiled import kernel, part
+from workflow.kernels.packs import view
+from workflow.models import ContactBasis, contact_system
+from workflow.poles import RealBlocks, real_blocks
+from workflow.schemes._exact.regimes import (
+    CRITICAL,
+    NEAR_RATE,
+    RankOne,
+    Zeros,
+    complete,
+    fill_vectors,
+    find_zeros,
+    next_zero,
+    rank_one,
+    square,
+    thermal_response,
+    to_modes,
+)
 from workflow.schemes._exact.tables import block, first, padded
+
+UNLINKED, APART, LINKED = range(3)
+"""How coordinates [η, u, ξ] follow from [z, z', τ]: they are these; less the response to τ; by a full matrix."""
+
+HEAD = 11
+"""Numbers of a set's row before its tables: blocks, first-order states, N, contacts, modes with all open, inputs, modes
+of the set, whether these are those with all open, how coordinates follow from them, growth, fastest."""
+
+_LINK, _GROWTH, _FASTEST = 8, 9, 10
 
 
 class ClosedSet(NamedTuple):
-    """The linear system of a set in real blocks [η, u, ξ], N_S coordinates, as views of a row of numbers."""
+    """The linear system of a set, as views of a row of numbers; N coordinates, m contacts, n modes with all open."""
 
     blocks: int
     firsts: int
+    is_open: bool
+    """Whether its modes are those with all contacts open: Z = 1."""
+    link: int
     growth: float
     """Largest rate at which a block or first-order state may grow, 1/s, not negative."""
     fastest: float
     """Bound of all poles, 1/s."""
+    null: Array
+    """Z, ``(mode, mode of the set)``, …"""
+    spread: Array
+    """… Zᵀ, …"""
+    place: Array
+    """… and P, y per d of each contact, ``(contact, mode)``; 0 for open ones."""
     block: Array
     """With the rows of ``tables.block`` that do not depend on loads or contact."""
     first: Array
     """With the rows of ``tables.first``."""
     outputs: Array
-    """Signal and temperature of each contact per η and η' (rows as in ``tables.block``), ``(contact, 4, column)``."""
+    """Signal and temperature of each contact per η and η' (rows as in ``tables.seen``), ``(contact, 4, column)``."""
     slow_outputs: Array
     """The same per ξ, ``(contact, 2, column)``."""
     source: Array
-    """Sources [β, γ, χ] and then the signals, ``(input, N_S + m)``, padded."""
-    entry: Array
-    """Coordinates per X = [y, y', τ], ``(N, N_S)``: rows are X."""
-    exit: Array
-    """X per coordinate, ``(N_S, N)`` …"""
-    place: Array
-    """… and y per d of each contact, y' per d', ``(contact, mode)``."""
-
-
-HEAD = 8
-"""Numbers of a set's row before its tables: blocks, first-order states, N, contacts, modes, inputs, growth, fastest."""
+    """Sources [β, γ, χ] and then the signals, ``(input, N + m)``, padded."""
+    inward: Array
+    """Coordinates per [z, z', τ]: rows are these, ``(N, N)`` …"""
+    outward: Array
+    """… and back: rows are coordinates."""
 
 
 def row_length(basis: ContactBasis) -> int:
@@ -56,34 +87,39 @@ def row_length(basis: ContactBasis) -> int:
     N, n, m = basis.size, basis.frequency.size, basis.contacts.count
     columns, wide = padded(N // 2), padded(N)
     tables = (block.ROWS + 4 * m) * columns + (first.ROWS + 2 * m) * wide
-    return HEAD + tables + basis.inputs * padded(N + m) + 2 * N * N + m * n
+    return HEAD + 2 * n * n + m * n + tables + basis.inputs * padded(N + m) + 2 * N * N
 
 
 def closed_set_of(row: Array) -> ClosedSet:
     """Return the set that is stored in a row; its tables are views."""
-    blocks, firsts, N, m, n, inputs = int(row[0]), int(row[1]), int(row[2]), int(row[3]), int(row[4]), int(row[5])
-    own = 2 * blocks + firsts
-    columns, wide, across = 8 * ((blocks + 7) // 8), 8 * ((firsts + 7) // 8), 8 * ((own + m + 7) // 8)
-    a = HEAD + block.ROWS * columns
-    b = a + first.ROWS * wide
-    c = b + 4 * m * columns
-    d = c + 2 * m * wide
-    e = d + inputs * across
-    f = e + N * own
-    g = f + own * N
+    blocks, firsts, m, n, inputs, modes = int(row[0]), int(row[1]), int(row[3]), int(row[4]), int(row[5]), int(row[6])
+    N = 2 * blocks + firsts
+    columns, wide, across = 8 * ((blocks + 7) // 8), 8 * ((firsts + 7) // 8), 8 * ((N + m + 7) // 8)
+    a = HEAD + n * modes
+    b = a + modes * n
+    c = b + m * n
+    d = c + block.ROWS * columns
+    e = d + first.ROWS * wide
+    f = e + 4 * m * columns
+    g = f + 2 * m * wide
+    h = g + inputs * across
     return ClosedSet(
         blocks,
         firsts,
-        row[6],
-        row[7],
-        row[HEAD:a].reshape((block.ROWS, columns)),
-        row[a:b].reshape((first.ROWS, wide)),
-        row[b:c].reshape((m, 4, columns)),
-        row[c:d].reshape((m, 2, wide)),
-        row[d:e].reshape((inputs, across)),
-        row[e:f].reshape((N, own)),
-        row[f:g].reshape((own, N)),
-        row[g : g + m * n].reshape((m, n)),
+        row[7] != 0.0,
+        int(row[_LINK]),
+        row[_GROWTH],
+        row[_FASTEST],
+        view(row, HEAD, (n, modes)),
+        view(row, a, (modes, n)),
+        view(row, b, (m, n)),
+        view(row, c, (block.ROWS, columns)),
+        view(row, d, (first.ROWS, wide)),
+        view(row, e, (m, 4, columns)),
+        view(row, f, (m, 2, wide)),
+        view(row, g, (inputs, across)),
+        view(row, h, (N, N)),
+        view(row, h + N * N, (N, N)),
     )
 
 
@@ -91,28 +127,233 @@ closed_set_in = part(closed_set_of)
 """:func:`closed_set_of` in kernels."""
 
 
-def fill_set(row: Array, basis: ContactBasis, closed: NDArray[np.bool_], *conditions: float) -> bool:
-    """Store the system with the contacts ``closed`` in a row, at α, µ and a duration; whether it could be separated."""
-    alpha, friction, duration = conditions
-    system = contact_system(basis, closed, alpha, friction)
-    if system is None:
+class _Modes(NamedTuple):
+    """What :func:`thermal_response` reads of a system."""
+
+    frequency: Array
+    damping: Array
+    coupling: Array
+    rate: Array
+
+
+class Heated(NamedTuple):
+    """A set with one closed contact that heats, for kernels: its rows at all α > 0."""
+
+    matrix: RankOne
+    response: Array
+    """R, ``(mode, thermal mode)``."""
+    contact: int
+    heat: Array
+    """s of each contact, ``(contact, thermal mode)``."""
+    signals: Array
+    """Signals per [z, z', τ], ``(contact, N)`` …"""
+    inputs: Array
+    """… and per input."""
+    source: Array
+    """z'' and τ' per input without heat of contact, ``(mode + thermal mode, input)``."""
+    statics: Array
+    """Beginning of its rows."""
+
+
+class SetAnyAlpha:
+    """A set of closed contacts of a structure at one µ, for cases of a duration [s]: its rows at any α."""
+
+    def __init__(self, basis: ContactBasis, closed: NDArray[np.bool_], friction: float, duration: float):
+        self._basis, self._closed, self._duration = basis, closed.copy(), duration
+        self._system = system = contact_system(basis, closed, 0.0, friction)
+        self._modes: _Modes | None = None
+        self._heated: Heated | None = None
+        self._open: Array | None = None  # row of the set without closed contacts, which knows no α
+        if system is None:
+            return
+        n, k, heats = basis.frequency.size, system.null.shape[1], basis.rate.size
+        stiffness, damping = -system.A[k : 2 * k, :k], -system.A[k : 2 * k, k : 2 * k]
+        is_open = np.array_equal(system.null, np.eye(n))
+        head = [k, heats, 2 * k + heats, closed.size, n, basis.inputs, k, is_open, LINKED, 0, 0]
+        self._statics = np.concatenate([head, system.null.ravel(), system.null.T.ravel(), system.place.ravel()])
+        if all(np.array_equal(each, np.diag(np.diag(each))) for each in (stiffness, damping)):
+            frequency = np.sqrt(np.maximum(0.0, np.diag(stiffness)))
+            self._modes = _Modes(frequency, np.diag(damping), -system.A[k : 2 * k, 2 * k :], basis.rate)
+            if closed.sum() == 1 and heats and not basis.contacts.is_compliant:
+                self._heated = self._rank_one(self._modes, int(np.flatnonzero(closed)[0]))
+
+    def _rank_one(self, modes: _Modes, contact: int) -> Heated | None:
+        """Return the arguments of the kernel; ``None`` where poles or rates are near each other, or a pole is 0."""
+        system, heat, response = self._system, self._basis.heat, thermal_response(modes, CRITICAL)
+        assert system is not None
+        matrix = None if response is None else rank_one(modes, response, -system.signals[contact], heat[contact])
+        if response is None or matrix is None:
+            return None
+        arrays = heat, system.signals, system.inputs, system.B[modes.frequency.size :], self._statics
+        own = (np.ascontiguousarray(each, dtype=np.float64) for each in arrays)
+        return Heated(matrix, np.ascontiguousarray(response), contact, *own)
+
+    def fill(self, row: Array, alpha: float) -> bool:
+        """Store the set at one α in a row; whether its poles can be separated."""
+        if self._open is not None:
+            row[:] = self._open
+            return True
+        feeds = alpha > 0 and self._basis.rate.size > 0 and bool(self._closed.any())
+        found = self._system is not None and (
+            (self._fill_heated(row, alpha) if feeds else self._fill_apart(row)) or self._fill_linked(row, alpha)
+        )
+        if found and not self._closed.any():
+            self._open = row.copy()
+        return found
+
+    def _fill_apart(self, row: Array) -> bool:
+        """Store the set where no heat feeds back; whether its modes are linked by thermal ones alone."""
+        response = None if self._modes is None else thermal_response(self._modes, NEAR_RATE)
+        if response is None or self._modes is None:
+            return False
+        self._store(row, _apart(self._modes, response), 0.0, APART if self._basis.rate.size else UNLINKED)
+        return True
+
+    def _fill_heated(self, row: Array, alpha: float) -> bool:
+        """Store the set with one closed contact; whether its poles are accurate."""
+        if self._heated is None:
+            return False
+        size = self._heated.matrix.d.size
+        zeros = Zeros(np.zeros(size, np.int64), *np.zeros((4, size), np.complex128))
+        return bool(fill_heated(self._heated, alpha, zeros, row))
+
+    def _fill_linked(self, row: Array, alpha: float) -> bool:
+        """Store any set; whether its poles can be separated."""
+        try:
+            blocks = real_blocks(self._matrix(alpha), self._duration)
+        except ValueError:  # poles that coincide, entries that are not finite
+            return False
+        self._store(row, blocks, alpha, LINKED)
+        return True
+
+    def _matrix(self, alpha: float) -> Array:
+        """Return A at α."""
+        assert self._system is not None
+        A = self._system.A.copy()
+        fed = self._basis.heat[self._closed].T @ self._system.signals[self._closed]
+        A[2 * self._system.null.shape[1] :] += alpha * fed
+        return A
+
+    def _store(self, row: Array, blocks: RealBlocks, alpha: float, link: int) -> None:
+        """Fill a row."""
+        system, basis = self._system, self._basis
+        assert system is not None
+        N, modes, m, k, j = (
+            len(system.A),
+            system.null.shape[1],
+            self._closed.size,
+            blocks.damping.size,
+            blocks.rate.size,
+        )
+        row[:] = 0.0
+        row[: self._statics.size] = self._statics
+        row[0], row[1], row[_LINK] = k, j, link
+        s = closed_set_of(row)
+        s.block[block.DAMPING, :k], s.block[block.STIFFNESS, :k], s.first[first.RATE, :j] = blocks[:3]
+        seen = system.signals @ blocks.outward, basis.heat @ blocks.outward[2 * modes :]
+        for o, per in enumerate(seen):
+            s.outputs[:, 2 * o, :k], s.outputs[:, 2 * o + 1, :k] = per[:, :k], per[:, k : 2 * k]
+            s.slow_outputs[:, o, :j] = per[:, 2 * k :]
+        B = system.B.copy()
+        B[2 * modes :] += alpha * basis.heat[self._closed].T @ system.inputs[self._closed]
+        s.source[:, :N], s.source[:, N : N + m] = (blocks.inward @ B).T, system.inputs.T
+        s.inward[:], s.outward[:] = blocks.inward.T, blocks.outward.T
+        row[_GROWTH], row[_FASTEST] = complete(s.block, s.first, k, j)
+
+
+def _apart(modes: _Modes, response: Array) -> RealBlocks:
+    """Return the blocks that are modes less their response R to thermal modes."""
+    k, mu = modes.frequency.size, modes.rate
+    inward = np.eye(2 * k + mu.size)
+    inward[:k, 2 * k :], inward[k : 2 * k, 2 * k :] = -response, response * mu
+    return RealBlocks(modes.damping, modes.frequency**2, mu, inward, 2 * np.eye(len(inward)) - inward)
+
+
+@kernel
+def fill_heated(h: Heated, alpha: float, zeros: Zeros, row: Array) -> bool:
+    """Store a set with one closed contact at α > 0; return whether its spectrum is accurate."""
+    count = find_zeros(h.matrix, alpha, zeros)
+    if count == 0:
         return False
-    try:
-        blocks = real_blocks(system.A, duration)
-    except ValueError:  # poles that coincide, entries that are not finite
-        return False
-    m, own, k, j = closed.size, len(system.A), blocks.damping.size, blocks.rate.size
-    row[:] = 0.0
-    row[:6] = k, j, basis.size, m, basis.frequency.size, basis.inputs
-    a = closed_set_of(row)
-    a.block[block.DAMPING, :k], a.block[block.STIFFNESS, :k], a.first[first.RATE, :j] = blocks[:3]
-    modes = system.null.shape[1]
-    seen = basis.heat @ blocks.outward[2 * modes :]
-    for o, per in enumerate((system.signals @ blocks.outward, seen)):
-        a.outputs[:, 2 * o, :k], a.outputs[:, 2 * o + 1, :k] = per[:, :k], per[:, k : 2 * k]
-        a.slow_outputs[:, o, :j] = per[:, 2 * k :]
-    a.source[:, :own], a.source[:, own : own + m] = (blocks.inward @ system.B).T, system.inputs.T
-    into = block_diagonal(system.null, system.null, np.eye(basis.rate.size))
-    a.entry[:], a.exit[:], a.place[:] = into @ blocks.inward.T, blocks.outward.T @ into.T, system.place
-    row[6], row[7] = complete(a.block, a.first, k, j)
-    return True
+    for k in range(row.size):
+        row[k] = h.statics[k] if k < h.statics.size else 0.0
+    sound = _fill_blocks(h, alpha, count, zeros, row)
+    s = closed_set_in(row)
+    _fill_outputs(h, s)
+    _fill_sources(h, alpha, s)
+    row[_GROWTH], row[_FASTEST] = complete(s.block, s.first, s.blocks, s.firsts)
+    return sound
+
+
+@part
+def _fill_blocks(h: Heated, alpha: float, count: int, zeros: Zeros, row: Array) -> bool:
+    """Fill blocks, which are pairs of eigenvalues, and first-order states; return whether the spectrum is accurate.
+
+    A pair s = σ ± iν with right and left eigenvectors x and ξ = l X has the real coordinates η = Re ξ
+    and u = Re(s ξ), so that η' = u, u' = 2σ u - |s|² η and X = 2 Re(x ξ).
+    """
+    size, pairs = h.matrix.d.size, h.matrix.d.size - count
+    row[0], row[1] = pairs, count - pairs
+    at, p, j, sound = closed_set_in(row), 0, 0, True
+    b, f, inward, outward = at.block, at.first, at.inward, at.outward
+    while p + j < count:
+        i = next_zero(h.matrix.d, zeros, count)
+        s = h.matrix.d[zeros.pole[i]] + zeros.shift[i]
+        force, good = fill_vectors(h.matrix, alpha, zeros, i)
+        to_modes(h.response, h.matrix.d, s, zeros.right, zeros.left)
+        zeros.pole[i] = -1
+        sound = sound and good
+        if s.imag > 0.0:
+            ratio, u = s.real / s.imag, pairs + p
+            b[block.DAMPING, p], b[block.STIFFNESS, p] = -2.0 * s.real, square(s)
+            at.outputs[h.contact, 0, p] = 2.0 * (force.real - force.imag * ratio)
+            at.outputs[h.contact, 1, p] = 2.0 * force.imag / s.imag
+            for n in range(size):
+                right, left = zeros.right[n], zeros.left[n]
+                inward[n, p], inward[n, u] = left.real, (s * left).real
+                outward[p, n], outward[u, n] = 2.0 * (right.real - right.imag * ratio), 2.0 * right.imag / s.imag
+            p += 1
+        else:
+            own = 2 * pairs + j
+            f[first.RATE, j], at.slow_outputs[h.contact, 0, j] = -s.real, force.real
+            for n in range(size):
+                inward[n, own], outward[own, n] = zeros.left[n].real, zeros.right[n].real
+            j += 1
+    return sound
+
+
+@part
+def _fill_outputs(h: Heated, at: ClosedSet) -> None:
+    """Fill the temperatures of all contacts, and the gaps of those that are open, which see displacements alone."""
+    k, heats, modes = at.blocks, h.heat.shape[1], h.response.shape[0]
+    for c in range(h.heat.shape[0]):
+        for r in range(2 * k + at.firsts):
+            gap, temperature = 0.0, 0.0
+            for n in range(modes):
+                gap += h.signals[c, n] * at.outward[r, n]
+            for n in range(heats):
+                temperature += h.heat[c, n] * at.outward[r, 2 * modes + n]
+            if r < 2 * k:
+                o, column = (0, r) if r < k else (1, r - k)
+                at.outputs[c, 2 + o, column] = temperature
+                if c != h.contact:
+                    at.outputs[c, o, column] = gap
+            else:
+                at.slow_outputs[c, 1, r - 2 * k] = temperature
+                if c != h.contact:
+                    at.slow_outputs[c, 0, r - 2 * k] = gap
+
+
+@part
+def _fill_sources(h: Heated, alpha: float, at: ClosedSet) -> None:
+    """Fill the sources of coordinates and the signals per input."""
+    source, inward, (modes, heats), N = at.source, at.inward, h.response.shape, at.outward.shape[0]
+    for i in range(source.shape[0]):
+        force = alpha * h.inputs[h.contact, i]
+        for n in range(modes + heats):
+            per = h.source[n, i] + (force * h.heat[h.contact, n - modes] if n >= modes else 0.0)
+            if per != 0.0:
+                for r in range(N):
+                    source[i, r] += per * inward[modes + n, r]
+        for c in range(h.heat.shape[0]):
+            source[i, N + c] = h.inputs[c, i]

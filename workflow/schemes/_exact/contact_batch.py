@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from workflow.schemes._exact.batch import (
     state_of,
     status_of,
 )
-from workflow.schemes._exact.closed_sets import fill_set, row_length
+from workflow.schemes._exact.closed_sets import SetAnyAlpha, row_length
 from workflow.schemes._exact.contact_loop import PROGRESS, Outcome, Sets, run_contacts
 from workflow.schemes._exact.contact_motion import ContactCase, Contacting, Memory, contacting, memory
 from workflow.schemes._exact.event_loop import (
@@ -47,18 +48,38 @@ UNLIMITED = Budget(2**62, 2**62)
 """For steps of a fixed size, which have no events."""
 
 MOST_SETS, MOST_BYTES = 2000, 2**29
-"""Sets of closed contacts that are kept of a structure at one α and µ."""
+"""Sets of closed contacts that are kept of a structure at one α and µ; and of all α, if each has :data:`_ROOM`."""
+
+_ROOM = 4
+"""Sets for which a table has room at first."""
+
+T = TypeVar("T")
+
+
+class SharedSets:
+    """What the sets of closed contacts of a structure at one µ and duration have at all α."""
+
+    def __init__(self, basis: ContactBasis, friction: float, duration: float):
+        self.basis, self._conditions = basis, (friction, duration)
+        self._sets: dict[bytes, SetAnyAlpha] = {}
+
+    def fill(self, row: Array, closed: NDArray[np.bool_], alpha: float) -> bool:
+        """Store a set at one α in a row; whether its poles can be separated."""
+        key = closed.tobytes()
+        if key not in self._sets:
+            self._sets[key] = SetAnyAlpha(self.basis, closed, *self._conditions)
+        return self._sets[key].fill(row, alpha)
 
 
 class SetTable:
     """The sets of closed contacts that are known of a structure at one α, µ and duration; threads add in turns."""
 
-    def __init__(self, basis: ContactBasis, *conditions: float):
-        self.basis, self._conditions = basis, conditions
-        self.most = max(1, min(MOST_SETS, MOST_BYTES // (8 * row_length(basis))))
-        room = min(8, self.most)
-        self._rows = np.empty((room, row_length(basis)))
-        self._closed = np.zeros((room, basis.contacts.count), dtype=np.bool_)
+    def __init__(self, shared: SharedSets, alpha: float):
+        self._shared, self._alpha, length = shared, alpha, row_length(shared.basis)
+        self.most = max(1, min(MOST_SETS, MOST_BYTES // (8 * length)))
+        room = min(_ROOM, self.most)
+        self._rows = np.empty((room, length))
+        self._closed = np.zeros((room, shared.basis.contacts.count), dtype=np.bool_)
         self.count, self._lock = 0, Lock()
 
     def known(self) -> Sets:
@@ -75,7 +96,7 @@ class SetTable:
             if self.count == len(self._rows):
                 self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
                 self._closed = np.concatenate([self._closed, np.zeros_like(self._closed)])
-            if not fill_set(self._rows[self.count], self.basis, closed, *self._conditions):
+            if not self._shared.fill(self._rows[self.count], closed, self._alpha):
                 return INSEPARABLE
             self._closed[self.count] = closed
             self.count += 1
@@ -89,6 +110,7 @@ class ContactOperator:
     basis: ContactBasis
     budget: Budget
     sensors: Sensors | None = None
+    _shared: dict[tuple[float, ...], SharedSets] = field(default_factory=dict)
     _tables: dict[tuple[float, ...], SetTable] = field(default_factory=dict)
 
     @cached_property
@@ -102,9 +124,22 @@ class ContactOperator:
         cold, warm = self.bases
         return contacting(cold), contacting(warm)
 
-    def sets(self, heated: bool, *conditions: float) -> SetTable:
-        """Return the table of sets at one α, µ and duration; one is made where there is none."""
-        return self._tables.setdefault((heated, *conditions), SetTable(self.bases[heated], *conditions))
+    def sets(self, heated: bool, alpha: float, *conditions: float) -> SetTable:
+        """Return the table of sets at one α, µ and duration; one is made where there is none, the oldest may go."""
+        basis = self.bases[heated]
+        most = MOST_BYTES // (8 * _ROOM * row_length(basis))
+        shared = _kept(self._shared, (heated, *conditions), lambda: SharedSets(basis, *conditions), most)
+        return _kept(self._tables, (heated, alpha, *conditions), lambda: SetTable(shared, alpha), most)
+
+
+def _kept(known: dict[tuple[float, ...], T], key: tuple[float, ...], make: Callable[[], T], most: int) -> T:
+    """Return what is known at a key; it is made where there is none, and the oldest go beyond ``most``."""
+    found = known.get(key)
+    if found is None:
+        for oldest in list(known)[: max(0, len(known) + 1 - max(1, most))]:
+            known.pop(oldest, None)
+        found = known.setdefault(key, make())
+    return found
 
 
 def make_contact_operator(structure: Structure, budget: Budget) -> ContactOperator:
@@ -123,14 +158,18 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
     finite = np.flatnonzero(cases.finite)
     first, variant = distinct_rows(*(row[finite, None] for row in (cases.alpha, cases.friction, cases.heated)))
     outcome = Outcome(with_contacts(record, basis), progress, ended)
-    for k, i in enumerate(finite[first]):
-        which, heated = finite[variant == k], bool(cases.heated[i])
-        table = operator.sets(heated, float(cases.alpha[i]), float(cases.friction[i]), sampling.duration)
+    order, heats = np.argsort(variant, kind="stable"), cases.heated[finite[first]]
+    groups = np.split(finite[order], np.searchsorted(variant[order], np.arange(1, first.size)))
+    for heated in np.unique(heats).tolist():
         conditions = conditions_of(operator.bases[heated], cases, sampling.duration, operator.budget)
-        _march(operator, table, heated, conditions, which, outcome)
-        own = conditions.modal[which]
-        modal[which, : own.shape[1]] = own
-        modal[which, own.shape[1] :] = 0.0
+        own = memory(operator.bases[heated], conditions.waves.shape[1], _ROOM)
+        for which in (groups[k] for k in np.flatnonzero(heats == heated)):
+            i = which[0]
+            table = operator.sets(heated, float(cases.alpha[i]), float(cases.friction[i]), sampling.duration)
+            own = _march(table, operator.structures[heated], conditions, which, outcome, own)
+            reached = conditions.modal[which]
+            modal[which, : reached.shape[1]] = reached
+            modal[which, reached.shape[1] :] = 0.0
     completed, steps = ended == COMPLETED, progress["steps"]
     displacement = record.histories[:, 0].reshape(cases.count, basis.contacts.count, -1)
     depth = _penetration(basis, cases, displacement, sampling)
@@ -152,21 +191,20 @@ def run_contact_batch(operator: ContactOperator, cases: Cases, sampling: Samplin
 
 
 def _march(
-    operator: ContactOperator,
     table: SetTable,
-    heated: bool,
+    structure: Contacting,
     conditions: ContactCase,
     which: NDArray[np.int64],
     outcome: Outcome,
-) -> None:
+    own: Memory,
+) -> Memory:
     """March cases of one α and µ; the kernel stops at each set that is not known yet, which is made."""
     sets, at = table.known(), 0
-    own = memory(operator.bases[heated], conditions.waves.shape[1], max(8, len(sets.closed)))
     while True:
         own = _with_room(own, len(sets.closed))
-        at = run_contacts(sets, operator.structures[heated], conditions, which, at, outcome, own)
+        at = run_contacts(sets, structure, conditions, which, at, outcome, own)
         if at == which.size:
-            return
+            return own
         fault = table.add(own.wanted)
         if fault:
             outcome.ended[which[at]] = fault

@@ -2,18 +2,8 @@
 
 Between events a set S of contacts is closed and the structure is linear (:mod:`.closed_sets`). Every signal, the gap of
 an open contact or the force of a closed one, is searched by certified steps (:mod:`.step`); the first that falls
-through zero ends the set. Then, for contacts with mass, those that are closed at the instant take Moreau's impulses
-
-    u⁺ = u⁻ - W p,   0 <= p ⊥ -(u⁺ + e u⁻) >= 0,   u = w y' - d',   W = w (w - µ t)ᵀ,
-
-each of which heats at its place, and those that stay are a complementarity problem of forces,
-
-    0 <= λ ⊥ W λ - (b + δ b') >= 0,   b = w (g - c y' - ω² y - G τ) - d'',
-
-whose rates b', a moment δ later, decide where a force leaves a contact at zero. Without mass, or on an elastic casing,
-forces are continuous: 0 <= λ ⊥ d - w y + (R - µ R^t + c) λ >= 0, a moment later. Bounces may accumulate at e = 0 too
-where W is not diagonal; a contact whose next bounce would be lower than 1e-11 of the largest motion is held, if it and
-those at rest are still pressed when all its bounces have ended, after 2 u⁺/(W λ)/(1 - e).
+through zero ends the set (:mod:`.contact_events`). A signal that is certified for longer is not looked at again until
+then.
 """
 
 from __future__ import annotations
@@ -24,28 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import Array
-from workflow.kernels.compiled import kernel, of_case, part
-from workflow.kernels.lemke import solve_complementarity, solve_in_place
+from workflow.kernels.compiled import inlined, kernel, of_case, part
 from workflow.schemes._exact.closed_sets import ClosedSet, closed_set_in
+from workflow.schemes._exact.contact_events import LOWEST_BOUNCE, ZERO_FORCE, begin_case, pass_event
 from workflow.schemes._exact.contact_motion import (
     ContactCase,
     Contacting,
     Memory,
-    SetMotion,
-    damped,
     enter,
     fill_casing,
     leave,
-    load_at,
     motion_in,
-    select,
 )
 from workflow.schemes._exact.event_loop import (
     COMPLETED,
     FIRST_STEP,
-    INSIDE_CASING,
     LATE,
-    NO_IMPACT_LAW,
     NOT_FINITE,
     OUT_OF_EVENTS,
     OUT_OF_STEPS,
@@ -53,25 +37,20 @@ from workflow.schemes._exact.event_loop import (
     SAME_TIME,
 )
 from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
-from workflow.schemes._exact.motion import SIGNAL
+from workflow.schemes._exact.motion import OUTPUTS, SIGNAL, Motion, seen_by
 from workflow.schemes._exact.propagation import advance, copy_state, integral, observe
 from workflow.schemes._exact.record import (
-    IMPACTS,
-    LEAVES,
-    TOUCHES,
     Record,
     asked_of,
     contact_time,
     next_due,
-    note_event,
     note_sensors,
     note_temperature,
-    record_step,
+    peak_temperature,
     write,
 )
 from workflow.schemes._exact.step import Start, certified_step, has_no_zero
-from workflow.schemes._exact.tables import expansion, wave
-from workflow.schemes._interface import AT_REST
+from workflow.schemes._exact.tables import expansion
 
 WAITING = -1
 """What the kernel returns where it waits for a set, see :attr:`Memory.wanted`."""
@@ -84,21 +63,6 @@ PROGRESS = np.dtype(
 )
 """Scalars of a case, all 0 at the beginning: whether it has begun; time reached, s; events, those of each contact, and
 certified steps; the largest motion of a contact, m; the length of the next step tried first, s."""
-
-LOWEST_BOUNCE = 1e-11
-"""Height of a bounce, over the largest motion of any contact, below which the contact may be held; gaps whose terms are
-all smaller do not move."""
-
-_MOMENT = 1e-9
-"""δ over the time constant of the fastest pole: rates change forces by 1e-9 in it, above rounding and below what
-decides between forces that are not 0."""
-
-_ZERO_FORCE = 64.0
-"""Force and acceleration, over the rounding of their terms, below which they are 0 when a contact begins or opens."""
-
-_OPEN, _LEAVING, _RESTING, _RETURNING = 0, 1, 2, 3
-"""Kinds of contacts at an event: away from the casing, leaving it with a speed, at rest on it, leaving by a bounce that
-is not followed."""
 
 
 class Sets(NamedTuple):
@@ -157,7 +121,7 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
         for k in range(own.filled.size):
             own.filled[k] = False
         at.begun, at.guess = 1, T
-        ended = _begin(structure, case, record, at, own)
+        ended = begin_case(structure, case, record, at, own)
         if ended != RUNNING:
             return ended
     while True:
@@ -165,27 +129,29 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
         if slot < 0:
             return WAITING
         s = closed_set_in(sets.rows[slot])
-        motion = motion_in(s, case, own, slot)
-        enter(motion, s, own, at.time)
+        m = motion_in(s, case, own, slot)
+        enter(m, s, own, at.time)
+        for c in range(own.certified.size):
+            own.certified[c] = -1.0
         struck = -1
         if at.events > 0:
-            at.guess = FIRST_STEP / motion.m.fastest if motion.m.fastest > 0.0 else T
+            at.guess = FIRST_STEP / m.fastest if m.fastest > 0.0 else T
         while struck < 0:
             if at.time >= T:
-                _finish(motion, s, case, record, own)
+                _finish(m, s, case, record, own)
                 return COMPLETED
             at.steps += 1
             if at.steps > case.budget.steps:
                 return OUT_OF_STEPS
-            h, struck = _first_zero(motion, own, at, T)
+            h, struck = _first_zero(m, own, at, T)
             if not np.isfinite(h):
                 return NOT_FINITE
-            advance(motion.m, motion.m.now, at.time, h, motion.m.after)
+            advance(m, m.now, at.time, h, m.after)
             sample = record.tally[0].next_sample
-            _record(motion, record, own, at.time, h, SAME_TIME * T)
+            _record(m, record, own, at.time, h, SAME_TIME * T)
             if record.asked.rows.shape[0] > 0:
-                _sense(motion, s, case, record, own, at.time, sample)
-            copy_state(motion.m.after, motion.m.now)
+                _sense(m, s, case, record, own, at.time, sample)
+            copy_state(m.after, m.now)
             at.time = T if h >= T - at.time else at.time + h
             at.guess = 2.0 * h
             for c in range(own.zeros.size if h > SAME_TIME * T else 0):  # else another event of this instant
@@ -194,8 +160,8 @@ def _march(sets: Sets, structure: Contacting, case: ContactCase, record: Record,
         if at.events > case.budget.events:
             return OUT_OF_EVENTS
         fill_casing(case, at.time, own)
-        leave(motion, s, own, motion.m.now, at.time)
-        ended = _pass(structure, case, record, at, own, motion.m.fastest, struck)
+        leave(m, s, own, m.now, at.time)
+        ended = pass_event(structure, case, record, at, own, m.fastest, struck)
         if ended != RUNNING:
             return ended
 
@@ -214,29 +180,14 @@ def _slot(closed: NDArray[np.bool_], wanted: NDArray[np.bool_]) -> int:
     return -1
 
 
-@part
-def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[float, int]:
+@inlined
+def _first_zero(m: Motion, own: Memory, at: Any, T: float) -> tuple[float, int]:
     """Return the length of a certified step and the contact whose signal ends it by falling through zero, or -1."""
-    m, t, struck, h = motion.m, at.time, -1, T - at.time
-    guess = at.guess
-    for c in range(motion.views.shape[0]):
-        select(motion, c)
-        expand(m, m.now, t)
-        zeros, least = own.zeros[c], LOWEST_BOUNCE * at.length
-        own.still[c] = not own.wanted[c] and m.expansion.sums[expansion.SIZE, 0] <= least
-        if own.still[c]:  # nothing moves it: only what takes it out of rounding ends the set
-            zeros, m.outputs[SIGNAL] = 0, m.outputs[SIGNAL] + least
-            expand(m, m.now, t)
-        if zeros < 0:
-            sums = m.expansion.sums
-            zeros = int(abs(sums[expansion.D0, m.blocks]) <= _ZERO_FORCE * SUM_ROUNDING * sums[expansion.SIZE, 0])
-        if c > 0 and zeros == 0:
-            accumulate(m)
-            if has_no_zero(m, 0, h):
-                continue
-        length, falls = certified_step(
-            m, Start(zeros, own.speed[c], True, guess), t, h, SAME_TIME * T if c == 0 else 0.0
-        )
+    struck, h, guess, tried = -1, T - at.time, at.guess, False
+    for c in range(own.wanted.size):
+        if own.certified[c] - at.time >= h:
+            continue
+        length, falls = _zero_of(seen_by(m, c), own, at, h, guess, T, tried)
         if not np.isfinite(length):
             return length, -1
         if falls:
@@ -245,452 +196,121 @@ def _first_zero(motion: SetMotion, own: Memory, at: Any, T: float) -> tuple[floa
             h, struck = length, -1
         if h == 0.0 and struck >= 0:
             break
-        guess = h
+        guess, tried = h, True
     if struck >= 0:
         own.still[struck] = False
     return h, struck
 
 
 @part
-def _record(motion: SetMotion, record: Record, own: Memory, t: float, h: float, late: float) -> None:
+def _zero_of(m: Motion, own: Memory, at: Any, most: float, guess: float, T: float, tried: bool) -> tuple[float, bool]:
+    """Return the length of a step up to ``most`` on which a contact's signal has no zero, or that ends at its first.
+
+    The second number tells which. ``tried`` tells whether ``most`` is the length for another contact.
+    """
+    c, t, sums, place = m.contact, at.time, m.expansion.sums, OUTPUTS * m.contact + SIGNAL
+    zeros, least, constant = own.zeros[c], LOWEST_BOUNCE * at.length, m.outputs[place]
+    expand(m, m.now, t)
+    own.still[c] = not own.wanted[c] and sums[expansion.SIZE, 0] <= least
+    if own.still[c]:  # nothing moves it: only what takes it out of rounding ends the set
+        zeros, m.outputs[place] = 0, constant + least
+        expand(m, m.now, t)
+    if zeros < 0:
+        zeros = int(abs(sums[expansion.D0, m.blocks]) <= ZERO_FORCE * SUM_ROUNDING * sums[expansion.SIZE, 0])
+    beside = tried and zeros == 0
+    if beside:
+        accumulate(m)
+    if beside and has_no_zero(m, 0, most):
+        length, falls, known = most, False, _certain(m, most, T - t)
+    else:
+        start = Start(zeros, own.speed[c], True, guess)
+        length, falls = certified_step(m, start, t, most, 0.0 if tried else SAME_TIME * T)
+        known = length
+    own.certified[c] = -1.0 if own.still[c] else t + known
+    m.outputs[place] = constant
+    return length, falls
+
+
+@part
+def _certain(m: Motion, h: float, most: float) -> float:
+    """Return a time of up to 16 h in which the signal, which has no zero in h, certainly has none."""
+    for _ in range(4):
+        longer = min(2.0 * h, most)
+        if longer <= h or not has_no_zero(m, 0, longer):
+            break
+        h = longer
+    return h
+
+
+@inlined
+def _record(m: Motion, record: Record, own: Memory, t: float, h: float, late: float) -> None:
     """Write samples and load periods within a step, and add the impulses of closed contacts.
 
     Impulses come first: what the integral takes of the propagation over h is overwritten by that to the samples.
     """
-    m, times, ends, asked = motion.m, record.times, record.period_ends, record.asked
-    for c in range(motion.views.shape[0]):
-        own.impulse[c] = 0.0
-        if record.tally[c].held:
-            select(motion, c)
-            own.impulse[c] = max(0.0, integral(m, m.now, m.after, t, h))
-    for c in range(motion.views.shape[0]):
-        mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
-        if m.heated or next_due(mine) < t + h - late:
-            select(motion, c)
-            record_step(mine, m, t, h, observe(m, m.after, t + h), late)
-        mine.tally.impulse += own.impulse[c]
+    for c in range(own.wanted.size):
+        held = record.tally[c].held
+        own.impulse[c] = max(0.0, integral(seen_by(m, c), m.now, m.after, t, h)) if held else 0.0
+    left = _write_due(m, record, own, t, h, late)
+    for c in range(own.wanted.size):
+        tally = record.tally[c]
+        if m.heated:
+            note_temperature(tally, observe(seen_by(m, c), m.after, t + h).temperature)
+            note_temperature(tally, peak_temperature(seen_by(m, c), t, left, t + h, tally.period_temperature))
+        tally.impulse += own.impulse[c]
+
+
+@inlined
+def _write_due(m: Motion, record: Record, own: Memory, t: float, h: float, late: float) -> float:
+    """Write the samples and load periods of all contacts within a step; return the end of the last period, or t."""
+    left, times, ends, asked = t, record.times, record.period_ends, record.asked
+    lead = Record(times, ends, record.histories[:, 0], record.periods[:, 0], record.tally[0], asked)
+    while next_due(lead) < t + h - late:
+        at, period = max(t, next_due(lead)), lead.tally.next_period
+        advance(m, m.now, t, at - t, m.between)
+        period_ends = m.heated and period < ends.size and ends[period] <= at
+        for c in range(own.wanted.size):
+            mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
+            by_contact = seen_by(m, c)
+            if period_ends and c > 0:  # the search of the largest temperature has used it
+                advance(m, m.now, t, at - t, m.between)
+            held = mine.tally.held
+            impulse = max(0.0, integral(by_contact, m.now, m.between, t, at - t)) if held else 0.0
+            outputs = observe(by_contact, m.between, at)
+            if m.heated:
+                note_temperature(mine.tally, outputs.temperature)
+            if period_ends:
+                note_temperature(mine.tally, peak_temperature(by_contact, t, left, at, mine.tally.period_temperature))
+            write(mine, at, outputs, mine.tally.impulse + impulse)
+        left = at if period_ends else left
+    return left
 
 
 @part
-def _sense(
-    motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, first: int
-) -> None:
+def _sense(m: Motion, s: ClosedSet, case: ContactCase, record: Record, own: Memory, t: float, first: int) -> None:
     """Write what sensors show at the samples of a step from t on, from the ``first`` on."""
-    m = motion.m
     for sample in range(first, record.tally[0].next_sample):
         at = max(t, record.times[sample])
         advance(m, m.now, t, at - t, m.between)
         fill_casing(case, at, own)
-        leave(motion, s, own, m.between, at)
+        leave(m, s, own, m.between, at)
         note_sensors(record.asked, own.modal, s.place.shape[1], sample)
 
 
 @part
-def _finish(motion: SetMotion, s: ClosedSet, case: ContactCase, record: Record, own: Memory) -> None:
+def _finish(m: Motion, s: ClosedSet, case: ContactCase, record: Record, own: Memory) -> None:
     """Write the samples and periods that are due at the end, after any event there, and the state."""
     T, next_sample = case.duration, record.tally[0].next_sample
     times, ends, asked = record.times, record.period_ends, record.asked
-    for c in range(motion.views.shape[0]):
+    for c in range(own.wanted.size):
         mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
-        select(motion, c)
-        observed = observe(motion.m, motion.m.now, T)
+        observed = observe(seen_by(m, c), m.now, T)
         while next_due(mine) <= T * (1.0 + LATE):
             write(mine, T, observed, mine.tally.impulse)
         mine.tally.contact_time = contact_time(mine.tally, T)
     fill_casing(case, T, own)
-    leave(motion, s, own, motion.m.now, T)
+    leave(m, s, own, m.now, T)
     for sample in range(next_sample, record.times.size):
         note_sensors(record.asked, own.modal, s.place.shape[1], sample)
     for i in range(own.modal.size):
         case.modal[i] = own.modal[i]
-
-
-@part
-def _begin(structure: Contacting, case: ContactCase, record: Record, at: Any, own: Memory) -> int:
-    """Set the initial state and the first set; return RUNNING or how the case ended."""
-    for i in range(own.modal.size):
-        own.modal[i] = case.modal[i]
-    for c in range(own.wanted.size):
-        own.wanted[c], own.still[c], own.zeros[c], own.speed[c] = False, False, 0, -1.0
-        tally = record.tally[c]
-        tally.contact_begin, tally.casing_flexibility = np.inf, case.flexibility
-        tally.max_temperature = tally.period_temperature = _temperature(structure, own, c)
-    at.length = case.reach
-    fill_casing(case, 0.0, own)
-    fastest = structure.frequency[structure.frequency.size - 1] if structure.frequency.size > 0 else 0.0
-    return _pass(structure, case, record, at, own, fastest, -1)
-
-
-@part
-def _temperature(structure: Contacting, own: Memory, c: int) -> float:
-    """Return the temperature of a contact at the last event."""
-    n, total = structure.frequency.size, 0.0
-    for j in range(structure.rate.size):
-        total += structure.heat[c, j] * own.modal[2 * n + j]
-    return float(total)
-
-
-@part
-def _pass(
-    structure: Contacting, case: ContactCase, record: Record, at: Any, own: Memory, fastest: float, struck: int
-) -> int:
-    """Pass the event of a contact, or the start (-1): fill what is closed from then on; return RUNNING or how it ended.
-
-    State and casing are those of the instant.
-    """
-    moment = _MOMENT / fastest if fastest > 0.0 else 0.0
-    for c in range(own.wanted.size):
-        own.taken[0, c] = own.taken[1, c] = own.bounces[c] = 0.0
-    if structure.compliant:
-        _fill_distances(structure, case, at, own, fastest, struck < 0)
-        sound = _next_compliant_set(structure, case, own, at.time, moment, struck)
-    elif struck >= 0 and own.wanted[struck]:
-        own.wanted[struck], own.zeros[struck], own.speed[struck], sound = False, 3, -1.0, True
-    else:
-        inside = _fill_kinds(structure, case, at, own, struck)
-        if inside:
-            return INSIDE_CASING
-        sound = _strike(structure, case, record, own)
-        sound = sound and _next_set(structure, case, record, at, own, moment)
-    for c in range(own.wanted.size):
-        _note_event(record, at, own, c)
-        _note_change(record.tally[c], own.wanted[c], own.bounces[c], at.time)
-    return RUNNING if sound else NO_IMPACT_LAW
-
-
-@part
-def _note_event(record: Record, at: Any, own: Memory, c: int) -> None:
-    """List the event of a contact that takes an impulse, begins or ends."""
-    was = record.tally[c].held != 0
-    impulse = max(0.0, own.taken[1, c])
-    if impulse == 0.0 and was == own.wanted[c]:
-        return
-    kind = IMPACTS if was == own.wanted[c] else LEAVES if was else TOUCHES
-    approach = 0.0 if was else own.taken[0, c]
-    note_event(record.asked, at.listed, at.time, kind, impulse, approach, c)
-    at.listed += 1
-
-
-@part
-def _note_change(tally: Any, closed: bool, bounces: float, t: float) -> None:
-    """Begin or end a contact in the tally; ``bounces`` take so much of its time that are not followed."""
-    if closed:
-        tally.contact_begin = bounces + (tally.contact_begin if tally.held else t)
-        tally.held = 1
-    elif tally.held:
-        tally.contact_time += max(0.0, t - tally.contact_begin)
-        tally.held, tally.contact_begin = 0, np.inf
-        tally.releases += 1
-
-
-@part
-def _fill_kinds(structure: Contacting, case: ContactCase, at: Any, own: Memory, struck: int) -> bool:
-    """Fill kinds, gaps and approach speeds of contacts, and the largest motion; return whether one is inside.
-
-    A contact is on its casing where it struck, is closed, or its gap is rounding.
-    """
-    n, inside, begins = structure.frequency.size, False, struck < 0
-    least = AT_REST if begins else SUM_ROUNDING
-    fastest = structure.frequency[n - 1] if begins and n > 0 else 0.0
-    for c in range(own.wanted.size):
-        place, size, speed, turning = 0.0, 0.0, 0.0, 0.0
-        for k in range(n):
-            term = structure.normal[c, k] * own.modal[k]
-            place += term
-            size += abs(term)
-            pace = structure.normal[c, k] * own.modal[n + k]
-            speed += pace
-            turning += abs(pace)
-        own.distance[c] = own.casing[0, c] - place
-        own.approach[c] = speed - own.casing[1, c]
-        at.length = max(at.length, abs(place))
-        for i in range(case.acting if begins else 0):  # the casing may be as an earlier case left it
-            omega = abs(case.waves[i, wave.OMEGA])
-            turned = omega * case.duration * (abs(case.casing[i, 0, c]) + abs(case.casing[i, 1, c]))
-            size, turning = size + turned, turning + omega * turned
-        turning += fastest * (at.length + size)
-        if own.wanted[c]:
-            own.kinds[c], own.approach[c] = _RESTING, 0.0
-        elif c == struck or own.still[c] or abs(own.distance[c]) <= 4.0 * least * (at.length + size):
-            own.kinds[c] = _RESTING
-            if own.still[c] or abs(own.approach[c]) <= least * (turning + abs(own.casing[1, c])):
-                own.approach[c] = 0.0
-            elif own.approach[c] < 0.0:
-                own.kinds[c] = _LEAVING
-        else:
-            own.kinds[c] = _OPEN
-            inside |= begins and own.distance[c] < 0.0
-        own.taken[0, c] = own.approach[c]
-    return inside
-
-
-@part
-def _operator(structure: Contacting, case: ContactCase, i: int, j: int) -> float:
-    """Return W, or R - µ R^t + c of compliant contacts, of a pair."""
-    return float(structure.delassus[i, j] - case.friction * structure.tangential[i, j])
-
-
-@part
-def _strike(structure: Contacting, case: ContactCase, record: Record, own: Memory) -> bool:
-    """Apply the impulses of an impact of the contacts on their casing, if any approaches; return whether there are any.
-
-    Those that leave or rest by them get their kinds.
-    """
-    p, size, strikes = own.problem, 0, False
-    for c in range(own.wanted.size):
-        if own.kinds[c] != _OPEN:
-            own.members[size], p.active[size] = c, own.wanted[c] or own.approach[c] > 0.0
-            p.constant[size] = -(1.0 + case.e) * own.approach[c]
-            strikes |= own.approach[c] > 0.0
-            size += 1
-    if not strikes:
-        return True
-    _fill_matrix(structure, case, own, size)
-    if not solve_complementarity(p, size):
-        return False
-    for r in range(size):
-        c, after = own.members[r], own.approach[own.members[r]]
-        for q in range(size):
-            after -= p.matrix[r, q] * p.solution[q]
-        if p.active[r]:
-            after = -case.e * own.approach[c]
-        own.impulse[r] = p.solution[r]
-        own.kinds[c] = _LEAVING if after < 0.0 else _RESTING
-        own.approach[c] = after
-    _apply(structure, case, record, own, size, True)
-    return True
-
-
-@part
-def _fill_matrix(structure: Contacting, case: ContactCase, own: Memory, size: int) -> None:
-    """Fill the matrix of the complementarity problem of the members."""
-    for r in range(size):
-        for q in range(size):
-            own.problem.matrix[r, q] = _operator(structure, case, own.members[r], own.members[q])
-
-
-@part
-def _apply(structure: Contacting, case: ContactCase, record: Record, own: Memory, size: int, counts: bool) -> None:
-    """Apply the impulses of the members: y' jumps by -(w - µ t) p, τ by α s p."""
-    n = structure.frequency.size
-    for r in range(size):
-        c, impulse = own.members[r], own.impulse[r]
-        if impulse != 0.0:
-            for k in range(n):
-                own.modal[n + k] -= impulse * (structure.normal[c, k] - case.friction * structure.tangent[c, k])
-            for j in range(structure.rate.size):
-                own.modal[2 * n + j] += case.alpha * impulse * structure.heat[c, j]
-            record.tally[c].impulse += impulse
-            record.tally[c].impacts += counts
-            own.taken[1, c] += impulse
-    for c in range(own.wanted.size):
-        if structure.rate.size > 0:
-            note_temperature(record.tally[c], _temperature(structure, own, c))
-
-
-@part
-def _fill_push(structure: Contacting, case: ContactCase, own: Memory, t: float, row: int) -> None:
-    """Fill ``push[row]``: b of each contact for row 0, its rate for row 1, under the forces ``own.force``."""
-    n, heats = structure.frequency.size, structure.rate.size
-    load, rate = load_at(case, t)
-    load += case.constant[n + heats]
-    a, y, v, tau = own.acceleration, own.modal[:n], own.modal[n : 2 * n], own.modal[2 * n :]
-    for k in range(n):
-        if row == 0:
-            a[0, k] = case.constant[k] + load * structure.load[k] - damped(structure, v, k)
-            a[0, k] -= structure.frequency[k] * structure.frequency[k] * y[k]
-            for j in range(heats):
-                a[0, k] -= structure.coupling[k, j] * tau[j]
-        else:
-            for c in range(own.wanted.size):
-                a[0, k] -= (structure.normal[c, k] - case.friction * structure.tangent[c, k]) * own.force[c]
-    if row == 1:
-        for k in range(n):
-            a[1, k] = rate * structure.load[k] - structure.frequency[k] * structure.frequency[k] * v[k]
-            a[1, k] -= damped(structure, a[0], k)
-        for j in range(heats):
-            warming = case.constant[n + j] - structure.rate[j] * tau[j]
-            for c in range(own.wanted.size):
-                warming += case.alpha * structure.heat[c, j] * own.force[c]
-            for k in range(n):
-                a[1, k] -= structure.coupling[k, j] * warming
-    every = 0.0
-    for k in range(n):
-        every += abs(a[row, k]) + structure.frequency[k] * structure.frequency[k] * abs(v[k] if row == 1 else y[k])
-    for c in range(own.wanted.size):
-        total, most = -own.casing[2 + row, c], 0.0
-        for k in range(n):
-            total += structure.normal[c, k] * a[row, k]
-            most = max(most, abs(structure.normal[c, k]))
-        own.rounding[row, c] = _ZERO_FORCE * SUM_ROUNDING * (most * every + abs(own.casing[2 + row, c]))
-        own.push[row, c] = 0.0 if own.still[c] or abs(total) <= own.rounding[row, c] else total
-
-
-@part
-def _next_set(structure: Contacting, case: ContactCase, record: Record, at: Any, own: Memory, moment: float) -> bool:
-    """Fill the contacts that are closed from now on; return whether the forces have a solution."""
-    p, contacts = own.problem, own.wanted.size
-    while True:
-        for c in range(contacts):
-            own.force[c] = 0.0
-        _fill_push(structure, case, own, at.time, 0)
-        if not _solve_forces(structure, case, own, 0.0):
-            return False
-        for r in range(contacts):
-            own.force[r] = 0.0
-        size = 0
-        for c in range(contacts):
-            if own.kinds[c] == _RESTING:
-                own.force[c] = p.solution[size]
-                size += 1
-        _fill_push(structure, case, own, at.time, 1)
-        if not _solve_forces(structure, case, own, moment):
-            return False
-        if not _hold_low_bounces(structure, case, at, own, moment):
-            break
-        _stop(structure, case, record, own)
-    size = 0
-    for c in range(contacts):
-        was, own.wanted[c] = own.wanted[c], False
-        if own.kinds[c] == _RESTING:
-            own.wanted[c] = p.active[size]
-            size += 1
-            loose = 2 if _parting(structure, case, own, c) > own.rounding[0, c] else 3
-            own.zeros[c], own.speed[c] = (own.zeros[c] if was else -1) if own.wanted[c] else loose, -1.0
-        elif own.kinds[c] == _LEAVING:
-            own.zeros[c], own.speed[c] = 1, -own.approach[c]
-    return True
-
-
-@part
-def _solve_forces(structure: Contacting, case: ContactCase, own: Memory, moment: float) -> bool:
-    """Solve the complementarity problem of the forces of contacts at rest, a moment later; whether it has one."""
-    p, size = own.problem, 0
-    for c in range(own.wanted.size):
-        if own.kinds[c] >= _RESTING:
-            own.members[size], p.active[size] = c, own.wanted[c]
-            p.constant[size] = -own.push[0, c] - moment * (own.push[1, c] if moment > 0.0 else 0.0)
-            size += 1
-    _fill_matrix(structure, case, own, size)
-    return solve_complementarity(p, size)
-
-
-@part
-def _parting(structure: Contacting, case: ContactCase, own: Memory, c: int) -> float:
-    """Return the acceleration of a contact's gap under the forces of those at rest, m/s²."""
-    bend, size = -own.push[0, c], 0
-    for i in range(own.wanted.size):
-        if own.kinds[i] == _RESTING:
-            bend += _operator(structure, case, c, i) * own.problem.solution[size]
-            size += 1
-    return float(bend)
-
-
-@part
-def _hold_low_bounces(structure: Contacting, case: ContactCase, at: Any, own: Memory, moment: float) -> bool:
-    """Let contacts rest that leave so slowly that they would return from a height of nothing; return whether any do.
-
-    None does that would lose its force, or take another's, before its bounces end: the last one opens it for good.
-    """
-    pressed, held, later, is_rounding = _pressed(own), 0, 0.0, True
-    for c in range(own.wanted.size):
-        if own.kinds[c] == _LEAVING:
-            bend, square = _parting(structure, case, own, c), own.approach[c] * own.approach[c]
-            if bend < 0.0 and square <= -2.0 * bend * LOWEST_BOUNCE * at.length:
-                own.kinds[c], held = _RETURNING, held + 1
-                own.bounces[c] = 2.0 * own.approach[c] / bend / (1.0 - case.e) if case.e < 1.0 else 0.0
-                later = max(later, own.bounces[c]) if case.e < 1.0 else np.inf
-                is_rounding = is_rounding and square <= -2.0 * bend * SUM_ROUNDING * at.length
-    if held == 0:
-        return False
-    holds = is_rounding or (_solve_forces(structure, case, own, later) and _pressed(own) >= pressed + held)
-    for c in range(own.wanted.size):
-        if own.kinds[c] == _RETURNING:
-            own.kinds[c], own.bounces[c] = _RESTING if holds else _LEAVING, own.bounces[c] if holds else 0.0
-    if not holds:
-        _solve_forces(structure, case, own, moment)
-    return holds
-
-
-@part
-def _pressed(own: Memory) -> int:
-    """Return how many of the contacts at rest have a force."""
-    pressed, size = 0, 0
-    for c in range(own.wanted.size):
-        if own.kinds[c] >= _RESTING:
-            pressed, size = pressed + own.problem.active[size], size + 1
-    return pressed
-
-
-@part
-def _stop(structure: Contacting, case: ContactCase, record: Record, own: Memory) -> None:
-    """Apply the impulses that stop the contacts at rest: of those whose low bounces are not followed."""
-    size, a = 0, own.problem.tableau
-    for c in range(own.wanted.size):
-        if own.kinds[c] == _RESTING:
-            own.members[size] = c
-            size += 1
-    for r in range(size):
-        for q in range(size):
-            a[r, q] = _operator(structure, case, own.members[r], own.members[q])
-        a[r, size] = own.approach[own.members[r]]
-        own.approach[own.members[r]] = 0.0
-    if solve_in_place(a, size):
-        for r in range(size):
-            own.impulse[r] = a[r, size]
-            for c in range(own.wanted.size):
-                if own.kinds[c] == _LEAVING:
-                    own.approach[c] -= _operator(structure, case, c, own.members[r]) * own.impulse[r]
-        _apply(structure, case, record, own, size, False)
-
-
-@part
-def _fill_distances(
-    structure: Contacting, case: ContactCase, at: Any, own: Memory, fastest: float, begins: bool
-) -> None:
-    """Fill d - x and its rate of compliant contacts without forces."""
-    n, heats = structure.frequency.size, structure.rate.size
-    load, rate = load_at(case, at.time)
-    mean = case.constant[n + heats]
-    for c in range(own.wanted.size):
-        place, speed = structure.residual_load[c] * (mean + load), structure.residual_load[c] * rate
-        for k in range(n):
-            place += structure.normal[c, k] * own.modal[k]
-            speed += structure.normal[c, k] * own.modal[n + k]
-        for j in range(heats):
-            warming = case.constant[n + j] - structure.rate[j] * own.modal[2 * n + j]
-            place -= structure.residual_coupling[c, j] * own.modal[2 * n + j]
-            speed -= structure.residual_coupling[c, j] * warming
-        own.distance[c], own.approach[c] = own.casing[0, c] - place, speed - own.casing[1, c]
-        own.taken[0, c] = own.approach[c]
-        at.length = max(at.length, abs(place))
-    for c in range(own.wanted.size):
-        if own.still[c] or (begins and abs(own.distance[c]) <= AT_REST * at.length):
-            own.distance[c] = 0.0
-            if own.still[c] or abs(own.approach[c]) <= AT_REST * fastest * at.length:
-                own.approach[c] = 0.0
-
-
-@part
-def _next_compliant_set(
-    structure: Contacting, case: ContactCase, own: Memory, t: float, moment: float, struck: int
-) -> bool:
-    """Fill the contacts that are closed a moment later; return whether their forces have a solution."""
-    p, contacts, same = own.problem, own.wanted.size, True
-    for c in range(contacts):
-        own.members[c], p.active[c] = c, own.wanted[c]
-        p.constant[c] = own.distance[c] - moment * own.approach[c]
-    if struck >= 0:
-        p.active[struck] = not p.active[struck]
-    _fill_matrix(structure, case, own, contacts)
-    if not solve_complementarity(p, contacts):
-        return False
-    for c in range(contacts):
-        same = same and p.active[c] == own.wanted[c]
-    if same and struck >= 0:
-        p.active[struck] = not p.active[struck]
-    for c in range(contacts):
-        if p.active[c] != own.wanted[c]:
-            own.zeros[c], own.speed[c] = 1 if struck >= 0 else -1 if p.active[c] else 0, -1.0
-        own.wanted[c] = p.active[c]
-    return True

@@ -1,8 +1,7 @@
-"""The motion of a case in a set of closed contacts, as one of several contacts sees it.
+"""The motion of a case in a set of closed contacts.
 
 The motion of a set is that of :mod:`workflow.schemes._exact.motion`: blocks and first-order states less the particular
-solution of the loads. The tables of a motion have one signal and one temperature; :func:`select` puts those of one
-contact there, so that expansion, bounds, search, propagation and record are those of one contact.
+solution of the loads, with a signal and a temperature of each contact.
 """
 
 from __future__ import annotations
@@ -16,15 +15,16 @@ from workflow.kernels import Array, elementary
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import part
 from workflow.kernels.lemke import Complementarity, problem
+from workflow.kernels.packs import view
 from workflow.models import ContactBasis
-from workflow.schemes._exact.closed_sets import ClosedSet
+from workflow.schemes._exact.closed_sets import LINKED, ClosedSet
 from workflow.schemes._exact.expansion import SUM_ROUNDING
 from workflow.schemes._exact.layout import Budget
 from workflow.schemes._exact.motion import (
     ORDER,
+    OUTPUTS,
     PLACE,
     SIGNAL,
-    TEMPERATURE,
     Expansion,
     LoadedTables,
     Motion,
@@ -36,17 +36,11 @@ from workflow.schemes._exact.motion import (
     from_coordinates,
     loaded_size,
     loaded_tables,
+    place_of,
     subtract_loads,
-    table,
     to_coordinates,
 )
-from workflow.schemes._exact.tables import block, expansion, first, padded, state, wave
-
-_SHOWN = block.SIGNAL_INTEGRAL + 1 - block.SIGNAL_VALUE
-"""Rows of the table of blocks that depend on the contact, from ``SIGNAL_VALUE`` on."""
-
-_WAVE_SHOWN = wave.CASING_COS + 1 - wave.SIGNAL_COS + 1
-"""Columns of the table of waves that depend on the contact: ``CASING``, and those from ``SIGNAL_COS`` on."""
+from workflow.schemes._exact.tables import expansion, first, padded, seen, seen_wave, state, wave
 
 
 class ContactCase(NamedTuple):
@@ -139,6 +133,8 @@ class Memory(NamedTuple):
     explicit: Array
     differences: Complex
     coordinates: Array
+    modes: Array
+    """[z, z', τ] of a set; scratch."""
     modal: Array
     """X = [y, y', τ] at the last event, ``(N,)``."""
     inputs: Array
@@ -147,6 +143,8 @@ class Memory(NamedTuple):
     """Contacts that are closed from the last event on, ``(contact,)``."""
     zeros: NDArray[np.int64]
     """Order of the zero of each signal at the last event, see :mod:`.step`; -1 where a force may begin at 0."""
+    certified: Array
+    """Time until which each signal has certainly no zero, s; -1 where it is not known."""
     still: NDArray[np.bool_]
     """Open contacts that touch their casing and that nothing moves in the present set, ``(contact,)``."""
     speed: Array
@@ -182,7 +180,7 @@ def memory(basis: ContactBasis, waves: int, sets: int) -> Memory:
     """Return memory for a case with up to so many waves, and motions in so many sets."""
     N, n, m = basis.size, basis.frequency.size, basis.contacts.count
     columns, wide = padded(N // 2), padded(N)
-    tables = loaded_size(columns, wide, waves) + m * (3 + _SHOWN * columns + 2 * wide + _WAVE_SHOWN * waves) + 2
+    tables = loaded_size(columns, wide, waves, m) + 2
     return Memory(
         tables=np.zeros((sets, tables)),
         filled=np.zeros(sets, dtype=np.bool_),
@@ -193,10 +191,12 @@ def memory(basis: ContactBasis, waves: int, sets: int) -> Memory:
         explicit=np.zeros(ORDER + 2),
         differences=np.zeros((9, 4), dtype=np.complex128),
         coordinates=np.zeros(N),
+        modes=np.zeros(N),
         modal=np.zeros(N),
         inputs=np.zeros((1 + 2 * waves, padded(N + m))),
         wanted=np.zeros(m, dtype=np.bool_),
         zeros=np.zeros(m, dtype=np.int64),
+        certified=np.zeros(m),
         still=np.zeros(m, dtype=np.bool_),
         speed=np.zeros(m),
         bounces=np.zeros(m),
@@ -215,34 +215,23 @@ def memory(basis: ContactBasis, waves: int, sets: int) -> Memory:
     )
 
 
-class SetMotion(NamedTuple):
-    """The motion of a case in a set."""
-
-    m: Motion
-    views: Array
-    """What :func:`select` copies, ``(contact, number)``."""
-
-
 @part
-def motion_in(s: ClosedSet, case: ContactCase, own: Memory, slot: int) -> SetMotion:
-    """Return the motion of a case in the set of a slot, its tables filled."""
+def motion_in(s: ClosedSet, case: ContactCase, own: Memory, slot: int) -> Motion:
+    """Return the motion of a case in the set of a slot, its tables filled, as the first contact sees it."""
     columns, wide, waves, contacts = s.block.shape[1], s.first.shape[1], case.acting, s.place.shape[0]
     numbers = own.tables[slot]
-    loaded, at = loaded_tables(numbers, columns, wide, waves)
-    views, at = table(numbers, at, contacts, 3 + _SHOWN * columns + 2 * wide + _WAVE_SHOWN * waves)
+    loaded, at = loaded_tables(numbers, columns, wide, waves, contacts)
     counts = numbers[at : at + 2]
     if not own.filled[slot]:
-        for i in range(numbers.size):
+        for i in range(at + 2):
             numbers[i] = 0.0
-        _fill(s, case, own, loaded, views, counts)
+        _fill(s, case, own, loaded, counts)
         own.filled[slot] = True
     most = max(columns, wide)
-    sums, _ = table(own.sums, 0, expansion.ROWS, s.blocks + 1)
-    terms, _ = table(own.terms, 0, expansion.ROWS, columns)
-    now, at = table(own.states, 0, state.ROWS, most)
-    after, at = table(own.states, at, state.ROWS, most)
-    between, at = table(own.states, at, state.ROWS, most)
-    m = Motion(
+    size, (rows, slow, across) = state.ROWS * most, place_of(waves, 0)
+    between = view(own.states, 2 * size, (state.ROWS, most))
+    sums, terms = view(own.sums, 0, (expansion.ROWS, s.blocks + 1)), view(own.terms, 0, (expansion.ROWS, columns))
+    return Motion(
         s.blocks,
         s.firsts,
         int(counts[0]),
@@ -253,89 +242,69 @@ def motion_in(s: ClosedSet, case: ContactCase, own: Memory, slot: int) -> SetMot
         loaded.waves,
         own.differences,
         Expansion(sums, terms, own.derivatives, own.explicit),
-        now,
-        after,
+        view(own.states, 0, (state.ROWS, most)),
+        view(own.states, size, (state.ROWS, most)),
         between,
         between,
         own.coordinates,
         own.coordinates,
         True,
-        s.entry,
-        s.exit,
+        s.inward,
+        s.outward,
         s.growth,
         fastest_of(s.fastest, loaded.waves),
-        2 * s.place.shape[1] < s.entry.shape[0],
-        False,
+        s.inward.shape[0] > 2 * s.null.shape[1],
+        s.link != LINKED and s.growth <= 0.0,
+        0,
+        rows,
+        slow,
+        across,
     )
-    return SetMotion(m, views)
 
 
 @part
-def _fill(s: ClosedSet, case: ContactCase, own: Memory, loaded: LoadedTables, views: Array, counts: Array) -> None:
-    """Fill the tables of a motion, which are 0, and what each contact sees."""
-    b, f, outputs, rows = loaded
-    n, size, inputs, contacts = s.blocks, 2 * s.blocks + s.firsts, own.inputs, views.shape[0]
+def _fill(s: ClosedSet, case: ContactCase, own: Memory, loaded: LoadedTables, counts: Array) -> None:
+    """Fill the tables of a motion, which are 0."""
+    b, f, _, waves = loaded
+    n, inputs = s.blocks, own.inputs
     copy_tables(s.block, s.first, case.waves, loaded)
     _constant_sources(s, case.constant, inputs[0])
     for k in range(n):
         fill_force(b, k, inputs[0, k], inputs[0, n + k])
     for j in range(s.firsts):
         f[first.SOURCE, j] = inputs[0, 2 * n + j]
-    for i in range(rows.shape[0]):
+    for i in range(waves.shape[0]):
         cos, sin, row = inputs[1 + 2 * i], inputs[2 + 2 * i], i * first.WAVE
         _wave_sources(s, case, i, cos, sin)
         for k in range(n):
-            fill_wave_force(b, k, i, rows[i, wave.OMEGA], (cos[k], sin[k]), (cos[n + k], sin[n + k]))
+            fill_wave_force(b, k, i, waves[i, wave.OMEGA], (cos[k], sin[k]), (cos[n + k], sin[n + k]))
         for j in range(s.firsts):
             f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = cos[2 * n + j], sin[2 * n + j]
     explicits, aperiodics = subtract_loads(loaded, n, s.firsts, case.duration)
     counts[0], counts[1] = explicits, aperiodics
-    for c in range(contacts):
-        outputs[SIGNAL], outputs[TEMPERATURE] = inputs[0, size + c], 0.0
-        outputs[PLACE] = case.constant[case.constant.size - 3 * contacts + c]
-        for o in range(4):
-            for k in range(b.shape[1]):
-                b[block.SIGNAL_VALUE + o, k] = s.outputs[c, o, k]
-        for o in range(2):
-            for j in range(f.shape[1]):
-                f[first.SIGNAL + o, j] = s.slow_outputs[c, o, j]
-        for i in range(rows.shape[0]):
-            cos, sin = inputs[1 + 2 * i], inputs[2 + 2 * i]
-            rows[i, wave.SIGNAL_COS], rows[i, wave.SIGNAL_SIN] = cos[size + c], sin[size + c]
-            rows[i, wave.TEMPERATURE_COS] = rows[i, wave.TEMPERATURE_SIN] = 0.0
-            rows[i, wave.CASING_COS], rows[i, wave.CASING] = case.casing[i, 0, c], case.casing[i, 1, c]
-        add_load_outputs(loaded, n, s.firsts, explicits)
-        _exchange(loaded, views[c], False)
+    for c in range(s.place.shape[0]):
+        _fill_outputs(s, case, inputs, loaded, c)
+        add_load_outputs(loaded, n, s.firsts, explicits, c)
 
 
 @part
-def _exchange(loaded: LoadedTables, view: Array, shows: bool) -> None:
-    """Copy what a contact sees from the tables to its view or, where it ``shows``, back."""
-    at = _copy(loaded.outputs.reshape((1, 3)), view, 0, shows)
-    at = _copy(loaded.block[block.SIGNAL_VALUE : block.SIGNAL_INTEGRAL + 1], view, at, shows)
-    at = _copy(loaded.first[first.SIGNAL : first.TEMPERATURE + 1], view, at, shows)
-    at = _copy(loaded.waves[:, wave.CASING : wave.CASING + 1], view, at, shows)
-    _copy(loaded.waves[:, wave.SIGNAL_COS : wave.CASING_COS + 1], view, at, shows)
-
-
-@part
-def _copy(rows: Array, view: Array, at: int, shows: bool) -> int:
-    """Copy a table to a place of a view, or back; return the place behind it."""
-    for row in range(rows.shape[0]):
-        for k in range(rows.shape[1]):
-            if shows:
-                rows[row, k] = view[at + k]
-            else:
-                view[at + k] = rows[row, k]
-        at += rows.shape[1]
-    return at
-
-
-@part
-def select(motion: SetMotion, c: int) -> None:
-    """Let the motion's signal and temperature be those of contact ``c``."""
-    m = motion.m
-    _exchange(LoadedTables(m.block, m.first, m.outputs, m.waves), motion.views[c], True)
+def _fill_outputs(s: ClosedSet, case: ContactCase, inputs: Array, loaded: LoadedTables, c: int) -> None:
+    """Fill the signal, the temperature and the casing of a contact."""
+    b, f, outputs, waves = loaded
+    rows, slow, columns = place_of(waves.shape[0], c)
+    size = 2 * s.blocks + s.firsts
+    outputs[OUTPUTS * c + SIGNAL] = inputs[0, size + c]
+    outputs[OUTPUTS * c + PLACE] = case.constant[case.constant.size - 3 * s.place.shape[0] + c]
+    for o in range(4):
+        for k in range(b.shape[1]):
+            b[rows + seen.SIGNAL_VALUE + o, k] = s.outputs[c, o, k]
+    for o in range(2):
+        for j in range(f.shape[1]):
+            f[slow + o, j] = s.slow_outputs[c, o, j]
+    for i in range(waves.shape[0]):
+        row, cos, sin = waves[i, columns : columns + seen_wave.COLUMNS], inputs[1 + 2 * i], inputs[2 + 2 * i]
+        row[seen_wave.SIGNAL_COS], row[seen_wave.SIGNAL_SIN] = cos[size + c], sin[size + c]
+        row[seen_wave.CASING_COS], row[seen_wave.CASING_SIN] = case.casing[i, 0, c], case.casing[i, 1, c]
 
 
 @part
@@ -411,32 +380,56 @@ def damped(structure: Contacting, v: Array, k: int) -> float:
 
 
 @part
-def leave(motion: SetMotion, s: ClosedSet, own: Memory, y: Array, t: float) -> None:
+def leave(m: Motion, s: ClosedSet, own: Memory, y: Array, t: float) -> None:
     """Fill X = [y, y', τ] of the contacts open from a state of the motion; ``own.casing`` is that of t."""
-    to_coordinates(motion.m, y, t, own.coordinates)
-    n = s.place.shape[1]
-    for i in range(own.modal.size):
-        own.modal[i] = 0.0
-    for r in range(s.exit.shape[0]):
-        for i in range(own.modal.size):
-            own.modal[i] += own.coordinates[r] * s.exit[r, i]
-    for c in range(s.place.shape[0]):
-        for k in range(n):
-            own.modal[k] += own.casing[0, c] * s.place[c, k]
-            own.modal[n + k] += own.casing[1, c] * s.place[c, k]
+    Z, X, (n, k) = own.modes, own.modal, s.null.shape
+    to_coordinates(m, y, t, own.coordinates)
+    _change(s.link, s.outward, own.coordinates, Z, 2 * k)
+    for j in range(s.inward.shape[0] - 2 * k):
+        X[2 * n + j] = Z[2 * k + j]
+    for i in range(2 * n):
+        X[i] = Z[i] if s.is_open else 0.0
+    for j in range(0 if s.is_open else k):
+        for i in range(n):
+            X[i] += Z[j] * s.spread[j, i]
+            X[n + i] += Z[k + j] * s.spread[j, i]
+    for c in range(own.wanted.size):
+        if own.wanted[c]:
+            for i in range(n):
+                X[i] += own.casing[0, c] * s.place[c, i]
+                X[n + i] += own.casing[1, c] * s.place[c, i]
 
 
 @part
-def enter(motion: SetMotion, s: ClosedSet, own: Memory, t: float) -> None:
+def enter(m: Motion, s: ClosedSet, own: Memory, t: float) -> None:
     """Set the present state from X = [y, y', τ]."""
-    now, size = motion.m.now, s.entry.shape[1]
-    for r in range(size):
-        own.coordinates[r] = 0.0
-    for i in range(own.modal.size):
-        if own.modal[i] != 0.0:
-            for r in range(size):
-                own.coordinates[r] += own.modal[i] * s.entry[i, r]
+    Z, X, (n, k) = own.modes, own.modal, s.null.shape
+    for i in range(2 * k):
+        Z[i] = X[i] if s.is_open else 0.0
+    for j in range(0 if s.is_open else n):
+        for i in range(k):
+            Z[i] += X[j] * s.null[j, i]
+            Z[k + i] += X[n + j] * s.null[j, i]
+    for j in range(s.inward.shape[0] - 2 * k):
+        Z[2 * k + j] = X[2 * n + j]
+    _change(s.link, s.inward, Z, own.coordinates, 2 * k)
     for row in range(state.ROWS):
-        for k in range(now.shape[1]):
-            now[row, k] = 0.0
-    from_coordinates(motion.m, own.coordinates, t, now)
+        for i in range(m.now.shape[1]):
+            m.now[row, i] = 0.0
+    from_coordinates(m, own.coordinates, t, m.now)
+
+
+@part
+def _change(link: int, matrix: Array, source: Array, target: Array, mechanical: int) -> None:
+    """Fill target = source · matrix; of coordinates that are not linked only the rows of heat differ from 1."""
+    N = matrix.shape[0]
+    for i in range(N):
+        target[i] = 0.0 if link == LINKED else source[i]
+    if link == LINKED:
+        for j in range(N):
+            for i in range(N):
+                target[i] += source[j] * matrix[j, i]
+    else:
+        for j in range(mechanical, N):
+            for i in range(mechanical):
+                target[i] += source[j] * matrix[j, i]

@@ -15,9 +15,9 @@ import numpy as np
 from workflow.kernels import Array, elementary
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.packs import magnitude, narrow, pack, store
-from workflow.schemes._exact.motion import SIGNAL, Motion, wave_phase
+from workflow.schemes._exact.motion import OUTPUTS, SIGNAL, Motion, wave_phase
 from workflow.schemes._exact.propagation import explicit_derivatives
-from workflow.schemes._exact.tables import block, expansion, first, state, wave
+from workflow.schemes._exact.tables import block, expansion, first, seen, seen_wave, state, wave
 
 SUM_ROUNDING = 4.0 * 2.220446049250313e-16
 """Size of an output, relative to the sum of the magnitudes of its terms, up to which it is rounding: four units in the
@@ -61,7 +61,7 @@ def expand_output(m: Motion, output: int, y: Array, t: float) -> None:
     _expand_slow_terms(m, output, y, t, sums)
     for i in range(m.explicits):
         _expand_explicit(m, output, int(m.block[block.EXPLICIT_COLUMNS, i]), y, t, sums)
-    _expand_blocks(m.block, y, block.UNFORCED_VALUE + 2 * output, d)
+    _expand_blocks(m.block, y, m.rows + seen.UNFORCED_VALUE + 2 * output, d)
     for row in range(expansion.FOURTH + 1):
         sums[row, n] = sums[row, 0] + row_sum(d, row, 0, d.shape[1])
     sums[expansion.SIZE, 0] += row_sum(d, expansion.TAIL, 0, d.shape[1])
@@ -72,9 +72,9 @@ def expand_output(m: Motion, output: int, y: Array, t: float) -> None:
 def _expand_slow_terms(m: Motion, output: int, y: Array, t: float, sums: Array) -> None:
     """Fill column 0 of the sums with the output of loads, casing and first-order states."""
     f = m.first
-    s0, s1, s2, s3 = m.outputs[output], 0.0, 0.0, 0.0
-    fourth, size = 0.0, abs(m.outputs[output])
-    column = np.uintp(wave.SIGNAL_COS + 2 * output)  # unsigned: no wrap-around test of a negative index
+    s0, s1, s2, s3 = m.outputs[OUTPUTS * m.contact + output], 0.0, 0.0, 0.0
+    fourth, size = 0.0, abs(s0)
+    column = np.uintp(m.columns + seen_wave.SIGNAL_COS + 2 * output)  # unsigned: no test of a negative index
     for i in range(m.waves.shape[0]):
         w = m.waves[i, wave.OMEGA]
         cos, sin = wave_phase(m.waves, i, t)
@@ -87,7 +87,7 @@ def _expand_slow_terms(m: Motion, output: int, y: Array, t: float, sums: Array) 
         fourth += amplitude * w * w * w * w
         size += amplitude
     for j in range(m.firsts):
-        value, mu = f[first.SIGNAL + output, j], -f[first.RATE, j]
+        value, mu = f[m.slow + output, j], -f[first.RATE, j]
         a0, d1 = value * y[state.FIRST, j], value * y[state.FIRST_SLOPE, j]
         s0 += a0
         s1 += d1
@@ -114,7 +114,8 @@ def _expand_explicit(m: Motion, output: int, k: int, y: Array, t: float, sums: A
         f3_bound += amplitude
         f4_bound += w * amplitude
     w2 = b[block.STIFFNESS, k]
-    value, slope = b[block.SIGNAL_VALUE + 2 * output, k], b[block.SIGNAL_SLOPE + 2 * output, k]
+    row = m.rows + 2 * output
+    value, slope = b[row + seen.SIGNAL_VALUE, k], b[row + seen.SIGNAL_SLOPE, k]
     fourth = abs(value) * np.sqrt(w2 * d[3] ** 2 + d[4] ** 2) + abs(slope) * np.sqrt(w2 * d[4] ** 2 + d[5] ** 2)
     for n in range(4):
         sums[expansion.D0 + n, 0] += value * d[n] + slope * d[n + 1]

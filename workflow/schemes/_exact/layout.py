@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import part
-from workflow.schemes._exact.tables import block, first, padded
+from workflow.kernels.packs import view
+from workflow.schemes._exact.tables import block, first, padded, seen
 
 
 class Budget(NamedTuple):
@@ -90,9 +91,9 @@ class Regime(NamedTuple):
     blocks: int
     firsts: int
     block: Array
-    """With the rows of ``tables.block``; those that depend on loads are 0 here, as in ``first``."""
+    """With the rows of ``tables.block`` and ``tables.seen``; those that depend on loads are 0 here, as in ``first``."""
     first: Array
-    """With the rows of ``tables.first``."""
+    """With the rows of ``tables.first`` and those of its outputs."""
     source: Array
     """Sources [β, γ, χ] and, in the column after theirs, the signal, ``(mechanical + thermal + 4, N + 1)``: rows are
     inputs."""
@@ -125,10 +126,13 @@ others are those below.
 
 GROWTH, FASTEST, WARMS, IS_MODAL = 5, 6, 7, 8
 
+BLOCK_ROWS, FIRST_ROWS = block.ROWS + seen.ROWS, first.ROWS + first.SEEN
+"""Rows of the tables of a regime: those of its only contact are the last."""
+
 
 def row_length(size: int, modes: int, inputs: int) -> int:
     """Return the length of rows of regimes with up to ``size`` coordinates, of ``modes`` free modes."""
-    tables = block.ROWS * padded(size // 2) + first.ROWS * padded(size) + size * size
+    tables = BLOCK_ROWS * padded(size // 2) + FIRST_ROWS * padded(size) + size * size
     return HEAD + tables + (inputs + size) * padded(size + 1) + 2 * modes * (modes + 1)
 
 
@@ -137,8 +141,8 @@ def unpacked(row: Array) -> Regime:
     blocks, firsts, inputs, free_modes, modes = int(row[0]), int(row[1]), int(row[2]), int(row[3]), int(row[4])
     size = 2 * blocks + firsts
     columns, slow, wide = 8 * ((blocks + 7) // 8), 8 * ((firsts + 7) // 8), 8 * (size // 8 + 1)
-    a = HEAD + block.ROWS * columns
-    b = a + first.ROWS * slow
+    a = HEAD + BLOCK_ROWS * columns
+    b = a + FIRST_ROWS * slow
     c = b + inputs * wide
     d = c + size * wide
     e = d + size * size
@@ -146,13 +150,13 @@ def unpacked(row: Array) -> Regime:
     return Regime(
         blocks,
         firsts,
-        row[HEAD:a].reshape((block.ROWS, columns)),
-        row[a:b].reshape((first.ROWS, slow)),
-        row[b:c].reshape((inputs, wide)),
-        row[c:d].reshape((size, wide)),
-        row[d:e].reshape((size, size)),
-        row[e:f].reshape((free_modes + 1, modes)),
-        row[f : f + (modes + 1) * free_modes].reshape((modes + 1, free_modes)),
+        view(row, HEAD, (BLOCK_ROWS, columns)),
+        view(row, a, (FIRST_ROWS, slow)),
+        view(row, b, (inputs, wide)),
+        view(row, c, (size, wide)),
+        view(row, d, (size, size)),
+        view(row, e, (free_modes + 1, modes)),
+        view(row, f, (modes + 1, free_modes)),
         row[GROWTH],
         row[FASTEST],
         row[WARMS] != 0.0,

@@ -19,8 +19,9 @@ import numpy as np
 from workflow.kernels import Array, elementary
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import inlined, part
+from workflow.kernels.packs import view
 from workflow.schemes._exact.layout import Case, Regime
-from workflow.schemes._exact.tables import block, expansion, first, padded, state, wave
+from workflow.schemes._exact.tables import block, expansion, first, padded, seen, seen_wave, state, wave
 
 ORDER = 18
 """Largest order of Taylor polynomials of motions."""
@@ -31,9 +32,9 @@ _SLOW_POLE = 0.3
 _RESONANT_POLE = 0.1
 """Distance of a pole to that of a wave, times the duration, below which a block is explicit."""
 
-SIGNAL, TEMPERATURE, PLACE = 0, 1, 2
-"""Outputs of a regime: the signal that ends it at zero (gap, m, or contact force, N), and the tip temperature, K; and
-the position of the casing, m."""
+SIGNAL, TEMPERATURE, PLACE, OUTPUTS = 0, 1, 2, 3
+"""Outputs of a contact: the signal whose fall through zero ends its present state (gap, m, or contact force, N), the
+temperature, K, and the position of the casing, m; and how many they are."""
 
 
 class Expansion(NamedTuple):
@@ -67,7 +68,7 @@ class Motion(NamedTuple):
     block: Array
     first: Array
     outputs: Array
-    """Signal and tip temperature by constant loads alone, and d0 of the casing, ``(3,)``."""
+    """Signal and temperature by constant loads alone, and d0 of the casing, of one contact after the other."""
     waves: Array
     """With the columns of ``tables.wave``."""
     differences: Complex
@@ -96,6 +97,56 @@ class Motion(NamedTuple):
     """Whether there are thermal modes."""
     cooling: bool
     """Whether the tip temperature is a constant plus decaying exponentials: no blocks, waves or growing states."""
+    contact: int
+    """Whose signal and temperature are looked at …"""
+    rows: int
+    """… and its first row in ``block``, …"""
+    slow: int
+    """… in ``first``, …"""
+    columns: int
+    """… and its first column in ``waves``."""
+
+
+@inlined
+def place_of(waves: int, c: int) -> tuple[int, int, int]:
+    """Return the first rows of contact ``c`` in the tables of blocks and of first-order states, its first column."""
+    rows, slow = block.ROWS + block.WAVE * waves, first.ROWS + first.WAVE * waves
+    return rows + seen.ROWS * c, slow + first.SEEN * c, wave.COLUMNS + seen_wave.COLUMNS * c
+
+
+@inlined
+def seen_by(m: Motion, c: int) -> Motion:
+    """Return the motion as contact ``c`` sees it: poles, states and propagators are the same for all."""
+    rows, slow, columns = place_of(m.waves.shape[0], c)
+    return Motion(
+        m.blocks,
+        m.firsts,
+        m.explicits,
+        m.aperiodics,
+        m.block,
+        m.first,
+        m.outputs,
+        m.waves,
+        m.differences,
+        m.expansion,
+        m.now,
+        m.after,
+        m.between,
+        m.jump,
+        m.coordinates,
+        m.modal,
+        m.is_modal,
+        m.inward,
+        m.outward,
+        m.growth,
+        m.fastest,
+        m.heated,
+        m.cooling,
+        c,
+        rows,
+        slow,
+        columns,
+    )
 
 
 class Scratch(NamedTuple):
@@ -109,7 +160,7 @@ class Scratch(NamedTuple):
 def scratch(size: int, waves: int) -> Scratch:
     """Return memory for regimes of up to ``size`` coordinates under up to so many waves, see :func:`motion_of`."""
     columns, wide = padded(size // 2), padded(size)
-    numbers = loaded_size(columns, wide, waves) + 2 * size + 4 * state.ROWS * wide
+    numbers = loaded_size(columns, wide, waves, 1) + 2 * size + 4 * state.ROWS * wide
     numbers += expansion.ROWS * (2 * columns + 1) + 2 * ORDER + 3
     return Scratch(np.zeros((2, numbers)), np.zeros((9, 4), dtype=np.complex128))
 
@@ -123,25 +174,21 @@ class LoadedTables(NamedTuple):
     waves: Array
 
 
-def loaded_size(columns: int, wide: int, waves: int) -> int:
+def loaded_size(columns: int, wide: int, waves: int, contacts: int) -> int:
     """Return the count of numbers of :class:`LoadedTables`."""
-    by_wave = block.WAVE * columns + first.WAVE * wide + wave.COLUMNS
-    return block.ROWS * columns + first.ROWS * wide + waves * by_wave + 3
+    shared = block.ROWS * columns + first.ROWS * wide
+    shared += waves * (block.WAVE * columns + first.WAVE * wide + wave.COLUMNS)
+    return shared + contacts * (seen.ROWS * columns + first.SEEN * wide + waves * seen_wave.COLUMNS + OUTPUTS)
 
 
 @part
-def loaded_tables(numbers: Array, columns: int, wide: int, waves: int) -> tuple[LoadedTables, int]:
+def loaded_tables(numbers: Array, columns: int, wide: int, waves: int, contacts: int) -> tuple[LoadedTables, int]:
     """Return the tables at the beginning of a row of numbers, and the place behind them."""
-    b, at = table(numbers, 0, block.ROWS + block.WAVE * waves, columns)
-    f, at = table(numbers, at, first.ROWS + first.WAVE * waves, wide)
-    rows, at = table(numbers, at, waves, wave.COLUMNS)
-    return LoadedTables(b, f, numbers[at : at + 3], rows), at + 3
-
-
-@part
-def table(numbers: Array, at: int, rows: int, columns: int) -> tuple[Array, int]:
-    """Return a table that begins at a place of a row of numbers, and the place behind it."""
-    return numbers[at : at + rows * columns].reshape((rows, columns)), at + rows * columns
+    rows, slow, across = place_of(waves, contacts)  # those behind the last contact
+    b, at = view(numbers, 0, (rows, columns)), rows * columns
+    f, at = view(numbers, at, (slow, wide)), at + slow * wide
+    w, end = view(numbers, at, (waves, across)), at + waves * across
+    return LoadedTables(b, f, view(numbers, end, (OUTPUTS * contacts,)), w), end + OUTPUTS * contacts
 
 
 @part
@@ -169,22 +216,30 @@ def motion_of(regime: Regime, case: Case, numbers: Array, differences: Complex) 
     size, columns, wide, waves = regime.outward.shape[0], regime.block.shape[1], regime.first.shape[1], case.acting
     for i in range(numbers.size):
         numbers[i] = 0.0
-    loaded, at = loaded_tables(numbers, columns, wide, waves)
-    sums, at = table(numbers, at, expansion.ROWS, regime.blocks + 1)
-    terms, at = table(numbers, at, expansion.ROWS, columns)
-    states = numbers[at : at + 16 * max(columns, wide)].reshape((4, state.ROWS, max(columns, wide)))
+    loaded, at = loaded_tables(numbers, columns, wide, waves, 1)
+    sums, at = view(numbers, at, (expansion.ROWS, regime.blocks + 1)), at + expansion.ROWS * (regime.blocks + 1)
+    terms, at = view(numbers, at, (expansion.ROWS, columns)), at + expansion.ROWS * columns
+    states = view(numbers, at, (4, state.ROWS, max(columns, wide)))
     at += states.size
     memory = Expansion(sums, terms, numbers[at : at + ORDER + 1], numbers[at + ORDER + 1 : at + 2 * ORDER + 3])
     at += 2 * ORDER + 3
     coordinates = numbers[at : at + size]
     at += 0 if regime.is_modal else size
+    rows, slow, across = place_of(waves, 0)
     copy_tables(regime.block, regime.first, case.waves, loaded)
+    for row in range(seen.ROWS):
+        for k in range(columns):
+            loaded.block[rows + row, k] = regime.block[block.ROWS + row, k]
+    for row in range(first.SEEN):
+        for j in range(wide):
+            loaded.first[slow + row, j] = regime.first[first.ROWS + row, j]
     _fill_sources(regime, case, loaded)
     explicits, aperiodics = subtract_loads(loaded, regime.blocks, regime.firsts, case.duration)
-    add_load_outputs(loaded, regime.blocks, regime.firsts, explicits)
+    add_load_outputs(loaded, regime.blocks, regime.firsts, explicits, 0)
     cooling = regime.growth <= 0.0 and not regime.warms
     for i in range(waves):
-        cooling &= loaded.waves[i, wave.TEMPERATURE_COS] == 0.0 and loaded.waves[i, wave.TEMPERATURE_SIN] == 0.0
+        warming = loaded.waves[i, across:]
+        cooling &= warming[seen_wave.TEMPERATURE_COS] == 0.0 and warming[seen_wave.TEMPERATURE_SIN] == 0.0
     return Motion(
         regime.blocks,
         regime.firsts,
@@ -209,6 +264,10 @@ def motion_of(regime: Regime, case: Case, numbers: Array, differences: Complex) 
         fastest_of(regime.fastest, loaded.waves),
         regime.heated,
         cooling,
+        0,
+        rows,
+        slow,
+        across,
     )
 
 
@@ -254,19 +313,19 @@ def subtract_loads(loaded: LoadedTables, blocks: int, firsts: int, duration: flo
 
 
 @part
-def add_load_outputs(loaded: LoadedTables, blocks: int, firsts: int, explicits: int) -> None:
-    """Add what is subtracted to the outputs of the loads, and fill those of blocks that are not explicit."""
-    b = loaded.block
+def add_load_outputs(loaded: LoadedTables, blocks: int, firsts: int, explicits: int, c: int) -> None:
+    """Add what is subtracted to the outputs of the loads at a contact, and fill those of blocks not explicit."""
+    b, rows = loaded.block, place_of(loaded.waves.shape[0], c)[0]
     for k in range(blocks):
-        b[block.SIGNAL_INTEGRAL, k] = b[block.SIGNAL_VALUE, k] / b[block.STIFFNESS, k]
-        for row in range(4):
-            b[block.UNFORCED_VALUE + row, k] = b[block.SIGNAL_VALUE + row, k]
-        _add_particular_outputs(b, k, loaded.waves, loaded.outputs)
+        b[rows + seen.SIGNAL_INTEGRAL, k] = b[rows + seen.SIGNAL_VALUE, k] / b[block.STIFFNESS, k]
+        for row in range(rows, rows + 4):
+            b[row + seen.UNFORCED_VALUE, k] = b[row + seen.SIGNAL_VALUE, k]
+        _add_particular_outputs(loaded, k, c)
     for i in range(explicits):
-        for row in range(block.UNFORCED_VALUE, block.SIGNAL_INTEGRAL + 1):
+        for row in range(rows + seen.UNFORCED_VALUE, rows + seen.ROWS):
             b[row, int(b[block.EXPLICIT_COLUMNS, i])] = 0.0
     for j in range(firsts):
-        _add_harmonic_outputs(loaded.first, j, loaded.waves)
+        _add_harmonic_outputs(loaded, j, c)
 
 
 @part
@@ -298,13 +357,15 @@ def _fill_sources(regime: Regime, case: Case, loaded: LoadedTables) -> None:
     """Fill the sources of the signal, of first-order states and of blocks."""
     b, f, outputs, waves = loaded
     n, signal = regime.blocks, 2 * regime.blocks + regime.firsts
-    outputs[SIGNAL], outputs[PLACE] = _source(regime, case, signal), case.gap
+    outputs[SIGNAL], outputs[PLACE], at = _source(regime, case, signal), case.gap, place_of(waves.shape[0], 0)[2]
     for j in range(regime.firsts):
         f[first.SOURCE, j] = _source(regime, case, 2 * n + j)
     for k in range(n):
         fill_force(b, k, _source(regime, case, k), _source(regime, case, n + k))
     for i in range(waves.shape[0]):
-        waves[i, wave.SIGNAL_COS], waves[i, wave.SIGNAL_SIN] = _wave_source(regime, case, signal, i)
+        cos, sin = _wave_source(regime, case, signal, i)
+        waves[i, at + seen_wave.SIGNAL_COS], waves[i, at + seen_wave.SIGNAL_SIN] = cos, sin
+        waves[i, at + seen_wave.CASING_SIN] = waves[i, wave.CASING]
         row = i * first.WAVE
         for j in range(regime.firsts):
             source = _wave_source(regime, case, 2 * n + j, i)
@@ -387,16 +448,17 @@ def _subtract_particular(b: Array, k: int, waves: Array) -> None:
 
 
 @part
-def _add_particular_outputs(b: Array, k: int, waves: Array, outputs: Array) -> None:
-    """Add the particular solution of a block to the outputs of the loads."""
+def _add_particular_outputs(loaded: LoadedTables, k: int, c: int) -> None:
+    """Add the particular solution of a block to the outputs of the loads at a contact."""
+    b, waves, (rows, _, columns) = loaded.block, loaded.waves, place_of(loaded.waves.shape[0], c)
     for o in range(2):
-        value, slope = b[block.SIGNAL_VALUE + 2 * o, k], b[block.SIGNAL_SLOPE + 2 * o, k]
-        outputs[o] += value * b[block.PARTICULAR, k] + slope * b[block.PARTICULAR_SLOPE, k]
+        value, slope = b[rows + seen.SIGNAL_VALUE + 2 * o, k], b[rows + seen.SIGNAL_SLOPE + 2 * o, k]
+        loaded.outputs[OUTPUTS * c + o] += value * b[block.PARTICULAR, k] + slope * b[block.PARTICULAR_SLOPE, k]
         for i in range(waves.shape[0]):
             for part_of in range(2):  # cos, sin
                 row = i * block.WAVE + part_of
                 shown = value * b[block.PARTICULAR_COS + row, k] + slope * b[block.PARTICULAR_SLOPE_COS + row, k]
-                waves[i, wave.SIGNAL_COS + 2 * o + part_of] += shown
+                waves[i, columns + seen_wave.SIGNAL_COS + 2 * o + part_of] += shown
 
 
 @part
@@ -411,25 +473,27 @@ def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
 
 
 @part
-def _add_harmonic_outputs(f: Array, j: int, waves: Array) -> None:
-    """Add the response of a first-order state to the outputs of the waves."""
+def _add_harmonic_outputs(loaded: LoadedTables, j: int, c: int) -> None:
+    """Add the response of a first-order state to the outputs of the waves at a contact."""
+    f, waves, (_, slow, columns) = loaded.first, loaded.waves, place_of(loaded.waves.shape[0], c)
     for i in range(waves.shape[0]):
         cos, sin = f[first.HARMONIC_COS + i * first.WAVE, j], f[first.HARMONIC_SIN + i * first.WAVE, j]
         for o in range(2):
-            waves[i, wave.SIGNAL_COS + 2 * o] += f[first.SIGNAL + o, j] * cos
-            waves[i, wave.SIGNAL_SIN + 2 * o] += f[first.SIGNAL + o, j] * sin
+            waves[i, columns + seen_wave.SIGNAL_COS + 2 * o] += f[slow + o, j] * cos
+            waves[i, columns + seen_wave.SIGNAL_SIN + 2 * o] += f[slow + o, j] * sin
 
 
 @part
 def casing_at(m: Motion, t: float) -> tuple[float, float]:
-    """Return the position of the casing d = d0 + Σ a sin ψ, m, and its velocity, m/s."""
-    place, speed = m.outputs[PLACE], 0.0
+    """Return the position of the casing d = d0 + Σ a sin ψ at the contact, m, and its velocity, m/s."""
+    place, speed = m.outputs[OUTPUTS * m.contact + PLACE], 0.0
     for i in range(m.waves.shape[0]):
         cos, sin = wave_phase(m.waves, i, t)
-        place += m.waves[i, wave.CASING] * sin
-        place += m.waves[i, wave.CASING_COS] * cos
-        speed += m.waves[i, wave.OMEGA] * (m.waves[i, wave.CASING] * cos)
-        speed -= m.waves[i, wave.OMEGA] * (m.waves[i, wave.CASING_COS] * sin)
+        by_cos, by_sin = m.waves[i, m.columns + seen_wave.CASING_COS], m.waves[i, m.columns + seen_wave.CASING_SIN]
+        place += by_sin * sin
+        place += by_cos * cos
+        speed += m.waves[i, wave.OMEGA] * (by_sin * cos)
+        speed -= m.waves[i, wave.OMEGA] * (by_cos * sin)
     return place, speed
 
 

@@ -25,8 +25,8 @@ from workflow.kernels import Array, elementary
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.elementary import HALF_PI_1, HALF_PI_2, LN2_HIGH, LN2_LOW, LOG2_E, TO_INTEGER, TWO_OVER_PI
 from workflow.kernels.packs import narrow, pack, store
-from workflow.schemes._exact.motion import SIGNAL, TEMPERATURE, Motion, casing_at, forced, wave_phase
-from workflow.schemes._exact.tables import block, first, state, wave
+from workflow.schemes._exact.motion import OUTPUTS, SIGNAL, TEMPERATURE, Motion, casing_at, forced, wave_phase
+from workflow.schemes._exact.tables import block, first, seen, seen_wave, state, wave
 
 _EXPONENT = 4503599627370496.0 + 1023.0
 """2^52 + 1023: added to an integer q it leaves q + 1023 in the lowest bits of the double."""
@@ -368,21 +368,24 @@ def integral(m: Motion, y: Array, out: Array, t: float, dt: float) -> float:
     for i in range(m.explicits):
         k = int(b[block.EXPLICIT_COLUMNS, i])
         change = out[state.VALUE, k] - y[state.VALUE, k]
-        area += b[block.SIGNAL_VALUE, k] * _advance_explicit(m, k, y, t, dt, 4)[2] + b[block.SIGNAL_SLOPE, k] * change
+        area += (
+            b[m.rows + seen.SIGNAL_VALUE, k] * _advance_explicit(m, k, y, t, dt, 4)[2]
+            + b[m.rows + seen.SIGNAL_SLOPE, k] * change
+        )
     for j in range(m.firsts):
         step = y[state.FIRST_SLOPE, j] * dt
-        area += f[first.SIGNAL, j] * dt * (y[state.FIRST, j] + step * f[first.PHI2, j])
+        area += f[m.slow + SIGNAL, j] * dt * (y[state.FIRST, j] + step * f[first.PHI2, j])
     for k in range(m.blocks):
         change = out[state.VALUE, k] - y[state.VALUE, k]
         slowed = out[state.SLOPE, k] - y[state.SLOPE, k] + b[block.DAMPING, k] * change
-        area += b[block.UNFORCED_SLOPE, k] * change - b[block.SIGNAL_INTEGRAL, k] * slowed
-    area += m.outputs[SIGNAL] * dt
+        area += b[m.rows + seen.UNFORCED_SLOPE, k] * change - b[m.rows + seen.SIGNAL_INTEGRAL, k] * slowed
+    area += m.outputs[OUTPUTS * m.contact + SIGNAL] * dt
     for i in range(m.waves.shape[0]):
         omega = m.waves[i, wave.OMEGA]
         cos, sin = wave_phase(m.waves, i, t)
         cos_after, sin_after = wave_phase(m.waves, i, t + dt)
-        area += m.waves[i, wave.SIGNAL_COS] * (sin_after - sin) / omega
-        area -= m.waves[i, wave.SIGNAL_SIN] * (cos_after - cos) / omega
+        area += m.waves[i, m.columns + seen_wave.SIGNAL_COS] * (sin_after - sin) / omega
+        area -= m.waves[i, m.columns + seen_wave.SIGNAL_SIN] * (cos_after - cos) / omega
     return float(area)
 
 
@@ -393,10 +396,10 @@ def observe(m: Motion, y: Array, t: float) -> Observed:
     signal, rate, temperature, warming, place, speed = _observe_waves(m, t)
     for j in range(m.firsts):
         xi, slope = y[state.FIRST, j], y[state.FIRST_SLOPE, j]
-        signal += f[first.SIGNAL, j] * xi
-        rate += f[first.SIGNAL, j] * slope
-        temperature += f[first.TEMPERATURE, j] * xi
-        warming += f[first.TEMPERATURE, j] * slope
+        signal += f[m.slow + SIGNAL, j] * xi
+        rate += f[m.slow + SIGNAL, j] * slope
+        temperature += f[m.slow + TEMPERATURE, j] * xi
+        warming += f[m.slow + TEMPERATURE, j] * slope
     for k in range(m.blocks):
         b[block.WORK, k] = -b[block.DAMPING, k] * y[state.SLOPE, k] - b[block.STIFFNESS, k] * y[state.VALUE, k]
     for i in range(m.explicits):
@@ -404,24 +407,27 @@ def observe(m: Motion, y: Array, t: float) -> Observed:
         b[block.WORK, k] += _explicit_force(m, k, t)
     for k in range(m.blocks):
         value, slope, bend = y[state.VALUE, k], y[state.SLOPE, k], b[block.WORK, k]
-        signal += b[block.SIGNAL_VALUE, k] * value + b[block.SIGNAL_SLOPE, k] * slope
-        rate += b[block.SIGNAL_VALUE, k] * slope + b[block.SIGNAL_SLOPE, k] * bend
-        temperature += b[block.TEMPERATURE_VALUE, k] * value + b[block.TEMPERATURE_SLOPE, k] * slope
-        warming += b[block.TEMPERATURE_VALUE, k] * slope + b[block.TEMPERATURE_SLOPE, k] * bend
+        signal += b[m.rows + seen.SIGNAL_VALUE, k] * value + b[m.rows + seen.SIGNAL_SLOPE, k] * slope
+        rate += b[m.rows + seen.SIGNAL_VALUE, k] * slope + b[m.rows + seen.SIGNAL_SLOPE, k] * bend
+        temperature += b[m.rows + seen.TEMPERATURE_VALUE, k] * value + b[m.rows + seen.TEMPERATURE_SLOPE, k] * slope
+        warming += b[m.rows + seen.TEMPERATURE_VALUE, k] * slope + b[m.rows + seen.TEMPERATURE_SLOPE, k] * bend
     return Observed(signal, rate, temperature, warming, place, speed)
 
 
 @inlined
 def _observe_waves(m: Motion, t: float) -> Observed:
     """Return the outputs of the loads alone, and the casing."""
-    waves, signal, temperature, rate, warming = m.waves, m.outputs[SIGNAL], m.outputs[TEMPERATURE], 0.0, 0.0
+    waves, at, rate, warming = m.waves, OUTPUTS * m.contact, 0.0, 0.0
+    signal, temperature = m.outputs[at + SIGNAL], m.outputs[at + TEMPERATURE]
     for i in range(waves.shape[0]):
         omega = waves[i, wave.OMEGA]
         cos, sin = wave_phase(waves, i, t)
-        signal = signal + waves[i, wave.SIGNAL_COS] * cos + waves[i, wave.SIGNAL_SIN] * sin
-        rate += omega * (waves[i, wave.SIGNAL_SIN] * cos - waves[i, wave.SIGNAL_COS] * sin)
-        temperature = temperature + waves[i, wave.TEMPERATURE_COS] * cos + waves[i, wave.TEMPERATURE_SIN] * sin
-        warming += omega * (waves[i, wave.TEMPERATURE_SIN] * cos - waves[i, wave.TEMPERATURE_COS] * sin)
+        a, b = waves[i, m.columns + seen_wave.SIGNAL_COS], waves[i, m.columns + seen_wave.SIGNAL_SIN]
+        signal = signal + a * cos + b * sin
+        rate += omega * (b * cos - a * sin)
+        a, b = waves[i, m.columns + seen_wave.TEMPERATURE_COS], waves[i, m.columns + seen_wave.TEMPERATURE_SIN]
+        temperature = temperature + a * cos + b * sin
+        warming += omega * (b * cos - a * sin)
     place, speed = casing_at(m, t)
     return Observed(signal, rate, temperature, warming, place, speed)
 

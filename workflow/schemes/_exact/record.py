@@ -203,16 +203,16 @@ def record_step(record: Record, m: Motion, t: float, dt: float, final: Observed,
         if heated:
             note_temperature(tally, outputs.temperature)
             if tally.next_period < record.period_ends.size and record.period_ends[tally.next_period] <= at:
-                note_temperature(tally, _peak_temperature(m, t, left, at, tally.period_temperature))
+                note_temperature(tally, peak_temperature(m, t, left, at, tally.period_temperature))
                 left = at
         write(record, at, outputs, tally.impulse + impulse)
     if heated:
         note_temperature(tally, final.temperature)
-        note_temperature(tally, _peak_temperature(m, t, left, t + dt, tally.period_temperature))
+        note_temperature(tally, peak_temperature(m, t, left, t + dt, tally.period_temperature))
 
 
 @part
-def _peak_temperature(m: Motion, t: float, left: float, right: float, largest: float) -> float:
+def peak_temperature(m: Motion, t: float, left: float, right: float, largest: float) -> float:
     """Return the larger of ``largest`` and the largest tip temperature, K, between the times ``left`` and ``right``.
 
     Both lie in a step from ``m.now`` at t. ``largest`` is at least the temperature at both ends.
@@ -230,7 +230,7 @@ def _is_monotone(m: Motion, span: float) -> bool:
     """
     f, low, high = m.first, 0.0, 0.0
     for j in range(m.firsts):
-        rate = f[first.TEMPERATURE, j] * m.now[state.FIRST_SLOPE, j]
+        rate = f[m.slow + TEMPERATURE, j] * m.now[state.FIRST_SLOPE, j]
         later = rate * max(0.0, 1.0 - f[first.RATE, j] * span)
         low += min(rate, later)
         high += max(rate, later)

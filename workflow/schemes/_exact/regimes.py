@@ -22,7 +22,7 @@ couplings: a damping matrix, friction along a tangent, a mode near a thermal rat
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +33,12 @@ from workflow.kernels.compiled import inlined, kernel, part
 from workflow.poles import RealBlocks, real_blocks
 from workflow.schemes._exact.layout import FASTEST, GROWTH, IS_MODAL, WARMS, Regime, in_row, unpacked
 from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
-from workflow.schemes._exact.tables import block, first
+from workflow.schemes._exact.tables import block, first, seen
 
 NEAR_RATE = 1e-3
 """Size of μ² - μ c + ω², over the sum of its terms, below which R has fewer than thirteen digits."""
 
-_CRITICAL = 1e-2
+CRITICAL = 1e-2
 """Relative distance of the two poles of a mode, or of a pole and a thermal rate, below which the general solver is
 used, as digits are lost by its square."""
 
@@ -58,7 +58,20 @@ _INDEPENDENT = 3e-2
 matrix is nearly defective."""
 
 
-def thermal_response(system: ModalSystem, near: float) -> Array | None:
+class _Modes(Protocol):
+    """Modes that only thermal ones link."""
+
+    @property
+    def frequency(self) -> Array: ...
+    @property
+    def damping(self) -> Array: ...
+    @property
+    def coupling(self) -> Array: ...
+    @property
+    def rate(self) -> Array: ...
+
+
+def thermal_response(system: _Modes, near: float) -> Array | None:
     """Return R, ``(mode, thermal mode)``; ``None`` where a thermal rate is near the pole of a mode that heat loads."""
     mu, c, omega2, driven = system.rate, system.damping[:, None], system.frequency[:, None] ** 2, system.coupling != 0
     polynomial, size = mu**2 - mu * c + omega2, mu**2 + mu * c + omega2
@@ -98,8 +111,9 @@ def fill_row(row: Array, system: ModalSystem, alpha: float, duration: float) -> 
     b[block.DAMPING, :n], b[block.STIFFNESS, :n], f[first.RATE, :j] = blocks.damping, blocks.stiffness, blocks.rate
     outputs = signal @ outward, system.observed @ outward[2 * system.frequency.size :]
     for o, per in enumerate(outputs):
-        b[block.SIGNAL_VALUE + 2 * o, :n], b[block.SIGNAL_SLOPE + 2 * o, :n] = per[:n], per[n : 2 * n]
-        f[first.SIGNAL + o, :j] = per[2 * n :]
+        row_of = block.ROWS + 2 * o
+        b[row_of + seen.SIGNAL_VALUE, :n], b[row_of + seen.SIGNAL_SLOPE, :n] = per[:n], per[n : 2 * n]
+        f[first.ROWS + o, :j] = per[2 * n :]
     regime.source[:, :size], regime.source[:, size] = (blocks.inward @ source).T, inputs
     regime.inward[:, :size], regime.outward[:] = blocks.inward.T, outward.T
     regime.entry[:], regime.exit[:] = system.entry, system.exit
@@ -122,7 +136,7 @@ def _complete(row: Array) -> None:
     b, warms = regime.block, False
     row[GROWTH], row[FASTEST] = complete(b, regime.first, regime.blocks, regime.firsts)
     for k in range(regime.blocks):
-        warms |= b[block.TEMPERATURE_VALUE, k] != 0.0 or b[block.TEMPERATURE_SLOPE, k] != 0.0
+        warms |= b[block.ROWS + seen.TEMPERATURE_VALUE, k] != 0.0 or b[block.ROWS + seen.TEMPERATURE_SLOPE, k] != 0.0
     row[WARMS], row[IS_MODAL] = warms, _is_identity(regime.inward)
 
 
@@ -260,21 +274,33 @@ class HeldRegimes:
 
 def _heated(held: ModalSystem) -> Heated | None:
     """Return the arguments of the kernel; ``None`` where poles or rates are near each other, or a pole is 0."""
-    c, mu, omega2, r, lag = held.damping, held.rate, held.frequency**2, held.reaction, held.reaction_slope
+    response = thermal_response(held, CRITICAL)
+    force = np.concatenate([held.reaction, held.reaction_slope, held.thermal_reaction])
+    matrix = None if response is None else rank_one(held, response, force, held.heat_tip)
+    if response is None or matrix is None:
+        return None
+    tips = response, held.heat_tip, held.observed
+    arrays = *tips, state_space(held, 0.0)[2][held.frequency.size :], signal_inputs(held), held.entry, held.exit
+    return Heated(matrix, *(np.ascontiguousarray(a, dtype=np.float64) for a in arrays))
+
+
+def rank_one(modes: _Modes, response: Array, force: Array, heat: Array) -> RankOne | None:
+    """Return D, u and w of a contact that sees the heat ``heat`` and loses ``force`` per [z, z', τ].
+
+    ``None`` where poles of a mode are near each other, or one is 0.
+    """
+    c, mu, omega2 = modes.damping, modes.rate, modes.frequency**2
+    r, lag, thermal = np.split(force, [c.size, 2 * c.size])
     split = 2 * np.sqrt((c / 2) ** 2 - omega2 + 0j)
-    response, near = thermal_response(held, _CRITICAL), np.abs(split) <= _CRITICAL * (held.frequency + c)
-    if response is None or np.any(near) or np.any(held.frequency == 0):
+    if np.any(np.abs(split) <= CRITICAL * (modes.frequency + c)) or np.any(modes.frequency == 0):
         return None
     upper, lower = -c / 2 + split / 2, -c / 2 - split / 2
     overdamped = (split.imag == 0) & (c > 0)
     upper[overdamped] = omega2[overdamped] / lower[overdamped]  # no cancellation
-    place, speed = -response @ held.heat_tip, response @ (mu * held.heat_tip)  # of z - R τ per heat
-    u = [(speed - lower * place) / split, (upper * place - speed) / split, held.heat_tip]
-    w = [-r - lag * upper, -r - lag * lower, -held.thermal_reaction - r @ response + lag @ (response * mu)]
-    matrix = (np.concatenate(each).astype(np.complex128) for each in ([upper, lower, -mu], u, w))
-    tips = response, held.heat_tip, held.observed
-    arrays = *tips, state_space(held, 0.0)[2][c.size :], signal_inputs(held), held.entry, held.exit
-    return Heated(RankOne(mu.size, *matrix), *(np.ascontiguousarray(a, dtype=np.float64) for a in arrays))
+    place, speed = -response @ heat, response @ (mu * heat)  # of z - R τ per heat
+    u = [(speed - lower * place) / split, (upper * place - speed) / split, heat]
+    w = [-r - lag * upper, -r - lag * lower, -thermal - r @ response + lag @ (response * mu)]
+    return RankOne(mu.size, *(np.concatenate(each).astype(np.complex128) for each in ([upper, lower, -mu], u, w)))
 
 
 @kernel
@@ -300,30 +326,30 @@ def _fill_row(h: Heated, alpha: float, count: int, zeros: Zeros, row: Array) -> 
     regime, p, j, sound = in_row(row), 0, 0, True
     b, f, inward, outward = regime.block, regime.first, regime.inward, regime.outward
     while p + j < count:
-        i = _next(h.matrix.d, zeros, count)
+        i = next_zero(h.matrix.d, zeros, count)
         s = h.matrix.d[zeros.pole[i]] + zeros.shift[i]
         force, good = fill_vectors(h.matrix, alpha, zeros, i)
-        _to_modes(h, s, zeros.right, zeros.left)
+        to_modes(h.response, h.matrix.d, s, zeros.right, zeros.left)
         zeros.pole[i] = -1
         sound = sound and good
         if s.imag > 0.0:
             ratio, u = s.real / s.imag, pairs + p
             b[block.DAMPING, p], b[block.STIFFNESS, p] = -2.0 * s.real, square(s)
-            b[block.SIGNAL_VALUE, p] = 2.0 * (force.real - force.imag * ratio)
-            b[block.SIGNAL_SLOPE, p] = 2.0 * force.imag / s.imag
+            b[block.ROWS + seen.SIGNAL_VALUE, p] = 2.0 * (force.real - force.imag * ratio)
+            b[block.ROWS + seen.SIGNAL_SLOPE, p] = 2.0 * force.imag / s.imag
             for n in range(size):
                 right, left = zeros.right[n], zeros.left[n]
                 inward[n, p], inward[n, u] = left.real, (s * left).real
                 outward[p, n], outward[u, n] = 2.0 * (right.real - right.imag * ratio), 2.0 * right.imag / s.imag
-            b[block.TEMPERATURE_VALUE, p] = _observed(h, outward[p])
-            b[block.TEMPERATURE_SLOPE, p] = _observed(h, outward[u])
+            b[block.ROWS + seen.TEMPERATURE_VALUE, p] = _observed(h, outward[p])
+            b[block.ROWS + seen.TEMPERATURE_SLOPE, p] = _observed(h, outward[u])
             p += 1
         else:
             own = 2 * pairs + j
-            f[first.RATE, j], f[first.SIGNAL, j] = -s.real, force.real
+            f[first.RATE, j], f[first.ROWS, j] = -s.real, force.real
             for n in range(size):
                 inward[n, own], outward[own, n] = zeros.left[n].real, zeros.right[n].real
-            f[first.TEMPERATURE, j] = _observed(h, outward[own])
+            f[first.ROWS + 1, j] = _observed(h, outward[own])
             j += 1
     _fill_shared(h, alpha, regime)
     return sound
@@ -359,7 +385,7 @@ def _fill_shared(h: Heated, alpha: float, regime: Regime) -> None:
 
 
 @part
-def _next(d: Complex, zeros: Zeros, count: int) -> int:
+def next_zero(d: Complex, zeros: Zeros, count: int) -> int:
     """Return the next eigenvalue, complex ones first, each kind in the order of its size; those done have pole -1."""
     best, kind, least = -1, False, np.inf
     for i in range(count):
@@ -372,16 +398,16 @@ def _next(d: Complex, zeros: Zeros, count: int) -> int:
 
 
 @part
-def _to_modes(h: Heated, s: complex, right: Complex, left: Complex) -> None:
+def to_modes(response: Array, d: Complex, s: complex, right: Complex, left: Complex) -> None:
     """Transform eigenvectors at s from the poles of modes, with R τ subtracted, to X = [z, z', τ]."""
-    (modes, heats), d = h.response.shape, h.matrix.d
+    modes, heats = response.shape
     for m in range(modes):
         n, upper, lower = modes + m, d[m], d[modes + m]
         per = reciprocal(upper - lower)
         right[m] += right[n]
         left[m], left[n] = (upper * left[n] - lower * left[m]) * per, (left[m] - left[n]) * per
         for j in range(heats):
-            k, along = 2 * modes + j, h.response[m, j]
+            k, along = 2 * modes + j, response[m, j]
             right[m] += along * right[k]
             left[k] -= along * (left[m] + d[k].real * left[n])
         right[n] = s * right[m]

@@ -25,9 +25,9 @@ from workflow.schemes._exact.expansion import (
     growth_bound,
     row_sum,
 )
-from workflow.schemes._exact.motion import ORDER, Motion, wave_phase
+from workflow.schemes._exact.motion import ORDER, SIGNAL, Motion, wave_phase
 from workflow.schemes._exact.propagation import advance, explicit_derivatives
-from workflow.schemes._exact.tables import block, expansion, first, state, wave
+from workflow.schemes._exact.tables import block, expansion, first, seen, seen_wave, state, wave
 
 TAYLOR_SPAN = 0.6
 """Largest |pole| · time at which a flight is a Taylor polynomial: the remainder is below 0.6^18/18! = 2e-20."""
@@ -168,13 +168,13 @@ def _series(m: Motion, t: float, order: int) -> None:
     for i in range(m.waves.shape[0]):
         omega = m.waves[i, wave.OMEGA]
         cos, sin = wave_phase(m.waves, i, t)
-        wave_cos, wave_sin = m.waves[i, wave.SIGNAL_COS], m.waves[i, wave.SIGNAL_SIN]
+        wave_cos, wave_sin = m.waves[i, m.columns + seen_wave.SIGNAL_COS], m.waves[i, m.columns + seen_wave.SIGNAL_SIN]
         for n in range(order + 1):
             derivatives[n] += wave_cos * cos + wave_sin * sin
             wave_cos, wave_sin = omega * wave_sin, -omega * wave_cos
     for j in range(m.firsts):
         f, mu = m.first, m.first[first.RATE, j]
-        term = f[first.SIGNAL, j] * m.now[state.FIRST_SLOPE, j]
+        term = f[m.slow + SIGNAL, j] * m.now[state.FIRST_SLOPE, j]
         for n in range(1, order + 1):
             derivatives[n] += term
             term *= -mu
@@ -188,7 +188,7 @@ def _series(m: Motion, t: float, order: int) -> None:
         k, own = int(b[block.EXPLICIT_COLUMNS, i]), m.expansion.explicit
         explicit_derivatives(m, k, m.now, t, order + 1, own)
         for n in range(order + 1):
-            derivatives[n] += b[block.SIGNAL_VALUE, k] * own[n] + b[block.SIGNAL_SLOPE, k] * own[n + 1]
+            derivatives[n] += b[m.rows + seen.SIGNAL_VALUE, k] * own[n] + b[m.rows + seen.SIGNAL_SLOPE, k] * own[n + 1]
 
 
 @part

@@ -14,13 +14,12 @@ def padded(size: int) -> int:
 
 
 class _Block(NamedTuple):
-    """Rows of the table of second-order blocks, ``(ROWS, column)``; column k holds the block η'' + c η' + ω² η = F.
+    """Rows of the table of second-order blocks, ``(row, column)``; column k holds the block η'' + c η' + ω² η = F.
 
     The force on a block is F(t) = F0 + Σ (Fc cos ψ + Fs sin ψ): a constant, and the waves of phase ψ = Ω t + φ. An
     *explicit* block keeps F. From every other block the particular solution is subtracted, so that its motion is free.
-    Outputs o (0: the signal, 1: the tip temperature) are linear in η and η': the row of output o lies 2 o below that of
-    the signal. Columns are padded to a multiple of 8 by blocks at rest without outputs. The rows of wave i lie
-    ``i * WAVE`` below those named here.
+    Columns are padded to a multiple of 8 by blocks at rest without outputs. The rows of wave i lie ``i * WAVE`` below
+    those named here; below all of them lie those of :class:`_Seen` for each contact.
     """
 
     # the block
@@ -33,37 +32,26 @@ class _Block(NamedTuple):
     EXPLICIT_COLUMNS: int = 6  # of the explicit blocks, `Motion.explicits` of them
     APERIODIC_COLUMNS: int = 7  # of others that do not oscillate, `Motion.aperiodics` of them
 
-    # outputs per η and η'
-    SIGNAL_VALUE: int = 8
-    SIGNAL_SLOPE: int = 9
-    TEMPERATURE_VALUE: int = 10
-    TEMPERATURE_SLOPE: int = 11
-    UNFORCED_VALUE: int = 12  # SIGNAL_VALUE of blocks that are not explicit, else 0; likewise the three rows below
-    UNFORCED_SLOPE: int = 13
-    UNFORCED_TEMPERATURE_VALUE: int = 14
-    UNFORCED_TEMPERATURE_SLOPE: int = 15
-    SIGNAL_INTEGRAL: int = 16  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
-
     # loads
-    FORCE: int = 17  # F0
-    PARTICULAR: int = 18  # constant part of the particular solution, subtracted from η …
-    PARTICULAR_SLOPE: int = 19  # … and from u
+    FORCE: int = 8  # F0
+    PARTICULAR: int = 9  # constant part of the particular solution, subtracted from η …
+    PARTICULAR_SLOPE: int = 10  # … and from u
 
     # scratch of one propagation over dt
-    C: int = 20  # of η(dt) = C η + S η'
-    S: int = 21
-    WORK: int = 22
-    POWER: int = 23
+    C: int = 11  # of η(dt) = C η + S η'
+    S: int = 12
+    WORK: int = 13
+    POWER: int = 14
 
-    ROWS: int = 24
+    ROWS: int = 15
 
     # each wave
-    FORCE_COS: int = 24  # Fc
-    FORCE_SIN: int = 25  # Fs
-    PARTICULAR_COS: int = 26  # its part of the particular solution, subtracted from η …
-    PARTICULAR_SIN: int = 27
-    PARTICULAR_SLOPE_COS: int = 28  # … and from u
-    PARTICULAR_SLOPE_SIN: int = 29
+    FORCE_COS: int = 15  # Fc
+    FORCE_SIN: int = 16  # Fs
+    PARTICULAR_COS: int = 17  # its part of the particular solution, subtracted from η …
+    PARTICULAR_SIN: int = 18
+    PARTICULAR_SLOPE_COS: int = 19  # … and from u
+    PARTICULAR_SLOPE_SIN: int = 20
 
     WAVE: int = 6
 
@@ -71,40 +59,63 @@ class _Block(NamedTuple):
 block = _Block()
 
 
-class _First(NamedTuple):
-    """Rows of the table of first-order states, ``(ROWS, column)``: ξ' = -μ ξ + χ0 + Σ (χc cos ψ + χs sin ψ).
+class _Seen(NamedTuple):
+    """Rows of the table of blocks for one contact, from ``Motion.rows`` on: its outputs per η and η'.
 
-    The response of ξ to the waves is subtracted, so that ξ' decays as exp(-μ t). The row of output o lies o below that
-    of the signal. Columns are padded to a multiple of 8 with zeros. The rows of wave i lie ``i * WAVE`` below those
-    named here.
+    The row of output o (0: the signal, 1: the temperature) lies 2 o below that of the signal.
+    """
+
+    SIGNAL_VALUE: int = 0
+    SIGNAL_SLOPE: int = 1
+    TEMPERATURE_VALUE: int = 2
+    TEMPERATURE_SLOPE: int = 3
+    UNFORCED_VALUE: int = 4  # SIGNAL_VALUE of blocks that are not explicit, else 0; likewise the three rows below
+    UNFORCED_SLOPE: int = 5
+    UNFORCED_TEMPERATURE_VALUE: int = 6
+    UNFORCED_TEMPERATURE_SLOPE: int = 7
+    SIGNAL_INTEGRAL: int = 8  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
+
+    ROWS: int = 9
+
+
+seen = _Seen()
+
+
+class _First(NamedTuple):
+    """Rows of the table of first-order states, ``(row, column)``: ξ' = -μ ξ + χ0 + Σ (χc cos ψ + χs sin ψ).
+
+    The response of ξ to the waves is subtracted, so that ξ' decays as exp(-μ t). Columns are padded to a multiple of 8
+    with zeros. The rows of wave i lie ``i * WAVE`` below those named here; below all of them lie, for each contact,
+    those of its outputs per ξ, signal and temperature.
     """
 
     RATE: int = 0  # μ, 1/s
-    SIGNAL: int = 1  # signal per ξ
-    TEMPERATURE: int = 2  # tip temperature per ξ
-    SOURCE: int = 3  # χ0
+    SOURCE: int = 1  # χ0
 
     # scratch of one propagation over dt, x = -μ dt
-    DECAY: int = 4  # e^x
-    PHI1: int = 5  # φ1 = (e^x - 1)/x
-    PHI2: int = 6  # φ2 = (φ1 - 1)/x
+    DECAY: int = 2  # e^x
+    PHI1: int = 3  # φ1 = (e^x - 1)/x
+    PHI2: int = 4  # φ2 = (φ1 - 1)/x
 
-    ROWS: int = 7
+    ROWS: int = 5
 
     # each wave
-    HARMONIC_COS: int = 7  # response to χc cos ψ + χs sin ψ that is subtracted from ξ
-    HARMONIC_SIN: int = 8
+    HARMONIC_COS: int = 5  # response to χc cos ψ + χs sin ψ that is subtracted from ξ
+    HARMONIC_SIN: int = 6
 
     WAVE: int = 2
+
+    SEEN: int = 2  # rows of each contact
 
 
 first = _First()
 
 
 class _Wave(NamedTuple):
-    """Columns of the table of waves, ``(wave, COLUMNS)``: sinusoids of the load and of the casing, phase ψ = Ω t + φ.
+    """Columns of the table of waves, ``(wave, column)``: sinusoids of the load and of the casing, phase ψ = Ω t + φ.
 
-    The load on the tip is F0 + Σ A sin ψ, the position of the casing d = d0 + Σ a sin ψ.
+    The load on the tip is F0 + Σ A sin ψ, the position of the casing d = d0 + Σ a sin ψ. Behind the columns named here
+    lie those of :class:`_SeenWave` for each contact.
     """
 
     # what a case gives
@@ -122,18 +133,29 @@ class _Wave(NamedTuple):
     COS_BEFORE: int = 8
     SIN_BEFORE: int = 9
 
-    # outputs by the wave alone: coefficients of cos ψ and sin ψ
-    SIGNAL_COS: int = 10
-    SIGNAL_SIN: int = 11
-    TEMPERATURE_COS: int = 12
-    TEMPERATURE_SIN: int = 13
-
-    CASING_COS: int = 14  # part of the casing's position by cos ψ, m, where several contacts see it at their angles
-
-    COLUMNS: int = 15
+    COLUMNS: int = 10
 
 
 wave = _Wave()
+
+
+class _SeenWave(NamedTuple):
+    """Columns of the table of waves for one contact, from ``Motion.columns`` on.
+
+    Coefficients of cos ψ and sin ψ in its outputs by the wave alone, and in the position of its casing, m.
+    """
+
+    SIGNAL_COS: int = 0
+    SIGNAL_SIN: int = 1
+    TEMPERATURE_COS: int = 2
+    TEMPERATURE_SIN: int = 3
+    CASING_COS: int = 4
+    CASING_SIN: int = 5
+
+    COLUMNS: int = 6
+
+
+seen_wave = _SeenWave()
 
 
 class _State(NamedTuple):

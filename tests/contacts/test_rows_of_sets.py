@@ -1,0 +1,121 @@
+"""Sets of closed contacts as rows of numbers: each way to their poles gives the system."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from scenes_of_contacts import chain
+
+from scenes import cases_of_file, of_entries, step
+from workflow import schemes
+from workflow.models import Structure, analyse_contacts, contact_system
+from workflow.schemes import Sampling
+from workflow.schemes._exact import closed_sets, contact_batch
+from workflow.schemes._exact.closed_sets import APART, LINKED, UNLINKED, SetAnyAlpha, closed_set_of, row_length
+
+
+class Way(NamedTuple):
+    entries: dict[str, Any]
+    closed: list[bool]
+    alpha: float
+    friction: float
+    link: int
+    general: bool
+
+
+def plain(heated: bool = True) -> dict[str, Any]:
+    """Return the chain with damping that leaves its modes apart, (10/s) M + (2e-5 s) K."""
+    own = chain(heated=heated)
+    return own | {"damping": 10.0 * own["mass"] + 2e-5 * own["stiffness"]}
+
+
+SLIDES = {"tangent": np.eye(5)[[1, 3]]}
+WAYS = {
+    "open": Way(plain(heated=False), [False, False], 0.0, 0.0, UNLINKED, general=False),
+    "closed": Way(plain(heated=False), [True, True], 0.0, 0.0, UNLINKED, general=False),
+    "warm": Way(plain(), [True, False], 0.0, 0.0, APART, general=False),
+    "warm and open": Way(plain(), [False, False], 9.0, 0.0, APART, general=False),
+    "heated": Way(plain(), [False, True], 9.0, 0.0, LINKED, general=False),
+    "heated twice": Way(plain(), [True, True], 9.0, 0.0, LINKED, general=True),
+    "friction": Way(plain() | SLIDES, [True, False], 9.0, 0.3, LINKED, general=True),
+    "coupled damping": Way(chain(), [False, True], 9.0, 0.0, LINKED, general=True),
+}
+
+
+@pytest.mark.parametrize("name", WAYS)
+def test_a_row_is_the_system(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """X' = A X + B w and its signals, by [η, u, ξ] of uncoupled blocks; the general solver only where it must."""
+    way, closed = WAYS[name], np.array(WAYS[name].closed)
+    basis = analyse_contacts(of_entries(way.entries))
+    basis = basis if "heat_capacity" in way.entries else basis.unheated
+    if not way.general:
+        monkeypatch.setattr(closed_sets, "real_blocks", None)
+    row = np.empty(row_length(basis))
+    assert SetAnyAlpha(basis, closed, way.friction, 0.1).fill(row, way.alpha)
+    s, system = closed_set_of(row), contact_system(basis, closed, way.alpha, way.friction)
+    assert system is not None
+    assert (s.link, s.is_open) == (way.link, not closed.any())
+    k, j = s.blocks, s.firsts
+    D = np.zeros((2 * k + j, 2 * k + j))
+    D[:k, k : 2 * k], D[2 * k :, 2 * k :] = np.eye(k), -np.diag(s.first[0, :j])
+    D[k : 2 * k, :k], D[k : 2 * k, k : 2 * k] = -np.diag(s.block[1, :k]), -np.diag(s.block[0, :k])
+    into, out = s.inward.T, s.outward.T
+    size, heats = len(system.A), basis.rate.size
+    assert out @ D @ into == pytest.approx(system.A, abs=1e-12 * np.abs(system.A).max())
+    assert into @ out == pytest.approx(np.eye(size), abs=1e-12)
+    assert out @ s.source[:, :size].T == pytest.approx(system.B, abs=1e-12 * np.abs(system.B).max())
+    assert pytest.approx(system.inputs, rel=1e-14) == s.source[:, size : size + 2].T
+    for o, rows in enumerate((system.signals, np.hstack([np.zeros((2, size - heats)), basis.heat]))):
+        shown = np.hstack([s.outputs[:, 2 * o, :k], s.outputs[:, 2 * o + 1, :k], s.slow_outputs[:, o, :j]])
+        assert shown == pytest.approx(rows @ out, abs=1e-12 * np.abs(rows @ out).max(initial=0.0))
+
+
+@pytest.fixture(scope="module")
+def structure() -> Structure:
+    own: Structure = of_entries(plain())
+    return own
+
+
+def conditions(*chosen: int) -> dict[str, Any]:
+    """Return some of twelve cases: each has an α, three of them have none."""
+    i = np.array(chosen)
+    gaps = np.array([3e-5, 5.5e-5]) * (1 + 1e-3 * i[:, None])
+    return {"gaps": gaps, "amplitude": 28.0, "frequency": 65.0, "alpha": 2.0 * (i % 10), "e": 0.3 * (i % 3)}
+
+
+OVER = Sampling(0.03, 1e-3, 31)
+
+
+def test_a_case_has_one_result_whatever_the_batch(structure: Structure) -> None:
+    together = step(structure, cases_of_file(structure, 12, **conditions(*range(12))), 0.0, OVER, "event_driven")
+    assert np.nansum(together.metrics["impacts"]) > 50
+    for i in (0, 5, 11):
+        alone = step(structure, cases_of_file(structure, 1, **conditions(i)), 0.0, OVER, "event_driven")
+        for name, values in alone.histories.items():
+            assert np.array_equal(values[0], together.histories[name][i]), name
+
+
+def test_tables_of_an_earlier_α_make_room(structure: Structure, monkeypatch: pytest.MonkeyPatch) -> None:
+    scheme = schemes.load("event_driven")
+    batch = cases_of_file(structure, 12, **conditions(*range(12)))
+    usual = scheme.compute(scheme.init(structure, 0.0, scheme.Options()), batch, OVER)
+    length = row_length(analyse_contacts(structure))
+    monkeypatch.setattr(contact_batch, "MOST_BYTES", 12 * 8 * length)
+    operator: Any = scheme.init(structure, 0.0, scheme.Options())
+    few = scheme.compute(operator, batch, OVER)
+    assert len(operator._tables) == 3
+    assert np.array_equal(few.histories["temperature"], usual.histories["temperature"])
+
+
+def test_the_largest_temperature_of_open_contacts_is_not_that_of_samples(structure: Structure) -> None:
+    """Heat at rest in one node passes a contact that never closes: its maximum lies between two samples."""
+    warm = np.zeros((1, 5))
+    warm[0, 0] = 10.0
+    still = {"gaps": [1.0, 1.0], "temperature": warm}
+    coarse, fine = (
+        step(structure, cases_of_file(structure, 1, **still), 0.0, Sampling(40.0, 40.0 / n, n + 1), "event_driven")
+        for n in (4, 4000)
+    )
+    largest = fine.histories["temperature"][0].max(axis=1)
+    assert np.all(coarse.histories["temperature"][0].max(axis=1)[:1] < 0.99 * largest[:1])
+    assert coarse.metrics["max_temperature"][0] == pytest.approx(largest, rel=1e-5)
