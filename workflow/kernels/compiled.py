@@ -177,7 +177,8 @@ def _options(**options: Any) -> dict[str, Any]:
     program = _whole_program()
     if program is not None:
         options["pipeline_class"] = program.KernelCompiler
-    return {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False, **options}
+    usual = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False, "forceinline": False}
+    return {**usual, **options}  # forceinline is given, else numba takes that of the function that is being compiled
 
 
 _PART = {"no_cpython_wrapper": True}

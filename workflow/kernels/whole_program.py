@@ -16,7 +16,7 @@ from collections import Counter
 from functools import cache
 from typing import Any
 
-from llvmlite import ir
+from llvmlite import binding, ir
 from llvmlite.binding import Linkage
 from numba.core import base, codegen, compiler, lowering, postproc, transforms, typed_passes, types
 from numba.core.compiler_machinery import PassManager, register_pass
@@ -66,7 +66,13 @@ class _Whole(_Library):
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage in (Linkage.weak_odr, Linkage.linkonce_odr):
                 function.linkage = "internal"
-        super()._optimize_final_module()
+        passes, builder = self._codegen._module_pass_manager(loop_vectorize=False, slp_vectorize=False, opt=0, cost="cheap")
+        passes.run(self._final_module, builder)  # rotates loops, which are vectorised then
+        tuning = binding.create_pipeline_tuning_options(speed_level=3)
+        tuning.loop_vectorization = True
+        tuning.loop_unrolling = tuning.loop_interleaving = tuning.slp_vectorization = False  # packs are written out
+        builder = binding.create_pass_builder(self._codegen._tm, tuning)
+        builder.getModulePassManager().run(self._final_module, builder)
 
 
 class _Builder(ir.IRBuilder):
