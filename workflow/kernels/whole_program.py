@@ -66,7 +66,9 @@ class _Whole(_Library):
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage in (Linkage.weak_odr, Linkage.linkonce_odr):
                 function.linkage = "internal"
-        passes, builder = self._codegen._module_pass_manager(loop_vectorize=False, slp_vectorize=False, opt=0, cost="cheap")
+        passes, builder = self._codegen._module_pass_manager(
+            loop_vectorize=False, slp_vectorize=False, opt=0, cost="cheap"
+        )
         passes.run(self._final_module, builder)  # rotates loops, which are vectorised then
         tuning = binding.create_pipeline_tuning_options(speed_level=3)
         tuning.loop_vectorization = True
