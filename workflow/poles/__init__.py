@@ -31,7 +31,6 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 from scipy.linalg import lapack, solve_sylvester
-from scipy.sparse.csgraph import connected_components
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex, connected_parts
@@ -261,7 +260,7 @@ def _by_clusters(A: Array, near: float, change: float = 0.0) -> RealBlocks:
     T, Q = scipy.linalg.rsf2csf(*scipy.linalg.schur(balanced))
     values = np.diag(T)
     close = near * np.maximum(np.abs(values), np.abs(values[:, None])) + _ZERO * np.abs(values).max()
-    count, label = connected_components(np.abs(values - values[:, None]) <= close, directed=False)
+    count, label = scipy.sparse.csgraph.connected_components(np.abs(values - values[:, None]) <= close, directed=False)
     spaces, places, at = [], [], 0
     for members in (label == k for k in range(count)):
         lowest, highest = values[members].imag.min(), values[members].imag.max()
