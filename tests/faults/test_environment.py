@@ -19,7 +19,7 @@ from workflow.archive import ArchiveError, content_hash, parts_of
 from workflow.archive._files import commit
 from workflow.cases import arrange
 from workflow.plan import plan_study
-from workflow.run import run_study
+from workflow.run import Advance, ClusterError, _cluster, run_study
 from workflow.solve import _solve, _tasks, solve_in_parts
 
 STUDY = quick()
@@ -123,11 +123,14 @@ def test_a_page_keeps_its_mode_and_its_link(tmp_path: Path) -> None:
 SWEPT = quick({"scene.load.frequency": {"sweep": [900.0, 1000.0, 6]}, "alpha": 5.0})
 
 
-def test_points_of_a_sweep_are_stored_as_they_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In shards of their own where they are large; what is stored when a run stops stays."""
+@pytest.mark.parametrize(("limit", "most"), [("TASK_BYTES", 1), ("LONGEST", 0.0)])
+def test_points_of_a_sweep_are_stored_as_they_end(
+    limit: str, most: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In shards of their own where they are large or take long; what is stored when a run stops stays, and is told."""
     ended = [places.tolist() for places, _ in solve_in_parts(arrange(SWEPT), 0, np.arange(18))]
     assert ended == [[point, 6 + point, 12 + point] for point in range(6)]
-    monkeypatch.setattr("workflow.run._task.TASK_BYTES", 1)
+    monkeypatch.setattr(f"workflow.run._task.{limit}", most)
     archive, step = tmp_path / "a.nc", _solve._solve_or_tell
 
     def stopping(grid: Any, outer: int, inner: Any, *words: Any) -> Any:
@@ -140,7 +143,10 @@ def test_points_of_a_sweep_are_stored_as_they_end(tmp_path: Path, monkeypatch: p
         with pytest.raises(KeyboardInterrupt):
             run_study(SWEPT, archive, threads=1)
     assert len(list(parts_of(archive).glob("*.shard"))) == 4
-    assert run_study(SWEPT, archive).resumed == 12
+    told = list[Advance]()
+    assert run_study(SWEPT, archive, progress=told.append).resumed == 12
+    assert [advance.stored for advance in told] == [12, 15, 18]
+    assert [advance.work for advance in told] == pytest.approx([0, 1 / 2, 1])  # a line begins anew
     run_study(SWEPT, tmp_path / "b.nc")
     assert content_hash(archive) == content_hash(tmp_path / "b.nc")
 
@@ -160,3 +166,11 @@ def test_a_plan_says_the_memory_of_the_cases_that_are_held_at_once() -> None:
     assert 10 * 8 * 4e5 < one < 20 * 8 * 4e5
     points = {"scene.load.frequency": {"sweep": [900.0, 1000.0, 50]}}
     assert plan_study(quick({"e": 0.5, "alpha": 5.0, "h": 1e-5, **points}, **long)).memory < 1.2 * one
+
+
+def test_a_fork_of_a_process_that_had_workers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The threads of distributed are not in it, and it would wait for them."""
+    _cluster._first_process()
+    monkeypatch.setattr(os, "getpid", lambda: -1)
+    with pytest.raises(ClusterError, match="forked from one that has run on workers"):
+        run_study(STUDY, tmp_path / "a.nc", workers=1)

@@ -67,7 +67,7 @@ def test_random_sequences_lose_nothing(tmp_path: Path, request: pytest.FixtureRe
             if draw.random() < 0.2:
                 most = draw.choice([0, 1000, 30_000])
                 limits["preexec_fn"] = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (most, most))
-            words, sent = words_of(kind, study, archive, draw), 0
+            words, sent, whole = words_of(kind, study, archive, draw), 0, archive.exists()
             with started("-c", SLOWLY, str(ahead), *words, **limits) as process:
                 try:
                     _, said = process.communicate(timeout=draw.choice([PATIENCE, draw.uniform(1.0, 4.0)]))
@@ -79,6 +79,7 @@ def test_random_sequences_lose_nothing(tmp_path: Path, request: pytest.FixtureRe
             where = f"seed {seed}: {kind} {limits} ended with {process.returncode}: {said}"
             assert process.returncode in ENDED, where
             assert "Traceback" not in said, where
+            assert archive.exists() or not whole, where
             now = holdings(STUDY, archive).stored
             assert now >= stored or kind in ("recompute", "retry"), where
             stored = now

@@ -135,9 +135,10 @@ HEAD = "frequency,damping_ratio,tip"
 
 @pytest.mark.parametrize("name", ["3", "SG-1", "1353.y"])
 def test_a_column_of_a_sensor_may_look_like_a_number(name: str) -> None:
+    """Also beside one whose name is nearly the same."""
     shown = []
     for column, at in ((name, int(name) if name.isdecimal() else name), ("gauge", "gauge")):
-        parameters = table(f"{HEAD},{column}\n100,0.01,1,7\n200,0.01,1,9\n")
+        parameters = table(f"{HEAD},{column},{column}0\n100,0.01,1,7,3\n200,0.01,1,9,3\n")
         shown.append(sensors_of("modes", parameters, (Sensor(at),)).displacement)
     np.testing.assert_array_equal(*shown)
 

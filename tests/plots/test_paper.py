@@ -12,12 +12,12 @@ from workflow import open_archive, plots
 DATA = Path(__file__).parents[2] / "data"
 
 
+LONG = ("sobol_indices", "sweep", "clearance")
+"""Examples that run larger studies."""
+
+
 @pytest.mark.parametrize(
-    "name",
-    [
-        *("histories", "scene_map", "work_precision", "convergence", "bifurcation"),
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("sobol_indices", "sweep")),  # they run studies
-    ],
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in LONG)) for n in script("reference").FIGURES]
 )
 def test_the_examples_of_the_reference_draw(name: str) -> None:
     reference = script("reference")

@@ -260,21 +260,22 @@ def test_more_entries_than_anybody_writes_are_refused_before_they_are_read() -> 
     assert str(refusal.value).startswith("study.yaml:2: ")
 
 
-IN_WORDS = [
+NO_YAML = [
     ("scene:\n  a: 1\n b: 2\n", 3, "wrong indentation"),
-    ("study: a\nscene:\n  a:1\n  b: 2\n", 4, "no space after a colon"),
-    ("title: a: b\n", 1, "`: ` in a text without quotes"),
+    ("study: a\nscene:\n  a:1\n  b: 2\n", 4, "a colon without a space after it"),
+    ("title: a: b\n", 1, "a text that needs quotes, as one with `: ` in it"),
     ("scene:\n\ta: 1\n", 2, "a tab"),
-    ("a: [1, 2\nb: 3\n", 2, "a bracket that is not closed"),
-    ("a: 'x\nb: 2\n", 3, "a quote that is not closed"),
+    ("a: [1, 2\nb: 3\n", 2, "a bracket or a quote that is not closed"),
+    ("a: 'x\nb: 2\n", 3, "a bracket or a quote that is not closed"),
     ("a: @x\n", 1, "a text that needs quotes"),
 ]
 
 
-@pytest.mark.parametrize(("text", "line", "problem"), IN_WORDS)
-def test_what_is_no_yaml_is_said_in_words(text: str, line: int, problem: str) -> None:
+@pytest.mark.parametrize(("text", "line", "cause"), NO_YAML)
+def test_what_is_no_yaml_has_its_line_and_the_usual_causes(text: str, line: int, cause: str) -> None:
     (mistake,) = mistakes_of(text)
-    assert (mistake.line, problem in mistake.problem) == (line, True)
+    assert (mistake.line, cause in mistake.remedy) == (line, True)
+    assert mistake.problem.startswith("is not YAML, here or just above (")
 
 
 @pytest.mark.parametrize("name", ["blade.npz", "blade.mtx", "modes.CSV"])

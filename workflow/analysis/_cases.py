@@ -30,13 +30,7 @@ def swept_axis(dataset: xr.Dataset) -> str | None:
 
 
 def require_numbers(dataset: xr.Dataset, dim: str) -> None:
-    """Refuse what is no dimension of the cases with numbers along it.
-
-    Raises
-    ------
-    ValueError
-        The message names the dimensions there are.
-    """
+    """Refuse by a :class:`ValueError` what is no dimension of the cases with numbers along it."""
     if dim not in case_dims(dataset) or dim not in dataset.coords or dataset[dim].dtype.kind not in "if":
         raise ValueError(f"`{dim}` is no dimension with numbers; the cases lie along {', '.join(case_dims(dataset))}")
 
@@ -109,9 +103,8 @@ def runaways(dataset: xr.Dataset) -> RunawayCases:
     least, fastest = (each[where].tolist() for each, where in zip(sets, (above.values, flutter), strict=True))
     limits = sorted({*zip(least, critical.values[above.values].round(12).tolist(), strict=True)})
     texts = [f"{closed}: {value:.4g}" if closed else f"{value:.4g}" for closed, value in limits][:5]
-    return RunawayCases(
-        int(above.sum()), int(flutter.sum()), ", ".join(texts), ", ".join(sorted({*fastest} - {""})[:5])
-    )
+    fluttering = sorted({*fastest} - {""})[:5]
+    return RunawayCases(int(above.sum()), int(flutter.sum()), ", ".join(texts), ", ".join(fluttering))
 
 
 _ROUNDED = 1e-14
@@ -191,16 +184,8 @@ def rounded_texts(values: Iterable[float]) -> list[str]:
 def labels_of(dataset: xr.Dataset, dim: str, named: bool = True, rounded: bool = False) -> list[str]:
     """Return a label for each value of a dimension, zipped coordinates side by side.
 
-    Parameters
-    ----------
-    dataset
-        An archive.
-    dim
-        The dimension.
-    named
-        Put the coordinate's name before its value, ``alpha 30 W/N``.
-    rounded
-        Give as many digits as tell the values apart, four at least, as fit in a picture or a table.
+    ``named`` labels begin with the coordinate's name, ``alpha 30 W/N``; ``rounded`` ones have as many digits as tell
+    the values apart, four at least, as fit in a picture or a table.
     """
     names = naming(dataset, dim)
     if not names:

@@ -32,17 +32,7 @@ _EXTREMES = (
 def total_error(dataset: xr.Dataset, part: str = "") -> NDArray[np.float64] | None:
     """Return the largest error of any history of each case, shape of ``status``; NaN where a case is not ok.
 
-    Parameters
-    ----------
-    dataset
-        An archive.
-    part
-        ``scheme_`` or ``model_`` for that part of the errors alone.
-
-    Returns
-    -------
-    ndarray or None
-        ``None`` where the archive does not hold them.
+    ``part`` is ``scheme_`` or ``model_`` for that part of the errors alone. ``None`` where the archive holds none.
     """
     names = [f"{name}_{part}error" for name in COMPARED]
     if not all(name in dataset for name in names):
@@ -55,17 +45,9 @@ def total_error(dataset: xr.Dataset, part: str = "") -> NDArray[np.float64] | No
 def notable_cases(dataset: xr.Dataset, choice: Choice | None) -> dict[int, str]:
     """Return the cases that are worth a look, the most notable first, and what is worth it.
 
-    Cases have numbers, counted in the order of the archive's dimensions, the last fastest.
-
-    First comes the worst case of a choice; without one the hottest or hardest pressed case. Then cases that are not ok,
-    the first of each status, and those with the largest magnitude of each metric.
-
-    Parameters
-    ----------
-    dataset
-        An archive.
-    choice
-        What the archive recommends, or what comes nearest to it; ``None`` without a reference.
+    Cases have numbers, counted in the order of the archive's dimensions, the last fastest. First comes the worst case
+    of the ``choice`` that the archive recommends, or that comes nearest; without one the hottest or hardest pressed
+    case. Then cases that are not ok, the first of each status, and those with the largest magnitude of each metric.
     """
     dataset = most_loaded(dataset)
     status = np.asarray(dataset["status"].values).ravel()
@@ -90,12 +72,7 @@ def notable_cases(dataset: xr.Dataset, choice: Choice | None) -> dict[int, str]:
 def shown_place(dataset: xr.Dataset) -> dict[str, int]:
     """Return where the case lies that a figure shows: the worst of the choice that is recommended.
 
-    Without such a choice that ok case whose contact impulse is the median of theirs.
-
-    Raises
-    ------
-    ValueError
-        No case is ok.
+    Without such a choice that ok case whose contact impulse is the median; raises :class:`ValueError` where none is ok.
     """
     dataset = most_loaded(dataset)
     status = np.asarray(dataset["status"].values)
@@ -156,19 +133,8 @@ def exact_partners(dataset: xr.Dataset, methods: Mapping[str, str]) -> NDArray[n
     """Return, for each case, the number of the case that is the exact solution of its scene; -1 where there is none.
 
     That is a case of the scheme :data:`EXACT` with the most modes that the archive holds; along a dimension that
-    changes the scene too, as a zip may, with those of the case.
-
-    Parameters
-    ----------
-    dataset
-        An archive.
-    methods
-        Method of each scheme of the study, by its label; a label that is missing is its own method.
-
-    Returns
-    -------
-    ndarray
-        Shape ``(case,)``, cases counted as in :func:`notable_cases`.
+    changes the scene too, as a zip may, with those of the case. ``methods`` are those of the study's schemes by label,
+    which is its own method where it is missing. Shape ``(case,)``, cases counted as in :func:`notable_cases`.
     """
     import xarray as xr
 

@@ -182,11 +182,6 @@ def most_accurate(dataset: xr.Dataset, dims: Sequence[str]) -> list[Choice]:
     """Return for each place along some numerical dimensions the choice whose largest error is the least, in C order.
 
     Shares are those of cases within the tolerance of the archive's study.
-
-    Raises
-    ------
-    NoReferenceError
-        The archive holds no errors.
     """
     table, tolerance = Table(dataset), stated_tolerance(dataset)
     sizes, first = [dataset.sizes[dim] for dim in table.rows], [table.rows.index(dim) for dim in dims]
@@ -213,13 +208,7 @@ def _largest(errors: NDArray[np.float64]) -> float:
 
 
 def as_tolerance(written: float | str) -> float:
-    """Return a tolerance from a number or a text such as ``1%``.
-
-    Raises
-    ------
-    ValueError
-        It is no positive number.
-    """
+    """Return a tolerance from a number or a text such as ``1%``; raises :class:`ValueError` if it is not positive."""
     text = str(written).strip()
     try:
         value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)

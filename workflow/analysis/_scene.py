@@ -29,17 +29,9 @@ def gap_of(case: xr.Dataset) -> xr.DataArray:
 
 
 def casing_motion(case: xr.Dataset) -> tuple[Array, Array] | None:
-    """Return place d(t) [m] and velocity ḋ(t) [m/s] of a casing that moves, at the archive's samples.
+    """Return place d(t) [m] and velocity ḋ(t) [m/s] of a casing that moves, at the samples of one case and contact.
 
-    Parameters
-    ----------
-    case
-        One case of an archive with histories, and one of its contacts.
-
-    Returns
-    -------
-    tuple or None
-        Two arrays ``(t,)``; ``None`` where the casing stays at the gap or the archive does not say.
+    ``None`` where the casing stays at the gap or the archive does not say.
     """
     if "gap" not in case.coords or "t" not in case.coords:
         return None
@@ -56,17 +48,7 @@ def casing_motion(case: xr.Dataset) -> tuple[Array, Array] | None:
 def period_frequency(case: xr.Dataset, scene: Mapping[str, Any]) -> float:
     """Return the frequency of the load periods of an archive's case, Hz, see :func:`workflow.models.period_frequency`.
 
-    Parameters
-    ----------
-    case
-        One case of an archive.
-    scene
-        Its study's scene as resolved, without the values of axes.
-
-    Returns
-    -------
-    float
-        Not a number where the scene makes no sense.
+    ``scene`` is its study's as resolved, without the values of axes. Not a number where the scene makes no sense.
     """
     try:
         scene = _of_case(case, scene)

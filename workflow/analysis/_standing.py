@@ -135,10 +135,7 @@ class Line:
 def lines(dataset: xr.Dataset) -> list[Line]:
     """Return a line per scheme through all steps, in the case that :func:`finest` shows of all other dimensions.
 
-    Raises
-    ------
-    ValueError
-        The dataset has no errors or one step only.
+    Raises :class:`ValueError` for a dataset without errors or with one step only.
     """
     if "impulse_error" not in dataset or dataset.sizes.get("h", 1) < 2:
         raise ValueError("errors over steps need a `reference` in the study and several steps `h` in the dataset")

@@ -48,11 +48,7 @@ def reason(error: BaseException) -> str:
 def usable(path: str | Path) -> Path:
     """Return the path of an archive, which need not exist; refuse one that can never be an archive's.
 
-    Raises
-    ------
-    ArchiveError
-        The whole path is not UTF-8, as netCDF-C wants it, or has a backslash; it is a loop of links, or leads to a
-        pipe or a device.
+    Those are paths that are not UTF-8, as netCDF-C wants it, or have a backslash, loops of links, pipes and devices.
     """
     path = Path(path)
     try:
@@ -152,13 +148,7 @@ def sync(path: Path) -> None:
 
 
 def replaceable(path: Path) -> os.stat_result | None:
-    """Return what the system says of a file that is to be replaced, ``None`` where none is.
-
-    Raises
-    ------
-    ArchiveError
-        This process may not write it, or nobody may.
-    """
+    """Return what the system says of a file that is to be replaced, ``None`` of none; refuse one that is read-only."""
     try:
         about = path.stat()
     except FileNotFoundError:
@@ -169,13 +159,7 @@ def replaceable(path: Path) -> os.stat_result | None:
 
 
 def put(aside: Path, path: Path) -> None:
-    """Rename a file that was made aside, with the mode of the file that it replaces, and the owner where it may be.
-
-    Raises
-    ------
-    ArchiveError
-        It is read-only.
-    """
+    """Rename a file that was made aside, with the mode of the one that it replaces, and the owner where it may be."""
     about = replaceable(path)
     if about is not None:
         with suppress(OSError):
@@ -188,14 +172,7 @@ def put(aside: Path, path: Path) -> None:
 def commit(path: Path, *pieces: Any) -> None:
     """Write pieces of bytes aside as ``*.tmp``, flush it, and :func:`put` it under ``path``: all of it or nothing.
 
-    A link goes on to lead to it.
-
-    Raises
-    ------
-    OSError
-        The disk is full, or the directory missing or not writable. Nothing is left behind.
-    ArchiveError
-        The file is read-only.
+    A link goes on to lead to it. Raises :class:`OSError` where the disk is full or the directory not writable.
     """
     path = Path(os.path.realpath(path))
     aside = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")

@@ -69,19 +69,8 @@ def gather(
 ) -> None:
     """Make the archive of stored cases, read it back, put it under its name; the shards may go then.
 
-    At no time is there an incomplete file under the archive's name: it is made inside ``parts``,
-    flushed, and renamed over ``target``.
-
-    Parameters
-    ----------
-    template
-        See :func:`workflow.plan.template`.
-    texts
-        Those of the provenance group.
-    hashes
-        Identity of every case, ``(case, byte)``.
-    stored
-        All of these cases.
+    At no time is there an incomplete file under the archive's name: it is made inside ``parts``, flushed, and renamed
+    over ``target``. ``texts`` are those of the provenance group, ``hashes`` the identities of cases, ``(case, byte)``.
 
     Raises
     ------

@@ -70,12 +70,7 @@ def open_archive(path: str | Path, chunks: Any = None) -> xr.Dataset:
 def provenance(path: str | Path) -> dict[str, str]:
     """Return the texts of an archive's provenance group: ``key``, ``content_hash`` and the study's own.
 
-    An unfinished archive has no ``content_hash`` yet.
-
-    Raises
-    ------
-    ArchiveError
-        There is no such file, or it is not an archive of this workflow.
+    An unfinished archive has no ``content_hash`` yet. What is no archive of this workflow is refused.
     """
     path = usable(path)
     command = _unfinished(path)
@@ -93,13 +88,7 @@ def provenance(path: str | Path) -> dict[str, str]:
 
 
 def study_text(path: str | Path) -> tuple[str, str]:
-    """Return the study as written that an archive came of, and the files that came with it, as one text.
-
-    Raises
-    ------
-    ArchiveError
-        As :func:`provenance`, or the archive is damaged or holds no study.
-    """
+    """Return the study as written that a sound archive came of, and the files that came with it, as one text."""
     path = usable(path)
     if path.exists():
         require_whole(path)
@@ -110,13 +99,7 @@ def study_text(path: str | Path) -> tuple[str, str]:
 
 
 def statuses(path: str | Path) -> NDArray[np.int8]:
-    """Return the status of every case of a finished archive.
-
-    Raises
-    ------
-    ArchiveError
-        There is no such file, or it is not an archive of this workflow.
-    """
+    """Return the status of every case of a finished archive; refuse what is none."""
     with _read(usable(path)) as file:
         return np.asarray(file[STATUS][...])
 
@@ -124,12 +107,7 @@ def statuses(path: str | Path) -> NDArray[np.int8]:
 def content_hash(path: str | Path) -> str:
     """Compute the hash of a finished archive's decoded arrays anew, see :func:`hash_content`; of a damaged one too.
 
-    The one it was stored with is ``provenance(path)["content_hash"]``.
-
-    Raises
-    ------
-    ArchiveError
-        There is no such file, it is unfinished, its values cannot be read, or it is not an archive of this workflow.
+    The one it was stored with is ``provenance(path)["content_hash"]``. Values that cannot be read are refused.
     """
     path = usable(path)
     with _read(path):
@@ -139,14 +117,9 @@ def content_hash(path: str | Path) -> str:
 
 
 def is_whole(path: str | Path) -> bool:
-    """Tell whether an archive's bytes are those that were written.
+    """Tell whether a finished archive's bytes are those that were written; refuse what is none.
 
     All of them are read, at about 1.5 GB/s from memory, before a library reads any.
-
-    Raises
-    ------
-    ArchiveError
-        There is no such file, it is unfinished or not an archive of this workflow, or it cannot be read.
     """
     path = usable(path)
     _look(path)
@@ -160,13 +133,7 @@ def is_whole(path: str | Path) -> bool:
 
 
 def require_whole(path: str | Path) -> None:
-    """Refuse an archive whose bytes are not those that were written.
-
-    Raises
-    ------
-    ArchiveError
-        As :func:`is_whole`, or they are not.
-    """
+    """Refuse an archive whose bytes are not those that were written."""
     if not is_whole(path):
         raise ArchiveError(
             f"{path}: damaged, its bytes are not those that were written; restore a copy, or run its study again "
@@ -175,13 +142,7 @@ def require_whole(path: str | Path) -> None:
 
 
 def require_own_content(path: str | Path) -> None:
-    """Refuse an archive whose bytes or values are not those that were written.
-
-    Raises
-    ------
-    ArchiveError
-        As :func:`require_whole` and :func:`content_hash`, or they are not.
-    """
+    """Refuse an archive whose bytes or values are not those that were written."""
     require_whole(path)
     if content_hash(path) != provenance(path).get("content_hash"):
         raise ArchiveError(f"{path}: another program has changed what it holds; restore a copy")
@@ -310,11 +271,6 @@ def require_readable(path: Path) -> None:
     """Refuse an archive that crashes a process that reads it, or keeps it busy; who opens it tells what else is wrong.
 
     Libraries may crash, or never end, on a file whose bytes have changed: a process of its own reads it first.
-
-    Raises
-    ------
-    ArchiveError
-        It is such a file.
     """
     if not path.is_file():
         return
@@ -357,11 +313,6 @@ def require_own_data(path: Path, file: Any) -> None:
 
     Soft and external links, raw data in other files and virtual datasets lead out, a second name of one object may lead
     in a circle.
-
-    Raises
-    ------
-    ArchiveError
-        It is such a file.
     """
     from h5py import h5d, h5l, h5o, h5t
 

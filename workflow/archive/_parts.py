@@ -58,14 +58,9 @@ def parts_of(path: str | Path) -> Path:
 
 @contextmanager
 def run_lock(parts: Path) -> Iterator[None]:
-    """Keep other runs from an archive's shards; their directory is made where it is missing.
+    """Keep other runs from an archive's shards, or refuse to; their directory is made where it is missing.
 
     The operating system unlocks it where a process crashes. A directory that is empty at the end is removed.
-
-    Raises
-    ------
-    ArchiveError
-        Another run holds it, or it cannot be made.
     """
     with _locked(parts) as file:
         try:
@@ -121,13 +116,8 @@ def _make(parts: Path) -> None:
 def start_parts(parts: str | Path, command: Command) -> None:
     """Make the directory for the shards of a command, or take up one that a run left behind.
 
-    The command is recorded in it, leftovers of interrupted writes are swept, shards
-    stay. One run at a time: whoever calls this holds the directory.
-
-    Raises
-    ------
-    ArchiveError
-        The directory holds what no run left there, or cannot be written.
+    The command is recorded in it, leftovers of interrupted writes are swept, shards stay. One run at a time: whoever
+    calls this holds the directory. One with something in it that no run left is refused.
     """
     parts = Path(parts)
     _make(parts)
@@ -154,13 +144,7 @@ def _others(parts: Path) -> list[str]:
 
 
 def read_command(parts: str | Path) -> Command | None:
-    """Return the command that :func:`start_parts` recorded, ``None`` where there is none.
-
-    Raises
-    ------
-    ArchiveError
-        It cannot be read.
-    """
+    """Return the command that :func:`start_parts` recorded, ``None`` where there is none; refuse a damaged one."""
     path = Path(parts) / COMMAND
     try:
         stored = json.loads(path.read_bytes())
@@ -180,13 +164,7 @@ def read_command(parts: str | Path) -> Command | None:
 
 
 def remove_parts(parts: str | Path) -> None:
-    """Remove the directory of the shards, if there is one; the archive must be in place before.
-
-    Raises
-    ------
-    ArchiveError
-        It cannot be removed.
-    """
+    """Remove the directory of the shards, if there is one; the archive must be in place before."""
     parts = Path(parts)
     try:
         for file in filter(_is_ours, parts.iterdir()):

@@ -55,10 +55,7 @@ def code_revision() -> str:
 def grid_of(texts: Mapping[str, str]) -> Grid:
     """Return the grid of the study that texts of a provenance group hold, with the choices its tolerances made.
 
-    Raises
-    ------
-    StudyError, LookupError, ValueError
-        They cannot be read.
+    Raises :class:`StudyError`, :class:`LookupError` or :class:`ValueError` where they cannot be read.
     """
     study = parse_study(texts["study"], "study", attached=unpacked(texts.get("files", "")))
     return arrange(study, read_choices(texts.get("choices", "{}")))

@@ -144,7 +144,7 @@ def write_shard(
     """Store the results of some cases durably and return the shard's path.
 
     Threads and processes may write at the same time. When this returns the shard survives a crash;
-    when it does not, there is none.
+    when it does not, as on a full disk, there is none.
 
     Parameters
     ----------
@@ -158,11 +158,6 @@ def write_shard(
         One array for each variable of the template, ``(case, …)``.
     messages
         What a case has to say, by its position.
-
-    Raises
-    ------
-    ArchiveError
-        The disk is full, or the directory missing or not writable.
     """
     encoded = {k: truncated_message(text).encode() for k, text in messages.items()}
     texts = np.zeros(len(hashes), f"S{max([1, *map(len, encoded.values())])}")
@@ -261,13 +256,7 @@ def _read_array(path: Path, arrays: Mapping[str, _Array], name: str) -> NDArray[
 
 
 def archive_sources(path: Path) -> list[Source]:
-    """Return the cases of an archive, chunk by chunk.
-
-    Raises
-    ------
-    ArchiveError
-        It is damaged.
-    """
+    """Return the cases of an archive, chunk by chunk; refuse a damaged one."""
     then, hashes = file_of(path), stored_hashes(path)
     with opened(path) as file:
         status, lengths = file[STATUS][...], file[STATUS].chunks or ()
@@ -297,13 +286,7 @@ def _read_box(path: Path, then: tuple[int, int] | None, box: tuple[slice, ...], 
 
 
 def stored_hashes(path: Path) -> Hashes:
-    """Return the identity of every case of an archive, ``(case, byte)``.
-
-    Raises
-    ------
-    ArchiveError
-        It is damaged.
-    """
+    """Return the identity of every case of an archive, ``(case, byte)``; refuse a damaged one."""
     with opened(path) as file:
         hashes = file[PROVENANCE][CASE_HASH][...]
         return np.asarray(hashes.reshape(-1, hashes.shape[-1]), dtype=np.uint8)
@@ -326,10 +309,8 @@ def _has(kinds: Kinds, name: str, variable: xr.Variable, cases: int) -> bool:
     if name not in kinds:
         return name not in BY_NAME or is_steady or (is_period and "period" not in kinds)
     dtype, tail = kinds[name]
-    is_whole = (
-        is_period or is_steady or "event" in variable.dims
-    )  # the hash covers how many samples, or events, a case has
-    is_whole |= tail == variable.shape[cases:]
+    # the hash of a case covers how many samples it has, or events
+    is_whole = is_period or is_steady or "event" in variable.dims or tail == variable.shape[cases:]
     return is_whole and dtype.itemsize >= variable.dtype.itemsize
 
 

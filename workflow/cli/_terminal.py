@@ -43,13 +43,7 @@ def say(line: str) -> None:
 
 
 def write(text: str) -> None:
-    """Print text on the standard output as it is; a reader that has gone, as `head` does, harms nobody.
-
-    Raises
-    ------
-    OSError
-        The standard output cannot be written to.
-    """
+    """Print text on the standard output as it is; a reader that has gone, as `head` does, harms nobody."""
     try:
         print(text, flush=True)
     except OSError as error:
@@ -60,13 +54,7 @@ def write(text: str) -> None:
 
 
 def write_json(value: Any, indent: int | None = None) -> None:
-    """Print a value as JSON; numbers that are not finite are null, characters that a terminal obeys their codes.
-
-    Raises
-    ------
-    OSError
-        The standard output cannot be written to.
-    """
+    """Print a value as JSON; numbers that are not finite are null, characters that a terminal obeys their codes."""
     from pydantic_core import to_json
 
     lines = to_json(value, indent=indent, inf_nan_mode="null").decode().split("\n")
@@ -95,16 +83,9 @@ _BAR = 12
 
 @contextmanager
 def following(follower: Follower, name: str, quiet: bool) -> Iterator[None]:
-    """Show how far a run is while the context lasts.
+    """Show how far a run is, of which ``follower`` keeps the progress, while the context lasts; nothing if ``quiet``.
 
-    Parameters
-    ----------
-    follower
-        Keeps the progress that the run reports.
-    name
-        Of the archive, which begins each line where there is no terminal.
-    quiet
-        Show nothing.
+    ``name`` is the archive's, which begins each line where there is no terminal.
     """
     terminal = console()
     if quiet:

@@ -21,20 +21,23 @@ _SCALED_ROWS = 2
 
 
 def connected_parts(links: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Return the indices of each part that no link joins to the others; SciPy's search is slow to begin for so few."""
-    size, label = len(links), np.arange(len(links))
-    near = links | links.T | np.eye(size, dtype=np.bool_)
-    while np.any(label != (least := np.where(near, label, size).min(axis=1, initial=size))):
-        label = least
-    return [np.flatnonzero(label == k) for k in np.unique(label)]
+    """Return the indices of parts that no link joins, of symmetric links; SciPy's search takes 0.3 ms to begin."""
+    left, parts = np.ones(len(links), dtype=np.bool_), []
+    while left.any():
+        part = links[left.argmax()]
+        while np.count_nonzero(wider := links[part].any(axis=0)) > np.count_nonzero(part):
+            part = wider
+        parts.append(np.flatnonzero(part))
+        left &= ~part
+    return parts
 
 
-def singular(matrix: ArrayLike) -> tuple[Array, Array]:
+def singular(matrix: ArrayLike, graded: bool = True) -> tuple[Array, Array]:
     """Return the singular values of a real matrix, descending, ``(column,)``, and right singular vectors in columns.
 
-    Where A = D₁ B D₂ with any diagonal D₁, D₂ and a well-conditioned B each value has a small relative error, up to
-    :data:`MOST_BY_JACOBI` columns: springs of a chain may differ by many decades. Columns that no row links have
-    vectors of their own, also where their values are equal.
+    Where A = D₁ B D₂ with any diagonal D₁, D₂ and a well-conditioned B each value has a small relative error if
+    ``graded``, up to :data:`MOST_BY_JACOBI` columns: springs of a chain may differ by many decades. Columns that no
+    row links have vectors of their own, also where their values are equal.
     Source: Drmač and Veselić, New fast and accurate Jacobi SVD algorithm I (SIAM J. Matrix Anal. Appl. 29, 2008).
 
     Raises
@@ -43,22 +46,22 @@ def singular(matrix: ArrayLike) -> tuple[Array, Array]:
         Entries are not finite, or the iteration did not converge.
     """
     a = _finite(matrix)
-    if a.shape[1] == 0:
-        return np.zeros(0), np.zeros((0, 0))
-    parts = connected_parts((a != 0).T.astype(np.float64) @ (a != 0) > 0)
-    each = [_singular_of_part(a[:, part]) for part in parts]
+    if a.shape[1] == 0 or a.all(axis=1).any():
+        return _singular_of_part(a, graded)
+    parts = connected_parts(((a != 0).T.astype(np.float64) @ (a != 0) > 0) | np.eye(a.shape[1], dtype=np.bool_))
+    each = [_singular_of_part(a[:, part], graded) for part in parts]
     values = np.concatenate([own for own, _ in each])
     order = np.argsort(-values, kind="stable")
     vectors = block_diagonal(*(own for _, own in each))[np.argsort(np.concatenate(parts))]
     return values[order], np.ascontiguousarray(vectors[:, order])
 
 
-def _singular_of_part(a: Array) -> tuple[Array, Array]:
+def _singular_of_part(a: Array, graded: bool) -> tuple[Array, Array]:
     """Return the singular values of a matrix, and right singular vectors."""
     size, values = a.shape[1], np.zeros(a.shape[1])
-    if size == 1:
-        return np.linalg.norm(a, axis=0), np.ones((1, 1))
-    if size > MOST_BY_JACOBI:
+    if size < 2:
+        return np.linalg.norm(a, axis=0), np.eye(size)
+    if size > MOST_BY_JACOBI or not graded:
         _, s, vt = np.linalg.svd(a, full_matrices=a.shape[0] < size)
         values[: s.size] = s
         return values, np.ascontiguousarray(vt.T)
@@ -104,7 +107,7 @@ def _finite(matrix: ArrayLike) -> Array:
 
 def block_diagonal(*matrices: Array) -> Array:
     """Return the matrix with these on its diagonal; SciPy's ``block_diag`` fails while a thread imports dask.array."""
-    whole = np.zeros(np.sum([matrix.shape for matrix in matrices], axis=0))
+    whole = np.zeros([sum(sides) for sides in zip(*(matrix.shape for matrix in matrices), strict=True)])
     row, column = 0, 0
     for matrix in matrices:
         below, right = row + matrix.shape[0], column + matrix.shape[1]

@@ -153,6 +153,8 @@ def _turned(basis: ContactBasis, S: Any) -> tuple[Array, int]:
     Rigid ones are turned, and have exact zeros in other modes, so that no force depends on the place of the first.
     """
     rigid, rows = basis.frequency == 0, basis.normal[S]
+    if not rigid.any():
+        return np.eye(rigid.size), 0
     seen, turn = singular(rows[:, rigid] / np.linalg.norm(rows, axis=1, keepdims=True))
     each = np.eye(rigid.size)
     return np.hstack([each[:, rigid] @ turn[:, ::-1], each[:, ~rigid]]), int(np.sum(seen <= _RIGID))
@@ -163,10 +165,12 @@ def _constrained(basis: ContactBasis, S: Any) -> tuple[Array, Array]:
 
     They are singular values of diag(ω) Z: eigenvalues of Zᵀ diag(ω²) Z would lose the digits of low modes.
     """
+    if S.size == 0:
+        return np.eye(basis.frequency.size), basis.frequency**2
     modes, still = _turned(basis, S)
-    seen, shapes = singular(basis.normal[S] @ modes[:, still:])
+    seen, shapes = singular(basis.normal[S] @ modes[:, still:], graded=False)
     null = modes[:, still:] @ shapes[:, seen <= _RIGID * seen.max(initial=0.0)]
-    values, vectors = singular(basis.frequency[:, None] * null)
+    values, vectors = singular(basis.frequency[:, None] * null, graded=False)
     return np.hstack([modes[:, :still], null @ vectors[:, ::-1]]), np.append(np.zeros(still), values[::-1] ** 2)
 
 
@@ -200,7 +204,7 @@ def _with_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) -> Co
     given[:, d], given[:, rate] = -K[:, None] * lift, -C @ lift
     force, force_inputs = inverse_delassus @ W @ moved, inverse_delassus @ W @ given
     force_inputs[:, bend] -= inverse_delassus
-    A, B = np.zeros((size, size)), np.zeros((size, basis.inputs))
+    A, B = np.zeros((size, size)), np.zeros((size, given.shape[1]))
     A[z, u] = np.eye(modes)
     slides = friction * (null.T @ T.T)
     A[u] = null.T @ moved
@@ -211,12 +215,12 @@ def _with_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) -> Co
     B[tau, n : n + heats] = np.eye(heats)
     A[tau] += alpha * basis.heat[S].T @ force
     B[tau] += alpha * basis.heat[S].T @ force_inputs
-    signals, inputs = np.zeros((m, size)), np.zeros((m, basis.inputs))
+    signals, inputs = np.zeros((m, size)), np.zeros((m, given.shape[1]))
     signals[S], inputs[S] = force, force_inputs
-    others = np.setdiff1d(np.arange(m), S)
+    others = np.delete(np.arange(m), S)
     signals[others, z] = -basis.normal[others] @ null
     inputs[others, F + 1 + others] = 1.0
-    inputs[np.ix_(others, d)] = -basis.normal[others] @ lift
+    inputs[others[:, None], d] = -basis.normal[others] @ lift
     place = np.zeros((m, n))
     place[S] = lift.T
     return ContactSystem(A, B, signals, inputs, null, place)

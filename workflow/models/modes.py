@@ -50,8 +50,8 @@ _BLANK = " \t,"
 
 MOST_MODES = 2000
 
-_NEARLY = 0.8
-"""Likeness of a column's name to one that is known from which it is misspelt, as difflib measures it."""
+_NEARLY, _KNOWN = 0.8, {*dict(COLUMNS), *dict(HEAT_COLUMNS), "tip_1", "tangent"}
+"""Likeness of a column's name to one of these from which it is misspelt, as difflib measures it."""
 
 
 def read_table(
@@ -72,7 +72,7 @@ def read_table(
         return _table("the table", source, len(names), most=most)
     lines, start, written = _headed(source, most)
     width, more = lines[start].count(",") + 1, sorted(set(written) - set(names))
-    misspelt = not others or any(get_close_matches(name, (*names, "tangent"), cutoff=_NEARLY) for name in more)
+    misspelt = not others or any(get_close_matches(name, _KNOWN & {*names, "tangent"}, cutoff=_NEARLY) for name in more)
     if not set(names) <= set(written) or len(written) != width or (more and misspelt):
         problem = f"`{source.name}` has the columns {lines[start][:80]}"
         beside = others * ", and others of letters, digits, _, - and ."

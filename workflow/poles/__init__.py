@@ -31,9 +31,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 from scipy.linalg import lapack, solve_sylvester
+from scipy.sparse.csgraph import connected_components
 
 from workflow.kernels import Array
-from workflow.kernels.algebra import Complex, block_diagonal, connected_parts
+from workflow.kernels.algebra import Complex, connected_parts
 
 _NEAR = 1e-3
 """Distance of two unit eigenvectors up to which they cost more than three digits."""
@@ -58,10 +59,12 @@ _ZERO = 1e-15
 _WEAK = 1e-8
 """Link of coinciding poles, over them, up to which it is left out: a block of two would lose as much."""
 
-_TIMES: Array = 0.25 ** np.arange(20.0)
+_TIMES: Array = 0.1 ** np.arange(12.0)
 """Times at which a propagated state is seen, over the last: from the fastest pole to the end of a case."""
 
-_Block = tuple[float, float, Array, Array]
+_Places = NDArray[np.intp]
+_Blocks = tuple[Array, Array, Array, Array]
+"""c, ω², p and q: ``(block,)``, ``(N, block)``."""
 
 
 class RealBlocks(NamedTuple):
@@ -91,25 +94,40 @@ def real_blocks(A: Array, duration: float = 1.0, parting: float = 1e-11) -> Real
     numpy.linalg.LinAlgError
         No separation keeps seven digits, or loses less than a hundred times ``parting``.
     """
-    parts = connected_parts(A != 0) or [np.arange(0)]
-    each = [_blocks_of_part(A[np.ix_(part, part)], duration, parting) for part in parts]
+    y, v, alone, parts = _parts(np.asarray_chkfinite(A))
+    if parts and parts[0].size == len(A):
+        return _blocks_of_part(A, duration, parting)
+    each = [_blocks_of_part(A[part[:, None], part], duration, parting) for part in parts]
+    each.append(RealBlocks(-A[v, v], -A[v, y], -A[alone, alone], *[np.eye(2 * y.size + alone.size)] * 2))
+    parts.append(np.concatenate([y, v, alone]))
     c, w2, mu = (np.concatenate([blocks[i] for blocks in each]) for i in range(3))
-    kind = np.concatenate([np.repeat([0, 1, 2], [part.damping.size] * 2 + [part.rate.size]) for part in each])
-    size = np.concatenate([np.abs(np.concatenate([part.stiffness, part.stiffness, part.rate])) for part in each])
-    blocks, firsts = np.argsort(w2, kind="stable"), np.argsort(np.abs(mu), kind="stable")
-    order, place = np.lexsort((size, kind)), np.argsort(np.concatenate(parts))
-    inward = block_diagonal(*(part.inward for part in each))[order][:, place]
-    outward = block_diagonal(*(part.outward for part in each))[place][:, order]
-    return RealBlocks(c[blocks], w2[blocks], mu[firsts], inward, outward)
+    order, inward, outward = np.argsort(w2), np.zeros(A.shape), np.zeros(A.shape)
+    block, first = np.argsort(order), 2 * c.size + np.arange(mu.size)
+    for part, own in zip(parts, each, strict=True):
+        k, j = own.damping.size, own.rate.size
+        place = np.concatenate([block[:k], c.size + block[:k], first[:j]])
+        inward[place[:, None], part], outward[part[:, None], place] = own.inward, own.outward
+        block, first = block[k:], first[j:]
+    return RealBlocks(c[order], w2[order], mu, inward, outward)
+
+
+def _parts(A: Array) -> tuple[_Places, _Places, _Places, list[_Places]]:
+    """Return y and v of blocks y' = v, v' = -ω² y - c v, states of their own, and the other parts no entry links."""
+    links = (A != 0) | (A != 0).T | np.eye(len(A), dtype=np.bool_)
+    count = np.count_nonzero(links, axis=1)
+    y = np.flatnonzero(_displacements(A) & (count == 2))
+    v = np.nonzero(A[y])[1]
+    are_blocks = (count[v] == 2) & (A[v, y] <= 0)
+    y, v, alone = y[are_blocks], v[are_blocks], np.flatnonzero(count == 1)
+    linked = count > 1
+    linked[y] = linked[v] = False
+    rest = np.flatnonzero(linked)
+    return y, v, alone, [rest[part] for part in connected_parts(links[rest][:, rest])]
 
 
 def _blocks_of_part(A: Array, duration: float, parting: float) -> RealBlocks:
     """Return the blocks of A, all coordinates of which are linked."""
-    none, least, best = np.zeros(0), _MOST, None
-    if len(A) < 2:
-        return RealBlocks(none, none, -np.diag(A), np.eye(len(A)), np.eye(len(A)))
-    if len(A) == 2 and A[0, 0] == 0 and A[0, 1] == 1 and A[1, 0] <= 0:
-        return RealBlocks(-A[1, 1:], -A[1, :1], none, np.eye(2), np.eye(2))
+    least, best = _MOST, None
     by_clusters: list[Callable[[Array], RealBlocks]]
     by_clusters = [partial(_by_clusters, near=near, change=change) for change in (0.0, parting) for near in _CLUSTERS]
     for separate in (_by_eigenvectors, *by_clusters):
@@ -132,35 +150,33 @@ def _displacements(A: Array) -> NDArray[np.bool_]:
 
 def _by_eigenvectors(A: Array) -> RealBlocks:
     """Return the blocks of A by its eigenvectors."""
-    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
-    values, vectors = scipy.linalg.eig(balanced)
-    near, real = _near_pairs(values, vectors), values.imag == 0
+    balanced, _, _, scale, _ = lapack.dgebal(A, scale=1)  # D⁻¹ A D and D
+    values, vectors = (found.astype(np.complex128) for found in np.linalg.eig(balanced))
+    near, alone = _near_pairs(values, vectors), np.ones(values.size, dtype=np.bool_)
     for pair in near:
         vectors[:, pair] = _subspace(balanced, vectors[:, pair[0]].real, values[pair[1]].real)
-    alone = np.setdiff1d(np.arange(values.size), near)
+    alone[near] = False
     moved = np.linalg.solve(vectors, balanced @ vectors)
     change, apart = moved - np.diag(values), values - values[:, None]
     step = np.divide(change, apart, out=np.zeros_like(change), where=np.abs(change) < _NEAR * np.abs(apart))
-    step[:, np.setdiff1d(np.arange(values.size), alone)] = 0.0
+    step[:, ~alone] = 0.0
     for pair in near:
-        apart = moved[np.ix_(pair, pair)] - values[alone, None, None] * np.eye(2)
+        apart = moved[np.ix_(pair, pair)] - values[alone][:, None, None] * np.eye(2)
         step[np.ix_(alone, pair)] = (moved[alone][:, None, pair] @ np.linalg.pinv(apart))[:, 0]
+    firsts = alone & (values.imag == 0)
     values, vectors = values + np.diag(change), vectors + vectors @ step
-    y = _displacements(A)
-    blocks = [_block_of(moved[np.ix_(pair, pair)].real, vectors[:, pair].real, y) for pair in near]
-    for k in alone[(values.imag > 0)[alone] & ~real[alone]]:
-        blocks.append(_block_of_pair(values[k], vectors[:, k], y))
-    firsts = alone[real[alone]]
+    above, y = alone & ~firsts & (values.imag > 0), _displacements(A)
+    blocks = [_blocks_of_pairs(values[above], vectors[:, above], y)]
+    blocks += [_block_of(moved[np.ix_(pair, pair)].real, vectors[:, pair].real, y) for pair in near]
     return _assembled(blocks, -values[firsts].real, vectors[:, firsts].real, scale)
 
 
-def _assembled(blocks: list[_Block], rate: Array, firsts: Array, scale: Array) -> RealBlocks:
+def _assembled(each: list[_Blocks], rate: Array, firsts: Array, scale: Array) -> RealBlocks:
     """Return blocks in the order of ω², then first-order states, of a matrix that was balanced by ``scale``."""
-    blocks.sort(key=lambda block: block[1])
-    damping, stiffness = (np.array([block[i] for block in blocks]) for i in range(2))
-    p, q = (np.array([block[i] for block in blocks]).reshape(len(blocks), scale.size).T for i in (2, 3))
-    outward = np.concatenate([p, q, firsts], 1)
-    return RealBlocks(damping, stiffness, rate, np.linalg.inv(outward) / scale, scale[:, None] * outward)
+    damping, stiffness, p, q = (np.concatenate([blocks[i] for blocks in each], axis=-1) for i in range(4))
+    order = np.argsort(stiffness, kind="stable")
+    outward = np.concatenate([p[:, order], q[:, order], firsts], axis=1)
+    return RealBlocks(damping[order], stiffness[order], rate, np.linalg.inv(outward) / scale, scale[:, None] * outward)
 
 
 def _error_of(A: Array, blocks: RealBlocks) -> float:
@@ -176,15 +192,15 @@ def propagated_error(A: Array, blocks: RealBlocks, duration: float) -> float:
     time; what rounding of A would do as well does not count. At 0 it is outward · inward X - X.
     """
     c, w2, mu, inward, outward = blocks
-    scale = scipy.linalg.matrix_balance(A, permute=False, separate=True)[1][0]
-    begin = np.where(_displacements(A), 0.0, scale * np.random.default_rng(0).normal(size=len(A)))
+    begin = np.where(_displacements(A), 0.0, lapack.dgebal(A, scale=1)[3] * np.cos(np.arange(len(A)) ** 2))
     times, half = duration * _TIMES, c / 2
-    growth = max(0.0, np.max((np.sqrt(half**2 - w2 + 0j) - half).real, initial=0.0), np.max(-mu, initial=0.0))
+    growth = max((np.sqrt(half**2 - w2 + 0j) - half).real.max(initial=0.0), -mu.min(initial=0.0))
     C, S = oscillations(half + growth, half**2 - w2, times)
     eta, u, xi = np.split(inward @ begin, [c.size, 2 * c.size])
     eta, u = eta * (C + half * S) + u * S, u * (C - half * S) - eta * w2 * S
     xi = xi * np.exp(-(mu + growth) * times[:, None])
-    X, slope = outward @ np.hstack([eta, u, xi]).T, outward @ np.hstack([u, -c * u - w2 * eta, -mu * xi]).T
+    states = [eta, u, xi], [u, -c * u - w2 * eta, -mu * xi]
+    X, slope = (outward @ np.concatenate(state, axis=1).T for state in states)
     beyond = np.abs(slope - A @ X) - 16 * _ROUNDING * (np.abs(A) @ np.abs(X))
     largest = np.maximum(np.abs(X).max(axis=1), np.abs(begin))
     error = np.abs(outward @ (inward @ begin) - begin) + np.maximum(beyond, 0.0) @ times
@@ -214,8 +230,7 @@ def _beside_rigid_motions(A: Array, separate: Callable[[Array], RealBlocks]) -> 
     Of the other coordinates the first-order states with the largest effect on y, as many as y, become blocks with
     ω² = 0, u = ξ and y = V η. The rest contributes y' = r η + r' u, integrated to (r' - c r/ω²) η - r/ω² u.
     """
-    drifts = np.flatnonzero(~A.any(axis=0) & _displacements(A))
-    if drifts.size == 0:
+    if A.any(axis=0).all() or not (drifts := np.flatnonzero(~A.any(axis=0) & _displacements(A))).size:
         return separate(A)
     others = np.setdiff1d(np.arange(len(A)), drifts)
     c, w2, mu, inward, outward = separate(A[np.ix_(others, others)])
@@ -242,11 +257,11 @@ def _by_clusters(A: Array, near: float, change: float = 0.0) -> RealBlocks:
     """
     y = _displacements(A)
     A = A * (1 + change * np.random.default_rng(0).uniform(-1, 1, A.shape))
-    balanced, (scale, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+    balanced, _, _, scale, _ = lapack.dgebal(A, scale=1)  # D⁻¹ A D and D
     T, Q = scipy.linalg.rsf2csf(*scipy.linalg.schur(balanced))
     values = np.diag(T)
     close = near * np.maximum(np.abs(values), np.abs(values[:, None])) + _ZERO * np.abs(values).max()
-    count, label = scipy.sparse.csgraph.connected_components(np.abs(values - values[:, None]) <= close, directed=False)
+    count, label = connected_components(np.abs(values - values[:, None]) <= close, directed=False)
     spaces, places, at = [], [], 0
     for members in (label == k for k in range(count)):
         lowest, highest = values[members].imag.min(), values[members].imag.max()
@@ -261,7 +276,7 @@ def _by_clusters(A: Array, near: float, change: float = 0.0) -> RealBlocks:
     V = np.hstack(spaces)
     V = V @ _refinement(np.linalg.solve(V, balanced @ V), [space.shape[1] for space in spaces])
     moved = np.linalg.solve(V, balanced @ V)
-    blocks: list[_Block] = []
+    blocks = [_blocks_of_pairs(values[:0], V[:, :0], y)]
     rates: list[float] = []
     firsts: list[Array] = []
     for is_real, place in places:
@@ -270,7 +285,7 @@ def _by_clusters(A: Array, near: float, change: float = 0.0) -> RealBlocks:
             inner = _by_eigenvectors(M.real)
             if _error_of(M.real, inner) <= _SOUND:  # neighbours for the size of A alone
                 p, q, x = np.split(space.real @ inner.outward, [inner.damping.size, 2 * inner.damping.size], axis=1)
-                blocks += zip(inner.damping, inner.stiffness, p.T, q.T, strict=True)
+                blocks.append((inner.damping, inner.stiffness, p, q))
                 rates, firsts = [*rates, *inner.rate], [*firsts, *x.T]
                 continue
             basis, pairs = _pairs_and_singles(M.real)
@@ -281,7 +296,7 @@ def _by_clusters(A: Array, near: float, change: float = 0.0) -> RealBlocks:
             continue
         basis = _independent(M)
         space, M = space @ basis, np.linalg.solve(basis, M @ basis)
-        blocks += [_block_of_pair(s, x, y) for s, x in zip(np.diag(M), space.T, strict=True)]
+        blocks.append(_blocks_of_pairs(np.diag(M), space, y))
     return _assembled(blocks, np.array(rates), np.array(firsts).reshape(-1, len(A)).T, scale)
 
 
@@ -338,15 +353,14 @@ def _independent(M: Array) -> Array:
 
 def _near_pairs(values: Complex, vectors: Complex) -> NDArray[np.intp]:
     """Return pairs of poles, conjugate or real of the same sign, whose eigenvectors nearly agree, ``(pair, 2)``."""
-    near = [[k, k + 1] for k in np.flatnonzero(values.imag > 0).tolist() if np.linalg.norm(vectors[:, k].imag) < _NEAR]
-    left = np.flatnonzero(values.imag == 0).tolist()
-    while len(left) > 1:
-        k = left.pop(0)
-        own, others = vectors[:, [k]].real, vectors[:, left].real
-        apart = np.minimum(np.linalg.norm(own - others, axis=0), np.linalg.norm(own + others, axis=0))
-        apart[(values[k] * values[left]).real < 0] = np.inf
-        if apart.min() < _NEAR:
-            near.append([k, left.pop(int(np.argmin(apart)))])
+    real, near = values.imag == 0, []
+    mates = (values.conj() == values[:, None]) | (real & real[:, None] & (values.real * values.real[:, None] >= 0))
+    cosine = np.where(mates, np.abs(vectors.conj().T @ vectors), 0.0)
+    np.fill_diagonal(cosine, 0.0)
+    while cosine.max() > 1 - _NEAR**2 / 2:
+        pair = np.array(np.unravel_index(cosine.argmax(), cosine.shape))
+        near.append(pair)
+        cosine[pair, :] = cosine[:, pair] = 0.0
     return np.array(near, dtype=np.intp).reshape(-1, 2)
 
 
@@ -356,16 +370,16 @@ def _subspace(A: Array, x: Array, s: float) -> Array:
     return np.asarray(np.linalg.qr(np.column_stack([x, w]))[0])
 
 
-def _block_of_pair(s: complex, x: Complex, y: NDArray[np.bool_]) -> _Block:
-    """Return c, ω², p and q of a pair of poles, s and its eigenvector x above the real axis, turned to real x[y]."""
-    x = x * np.exp(-0.5j * np.angle(np.sum(x[y] ** 2)))
+def _blocks_of_pairs(s: Complex, x: Complex, y: NDArray[np.bool_]) -> _Blocks:
+    """Return the blocks of pairs of poles, s and eigenvectors x above the real axis, turned to real x[y]."""
+    x = x * np.exp(-0.5j * np.angle(np.sum(x[y] ** 2, axis=0)))
     q = 2 * x.imag / s.imag
     return -2 * s.real, s.real**2 + s.imag**2, 2 * x.real - s.real * q, q
 
 
-def _block_of(pair: Array, space: Array, y: NDArray[np.bool_]) -> _Block:
-    """Return c, ω², p and q of two poles, with ``pair`` the matrix of A in their invariant subspace."""
+def _block_of(pair: Array, space: Array, y: NDArray[np.bool_]) -> _Blocks:
+    """Return the block of two poles, with ``pair`` the matrix of A in their invariant subspace."""
     c = -np.trace(pair)
     seen = np.vstack([space[y], _WEAK * np.eye(2)])
-    q = np.linalg.svd(seen @ (pair + c / 2 * np.eye(2)))[2][0]
-    return c, max(0.0, np.linalg.det(pair)), space @ (pair @ q + c * q), space @ q
+    q = np.linalg.svd(seen @ (pair + c / 2 * np.eye(2)))[2][:1].T
+    return np.array([c]), np.array([max(0.0, np.linalg.det(pair))]), space @ (pair @ q + c * q), space @ q

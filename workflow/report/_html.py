@@ -69,13 +69,7 @@ _TEMPLATES.filters |= {"prose": prose, "kind": kind}
 
 
 def page(title: str, scripts: Sequence[str] = (), **values: Any) -> str:
-    """Return a whole page, ``page.html`` with some values; only the scripts given run.
-
-    Raises
-    ------
-    ValueError
-        A script would end its own element.
-    """
+    """Return a whole page, ``page.html`` with some values; only the scripts given run."""
     if any("</script" in script.lower() for script in scripts):
         raise ValueError("a script of the page holds the end of a script")
     hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]

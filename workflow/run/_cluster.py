@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import logging
+import os
 import signal
 import sys
 import threading
@@ -14,7 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -24,7 +25,7 @@ from workflow.archive import ArchiveError, Command, code_revision, grid_of, read
 from workflow.cases import WORKERS, waiting_for
 from workflow.models import FACTORISING, has_cholmod, one_thread
 from workflow.run._prepare import Prepared
-from workflow.run._task import Job, Report, store_lost, store_task
+from workflow.run._task import Job, Report, Stored, store_lost, store_task
 from workflow.run._threads import MOST_TASKS, graphs
 from workflow.schemes import SOLVER_VERSION
 from workflow.solve import ReferenceBlock, ReferenceSolutions, Task, compute_block, tasks
@@ -87,10 +88,7 @@ def software() -> tuple[tuple[str, str], ...]:
 def join(session: Session) -> Command:
     """Check that a worker may work for a run, and return the run's command.
 
-    Raises
-    ------
-    ClusterError
-        It has other software, or does not share the directory of the shards.
+    Raises :class:`ClusterError` where it has other software, or does not share the directory of the shards.
     """
     differences = ", ".join(
         f"{name} {mine} instead of {expected}"
@@ -120,10 +118,12 @@ def run_block(session: Session, block: ReferenceBlock) -> ReferenceSolutions:
         return compute_block(_job(session).grid, block)
 
 
-def run_task(session: Session, task: Task, *words: Any) -> Report:
+def run_task(session: Session, task: Task, *words: Any) -> list[Report]:
     """Compute a task on this worker and store it; one that came later may be refused here, see :func:`join`."""
+    shards = list[Report]()
     with one_thread():
-        return store_task(_job(session), task, *words)
+        store_task(_job(session), task, *words, stored=shards.append)
+    return shards
 
 
 def _job(session: Session) -> Job:
@@ -148,19 +148,27 @@ def _prepared(session: Session) -> Job:
     return Job(grid, Path(session.parts), command.begun)
 
 
+@cache
+def _first_process() -> int:
+    """Return the process that first used distributed: this one, or what it was forked from, which has the threads."""
+    return os.getpid()
+
+
 @contextmanager
 def connected(workers: int | None, scheduler: str | None) -> Iterator[Any]:
     """Give a dask client of as many worker processes here, or of the scheduler at an address.
 
-    Worker processes of this machine end with this context, and at once if this process is killed.
-
-    Raises
-    ------
-    ClusterError
-        Workers cannot be started, or no scheduler answers, or it has no workers.
+    Worker processes of this machine end with this context, and at once if this process is killed. Raises
+    :class:`ClusterError` where they cannot be started, no scheduler answers or it has no workers, or a process that
+    had some was forked.
     """
     import distributed  # noqa: F401 - it gives these loggers levels, which are changed below
 
+    if _first_process() != os.getpid():
+        raise ClusterError(
+            "this process was forked from one that has run on workers, and lacks the threads that served them; run on "
+            "threads here, or start it by multiprocessing's `spawn`"
+        )
     for name in _LOGGERS:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # what went wrong is reported here, once
     with _workers_here(workers) if scheduler is None else _workers_of(scheduler) as client:
@@ -182,24 +190,18 @@ def _workers_here(workers: int | None) -> Iterator[Any]:
                     n_workers=workers,
                     threads_per_worker=1,
                     processes=True,
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",  # any port: there may be other runs
+                    scheduler_kwargs={"dashboard": False},
                     memory_limit=0,
                     silence_logs=logging.CRITICAL,
                 )
                 client = running.enter_context(distributed.Client(running.enter_context(cluster)))
         except Exception as error:  # whatever the death of a process that starts becomes
             raise ClusterError(
-                f"worker processes could not be started: {_first_cause(error)}; give the command again, with fewer "
+                f"worker processes could not be started: {error}; give the command again, with fewer "
                 "--workers where memory is short, or on --threads"
             ) from error
         yield client
-
-
-def _first_cause(error: BaseException) -> str:
-    """Return what the error says that others were raised from."""
-    while cause := error.__cause__ or error.__context__:
-        error = cause
-    return str(error) or type(error).__name__
 
 
 @contextmanager
@@ -256,19 +258,12 @@ def _while_it_lives(scheduler: str) -> Iterator[None]:
         raise ClusterError(f"{scheduler}: {_GONE}") from None
 
 
-def run_on_cluster(prepared: Prepared, stored: Callable[[Report], None], client: Any) -> None:
-    """Run the tasks that are missing; ``stored`` is called with each when its shard is written.
+def run_on_cluster(prepared: Prepared, stored: Stored, client: Any) -> None:
+    """Run the tasks that are missing; ``stored`` hears of the shards of each when it has ended.
 
     dask blames a worker's death on every task that the worker had been given. A task that has been
     blamed too often is therefore tried again alone, when all others are done; one that then kills its
-    workers too becomes failed cases.
-
-    Raises
-    ------
-    ClusterError
-        A worker may not work for this run, all workers have left, or the scheduler is gone.
-    ArchiveError
-        A shard could not be written.
+    workers too becomes failed cases. Raises :class:`ClusterError` where no worker may work for it, or all have left.
     """
     if not prepared.missing.any():
         return
@@ -278,15 +273,18 @@ def run_on_cluster(prepared: Prepared, stored: Callable[[Report], None], client:
     for task, result in _results(client, session, prepared, cut, threads, MOST_TASKS):
         if result is None:
             suspects.append(task)
-        else:
-            stored(result)
+        for report in result or []:
+            stored(report)
     for task, result in _results(client, session, prepared, iter(suspects), threads, 1):
-        stored(store_lost(job, task, prepared.hashes_of(task), LOST) if result is None else result)
+        if result is None:
+            store_lost(job, task, prepared.hashes_of(task), LOST, stored)
+        for report in result or []:
+            stored(report)
 
 
 def _results(
     client: Any, session: Session, prepared: Prepared, cut: Iterator[Task], threads: int, most: int
-) -> Iterator[tuple[Task, Report | None]]:
+) -> Iterator[tuple[Task, list[Report] | None]]:
     """Yield tasks as they end, with ``None`` where dask has given up; their futures are let go.
 
     They are handed over in graphs of so many, the next when half of one is done.
@@ -335,12 +333,12 @@ def _has_workers(client: Any) -> bool:
         return True
 
 
-def _result(future: Any, client: Any) -> Report | None:
+def _result(future: Any, client: Any) -> list[Report] | None:
     """Return what a task that has ended returned; with a worker that died in between it is not there any more."""
     from distributed import CancelledError, KilledWorker
 
     try:
-        result: Report = _patiently(lambda seconds: future.result(timeout=seconds), client)
+        result: list[Report] = _patiently(lambda seconds: future.result(timeout=seconds), client)
         return result
     except KilledWorker:
         return None

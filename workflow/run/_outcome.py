@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.archive import open_archive
 from workflow.judges.load_periods import SETTLED, change_of_impulse
@@ -92,19 +93,22 @@ def warnings_of(dataset: xr.Dataset) -> tuple[str, ...]:
 
 def _hottest(dataset: xr.Dataset) -> Iterator[str]:
     """Yield how many ok cases exceed :data:`LINEAR`, and the hottest of them."""
-    if "max_temperature" not in dataset:
-        return
+    if "max_temperature" in dataset:
+        for cases, hottest, where in _beyond(dataset, dataset["max_temperature"].values, LINEAR):
+            yield (
+                f"{cases} are hotter than {LINEAR:g} K, above which a linear model means nothing; "
+                f"the hottest reaches {hottest:.4g} K: {where}"
+            )
+
+
+def _beyond(dataset: xr.Dataset, values: NDArray[np.float64], limit: float) -> Iterator[tuple[str, float, str]]:
+    """Yield, where ok cases exceed a limit at some contact, how many do, the largest value and its case."""
     ok = dataset["status"].values == Status.OK
-    every = dataset["max_temperature"].values.reshape(*ok.shape, -1)  # of all contacts
-    temperature = np.where(ok, every.max(axis=-1), np.nan)
-    hot = int(np.sum(temperature > LINEAR))
-    if hot:
-        hottest = int(np.nanargmax(temperature))
-        where = labels_of_case(dataset, hottest) or "the only case"
-        yield (
-            f"{hot} of {np.sum(ok)} ok cases are hotter than {LINEAR:g} K, above which a linear model means nothing; "
-            f"the hottest reaches {temperature.flat[hottest]:.4g} K: {where}"
-        )
+    largest = np.where(ok, np.fmax.reduce(values.reshape(*ok.shape, -1), axis=-1), np.nan)
+    if count := int(np.sum(largest > limit)):
+        most = int(np.nanargmax(largest))
+        where = labels_of_case(dataset, most) or "the only case"
+        yield f"{count} of {np.sum(ok)} ok cases", float(largest.flat[most]), where
 
 
 def _coarse_tip(dataset: xr.Dataset) -> Iterator[str]:
@@ -127,20 +131,16 @@ def _unsettled(dataset: xr.Dataset) -> Iterator[str]:
     """Yield how many ok cases have not settled, by the impulses of load periods, where no steady rubs are asked for."""
     if "period_impulse" not in dataset or "steady_state" in dataset:
         return
-    ok, periods = dataset["status"].values == Status.OK, dataset["period_impulse"].transpose(..., "period")
+    periods = dataset["period_impulse"].transpose(..., "period")
     along, size = periods.dims[0], periods.shape[0]
     width = size if along == "period" else 1 + size // _PARTS
     parts = (periods.isel({along: slice(k, k + width)}) for k in range(0, size, width))
     change = np.concatenate([np.ravel(change_of_impulse(part.values)) for part in parts])
-    change = np.where(ok, np.fmax.reduce(change.reshape(*ok.shape, -1), axis=-1), np.nan)
-    unsettled = int(np.sum(change > SETTLED))
-    if unsettled:
-        most = int(np.nanargmax(change))
-        where = labels_of_case(dataset, most) or "the only case"
+    for cases, most, where in _beyond(dataset, change, SETTLED):
         yield (
-            f"{unsettled} of {np.sum(ok)} ok cases have not settled: the mean impulse of a load period changes by more "
-            f"than {SETTLED:.0%} between the last two quarters of the periods; most, {change.flat[most]:.0%}: {where}; "
-            "make `duration` longer, or ask for `output.steady`"
+            f"{cases} have not settled: the mean impulse of a load period changes by more than {SETTLED:.0%} between "
+            f"the last two quarters of the periods; most, {most:.0%}: {where}; make `duration` longer, or ask for "
+            "`output.steady`"
         )
 
 

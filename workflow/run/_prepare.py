@@ -130,12 +130,7 @@ def prepare(grid: Grid, archive: Path, reuse: Reuse, here: bool) -> Prepared:
 
     A plain run finishes the command that was interrupted, and so does the same command unless the program was edited
     meanwhile. Where cases are not computed ``here``, in this process, but on workers, the archive does not say that its
-    linear algebra is pinned: theirs may be another one.
-
-    Raises
-    ------
-    ArchiveError
-        They hold another study, or cases that this one no longer asks for; they are damaged or cannot be written.
+    linear algebra is pinned: theirs may be another one. Another study is refused, as are cases that would be lost.
     """
     parts, texts = parts_of(archive), {**provenance_of(grid), **({} if here else {"pinned": "false"})}
     earlier, there = read_command(parts), file_of(archive)
@@ -185,13 +180,7 @@ def _elsewhere(found: tuple[Found, Found], source: NDArray[np.int64], now: Mappi
 
 
 def holdings(study: Study, archive: str | Path) -> Holdings:
-    """Return what an archive and its unfinished run hold of a study; nothing is changed.
-
-    Raises
-    ------
-    ArchiveError
-        The archive is another study's, damaged, or cannot be read.
-    """
+    """Return what an archive and its unfinished run hold of a study, or refuse them; nothing is changed."""
     archive, grid = Path(archive), arrange(study)
     if archive.exists():
         require_whole(archive)
@@ -203,13 +192,7 @@ def holdings(study: Study, archive: str | Path) -> Holdings:
 
 
 def in_archive(archive: Path, job: Job, now: Mapping[str, str], hashes: Hashes, recompute: bool) -> Found:
-    """Return what of a study its archive holds; ``now`` are the texts of the provenance group that a run will write.
-
-    Raises
-    ------
-    ArchiveError
-        The archive is another study's, or it is damaged.
-    """
+    """Return what of a study its archive holds; ``now`` are the texts of the provenance group that a run will write."""
     if not archive.exists():
         return Found()
     texts = provenance(archive)
@@ -259,13 +242,7 @@ def in_shards(job: Job, hashes: Hashes) -> Found:
 
 
 def check_name(study: Study, archive: Path, texts: Mapping[str, str]) -> Mapping[str, Any]:
-    """Return the resolved study of which an archive holds an earlier state; refuse the archive of another one.
-
-    Raises
-    ------
-    ArchiveError
-        It has another name, or none.
-    """
+    """Return the resolved study of which an archive holds an earlier state; refuse the archive of another one."""
     try:
         resolved: Mapping[str, Any] = json.loads(texts["resolved"])
         name = str(resolved["study"])

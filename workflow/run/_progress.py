@@ -41,11 +41,11 @@ class Advance:
     rate: float
     left: float
     """``rate``, ``left``: cases per second of this run so far, and the seconds that the rest takes if its work goes on
-    as fast; NaN until a task has ended. Compilation in this process does not count."""
+    as fast; NaN until a shard is stored. Compilation in this process does not count."""
 
 
 Progress = Callable[[Advance], None]
-"""Hears how far a run is: when it begins to compute and whenever a task is stored, from any thread."""
+"""Hears how far a run is: when it begins to compute and whenever results are stored, from any thread."""
 
 
 @dataclass
@@ -76,7 +76,7 @@ class ProgressCounter:
             self.tell(self._advance())
 
     def add(self, report: Report) -> None:
-        """Take what a task has stored, and report it."""
+        """Take what a shard holds, and report it."""
         with self._lock:
             self._stored += report.cases
             self._new += report.cases

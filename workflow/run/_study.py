@@ -35,14 +35,14 @@ from workflow.run._cluster import ClusterError, connected, run_on_cluster
 from workflow.run._outcome import Outcome, summarise
 from workflow.run._prepare import Prepared, Reuse, check_name, prepare
 from workflow.run._progress import Progress, ProgressCounter, in_notebook, notebook_line
-from workflow.run._task import Report
+from workflow.run._task import Stored
 from workflow.run._threads import available_threads, run_on_threads
 from workflow.schemes import Status
 from workflow.solve import compiled_ahead, kernel_variants, model_seconds, require_memory
 from workflow.study import Study, StudySource, read_study
 
-RunTasks = Callable[[Prepared, Callable[[Report], None]], None]
-"""Runs the tasks that are missing; the last argument hears of each when its shard is safe."""
+RunTasks = Callable[[Prepared, Stored], None]
+"""Runs the tasks that are missing."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def run_study(
     threads
         Threads of dask; as many as there are processors where not given.
     progress
-        Called when the run begins to compute and whenever a task is stored. Where it is left out a notebook shows a
+        Called when the run begins to compute and whenever results are stored. Where it is left out a notebook shows a
         line with a bar, and nothing is shown elsewhere; ``False`` shows nothing anywhere.
     workers
         Worker processes of dask on this machine, instead of threads.

@@ -19,6 +19,7 @@ from workflow.plan import template
 from workflow.run._outcome import status_name
 from workflow.schemes import Status
 from workflow.solve import (
+    LONGEST,
     TASK_BYTES,
     Batch,
     ReferenceBlock,
@@ -70,14 +71,18 @@ class Job:
 
 @dataclass(frozen=True)
 class Report:
-    """What a task has stored, without arrays."""
+    """What a shard of a task holds, without arrays."""
 
     seconds: float
-    """Those of the task, by the cost model."""
+    """Their share of the task's, by the cost model."""
     cases: int
     """Cases of the study that have its results."""
     endings: Mapping[str, int]
     """Number of those that are not ok, by name of their status."""
+
+
+Stored = Callable[[Report], None]
+"""Hears of each shard when it is safe."""
 
 
 def not_ok(status: NDArray[Any], times: int = 1) -> Counter[str]:
@@ -87,34 +92,49 @@ def not_ok(status: NDArray[Any], times: int = 1) -> Counter[str]:
 
 
 def store_task(
-    job: Job, task: Task, hashes: Hashes, blocks: Sequence[ReferenceBlock], computed: Sequence[ReferenceSolutions]
-) -> Report:
+    job: Job,
+    task: Task,
+    hashes: Hashes,
+    blocks: Sequence[ReferenceBlock],
+    computed: Sequence[ReferenceSolutions],
+    *,
+    stored: Stored,
+) -> None:
     """Compute the cases of a task, with these hashes, and store them; they are compared with what blocks hold."""
     solutions = solutions_of(job.grid, dict(zip(blocks, computed, strict=True)))
 
     def parts_of(batch: Batch) -> Iterator[Part]:
         return solve_in_parts(job.grid, batch.outer, batch.inner, solutions=solutions)
 
-    return _store(job, task, hashes, parts_of, 1)
+    _store(job, task, hashes, parts_of, 1, stored)
 
 
-def store_lost(job: Job, task: Task, hashes: Hashes, text: str) -> Report:
+def store_lost(job: Job, task: Task, hashes: Hashes, text: str, stored: Stored) -> None:
     """Store a task that cannot be computed: its cases fail with the message ``text``, but for those stored before."""
 
     def parts_of(batch: Batch) -> Iterator[Part]:
         yield np.arange(batch.inner.size), failed(job.grid, batch.inner.size, text)
 
-    return _store(job, task, hashes, parts_of, 0)
+    _store(job, task, hashes, parts_of, 0, stored)
 
 
 Part = tuple[NDArray[np.int64], Solved]
 """Cases that have ended, by their places in a batch."""
 
 
-def _store(job: Job, task: Task, hashes: Hashes, parts_of: Callable[[Batch], Iterator[Part]], number: int) -> Report:
-    """Store the cases of a task as they end, in shards of about :data:`TASK_BYTES`, which are numbered from there."""
-    names, held, size = list(map(str, job.template.data_vars)), list[Part](), 0
+def _store(
+    job: Job, task: Task, hashes: Hashes, parts_of: Callable[[Batch], Iterator[Part]], number: int, stored: Stored
+) -> None:
+    """Store cases as they end, in shards of about :data:`TASK_BYTES` or :data:`LONGEST`, numbered from there."""
+    names, held, size, begun = list(map(str, job.template.data_vars)), list[Part](), 0, time.monotonic()
     count, cases, endings = 0, 0, Counter[str]()
+
+    def write() -> None:
+        places, together = np.concatenate([places for places, _ in held]), joined([solved for _, solved in held])
+        name = f"{shard_name(job.begun, task.number + 1)}-{number:06d}"  # task 0 is what is taken back
+        write_shard(job.parts, name, hashes[places], together.values, together.messages, job.template)
+        stored(Report(task.seconds * places.size / len(hashes), cases, endings))
+
     for batch in task.batches:
         times = job.grid.times(batch.outer)
         for places, solved in parts_of(batch):
@@ -122,16 +142,10 @@ def _store(job: Job, task: Task, hashes: Hashes, parts_of: Callable[[Batch], Ite
             held.append((count + places, Solved(kept, solved.messages)))
             cases, endings = cases + places.size * times, endings + not_ok(kept[STATUS], times)
             size += sum(values.nbytes for values in kept.values())
-            if size > TASK_BYTES:
-                _write(job, task, hashes, held, number)
-                held, size, number = [], 0, number + 1
+            if size > TASK_BYTES or time.monotonic() - begun > LONGEST:
+                write()
+                held, size, number, begun = [], 0, number + 1, time.monotonic()
+                cases, endings = 0, Counter[str]()
         count += batch.inner.size
-    _write(job, task, hashes, held, number)
-    return Report(task.seconds, cases, endings)
-
-
-def _write(job: Job, task: Task, hashes: Hashes, held: Sequence[Part], number: int) -> None:
     if held:
-        places, together = np.concatenate([places for places, _ in held]), joined([solved for _, solved in held])
-        name = f"{shard_name(job.begun, task.number + 1)}-{number:06d}"  # task 0 is what is taken back
-        write_shard(job.parts, name, hashes[places], together.values, together.messages, job.template)
+        write()

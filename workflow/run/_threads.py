@@ -16,7 +16,7 @@ from typing import Any
 
 from workflow.models import one_thread
 from workflow.run._prepare import Prepared
-from workflow.run._task import Report, store_task
+from workflow.run._task import Stored, store_task
 from workflow.solve import ReferenceBlock, References, Task, compute_block, tasks
 
 MOST_TASKS = 4096
@@ -79,14 +79,14 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def run_on_threads(prepared: Prepared, stored: Callable[[Report], None], threads: int) -> None:
-    """Run the tasks that are missing; ``stored`` hears of each when its shard is safe."""
+def run_on_threads(prepared: Prepared, stored: Stored, threads: int) -> None:
+    """Run the tasks that are missing; ``stored`` hears of their shards."""
     from dask.threaded import get
 
     grid = prepared.job.grid
 
     def store(task: Task, *arguments: Any) -> None:
-        stored(store_task(prepared.job, task, *arguments))
+        store_task(prepared.job, task, *arguments, stored=stored)
 
     cut = tasks(grid, prepared.missing, threads)
     with one_thread(), ThreadPoolExecutor(threads) as pool:  # its own: dask keeps its threads, which a fork has not

@@ -17,6 +17,7 @@ from workflow.solve._solutions import (
 )
 from workflow.solve._solve import Solved, failed, joined, kernel_variants, solve, solve_in_parts
 from workflow.solve._tasks import (
+    LONGEST,
     TASK_BYTES,
     Batch,
     Task,
@@ -28,4 +29,4 @@ from workflow.solve._tasks import (
     steady_bytes,
     tasks,
 )
-from workflow.solve._variables import FLAGS, dims_of, lengths, unset, variables_of
+from workflow.solve._variables import dims_of, lengths, unset, variables_of

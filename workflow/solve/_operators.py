@@ -124,12 +124,7 @@ def as_run(settings: CaseSettings, cases: Cases, sensors: Watched = ()) -> tuple
 def end_of(settings: CaseSettings, results: Results) -> EndState:
     """Return the states in which cases ended, in the coordinates in which their initial states are given.
 
-    One contact with mass ends where its last sample is, to the bit.
-
-    Raises
-    ------
-    ContractError
-        The scheme does not give them.
+    One contact with mass ends where its last sample is, to the bit. Refuses a scheme that gives none.
     """
     if results.end is None:
         raise schemes.ContractError("the scheme gives no `end`, the state from which the next point of a sweep starts")

@@ -31,11 +31,6 @@ def steady_of(study: Study) -> Iterator[Variable]:
         yield from variables.select(None, None, "steady", *sensors)
 
 
-def periods_of(study: Study) -> Iterator[Variable]:
-    """Yield the variables of load periods of a study's archive."""
-    return variables.select("period", None, *_conditions_of(study))
-
-
 def _conditions_of(study: Study) -> Iterator[Condition]:
     """Yield what a study asks of its archive, but for steady rubs; of branches what their basis has."""
     output, reference, is_branch = study.output, study.reference, study.branch is not None
@@ -55,43 +50,29 @@ def _conditions_of(study: Study) -> Iterator[Condition]:
     return (condition for condition, there in asked.items() if there)
 
 
-def scheme_metrics(study: Study) -> tuple[Variable, ...]:
-    """Return the metrics that some of a study's schemes declare for themselves."""
-    methods = sorted({scheme.method for scheme in study.schemes.values()})
-    return tuple({about.name: about for method in methods for about in schemes.metrics(method)}.values())
-
-
 def metrics_of(study: Study) -> tuple[Variable, ...]:
     """Return metrics and texts of a study's archive but those of steady rubs; of branches those of the basis."""
-    own, there = () if study.branch is not None else scheme_metrics(study), [*_conditions_of(study)]
-    return (*variables.select("metric", None, *there), *variables.select("text", None, *there), *own)
+    methods = sorted({scheme.method for scheme in study.schemes.values()}) if study.branch is None else ()
+    own = {about.name: about for method in methods for about in schemes.metrics(method)}
+    there = [*_conditions_of(study)]
+    return (*variables.select("metric", None, *there), *variables.select("text", None, *there), *own.values())
 
 
 def variables_of(grid: Grid) -> Iterator[Variable]:
     """Yield the variables of a study's archive: histories, all else, flags."""
-    study, has_periods = grid.study, "period" in lengths(grid)
+    study, periods = grid.study, variables.select("period", None, *_conditions_of(grid.study))
     yield from (variables.BY_NAME[name] for name in study.output.sampled)
-    others = [*metrics_of(study), *(periods_of(study) if has_periods else ()), *steady_of(study)]
+    others = [*metrics_of(study), *(periods if "period" in lengths(grid) else ()), *steady_of(study)]
     others += variables.select("event") if study.output.events else ()
     others += (variables.BY_NAME[name] for name in ("status", *(() if study.branch else ("runaway",))))
     yield from sorted(others, key=lambda about: about.name in FLAGS)
 
 
-_TAILS: Mapping[str, tuple[str, ...]] = {
-    "history": ("t",),
-    "period": ("period",),
-    "phase": ("phase",),
-    "point": ("point",),
-    "point phase": ("point", "phase"),
-    "event": ("event",),
-}
-
-
 def dims_of(about: Variable, lengths: Mapping[str, int]) -> tuple[str, ...]:
-    """Return the dimensions that a variable has beyond the cases, where there are several contacts if they have one."""
+    """Return a variable's dimensions beyond the cases: sensors, or contacts if there are several, then its shape's."""
     contact = ("contact",) if about.is_of_contact and "contact" in lengths else ()
-    tail = (f"{about.name}_length",) if about.shape == "text" else _TAILS.get(about.shape, ())
-    return (*(("sensor",) if about.is_of_sensor else contact), *tail)
+    tails = {"metric": "", "flag": "", "text": f"{about.name}_length", "history": "t"}
+    return (*(("sensor",) if about.is_of_sensor else contact), *tails.get(about.shape, about.shape).split())
 
 
 def lengths(grid: Grid) -> dict[str, int]:

@@ -45,10 +45,7 @@ class Sizes:
 def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
     """Return the sizes of the structures of all cases; ``nodes`` are the numbers of them where the model has any.
 
-    Raises
-    ------
-    UnusableMatricesError
-        The matrices of the scene are no structure.
+    Raises :class:`UnusableMatricesError` for matrices of the scene that are no structure.
     """
     every = [replace(scene.parameters, nodes=count) for count in nodes] or [scene.parameters]
     try:

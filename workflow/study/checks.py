@@ -175,9 +175,7 @@ def _friction(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
         beside = [source.axes["alpha"]] if "alpha" in source.axes else []
         beside += [("reference", "alpha")] if "alpha" in reference else []
         for place in beside if cases.scene.makes_alpha else ():
-            remedy = (
-                "keep one of the two, as alpha = heat_share · coefficient · sliding_speed, or the coefficient alone"
-            )
+            remedy = "keep one, as alpha = heat_share · coefficient · sliding_speed, or the coefficient alone"
             yield place, "stands beside `scene.friction`, from which it follows", remedy
 
 

@@ -64,14 +64,8 @@ def addresses(
 ) -> dict[str, Entry]:
     """Return all that an axis may vary, by dotted path: settings of a case, scene values and options of schemes.
 
-    Parameters
-    ----------
-    names
-        Of the models.
-    methods
-        Those that each label of a scheme may stand for.
-    harmonics
-        Their numbers, of the casing and of the load.
+    ``names`` are the models, ``methods`` those that each label of a scheme may stand for, ``harmonics`` the numbers of
+    harmonics of the casing and of the load.
     """
     return settings(tuple(methods)) | _scene_values(names, harmonics) | _scheme_options(methods)
 

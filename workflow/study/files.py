@@ -78,13 +78,7 @@ def _text(content: bytes) -> str:
 
 
 def unpacked(text: str) -> Attached:
-    """Return the files of an archive.
-
-    Raises
-    ------
-    StudyError
-        They are damaged, or larger than any archive's are.
-    """
+    """Return the files of an archive; raises :class:`StudyError` where they are damaged or too large."""
     if not text:
         return {}
     files: dict[str, dict[str, bytes]] = {}

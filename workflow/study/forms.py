@@ -357,13 +357,7 @@ def entries_of(declared: Any, without: tuple[str, ...] = ()) -> dict[str, Entry]
 
 
 def _entry(field: dataclasses.Field[Any], hint: Any) -> Entry:
-    """Return how a field of a declared dataclass is read.
-
-    Raises
-    ------
-    TypeError
-        It is not declared in a way that a study can set.
-    """
+    """Return how a field of a declared dataclass is read; raises :class:`TypeError` where no study could set it."""
     default = field.default if field.default_factory is MISSING else None
     if (quantity := quantity_of(field)) is not None:
         return Entry(number(quantity, whole=int in (hint, *get_args(hint))), quantity.description, default)

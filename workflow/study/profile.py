@@ -46,17 +46,11 @@ def harmonics_of(angle: Array, gap: Array) -> tuple[float, tuple[CasingHarmonic,
     """Return the mean of gaps at equally spaced angles [deg], and harmonics in the order of their orders.
 
     They are the largest of the discrete Fourier transform, as few as follow the gaps within :data:`REMAINDER`; numbers
-    are rounded to 12 digits, as rounding differs between processors.
-
-    Raises
-    ------
-    UnusableMatricesError
-        The angles are not equally spaced over a revolution, or the harmonics are too many.
+    are rounded to 12 digits, as rounding differs between processors. Raises :class:`UnusableMatricesError` for too many
+    of them, and for angles that are not equally spaced over a revolution.
     """
     if max(np.abs(gap).max(), np.abs(angle).max()) > LARGEST:
-        raise UnusableMatricesError(
-            "the profile has a gap or an angle of more than 1e6", "write gaps in m, angles in deg"
-        )
+        raise UnusableMatricesError("it has a gap or an angle of more than 1e6", "write gaps in m, angles in deg")
     span = float(np.ptp(gap))
     if angle.size > 1 and abs(angle[-1] - angle[0] - 360) < _OFF * 360 / (angle.size - 1):
         if abs(gap[-1] - gap[0]) > REMAINDER * span:

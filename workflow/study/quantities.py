@@ -76,13 +76,7 @@ _OF_ENGINEERS: dict[str, Unit] = {
 
 @lru_cache(maxsize=1024)
 def parse_unit(unit: str) -> Unit:
-    """Return what a unit is worth in root units.
-
-    Raises
-    ------
-    UnitError
-        The text cannot be read, names an unknown unit or one with an offset (``degC``).
-    """
+    """Return what a unit is worth in root units; raises :class:`UnitError` if it has none, or an offset (``degC``)."""
     worth, roots = Decimal(1), dict[str, float]()
     for name, exponent in unit_factors(unit):
         factor, units = _OF_ENGINEERS.get(name) or COMMON.get(name) or pint_unit(name)
@@ -101,13 +95,7 @@ def _registry() -> Any:
 
 @lru_cache(maxsize=1024)
 def pint_unit(name: str) -> Unit:
-    """Return what pint says a bare name is worth in its root units.
-
-    Raises
-    ------
-    UnitError
-        It does not know it, or its zero lies elsewhere.
-    """
+    """Return what pint says a bare name is worth in its root units; raises :class:`UnitError` if it is no factor."""
     import pint
     from pint.util import to_units_container
 

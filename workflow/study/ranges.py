@@ -218,10 +218,7 @@ class Drawn:
 def drawn(sample: str, points: int, of: Mapping[str, Range], seed: int = 0) -> Drawn:
     """Return a drawn zip.
 
-    Raises
-    ------
-    ValidationError
-        There is nothing to draw, too much, or Sobol' indices have one number or points that are no power of two.
+    Refuses nothing to draw, too much, Sobol' indices of one number, and points that are no power of two.
     """
     if len(of) < (least := 2 if sample == INDICES else 1):
         raise wrong(f"has {len(of)} numbers", f"write at least {least}, as `path: [low, high]`", "of")

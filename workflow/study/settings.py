@@ -323,15 +323,7 @@ class CaseSpace:
     def cell(self, values: Mapping[str, Value]) -> CaseSettings:
         """Return the settings of a case; counts of modes that its tolerance decides are :data:`CHOSEN`.
 
-        Parameters
-        ----------
-        values
-            By path, one value for every axis and scalar, in SI.
-
-        Raises
-        ------
-        KeyError
-            A setting has no value, or no scheme has the label.
+        ``values`` has one for every axis and scalar by path, in SI; raises :class:`KeyError` where one is missing.
         """
         scene, scheme = self.scene, self.schemes[str(values["scheme"])]
         for path, value in values.items():

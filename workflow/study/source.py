@@ -32,17 +32,11 @@ MOST_ENTRIES = 50_000
 _NO_STUDIES = (".npz", ".mat", ".op4", ".mtx", ".rua", ".rsa", ".hb", ".sti", ".mas", ".dof", ".csv")
 """Endings of files of matrices and tables, which a study names."""
 
-_IN_WORDS = (
-    ("mapping values|could not find", "wrong indentation, no space after a colon, or `: ` in a text without quotes"),
-    ("expected <block end>", "wrong indentation, or a bracket or a quote too many"),
-    (r"found character '\\t'", "a tab; lines are indented by spaces"),
-    ("found character|expected alpha", "a text that needs quotes, by its first character"),
-    ("expected (',' or|the node)", "a bracket that is not closed, or a comma that is missing or too many"),
-    ("found unexpected end of stream", "a quote that is not closed"),
-    ("found unknown escape", "a backslash within double quotes; single quotes take it"),
-    ("but found another document", "another document begins, by a line ---"),
+_NO_YAML = (
+    "look for wrong indentation or a tab, a colon without a space after it, a bracket or a quote that is not closed, "
+    "and a text that needs quotes, as one with `: ` in it"
 )
-"""How the parser's problems begin, as regular expressions, and what they mean in words."""
+"""What most often keeps a text from being YAML; the parser names what it stumbled over, not what is wrong."""
 
 _TOO_DEEP = (f"nests deeper than {DEEPEST} levels", "a study needs five")
 _TOO_LARGE = ("is larger than 1 MiB", "write long axes as {lin: [first, last, count]}")
@@ -209,10 +203,7 @@ def read_text(path: str | Path) -> str:
 def compose(text: str, file: str) -> StudyText:
     """Return the values of a study's text with their lines; duplicate keys, tags and merge keys are noted as mistakes.
 
-    Raises
-    ------
-    StudyError
-        The text is not YAML, is empty, nests too deeply, is too long, or has too many entries.
+    Raises :class:`StudyError` for a text that is not YAML, is empty, nests too deeply or has too much in it.
     """
     from ruamel.yaml import YAML
     from ruamel.yaml.composer import Composer
@@ -241,9 +232,8 @@ def compose(text: str, file: str) -> StudyText:
     except YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or "a character that YAML does not allow"
-        problem = next((words for begins, words in _IN_WORDS if re.match(begins, problem)), problem)
         line = mark and mark.line + 1
-        raise source.refusal(f"is not YAML: {problem}", "mend the text here or above", line) from None
+        raise source.refusal(f"is not YAML, here or just above ({problem})", _NO_YAML, line) from None
     except (ValueError, OverflowError):  # an escape beyond Unicode
         raise source.refusal("is not YAML: an escape that is no character", "mend the text") from None
     except RecursionError:
@@ -337,11 +327,7 @@ def replaced(source: StudyText, settings: Mapping[str, Any], option: str = OPTIO
     """Return a study's source with values replaced by their dotted path, as if they had been written in it.
 
     What follows ``axes.`` or ``zip.NAME.`` is one key. ``option`` names the values in messages, before their key.
-
-    Raises
-    ------
-    StudyError
-        A path leads nowhere, an axis or a zip varies it, or a value is none that YAML has.
+    Raises :class:`StudyError` for paths that lead nowhere or that an axis or a zip varies, and for values YAML has not.
     """
     tree = copy.deepcopy(source.tree)
     new = StudyText(source.file, source.text, tree, dict(source.lines), list(source.mistakes))
@@ -400,14 +386,9 @@ def _round_trip(written: str, settings: Mapping[str, Any]) -> str:
 
 
 def plain_tree(content: Mapping[str, Any]) -> Any:
-    """Return a study given as a mapping as the plain values that its text would have.
+    """Return a study given as a mapping as the plain values that its text would have; refuse other ones.
 
     A YAML 1.1 loader such as PyYAML leaves ``1e-6`` and ``2.0e7`` as texts: they become the numbers of YAML 1.2.
-
-    Raises
-    ------
-    StudyError
-        It holds a value that YAML does not have.
     """
     return {key: value if key in TEXTS else _numbers(value) for key, value in _plain(content, "study").items()}
 

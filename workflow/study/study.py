@@ -197,13 +197,7 @@ def parse_study(
 
 
 def read_fields(source: StudyText, files: Files) -> tuple[Mapping[str, Any], Mapping[str, Entry]]:
-    """Read every field of a study by itself; return its sections, and what its axes may vary.
-
-    Raises
-    ------
-    StudyError
-        Some cannot be read.
-    """
+    """Read every field of a study by itself; return its sections and what its axes may vary, or raise the mistakes."""
     model = _model(source)
     names = (model,) if model else models.names()
     methods = tuple(_methods(source).items())
@@ -312,13 +306,7 @@ def _first(content: Any) -> Any:
 
 
 def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str, Entry]) -> CaseSpace:
-    """Make dimensions of the axes of a study and check its fields against each other.
-
-    Raises
-    ------
-    StudyError
-        They do not go together.
-    """
+    """Make dimensions of the axes of a study and check its fields against each other; raise the mistakes."""
     scene: Scene = sections["scene"]
     defined = {label: dataclasses.replace(c, label=label) for label, c in sections.get("schemes", {}).items()}
     arrangement = Arrangement(source)
