@@ -16,7 +16,7 @@ from timing import Line, Size, least, slope, within
 
 from scenes import cases, heavy_chain, sampling
 from workflow import schemes
-from workflow.models import Cases, Structure
+from workflow.models import Cases, Contacts, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Results
 
@@ -51,8 +51,8 @@ def run(
 
 def rub(structure: Structure, count: int, **values: Any) -> Cases:
     """Return cases that differ in α where it is not given."""
-    alpha = np.linspace(50.0 / count, 50.0, count)
-    return cases(structure, count, **{"alpha": alpha, "gap": 5e-5, "amplitude": 100.0, "frequency": 20.0, **values})
+    alpha, gap = np.linspace(50.0 / count, 50.0, count), {} if "gaps" in values else {"gap": 5e-5}
+    return cases(structure, count, **{"alpha": alpha, "amplitude": 100.0, "frequency": 20.0, **gap, **values})
 
 
 def batched(size: Size) -> list[Line]:
@@ -87,6 +87,22 @@ def batched(size: Size) -> list[Line]:
         ("reduced over full", "<= 0.45", f"{few:.2f} ns", f"{few / whole:.2f}"),
         within("one case alone, full", 350, single, "ns", 0),
         ("no heat over a mechanical model", "1", f"{unheated:.2f} ns", f"{unheated / bare:.2f}"),
+    ]
+
+
+def several(size: Size) -> list[Line]:
+    """Contacts at the last nodes of the chain as matrices, metrics alone, over one."""
+    full, works = heavy_chain(), []
+    for count in (1, 2, 5, 16):
+        rows = np.eye(20)[-count:]
+        own = Contacts(tuple(map(str, range(count))), rows, 0 * rows, rows, np.zeros(count))
+        structure = replace(full.matrices(), contacts=own) if count > 1 else full
+        gaps = {"gaps": [list(5e-5 * np.linspace(1, 20, 20)[-count:] / 20)]} if count > 1 else {}
+        works.append(partial(run, structure, rub(full, size.cases, e=0.5, **gaps), H, size.steps, 1))
+    one, *more = (1e9 * s / (size.cases * size.steps) for s in least(size.runs, *works))
+    return [
+        (f"{count} contacts over one, full", f"<= {limit}", f"{each:.1f} ns", f"{each / one:.1f}")
+        for count, limit, each in zip((2, 5, 16), (5, 8, 16), more, strict=True)
     ]
 
 
@@ -250,4 +266,4 @@ def exact(size: Size) -> list[Line]:
 
 
 def lines(size: Size) -> list[Line]:
-    return batched(size) + stored(size) + scaling(size) + stepping(size) + exact(size)
+    return batched(size) + several(size) + stored(size) + scaling(size) + stepping(size) + exact(size)

@@ -110,7 +110,7 @@ def on_basis(seed: int, massless: bool) -> Drawn:
     held, heated = independent_rows(full.contact_rows)
     modes = min(2, full.mechanical_size - held), min(1, full.thermal_size - heated)
     reduction = reduce_structure(full, *modes, basis, DURATION)
-    assert reduction.structure.has_massless_tip == massless
+    assert reduction.structure.contact_rows.is_massless == massless
     return Drawn(reduction.structure, reduction.project(case.cases))
 
 

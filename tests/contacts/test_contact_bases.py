@@ -76,13 +76,13 @@ def test_static_answers_and_critical_coupling_are_exact(basis: str, count: int, 
     full, thermal = (tip, None) if seed is None else (drawn(seed).structure, 0)
     count = min(count, full.mechanical_size - full.contact_rows.count)
     small = reduce_structure(full, count, thermal, basis, DURATION).structure
-    assert small.has_massless_tip == (basis in WITHOUT_MASS)
+    assert small.contact_rows.is_massless == (basis in WITHOUT_MASS)
     if seed is None:  # the tip's own vector, and that of friction
         assert small.mechanical_size == count + (0 if basis in WITHOUT_MASS else 2)
     for friction in (0.0, 0.3, -0.8):
         assert static(small, friction) == pytest.approx(static(full, friction), rel=1e-9)
         assert critical_alpha(small, friction) == pytest.approx(critical_alpha(full, friction), rel=1e-9)
-    if small.has_massless_tip and count > 1:  # MacNeal's residual is added to what there is
+    if small.contact_rows.is_massless and count > 1:  # MacNeal's residual is added to what there is
         twice = reduce_structure(small, 1, 0, "macneal").structure
         assert static(twice, 0.3) == pytest.approx(static(full, 0.3), rel=1e-9)
         assert critical_alpha(twice, 0.3) == pytest.approx(critical_alpha(full, 0.3), rel=1e-9)
@@ -246,7 +246,7 @@ def test_a_free_rod_between_two_walls(basis: str) -> None:
     batch = rub(full, gaps=[1e-4, 2e-4])
     for count in (0, 2, 6):
         reduction = reduce_structure(full, count, 0, basis, DURATION)
-        assert reduction.structure.has_massless_tip == (basis in WITHOUT_MASS and count > 0)
+        assert reduction.structure.contact_rows.is_massless == (basis in WITHOUT_MASS and count > 0)
         assert models.frequencies(reduction.structure)[0] == 0.0
         assert critical_alpha(reduction.structure) == np.inf
         ours = reduced_run(reduction, batch, 0.1)

@@ -1,14 +1,15 @@
 """Every scheme with a fixed step against plain matrices, on random structures of one to five contacts, on all bases."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from random_contacts import DURATION, drawn, varied
 
-from plain_steps import Motion, central_spring, march, march_centrally, rebound, results, spring
-from scenes import relative, sampling, step
+from plain_steps import Motion, central_spring, march, march_centrally, place, rebound, results, spring
+from scenes import cases, heavy_chain, relative, sampling, step, watched, with_dashpot
 from workflow.models import Array, Cases, Structure
 from workflow.schemes import HISTORIES, Sampling, Status
 
@@ -79,6 +80,44 @@ def test_schemes_step_as_in_plain_matrices(method: str, massless: bool, seed: in
     assert abs(ours.metrics["heat_residual"][0]) < 1e-12
     if closes(method, options, massless):
         assert abs(ours.metrics["energy_residual"][0]) < 1e-12
+
+
+@pytest.mark.parametrize("method", ["carpenter", "explicit penalty"])
+@pytest.mark.parametrize("seed", [1, 4])
+def test_central_differences_that_start_in_contact(method: str, seed: int) -> None:
+    """All contacts are on their casings at t = 0 and approach them: p_0 spans half a step, that of a spring a whole."""
+    case = varied(seed, massless=False)
+    rows, given = case.structure.contact_rows.normal, case.cases
+    x = rows @ given.displacement[0] + (1e-6 if method == "explicit penalty" else 0.0)
+    speeds = np.linalg.pinv(rows) @ np.linspace(0.02, 0.04, len(rows))
+    one = replace(given, gaps=given.gaps + x - place(given, 0.0), velocity=speeds[None])
+    options, plain = of(method, seed)
+    ours = step(case.structure, one, H, OVER, method.split()[-1], **options)
+    truth = results(case.structure, H, one, OVER, lambda *which: plain(case.structure, *which))
+    first = truth.histories["impulse"][0, :, 1]
+    assert (first > 0).sum() > 1
+    for name in HISTORIES:
+        values = truth.histories[name]
+        np.testing.assert_allclose(ours.histories[name], values, rtol=0, atol=1e-9 * np.abs(values).max(), err_msg=name)
+
+
+@pytest.mark.parametrize("heat", ["explicit", "implicit"])
+@pytest.mark.parametrize("coupled", [False, True])
+def test_sensors_of_central_differences_see_what_warms_without_loss(heat: str, coupled: bool) -> None:
+    """Constant heating of a chain that loses no heat: temperatures and what they move grow without bound."""
+    structure = heavy_chain(nodes=4, stiffness=4e6, convection=0.0, conductance=[0.0, 0.7, 0.7, 0.7]).matrices()
+    structure = watched(with_dashpot(structure, 1, 3, 20.0) if coupled else structure)
+    batch = cases(structure, alpha=20.0, gap=3e-5, amplitude=100.0, frequency=250.0, heating=2.0)
+    ours = step(structure, batch, H / 4, OVER, "carpenter", heat=heat)
+    truth = results(
+        structure, H / 4, batch, OVER,
+        lambda one, steps: march_centrally(structure, one, H / 4, steps, rebound(0.0), implicit=heat == "implicit"),
+    )  # fmt: skip
+    values = truth.histories["sensor_value"]
+    assert ours.metrics["impacts"][0] > 0
+    for sensor in range(values.shape[1]):
+        within = 1e-9 * np.abs(values[0, sensor]).max()
+        np.testing.assert_allclose(ours.histories["sensor_value"][0, sensor], values[0, sensor], rtol=0, atol=within)
 
 
 EXACT = Sampling(DURATION, DURATION / 200, 201)

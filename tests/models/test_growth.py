@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from scenes import chain, heavy_chain, held_matrix
 from sliding import random_structure
-from workflow.models import Rayleigh, Structure, critical_alpha, growth, growth_rate, in_contact
+from workflow.models import Rayleigh, Structure, critical_alpha, growth_of_sets, growth_rate, in_contact, worst
 from workflow.reduction import reduce_structure
 
 
@@ -140,9 +140,9 @@ def test_bits_of_a_case_do_not_depend_on_the_others(kind: str) -> None:
     contact, rng = in_contact(OTHERS[kind]()), np.random.default_rng(0)
     alpha = np.append([0.0, 0.0], 10 ** rng.uniform(-15, 6, 1000))
     friction = np.where(rng.random(alpha.size) < 0.5, 0.0, 0.4) if contact.slid is not None else np.zeros(alpha.size)
-    together = growth(contact, alpha, friction)
+    (together,) = growth_of_sets(contact, alpha, friction).values()
     for k in range(0, alpha.size, 20):
-        alone = growth(contact, alpha[k : k + 1], friction[k : k + 1])
+        (alone,) = growth_of_sets(contact, alpha[k : k + 1], friction[k : k + 1]).values()
         assert (alone.rate[0], alone.uncertainty[0]) == (together.rate[k], together.uncertainty[k])
 
 
@@ -179,7 +179,7 @@ def test_zero_eigenvalues_are_no_growth() -> None:
     )  # fmt: skip
     for alpha in (0.0, 0.1, 10.0):
         for form in (structure, structure.matrices(), reduce_structure(structure, 4, 4).structure):
-            found = growth(in_contact(form), np.array([alpha]), np.zeros(1))
+            _, found = worst(growth_of_sets(in_contact(form), np.array([alpha]), np.zeros(1)))
             assert found.rate == 0.0
             assert not found.is_positive
 
@@ -190,5 +190,5 @@ def test_one_node_at_its_critical_coupling() -> None:
         rng = np.random.default_rng(seed)
         heat = {"heat_capacity": 10 ** rng.uniform(-9, 0), "conductance": 10 ** rng.uniform(-3, 6)}
         one = chain(nodes=1, mass=1e-3, stiffness=10 ** rng.uniform(3, 9), spacing=1e-2, expansion=1e-5, **heat)
-        fastest = growth(in_contact(one), np.array([critical_alpha(one)]), np.zeros(1))
+        _, fastest = worst(growth_of_sets(in_contact(one), np.array([critical_alpha(one)]), np.zeros(1)))
         assert abs(fastest.rate) <= fastest.uncertainty

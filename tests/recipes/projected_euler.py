@@ -1,4 +1,4 @@
-"""Symplectic Euler with a projected tip: the tip that would end beyond the casing is put on it."""
+"""Symplectic Euler with projected contacts: those that would end beyond their casing are put on it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workflow.kernels.lemke import complementarity
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes import Recorder, Results, Sampling
 
 READS = frozenset({"h", "alpha"})
+GENERAL = frozenset({"contacts", "load"})
 
 
 @dataclass(frozen=True)
@@ -33,20 +35,23 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
 
 
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
-    """Step v' = v + h M⁻¹ (f - C1 v - K1 x - K12 θ) - M⁻¹ e_n p, x' = x + h v' with p >= 0 so that x_n' <= d."""
+    """Step v' = v + h M⁻¹ (f - C1 v - K1 x - K12 θ - wᵀp/h), x' = x + h v' with 0 <= p ⊥ d - w x' >= 0."""
     structure, h, mobility, warming = operator
-    recorder = Recorder(structure, cases, sampling, h)
+    recorder, contacts = Recorder(structure, cases, sampling, h), structure.contact_rows
+    moves = mobility @ contacts.normal.T
     x, v, temperature = cases.displacement, cases.velocity, cases.temperature
     for _ in range(recorder.steps):
-        force = cases.steady - project(structure.damping_matrix, v) - project(structure.stiffness_matrix, x)
-        force = force - project(structure.coupling_matrix, temperature)
         load = recorder.load()
-        force[:, -1] += load
+        force = cases.steady - project(structure.damping_matrix, v) - project(structure.stiffness_matrix, x)
+        force += load[:, None] * structure.load_direction - project(structure.coupling_matrix, temperature)
         free = v + h * project(mobility, force)
-        p = np.maximum(0.0, (free[:, -1] - (cases.gap - x[:, -1]) / h) / mobility[-1, -1])
+        closing = project(contacts.normal, free) - (cases.clearances - project(contacts.normal, x)) / h
+        p = np.zeros_like(closing)
+        for case in np.flatnonzero((closing > 0).any(axis=1)):
+            p[case] = complementarity(contacts.normal @ moves, -closing[case])
         heat = h * (cases.heating - project(structure.conductance_matrix, temperature))
-        heat[:, -1] += cases.alpha * p
-        v = free - p[:, None] * mobility[:, -1]
+        heat += project(contacts.heat.T, cases.alpha[:, None] * p)
+        v = free - project(moves, p)
         x, temperature = x + h * v, temperature + project(warming, heat)
         recorder.record(x, v, temperature, p, load)
     return recorder.results()

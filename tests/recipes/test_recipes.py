@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plain_steps import Step, march
+from plain_steps import Step, complementary, march
 from quick import quick
 from scenes import alone, cases, heavy_chain, relative, same_bits, sampling, step, taken
 from scenes import rubs as random_rubs
@@ -20,7 +20,7 @@ from studies import SCENE, parsed
 from workflow import models, reduction, schemes, variables
 from workflow.archive import open_archive
 from workflow.cases import arrange, case_hashes
-from workflow.models import Array, Structure
+from workflow.models import Array, Contacts, Structure
 from workflow.run import run_study
 from workflow.schemes import Sampling, Status
 from workflow.solve import solve
@@ -98,6 +98,21 @@ def test_it_runs_in_a_default_study_with_every_variable(recipe: str) -> None:
     for about in variables.TABLE:
         if about.condition in ("always", "balances"):
             assert about.name in values, about.name
+
+
+def test_it_takes_several_contacts_as_carpenter_does(recipe: str) -> None:
+    """Whose first steps differ by half a step's force: the same motion as h → 0; balances close as they do for one."""
+    rows = np.eye(4)[[1, 3]]
+    own = Contacts(("mid", "tip"), rows, 0.0 * rows, rows, np.zeros(2))
+    structure, distances = replace(short_chain().matrices(), contacts=own), []
+    batch = cases(structure, 2, alpha=[0.0, 5.0], gaps=[[1e-5, 3e-5]], amplitude=100.0, frequency=250.0)
+    for h in (8e-6, 1e-6):
+        over = sampling(2e-3, 1e-5, balances=True)
+        ours, other = (step(structure, batch, h, over, method) for method in (recipe, "carpenter"))
+        assert (ours.metrics["impacts"] > 0).all()
+        assert np.abs(ours.metrics["heat_residual"]).max() < 1e-5
+        distances.append(relative(ours.histories["displacement"], other.histories["displacement"]))
+    assert 0 < distances[1] < 0.3 * distances[0] < 0.03
 
 
 def test_it_sees_harmonics_of_the_load_and_is_refused_a_casing_that_moves(recipe: str) -> None:
@@ -266,7 +281,7 @@ def test_an_option_of_a_scheme_from_outside_has_any_unit(command: Callable[..., 
 
 
 def test_a_scheme_that_reads_e_without_saying_so_gives_no_numbers(command: Callable[..., tuple[str, str]]) -> None:
-    change = {"old": "(cases.gap - x[:, -1])", "new": "(cases.gap - x[:, -1] * (1 + 0 * cases.e))"}
+    change = {"old": "cases.clearances -", "new": "cases.clearances * (1 + 0 * cases.e[:, None]) -"}
     assert "1 ok, 1 diverged" in " ".join(command("projected_euler", "run", "quick.yaml", status=1, **change))
 
 
@@ -351,6 +366,30 @@ def test_a_compiled_contact_law_is_that_of_plain_matrices(compiled_law: str, fri
             assert np.abs(results.histories["impulse"][case] - impulse).max() < 1e-10 * impulse[-1]
 
 
+@pytest.mark.parametrize("contacts", [2, 5])
+def test_a_compiled_contact_law_takes_any_number_of_contacts(compiled_law: str, contacts: int) -> None:
+    """0 <= p ⊥ (1/a + c W) p - (1 + c v_free) >= 0, a = h κ δ^{3/2}, of contacts that are δ beyond the casing."""
+    stiffness, damping, h, rows = 2e8, 20.0, 4e-6, np.eye(6)[-contacts:]
+
+    def crossley(at: Step) -> tuple[Array, Array]:
+        inside, p = np.flatnonzero(at.place > 0), np.zeros(at.place.size)
+        sprung = h * stiffness * at.place[inside] ** 1.5
+        matrix = np.diag(1 / sprung) + damping * at.taken[np.ix_(inside, inside)]
+        p[inside] = complementary(matrix, 1 + damping * at.free[inside])
+        return p, p / h
+
+    own = Contacts(tuple("abcde"[:contacts]), rows, 0.2 * np.roll(rows, 1, axis=1), rows, np.zeros(contacts))
+    structure = replace(heavy_chain(nodes=6).matrices(), contacts=own)
+    gaps = [list(1e-5 * np.linspace(0.5, 1, contacts))]
+    batch = cases(structure, alpha=20.0, gaps=gaps, amplitude=150.0, frequency=250.0, friction=0.3)
+    results = step(structure, batch, h, sampling(2000 * h, h), compiled_law, stiffness=stiffness, damping=damping)
+    plain = march(structure, batch, h, 1.0, 2000, crossley)
+    assert (np.count_nonzero(plain.impulse, axis=0) > 10).all()
+    assert (np.count_nonzero(plain.impulse, axis=1) > 1).any()
+    assert relative(results.histories["displacement"][0], plain.place.T) < 1e-9
+    assert relative(results.histories["impulse"][0], np.cumsum(plain.impulse, axis=0).T) < 1e-9
+
+
 def test_a_basis_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With every vector kept nothing is lost; with fewer, fixed-interface modes of heat still come to the same."""
     shutil.copy(HERE / "heat_with_the_tip_held.py", tmp_path)
@@ -413,13 +452,3 @@ def test_a_model_with_nodes_may_have_several_contacts_and_other_sizes(
     with pytest.raises(StudyError, match="has 3 values where the model has 2 contacts"):
         read_study({**given, "scene": {**scene, "casing": {"gap": [5e-5, 2e-5, 1e-5]}}})
     sys.modules.pop("workflow.models.two_contacts", None)
-
-
-@pytest.mark.parametrize("init", ["init_theta", "init_central"])
-def test_a_contact_law_refuses_several_contacts(init: str) -> None:
-    chain = short_chain().matrices()
-    rows = np.eye(4)[[1, 3]]
-    several = replace(chain, contacts=models.Contacts(("mid", "end"), rows, 0 * rows, rows, np.zeros(2)))
-    method = 1.0 if init == "init_theta" else schemes.CentralDifferences()
-    with pytest.raises(schemes.RefusedStructureError, match="it takes one contact, with mass"):
-        getattr(schemes, init)(several, H, method, schemes.Contact(lambda cases: None))

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from scenes import of_entries
+from workflow.judges import cautions
 from workflow.judges.cautions import flutter_of_basis
-from workflow.models import Matrices, Rayleigh, Structure, analyse_contacts, poles_in_contact
+from workflow.models import ContactBasis, Matrices, Rayleigh, Structure, analyse_contacts, poles_in_contact
 from workflow.reduction import reduce_structure
 
 FRICTION, SIZE = 0.2, 16
@@ -50,6 +51,22 @@ def test_a_basis_that_still_flutters_is_told(seed: int, basis: str, count: int) 
     lines = list(flutter_of_basis(structure, reduced, FRICTION, "this basis"))
     assert all(line.startswith("this basis: friction at contact `") for line in lines)
     assert any(f"grows at {growth(reduced):.3g} 1/s" in line for line in lines)
+
+
+def test_a_pole_of_the_structure_is_one_of_the_basis(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two poles of a bending solid with 50 vectors are within 10 % of one of its own; the second is the basis's."""
+    structure = turned(1)
+    reduced = reduce_structure(structure, 8, 0, "krylov", 1.0).structure
+    poles = {SIZE: [(5570, 158.4e3)], reduced.mechanical_size: [(5490, 158.5e3), (3040, 175.2e3)]}
+
+    def growing(basis: ContactBasis, contact: int, friction: float) -> np.ndarray:
+        return np.array(
+            [rate + 2j * np.pi * hertz for rate, hertz in poles[basis.frequency.size]][: 9 * (contact == 0)]
+        )
+
+    monkeypatch.setattr(cautions, "_growing", growing)
+    (line,) = flutter_of_basis(structure, reduced, FRICTION, "this basis")
+    assert "1.752e+05 Hz that grows at 3.04e+03 1/s" in line
 
 
 def test_modes_that_a_basis_resolves_keep_their_damping() -> None:

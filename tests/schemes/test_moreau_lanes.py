@@ -16,7 +16,7 @@ from workflow.kernels.lanes import LANES, PACK, lane_rows, lane_table, named_row
 from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
 from workflow.schemes import Sampling, schedule
-from workflow.schemes._fixed.loads import TipLoads, drive_of, start_load
+from workflow.schemes._fixed.loads import TipLoads, start_load, start_of
 from workflow.schemes._fixed.stepping import WAITING, Batch, batch_of, load_block, rows_of, watch
 
 COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, BROAD + PACK, LANES - BROAD, LANES - 1, LANES + 1, 2 * LANES + PACK]
@@ -85,17 +85,18 @@ def test_idle_lanes_are_at_rest_far_from_their_casing() -> None:
     """Whatever stood in them before, so that they never make a pack look for contact."""
     structure = heavy_chain()
     cases = rubs(structure, LANES + 3, displacement=1e-5, casing_harmonics=[[1e-6, 300.0, 0.0]])
-    drive, cases = drive_of(cases, 1e-4, 0.5, 1e-3)
-    watched = watch(structure, cases, sampling(1e-3, 1e-3), 1e-4, drive)
+    drive, begins = start_of(structure, cases, 1e-4, 0.5, 1e-3)
+    watched = watch(structure, cases, sampling(1e-3, 1e-3), 1e-4, begins, drive)
     batch = batch_of(watched, lane_table(rows_of(watched)), lane_rows(4 * WAITING), LANES)
     block = batch.whole
     for first, used in ((0, LANES), (LANES, 3)):
         _load(batch, first)
-        still = block.tip.displacement, block.tip.velocity, block.tip.temperature, block.load.amplitude
-        assert np.all(block.tip.displacement[:used] == 1e-5)
+        (tip,), (casing,) = block.tips, block.drive.casings
+        still = tip.displacement, tip.velocity, tip.temperature, block.load.amplitude
+        assert np.all(tip.displacement[:used] == 1e-5)
         assert not np.any([row[used:] for row in still])
-        assert np.all(block.tip.gap[used:LANES] > 1.0)
-        assert np.all(block.drive.state.apart[used:LANES] <= -1.0)
+        assert np.all(tip.gap[used:LANES] > 1.0)
+        assert np.all(casing.apart[used:LANES] <= -1.0)
 
 
 @kernel

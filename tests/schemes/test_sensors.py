@@ -45,7 +45,7 @@ def test_a_sensor_at_the_contact_shows_its_displacement_and_temperature(
     structure = replace(reduced.structure, sensors=reduced.sensors(one, full))
     scheme = schemes.load(method)
     if scheme.refusal(structure, scheme.Options(**options)) is not None:
-        assert reduced.structure.has_massless_tip
+        assert reduced.structure.contact_rows.is_massless
         return
     batch = reduced.project(rubs(full, 2, amplitude=400.0, frequency=300.0))
     results = step(structure, batch, 5e-6, sampling(0.0098, 7e-5), method, **options)

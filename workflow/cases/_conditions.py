@@ -151,7 +151,7 @@ def offset_of(structure: Structure, count: int) -> Array:
 
 def turns_of(scene: Scene, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
     """Return order · ψ_i of the casing's harmonics, 0 of those by a frequency, rad, ``(case, contact, harmonic)``."""
-    own = structure.angles
+    own = structure.contact_rows.angle
     angles = np.asarray(own if scene.casing.angles is None else scene.casing.angles)
     if "scene.casing.angles" in varying:
         angles = varying["scene.casing.angles"][:, None]

@@ -59,9 +59,7 @@ def _to_be_mended(error: Exception) -> list[str]:
             said = f": {error}" if str(error) else ""
             return [f"there is not enough memory{said}; take a longer output.interval, or fewer --threads or --workers"]
         case UnicodeDecodeError():
-            return [
-                f"a text, as {error.object[:40]!r}, is not UTF-8; restore a copy of the archive, or save it as UTF-8"
-            ]
+            return [f"{error.object[:40]!r} is not UTF-8; restore a copy of the archive, or save the file as UTF-8"]
         case RuntimeError() if any(word in str(error) for word in ("NetCDF", "HDF")):
             return [f"the archive is damaged ({error}); restore a copy, or move it away and run its study again"]
         case OSError():

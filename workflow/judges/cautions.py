@@ -54,9 +54,6 @@ _JUDGED = 400
 FEW = 6
 """Number of amounts up to which all are listed."""
 
-_BELOW = 1e-6
-"""Distance to the critical coupling at which no real pole grows yet."""
-
 _WIDEST = 1.0
 """Gap above which its unit is doubtful, where nothing bounds the motion, m."""
 
@@ -192,10 +189,8 @@ def flutter(structure: Structure, cases: Cases) -> Iterator[str]:
     if structure.mechanical_size + structure.thermal_size > _JUDGED:
         return
     some = np.unique([np.argmax(cases.alpha), np.argmax(cases.friction)])
-    alpha, friction = np.tile([cases.alpha[some], cases.friction[some]], 2)
-    runaways, several = Runaways(structure), structure.contact_rows.count > 1
-    alpha[some.size :] = np.minimum(alpha, (1 - _BELOW) * runaways.of(alpha, friction).critical_alpha)[some.size :]
-    contact = runaways.of(alpha, friction)
+    alpha, friction, several = cases.alpha[some], cases.friction[some], structure.contact_rows.count > 1
+    contact = Runaways(structure).of(alpha, friction)
     for k in np.flatnonzero(contact.runaway & ((contact.frequency > 0) | (alpha < contact.critical_alpha)))[:1]:
         slides = f" and a friction coefficient of {friction[k]:g}" if structure.slides else ""
         limit = ", although alpha is below its critical value, the static limit"
@@ -221,8 +216,9 @@ def flutter_of_basis(full: Structure, reduced: Structure, friction: float, basis
         grow = _growing(own, k, friction)
         if grow.size:
             whole = whole or analyse_contacts(full)
-            distance = np.abs(grow.imag[:, None] - _growing(whole, k, friction).imag)
-            grow = grow[distance.min(axis=1, initial=np.inf) > _SAME * grow.imag]
+            for known in _growing(whole, k, friction):  # each is one of the basis at most
+                apart = np.abs(1 - known.imag / grow.imag)
+                grow = np.delete(grow, np.flatnonzero(apart == apart.min(initial=_SAME))[:1])
         if grow.size:
             pole = grow[np.argmax(grow.real)]
             yield (
@@ -246,9 +242,8 @@ def coarse_heat(full: Structure, reduced: Structure, seconds: float, period: str
     Heat at a contact warms the capacity 1/(s C2⁻¹ s) of the basis at once, and of the structure the capacity t/u in the
     time t, with its answer u = s (K2 + C2/t)⁻¹ s to unit power, which krylov has exactly at that one shift.
     """
-    contacts = full.contacts
-    own = 1 if contacts is None else independent_rows(contacts)[1]
-    if full.thermal_size <= 2 * own or not takes(OF_AUTO, contacts):
+    own = independent_rows(full.contact_rows)[1]
+    if full.thermal_size <= 2 * own or not takes(OF_AUTO, full.contacts):
         return
     exact = reduce_structure(full, 0, own, OF_AUTO, seconds).structure
     answers = _at_contacts(exact, exact.conductance_matrix + exact.heat_capacity / seconds)

@@ -10,7 +10,7 @@ batch.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import prod
@@ -67,6 +67,13 @@ def named_rows(kind: type[R], rows: Array) -> R:
     pieces: Any = rows.reshape(*rows.shape[:-2], rows.shape[-2] * rows.shape[-1]).view(record)
     named: R = pieces[..., 0][()]
     return named
+
+
+def several_rows(kind: type[R], rows: Array) -> Sequence[R]:
+    """Return contiguous rows ``(number, row, lane)`` as records for kernels: of one a tuple, which costs nothing."""
+    several: Any = (named_rows(kind, rows[0]),) if len(rows) == 1 else named_rows(kind, rows)
+    records: Sequence[R] = several
+    return records
 
 
 @cache

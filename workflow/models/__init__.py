@@ -32,7 +32,7 @@ from workflow.models._contact_system import (
 from workflow.models._contacts import Contacts
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
 from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
-from workflow.models._growth import Growth, growth, growth_of_sets, growth_rate, in_contact, worst
+from workflow.models._growth import Growth, growth_of_sets, growth_rate, in_contact, worst
 from workflow.models._matrix_files import discard_files, files_laid_out
 from workflow.models._modes import (
     coupled_damping,

@@ -99,6 +99,13 @@ class ContactBasis:
         none["sensors"] = self.sensors[:, : self.frequency.size]
         return replace(self, **none)
 
+    def flexibility(self, friction: float) -> Array:
+        """Return w_iᵀ K1⁻¹ (w_j - µ t_j) + R_ij - µ R^t_ij + c δ_ij over elastic modes, m/N, ``(contact, contact)``."""
+        elastic = self.frequency > 0
+        sliding = (self.normal - friction * self.tangent)[:, elastic]
+        answers = self.normal[:, elastic] / self.frequency[elastic] ** 2
+        return np.asarray(answers @ sliding.T + self.contacts.compliance(friction))
+
     def delassus(self, friction: float) -> Array:
         """Return w_i (w_j - µ t_j)ᵀ, 1/kg, ``(contact, contact)``."""
         return np.asarray(self.normal @ (self.normal - friction * self.tangent).T)
@@ -310,9 +317,7 @@ def _critical_alpha(basis: ContactBasis, closed: NDArray[np.intp], friction: flo
     heat = basis.heat[closed].T
     kept = grows[:, ~warm] @ heat[~warm]  # growth rate of heat that cannot leave
     kept[np.abs(kept) <= _RIGID * (np.abs(grows) @ np.abs(heat))] = 0.0
-    S = flexible @ sliding[:, elastic].T
-    if basis.contacts.is_compliant:
-        S = S + basis.contacts.compliance(friction)[np.ix_(closed, closed)]
+    S = basis.flexibility(friction)[np.ix_(closed, closed)]
     B = (grows[:, warm] / basis.rate[warm]) @ heat[warm]
     held, sizes, moved = np.linalg.svd(normal[:, ~elastic])
     rigid = int(np.sum(sizes > _RIGID * np.abs(basis.normal).max(initial=0.0)))  # motions that the set stops
@@ -352,18 +357,14 @@ class CriticalFriction(NamedTuple):
 
 def critical_friction(structure: Structure) -> list[CriticalFriction]:
     """Return the critical friction coefficients of each contact alone, and of all that can be closed together."""
-    contacts = structure.contact_rows
-    basis = analyse_contacts(structure)
-    elastic = basis.frequency > 0
-    flexible = basis.normal[:, elastic] / basis.frequency[elastic] ** 2
-    compliance, found = contacts.compliance(0.0), []
+    contacts, basis = structure.contact_rows, analyse_contacts(structure)
+    rigid, still, found = basis.frequency == 0, basis.flexibility(0.0), []
+    aside = still - basis.flexibility(1.0)
     for labels, closed in closed_sets(contacts).items():
         w, t, pairs = basis.normal[closed], basis.tangent[closed], np.ix_(closed, closed)
-        S = flexible[closed] @ w[:, elastic].T + compliance[pairs]
-        aside = flexible[closed] @ t[:, elastic].T + (compliance - contacts.compliance(1.0))[pairs]
-        rigid, none = w[:, ~elastic], np.zeros((closed.size, int((~elastic).sum())))
         impact = np.inf if contacts.is_compliant else _least_root(w @ w.T, w @ t.T)
-        rest = _least_root(_at_rest(rigid, rigid, S), _at_rest(none, t[:, ~elastic], aside))
+        pressed = _at_rest(w[:, rigid], w[:, rigid], still[pairs])
+        rest = _least_root(pressed, _at_rest(0 * w[:, rigid], t[:, rigid], aside[pairs]))
         found.append(CriticalFriction(labels, impact, rest))
     return found
 
@@ -404,13 +405,10 @@ def contacts_at_rest(structure: Structure, cases: Cases) -> Cases | None:
     y, velocity = free.copy(), np.zeros_like(free)
     for i in range(cases.count):
         sliding = basis.normal - cases.friction[i] * basis.tangent
-        S = (basis.normal / basis.frequency**2) @ sliding.T
         depth = (
             basis.normal @ free[i] - basis.residual_coupling @ tau[i] + basis.residual_load * cases.mean[i] - place[i]
         )
-        if contacts.is_compliant:
-            S = S + contacts.compliance(float(cases.friction[i]))
-        pressed = complementarity(S, -depth)
+        pressed = complementarity(basis.flexibility(float(cases.friction[i])), -depth)
         if pressed is None:
             return None
         y[i] -= (pressed @ sliding) / basis.frequency**2

@@ -256,15 +256,11 @@ def _of_contacts(basis: ContactBasis, alpha: Array, friction: Array) -> dict[tup
     return found
 
 
-def growth(contact: InContact | ContactBasis, alpha: Array, friction: Array) -> Growth:
-    """Return the growth of the worst closed set of each case, see :func:`worst`; stable where its rate is negative."""
-    return worst(growth_of_sets(contact, alpha, friction))[1]
-
-
 def worst(of_sets: dict[tuple[str, ...], Growth]) -> tuple[NDArray[np.intp], Growth]:
-    """Return which set grows fastest for certain in each case, and its growth: 0 where nothing can move."""
+    """Return which set grows fastest for certain in each case, of equals the first, and its growth: 0 of no motion."""
     poles, uncertainties = (np.array([getattr(each, name) for each in of_sets.values()]) for name in Growth._fields)
-    at = np.nan_to_num(poles.real - uncertainties, nan=-np.inf).argmax(axis=0)
+    certain = np.nan_to_num(poles.real - uncertainties, nan=-np.inf)
+    at = (certain >= certain.max(axis=0) - uncertainties).argmax(axis=0)
     pole, uncertainty = (np.take_along_axis(each, at[None], axis=0)[0] for each in (poles, uncertainties))
     return at, Growth(np.where(pole.real == -np.inf, 0.0, pole), uncertainty)
 
@@ -325,5 +321,5 @@ def _refined(contact: InContact, part: InContact, alpha: Array, spectrum: Comple
 
 
 def growth_rate(structure: Structure, alpha: float, friction: float = 0.0) -> float:
-    """Return the growth rate of a structure at ``alpha``, 1/s, see :func:`growth`."""
-    return float(growth(in_contact(structure), np.array([alpha]), np.array([friction])).rate[0])
+    """Return the growth rate of the worst closed set at ``alpha``, 1/s; negative where contact is stable."""
+    return float(worst(growth_of_sets(in_contact(structure), np.array([alpha]), np.array([friction])))[1].rate[0])

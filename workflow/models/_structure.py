@@ -181,11 +181,6 @@ class Structure(_OptionalParts):
         return max(self.mechanical_size, self.thermal_size) <= MOST_FULL
 
     @property
-    def has_massless_tip(self) -> bool:
-        """Whether contacts have no mass, and so no impacts."""
-        return self.contacts is not None and self.contacts.is_massless
-
-    @property
     def load_direction(self) -> Array:
         """b, (mechanical,): e_n where the load acts on the tip."""
         return self.mechanical.unit_tip if self.load is None else self.load
@@ -222,11 +217,6 @@ class Structure(_OptionalParts):
         if flexibility == 0:
             return self
         return replace(self, contacts=replace(self.contact_rows, casing_flexibility=flexibility))
-
-    @property
-    def angles(self) -> Array:
-        """ψ_i of all contacts, rad, ``(contact,)``."""
-        return self.contact_rows.angle
 
     @property
     def slides(self) -> bool:

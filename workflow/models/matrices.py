@@ -229,14 +229,8 @@ def write_matrices(
             rows = value.tocsr()
             arrays |= {f"{name}.{part}": getattr(rows, part) for part in ("data", "indices", "indptr", "shape")}
         else:  # a contact may be an index or a label
-            plain = np.asarray(value.toarray() if hasattr(value, "toarray") else value)
-            arrays[name] = (
-                in_unicode(name, plain).astype(str)
-                if name in LABELS
-                else plain
-                if plain.size == 1
-                else plain.astype(float)
-            )
+            plain = in_unicode(name, np.asarray(value.toarray() if hasattr(value, "toarray") else value))
+            arrays[name] = plain.astype(str if name in LABELS else plain.dtype if plain.size == 1 else float)
     np.savez_compressed(place, **arrays, **_own_vectors(vectors or {}, given))
     return place
 

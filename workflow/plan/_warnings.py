@@ -155,12 +155,14 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
                 yield from coarse_heat(full, model.structure, _CONTACT_SHARE / grid.fastest, _TENTH, basis)
         lost = float(np.nanmax(projection_residual_of(settings, cases), initial=0.0))
         worst[basis] = max(worst.get(basis, 0.0), lost)
-    for basis, lost in worst.items():
-        if lost > LOST:
-            yield (
-                f"{basis} cannot represent {lost:.2g} of initial states or constant loads (projection_residual), which "
-                "sensors show most; keep more modes, or `full`"
-            )
+    lossy = [(lost, basis) for basis, lost in worst.items() if lost > LOST]
+    if lossy:
+        lost, basis = max(lossy)
+        worst_of = f", the worst of {len(lossy)} such bases," if len(lossy) > 1 else ""
+        yield (
+            f"{basis}{worst_of} cannot represent {lost:.2g} of initial states or constant loads (projection_residual), "
+            "which sensors show most; keep more modes, or `full`"
+        )
 
 
 def _units(every: Sequence[Any]) -> Iterator[str]:
@@ -397,7 +399,7 @@ def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
         step = SchemeStep(scheme, options, settings.h, structure, modes, ends, grid.fastest)
         said = list(step_cautions(step))
     else:
-        basis = f" with {settings.reduction}" if structure.has_massless_tip else ""
+        basis = f" with {settings.reduction}" if structure.contact_rows.is_massless else ""
         said = [StepCaution(f"fails{basis}, as {refusal}", "", 0.0)]
     yield from (_Caution(basis_text(settings), settings.scheme.label, settings.h, one) for one in said)
 

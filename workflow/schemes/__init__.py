@@ -11,7 +11,8 @@ from workflow.registry import Registry
 from workflow.schemes._contract import ContractError, checked, refuse
 from workflow.schemes._fixed.central import Differences as CentralDifferences
 from workflow.schemes._fixed.central import init as init_central
-from workflow.schemes._fixed.contact import Contact, Response, Tip
+from workflow.schemes._fixed.contact import Contact
+from workflow.schemes._fixed.law import Response, Tip
 from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.outcome import compute as step_central  # the operator of its `init` knows how it steps
 from workflow.schemes._fixed.outcome import compute as step_theta
@@ -43,7 +44,8 @@ names, fault = _SCHEMES.names, _SCHEMES.fault
 
 def load(name: str) -> Scheme:
     """Return the scheme ``name``, see :meth:`~workflow.registry.Registry.load`."""
-    return Scheme.of(_SCHEMES.load(name))
+    module = _SCHEMES.load(name)
+    return Scheme.of(module, frozenset({"contacts"} if module.compute is step_theta else ()))
 
 
 def metrics(name: str) -> tuple[Variable, ...]:

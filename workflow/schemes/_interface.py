@@ -265,8 +265,8 @@ class Scheme:
     """What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction`` along
     the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: the mean
     temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``
-    (``Structure.contacts``, ``Cases.gaps``), ``massless``: those without mass, one too, and an ``elastic`` casing
-    (``Contacts.casing_flexibility``)."""
+    (``Structure.contacts``, ``Cases.gaps``), which a law by ``init_theta`` or ``init_central`` takes without a word,
+    ``massless``: those without mass, one too, and an ``elastic`` casing (``Contacts.casing_flexibility``)."""
     about: str = ""
     """One line on the scheme; by default the first paragraph of the module's docstring."""
 
@@ -276,9 +276,10 @@ class Scheme:
         return tuple(f.name for f in fields(cls) if f.default is MISSING and f.default_factory is MISSING)
 
     @classmethod
-    def of(cls, module: ModuleType) -> Scheme:
-        """Return the scheme that a module defines."""
+    def of(cls, module: ModuleType, also: frozenset[str] = frozenset()) -> Scheme:
+        """Return the scheme that a module defines, which takes ``also`` what its parts take, as in ``GENERAL``."""
         offered = {f.name: vars(module)[f.name] for f in fields(cls) if f.name in vars(module)}
+        offered["GENERAL"] = offered.get("GENERAL", frozenset()) | also
         if "contact_limit" in offered:
             offered["contact_limit"] = _of_friction(offered["contact_limit"])
         scheme = cls(**{"about": " ".join((module.__doc__ or "").split("\n\n")[0].split()), **offered})
@@ -301,7 +302,7 @@ class Scheme:
             return "it takes a rigid casing; `event_driven` and `moreau` take one with `flexibility`"
         if structure.contacts is not None and "contacts" not in self.GENERAL:
             return ONE_CONTACT
-        if structure.has_massless_tip and "massless" not in self.GENERAL:
+        if structure.contact_rows.is_massless and "massless" not in self.GENERAL:
             return NEEDS_MASS
         if structure.contacts is not None and structure.observed is not None:
             return "it does not record the temperature over a depth at contacts without mass, or on an elastic casing"

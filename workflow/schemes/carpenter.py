@@ -8,7 +8,7 @@ that keeps x_n,k+1 <= d (d_k+1 where the casing moves); its impulse is p_k = hλ
 with w_free the tip's velocity from t_k to t_k+1 without contact. There is no restitution
 coefficient: a single mass reaches the casing in one step, loses its velocity in the next and leaves
 with none. Several contacts take their impulses together, 0 <= p ⊥ W p - ((x_i,k - d_i,k+1)/h + w_i,free) >= 0
-(:mod:`workflow.schemes._fixed.contact_steps`).
+(:mod:`workflow.schemes._fixed.law`).
 
 Stable below h = 2/ω_max and, with explicit heat, 2/μ_max: see :mod:`workflow.schemes._fixed.central`.
 """
@@ -19,10 +19,11 @@ from typing import NamedTuple
 
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Structure
-from workflow.schemes._fixed import central, contact_cases, decoupled
+from workflow.schemes._fixed import central, decoupled
 from workflow.schemes._fixed.central import Differences as Options
 from workflow.schemes._fixed.contact import METRICS as METRICS
-from workflow.schemes._fixed.contact import Contact, Response, Tip
+from workflow.schemes._fixed.contact import Contact
+from workflow.schemes._fixed.law import Response, Tip
 from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.outcome import Operator
 from workflow.schemes._fixed.outcome import compute as compute
@@ -58,8 +59,6 @@ CONTACT = Contact(lambda cases: Multiplier(), holds=True, rebounds=True)
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
-    if structure.contacts is not None:
-        return contact_cases.central_steps(structure, float(h), options)
     return central.init(structure, float(h), options, CONTACT)
 
 

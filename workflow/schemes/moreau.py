@@ -9,7 +9,7 @@
 with temperatures T and v_free,n the tip's velocity without contact. Acary & Brogliato (2008), chapters 8 and 10; θ = 1
 is the implicit Euler scheme of Thorin, Guérin and Legrand. Several contacts take their impulses together; contacts
 without mass have no impacts: contact is the complementarity of gap and force, and e is not read
-(:mod:`workflow.schemes._fixed.contact_steps`). A structure is stepped in its modes (:mod:`workflow.schemes._fixed`).
+(:mod:`workflow.schemes._fixed.newton`). A structure is stepped in its modes (:mod:`workflow.schemes._fixed`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from typing import Any
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
-from workflow.schemes._fixed import contact_cases, decoupled, theta_method
-from workflow.schemes._fixed.newton import NEWTON
+from workflow.schemes._fixed import decoupled, theta_method
+from workflow.schemes._fixed.newton import NEWTON, REST
 from workflow.schemes._fixed.outcome import Operator
 from workflow.schemes._fixed.outcome import compute as compute
 
@@ -41,10 +41,8 @@ class Options:
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
-    theta = float(options.theta)
-    if structure.contacts is not None:
-        return contact_cases.theta_steps(structure, float(h), theta, rebounds=True)
-    return theta_method.init(structure, float(h), theta, NEWTON)
+    contact = REST if structure.contact_rows.is_compliant else NEWTON
+    return theta_method.init(structure, float(h), float(options.theta), contact)
 
 
 operator_name = decoupled.operator_name

@@ -6,7 +6,7 @@ negative in flight,
     s_k+1 = -e s_k-1  where the free step has s_k+1 + e s_k-1 > 0,
     p_k = max(0, (s_k+1,free + e s_k-1)/(h W)),   W = e_nᵀ (M + h/2 C1)⁻¹ (e_n - µ t),
 
-of several contacts 0 <= p ⊥ W p - (s_k+1,free + e s_k-1)/h >= 0 (:mod:`workflow.schemes._fixed.contact_steps`).
+of several contacts 0 <= p ⊥ W p - (s_k+1,free + e s_k-1)/h >= 0 (:mod:`workflow.schemes._fixed.law`).
 
 The tip may pass the casing by e times the way of one step before an impact. With e = 0 the scheme is
 :mod:`~workflow.schemes.carpenter`. Stable below h = 2/ω_max and, with explicit heat, 2/μ_max: see
@@ -20,9 +20,10 @@ from typing import Any, NamedTuple
 from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Structure
-from workflow.schemes._fixed import central, contact_cases, decoupled
+from workflow.schemes._fixed import central, decoupled
 from workflow.schemes._fixed.central import Differences as Options
-from workflow.schemes._fixed.contact import Contact, Response, Tip, count_no_rebound, count_rebound
+from workflow.schemes._fixed.contact import Contact
+from workflow.schemes._fixed.law import Response, Tip, count_no_rebound, count_rebound
 from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.outcome import Operator
 from workflow.schemes._fixed.outcome import compute as compute
@@ -57,8 +58,6 @@ CONTACT = Contact(lambda cases: Newton(cases.e))
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
-    if structure.contacts is not None:
-        return contact_cases.central_steps(structure, float(h), options, rebounds=True)
     return central.init(structure, float(h), options, CONTACT)
 
 

@@ -6,7 +6,7 @@
 (:mod:`workflow.schemes._fixed.central`); with the tip in contact ω_max is that of the structure with κ at its
 tip, which grows with κ; ``implicit`` is the θ-method with λ at the step's end. Both laws are in
 :mod:`workflow.schemes._fixed.spring`. There is no restitution coefficient: without c a single mass leaves as fast as it
-came. Several contacts have a spring and a damper each (:mod:`workflow.schemes._fixed.contact_steps`).
+came. Several contacts have a spring and a damper each (:mod:`workflow.schemes._fixed.law`).
 
 As h → 0 the scheme converges to the motion with this spring, and to that with a rigid casing only as κ → ∞, see
 :func:`rigid`.
@@ -20,7 +20,7 @@ from typing import Any, Literal
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
-from workflow.schemes._fixed import central, contact_cases, decoupled, spring, step_limits, theta_method
+from workflow.schemes._fixed import central, decoupled, spring, step_limits, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._fixed.outcome import Operator
 from workflow.schemes._fixed.outcome import compute as compute
@@ -60,7 +60,7 @@ def contact_stiffness_of(structure: Structure, options: Options) -> float:
     RefusedStructureError
         A free mass has no stiffness; or contacts are without mass, and the step is explicit.
     """
-    if structure.has_massless_tip and options.integration == "explicit":
+    if structure.contact_rows.is_massless and options.integration == "explicit":
         raise RefusedStructureError(NEEDS_MASS)
     return options.stiffness if options.stiffness > 0 else spring.default_stiffness(structure)
 
@@ -82,7 +82,7 @@ def contact_limit(structure: Structure, options: Options, friction: float = 0.0)
     """
     if options.integration == "explicit":
         return step_limits.switching_limit(structure, contact_stiffness_of(structure, options), friction)
-    if options.theta >= step_limits.DISSIPATES or structure.has_massless_tip:
+    if options.theta >= step_limits.DISSIPATES or structure.contact_rows.is_massless:
         return float("inf")
     return step_limits.implicit_limit(structure, contact_stiffness_of(structure, options), friction)
 
@@ -91,10 +91,6 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
     h, stiffness, damping = float(h), contact_stiffness_of(structure, options), float(options.damping)
     theta, explicit = float(options.theta), options.integration == "explicit"
-    if structure.contacts is not None and explicit:
-        return contact_cases.central_steps(structure, h, _CENTRAL, spring=stiffness, damper=damping)
-    if structure.contacts is not None:
-        return contact_cases.theta_steps(structure, h, theta, spring=stiffness, damper=damping)
     if explicit:
         return central.init(structure, h, _CENTRAL, spring.central_contact(stiffness, damping))
     return theta_method.init(structure, h, theta, spring.theta_contact(theta, stiffness, damping))

@@ -145,7 +145,7 @@ def solve_in_parts(
     first = grid.inner_alike(inner, grid.is_read(grid.settings(outer).scheme))
     if solutions is None:
         solutions = solutions_for(grid, Batch(outer, inner))
-    choice = grid.choice(outer)
+    choice, left = grid.choice(outer), inner.size
     for number, solved in _ended(grid, outer, np.unique(first), perturbation):
         places = np.flatnonzero(np.isin(first, number))
         where, count = np.searchsorted(number, first[places]), places.size
@@ -159,6 +159,9 @@ def solve_in_parts(
         if count:  # else they are stored: a line begins before the points that are asked for
             messages = _said(remarks, texts_of(solved.messages, where), unconfirmed)
             yield places, Solved({**values, **errors}, messages)
+            left -= count
+    if left:
+        raise RuntimeError(f"of the cases {inner.tolist()} {left} did not end")
 
 
 def _said(*every: Mapping[int, str]) -> dict[int, str]:

@@ -360,7 +360,7 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
         return
     rows, angle = np.ones((1, 1)), np.zeros(1)
     if structure is not None:
-        rows, angle = structure.input_contacts, structure.angles
+        rows, angle = structure.input_contacts, structure.contact_rows.angle
     start, own = np.atleast_1d(initial.displacement)[-rows.shape[1] :], (casing.gap, casing.angles)
     if start.size not in (1, rows.shape[1]) or any(np.size(one or 0) not in (1, len(rows)) for one in own):
         return  # told as a list of another length

@@ -363,7 +363,7 @@ def _casing_of_one(scene: Scene, sizes: Sizes, source: StudyText) -> Casing:
     gap = own.gap[0] if isinstance(own.gap, tuple) and len(own.gap) == 1 else own.gap
     angle = own.angles[0] if isinstance(own.angles, tuple) and len(own.angles) == 1 else own.angles
     if angle is None and sizes.structure is not None and f"scene.{scene.model}.contact" not in source.axes:
-        angle = float(sizes.structure.angles[0]) or None
+        angle = float(sizes.structure.contact_rows.angle[0]) or None
     return dataclasses.replace(own, gap=gap, angles=angle)
 
 

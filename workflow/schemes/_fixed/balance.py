@@ -1,18 +1,19 @@
 """Balances of energy and heat of a fixed step, counted at its end.
 
-The energy is that of all modes that move the tip, relative to the particular solution for heat and constant loads. In
-the v and ξ of the modes (:mod:`workflow.schemes._fixed.blocks`), with η = ξ + ℓ v, it is E = (m v² + ω² η²)/2; ℓ = hθ
-and m = 1 of the θ-method, ℓ = h/2 and m = 1 - (hω/2)² of central differences, whose energy is (w² + ω² η_k η_k+1)/2
+The energy is that of all modes that move the contacts, relative to the particular solution for heat and constant loads.
+In the v and ξ of the modes (:mod:`workflow.schemes._fixed.blocks`), with η = ξ + ℓ v, it is E = (m v² + ω² η²)/2; ℓ =
+hθ and m = 1 of the θ-method, ℓ = h/2 and m = 1 - (hω/2)² of central differences, whose energy is (w² + ω² η_k η_k+1)/2
 with w = w_k+½. An input that adds δv and δξ in a step is the impulse I = Ŵ δv + ℓ ω² δξ and the jump J = δξ. With
 midpoint values (·)_m = (end + begin)/2 the energy residual is the sum over modes and steps of
 
     ΔE + hc v_m² - I v_m - ω² J η_m.
 
-For the part of load and contact that acts on the tip Σ I v_m is (S_load - p) times the tip's velocity relative to the
-particular solution. That velocity is taken from the contact law (``End.driven``), not from the modes, so that an
-impulse without the effect its law states shows in the residual. The heat and the friction of a contact impulse are
-inputs besides. Damping that couples modes is one more impulse, -h C v_m with the off-diagonal C. Energy that a contact
-law creates besides its impulse, as a contact spring where contact begins and ends, is added (:func:`contact_gain`).
+For the part of load and contact that acts at a contact Σ I v_m is (S_load - p) times the contact's velocity relative to
+the particular solution; of several contacts the load is counted in the modes. That velocity is taken from the contact
+law (``End.driven``), not from the modes, so that an impulse without the effect its law states shows in the residual.
+The heat and the friction of a contact impulse are inputs besides. Damping that couples modes is one more impulse, -h C
+v_m with the off-diagonal C. Energy that a contact law creates besides its impulse, as a contact spring where contact
+begins and ends, is added (:func:`contact_gain`).
 
 The mean velocity is that of the power of an impact, p (v + v')/2, whatever θ is; on a casing that moves p (V + V')/2
 of it is the casing's. Without heat the sum over the steps of a mode is
@@ -55,7 +56,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -77,10 +78,11 @@ from workflow.kernels.packs import (
 )
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.contact import End, TipInput, TipStep, contact_gain, friction_heat, was_pressed
-from workflow.schemes._fixed.decoupled import Decoupled, modes_at_tip
-from workflow.schemes._fixed.free_motion import HEAT_INPUT, FreeStep, InitialState, State, contact_heat, ended, plus
-from workflow.schemes._fixed.rows import Own, Tips, Totals
+from workflow.schemes._fixed.contact import End, TipInput, contact_gain, count_of, friction_heat, was_pressed
+from workflow.schemes._fixed.decoupled import Decoupled, modes_at
+from workflow.schemes._fixed.free_motion import FreeStep, InitialState, State, contact_heat, ended, plus
+from workflow.schemes._fixed.law import TipStep
+from workflow.schemes._fixed.rows import Acting, Tips, Totals
 
 DAMPING, KINETIC, ELASTIC = range(3)
 """Coefficients of a mode, divided by φ_n² where φ_n scales its states: hc/4, energy per v² and energy per η²."""
@@ -121,7 +123,7 @@ class Account(NamedTuple):
     modes: Array
     """``(mode, coefficient)``."""
     contact_inputs: Array
-    """Input by heat and friction of a unit impulse of contact, as in :class:`Dense`, ``(2 mode, lane)``."""
+    """Input by heat and friction of a unit impulse, as in :class:`Dense`, ``(contact, 2 mode, lane)``."""
     losses: Array
     """Heat loss per τ, W, ``(thermal mode,)``."""
     velocity_before: Array
@@ -133,10 +135,10 @@ class Account(NamedTuple):
     """ℓ, s."""
     load_share: float
     """Fraction of the load that acts on the tip."""
-    thermal_velocity: float
-    """Thermal velocity of the tip per unit of friction heat in its step."""
-    heat_loss: float
-    """Heat loss per unit of friction heat at the end of its step, 1/s."""
+    thermal_velocity: Array
+    """Thermal velocity of contact i per unit of friction heat at j in its step, ``(contact, contact)``."""
+    heat_loss: Array
+    """Heat loss per unit of friction heat at the end of its step, 1/s, ``(contact,)``."""
     heat_theta: float
     """Weight of the temperatures at a step's end in its heat loss."""
     unbounded: float
@@ -156,7 +158,7 @@ def lay_out_account(account: Account | None) -> None:
     if account is None:
         return
     assert account.modes.shape[1] == ELASTIC + 1
-    assert account.contact_inputs.shape[1] == ROW
+    assert account.contact_inputs.shape[2] == ROW
     assert account.velocity_before.shape[1] == ROW
 
 
@@ -173,24 +175,26 @@ def count_work(
     end: End,
     thermal_velocity: Pack,
     free: TipInput,
-    own: Own,
+    state: State,
     tip: Tips,
+    c: int,
     lane: Lane,
 ) -> None:
-    """Add a step's friction heat, and the work of load and contact at the tip, to the sums."""
+    """Add the friction heat of a step at contact ``c``, and the work of load and contact there, to the sums."""
     if account is None:
         return
-    sums, relative = account.sums, end.driven - thermal_velocity
-    if was_pressed(own, lane):
-        heat = friction_heat(own, lane)
-        relative -= account.thermal_velocity * heat
-        _add_to(sums.friction_heat, heat, lane)
+    sums, act, relative = account.sums, state.acts[c], end.driven - thermal_velocity
+    if was_pressed(state.own, lane):
+        for j in range(count_of(state.coupling, state.acts)):
+            heat = friction_heat(state.own, state.acts[j], lane)
+            relative -= shared(account.thermal_velocity, (c, j), lane) * heat
+        _add_to(sums.friction_heat, friction_heat(state.own, act, lane), lane)
         _add_to(sums.energy_bound, end.impulse * pack(sums.work_bound, lane), lane)
-    before, impulse = pack(sums.relative, lane), account.load_share * free.impulse - end.acting
-    store(sums.relative, lane, relative)
+    before, impulse = pack(act.relative, lane), account.load_share * free.impulse - end.acting
+    store(act.relative, lane, relative)
     working = fused(spread(account.energy_lever / step.h, lane), relative - before, before)
     store(sums.energy_bound, lane, fused(impulse, working, pack(sums.energy_bound, lane)))
-    gain = contact_gain(step, end, free, own, tip, lane)
+    gain = contact_gain(step, end, free, act, tip, c, lane)
     _add_to(sums.dissipated, fused(impulse, -0.5 * (relative + before), gain), lane)
 
 
@@ -221,7 +225,7 @@ def count_mode(
     """Add the energy that damping and a unit of contact took from mode j in a step that ends with v and ξ."""
     if account is None or dense is not None:
         return taken
-    return _count_inputs(account, account.contact_inputs, j, v, xi, contact, taken, lane)
+    return _count_inputs(account, account.contact_inputs[0], j, v, xi, contact, taken, lane)
 
 
 @inlined
@@ -265,11 +269,16 @@ def with_loss(account: Account | None, k: int, tau: Pack, loss: Pack, lane: Lane
 
 
 @inlined
-def add_loss(account: Account | None, h: float, loss: Pack, heat: Pack | None, lane: Lane) -> None:
-    """Add the heat that all modes lose in h seconds, with that of the contact's ``heat``, to the sums."""
+def add_loss(
+    account: Account | None, state: State, h: float, loss: Pack, heat: Pack | None, struck: bool, lane: Lane
+) -> None:
+    """Add the heat that all modes lose in h seconds to the sums, with that of one contact or of several."""
     if account is None:
         return
-    loss = plus(loss + pack(account.sums.settled_loss, lane), spread(account.heat_loss, lane), heat)
+    loss = plus(loss + pack(account.sums.settled_loss, lane), shared(account.heat_loss, (0,), lane), heat)
+    if heat is None and struck:
+        for c in range(len(state.acts)):
+            loss += shared(account.heat_loss, (c,), lane) * friction_heat(state.own, state.acts[c], lane)
     _add_to(account.sums.lost, h * loss, lane)
     _add_to(account.sums.turned_over, magnitude(h * loss), lane)
 
@@ -288,7 +297,7 @@ def _measure(account: Account, step: FreeStep, state: State, lane: Lane) -> None
     """Compute the energy, out of line: so seldom that the step is faster without it."""
     load = pack(state.own.load, lane)
     if was_pressed(state.own, lane):
-        _energy(None, account, step, state, load, pack(state.own.impulse, lane), lane)
+        _energy(None, account, step, state, load, pack(state.acts[0].impulse, lane), lane)
     else:
         _energy(None, account, step, state, load, None, lane)
 
@@ -306,11 +315,11 @@ def count_step(
 
 @part
 def _count(dense: Dense | None, account: Account, step: FreeStep, state: State, last: bool, lanes: int) -> None:
-    _fill_dense(dense, account, step.coupled, step, state, lanes)
+    _fill_dense(dense, account, step, state, lanes)
     for first in range(0, lanes, PACK):
         lane = narrow(first)
-        load, contact, taken = pack(state.own.load, lane), pack(state.own.impulse, lane), nothing_taken(lane)
-        times, inputs = (contact, account.contact_inputs) if dense is None else (spread(1.0, lane), dense.inputs)
+        load, contact, taken = pack(state.own.load, lane), pack(state.acts[0].impulse, lane), nothing_taken(lane)
+        times, inputs = (contact, account.contact_inputs[0]) if dense is None else (spread(1.0, lane), dense.inputs)
         for j in range(account.velocity_before.shape[0]):
             v, xi = _at_end(dense, step, state, j, load, contact, lane)
             taken = _count_inputs(account, inputs, j, v, xi, times, taken, lane)
@@ -320,7 +329,7 @@ def _count(dense: Dense | None, account: Account, step: FreeStep, state: State, 
             loss = spread(0.0, lane)
             for k in range(state.tau.shape[0]):
                 loss = with_loss(account, k, pack(state.tau, (k, lane)), loss, lane)
-            add_loss(account, step.tip.h * account.heat_theta, loss, friction_heat(state.own, lane), lane)
+            add_loss(account, state, step.contact.h * account.heat_theta, loss, None, True, lane)
 
 
 @inlined
@@ -329,7 +338,7 @@ def _at_end(
 ) -> tuple[Pack, Pack]:
     """Return v and ξ of mode j at the step's end."""
     if dense is None:
-        return ended(None, step, state, j, load, contact, lane)
+        return ended(step, state, j, load, contact, lane)
     return pack(dense.modal_states, (j, lane)), pack(dense.modal_states, (dense.off_diagonal.shape[0] + j, lane))
 
 
@@ -367,22 +376,22 @@ def _add_product(matrix: Array, states: Array, sums: Array, lanes: int) -> None:
 
 
 @inlined
-def _fill_dense(
-    dense: Dense | None, account: Account, coupled: Array | None, step: FreeStep, state: State, lanes: int
-) -> None:
+def _fill_dense(dense: Dense | None, account: Account, step: FreeStep, state: State, lanes: int) -> None:
     """Compute the states of the modes at the step's end and the inputs of the step, where balances need matrices."""
     if dense is None:
         return
     blocks, modes, own = state.motion.shape[0], dense.off_diagonal.shape[0], state.own
     for first in range(0, lanes, PACK):
         lane = narrow(first)
-        contact, load = pack(own.impulse, lane), pack(own.load, lane)
+        contact, load = pack(state.acts[0].impulse, lane), pack(own.load, lane)
         for j in range(blocks):
-            u, eta = ended(coupled, step, state, j, load, contact, lane)
+            u, eta = ended(step, state, j, load, contact, lane)
             store(dense.states, (j, lane), u)
             store(dense.states, (blocks + j, lane), eta)
         for i in range(2 * modes):
-            inputs = pack(dense.constant, (i, lane)) + pack(account.contact_inputs, (i, lane)) * contact
+            inputs = pack(dense.constant, (i, lane))
+            for c in range(count_of(state.coupling, state.acts)):
+                inputs += pack(account.contact_inputs, (c, i, lane)) * pack(state.acts[c].impulse, lane)
             if i < modes:
                 inputs += shared(dense.load, (i,), lane) * load
             for pair in range(step.pair_heat.size):
@@ -423,6 +432,8 @@ class Balances:
     ----------
     rows
         Named rows for the march, ``(row, case)``, with their initial values.
+    relative
+        Velocity of each contact relative to the particular solution at t = 0, m/s, ``(case, contact)``.
     """
 
     def __init__(self, structure: Structure, blocks: Blocks, free: FreeStep, cases: Cases, begun: InitialState) -> None:
@@ -430,22 +441,22 @@ class Balances:
         self._blocks, self._free, self._cases, self._begun = blocks, free, cases, begun
         self._content = structure.content @ modal.heat_shapes
         self._loss = self._content * modal.rate
-        self._load_direction = structure.load_direction
-        self._at_tip = np.where(modal.is_coupled, 1.0, modes_at_tip(modal.tip))
+        self._at_tip = modes_at(modal.normal).astype(float) if modal.is_single else np.ones_like(modal.load)
         self._kinetic = 1.0 - modal.frequency**2 * (step.lever - step.energy_lever) ** 2
         self._kinetic -= 0.5 * step.tip.h * modal.damping if step.lagged else 0.0
-        self._is_dense = modal.is_coupled or blocks.pairs.size + begun.drifting.size > 0
+        self._is_dense = not modal.is_single or blocks.pairs.size + begun.drifting.size > 0
 
         v, xi = blocks.in_modes(begun.states)
-        inputs, scaled, self._unscale = _energy_rows(blocks, contact_heat(blocks, cases)), self._at_tip, self._at_tip
-        sums = self._first_sums(v, xi, inputs)
+        inputs = np.stack([_energy_rows(blocks, each) for each in contact_heat(blocks, cases)])
+        scaled, self._unscale = self._at_tip, self._at_tip
+        sums, self.relative = self._first_sums(v, xi, inputs[0]), project(modal.normal, v.T)
         if self._is_dense:
             steady = np.zeros((2, blocks.damping.size, cases.count))
             steady[0, begun.drifting] = begun.steady
             self.rows = {"constant": _energy_rows(blocks, steady)}
         else:
-            scaled = self._at_tip * modal.tip
-            self._unscale = self._at_tip / np.where(self._at_tip, modal.tip, 1.0)
+            scaled = self._at_tip * modal.normal[0]
+            self._unscale = self._at_tip / np.where(self._at_tip, modal.normal[0], 1.0)
             inputs *= np.tile(self._unscale, 2)[:, None]
             self.rows = {}
         self.rows |= {"sums": sums, "velocity_before": scaled[:, None] * v, "contact_inputs": inputs}
@@ -453,14 +464,13 @@ class Balances:
     def _first_sums(self, v: Array, xi: Array, inputs: Array) -> Array:
         """Return the sums at t = 0 as rows, of modes with v and ξ and the ``inputs`` of a unit impulse of contact."""
         modal, step, begun, at_tip = self._blocks.modal, self._blocks.step, self._begun, self._at_tip
-        omega2, n = modal.frequency**2, modal.tip.size
+        omega2, n = modal.frequency**2, modal.frequency.size
         eta = xi + step.energy_lever * v
         energy = 0.5 * (project(at_tip * self._kinetic, v.T**2) + project(at_tip * omega2, eta.T**2))
         rows = np.zeros((rows_in(Totals), self._cases.count))
         sums = named_rows(Totals, rows)
         sums.first_energy = sums.last_energy = sums.largest_energy = energy
         sums.energy_bound = energy + self._unbounded
-        sums.relative = project(modal.tip, v.T)
         sums.settled_loss = settled = project(self._loss, begun.settled.T)
         sums.lost = -step.tip.h * step.heat_theta * (settled + project(self._loss, begun.heat.T))
         if step.heat_counts and not self._is_dense:  # the first step counts the damping of a step that ends at t = 0
@@ -491,9 +501,9 @@ class Balances:
             sums=named_rows(Totals, lanes["sums"]),
             h=step.tip.h,
             energy_lever=step.energy_lever,
-            load_share=float(self._load_direction[-1]),
-            thermal_velocity=np.sum(blocks.tip * blocks.thermal_response(step.heat_gain[:, None])[..., 0]),
-            heat_loss=np.sum(losses * self._free.heat_modes[:, HEAT_INPUT]) if step.heat_counts else 0.0,
+            load_share=float(modal.is_single),
+            thermal_velocity=np.tensordot(blocks.contacts, blocks.thermal_response(step.heat_gain.T), 2),
+            heat_loss=float(step.heat_counts) * np.sum(self._loss * step.heat_gain, axis=1),
             heat_theta=step.heat_theta,
             unbounded=self._unbounded,
             dense=self._dense(lanes) if self._is_dense else None,
@@ -502,10 +512,10 @@ class Balances:
     def _dense(self, lanes: Mapping[str, Array]) -> Dense:
         """Return the matrices for the balances of modes where these are not blocks, are drifting or near resonance."""
         blocks, modal, step, C = self._blocks, self._blocks.modal, self._blocks.step, self._blocks.modal.damping_matrix
-        n, count = modal.tip.size, blocks.damping.size
-        unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=modes_at_tip(blocks.scale))
+        n, count = modal.frequency.size, blocks.damping.size
+        unscale = np.divide(1.0, blocks.scale, out=np.zeros(count), where=modes_at(blocks.scale[None]))
         outward = np.eye(2 * n) if blocks.outward is None else blocks.outward.reshape(2 * n, 2 * count)
-        load = np.zeros(n) if modal.load is None else modal.load - self._load_direction[-1] * modal.tip
+        load = np.zeros(n) if modal.is_single else modal.load
         pulls = np.zeros((2, count, len(blocks.pairs)))
         for pair, (j, k) in enumerate(blocks.pairs):
             pulls[:, j, pair] = blocks.thermal_load[:, j, k] / modal.heat_scale[k]
@@ -525,9 +535,9 @@ class Balances:
     def result(self, ended: Mapping[str, Array], elapsed: float) -> Balance:
         """Return the balances after ``elapsed`` seconds, from the rows of the march at its end."""
         modal, begun = self._blocks.modal, self._begun
-        sums, own = named_rows(Totals, ended["sums"]), named_rows(Own, ended["own"])
+        sums, acts = named_rows(Totals, ended["sums"]), cast(Any, named_rows(Acting, ended["acts"]))
         if not self._free.heat_counts:
-            sums.friction_heat -= own.alpha * own.impulse
+            sums.friction_heat -= self._cases.alpha * acts["impulse"].sum(axis=0)
         warmed = ended["tau"] / modal.heat_scale[:, None] - begun.heat + elapsed * begun.warming_modes
         initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled).T)
         heating = elapsed * project(self._content, project(modal.heat_shapes.T, self._cases.heating))
@@ -540,7 +550,7 @@ class Balances:
         force cancel at a gap of 0 nothing else moves, and energy and residual are both rounding.
         """
         modal, cases, begun = self._blocks.modal, self._cases, self._begun
-        mobility, h = np.sum(modal.tip**2), self._free.tip.h
+        mobility, h = np.sum(modal.load**2), self._free.contact.h
         drifts = np.abs(begun.steady).sum(axis=0) / h
         impulse = elapsed * (np.abs(cases.mean) + cases.load_harmonics.reach)
         return np.asarray(0.5 * mobility * (REST * impulse) ** 2 + 0.5 * (REST * elapsed * drifts) ** 2)

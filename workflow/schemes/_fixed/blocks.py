@@ -1,6 +1,6 @@
 """A structure separated into real blocks, each of which a fixed step advances by itself.
 
-In the modes of the free tip, of displacement z and velocity v, every scheme steps v and ξ = z - lever·v by
+In the modes with all contacts open, of displacement z and velocity v, every scheme steps v and ξ = z - lever·v by
 
     ξ' = ξ + h v,   Ŵ (v' - v) = -h (K ξ + (C + s K) v) + h (f - G τ_θ) + impulses:
 
@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from workflow.models import Array, project
 from workflow.poles import real_blocks
-from workflow.schemes._fixed.contact import TipStep
 from workflow.schemes._fixed.decoupled import Decoupled
+from workflow.schemes._fixed.law import TipStep
 from workflow.schemes._fixed.outcome import ROUNDING
 
 NEAR_RESONANCE = 1e-3
@@ -56,7 +56,7 @@ class Step(NamedTuple):
     decay: Array
     """D, ``(thermal mode,)``."""
     heat_gain: Array
-    """τ at a step's end per joule of heat at the tip in it, ``(thermal mode,)``."""
+    """τ at a step's end per joule of heat at each contact in it, ``(contact, thermal mode)``."""
     slope: Array
     """δ = (D - 1)/h, 1/s, ``(thermal mode,)``."""
     load_weight: Array
@@ -80,13 +80,29 @@ class Step(NamedTuple):
             return np.asarray(np.linalg.solve(self.inertia, impulses))
         return np.asarray((impulses.T / self.inertia).T)
 
-    def delassus(self, modal: Decoupled, alpha: Array | float, friction: Array | float) -> Array:
-        """Return the Delassus operator W = e_nᵀ Ŵ⁻¹ (e_n - µ t + α hθ K12 T̂⁻¹ e_n), 1/kg, ``(case,)``."""
-        tangent = np.zeros_like(modal.tip) if modal.tangent is None else modal.tangent
-        pulled = self.tip.h * self.coupling_theta * (modal.coupling @ self.heat_gain)
-        moved = self.moved_by(np.stack([modal.tip, pulled, tangent], axis=1))
-        cold, warm, slid = np.sum(modal.tip[:, None] * moved, axis=0)
-        return np.asarray(cold + alpha * warm - friction * slid)
+    def delassus(self, modal: Decoupled) -> Array:
+        """Return W_ij = w_i Ŵ⁻¹ w_j, and what it has per -µ and per α, 1/kg, ``(3, contact, contact)``.
+
+        W = w_i Ŵ⁻¹ (w_j - µ t_j + α hθ K12 T̂⁻¹ s_j).
+        """
+        pulled = self.tip.h * self.coupling_theta * (modal.coupling @ self.heat_gain.T).T
+        moved = (self.moved_by(rows.T).T for rows in (modal.normal, modal.tangent, pulled))
+        return np.stack([np.sum(modal.normal[:, None] * rows, axis=2) for rows in moved])
+
+    def sinking(self, modal: Decoupled, force_weight: float) -> Array:
+        """Return the ways per unit impulse of compliant contacts besides their motion, as :meth:`delassus`, m/(N s).
+
+        An impulse p is a force p/(h ``force_weight``) at the step's end: (R - µ R^t + c)/(h weight) + α r T̂⁻¹ s.
+        """
+        contacts, per_force = modal.contacts, 1 / (self.tip.h * force_weight)
+        cold = contacts.flexibility(0.0)
+        growth = modal.residual_coupling @ self.heat_gain.T
+        return np.stack([contacts.compliance(0.0) * per_force, (cold - contacts.flexibility(1.0)) * per_force, growth])
+
+    def mobility(self, modal: Decoupled, alpha: Array | float, friction: Array | float) -> Array:
+        """Return W_ii, 1/kg, ``(case, contact)``."""
+        cold, slid, warm = self.delassus(modal).diagonal(axis1=1, axis2=2)
+        return np.asarray(cold + np.multiply.outer(alpha, warm) - np.multiply.outer(friction, slid))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,24 +127,29 @@ class Blocks:
     """g, ``(2, block, thermal mode)``."""
 
     @property
-    def tip(self) -> Array:
-        """Velocity of the tip per u and η, ``(2, block)``."""
+    def contacts(self) -> Array:
+        """Velocity of the contacts per u and η, ``(contact, 2, block)``."""
+        normal = self.modal.normal
         if self.outward is None:
-            return np.stack([self.modal.tip, np.zeros_like(self.modal.tip)])
-        return np.asarray(np.tensordot(self.modal.tip, self.outward[0], 1))
+            return np.stack([normal, np.zeros_like(normal)], axis=1)
+        return np.asarray(np.tensordot(normal, self.outward[0], 1))
 
     @property
     def scale(self) -> Array:
-        """Factor by which kernels scale the states of a block: a mode's component φ_n at the tip, ``(block,)``."""
-        if self.modal.is_coupled:
+        """Factor by which kernels scale a block, ``(block,)``: of one contact a mode's component there."""
+        if not self.modal.is_single:
             return np.ones_like(self.damping)
-        tip = self.modal.tip  # of a mode that moves sensors, but not the tip, less than rounding of it
-        return np.where(tip == 0, _LEAST_SHARE * np.abs(tip).max(), tip) if len(self.modal.sensors) else tip
+        (tip,) = self.modal.normal  # of a mode that moves sensors, but not the tip, less than rounding of it
+        hidden = tip == 0 if len(self.modal.sensors) else np.zeros(tip.size, bool)
+        return np.asarray(np.where(hidden, _LEAST_SHARE * np.abs(tip).max(initial=0.0), tip))
 
     @property
     def heat_velocity(self) -> Array:
-        """Thermal velocity of the tip per τ of a kernel, which lags by a step in central differences."""
-        shown = np.einsum("rb,rbl->l", self.tip, self.response)
+        """Thermal velocity of the contacts per τ of a kernel, which lags by a step in central differences.
+
+        ``(contact, thermal mode)``.
+        """
+        shown = np.einsum("crb,rbl->cl", self.contacts, self.response)
         return np.asarray(shown if self.step.heat_counts else self.step.decay * shown)
 
     @property
@@ -175,7 +196,12 @@ class Blocks:
             self,
             modal=self.modal.without_heat(),
             step=self.step._replace(
-                decay=none, heat_gain=none, slope=none, load_weight=none, damping_weight=none, stiffness_weight=none
+                decay=none,
+                heat_gain=self.step.heat_gain[:, :0],
+                slope=none,
+                load_weight=none,
+                damping_weight=none,
+                stiffness_weight=none,
             ),
             response=self.response[..., :0],
             pairs=self.pairs[:0],

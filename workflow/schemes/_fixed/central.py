@@ -28,14 +28,16 @@ from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed.blocks import Blocks, Step, separate
-from workflow.schemes._fixed.contact import CentralStep, Contact
+from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
-from workflow.schemes._fixed.loads import drive_of, placed
+from workflow.schemes._fixed.law import CentralStep
+from workflow.schemes._fixed.loads import start_of
 from workflow.schemes._fixed.march import step_batch
-from workflow.schemes._fixed.outcome import ROUNDING, Outcome, friction_message, judged
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, judged
 from workflow.schemes._fixed.step_limits import limit_text
 from workflow.schemes._fixed.stepping import collect
-from workflow.schemes._interface import ONE_CONTACT, RefusedStructureError, Results, Sampling
+from workflow.schemes._fixed.unsolved import divisors, explained, friction_message
+from workflow.schemes._interface import Results, Sampling
 
 
 @dataclass(frozen=True)
@@ -115,24 +117,24 @@ class Operator:
     def run(self, cases: Cases, sampling: Sampling, heated: bool) -> Results:
         """Step cases that all carry thermal states, or that all carry none."""
         contact, h, blocks = self.contact, self.h, self.blocks if heated else self.blocks.without_heat()
-        w, cases = blocks.step.delassus(blocks.modal, cases.alpha, cases.friction), placed(cases, sampling.duration)
-        drive, _ = drive_of(cases, h, 0.0, sampling.duration)
+        drive, begins = start_of(self.structure, cases, h, 0.0, sampling.duration)
         before = _half_step_before(blocks.modal, cases, h)
         if contact.stiffness > 0:
-            force = contact.stiffness * np.fmax(0.0, cases.displacement[:, -1] - cases.casing_at(0.0))
-            along = 0.0 if blocks.modal.tangent is None else blocks.modal.tangent
-            before += 0.5 * h * force[:, None] * (blocks.modal.tip - cases.friction[:, None] * along)
-        ended = step_batch(self.structure, blocks, contact, w, cases, before, sampling, drive)
+            force = contact.stiffness * np.fmax(0.0, begins.place - begins.gap)
+            along = cases.friction[:, None] * project(blocks.modal.tangent.T, force)
+            before += 0.5 * h * (project(blocks.modal.normal.T, force) - along)
+        ended = step_batch(self.structure, blocks, contact, cases, before, sampling, drive, begins)
         # squared: the state of a growing contact may be finite where its energy is not
         tip = ended.watched.tip
-        finite = np.asarray(np.isfinite(np.square([tip.displacement, tip.velocity, tip.temperature])).all(axis=0))
-        return collect(ended, *_judge(self, blocks, cases, contact.factor(h, w) <= 0, finite))
+        last = [tip[name] for name in ("displacement", "velocity", "temperature")]
+        finite = np.asarray(np.isfinite(np.square(last)).all(axis=(0, 1)))
+        alone = divisors(blocks.step, blocks.modal, contact, cases.alpha, cases.friction)
+        ambiguous = (alone <= 0).any(axis=1) | (ended.unsolved > 0)
+        return collect(ended, *_judge(self, blocks, cases, ambiguous, finite, ended.unsolved))
 
 
 def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
-    """Separate a structure with one contact into blocks, once for a batch."""
-    if structure.contacts is not None:
-        raise RefusedStructureError(ONE_CONTACT)
+    """Separate a structure into blocks, once for a batch."""
     modal = decouple(structure)
     return Operator(structure, h, differences, separate(modal, step(modal, h, differences)), contact)
 
@@ -140,9 +142,9 @@ def init(structure: Structure, h: float, differences: Differences, contact: Cont
 def step(modal: Decoupled, h: float, differences: Differences) -> Step:
     """Return the coefficients of the step."""
     decay, (inertia, _) = differences.decay(h, modal.rate), differences.damped(h, modal.damping)
-    heat_gain = modal.heat_tip * (decay if differences.implicit_heat else 1.0)
+    heat_gain = modal.heat * (decay if differences.implicit_heat else 1.0)
     return Step(
-        tip=CentralStep(h, 1.0, np.sum(modal.recorded * heat_gain)),
+        tip=CentralStep(h, 1.0, modal.recorded @ heat_gain.T),
         inertia=modal.effective_mass(inertia, 0.0 if differences.lagged else h / 2),
         stiffening=h,
         lever=h,
@@ -164,8 +166,7 @@ def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
     """Return the modal w_-½ = v_0 - (h/2) a_0, with the acceleration without contact, ``(case, mode)``."""
     velocity = project(modal.to_modes, cases.velocity)
     force = cases.load_at(0.0)
-    load = modal.tip if modal.load is None else modal.load
-    acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * load
+    acceleration = project(modal.shapes.T, cases.steady) + force[:, None] * modal.load
     damped = modal.damping * velocity if modal.damping_matrix is None else project(modal.damping_matrix, velocity)
     acceleration -= damped + modal.frequency**2 * project(modal.to_modes, cases.displacement)
     acceleration -= project(modal.coupling, project(modal.to_thermal, cases.temperature))
@@ -194,12 +195,27 @@ def _growth(blocks: Blocks, h: float, differences: Differences) -> str | None:
     )
 
 
-def _judge(operator: Operator, blocks: Blocks, cases: Cases, ambiguous: Any, finite: NDArray[np.bool_]) -> Outcome:
-    """Return the status of each case; contact has no unique solution in those that are ``ambiguous``, one or all."""
+def _judge(
+    operator: Operator,
+    blocks: Blocks,
+    cases: Cases,
+    ambiguous: NDArray[np.bool_],
+    finite: NDArray[np.bool_],
+    unsolved: Array,
+) -> Outcome:
+    """Return the status of each case; contact has no unique solution in those that are ``ambiguous``."""
     h, grown = operator.h, _growth(blocks, operator.h, operator.differences)
 
+    modal, contact = operator.blocks.modal, operator.contact
+    together = explained(
+        operator.structure, modal, contact, lambda h: step(modal, h, operator.differences), h, unsolved
+    )
+
     def explain(case: int) -> str:
-        return friction_message(h, float(cases.friction[case]), operator.contact.name)
+        alpha, friction = float(cases.alpha[case]), float(cases.friction[case])
+        if len(modal.normal) == 1:
+            return friction_message(h, friction, contact.name)
+        return together(alpha, friction, case)
 
     left = f"the energy left the finite numbers at h = {h:.6g} s"
     return judged(finite, ambiguous & (grown is None), explain, grown, left)

@@ -1,4 +1,4 @@
-"""The modes in which a structure is stepped: mechanical modes of the free tip, and thermal modes.
+"""The modes in which a structure is stepped: mechanical modes with all contacts open, and thermal modes.
 
 Their coupling, and damping that couples modes, are removed in the steps of a scheme
 (:mod:`workflow.schemes._fixed.blocks`).
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from workflow.models import (
     Array,
+    Contacts,
     Modes,
     Structure,
     coupled_damping,
@@ -37,11 +38,14 @@ class Decoupled:
     frequency: Array
     damping: Array
     """``frequency``, ``damping``: ω_j [rad/s] and c_j = a_M + a_K ω_j² [1/s], ``(mode,)``."""
-    tip: Array
-    """φ_jn, 1/√kg, ``(mode,)``."""
+    normal: Array
+    tangent: Array
+    """w_i and t_i of the contacts, 1/√kg, ``(contact, mode)``; that of the tip is φ_jn."""
     rate: Array
-    heat_tip: Array
-    """``rate``, ``heat_tip``: μ_l [1/s] and χ_ln [1/√(J/K)], ``(thermal mode,)``."""
+    """μ_l, 1/s, ``(thermal mode,)``."""
+    heat: Array
+    recorded: Array
+    """s_i of the contacts and the temperature that is recorded there, 1/√(J/K), ``(contact, thermal mode)``."""
     coupling: Array
     """G = φᵀ K12 χ, ``(mode, thermal mode)``."""
     to_modes: Array
@@ -51,27 +55,20 @@ class Decoupled:
     heat_shapes: Array
     """``shapes``, ``heat_shapes``: φ and χ."""
     static_growth: Array
-    """Quasi-static tip displacement -e_nᵀ K1⁻¹ K12 χ_l of each thermal mode, ``(thermal mode,)``."""
+    """Quasi-static displacement -w_i K1⁻¹ K12 χ_l of each contact, ``(contact, thermal mode)``."""
     sensors: Array
     """Rows of sensors, ``(sensor, mode + thermal mode)``."""
-    tangent: Array | None = None
-    """φ_jᵀ t of the direction t of friction, 1/√kg, ``(mode,)``; ``None`` where there is none."""
-    damping_matrix: Array | None = None
+    load: Array
+    """φ_jᵀ b of the direction b of the load, 1/√kg, ``(mode,)``."""
+    damping_matrix: Array | None
     """φᵀ C1 φ where damping couples the modes, ``(mode, mode)``; ``damping`` is its diagonal."""
-    load: Array | None = None
-    """φ_jᵀ b of a load that does not act on the tip, 1/√kg, ``(mode,)``."""
-    observed: Array | None = None
-    """wᵀχ_l of another temperature than the tip's that is recorded, 1/√(J/K), ``(thermal mode,)``."""
-
-    @property
-    def recorded(self) -> Array:
-        """The temperature that is recorded per thermal mode, ``(thermal mode,)``."""
-        return self.heat_tip if self.observed is None else self.observed
-
-    @property
-    def is_coupled(self) -> bool:
-        """Whether damping or a load away from the tip couples the modes, which are then stepped in blocks."""
-        return self.damping_matrix is not None or self.load is not None
+    contacts: Contacts
+    """Their residual flexibility, if they have no mass, and the flexibility of their casing."""
+    residual_coupling: Array
+    """r_i of the thermal modes, m, ``(contact, thermal mode)``; 0 of contacts with mass."""
+    is_single: bool
+    """Whether there is one contact, with mass, on which the load acts, and damping couples no modes: these are scaled
+    then so that the velocity of the contact is their sum."""
 
     @property
     def heat_scale(self) -> Array:
@@ -79,8 +76,11 @@ class Decoupled:
 
         Components below :data:`_LEAST_SHARE` of the largest are replaced by that: far less than rounding.
         """
-        least = _LEAST_SHARE * np.abs(self.heat_tip).max(initial=0.0)
-        return np.where(np.abs(self.heat_tip) > least, self.heat_tip, least)
+        if not self.is_single:
+            return np.ones_like(self.rate)
+        (heat,) = self.heat
+        least = _LEAST_SHARE * np.abs(heat).max(initial=0.0)
+        return np.asarray(np.where(np.abs(heat) > least, heat, least))
 
     def effective_mass(self, diagonal: Array, share: float) -> Array:
         """Return Ŵ: its ``diagonal`` ``(mode,)``, with ``share`` [s] times the off-diagonal damping, if any."""
@@ -93,13 +93,14 @@ class Decoupled:
         return replace(
             self,
             rate=np.zeros(0),
-            heat_tip=np.zeros(0),
-            observed=None,
+            heat=self.heat[:, :0],
+            recorded=self.recorded[:, :0],
             coupling=self.coupling[:, :0],
             to_thermal=self.to_thermal[:0],
             heat_shapes=self.heat_shapes[:, :0],
-            static_growth=np.zeros(0),
-            sensors=self.sensors[:, : self.tip.size],
+            static_growth=self.static_growth[:, :0],
+            residual_coupling=self.residual_coupling[:, :0],
+            sensors=self.sensors[:, : self.frequency.size],
         )
 
 
@@ -107,42 +108,48 @@ def decouple(structure: Structure) -> Decoupled:
     """Transform a structure to its modes."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     coupling = modal_coupling(structure, mechanical, thermal)
-    damper = coupled_damping(structure, mechanical)
+    damper, contacts = coupled_damping(structure, mechanical), structure.contact_rows
+    heat = contacts.heat @ thermal.shapes
+    own = contacts.residual_coupling
+    residual_coupling = np.zeros_like(heat) if own is None else own @ thermal.shapes
     return Decoupled(
         frequency=mechanical.values,
         damping=np.diag(damper).copy() if damper.ndim == 2 else damper,
-        tip=mechanical.tip,
+        normal=contacts.normal @ mechanical.shapes,
+        tangent=contacts.tangent @ mechanical.shapes,
         rate=thermal.values,
-        heat_tip=thermal.tip,
+        heat=heat,
+        recorded=heat if structure.observed is None else structure.observed[None] @ thermal.shapes,
         coupling=coupling,
         to_modes=mechanical.shapes.T @ structure.mass,
         to_thermal=thermal.shapes.T @ structure.heat_capacity,
         shapes=mechanical.shapes,
         heat_shapes=thermal.shapes,
-        static_growth=_static_growth(structure, mechanical, thermal, coupling),
+        static_growth=_static_growth(structure, mechanical, thermal, coupling) - residual_coupling,
         sensors=structure.sensed(mechanical.shapes, thermal.shapes),
-        tangent=None if structure.tangent is None else mechanical.shapes.T @ structure.tangent,
+        load=mechanical.shapes.T @ structure.load_direction,
         damping_matrix=damper if damper.ndim == 2 else None,
-        load=None if structure.load is None else mechanical.shapes.T @ structure.load,
-        observed=None if structure.observed is None else structure.observed @ thermal.shapes,
+        contacts=contacts,
+        residual_coupling=residual_coupling,
+        is_single=contacts.count == 1 and structure.load is None and damper.ndim == 1 and not contacts.is_compliant,
     )
 
 
 def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coupling: Array) -> Array:
-    """Return -e_nᵀ K1⁻¹ K12 χ_l; of a reduced structure with a free root that of the full structure.
+    """Return -w_i K1⁻¹ K12 χ_l; of a reduced structure with a free root that of the full structure.
 
     With a free root the growth at the tip depends on the masses of the omitted modes.
     """
     elastic = mechanical.values > 0
     if structure.tip_growth is not None and not elastic.all():
-        return structure.tip_growth @ thermal.shapes
-    weights = mechanical.tip[elastic] / mechanical.values[elastic] ** 2
-    return -weights @ coupling[elastic]
+        return structure.tip_growth[None] @ thermal.shapes
+    weights = (structure.contact_rows.normal @ mechanical.shapes)[:, elastic] / mechanical.values[elastic] ** 2
+    return np.asarray(-weights @ coupling[elastic])
 
 
-def modes_at_tip(tip: Array) -> NDArray[np.bool_]:
-    """Return which modes move the tip, ``(mode,)``."""
-    return np.asarray(np.abs(tip) > LEAST_SHARE * np.abs(tip).max(initial=0.0))
+def modes_at(rows: Array) -> NDArray[np.bool_]:
+    """Return which modes move some of the rows, ``(mode,)``."""
+    return np.asarray((np.abs(rows) > LEAST_SHARE * np.abs(rows).max(axis=-1, keepdims=True, initial=0.0)).any(axis=0))
 
 
 def operator_name(structure: Structure) -> str:

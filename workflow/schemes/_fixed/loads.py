@@ -1,4 +1,4 @@
-"""The load at the tip, F0 and harmonics, and a casing that moves, in the lanes of a block.
+"""The load, F0 and harmonics, and a casing that moves, in the lanes of a block.
 
 Most scenes have one harmonic, F1 sin(2π f t + φ), and its f and φ are those of all lanes: these share its sine. Further
 harmonics, of load or casing, are the :class:`Drive` of a kernel, with a sine of each lane, which takes longer. Where
@@ -8,24 +8,26 @@ A scheme with a fixed step sees the casing d(t) = d + Σ a_m sin(ω_m t + φ_m) 
 
     V(t) = Σ Im[g_m a_m e^{i(ω_m t + φ_m)}],   g_m = (e^{iω_m h} - 1) / (h (1 - θ + θ e^{iω_m h})),
 
-for which h (θ V_{k+1} + (1-θ) V_k) = d_{k+1} - d_k exactly. The tip is stepped relative to the casing, r = x_n - d and
-u = v_n - V, with r_{k+1} = r_k + h (θ u_{k+1} + (1-θ) u_k): a pressed tip, u = 0, follows the casing without drift.
+for which h (θ V_{k+1} + (1-θ) V_k) = d_{k+1} - d_k exactly; each contact has its own φ_m. It is stepped relative to the
+casing, r = x - d and u = v - V, with r_{k+1} = r_k + h (θ u_{k+1} + (1-θ) u_k): one that is pressed, u = 0, follows the
+casing without drift.
 Central differences take θ = 0: V_k = (d_{k+1} - d_k)/h, the casing's velocity from t_k to t_{k+1}.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from workflow.kernels import elementary, elementwise
-from workflow.kernels.compiled import inlined, part
-from workflow.kernels.lanes import LANES, PACK, Rows, named_rows, rows_in
+from workflow.kernels.compiled import by_type, defines, inlined, part
+from workflow.kernels.lanes import LANES, PACK, Rows, named_rows, rows_in, several_rows
+from workflow.kernels.lemke import complementarity
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
-from workflow.models import Array, Cases, Harmonics
+from workflow.models import Array, Cases, Harmonics, Structure, project
+from workflow.schemes._fixed.law import TipStep, YieldingStep
 from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._interface import AT_REST
 
@@ -117,10 +119,23 @@ def weigh_load(before: float, after: float, leader: int, load: TipLoads, lanes: 
 
 @inlined
 def tip_load(sine: float, leader: int, load: TipLoads, drive: Drive | None, lane: Lane) -> Pack:
-    """Return the load at the tip in a step, N, for the ``sine`` that :func:`weigh_load` returned."""
+    """Return the load in a step, N, for the ``sine`` that :func:`weigh_load` returned."""
     mean, amplitude = pack(load.mean, lane), pack(load.amplitude, lane)
     first = mean + (amplitude * sine if leader >= 0 else amplitude * pack(load.weighed_sine, lane))
-    return first if drive is None else first + pack(drive.state.load, lane)
+    return first if drive is None else first + pack(drive.other.load, lane)
+
+
+@by_type
+def load_at_end(step: TipStep, leader: int, load: TipLoads, drive: Drive | None, lane: Lane) -> Pack:
+    """Return the load at the step's end, N; 0 where no contact without mass asks for it."""
+    return spread(0.0, lane)
+
+
+@defines(load_at_end, YieldingStep)
+def _load_at_end(step: TipStep, leader: int, load: TipLoads, drive: Drive | None, lane: Lane) -> Pack:
+    sine = spread(load.sine[leader], lane) if leader >= 0 else pack(load.sine, lane)
+    first = pack(load.mean, lane) + pack(load.amplitude, lane) * sine
+    return first if drive is None else first + pack(drive.other.load_end, lane)
 
 
 class Wave(Rows):
@@ -136,17 +151,21 @@ class Wave(Rows):
     frequency: Array
     phase: Array
     """Hz and rad."""
+
+
+class Seen(Rows):
+    """A harmonic of the casing at a contact."""
+
+    place_sine: Array
+    place_cosine: Array
     speed_sine: Array
     speed_cosine: Array
-    """V of the casing per sine and per cosine, m/s."""
+    """d and V per sine and per cosine of the wave, m and m/s."""
 
 
-class Moving(Rows):
-    """Loads and casing by :class:`Wave` in a step."""
+class Casing(Rows):
+    """The casing of a contact, where casing or load move by :class:`Wave`."""
 
-    load: Array
-    load_end: Array
-    """Their load, N, weighted by 1 - θ and θ and at the step's end."""
     mean_gap: Array
     gap_before: Array
     """d without harmonics, and at the step's beginning, m."""
@@ -158,63 +177,121 @@ class Moving(Rows):
     """r and u at the last step's end."""
 
 
+class OtherLoad(Rows):
+    """The load of the harmonics after the first in a step."""
+
+    load: Array
+    load_end: Array
+    """N, weighted by 1 - θ and θ, and at the step's end."""
+
+
 class Drive(NamedTuple):
     """Harmonics of the load after the first, and a moving casing, of a block of cases."""
 
-    load: Sequence[Wave]
-    casing: Sequence[Wave]
-    state: Moving
+    load_waves: Sequence[Wave]
+    casing_waves: Sequence[Wave]
+    other: OtherLoad
+    seen: Any
+    """:class:`Seen` of each wave of the casing and contact, ``(wave, contact)``."""
+    casings: Sequence[Casing]
 
 
 class DriveRows(NamedTuple):
-    """The rows of a drive, of all cases or in lanes, ``(harmonic, row, …)`` and ``(row, …)``."""
+    """The rows of a drive, of all cases or in lanes, ``(…, row, case)`` or ``(…, row, lane)``."""
 
     load_waves: Array
     casing_waves: Array
-    moving: Array
+    other: Array
+    seen: Array
+    casings: Array
 
     @property
     def named(self) -> Drive:
         """The rows by names, as kernels take them."""
         load, casing = (cast(Sequence[Wave], named_rows(Wave, rows)) for rows in (self.load_waves, self.casing_waves))
-        return Drive(load, casing, named_rows(Moving, self.moving))
+        other, seen = named_rows(OtherLoad, self.other), named_rows(Seen, self.seen)
+        return Drive(load, casing, other, seen, several_rows(Casing, self.casings))
 
 
-def placed(cases: Cases, duration: float) -> Cases:
-    """Return cases whose tips are on the casing where they start there up to rounding."""
-    place, (lengths, _) = cases.casing_at(0.0), cases.casing_harmonics.rounding_scales(duration)
-    displacement = cases.displacement.copy()
-    touches = np.abs(displacement[:, -1] - place) <= AT_REST * (lengths + np.abs(cases.gap))
-    displacement[touches, -1] = place[touches]
-    return replace(cases, displacement=displacement)
+class Start(NamedTuple):
+    """The contacts of cases at t = 0."""
+
+    place: Array
+    velocity: Array
+    """x_i and its rate, m and m/s, ``(case, contact)``; on the casing where it is there up to rounding."""
+    gap: Array
+    """d_i, m, ``(case, contact)``."""
+    coordinate_velocity: Array
+    """Velocity of all coordinates, m/s, ``(case, mechanical)``, with that of its casing at each contact that starts on
+    it and moves with it."""
 
 
-def drive_of(cases: Cases, h: float, theta: float, duration: float) -> tuple[DriveRows | None, Cases]:
-    """Return the drive of cases that are stepped with h and θ, ``(…, case)``, and the cases with their first velocity.
+def start_of(
+    structure: Structure, cases: Cases, h: float, theta: float, duration: float, yields: float = 0.0
+) -> tuple[DriveRows | None, Start]:
+    """Return the drive of cases that are stepped with h and θ, ``(…, case)``, and how their contacts start.
 
-    A tip that starts on the casing, see :func:`placed`, and moves with it up to rounding, has r = u = 0 and the
+    A spring of the flexibility ``yields`` [m/N] stands between contacts without mass and their casing.
+
+    A contact that starts on its casing and moves with it, both up to rounding (:data:`AT_REST`), has r = u = 0 and the
     velocity V(0): its own is ḋ(0), or V(0) where it ended pressed.
     """
-    load, casing = cases.load_harmonics[:, 1:], cases.casing_harmonics
-    if load.width + casing.width == 0:
-        return None, cases
-    gains = discrete_gains(casing.amplitude, casing.angular, h, theta)
-    rows = DriveRows(_waves(load, h), _waves(casing, h), np.zeros((rows_in(Moving), cases.count)))
-    drive, state = rows.named, rows.named.state
-    begins = _discrete_velocity(casing, gains, 0.0)
-    apart, parting = cases.displacement[:, -1] - cases.casing_at(0.0), cases.velocity[:, -1] - begins
-    lengths, speeds = casing.rounding_scales(duration)
-    speeds = speeds + np.abs(cases.velocity[:, -1]) + (lengths + np.abs(cases.gap)) / h
-    beside = np.fmin(np.abs(parting), np.abs(cases.velocity[:, -1] - cases.casing_velocity_at(0.0)))
-    held = (apart == 0) & (beside <= AT_REST * speeds)
-    state.mean_gap = cases.gap
-    state.speed = _discrete_velocity(casing, gains, -h)
-    state.apart, state.parting = np.where(held, 0.0, apart), np.where(held, 0.0, parting)
+    rows, load, casing = structure.contact_rows.normal, cases.load_harmonics[:, 1:], cases.casing_harmonics
+    place, moves = cases.casing_of_contacts(0.0)
+    x, v = project(rows, cases.displacement), project(rows, cases.velocity)
+    lengths, speeds = (each[:, None] for each in casing.rounding_scales(duration))
+    lengths = lengths + project(np.abs(rows), np.abs(cases.displacement)) + np.abs(cases.clearances)
+    touches = np.abs(x - place) <= AT_REST * lengths
+    x = np.where(touches, place, x)
+    compliant = structure.contact_rows.is_compliant
+    if load.width + casing.width == 0 and not compliant:
+        return None, Start(x, v, place, cases.velocity)
+    contacts = place.shape[1]
+    seen, begins, begun_before = _seen(cases, contacts, h, theta)
+    speeds = speeds + project(np.abs(rows), np.abs(cases.velocity)) + lengths / h
+    held = touches & (not compliant) & (np.fmin(np.abs(v - begins), np.abs(v - moves)) <= AT_REST * speeds)
+    casings = np.zeros((contacts, rows_in(Casing), cases.count))
+    each: Any = named_rows(Casing, casings)
+    each["mean_gap"], each["speed"] = cases.clearances.T, begun_before.T
+    each["apart"], each["parting"] = (x - place).T, np.where(held, 0.0, v - begins).T
     velocity = cases.velocity.copy()
-    velocity[held, -1] = begins[held]
-    for k, wave in enumerate(drive.casing):
-        wave.speed_sine, wave.speed_cosine = gains[0][:, k], gains[1][:, k]
-    return rows, replace(cases, velocity=velocity)
+    for i in np.flatnonzero(held.any(axis=1)):
+        velocity[i] += np.linalg.pinv(rows[held[i]]) @ (begins - v)[i, held[i]]
+    other = np.zeros((rows_in(OtherLoad), cases.count))
+    shown = compliant_places(structure, cases, yields) if compliant else x
+    return DriveRows(_waves(load, h), _waves(casing, h), other, seen, casings), Start(shown, v, place, velocity)
+
+
+def compliant_places(structure: Structure, cases: Cases, yields: float) -> Array:
+    """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + c λ where they touch; NaN without a λ."""
+    contacts, (place, _) = structure.contact_rows, cases.casing_of_contacts(0.0)
+    c = contacts.casing_flexibility + yields
+    free = project(contacts.normal, cases.displacement) + cases.load_at(0.0)[:, None] * contacts.residual_load_or_zero
+    if contacts.residual_coupling is not None:
+        free -= project(contacts.residual_coupling, cases.temperature)
+    for i in np.flatnonzero((free > place).any(axis=1)):
+        flexibility = contacts.flexibility(float(cases.friction[i]))
+        force = complementarity(flexibility + c * np.eye(contacts.count), place[i] - free[i])
+        away = np.nan if force is None else free[i] - flexibility @ force
+        free[i] = away if force is None else np.where(force > 0, place[i] + c * force, away)
+    return free
+
+
+def _seen(cases: Cases, contacts: int, h: float, theta: float) -> tuple[Array, Array, Array]:
+    """Return the rows :class:`Seen`, ``(wave, contact, row, case)``, and V at t = 0 and -h, ``(case, contact)``."""
+    own = cases.casing_harmonics
+    turns = cases.turns if cases.turns.shape[1] else np.zeros((cases.count, 1, own.width))
+    sin, cos = (each.reshape(turns.shape) for each in elementwise.sine_cosine(turns.ravel()))
+    real, imaginary = (g[:, None] for g in discrete_gains(own.amplitude, own.angular, h, theta))
+    amplitude = own.amplitude[:, None]
+    parts = [amplitude * cos, amplitude * sin, real * cos - imaginary * sin, real * sin + imaginary * cos]
+    seen = np.stack(parts, axis=0).transpose(3, 2, 0, 1)
+    begins, before = np.zeros((2, cases.count, contacts))
+    for t, total in ((0.0, begins), (-h, before)):
+        for k in range(own.width):
+            s, c = own.sine_cosine(k, t)
+            total += parts[2][:, :, k] * s[:, None] + parts[3][:, :, k] * c[:, None]
+    return np.ascontiguousarray(seen), begins, before
 
 
 def discrete_gains(amplitude: Array | float, angular: Array, h: float, theta: float) -> tuple[Array, Array]:
@@ -226,15 +303,6 @@ def discrete_gains(amplitude: Array | float, angular: Array, h: float, theta: fl
     lean = (2 * theta - 1) * s
     factor = amplitude * (2 / h) * s / (c * c + lean * lean)
     return factor * lean, factor * c
-
-
-def _discrete_velocity(casing: Harmonics, gains: tuple[Array, Array], t: float) -> Array:
-    """Return V(t), ``(case,)``."""
-    total = np.zeros(casing.amplitude.shape[0])
-    for k in range(casing.width):
-        s, c = casing.sine_cosine(k, t)
-        total += gains[0][:, k] * s + gains[1][:, k] * c
-    return total
 
 
 def _waves(harmonics: Harmonics, h: float) -> Array:
@@ -249,10 +317,11 @@ def _waves(harmonics: Harmonics, h: float) -> Array:
 
 @inlined
 def keep_apart(drive: Drive | None, lanes: int) -> None:
-    """Take the tips of idle lanes, from ``lanes`` on, off a casing at rest."""
+    """Take the contacts of idle lanes, from ``lanes`` on, off a casing at rest."""
     if drive is not None:
-        for lane in range(lanes, LANES):
-            drive.state.apart[lane] = -1.0
+        for c in range(len(drive.casings)):
+            for lane in range(lanes, LANES):
+                drive.casings[c].apart[lane] = -1.0
 
 
 @part
@@ -275,88 +344,92 @@ def _turn_waves(waves: Sequence[Wave], lane: Lane) -> None:
 
 
 @inlined
-def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tip: Tips, lanes: int) -> None:
-    """Advance loads and casing to the end of a step, t = step h, and store the casing's position there in ``tip``."""
+def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tips: Sequence[Tips], lanes: int) -> None:
+    """Advance loads and casing to the end of a step, t = step h, and store the casing's position there in ``tips``."""
     if drive is None:
         return
-    load, casing, state = drive.load, drive.casing, drive.state
+    loads, waves, other = drive.load_waves, drive.casing_waves, drive.other
     placed = step % EXACT_EVERY == 0
     if placed:
-        _place_waves(load, step * h, lanes)
-        _place_waves(casing, step * h, lanes)
+        _place_waves(loads, step * h, lanes)
+        _place_waves(waves, step * h, lanes)
     for first in range(0, lanes, PACK):
         lane = narrow(first)
         if not placed:
-            _turn_waves(load, lane)
-            _turn_waves(casing, lane)
-        force, place, speed = spread(0.0, lane), pack(state.mean_gap, lane), spread(0.0, lane)
-        for k in range(len(load)):
-            force += pack(load[k].amplitude, lane) * pack(load[k].sine, lane)
-        for k in range(len(casing)):
-            s, c = pack(casing[k].sine, lane), pack(casing[k].cosine, lane)
-            place += pack(casing[k].amplitude, lane) * s
-            speed += pack(casing[k].speed_sine, lane) * s + pack(casing[k].speed_cosine, lane) * c
-        before = pack(state.load_end, lane)
-        store(state.load, lane, theta * force + (1.0 - theta) * before)
-        store(state.load_end, lane, force)
-        store(state.gap_before, lane, pack(tip.gap, lane))
-        store(state.speed_before, lane, pack(state.speed, lane))
-        store(state.speed, lane, speed)
-        store(tip.gap, lane, place)
+            _turn_waves(loads, lane)
+            _turn_waves(waves, lane)
+        force = spread(0.0, lane)
+        for k in range(len(loads)):
+            force += pack(loads[k].amplitude, lane) * pack(loads[k].sine, lane)
+        before = pack(other.load_end, lane)
+        store(other.load, lane, theta * force + (1.0 - theta) * before)
+        store(other.load_end, lane, force)
+        for i in range(len(tips)):
+            casing = drive.casings[i]
+            place, speed = pack(casing.mean_gap, lane), spread(0.0, lane)
+            for k in range(len(waves)):
+                s, c, seen = pack(waves[k].sine, lane), pack(waves[k].cosine, lane), drive.seen[k, i]
+                place += pack(seen.place_sine, lane) * s + pack(seen.place_cosine, lane) * c
+                speed += pack(seen.speed_sine, lane) * s + pack(seen.speed_cosine, lane) * c
+            store(casing.gap_before, lane, pack(tips[i].gap, lane))
+            store(casing.speed_before, lane, pack(casing.speed, lane))
+            store(casing.speed, lane, speed)
+            store(tips[i].gap, lane, place)
 
 
 @inlined
-def tip_before(drive: Drive | None, tip: Tips, gap: Pack, lane: Lane) -> tuple[Pack, Pack, Pack]:
-    """Return position and velocity of the tip at the beginning, and the position of the casing: r, u, 0 if it moves."""
+def tip_before(drive: Drive | None, c: int, tip: Tips, gap: Pack, lane: Lane) -> tuple[Pack, Pack, Pack]:
+    """Return position and velocity of a contact at the beginning, and the casing's: r, u, 0 if it moves."""
     if drive is None:
         return pack(tip.displacement, lane), pack(tip.velocity, lane), gap
-    return pack(drive.state.apart, lane), pack(drive.state.parting, lane), spread(0.0, lane)
+    return pack(drive.casings[c].apart, lane), pack(drive.casings[c].parting, lane), spread(0.0, lane)
 
 
 @inlined
-def relative(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
+def relative(drive: Drive | None, c: int, velocity: Pack, lane: Lane) -> Pack:
     """Return a velocity at the step's end, relative to the casing where that moves."""
-    return velocity if drive is None else velocity - pack(drive.state.speed, lane)
+    return velocity if drive is None else velocity - pack(drive.casings[c].speed, lane)
 
 
 @inlined
-def onto_casing(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
-    """Return the absolute velocity at the step's end of one that is relative to the casing."""
-    return velocity if drive is None else velocity + pack(drive.state.speed, lane)
+def onto_casing(drive: Drive | None, c: int, velocity: Pack, lane: Lane) -> Pack:
+    """Return the absolute velocity at the step's end of one that is relative to the drive.casings[c]."""
+    return velocity if drive is None else velocity + pack(drive.casings[c].speed, lane)
 
 
 @inlined
-def relative_before(drive: Drive | None, velocity: Pack, lane: Lane) -> Pack:
+def relative_before(drive: Drive | None, c: int, velocity: Pack, lane: Lane) -> Pack:
     """Return a velocity at the step's beginning, relative to the casing where that moves."""
-    return velocity if drive is None else velocity - pack(drive.state.speed_before, lane)
+    return velocity if drive is None else velocity - pack(drive.casings[c].speed_before, lane)
 
 
 @inlined
-def tip_after(drive: Drive | None, place: Pack, velocity: Pack, gap: Pack, lane: Lane) -> tuple[Pack, Pack]:
-    """Store position and velocity of the tip at the step's end relative to the casing; return the absolute ones."""
+def tip_after(drive: Drive | None, c: int, place: Pack, velocity: Pack, gap: Pack, lane: Lane) -> tuple[Pack, Pack]:
+    """Store position and velocity of a contact at the step's end relative to the casing; return the absolute ones."""
     if drive is None:
         return place, velocity
-    store(drive.state.apart, lane, place)
-    store(drive.state.parting, lane, velocity)
-    return gap + place, pack(drive.state.speed, lane) + velocity
+    store(drive.casings[c].apart, lane, place)
+    store(drive.casings[c].parting, lane, velocity)
+    return gap + place, pack(drive.casings[c].speed, lane) + velocity
 
 
 @inlined
-def gap_before(drive: Drive | None, gap: Pack, lane: Lane) -> Pack:
+def gap_before(drive: Drive | None, c: int, gap: Pack, lane: Lane) -> Pack:
     """Return the casing's position at the step's beginning."""
-    return gap if drive is None else pack(drive.state.gap_before, lane)
+    return gap if drive is None else pack(drive.casings[c].gap_before, lane)
 
 
 @inlined
-def gap_ahead(drive: Drive | None, gap: Pack, h: float, lane: Lane) -> Pack:
+def gap_ahead(drive: Drive | None, c: int, gap: Pack, h: float, lane: Lane) -> Pack:
     """Return the casing's position a step after ``gap``, for central differences."""
-    return gap if drive is None else gap + h * pack(drive.state.speed, lane)
+    return gap if drive is None else gap + h * pack(drive.casings[c].speed, lane)
 
 
 @inlined
-def cut_gap(drive: Drive | None, share: float, tip: Tips, lanes: int) -> None:
+def cut_gap(drive: Drive | None, share: float, tips: Sequence[Tips], lanes: int) -> None:
     """Set the casing back to a fraction of the last step, by linear interpolation."""
     if drive is not None:
-        for lane in range(lanes):
-            before = drive.state.gap_before[lane]
-            tip.gap[lane] = before + share * (tip.gap[lane] - before)
+        for c in range(len(tips)):
+            for lane in range(lanes):
+                before = drive.casings[c].gap_before[lane]
+                tips[c].gap[lane] = before + share * (tips[c].gap[lane] - before)

@@ -1,6 +1,7 @@
-"""Contact of a tip with mass in a step of the θ-method: Newton's law at velocity level.
+"""Contact in a step of the θ-method: Newton's law at velocity level; of contacts without mass the law of their place.
 
-p = max(0, (v_free,n + e v_n,k)/W)  where x_n,k + h/2 v_n,k >= d,  else 0;   v_n,k+1 = -e v_n,k where p > 0
+p = max(0, (v_free + e v_k)/W)  where x_k + h/2 v_k >= d,  else 0;   v_k+1 = -e v_k where p > 0
+p = h λ = max(0, (x_free - d)/L),   L = hθ W + (R - µ R^t + c)/h + α r T̂⁻¹ s   of compliant contacts
 """
 
 from __future__ import annotations
@@ -8,7 +9,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from workflow.kernels.compiled import defines
-from workflow.schemes._fixed.contact import Contact, Response, Tip, count_no_rebound, count_rebound
+from workflow.schemes._fixed.contact import Contact
+from workflow.schemes._fixed.law import Response, Tip, count_no_rebound, count_rebound
 from workflow.schemes._fixed.march import contact_law
 
 
@@ -36,3 +38,24 @@ def respond(law: Newton, tip: Tip, h: float, theta: float) -> Response:
 defines(count_rebound, Newton)(count_no_rebound)  # e is given
 NEWTON = Contact(lambda cases: Newton(cases.e))
 """The contact of a tip with mass."""
+
+
+class Rest(NamedTuple):
+    """The law of a compliant contact: its place is that of the casing. No parameters, but numba needs one."""
+
+    unused: float = 0.0
+
+
+@contact_law(Rest)
+def _rest(law: Rest, tip: Tip, h: float, theta: float) -> Response:
+    """Return the impulse, the velocity of the modes, and the force at the end."""
+    depth = tip.place + h * (theta * tip.free + (1.0 - theta) * tip.velocity) - tip.gap
+    if depth <= 0.0:
+        return 0.0, tip.free, 0.0
+    p = depth / (h * theta * tip.mobility + tip.sinking)
+    return p, tip.free - tip.mobility * p, p / h
+
+
+defines(count_rebound, Rest)(count_no_rebound)
+REST = Contact(lambda cases: Rest(), holds=True, by_place=True)
+"""That of a contact without mass, or on an elastic casing."""

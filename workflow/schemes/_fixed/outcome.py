@@ -61,11 +61,3 @@ def judged(
     status = np.where(lost, Status.ILL_POSED, np.where(finite & (grown is None), Status.OK, Status.DIVERGED))
     ended = map(int, np.flatnonzero(status != Status.OK))
     return status.astype(np.int8), {case: explain(case) if lost[case] else grown or left for case in ended}
-
-
-def friction_message(h: float, friction: float, name: str) -> str:
-    """Return the message of a case whose friction leaves contact without a unique solution."""
-    return (
-        f"contact has no unique solution at h = {h:.6g} s ({name} <= 0 at friction coefficient {friction:.6g}): "
-        "friction pushes the tip into the casing more than the contact force pushes it out; lower the coefficient"
-    )

@@ -7,13 +7,16 @@ kernels of the other fixed-step schemes (:mod:`~workflow.schemes._fixed.stepping
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
 from workflow.kernels.lanes import LANES, lane_table, named_rows, rows_in
-from workflow.models import Cases, EndState, Structure, directions, project, static_tip_growth
+from workflow.models import Cases, EndState, Structure, project, static_tip_growth
 from workflow.schemes._fixed.balance import Balance
+from workflow.schemes._fixed.loads import Start
 from workflow.schemes._fixed.outcome import judged
 from workflow.schemes._fixed.rows import Tips, Totals
 from workflow.schemes._fixed.stepping import (
@@ -25,6 +28,7 @@ from workflow.schemes._fixed.stepping import (
     collect,
     count_stored,
     load_block,
+    recorded_temperatures,
     rows_of,
     store_block,
     watch,
@@ -40,12 +44,20 @@ def row_totals(terms: Array) -> Array:
     return np.asarray(np.ascontiguousarray(terms).sum(axis=1))
 
 
+def growth_of(structure: Structure) -> Array:
+    """Return the quasi-static displacement of each contact per temperature, m/K, ``(contact, thermal)``."""
+    if structure.contacts is None:
+        return static_tip_growth(structure)[None]
+    return np.stack([-structure.mechanical.solve(row) @ structure.coupling_matrix for row in structure.contacts.normal])
+
+
 class PlainBalance:
     """Sums of the balances of a batch, of the whole motion: see :mod:`~workflow.schemes._fixed.balance`."""
 
     def __init__(self, structure: Structure, cases: Cases, h: float) -> None:
         self._structure, self._cases, self._h, self._steps = structure, cases, h, 0
-        self._pushes = directions(structure, cases.friction)
+        contacts = structure.contact_rows
+        self._pushes = contacts.normal - cases.friction[:, None, None] * contacts.tangent
         self._totals = named_rows(Totals, np.zeros((rows_in(Totals), cases.count)))
         self._totals.first_energy = self._keep(cases.displacement, cases.velocity)
 
@@ -59,16 +71,17 @@ class PlainBalance:
 
     @np.errstate(over="ignore", invalid="ignore")  # of a case that is no longer finite
     def add(self, before: States, after: States, impulse: Array, load: Array) -> None:
-        """Add a step from its states at both ends, the impulse p and the load F_θ in it, N s and N, ``(case,)``."""
+        """Add a step from its states at both ends, its impulses ``(case, contact)`` and its load F_θ ``(case,)``."""
         structure, totals = self._structure, self._totals
         v, temperature = (0.5 * (begun + ended) for begun, ended in zip(before[1:], after[1:], strict=True))
         forces = project(structure.damping_matrix, v) + project(structure.coupling_matrix, temperature)
         work = row_totals(v * (forces - self._cases.steady)) - load * row_totals(structure.load_direction * v)
         loss = self._h * project(structure.loss_row, temperature)
-        totals.dissipated += self._h * work + impulse * row_totals(self._pushes * v)
+        speeds = (self._pushes * v[:, None]).sum(axis=2)
+        totals.dissipated += self._h * work + row_totals(impulse * speeds)
         totals.lost += loss
         totals.turned_over += np.abs(loss)
-        totals.friction_heat += self._cases.alpha * impulse
+        totals.friction_heat += self._cases.alpha * row_totals(impulse)
         self._keep(after[0], after[1])
         self._steps += 1
 
@@ -87,7 +100,7 @@ def _count(step: int, batch: Batch) -> None:
     whole = batch.whole
     for first in range(0, batch.values.shape[1], whole.lanes):
         marks, record, lanes = load_block(batch, first)
-        count_stored(step, CaseBlock(whole.load, whole.tip, marks, record, whole.drive, lanes, whole.steps, whole.h))
+        count_stored(step, CaseBlock(whole.load, whole.tips, marks, record, whole.drive, lanes, whole.steps, whole.h))
         store_block(batch, first)
 
 
@@ -112,21 +125,24 @@ class Recorder:
     """
 
     def __init__(self, structure: Structure, cases: Cases, sampling: Sampling, h: float) -> None:
-        self._structure, self._cases, self._h = structure, cases, h
-        self._watched = watch(structure, cases, sampling, h)
+        self._structure, self._cases, self._h, self._contacts = structure, cases, h, structure.contact_rows.normal
+        x, v = project(self._contacts, cases.displacement), project(self._contacts, cases.velocity)
+        begins = Start(x, v, cases.casing_of_contacts(0.0)[0], cases.velocity)
+        self._watched = watch(structure, cases, sampling, h, begins)
         self.steps = self._watched.schedule.steps
-        waiting = {"samples": np.zeros((4 * WAITING, cases.count))}  # each block's, from step to step
+        samples = 4 * WAITING * len(self._contacts)
+        waiting = {"samples": np.zeros((samples, cases.count))}  # each block's, from step to step
         table = lane_table({**rows_of(self._watched), **waiting})
-        self._rows, self._shown = table.cases["tip"], table.cases["shown"]
+        self._rows, self._shown = table.cases["tips"], table.cases["shown"]
         self._batch = batch_of(self._watched, table, table.lanes["samples"], LANES)
-        self._growth = static_tip_growth(structure)
+        self._growth = growth_of(structure)
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
         self._step = 0
         self._states = cases.displacement, cases.velocity, cases.temperature
         self._before = self._states
 
     def load(self, share: float = 1.0) -> Array:
-        """Return the tip load f(t) with its harmonics at a fraction of the step that is due, N, ``(case,)``."""
+        """Return the load f(t) with its harmonics at a fraction of the step that is due, N, ``(case,)``."""
         return self._cases.load_at((self._step + share) * self._h)
 
     def record(
@@ -137,50 +153,53 @@ class Recorder:
         Parameters
         ----------
         displacement, velocity
-            m and m/s, ``(case, mechanical)``; the tip is last.
+            m and m/s, ``(case, mechanical)``.
         temperature
-            K, ``(case, thermal)``; the tip is last.
+            K, ``(case, thermal)``.
         impulse
-            Impulse p >= 0 of the casing on the tip in the step, N s, ``(case,)``.
+            Impulse p >= 0 of the casing on each contact in the step, N s, ``(case, contact)``, or ``(case,)`` for one.
         load
-            The tip load that the step has used, whose work the balances count, N, ``(case,)``; by default the mean of
+            The load that the step has used, whose work the balances count, N, ``(case,)``; by default the mean of
             :meth:`load` at both ends.
         """
         before, after = self._states, (displacement, velocity, temperature)
+        impulse = impulse.reshape(self._cases.count, len(self._contacts))
         if self._balances is not None:
             step_load = 0.5 * (self.load(0.0) + self.load(1.0)) if load is None else load
             self._balances.add(before, after, impulse, step_load)
         self._step += 1
         self._before, self._states = before, after
-        tip = named_rows(Tips, self._rows)
-        tip.gap = self._casing()
-        tip.new_displacement, tip.new_velocity = displacement[:, -1], velocity[:, -1]
-        tip.new_temperature, tip.step_impulse = self._structure.observed_of(temperature), impulse
+        tip: Any = named_rows(Tips, self._rows)
+        tip["gap"], tip["step_impulse"] = self._casing().T, impulse.T
+        tip["new_displacement"] = project(self._contacts, displacement).T
+        tip["new_velocity"] = project(self._contacts, velocity).T
+        tip["new_temperature"] = recorded_temperatures(self._structure, temperature).T
         if self._structure.sensors is not None:
             self._shown[0], self._shown[1] = self._shown[1], self._structure.sensors.of(displacement, temperature).T
         _count(self._step, self._batch)
 
     def _casing(self) -> Array:
-        """Return the casing's position at the step's end, m, ``(case,)``.
+        """Return the casing's position at the step's end, m, ``(case, contact)``.
 
-        Where the duration ends within the last step it is interpolated linearly there, as the tip's displacement is.
+        Where the duration ends within the last step it is interpolated linearly there, as displacements are.
         """
-        after = self._cases.casing_at(self._step * self._h)
+        after = self._cases.casing_of_contacts(self._step * self._h)[0]
         share = self._watched.schedule.weight[-1]
         if self._step < self.steps or share == 1.0:
             return after
-        before = self._cases.casing_at((self._step - 1) * self._h)
+        before = self._cases.casing_of_contacts((self._step - 1) * self._h)[0]
         return np.asarray(before + share * (after - before))
 
     @np.errstate(over="ignore", invalid="ignore")
     def results(self) -> Results:
-        """Return the results of the batch; a case whose tip is not finite is ``diverged``."""
+        """Return the results of the batch; a case whose contacts are not finite is ``diverged``."""
         watched = self._watched
         watched.tips[:] = self._rows
         finite = watched.finite("displacement", "velocity", "temperature")
         left = f"the state left the finite numbers at h = {self._h:.6g} s"
         reached = watched.reached(self._before[2], self._states[2])
-        closing = project(self._growth, reached)
+        metrics = {"thermal_closing": project(self._growth, reached).max(axis=1)}
         balance = None if self._balances is None else self._balances.result(self._states)
         outcome = judged(finite, np.zeros_like(finite), str, None, left)
-        return collect(Ended(watched, closing, {}, balance, EndState(*self._states)), *outcome)
+        end, solved = EndState(*self._states), np.zeros(self._cases.count)
+        return collect(Ended(watched, metrics, balance, end, solved), *outcome)

@@ -7,7 +7,7 @@ from workflow.models import Array
 
 
 class Tips(Rows):
-    """The tips of a block: states and counts."""
+    """A contact of the cases of a block, the tip where it is one: states and counts."""
 
     displacement: Array
     velocity: Array
@@ -31,23 +31,32 @@ class Tips(Rows):
     new_velocity: Array
     new_temperature: Array
     step_impulse: Array
-    """The tip at the end of the present step and the impulse in it, stored for ``take_marks`` and ``observe``."""
+    """The contact at the end of the present step and the impulse in it, for ``take_marks`` and ``observe``."""
 
 
 class Own(Rows):
     """Values of each case of a block, and of its last step."""
 
     alpha: Array
-    """α, W/N."""
+    friction: Array
+    """α, W/N, and µ, 1."""
+    load: Array
+    """Impulse of the load in the last step, N s."""
+    pressed: Array
+    """A flag of each pack, raised where some lane was in contact in the last step or the one before."""
+    unsolved: Array
+    """Time of the step in which the laws of several contacts had no solution, s; 0 for none."""
+
+
+class Acting(Rows):
+    """What acts between a contact and its casing, of each case."""
+
     drift: Array
     warmth: Array
     warming: Array
-    """Known part of the tip's motion (:class:`~workflow.schemes._fixed.free_motion.InitialState`)."""
-    load: Array
+    """Known part of the contact's motion (:class:`~workflow.schemes._fixed.free_motion.InitialState`)."""
     impulse: Array
-    """Impulses of the load and of contact in the last step, N s."""
-    pressed: Array
-    """A flag of each pack, raised where some lane was in contact in the last step or the one before."""
+    """Impulse of contact in the last step, N s."""
     after: Array
     last: Array
     """Velocity and force that the contact law returned last, besides the impulse."""
@@ -61,15 +70,33 @@ class Own(Rows):
     free: Array
     casing: Array
     mobility: Array
-    """Arguments of a contact law: :class:`~workflow.schemes._fixed.contact.Tip`."""
+    sinking: Array
+    """Arguments of a contact law: :class:`~workflow.schemes._fixed.law.Tip`."""
+    loose: Array
+    deep: Array
+    force: Array
+    alone: Array
+    """Of several contacts: ``free`` and ``place`` less what the impulses of the others take, the new force of the law,
+    and the impulse of the contact alone."""
+    velocity: Array
+    temperature: Array
+    """Of several contacts: velocity and temperature at a step's end without load and contact."""
     ahead: Array
     half: Array
     """In central differences: x_n at the next step's end and the last half-step velocity."""
     before: Array
     """In central differences: impulse of a whole step centred on the last step's beginning."""
     first: Array
+    """In central differences: first half-step velocity without contact."""
     thermal_velocity: Array
-    """In central differences: first half-step velocity without contact, and its thermal part."""
+    """Thermal part of the velocity without contact, m/s."""
+    grown: Array
+    growing: Array
+    expansion: Array
+    """Of contacts without mass: r_i θ of the known temperatures at t = 0, its rate, and that of the others at the
+    step's end without contact, m and m/s."""
+    relative: Array
+    """Velocity relative to the particular solution at the last step's end, m/s, of balances."""
 
 
 class Totals(Rows):
@@ -91,8 +118,6 @@ class Totals(Rows):
     turned_over: Array
     friction_heat: Array
     """Heat lost, sum of |heat lost| over the steps, and heat of friction, J."""
-    relative: Array
-    """Velocity of the tip relative to the particular solution at the last step's end, m/s."""
     settled_loss: Array
     """Heat loss of the steady temperatures under constant heat loads, W."""
     square: Array

@@ -7,31 +7,34 @@ response R to thermal modes and the known part by constant loads (:mod:`.free_mo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from workflow.kernels.compiled import part
 from workflow.models import Array, Cases, project
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.free_motion import InitialState, State, drives
+from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._interface import RefusedStructureError
 
 CONSTANT, RATE, IMPULSE = range(3)
-"""What a sensor shows of each case: by constant loads at t = 0, its rate, per unit impulse of contact in the step."""
-
-_TIP, _LOAD = -2, -1
-"""Columns after those of the states: per x_n, and per unit impulse of the load in the step."""
+"""What a sensor shows of each case: by constant loads at t = 0, its rate, and per unit impulse in the step of each
+contact from there on."""
 
 
 @part
-def sense(rows: Array, state: State, place: Array, t: float, shown: Array, lanes: int) -> None:
+def sense(rows: Array, state: State, tips: Sequence[Tips], marked: bool, t: float, shown: Array, lanes: int) -> None:
     """Move what sensors show at the end of the last step to its beginning, and fill it at the end of this one, at t."""
-    motion, tau, own, sensing = state.motion, state.tau, state.own, state.sensing
-    blocks = motion.shape[0]
+    motion, tau, acts, sensing = state.motion, state.tau, state.acts, state.sensing
+    blocks, after = motion.shape[0], 2 * motion.shape[0] + state.tau.shape[0]
     for s in range(rows.shape[0]):
         for lane in range(lanes):
             value = sensing[CONSTANT, s, lane] + sensing[RATE, s, lane] * t
-            value += sensing[IMPULSE, s, lane] * own.impulse[lane]
-            value += rows[s, _LOAD] * own.load[lane] + rows[s, _TIP] * place[lane]
+            value += rows[s, after] * state.own.load[lane]
+            for c in range(len(acts)):
+                place = tips[c].new_displacement[lane] if marked else tips[c].displacement[lane]
+                value += sensing[IMPULSE + c, s, lane] * acts[c].impulse[lane] + rows[s, after + 1 + c] * place
             for j in range(blocks):
                 value += rows[s, j] * motion[j, 0, lane] + rows[s, blocks + j] * motion[j, 1, lane]
             for k in range(tau.shape[0]):
@@ -41,49 +44,55 @@ def sense(rows: Array, state: State, place: Array, t: float, shown: Array, lanes
 
 
 def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> tuple[Array, Array]:
-    """Return the rows of the sensors of a structure in blocks, and their numbers of each case, ``(3, sensor, case)``.
+    """Return the rows of sensors of a structure in blocks, and their numbers of each case, ``(number, sensor, case)``.
 
-    Rows are per u and per η of the blocks, per τ, per x_n and per impulse of the load, ``(sensor, column)``.
+    Rows are per u and per η of the blocks, per τ, per impulse of the load and per x of each contact, ``(sensor,
+    column)``.
 
     Raises
     ------
     RefusedStructureError
-        Damping couples the modes, and the structure has several rigid motions: their blocks have no place.
+        Damping couples the modes, and the structure has more rigid motions than its contacts show: their blocks have no
+        place.
     """
     modal, step = blocks.modal, blocks.step
-    modes, count = modal.frequency.size, len(modal.sensors)
+    modes, count, contacts = modal.frequency.size, len(modal.sensors), len(modal.normal)
     if not count:
-        return np.zeros((0, 2)), np.zeros((3, 0, cases.count))
+        return np.zeros((0, 2)), np.zeros((IMPULSE + contacts, 0, cases.count))
     x, theta = modal.sensors[:, :modes], modal.sensors[:, modes:]
-    per_tip = np.zeros(count)
+    per_place = np.zeros((count, contacts))
     rigid = np.flatnonzero(modal.frequency == 0)
     if blocks.outward is not None and rigid.size and x[:, rigid].any():
-        if rigid.size > 1 or modal.tip[rigid[0]] == 0:
+        if np.linalg.matrix_rank(modal.normal[:, rigid]) < rigid.size:
             problem = "its damping couples the modes of several rigid motions, of which the scheme keeps no place"
             raise RefusedStructureError(f"{problem} for sensors; event_driven does")
-        per_tip = x[:, rigid[0]] / modal.tip[rigid[0]]
-        x = x - per_tip[:, None] * modal.tip
+        per_place = x[:, rigid] @ np.linalg.pinv(modal.normal[:, rigid])
+        x = x - per_place @ modal.normal
     places = _places(blocks)
     motion = np.einsum("sm,mrb->srb", x, places)
     lagged, responds = not step.heat_counts, np.einsum("srb,rbk->sk", motion, blocks.response)
     heat = theta + (step.decay * responds if lagged else responds)
-    load = blocks.of_impulses((modal.tip if modal.load is None else modal.load)[:, None])[..., 0]
+    load = blocks.of_impulses(modal.load[:, None])[..., 0]
     rows = np.hstack(
         [
             motion[:, 0] / blocks.scale,
             motion[:, 1] / blocks.scale,
             heat / modal.heat_scale,
-            per_tip[:, None],
             np.einsum("srb,rb->s", motion, load)[:, None],
+            per_place,
         ]
     )
-    gains = (responds + (0.5 if lagged else 1.0) * theta) @ step.heat_gain
+    gains = step.heat_gain @ (responds + (0.5 if lagged else 1.0) * theta).T
+    pushes = drives(blocks, cases)
     both, ahead = motion.reshape(count, 2 * blocks.damping.size), step.tip.h if lagged else 0.0
     own = np.stack(
         [
             _each(both, begun.known) + _each(theta, begun.settled) + ahead * _each(responds, begun.warming_modes),
             _each(theta + responds, begun.warming_modes),
-            _each(both, drives(blocks, cases)) + gains[:, None] * cases.alpha,
+            *(
+                _each(both, drive) + np.multiply.outer(gain, cases.alpha)
+                for drive, gain in zip(pushes, gains, strict=True)
+            ),
         ]
     )
     return np.ascontiguousarray(rows), own

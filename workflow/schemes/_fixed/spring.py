@@ -7,7 +7,8 @@ where x_n > d. With the tip at (x_a, v_a) for λ' = 0 there are two branches:
     in contact λ' = (κ (x_a - d) + c v_a) / (1 + hθW (hθκ + c)),  consistent where then x_n' > d
 
 The force jumps by c v_n at the casing: where neither is consistent (the damper alone would push the
-tip out again) λ' is the force between the two that puts the tip on the casing.
+tip out again) λ' is the force between the two that puts the tip on the casing. A contact without mass sinks besides, by
+its residual and its force there.
 
 In central differences λ_k is linear in the tip's motion, and its impulse hλ_k is
 
@@ -24,7 +25,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workflow.models import Structure
-from workflow.schemes._fixed.contact import Contact, Response, Tip
+from workflow.schemes._fixed.contact import Contact
+from workflow.schemes._fixed.law import Response, Tip
 from workflow.schemes._fixed.march import contact_law
 from workflow.schemes._fixed.step_limits import contact_modes
 from workflow.schemes._interface import RefusedStructureError
@@ -51,13 +53,14 @@ class CentralSpring(NamedTuple):
 def _respond(law: Spring, tip: Tip, h: float, theta: float) -> Response:
     lever, begun = h * theta, h * (1.0 - theta) * tip.force
     apart = tip.free - tip.mobility * begun if begun > 0.0 else tip.free
-    depth = tip.place + h * (theta * apart + (1.0 - theta) * tip.velocity) - tip.gap
+    depth = tip.place + h * (theta * apart + (1.0 - theta) * tip.velocity) - tip.gap - tip.sinking * begun
     force = law.stiffness * depth + law.damping * apart
     if depth <= 0.0 or force <= 0.0:
         return begun, apart, 0.0
-    force /= 1.0 + lever * tip.mobility * (lever * law.stiffness + law.damping)
-    if force * (lever * lever * tip.mobility) > depth:
-        force = depth / (lever * lever * tip.mobility)
+    gives = lever * (lever * tip.mobility + tip.sinking)
+    force /= 1.0 + law.stiffness * gives + lever * tip.mobility * law.damping
+    if force * gives > depth:
+        force = depth / gives
     return begun + lever * force, apart - tip.mobility * (lever * force), force
 
 

@@ -1,13 +1,14 @@
-"""Counts of the tip's states, samples and load periods, for every fixed-step scheme.
+"""Counts of the states of contacts, samples and load periods, for every fixed-step scheme.
 
-A kernel advances its own states in blocks of up to ``LANES`` cases, one per lane. Each step gives the tip at its end
-and the impulse in it, an ``End``. If a mark is due, a sample or the end of a load period, :func:`store_end` stores it,
-``take_marks`` interpolates between the old state and the new one, and :func:`observe` counts the new one; else
-:func:`count_end` counts it at once.
+A kernel advances its own states in blocks of up to ``LANES`` cases, one per lane. Each step gives each contact at
+its end and the impulse in it, an ``End``. If a mark is due, a sample or the end of a load period, :func:`store_end`
+stores it, ``take_marks`` interpolates between the old state and the new one, and :func:`observe` counts the new one;
+else :func:`count_end` counts it at once.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
-from workflow.kernels.lanes import LANES, PACK, ROW, LaneTable, named_rows, rows_in
+from workflow.kernels.lanes import LANES, PACK, ROW, LaneTable, named_rows, rows_in, several_rows
 from workflow.kernels.packs import Lane, narrow, pack, some, some_nonzero, store, where
-from workflow.models import Array, Cases, EndState, Structure, sensed_values
+from workflow.models import Array, Cases, EndState, Sensors, Structure, project, sensed_values
 from workflow.schemes._fixed import loads
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.contact import End
-from workflow.schemes._fixed.loads import Drive, DriveRows, TipLoads, cut_gap, keep_apart, tip_loads
+from workflow.schemes._fixed.loads import Drive, DriveRows, Start, TipLoads, cut_gap, keep_apart, tip_loads
 from workflow.schemes._fixed.rows import Tips
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
 
@@ -50,13 +51,13 @@ class BlockRecord(NamedTuple):
     """Output arrays of samples and of load periods that have ended."""
 
     histories: Array
-    """Displacement, velocity, temperature and impulse, ``(case, 4, t)``: any range of cases is contiguous,
+    """Displacement, velocity, temperature and impulse, ``(case, 4, contact, t)``: any range of cases is contiguous,
     so that kernels are compiled for one kind of array."""
     samples: Array
-    """Buffered samples, a row for each quantity and sample, ``(4 * WAITING, lane)``."""
+    """Buffered samples, a row for each quantity, contact and sample, ``(4 * contact * WAITING, lane)``."""
     periods: Array
     """Impulse, largest temperature, contact time, displacement, velocity and temperature at the end, and impacts,
-    ``(case, 7, period)``."""
+    ``(case, 7, contact, period)``."""
     sensed: Array
     """What sensors show at samples, ``(case, sensor, t)``."""
     shown: Array
@@ -67,7 +68,7 @@ class CaseBlock(NamedTuple):
     """Up to ``LANES`` consecutive cases that a kernel steps at once."""
 
     load: TipLoads
-    tip: Tips
+    tips: Sequence[Tips]
     marks: Marks
     record: BlockRecord
     drive: Drive | None
@@ -86,30 +87,32 @@ def _between(before: Any, after: Any, share: float) -> Any:
 @part
 def _close_periods(step: int, block: CaseBlock) -> None:
     """Write the load periods that end within this step, and find the step in which the next one ends."""
-    tip, h, periods = block.tip, block.h, block.record.periods
+    h, periods = block.h, block.record.periods
     period_due, period_weight, next_period = block.marks.period_due, block.marks.period_weight, block.marks.next_period
     first = NEVER
     for lane in range(period_due.shape[0]):
         while next_period[lane] < period_due.shape[1] and period_due[lane, next_period[lane]] == step:
             k = next_period[lane]
             share = period_weight[lane, k]
-            p = tip.step_impulse[lane]
-            impulse = _between(tip.impulse[lane], tip.impulse[lane] + p, share)
-            reached = _between(tip.temperature[lane], tip.new_temperature[lane], share)
-            contact = tip.contact_time[lane] + (share * h if p > 0.0 else 0.0)
-            periods[lane, 0, k] = impulse - tip.period_impulse[lane]
-            periods[lane, 1, k] = max(tip.period_hottest[lane], reached)
-            periods[lane, 2, k] = contact - tip.period_contact[lane]
-            periods[lane, 3, k] = _between(tip.displacement[lane], tip.new_displacement[lane], share)
-            periods[lane, 4, k] = _between(tip.velocity[lane], tip.new_velocity[lane], share)
-            periods[lane, 5, k] = reached
-            strikes = 1.0 if p > 0.0 and tip.touching[lane] == 0.0 else 0.0
-            periods[lane, 6, k] = tip.impacts[lane] + strikes - tip.period_impacts[lane]
-            tip.period_impacts[lane] = tip.impacts[lane] + strikes
-            tip.hottest[lane] = max(tip.hottest[lane], periods[lane, 1, k])
-            tip.period_impulse[lane] = impulse
-            tip.period_contact[lane] = contact
-            tip.period_hottest[lane] = reached
+            for c in range(len(block.tips)):
+                tip = block.tips[c]
+                p = tip.step_impulse[lane]
+                impulse = _between(tip.impulse[lane], tip.impulse[lane] + p, share)
+                reached = _between(tip.temperature[lane], tip.new_temperature[lane], share)
+                contact = tip.contact_time[lane] + (share * h if p > 0.0 else 0.0)
+                periods[lane, 0, c, k] = impulse - tip.period_impulse[lane]
+                periods[lane, 1, c, k] = max(tip.period_hottest[lane], reached)
+                periods[lane, 2, c, k] = contact - tip.period_contact[lane]
+                periods[lane, 3, c, k] = _between(tip.displacement[lane], tip.new_displacement[lane], share)
+                periods[lane, 4, c, k] = _between(tip.velocity[lane], tip.new_velocity[lane], share)
+                periods[lane, 5, c, k] = reached
+                strikes = 1.0 if p > 0.0 and tip.touching[lane] == 0.0 else 0.0
+                periods[lane, 6, c, k] = tip.impacts[lane] + strikes - tip.period_impacts[lane]
+                tip.period_impacts[lane] = tip.impacts[lane] + strikes
+                tip.hottest[lane] = max(tip.hottest[lane], periods[lane, 1, c, k])
+                tip.period_impulse[lane] = impulse
+                tip.period_contact[lane] = contact
+                tip.period_hottest[lane] = reached
             next_period[lane] = k + 1
         if next_period[lane] < period_due.shape[1]:
             first = min(first, period_due[lane, next_period[lane]])
@@ -119,7 +122,7 @@ def _close_periods(step: int, block: CaseBlock) -> None:
 @part
 def _sample(k: int, share: float, block: CaseBlock) -> None:
     """Interpolate sample k at a fraction ``share`` of the step; write ``WAITING`` samples at a time."""
-    tip, waiting, histories = block.tip, block.record.samples, block.record.histories
+    tips, waiting, histories = block.tips, block.record.samples, block.record.histories
     sensed, shown = block.record.sensed, block.record.shown
     for sensor in range(sensed.shape[1]):
         for case in range(sensed.shape[0]):
@@ -127,19 +130,22 @@ def _sample(k: int, share: float, block: CaseBlock) -> None:
     slot = (k - 1) % WAITING
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
-        impulse = pack(tip.impulse, lane)
-        for j, begun, ended in (
-            (0, pack(tip.displacement, lane), pack(tip.new_displacement, lane)),
-            (1, pack(tip.velocity, lane), pack(tip.new_velocity, lane)),
-            (2, pack(tip.temperature, lane), pack(tip.new_temperature, lane)),
-            (3, impulse, impulse + pack(tip.step_impulse, lane)),
-        ):
-            store(waiting, (j * WAITING + slot, lane), _between(begun, ended, share))
-    if slot == WAITING - 1 or k == histories.shape[2] - 1:
+        for c in range(len(tips)):
+            tip, row = tips[c], 4 * c * WAITING + slot
+            impulse = pack(tip.impulse, lane)
+            for j, begun, ended in (
+                (0, pack(tip.displacement, lane), pack(tip.new_displacement, lane)),
+                (1, pack(tip.velocity, lane), pack(tip.new_velocity, lane)),
+                (2, pack(tip.temperature, lane), pack(tip.new_temperature, lane)),
+                (3, impulse, impulse + pack(tip.step_impulse, lane)),
+            ):
+                store(waiting, (row + j * WAITING, lane), _between(begun, ended, share))
+    if slot == WAITING - 1 or k == histories.shape[3] - 1:
         for case in range(histories.shape[0]):
             for j in range(histories.shape[1]):
-                for i in range(slot + 1):
-                    histories[case, j, k - slot + i] = waiting[j * WAITING + i, case]
+                for c in range(len(tips)):
+                    for i in range(slot + 1):
+                        histories[case, j, c, k - slot + i] = waiting[(4 * c + j) * WAITING + i, case]
 
 
 @part
@@ -149,7 +155,7 @@ def take_marks(step: int, block: CaseBlock) -> float:
     All steps but the last count whole, the last up to the duration, where the last sample lies; the tip's new values
     are interpolated there.
     """
-    tip, lanes, h, steps = block.tip, block.lanes, block.h, block.steps
+    lanes, h, steps = block.lanes, block.h, block.steps
     next_mark = block.marks.next_mark
     due, weight = block.marks.sample_due, block.marks.sample_weight
     mark = steps
@@ -162,7 +168,8 @@ def take_marks(step: int, block: CaseBlock) -> float:
         _close_periods(step, block)
     next_mark[0] = min(mark, next_mark[2])
     share = weight[-1] if step == steps else 1.0
-    if share != 1.0:
+    for c in range(len(block.tips) if share != 1.0 else 0):
+        tip = block.tips[c]
         for lane in range(lanes):
             tip.new_displacement[lane] = _between(tip.displacement[lane], tip.new_displacement[lane], share)
             tip.new_velocity[lane] = _between(tip.velocity[lane], tip.new_velocity[lane], share)
@@ -210,7 +217,7 @@ def step_at(step: int, theta: float, leader: int, warmed: bool, block: CaseBlock
 
 @inlined
 def store_end(end: End, tip: Tips, lane: Lane) -> None:
-    """Store the tip's state at the end of a step and the impulse in it for :func:`observe`."""
+    """Store the contact's state at the end of a step and the impulse in it for :func:`observe`."""
     store(tip.new_displacement, lane, end.displacement)
     store(tip.new_velocity, lane, end.velocity)
     store(tip.new_temperature, lane, end.temperature)
@@ -244,13 +251,14 @@ def count_end(end: End, next_marked: bool, span: float, tip: Tips, lane: Lane) -
 
 
 @inlined
-def observe(span: float, tip: Tips, lanes: int) -> None:
+def observe(span: float, tips: Sequence[Tips], lanes: int) -> None:
     """Count the state that :func:`store_end` stored at the end of a step of ``span`` s."""
     for first in range(0, lanes, PACK):
         lane = narrow(first)
-        x, v = pack(tip.new_displacement, lane), pack(tip.new_velocity, lane)
-        temperature, p = pack(tip.new_temperature, lane), pack(tip.step_impulse, lane)
-        count_end(End(True, x, v, temperature, p, p, v), True, span, tip, lane)
+        for c in range(len(tips)):
+            x, v = pack(tips[c].new_displacement, lane), pack(tips[c].new_velocity, lane)
+            temperature, p = pack(tips[c].new_temperature, lane), pack(tips[c].step_impulse, lane)
+            count_end(End(True, x, v, temperature, p, p, v), True, span, tips[c], lane)
 
 
 @inlined
@@ -258,15 +266,16 @@ def count_stored(step: int, block: CaseBlock) -> None:
     """Write the samples and load periods of a step whose end :func:`store_end` stored, then count that end."""
     span = take_marks(step, block) if step == block.marks.next_mark[0] else block.h
     if step == block.steps:
-        cut_gap(block.drive, span / block.h, block.tip, block.lanes)
-    observe(span, block.tip, block.lanes)
+        cut_gap(block.drive, span / block.h, block.tips, block.lanes)
+    observe(span, block.tips, block.lanes)
 
 
 @dataclass(frozen=True, eq=False)
 class Watch:
     """Loads, tips, samples and load periods of a batch.
 
-    ``loads`` and ``tips`` hold the rows of all cases, ``(row, case)``: the tip at t = 0, and at the end after it.
+    ``loads``, ``(row, case)``, and ``tips``, ``(contact, row, case)``, hold the rows of all cases: the contacts at
+    t = 0, and at the end after it.
     """
 
     cases: Cases
@@ -275,11 +284,12 @@ class Watch:
     h: float
     loads: Array
     tips: Array
+    sensors: Sensors | None
     drive: DriveRows | None
     """Harmonics of load and casing, ``(…, case)``."""
     histories: Array
     periods: Array
-    """Output arrays, ``(case, 4, t)`` and ``(case, 7, period)``: see :class:`BlockRecord`."""
+    """Output arrays, ``(case, 4, contact, t)`` and ``(case, 7, contact, period)``: see :class:`BlockRecord`."""
     period_due: NDArray[np.int64]
     period_weight: Array
     sensed: Array
@@ -287,8 +297,8 @@ class Watch:
     """Those of :class:`BlockRecord`, ``(case, sensor, t)`` and ``(2, sensor, case)``."""
 
     @property
-    def tip(self) -> Tips:
-        """The tips by the names of their rows."""
+    def tip(self) -> Any:
+        """The contacts by the names of their rows, ``(contact, case)`` each."""
         return named_rows(Tips, self.tips)
 
     @property
@@ -301,21 +311,21 @@ class Watch:
         return np.asarray(before + self.schedule.weight[-1] * (after - before))
 
     def finite(self, *rows: str) -> NDArray[np.bool_]:
-        """Return which cases have finite numbers in some rows of the tip, ``(case,)``."""
-        return np.asarray(np.isfinite([getattr(self.tip, row) for row in rows]).all(axis=0))
+        """Return which cases have finite numbers in some rows of all contacts, ``(case,)``."""
+        return np.asarray(np.isfinite([self.tip[row] for row in rows]).all(axis=(0, 1)))
 
 
 class Ended(NamedTuple):
     """Results of a march."""
 
     watched: Watch
-    closing: Array
-    """Quasi-static tip growth at the end, m, ``(case,)``."""
-    own: dict[str, Array]
-    """Metrics of the scheme besides the common ones, ``(case,)``."""
+    metrics: dict[str, Array]
+    """Metrics that are not counted, ``(case,)``: ``thermal_closing``, and those of the scheme."""
     balance: Balance | None
     end: EndState | None
     """That at the end of the last step, in the structure's coordinates."""
+    unsolved: Array
+    """Time of the step in which contact had no solution, s, 0 for none, ``(case,)``."""
 
 
 def period_marks(cases: Cases, periods: NDArray[np.int64], steps: int, h: float) -> tuple[NDArray[np.int64], Array]:
@@ -334,38 +344,49 @@ def period_marks(cases: Cases, periods: NDArray[np.int64], steps: int, h: float)
     return np.where(counted, np.minimum(due, steps), NEVER), weight
 
 
-def watch(structure: Structure, cases: Cases, sampling: Sampling, h: float, drive: DriveRows | None = None) -> Watch:
-    """Return the samples and load periods of a batch that is stepped with ``h``, and its tips at t = 0."""
-    casing, plan = cases.casing_at(0.0), schedule(sampling, h)
+def watch(
+    structure: Structure, cases: Cases, sampling: Sampling, h: float, begins: Start, drive: DriveRows | None = None
+) -> Watch:
+    """Return the samples and load periods of a batch that is stepped with ``h``, and its contacts as they begin."""
+    plan, contacts = schedule(sampling, h), begins.place.shape[1]
     periods = complete_periods(cases.period_frequency, sampling)
     due, weight = period_marks(cases, periods, plan.steps, h)
 
-    tips = np.zeros((rows_in(Tips), cases.count))
-    tip = named_rows(Tips, tips)
-    tip.displacement, tip.velocity = cases.displacement[:, -1], cases.velocity[:, -1]
-    tip.temperature = tip.hottest = tip.period_hottest = structure.observed_of(cases.temperature)
-    tip.gap = casing
-    tip.penetration = np.fmax(0.0, tip.displacement - casing) + 0.0  # of two zeros fmax returns either
+    tips = np.zeros((contacts, rows_in(Tips), cases.count))
+    tip: Any = named_rows(Tips, tips)
+    tip["displacement"], tip["velocity"], tip["gap"] = begins.place.T, begins.velocity.T, begins.gap.T
+    for row in ("temperature", "hottest", "period_hottest"):
+        tip[row] = recorded_temperatures(structure, cases.temperature).T
+    tip["penetration"] = np.fmax(0.0, tip["displacement"] - tip["gap"]) + 0.0  # of two zeros fmax returns either
 
-    histories, record = np.empty((cases.count, 4, plan.due.size)), np.full((cases.count, 7, due.shape[1]), np.nan)
-    histories[..., 0] = np.stack([tip.displacement, tip.velocity, tip.temperature, tip.impulse], axis=-1)
+    histories = np.empty((cases.count, 4, contacts, plan.due.size))
+    record = np.full((cases.count, 7, contacts, due.shape[1]), np.nan)
+    for k, row in enumerate(HISTORIES):
+        histories[:, k, :, 0] = tip[row].T
     start = sensed_values(structure.sensors, cases)
     sensed = np.full((*start.shape, plan.due.size), np.nan)
     sensed[..., 0], shown = start, np.stack([start.T, start.T])
     loads, outputs = tip_loads(cases), (histories, record, due, weight, sensed, shown)
-    return Watch(cases, plan, sampling.interval, h, loads, tips, drive, *outputs)
+    return Watch(cases, plan, sampling.interval, h, loads, tips, structure.sensors, drive, *outputs)
 
 
 def rows_of(watched: Watch) -> dict[str, Array]:
     """Return the rows of a batch that every block has: load, tip, what sensors show, and the drive, if any."""
     drive = {} if watched.drive is None else watched.drive._asdict()
-    return {"load": watched.loads, "tip": watched.tips, "shown": watched.shown, **drive}
+    return {"load": watched.loads, "tips": watched.tips, "shown": watched.shown, **drive}
+
+
+def recorded_temperatures(structure: Structure, temperature: Array) -> Array:
+    """Return the temperatures that are recorded at the contacts, K, ``(case, contact)``."""
+    if structure.observed is not None:
+        return structure.observed_of(temperature)[:, None]
+    return project(structure.contact_rows.heat, temperature)
 
 
 def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Batch:
     """Return a batch for kernels, which step ``width`` cases at once.
 
-    ``table`` has the rows of :func:`rows_of`, ``samples`` are lanes ``(4 * WAITING, ROW)``.
+    ``table`` has the rows of :func:`rows_of`, ``samples`` are lanes ``(4 * contact * WAITING, ROW)``.
     """
     lanes, plan, count = table.lanes, watched.schedule, watched.cases.count
     marks = Marks(
@@ -378,15 +399,15 @@ def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Ba
     )
     record = BlockRecord(watched.histories, samples, watched.periods, watched.sensed, lanes["shown"])
     drive = None if watched.drive is None else DriveRows(*(lanes[name] for name in DriveRows._fields)).named
-    load, tip = named_rows(TipLoads, lanes["load"]), named_rows(Tips, lanes["tip"])
-    return Batch(table.values, table.buffer, CaseBlock(load, tip, marks, record, drive, width, plan.steps, watched.h))
+    load, tips = named_rows(TipLoads, lanes["load"]), several_rows(Tips, lanes["tips"])
+    return Batch(table.values, table.buffer, CaseBlock(load, tips, marks, record, drive, width, plan.steps, watched.h))
 
 
 @inlined
 def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
     """Copy the cases of a block from the ``first`` on to the lanes; return marks, outputs and number of lanes.
 
-    Idle lanes are tips at rest that never touch. The caller makes the :class:`CaseBlock`: numba returns no records.
+    Idle lanes are contacts at rest that never touch. The caller makes the :class:`CaseBlock`: numba returns no records.
     """
     values, lanes, whole = batch.values, batch.lanes, batch.whole
     assert lanes.shape[1] == ROW
@@ -397,8 +418,9 @@ def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
             lanes[row, lane] = values[row, first + lane]
         for lane in range(count, LANES):
             lanes[row, lane] = 0.0
-    for lane in range(count, LANES):
-        whole.tip.gap[lane] = np.inf
+    for c in range(len(whole.tips)):
+        for lane in range(count, LANES):
+            whole.tips[c].gap[lane] = np.inf
     keep_apart(whole.drive, count)
     marks = Marks(
         whole.marks.sample_due,
@@ -430,43 +452,53 @@ def store_block(batch: Batch, first: int) -> None:
 def _blank_lost_samples(watched: Watch, case: int) -> None:
     """Set all samples and load periods of a case to NaN from its first non-finite sample on."""
     histories, periods = watched.histories[case], watched.periods[case]
-    bad = ~np.isfinite(histories).all(axis=0)
-    first = int(np.argmax(bad)) if bad.any() else histories.shape[1] - 1
-    histories[:, first:] = watched.sensed[case, :, first:] = np.nan
-    ends = np.arange(1, periods.shape[1] + 1)
-    periods[:, ends > watched.cases.period_frequency[case] * watched.interval * (first - 1)] = np.nan
+    bad = ~np.isfinite(histories).all(axis=(0, 1))
+    first = int(np.argmax(bad)) if bad.any() else histories.shape[-1] - 1
+    histories[..., first:] = watched.sensed[case, :, first:] = np.nan
+    ends = np.arange(1, periods.shape[-1] + 1)
+    periods[..., ends > watched.cases.period_frequency[case] * watched.interval * (first - 1)] = np.nan
+
+
+def _shift(watched: Watch) -> None:
+    """Add the displacement by constant loads from which the casing was seen, of contacts without mass."""
+    if watched.cases.offset.any():
+        for displacement in (watched.histories[:, 0], watched.periods[:, 3]):
+            displacement += watched.cases.offset[:, :, None]
 
 
 def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) -> Results:
     """Return the results of all blocks; a case has NaN from its first non-finite sample on."""
-    watched, tip, record = ended.watched, ended.watched.tip, ended.watched.periods
-    metrics = {
-        "impacts": tip.impacts,
-        "contact_time": tip.contact_time,
-        "max_penetration": tip.penetration,
-        "max_temperature": np.maximum(tip.hottest, tip.period_hottest),
-        "thermal_closing": ended.closing,
-        **ended.own,
-        **({} if ended.balance is None else ended.balance.residuals()),
+    _shift(ended.watched)
+    watched, tip, shape = ended.watched, ended.watched.tip, ended.watched.cases.contact_shape
+    histories, record = (each if shape else each[:, :, 0] for each in (watched.histories, watched.periods))
+    counted = {
+        "impacts": tip["impacts"],
+        "contact_time": tip["contact_time"],
+        "max_penetration": tip["penetration"],
+        "max_temperature": np.maximum(tip["hottest"], tip["period_hottest"]),
     }
+    metrics = {name: values.T if shape else values[0] for name, values in counted.items()}
+    metrics |= ended.metrics | ({} if ended.balance is None else ended.balance.residuals())
     lost = ~watched.finite("displacement", "velocity", "temperature", "impulse")
-    for values in metrics.values():
-        values[lost] = np.nan
+    metrics = {
+        name: np.where(lost.reshape(-1, *(1,) * (each.ndim - 1)), np.nan, each) for name, each in metrics.items()
+    }
     for case in np.flatnonzero(lost):
         _blank_lost_samples(watched, int(case))
     impulse, temperature, contact = record[:, :3].swapaxes(0, 1)
     periods = (watched.period_due < NEVER).sum(axis=1)
-    histories = dict(zip(HISTORIES, watched.histories.swapaxes(0, 1), strict=True))
-    if watched.sensed.shape[1]:
-        histories["sensor_value"] = watched.sensed
+    named = dict(zip(HISTORIES, histories.swapaxes(0, 1), strict=True))
+    if watched.sensors is not None:
+        named["sensor_value"] = watched.sensors.with_contacts(watched.sensed, watched.histories[:, 0])
+    frequency = watched.cases.period_frequency.reshape(-1, *(1,) * (contact.ndim - 1))
     return Results(
-        histories=histories,
+        histories=named,
         metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},
         period_impulse=impulse,
         period_temperature=temperature,
-        period_contact=contact * watched.cases.period_frequency[:, None],
+        period_contact=contact * frequency,
         status=status,
         messages=messages,
-        sections=sections_of(record[:, 3:], periods, watched.histories[:, :3, 0]),
+        sections=sections_of(record[:, 3:], periods, histories[:, :3, ..., 0]),
         end=ended.end,
     )

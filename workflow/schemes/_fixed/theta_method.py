@@ -18,14 +18,16 @@ from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure, poles, project
 from workflow.schemes._fixed.blocks import Blocks, Step, separate
-from workflow.schemes._fixed.contact import Contact, TipStep
+from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.decoupled import Decoupled, decouple
-from workflow.schemes._fixed.loads import drive_of, placed
+from workflow.schemes._fixed.law import TipStep
+from workflow.schemes._fixed.loads import start_of
 from workflow.schemes._fixed.march import step_batch
-from workflow.schemes._fixed.outcome import ROUNDING, Outcome, friction_message, judged
+from workflow.schemes._fixed.outcome import ROUNDING, Outcome, judged
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
 from workflow.schemes._fixed.stepping import collect
-from workflow.schemes._interface import ONE_CONTACT, RefusedStructureError, Results, Sampling
+from workflow.schemes._fixed.unsolved import divisors, explained, friction_message
+from workflow.schemes._interface import Results, Sampling
 
 _MOST_GROWTH = 300.0
 """Logarithm of the largest growth within a run whose squares are still finite (355), with a margin of 1e24 for loads
@@ -42,31 +44,25 @@ class Operator:
     blocks: Blocks
     contact: Contact
 
-    def delassus(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
-        """Return the Delassus operator W of a step h, 1/kg, ``(case,)``."""
-        modal = self.blocks.modal
-        return step(modal, h, self.theta).delassus(modal, alpha, friction)
-
     def factor(self, h: float, alpha: Array, friction: Array | float = 0.0) -> Array:
-        """Return the divisor of contact in a step h, ``(case,)``: there is one solution where it is positive."""
-        return np.asarray(self.contact.factor(h, self.delassus(h, alpha, friction)))
+        """Return the divisor of each contact in a step h, ``(case, contact)``: that alone has a solution where > 0."""
+        modal = self.blocks.modal
+        return divisors(step(modal, h, self.theta), modal, self.contact, alpha, friction)
 
     def run(self, cases: Cases, sampling: Sampling, heated: bool) -> Results:
         """Step cases that all carry thermal states, or that all carry none."""
         h, blocks = self.h, self.blocks if heated else self.blocks.without_heat()
-        w, cases = self.delassus(h, cases.alpha, cases.friction), placed(cases, sampling.duration)
-        drive, stepped = drive_of(cases, h, self.theta, sampling.duration)
-        velocity = project(blocks.modal.to_modes, stepped.velocity)
-        ended = step_batch(self.structure, blocks, self.contact, w, cases, velocity, sampling, drive)
+        yields = 1 / self.contact.stiffness if self.contact.stiffness > 0 else 0.0
+        drive, begins = start_of(self.structure, cases, h, self.theta, sampling.duration, yields)
+        velocity = project(blocks.modal.to_modes, begins.coordinate_velocity)
+        ended = step_batch(self.structure, blocks, self.contact, cases, velocity, sampling, drive, begins)
         finite = ended.watched.finite("displacement", "temperature")
         judged_blocks = self.blocks if self.contact.judges_heat else blocks
-        return collect(ended, *_judge(self, judged_blocks, cases, sampling.duration, finite))
+        return collect(ended, *_judge(self, judged_blocks, cases, sampling.duration, finite, ended.unsolved))
 
 
 def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator:
-    """Separate a structure with one contact into blocks, once for a batch."""
-    if structure.contacts is not None:
-        raise RefusedStructureError(ONE_CONTACT)
+    """Separate a structure into blocks, once for a batch."""
     modal = decouple(structure)
     return Operator(structure, h, theta, separate(modal, step(modal, h, theta)), contact)
 
@@ -88,13 +84,13 @@ def step(modal: Decoupled, h: float, theta: float) -> Step:
     weight = 1 / (1 + lever * modal.rate)
     inertia = 1 + lever * modal.damping + lever * lever * modal.frequency**2
     return Step(
-        tip=TipStep(h, theta, np.sum(modal.recorded * modal.heat_tip * weight)),
+        tip=TipStep(h, theta, modal.recorded @ (modal.heat * weight).T),
         inertia=modal.effective_mass(inertia, lever),
         stiffening=2 * lever,
         lever=lever,
         energy_lever=lever,
         decay=thermal_amplification(modal.rate, h, theta),
-        heat_gain=modal.heat_tip * weight,
+        heat_gain=modal.heat * weight,
         slope=-modal.rate * weight,
         load_weight=weight,
         damping_weight=weight,
@@ -106,7 +102,9 @@ def step(modal: Decoupled, h: float, theta: float) -> Step:
     )
 
 
-def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, finite: NDArray[np.bool_]) -> Outcome:
+def _judge(
+    operator: Operator, blocks: Blocks, cases: Cases, duration: float, finite: NDArray[np.bool_], unsolved: Array
+) -> Outcome:
     """Return status and message of each case."""
     h, theta, growth = operator.h, operator.theta, _spectral_radius(operator, blocks)
     grown = None
@@ -119,11 +117,16 @@ def _judge(operator: Operator, blocks: Blocks, cases: Cases, duration: float, fi
         )
 
     message = cache(partial(_message, operator, duration))  # a limit takes hundreds of trials
+    modal, contact = operator.blocks.modal, operator.contact
+    together = explained(operator.structure, modal, contact, lambda h: step(modal, h, theta), h, unsolved)
 
     def explain(case: int) -> str:
-        return message(float(cases.alpha[case]), float(cases.friction[case]))
+        alpha, friction = float(cases.alpha[case]), float(cases.friction[case])
+        if len(modal.normal) == 1 and not modal.contacts.is_compliant:
+            return message(alpha, friction)
+        return together(alpha, friction, case)
 
-    ill_posed = operator.factor(h, cases.alpha, cases.friction) <= 0
+    ill_posed = (operator.factor(h, cases.alpha, cases.friction) <= 0).any(axis=1) | (unsolved > 0)
     return judged(finite, ill_posed, explain, grown, f"the state left the finite numbers at h = {h:.6g} s")
 
 
@@ -139,7 +142,7 @@ def _message(operator: Operator, duration: float, alpha: float, friction: float)
     h, name = operator.h, operator.contact.name
 
     def factor(step: float, coupling: float) -> float:
-        return float(operator.factor(step, np.array(coupling), np.array(friction)))
+        return float(operator.factor(step, np.array(coupling), np.array(friction)).min())
 
     if factor(h, 0.0) <= 0:
         return friction_message(h, friction, name)
