@@ -28,13 +28,10 @@ from workflow.schemes._exact.regimes import (
     RankOne,
     Zeros,
     complete,
-    fill_vectors,
+    fill_blocks,
     find_zeros,
-    next_zero,
     rank_one,
-    square,
     thermal_response,
-    to_modes,
 )
 from workflow.schemes._exact.tables import block, first, padded
 
@@ -277,48 +274,13 @@ def fill_heated(h: Heated, alpha: float, zeros: Zeros, row: Array) -> bool:
         return False
     for k in range(row.size):
         row[k] = h.statics[k] if k < h.statics.size else 0.0
-    sound = _fill_blocks(h, alpha, count, zeros, row)
+    row[0], row[1] = h.matrix.d.size - count, 2 * count - h.matrix.d.size
     s = closed_set_in(row)
+    signals = s.outputs[h.contact], s.slow_outputs[h.contact, 0]
+    sound = fill_blocks(h.matrix, h.response, alpha, count, zeros, (s.block, s.first, s.inward, s.outward), signals)
     _fill_outputs(h, s)
     _fill_sources(h, alpha, s)
     row[_GROWTH], row[_FASTEST] = complete(s.block, s.first, s.blocks, s.firsts)
-    return sound
-
-
-@part
-def _fill_blocks(h: Heated, alpha: float, count: int, zeros: Zeros, row: Array) -> bool:
-    """Fill blocks, which are pairs of eigenvalues, and first-order states; return whether the spectrum is accurate.
-
-    A pair s = σ ± iν with right and left eigenvectors x and ξ = l X has the real coordinates η = Re ξ
-    and u = Re(s ξ), so that η' = u, u' = 2σ u - |s|² η and X = 2 Re(x ξ).
-    """
-    size, pairs = h.matrix.d.size, h.matrix.d.size - count
-    row[0], row[1] = pairs, count - pairs
-    at, p, j, sound = closed_set_in(row), 0, 0, True
-    b, f, inward, outward = at.block, at.first, at.inward, at.outward
-    while p + j < count:
-        i = next_zero(h.matrix.d, zeros, count)
-        s = h.matrix.d[zeros.pole[i]] + zeros.shift[i]
-        force, good = fill_vectors(h.matrix, alpha, zeros, i)
-        to_modes(h.response, h.matrix.d, s, zeros.right, zeros.left)
-        zeros.pole[i] = -1
-        sound = sound and good
-        if s.imag > 0.0:
-            ratio, u = s.real / s.imag, pairs + p
-            b[block.DAMPING, p], b[block.STIFFNESS, p] = -2.0 * s.real, square(s)
-            at.outputs[h.contact, 0, p] = 2.0 * (force.real - force.imag * ratio)
-            at.outputs[h.contact, 1, p] = 2.0 * force.imag / s.imag
-            for n in range(size):
-                right, left = zeros.right[n], zeros.left[n]
-                inward[n, p], inward[n, u] = left.real, (s * left).real
-                outward[p, n], outward[u, n] = 2.0 * (right.real - right.imag * ratio), 2.0 * right.imag / s.imag
-            p += 1
-        else:
-            own = 2 * pairs + j
-            f[first.RATE, j], at.slow_outputs[h.contact, 0, j] = -s.real, force.real
-            for n in range(size):
-                inward[n, own], outward[own, n] = zeros.left[n].real, zeros.right[n].real
-            j += 1
     return sound
 
 

@@ -316,42 +316,63 @@ def _fill_rows(h: Heated, alpha: Array, zeros: Zeros, rows: Array, found: NDArra
 
 @part
 def _fill_row(h: Heated, alpha: float, count: int, zeros: Zeros, row: Array) -> bool:
-    """Store the regime at α, whose blocks are complex pairs of eigenvalues; return whether the spectrum is accurate.
+    """Store the regime at α; return whether the spectrum is accurate."""
+    pairs = h.matrix.d.size - count
+    row[0], row[1], row[2], row[3], row[4] = pairs, count - pairs, h.inputs.size, h.entry.shape[0] - 1, h.entry.shape[1]
+    regime = in_row(row)
+    b, f, outward = regime.block, regime.first, regime.outward
+    signals = b[block.ROWS + seen.SIGNAL_VALUE :], f[first.ROWS]
+    sound = fill_blocks(h.matrix, h.response, alpha, count, zeros, (b, f, regime.inward, outward), signals)
+    for p in range(pairs):
+        b[block.ROWS + seen.TEMPERATURE_VALUE, p] = _observed(h, outward[p])
+        b[block.ROWS + seen.TEMPERATURE_SLOPE, p] = _observed(h, outward[pairs + p])
+    for j in range(count - pairs):
+        f[first.ROWS + 1, j] = _observed(h, outward[2 * pairs + j])
+    _fill_shared(h, alpha, regime)
+    return sound
+
+
+@part
+def fill_blocks(
+    matrix: RankOne,
+    response: Array,
+    alpha: float,
+    count: int,
+    zeros: Zeros,
+    tables: tuple[Array, Array, Array, Array],
+    signals: tuple[Array, Array],
+) -> bool:
+    """Fill blocks, which are pairs of eigenvalues, and first-order states; return whether the spectrum is accurate.
 
     A pair s = σ ± iν with right and left eigenvectors x and ξ = l X has the real coordinates η = Re ξ
-    and u = Re(s ξ), so that η' = u, u' = 2σ u - |s|² η and X = 2 Re(x ξ).
+    and u = Re(s ξ), so that η' = u, u' = 2σ u - |s|² η and X = 2 Re(x ξ). ``signals`` are the contact force per η and
+    η', two rows, and per ξ.
     """
-    size, pairs = h.matrix.d.size, h.matrix.d.size - count
-    row[0], row[1], row[2], row[3], row[4] = pairs, count - pairs, h.inputs.size, h.entry.shape[0] - 1, h.entry.shape[1]
-    regime, p, j, sound = in_row(row), 0, 0, True
-    b, f, inward, outward = regime.block, regime.first, regime.inward, regime.outward
+    (b, f, inward, outward), (signal, slow), size = tables, signals, matrix.d.size
+    pairs, p, j, sound = size - count, 0, 0, True
     while p + j < count:
-        i = next_zero(h.matrix.d, zeros, count)
-        s = h.matrix.d[zeros.pole[i]] + zeros.shift[i]
-        force, good = fill_vectors(h.matrix, alpha, zeros, i)
-        to_modes(h.response, h.matrix.d, s, zeros.right, zeros.left)
+        i = _next(matrix.d, zeros, count)
+        s = matrix.d[zeros.pole[i]] + zeros.shift[i]
+        force, good = _fill_vectors(matrix, alpha, zeros, i)
+        _to_modes(response, matrix.d, s, zeros.right, zeros.left)
         zeros.pole[i] = -1
         sound = sound and good
         if s.imag > 0.0:
             ratio, u = s.real / s.imag, pairs + p
             b[block.DAMPING, p], b[block.STIFFNESS, p] = -2.0 * s.real, square(s)
-            b[block.ROWS + seen.SIGNAL_VALUE, p] = 2.0 * (force.real - force.imag * ratio)
-            b[block.ROWS + seen.SIGNAL_SLOPE, p] = 2.0 * force.imag / s.imag
+            signal[0, p] = 2.0 * (force.real - force.imag * ratio)
+            signal[1, p] = 2.0 * force.imag / s.imag
             for n in range(size):
                 right, left = zeros.right[n], zeros.left[n]
                 inward[n, p], inward[n, u] = left.real, (s * left).real
                 outward[p, n], outward[u, n] = 2.0 * (right.real - right.imag * ratio), 2.0 * right.imag / s.imag
-            b[block.ROWS + seen.TEMPERATURE_VALUE, p] = _observed(h, outward[p])
-            b[block.ROWS + seen.TEMPERATURE_SLOPE, p] = _observed(h, outward[u])
             p += 1
         else:
             own = 2 * pairs + j
-            f[first.RATE, j], f[first.ROWS, j] = -s.real, force.real
+            f[first.RATE, j], slow[j] = -s.real, force.real
             for n in range(size):
                 inward[n, own], outward[own, n] = zeros.left[n].real, zeros.right[n].real
-            f[first.ROWS + 1, j] = _observed(h, outward[own])
             j += 1
-    _fill_shared(h, alpha, regime)
     return sound
 
 
@@ -385,7 +406,7 @@ def _fill_shared(h: Heated, alpha: float, regime: Regime) -> None:
 
 
 @part
-def next_zero(d: Complex, zeros: Zeros, count: int) -> int:
+def _next(d: Complex, zeros: Zeros, count: int) -> int:
     """Return the next eigenvalue, complex ones first, each kind in the order of its size; those done have pole -1."""
     best, kind, least = -1, False, np.inf
     for i in range(count):
@@ -398,7 +419,7 @@ def next_zero(d: Complex, zeros: Zeros, count: int) -> int:
 
 
 @part
-def to_modes(response: Array, d: Complex, s: complex, right: Complex, left: Complex) -> None:
+def _to_modes(response: Array, d: Complex, s: complex, right: Complex, left: Complex) -> None:
     """Transform eigenvectors at s from the poles of modes, with R τ subtracted, to X = [z, z', τ]."""
     modes, heats = response.shape
     for m in range(modes):
@@ -490,7 +511,7 @@ def _newton(d: Complex, residue: Complex, own: int, shift: complex, real: bool) 
 
 
 @part
-def fill_vectors(matrix: RankOne, alpha: float, zeros: Zeros, i: int) -> tuple[complex, bool]:
+def _fill_vectors(matrix: RankOne, alpha: float, zeros: Zeros, i: int) -> tuple[complex, bool]:
     """Fill the eigenvectors of zero ``i``, left · right = 1; return wᵀ right, and whether they keep their digits.
 
     Near a pole its factor 1/(s - d) is the largest: its component of the right vector is set to 1.
