@@ -78,7 +78,7 @@ def pass_event(
 
     State and casing are those of the instant.
     """
-    moment = _MOMENT / fastest if fastest > 0.0 else 0.0
+    moment = _MOMENT / fastest if fastest > 0.0 else _MOMENT * case.duration
     for c in range(own.wanted.size):
         own.taken[0, c] = own.taken[1, c] = own.bounces[c] = 0.0
     if structure.compliant:
