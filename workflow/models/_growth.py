@@ -211,8 +211,9 @@ def in_contact(structure: Structure) -> InContact | ContactBasis:
     omega, shapes = np.sqrt(held.values[kept]), np.ascontiguousarray(held.shapes[:, kept])
     constraint, expansions = pair.constraint, structure.expansions(thermal.shapes)
     participation, coupled = shapes.T @ pair.inertia_of(constraint), None
-    damping, drag = structure.damping.of_modes(omega), structure.damping.mass * participation
-    if not is_rayleigh(structure):
+    if is_rayleigh(structure):
+        damping, drag = structure.damping.of_modes(omega), structure.damping.mass * participation
+    else:
         coupled = held_damping(structure, Modes(omega, shapes))
         damping, drag = np.diag(coupled), shapes.T @ (structure.damping_matrix @ constraint)
     return InContact(
