@@ -16,7 +16,6 @@ from workflow.models import (
     Rayleigh,
     Structure,
     analyse_contacts,
-    growth_rate,
     poles_in_contact,
 )
 from workflow.reduction import reduce_structure
@@ -82,14 +81,3 @@ def test_modes_that_a_basis_resolves_keep_their_damping() -> None:
     ratio = reduce_structure(turned(1), 14, 0, "krylov", 1.0).structure.damping.ratio
     assert ratio == pytest.approx(0.003, rel=1e-9)
     assert reduce_structure(turned(1), 8, 0, "krylov", 1.0).structure.damping.ratio.max() > 0.004
-
-
-def test_one_contact_has_the_growth_rate_of_its_poles() -> None:
-    """With the tip held such damping couples the modes; the growth rate of one contact is that of its system."""
-    rng = np.random.default_rng(3)
-    basis = np.linalg.qr(rng.normal(size=(SIZE, SIZE)))[0]
-    stiffness = basis.T @ np.diag((100.0 * np.arange(1, SIZE + 1)) ** 2) @ basis
-    entries = {"mass": np.eye(SIZE), "stiffness": stiffness, "contact": np.eye(SIZE)[0], "tangent": np.eye(SIZE)[2]}
-    reduced = reduce_structure(of_entries(entries, Rayleigh(mass=1.0)), 7, 0, "craig_bampton", 1.0).structure
-    poles = poles_in_contact(analyse_contacts(reduced), np.array([0]), 0.0, FRICTION)
-    assert growth_rate(reduced, 0.0, FRICTION) == pytest.approx(poles.real.max(), rel=1e-9)

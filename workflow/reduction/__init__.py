@@ -133,7 +133,8 @@ def _reduce(
     if chosen.carried is not None and mechanical_modes is not None:
         carried = chosen.carried(structure, mechanical, thermal)
     reduction = galerkin(structure, mechanical, thermal, carried)
-    return with_doubtful_modes_damped(structure, reduction) if slides else reduction
+    several = structure.contacts is not None  # of one contact no basis was seen to flutter
+    return with_doubtful_modes_damped(structure, reduction) if slides and several else reduction
 
 
 def reduced_model(
