@@ -4,7 +4,8 @@ For friction a basis gets one more vector of each contact. A contact force acts 
 n. By its constraint modes a basis contains the static responses to forces along n; the response to t with the contacts
 held, K_ii⁻¹ t_i, is added, orthonormal to the others in M. With both S = nᵀK1⁻¹(n - µt) is exact for every µ. Friction
 drives pairs of modes into flutter, also of those high ones that a basis does not resolve and the structure does not
-have: of several contacts each mode is therefore damped by a tenth of the doubt about its frequency (:func:`with_doubtful_modes_damped`).
+have: with several contacts each mode is damped by a tenth of the doubt about its frequency
+(:func:`with_doubtful_modes_damped`).
 Where contacts have no mass those modes have none either, and there is no such flutter.
 
 A basis that leaves contacts without mass has the unit matrix as mass, and the residual ΔF w_i: the static displacement
