@@ -92,6 +92,41 @@ def as_calculix(entries: Mapping[str, Any], directory: Path) -> Path:
     return directory / "blade.sti"
 
 
+def triangle(matrix: Any) -> list[tuple[int, int, float]]:
+    """Return row, column and value of the entries on and below the diagonal that are not zero."""
+    lower = sparse.coo_array(np.tril(np.asarray(matrix)))
+    return list(zip(*(index.tolist() for index in lower.coords), lower.data.tolist(), strict=True))
+
+
+def as_abaqus(entries: Mapping[str, Any], directory: Path) -> Path:
+    """FORMAT=MATRIX INPUT: node k has the displacements 2k and 2k + 1 by its dofs 1 and 2."""
+    for name, short in (("stiffness", "STIF"), ("mass", "MASS"), ("damping", "DMPV")):
+        if name in entries:
+            rows = [
+                f"{1 + i // 2},{1 + i % 2}, {1 + j // 2},{1 + j % 2}, {value:.15e}\n"
+                for i, j, value in triangle(entries[name])
+            ]
+            (directory / f"blade_{short}1.mtx").write_text("".join(rows))
+    return directory / "blade_STIF1.mtx"
+
+
+def as_punch(entries: Mapping[str, Any], directory: Path) -> Path:
+    """DMIG in large fields, as Nastran punches it."""
+    text = "$TITLE   = BLADE\nBEGIN SUPER     101\n$\nGRID*                  1               0 0.600000000E+03\n*\n"
+    for name, short in (("stiffness", "KAAX"), ("mass", "MAAX"), ("damping", "BAAX")):
+        if name not in entries:
+            continue
+        matrix = np.asarray(entries[name])
+        text += f"DMIG    {short:8}{0:8}{6:8}{2:8}{0:8}{len(matrix):24}\n"
+        for j in range(len(matrix)):
+            text += f"DMIG*   {short:16}{1 + j // 2:16}{1 + j % 2:16}\n"
+            for i in np.flatnonzero(matrix[: j + 1, j]):
+                text += f"*       {1 + i // 2:16}{1 + i % 2:16}{matrix[i, j]:16.9E}\n".replace("E", "D")
+    path = directory / "blade.pch"
+    path.write_text(text)
+    return path
+
+
 WRITERS: tuple[Callable[[Mapping[str, Any], Path], Path], ...] = (
     as_npz,
     as_sparse_npz,
@@ -100,3 +135,6 @@ WRITERS: tuple[Callable[[Mapping[str, Any], Path], Path], ...] = (
     as_harwell_boeing,
     as_output4,
 )
+
+MECHANICAL = (as_calculix, as_abaqus, as_punch)
+"""Of displacements alone."""

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from fuzzing import faults
 
-from matrix_files import WRITERS, as_calculix, matrices_of
+from matrix_files import MECHANICAL, WRITERS, matrices_of
 from scenes import heavy_chain
 
 
@@ -17,7 +17,7 @@ def matrices(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A directory with a directory for each kind of file; names of those that are read as a whole say so."""
     sound = tmp_path_factory.mktemp("matrices")
     entries = matrices_of(heavy_chain(nodes=3))
-    for write in (*WRITERS, as_calculix):
+    for write in (*WRITERS, *MECHANICAL):
         place = sound / write.__name__
         place.mkdir()
         path = write(entries, place)

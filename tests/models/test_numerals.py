@@ -88,6 +88,18 @@ def calculix(number: str, path: Path) -> tuple[Any, int]:
     return lambda: read_entries(path / "a.sti")["stiffness"].toarray()[1, 0], 2
 
 
+def abaqus(number: str, path: Path) -> tuple[Any, int]:
+    (path / "a_MASS1.mtx").write_text("7,1, 7,1, 1.0\n")
+    (path / "a_STIF1.mtx").write_text(f"7,1, 7,1, 1.0\n7,2, 7,1, {number}\n7,2, 7,2, 1.0\n", encoding="utf-8")
+    return lambda: read_entries(path / "a_STIF1.mtx")["stiffness"].toarray()[0, 1], 2
+
+
+def punch(number: str, path: Path) -> tuple[Any, int]:
+    """In free fields: a number longer than 16 characters has no wide field."""
+    (path / "a.pch").write_text(f"DMIG,KAAX,0,6,2\nDMIG,KAAX,7,1,,7,2,{number}\n", encoding="utf-8")
+    return lambda: read_entries(path / "a.pch")["stiffness"].toarray()[0, 1], 2
+
+
 def harwell_boeing(number: str, path: Path) -> tuple[Any, int]:
     head = f"{'a':72}b\n{4:14}{1:14}{1:14}{2:14}{0:14}\nRUA{2:25}{2:14}{3:14}{0:14}\n"
     formats = f"{'(16I5)':16}{'(16I5)':16}{'(2E26.16)':20}\n"
@@ -114,7 +126,7 @@ def coupling(number: str, path: Path) -> tuple[Any, int]:
     return lambda: read_matrix(File("", "a.csv", str(path / "a.csv")), (2, 2))[1, 1], 2
 
 
-FORMATS = (coordinates, array, calculix, harwell_boeing, output4, modes, coupling)
+FORMATS = (coordinates, array, calculix, abaqus, punch, harwell_boeing, output4, modes, coupling)
 NUMBERS = st.floats(-1e9, 1e9) | st.floats(-1.0, 1.0) | st.floats(-1e300, 1e300)
 
 

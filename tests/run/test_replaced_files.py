@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from matrix_files import WRITERS, as_calculix, matrices_of
+from matrix_files import MECHANICAL, WRITERS, matrices_of
 from scenes import heavy_chain
 from studies import written
 from workflow import models
@@ -48,7 +48,7 @@ def given_modes(directory: Path, times: float) -> str:
 
 
 KINDS: dict[str, Callable[[Path, float], str]] = {
-    **{write.__name__: given_matrices(write) for write in (*WRITERS, as_calculix)},
+    **{write.__name__: given_matrices(write) for write in (*WRITERS, *MECHANICAL)},
     "modes": given_modes,
 }
 

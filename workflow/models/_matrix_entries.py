@@ -20,7 +20,7 @@ from workflow.kernels import Array
 from workflow.models._contacts import Contacts, checked_contacts
 from workflow.models._factors import is_definite
 from workflow.models._from_matrices import ASYMMETRY, GivenMatrices
-from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, VECTORS, Entries, in_unicode
+from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, STRUCTURAL, VECTORS, Entries, in_unicode
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._sensors import Sensor
 from workflow.models._structure import COLD, Rayleigh
@@ -89,6 +89,9 @@ def given_by(
     damper = _dissipative(symmetric_entry(entries, "damping", size)) if "damping" in entries else None
     if damper is not None and damping != Rayleigh():
         raise UnusableMatricesError("it has a `damping`, and the study has one too", "keep one of them")
+    if STRUCTURAL in entries and damping == Rayleigh():
+        problem = "it has structural damping (K4AAX, DMPS), which has no motion in time"
+        raise UnusableMatricesError(problem, "state `damping: {ratio: …}`, half of the loss factor, or leave it out")
     load = np.zeros(size) if contacts.count > 1 else None  # there is no one contact that it would act along
     slides = contacts.tangent[np.any(contacts.tangent != 0, axis=1)]
     given = GivenMatrices(

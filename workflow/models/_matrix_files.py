@@ -9,8 +9,14 @@ as C or Fortran writes them, or refused with file and line: SciPy's readers drop
   ``labels.txt`` with a name in each line.
 - CalculiX, ``*FREQUENCY, SOLVER=MATRIXSTORAGE``: ``blade.sti`` holds K1 and ``blade.mas`` M, a line ``row column
   value`` for each entry on or above the diagonal, counted from 1; ``blade.dof`` names each row ``node.direction``.
+- Abaqus, ``*MATRIX OUTPUT``: ``JOB_STIF1.mtx`` holds K1 of step 1, and beside it ``JOB_MASS1.mtx`` M, if they are there
+  ``JOB_DMPV1.mtx`` C1 and ``JOB_LOAD1.mtx`` a load. Lines are ``node dof node dof value``, which gives labels
+  ``node.dof`` (MATRIX INPUT, LABELS), or ``row column value`` from 1 (COORDINATE).
+- Nastran DMIG, ``blade.pch``, by its names (KAAX, KGG, …), in small, large and free fields; labels ``node.component``.
 - Nastran OUTPUT4 (extra ``output4``), whose names have up to eight characters: the beginnings of the entries' names
   (``s_speed2``, ``l_speed2``), or Nastran's own.
+
+A symmetric matrix of CalculiX, Abaqus and DMIG may be one of its triangles, in any order.
 
 Files that came with a study, whose contents it holds, are laid out in a directory for readers and models.
 """
@@ -87,6 +93,9 @@ VECTORS = ("contact", "thermal_contact", "load", "steady", "heating", "tangent",
 ROWS = ("angle", *(f"residual_{name}" for name in ("flexibility", "tangent", "coupling", "load", "steady")))
 """Of contacts, which have rows of `contact`, `tangent` and `thermal_contact` too."""
 
+STRUCTURAL = "structural_damping"
+"""Imaginary stiffness of Abaqus and Nastran; equation (1a) has no such term, which is of one frequency."""
+
 LABELS = ("labels", "thermal_labels", "contact_labels")
 KNOWN = (*MATRICES, *VECTORS, *ROWS, *LABELS)
 
@@ -94,8 +103,14 @@ Entries = Mapping[str, Any]
 """Matrices, vectors and labels by name."""
 
 _CALCULIX = (".sti", ".mas", ".dof")
-_NASTRAN = {"maa": "mass", "mgg": "mass", "kaa": "stiffness", "kgg": "stiffness", "baa": "damping", "bgg": "damping"}
+_ABAQUS = re.compile(r"(.+_)STIF([0-9]+)\.mtx")
+_OF_ABAQUS = {"STIF": "stiffness", "MASS": "mass", "DMPV": "damping", "DMPS": STRUCTURAL, "LOAD": "load"}
+_OF_NASTRAN = {"m": "mass", "k": "stiffness", "b": "damping", "k4": STRUCTURAL}
+_NASTRAN = {f"{short}{freedoms}": name for short, name in _OF_NASTRAN.items() for freedoms in ("aa", "gg", "aax")}
 _COORDINATES = rf"{INDEX}{GAP}{INDEX}{GAP}{NUMBER}"
+_FREEDOM = rf"-?{INDEX}{GAP}[0-9]{{1,3}}"
+_NODES = rf"{_FREEDOM}{GAP}{_FREEDOM}{GAP}{NUMBER}"
+_LOADS = rf"(?:{_FREEDOM}|{INDEX}){GAP}{NUMBER}"
 _MARKET = re.compile(
     r"%%MatrixMarket\s+matrix\s+(coordinate|array)\s+(real|integer)\s.*\n(?:[ \t]*(?:%.*)?\n)*.*\n", re.I
 )
@@ -117,9 +132,12 @@ def files_of(place: Path) -> tuple[Path, ...]:
         if not files:
             raise ValueError("it holds no file that is read, such as mass.mtx")
         return files
-    if place.suffix.lower() not in _CALCULIX:
+    if _ABAQUS.fullmatch(place.name):
+        several = tuple(part for entry, part in _of_abaqus(place).items() if entry == "mass" or part.is_file())
+    elif place.suffix.lower() in _CALCULIX:
+        several = tuple(place.with_suffix(suffix) for suffix in _CALCULIX)
+    else:
         return (place,)
-    several = tuple(place.with_suffix(suffix) for suffix in _CALCULIX)
     missing = [path.name for path in several if not path.is_file()]
     if missing:
         raise ValueError(f"{', '.join(missing)} is not beside it")
@@ -145,7 +163,7 @@ def read_entries(place: Path) -> dict[str, Any]:
 
 def _read(place: Path, readers: Mapping[str, Callable[[Path], dict[str, Any]]]) -> dict[str, Any]:
     """Return the entries of a file by the reader of its kind; any error of the reader is that of a damaged file."""
-    kind = place.suffix.lower()
+    kind = "_STIF1.mtx" if readers is _WHOLE and _ABAQUS.fullmatch(place.name) else place.suffix.lower()
     if kind not in readers:
         remedy = f"name a file {', '.join(readers)} or a directory of .mtx files"
         raise UnusableMatricesError(f"`{place.name}` is of an unknown kind", remedy)
@@ -272,8 +290,6 @@ def _txt(place: Path) -> dict[str, Any]:
 
 
 def _calculix(place: Path) -> dict[str, Any]:
-    from scipy import sparse
-
     labels = np.array(place.with_suffix(".dof").read_bytes().split())
     entries: dict[str, Any] = {"labels": labels}
     for name, suffix in (("stiffness", ".sti"), ("mass", ".mas")):
@@ -285,10 +301,124 @@ def _calculix(place: Path) -> dict[str, Any]:
             cyclic = ", as of a cyclic sector, which is not taken" if size == 2 * count else ""
             problem = f"`{part.name}` has {size} rows for the {count} labels of `{place.stem}.dof`{cyclic}"
             raise UnusableMatricesError(problem, "take the three files of one run of CalculiX, of a whole structure")
-        places = row.astype(np.int64) - 1, column.astype(np.int64) - 1
-        upper = sparse.coo_array((values, places), shape=(count, count)).tocsr()
-        entries[name] = upper + sparse.triu(upper, 1).T
+        entries[name] = _symmetric(part.name, (row.astype(np.int64) - 1, column.astype(np.int64) - 1), values, count)
     return entries
+
+
+def _symmetric(name: str, places: tuple[Any, Any], values: Any, size: int) -> Any:
+    """Return a symmetric matrix from its entries, all of them or those of one triangle."""
+    from scipy import sparse
+
+    given = sparse.coo_array((values, places), shape=(size, size)).tocsr()
+    if given.nnz < len(values):
+        raise UnusableMatricesError(f"`{name}` has an entry twice", "write one matrix, each entry once")
+    beside = given - sparse.diags_array(given.diagonal())
+    return given if beside.sign().multiply(beside.T.sign()).nnz else given + beside.T
+
+
+def _by_nodes(name: str, tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return matrices, and vectors, of rows of ``node component`` for each index and a value, with their labels."""
+    keys = {entry: 1000 * table[:, :-1:2] + table[:, 1:-1:2] for entry, table in tables.items()}
+    freedoms = np.unique(np.concatenate([key.ravel() for key in keys.values()]))
+    places = {entry: np.searchsorted(freedoms, key) for entry, key in keys.items()}
+    labels = np.array([f"{int(key // 1000)}.{int(key % 1000)}" for key in freedoms])
+    return {"labels": labels} | _assembled(name, places, tables, freedoms.size)
+
+
+def _assembled(name: str, places: Mapping[str, Any], tables: Mapping[str, Any], size: int) -> dict[str, Any]:
+    """Return matrices, and vectors, of so many rows from the places of their values, the last column of a table."""
+    entries: dict[str, Any] = {}
+    for entry, table in tables.items():
+        row, *column = places[entry].T.astype(np.int64)
+        if column:
+            entries[entry] = _symmetric(f"{name}: {entry}", (row, column[0]), table[:, -1], size)
+        else:
+            entries[entry] = np.bincount(row, table[:, -1], size)
+    return entries
+
+
+def _of_abaqus(place: Path) -> dict[str, Path]:
+    """Return the files of a step of a job by their entries, whether they are there or not."""
+    job, step = re.fullmatch(_ABAQUS, place.name).groups()  # type: ignore[union-attr]
+    return {entry: place.with_name(f"{job}{short}{step}.mtx") for short, entry in _OF_ABAQUS.items()}
+
+
+def _abaqus(place: Path) -> dict[str, Any]:
+    tables = {entry: _abaqus_table(part) for entry, part in _of_abaqus(place).items() if part.is_file()}
+    columns = {entry: table.shape[1] for entry, table in tables.items()}
+    load, (labelled, *others) = columns.pop("load", 0), sorted(set(columns.values()))
+    if others or (load and labelled == 5 and load != 3):
+        raise UnusableMatricesError(f"the files of `{place.name}` have several forms", "write them by one FORMAT")
+    if labelled == 5:
+        return _by_nodes(place.name, tables)
+    places = {entry: table[:, : 1 if entry == "load" else 2] - 1 for entry, table in tables.items()}
+    if load and np.any(tables["load"][:, 1:-1] != 1):
+        raise UnusableMatricesError(f"`{place.name}` has several loads beside it", "write one load")
+    return _assembled(place.name, places, tables, 1 + int(max(place.max(initial=0) for place in places.values())))
+
+
+def _abaqus_table(part: Path) -> Any:
+    text = part.read_text(encoding="latin-1")
+    if len(re.findall(r"(?mi)^\*CLOAD", text)) > 1:
+        raise UnusableMatricesError(f"`{part.name}` has several loads", "write one load, and a real one")
+    text = re.sub(r"(?m)^[ \t]*\*.*$", "", text).replace(",", " ")
+    columns = len(text.lstrip().partition("\n")[0].split())
+    row, what = (_NODES, "node, dof, node, dof and value") if columns > 3 else (_COORDINATES, "row, column and value")
+    if "LOAD" in part.name:
+        row, what = _LOADS, "node, dof and value"
+    return np.fromstring(in_c(text, row, what, part.name).strip(), sep=" ").reshape(-1, columns or 3)
+
+
+def _punch(place: Path) -> dict[str, Any]:
+    """Return the matrices of Nastran's DMIG entries, whose fields are 8 or, with a ``*``, 16 wide, or free.
+
+    A header has the name, 0, the form and the type; a column its node and component, and from the fifth field on four
+    fields for each row: node, component, real and imaginary part. Source: MSC Nastran Quick Reference Guide, DMIG.
+    """
+    lines = place.read_text(encoding="latin-1").expandtabs().splitlines()
+    heads: list[tuple[str, str, str]] = []
+    texts: dict[str, dict[int, str]] = {}
+    name = column = ""
+    for line, text in enumerate(lines):
+        begin, *fields = _fields(text.partition("$")[0])
+        if begin.upper() == "DMIG":
+            name, column = fields[0].lower(), "" if fields[1] == "0" else f"{fields[1]} {fields[2] or 0}"
+            if not column:
+                heads.append((name, fields[2], fields[3]))
+            fields = fields[4:]
+        elif not begin.startswith("+") and begin:
+            column = ""  # another entry
+        rows = [f"{g} {c or 0} {a} {b}" for g, c, a, b in zip(*[iter(fields)] * 4, strict=True) if g or a]
+        if column:
+            texts.setdefault(name, {})[line] = " ".join(f"{column} {row}" for row in rows)
+    tables = {}
+    read = [head for head in heads if head[0] in _NASTRAN and head[0] in texts]
+    if not read:
+        written = ", ".join(name.upper() for name, *_ in heads) or "none"
+        raise UnusableMatricesError(f"`{place.name}` has the DMIG matrices {written}", "name them KAAX, MAAX, BAAX")
+    _refuse_twice([_NASTRAN[name] for name, *_ in read], f"in `{place.name}`")
+    for name, form, kind in read:
+        if form not in ("1", "6") or kind not in ("1", "2"):
+            problem = f"`{place.name}`: {name.upper()} is of the form {form} and the type {kind}"
+            raise UnusableMatricesError(problem, "write a square (1) or symmetric (6) matrix of real numbers (1 or 2)")
+        table = "".join(texts[name].get(line, "") + "\n" for line in range(len(lines)))
+        what = "nodes, components and a real number"
+        table = in_c(table, rf"{_NODES}(?:{GAP}{_NODES})?", what, place.name)
+        tables[_NASTRAN[name]] = np.fromstring(table.strip(), sep=" ").reshape(-1, 5)
+    return _by_nodes(place.name, tables)
+
+
+def _fields(text: str) -> list[str]:
+    """Return the first field of a line of Nastran without its ``*`` and the eight fields of data, or four wide ones."""
+    wide = "*" in text.partition(",")[0][:8]
+    count, width = (4, 16) if wide else (8, 8)
+    if "," in text:
+        begin, *fields = text.split(",")
+    else:
+        begin, fields = text[:8], [text[8 + width * k :][:width] for k in range(count)]
+    return [
+        "_".join(field.split()) for field in (begin.replace("*", ""), *fields[:count], *[""] * (count - len(fields)))
+    ]
 
 
 def _op4(place: Path) -> dict[str, Any]:
@@ -332,7 +462,10 @@ def _refuse_twice(names: Sequence[str], where: str) -> None:
             raise UnusableMatricesError(f"`{name}` is there twice, {where}", "keep one of them")
 
 
-_WHOLE = {".npz": _npz, ".mat": _mat, ".op4": _op4, **dict.fromkeys(_CALCULIX, _calculix)}
+_WHOLE = {
+    **{".npz": _npz, ".mat": _mat, ".op4": _op4, ".pch": _punch, "_STIF1.mtx": _abaqus},
+    **dict.fromkeys(_CALCULIX, _calculix),
+}
 _ENTRY = {".mtx": _mtx, **dict.fromkeys((".rua", ".rsa", ".hb"), _rua), ".txt": _txt}
 
 

@@ -29,7 +29,7 @@ LARGEST = 2**20
 MOST_ENTRIES = 50_000
 """Keys and values of a study, which take about 30 us each to read: a second and a half."""
 
-_NO_STUDIES = (".npz", ".mat", ".op4", ".mtx", ".rua", ".rsa", ".hb", ".sti", ".mas", ".dof", ".csv")
+_NO_STUDIES = (".npz", ".mat", ".op4", ".pch", ".mtx", ".rua", ".rsa", ".hb", ".sti", ".mas", ".dof", ".csv")
 """Endings of files of matrices and tables, which a study names."""
 
 _NO_YAML = (
