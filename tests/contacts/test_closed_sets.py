@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from random_contacts import drawn
-from scenes_of_contacts import study
+from scenes_of_contacts import chain, study
 
 from scenes import of_entries
 from workflow import labels, run_study
 from workflow.analysis import runaways
 from workflow.models import (
+    Sparse,
     Structure,
     closed_sets,
     critical_alpha,
@@ -21,6 +22,8 @@ from workflow.models import (
     growth_rate,
     in_contact,
     set_text,
+    structure_from_matrices,
+    structure_from_sparse,
 )
 from workflow.models.modes import Parameters, assemble
 from workflow.plan import plan_study
@@ -135,6 +138,27 @@ def test_heat_that_cannot_leave_counts_where_it_pushes_out(sign: int, limits: li
     entries = plate() | {"conductance": np.array([[1.0, -1.0], [-1.0, 1.0]])}
     entries["coupling"] = sign * -entries["stiffness"] @ np.full((2, 2), 1e-7)
     assert list(critical_alphas(of_entries(entries)).values()) == limits
+
+
+@pytest.mark.parametrize("heat", ["leaves", "stays", "none"])
+@pytest.mark.parametrize("massless", [False, True])
+def test_sparse_matrices_have_the_critical_couplings_of_dense_ones(
+    heat: str, massless: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By static answers: a structure of more coordinates has no dense matrices, and all its modes are never found."""
+    monkeypatch.setattr("workflow.models._sparse_pair.MOST_FULL", 20)
+    entries = chain(40, heated=heat != "none") | {"tangent": np.eye(40)[[20, 30]]}
+    if heat == "stays":
+        springs = np.diff(np.eye(40), axis=0)
+        entries["conductance"] = 0.5 * springs.T @ springs
+    if massless:
+        entries |= {"residual_flexibility": 1e-6 * np.eye(2), "residual_tangent": np.diag([4e-7, 0.0])}
+        entries |= {"residual_coupling": 1e-9 * np.ones((2, 40))} if heat != "none" else {}
+    dense, sparse = (of_entries(entries, build=build) for build in (structure_from_matrices, structure_from_sparse))
+    assert isinstance(sparse, Sparse)
+    for friction in (0.0, 0.2, 3.0):
+        expected = critical_alphas(dense, friction)
+        assert critical_alphas(sparse, friction) == pytest.approx(expected, rel=1e-8), friction
 
 
 def bend(**more: Any) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from workflow.kernels.lemke import complementarity
 from workflow.models._cases import Cases, project
 from workflow.models._contacts import Contacts
 from workflow.models._modes import coupled_damping, mechanical_modes, modal_coupling, thermal_modes
+from workflow.models._sparse_pair import SparsePair
 from workflow.models._structure import Structure, stays_cold
 
 _RIGID = 1e-13
@@ -304,8 +305,29 @@ def critical_alphas_of_contacts(structure: Structure, friction: float = 0.0) -> 
     B_ij = -(w_iᵀ K1⁻¹ K12 + r_i) K2⁻¹ s_j, under forces that balance on rigid motions. ``inf`` for none; 0 where heat
     that cannot leave pushes a contact out, or friction alone makes the set unstable, det S < 0.
     """
+    sets = closed_sets(structure.contact_rows)
+    if isinstance(structure.mechanical, SparsePair):
+        answers = _static_answers(structure, friction)
+        return {labels: _critical_of_held(*(each[np.ix_(k, k)] for each in answers)) for labels, k in sets.items()}
     basis = analyse_contacts(structure)
-    return {labels: _critical_alpha(basis, closed, friction) for labels, closed in closed_sets(basis.contacts).items()}
+    return {labels: _critical_alpha(basis, closed, friction) for labels, closed in sets.items()}
+
+
+def _static_answers(structure: Structure, friction: float) -> tuple[Array, Array, Array]:
+    """Return S and B of all contacts of a structure that is held, and B of heat that cannot leave it, its direction."""
+    contacts, pair, rigid = structure.contact_rows, structure.mechanical, structure.thermal.rigid_motions(held=False)
+    answers = pair.static_solutions(contacts.normal).T
+    warmth = np.hstack([structure.thermal.static_solutions(contacts.heat).T, rigid])
+    grown = pair.work(answers, pair.deformation_of(answers), structure.expansions(warmth))
+    if contacts.residual_coupling is not None:
+        grown -= contacts.residual_coupling @ warmth
+    S = answers.T @ (contacts.normal - friction * contacts.tangent).T + contacts.compliance(friction)
+    return S, grown[:, : contacts.count], grown[:, contacts.count :] @ (rigid.T @ contacts.heat.T)
+
+
+def _critical_of_held(S: Array, B: Array, kept: Array) -> float:
+    """Return the least root of det(S - α B), 0 where friction alone, or heat that cannot leave, pushes a contact."""
+    return 0.0 if np.linalg.slogdet(S)[0] < 0 or np.isfinite(_least_root(S, kept)) else _least_root(S, B)
 
 
 def _critical_alpha(basis: ContactBasis, closed: NDArray[np.intp], friction: float) -> float:

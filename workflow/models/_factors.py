@@ -86,12 +86,12 @@ def has_cholmod() -> bool:
     return all(importlib.util.find_spec(package) is not None for package in FACTORISING)
 
 
-def is_definite(matrix: scipy.sparse.csc_array) -> bool:
-    """Tell whether a sparse symmetric matrix is positive definite, by the signs of its pivots."""
+def is_definite(matrix: scipy.sparse.csc_array, least: float = 0.0) -> bool:
+    """Tell whether the pivots of a sparse symmetric matrix are larger than the least, by SuperLU, else than 0."""
     order = elimination_order(matrix)
     try:
         if order is None:
-            return bool(np.all(_superlu(matrix).U.diagonal() > 0))
+            return bool(np.all(_superlu(matrix).U.diagonal() > least))
         _by_cholmod(matrix, order)
     except NotHeldError:
         return False

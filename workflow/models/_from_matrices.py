@@ -27,7 +27,7 @@ from threadpoolctl import threadpool_limits
 from workflow.kernels import Array
 from workflow.models._contact_coordinates import rows_last, sparse_pair
 from workflow.models._contacts import Contacts
-from workflow.models._factors import NotHeldError, factorised, warn_of_fill
+from workflow.models._factors import NotHeldError, factorised, is_definite, warn_of_fill
 from workflow.models._pair import (
     MOST_FULL,
     DensePair,
@@ -297,8 +297,7 @@ def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
     """
     size = max(matrices.mass.shape[0], matrices.heat_capacity.shape[0])
     is_small = size <= MOST_FULL
-    plain = matrices.damper is None and matrices.load is None
-    if is_small and not (plain and _is_definite(matrices.mass) and _is_definite(matrices.heat_capacity)):
+    if is_small and not (_is_definite(matrices.mass) and _is_definite(matrices.heat_capacity)):
         return structure_from_matrices(matrices)
     try:
         with threadpool_limits(limits=1, user_api="blas"):  # the same bits for any number of threads
@@ -313,15 +312,12 @@ def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
 
 
 def _is_definite(inertia: Any) -> bool:
-    """Tell whether a small inertia is definite by more than rounding, so that nothing needs condensation."""
+    """Tell whether an inertia is definite by more than rounding, so that nothing needs condensation."""
     diagonal = inertia.diagonal()
     if not np.all(diagonal > 0):
         return False
-    scaled = inertia.toarray() / np.sqrt(np.multiply.outer(diagonal, diagonal))
-    try:
-        return bool(np.diag(np.linalg.cholesky(scaled)).min() ** 2 > _SINGULAR)
-    except np.linalg.LinAlgError:
-        return False
+    root = scipy.sparse.diags_array(1 / np.sqrt(diagonal))
+    return is_definite(scipy.sparse.csc_array(root @ inertia @ root), _SINGULAR)
 
 
 def _sparse_structure(matrices: GivenMatrices) -> Sparse:

@@ -138,9 +138,19 @@ def depends_on_speed(parameters: Parameters) -> bool:
 def _has_speed2(of: File) -> bool:
     """Tell whether a file has an entry that counts times Ω²; of one that cannot be read assembling says why."""
     try:
-        return any(name in read_entries(Path(of.place)) for name in SPEED2)
+        return any(name in _entries(of) for name in SPEED2)
     except UnusableMatricesError:
         return False
+
+
+def _entries(of: File) -> dict[str, Any]:
+    """Return the entries of a file; those of the last one that a study has read are kept for its other speeds."""
+    return _kept(of) if of.contents else read_entries(Path(of.place))
+
+
+@lru_cache(maxsize=1)
+def _kept(of: File) -> dict[str, Any]:
+    return read_entries(Path(of.place))
 
 
 def assemble(parameters: Parameters) -> Matrices | Sparse:
@@ -151,7 +161,7 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     UnusableMatricesError
         The file, or the study's choice from it, does not describe a structure.
     """
-    entries = in_si(read_entries(Path(parameters.file.place)), parameters.units)
+    entries = in_si(_entries(parameters.file), parameters.units)
     if parameters.file.shaken != 0:
         entries = shaken(entries, parameters.file.shaken)
     chosen = Chosen(parameters.contact, parameters.thermal_contact, parameters.tangent)
@@ -165,7 +175,7 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
 
 def labels(parameters: Parameters, of_heat: bool) -> tuple[str, ...]:
     """Return the labels of the displacements, or temperatures, of the file."""
-    return labels_of(read_entries(Path(parameters.file.place)), of_heat)
+    return labels_of(_entries(parameters.file), of_heat)
 
 
 def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: Structure) -> list[Array]:
@@ -176,7 +186,7 @@ def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: 
     UnusableMatricesError
         The file has no such label, index or vector.
     """
-    entries = read_entries(Path(parameters.file.place))
+    entries = _entries(parameters.file)
     return [row_of(entries, sensor) for sensor in sensors]
 
 

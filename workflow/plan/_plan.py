@@ -114,7 +114,7 @@ def _plan(grid: Grid) -> Plan:
     batches = [len(task.batches) for task in tasks(grid, threads=threads)]
     cases = grid.outer_count * grid.inner_count
     references, exact = solution_counts(grid)
-    alpha = tuple(np.unique(made_by_friction(grid).values).tolist()) if grid.study.scene.makes_alpha else ()
+    alpha = tuple(np.unique(made_by_friction(grid)[1]).tolist()) if grid.study.scene.makes_alpha else ()
     return Plan(
         study=grid.study.name,
         title=grid.study.title,

@@ -13,6 +13,7 @@ import numpy as np
 import workflow
 from workflow import variables
 from workflow.cases import FRICTION, Grid, alpha_of, full_structure
+from workflow.kernels import Array
 from workflow.plan._warnings import tip_cells
 from workflow.schemes import Status
 from workflow.solve import dims_of, lengths, unset, variables_of
@@ -189,7 +190,8 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
             yield from _design(dimension.name, dimension.drawn)
     followed = "" if study.branch is None else study.branch.axis.path
     if study.scene.makes_alpha and not followed.startswith(FRICTION):
-        yield "alpha", made_by_friction(grid)
+        about = {"long_name": "heat coupling: heat_share x coefficient x sliding_speed", "units": "W N-1"}
+        yield "alpha", _variable(*made_by_friction(grid), about)
     if "gap" not in names and followed != "scene.casing.gap":
         about, gap = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}, np.asarray(study.scene.gap)
         yield "gap", _variable(("contact",) * gap.ndim, gap, about)
@@ -275,8 +277,8 @@ def _motion_of_casing(study: Study) -> Attributes:
     return {"speed": [study.scene.speed], **{f"casing_{name}": column for name, column in columns.items()}}
 
 
-def made_by_friction(grid: Grid) -> xr.Variable:
-    """Return α = heat_share · coefficient · sliding_speed along the dimensions that it varies with."""
+def made_by_friction(grid: Grid) -> tuple[tuple[str, ...], Array]:
+    """Return the names of the dimensions along which friction varies, and α along them."""
     dimensions = [d for d in (*grid.outer, *grid.inner) if any(axis.path.startswith(FRICTION) for axis in d.axes)]
     shape = tuple(dimension.size for dimension in dimensions)
     varying = {
@@ -285,5 +287,4 @@ def made_by_friction(grid: Grid) -> xr.Variable:
         for axis in dimension.axes
     }
     values = alpha_of(grid.settings(0), varying, math.prod(shape)).reshape(shape)
-    about = {"long_name": "heat coupling: heat_share x coefficient x sliding_speed", "units": "W N-1"}
-    return _variable(tuple(dimension.name for dimension in dimensions), values, about)
+    return tuple(dimension.name for dimension in dimensions), values

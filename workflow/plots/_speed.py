@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-_POINTS = 60
+_POINTS = 25
 """Speeds from 0 to the fastest at which free frequencies are computed for a diagram, beside those of the study."""
 
 _FAINTEST = -60.0
