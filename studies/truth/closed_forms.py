@@ -6,10 +6,12 @@ import numpy as np
 from comparison import Row, relative, scene, solved
 from scipy.optimize import brentq
 
-ROUNDING = "rounding"
+ROUNDING, WIDTH = "rounding", "width of a cell"
+EXTRAPOLATED = "width of a cell, two meshes extrapolated"
 
 
 @scene(
+    "impacts",
     "A ball on a vibrating table",
     "momentum and Newton's law",
     "truth/ball_on_table",
@@ -32,6 +34,7 @@ def ball_on_table() -> list[Row]:
 
 
 @scene(
+    "impacts",
     "A valve between two stops, to its last bounce",
     "closed form; the scene is that of issue 3222 of OrdinaryDiffEq.jl, without its dry friction",
     "studies/valve",
@@ -85,6 +88,7 @@ def valve() -> list[Row]:
 
 
 @scene(
+    "steady",
     "The vibro-impact oscillator of *Recipes for Continuation*",
     "Dankowicz, Schilder, SIAM 2013, example 15.2, computed there by COCO",
     "truth/vibro_impact",
@@ -110,6 +114,7 @@ def recipes_for_continuation() -> list[Row]:
 
 
 @scene(
+    "steady",
     "The impact oscillator of Shaw and Holmes",
     "J. Sound Vib. 90 (1983) 129–155, closed form",
     "truth/impact_oscillator",
@@ -129,6 +134,7 @@ def shaw_holmes() -> list[Row]:
 
 
 @scene(
+    "steady",
     "One impact in n load periods, over the gap",
     "closed form, after Shaw and Holmes 1983",
     "truth/impacts_every_n",
@@ -165,6 +171,7 @@ def impacts_every_n() -> list[Row]:
 
 
 @scene(
+    "bars",
     "The impact of an elastic bar",
     "Doyen, Ern, Piperno, SIAM J. Sci. Comput. 33 (2011)",
     "truth/impact_bar",
@@ -179,16 +186,16 @@ def impact_bar() -> list[Row]:
         impulse, t = bar["impulse"].values.ravel(), bar["t"].values
         force, middle = np.diff(impulse) / 5e-3, t[1:] - 2.5e-3
         inside = force[(middle > 0.1) & (middle < 0.6)].mean()
-        cell = "width of a cell"
         rows += [
-            relative(f"`{scheme}`: mean force", 300, inside, 1e-3, cell),
-            Row(f"`{scheme}`: time in contact", 2 / 3, float(bar["contact_time"].squeeze()), 0.025 / 3, cell),
+            relative(f"`{scheme}`: mean force", 300, inside, 1e-3, WIDTH),
+            Row(f"`{scheme}`: time in contact", 2 / 3, float(bar["contact_time"].squeeze()), 0.025 / 3, WIDTH),
             Row(f"`{scheme}`: speed in the end", -10, 10 - impulse[-1] / 10, 0.3, "energy of half a cell"),
         ]
     return rows
 
 
 @scene(
+    "impacts",
     "A ball that comes to rest",
     "momentum and Newton's law",
     "hard/ball",
@@ -207,6 +214,7 @@ def ball_at_rest() -> list[Row]:
 
 
 @scene(
+    "bars",
     "A clamped bar released against its wall",
     "d'Alembert; the shares of the energy by an implementation written apart from this code, at the same step",
     "hard/clamped_bar",
@@ -218,9 +226,8 @@ def clamped_bar() -> list[Row]:
     schemes = ["event_driven", "midpoint", "implicit_euler"]
     bars = solved("hard/clamped_bar", **{"axes.scheme": schemes}).squeeze()
     touched = bars["contact_force"].sel(t=(bars["t"] > 1.1) & (bars["t"] < 1.9))
-    cell = "width of a cell"
     rows = [
-        relative(f"`{scheme}`: mean force while touched", 0.5, float(touched.sel(scheme=scheme).mean()), 1e-3, cell)
+        relative(f"`{scheme}`: mean force while touched", 0.5, float(touched.sel(scheme=scheme).mean()), 1e-3, WIDTH)
         for scheme in schemes[:2]
     ]
     for scheme, known in (("midpoint", 0.990), ("implicit_euler", 0.487)):
@@ -233,6 +240,7 @@ def clamped_bar() -> list[Row]:
 
 
 @scene(
+    "contacts",
     "A mass on a casing that slides",
     "Newton's law and statics along n − µt",
     "truth/sliding_impact",
@@ -257,6 +265,7 @@ def sliding_casing() -> list[Row]:
 
 
 @scene(
+    "contacts",
     "A mass on an elastic stop",
     "code_aster, test SDND101A",
     "truth/elastic_stop",
@@ -287,6 +296,7 @@ GROWTH = {
 
 
 @scene(
+    "heat",
     "A thermo-elastic rod pressed on a wall",
     "eigenvalues of the heat equation with the contact's heat, closed form",
     "truth/pressed_rod",
@@ -302,13 +312,14 @@ def pressed_rod() -> list[Row]:
     return [
         relative("α_c [m/s]", 2 * 7 / (1e11 * 1e-5 * 0.04), critical, 1e-12, ROUNDING),
         *(
-            relative(f"growth rate s L²/D at A = {a:g}", known, here, 1e-7, "width of a cell, two meshes extrapolated")
+            relative(f"growth rate s L²/D at A = {a:g}", known, here, 1e-7, EXTRAPOLATED)
             for (a, known), here in zip(GROWTH.items(), limit, strict=True)
         ),
     ]
 
 
 @scene(
+    "heat",
     "A casing that yields and is heated, too",
     "statics and momentum, closed form",
     "truth/heated_casing",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,7 +10,7 @@ from typing import Any
 
 import xarray as xr
 
-from workflow import read_study, run_study
+from workflow import read_study, run_study, write_matrices
 
 TRUTH = Path(__file__).parent
 ROOT = TRUTH.parents[1]
@@ -55,8 +55,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A scene, or several of one source, with the function that computes its rows."""
+    """A scene, or several of one source, with the function that computes its rows; a topic is a key of ``TOPICS``."""
 
+    topic: str
     title: str
     source: str
     text: str
@@ -64,15 +65,28 @@ class Comparison:
     rows: Callable[[], list[Row]]
 
 
+TOPICS = {
+    "impacts": "Impacts",
+    "bars": "Bars and beams",
+    "heat": "Heat",
+    "contacts": "Contacts",
+    "speed": "Speed",
+    "steady": "Steady rubs",
+    "programs": "Other programs",
+}
+"""Parts of the page, in its order, with their titles."""
+
 COMPARISONS: list[Comparison] = []
-"""All that the page shows, in its order."""
+"""All that the page shows, within each topic in this order."""
+
+Scene = Callable[[], list[Row]]
 
 
-def scene(title: str, source: str, *studies: str) -> Callable[[Callable[[], list[Row]]], Callable[[], list[Row]]]:
+def scene(topic: str, title: str, source: str, *studies: str) -> Callable[[Scene], Scene]:
     """Register a function that computes rows; its docstring is what the page says of them."""
 
-    def registered(rows: Callable[[], list[Row]]) -> Callable[[], list[Row]]:
-        COMPARISONS.append(Comparison(title, source, " ".join((rows.__doc__ or "").split()), studies, rows))
+    def registered(rows: Scene) -> Scene:
+        COMPARISONS.append(Comparison(topic, title, source, " ".join((rows.__doc__ or "").split()), studies, rows))
         return rows
 
     return registered
@@ -83,8 +97,10 @@ def relative(what: str, known: float, here: float, share: float, decides: str) -
     return Row(what, known, here, abs(share * known), decides)
 
 
-def solved(study: str, **settings: Any) -> xr.Dataset:
+def solved(study: str, entries: Mapping[str, Any] | None = None, **settings: Any) -> xr.Dataset:
     """Return the results of a study, ``truth/NAME``, with some of its values replaced.
+
+    ``entries`` are those of its file of matrices, instead of what the file holds.
 
     Raises
     ------
@@ -93,7 +109,9 @@ def solved(study: str, **settings: Any) -> xr.Dataset:
     """
     place, _, name = study.partition("/")
     with TemporaryDirectory() as directory:
-        requested = read_study(SCENES[place] / f"{name}.yaml").with_(settings)
+        if entries is not None:
+            settings["scene.matrices.file"] = str(write_matrices(Path(directory) / f"{name}.npz", **entries))
+        requested = read_study(SCENES[place] / f"{name}.yaml", settings)
         outcome = run_study(requested, Path(directory) / f"{name}.nc", threads=1)
         results = outcome.dataset.load()
         outcome.dataset.close()

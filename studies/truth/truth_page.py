@@ -8,6 +8,7 @@ the same rows and compares them with the page.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator, Sequence
 
@@ -17,19 +18,22 @@ workflow.pin()
 
 import closed_forms  # noqa: F401  # each registers its scenes
 import other_programs  # noqa: F401
-from comparison import COMPARISONS, TRUTH, Comparison, Row
+import rubs  # noqa: F401
+from comparison import COMPARISONS, TOPICS, TRUTH, Comparison, Row
 
 PAGE = TRUTH / "TRUTH.md"
 HEAD = """# Truth
 
 {numbers} numbers of {scenes} scenes that are known from other sources, computed by this program.
 `python studies/truth/truth_page.py` writes this page. The tests compute each number again and fail if one is off. To
-repeat a scene with another program, take the data from its study.
+repeat a scene with another program, take the data from its study; [structures.py](structures.py) meshes what comes as matrices.
 
 - *known*: the number from a closed form, a publication or another program;
 - *here*: the number of this program; the scheme is `event_driven`, the exact one, if none is named;
 - *allowed*: the largest difference with which the tests pass;
 - *decides*: what limits the agreement.
+
+{contents}
 """
 
 
@@ -48,7 +52,7 @@ def line(row: Row) -> str:
 
 def section(comparison: Comparison, rows: list[Row]) -> Iterator[str]:
     """Return the lines of a section of the page."""
-    yield f"\n## {comparison.title}\n"
+    yield f"\n### {comparison.title}\n"
     yield f"{comparison.text}\n"
     studies = ", ".join(map(link, comparison.studies))
     yield f"Source: {comparison.source}." + (f" Studies: {studies}.\n" if studies else "\n")
@@ -57,11 +61,27 @@ def section(comparison: Comparison, rows: list[Row]) -> Iterator[str]:
     yield from map(line, rows)
 
 
+def contents() -> Iterator[str]:
+    """Return the lines of the table of contents: the scenes of each topic."""
+    for topic, title in TOPICS.items():
+        scenes = ", ".join(f"[{each.title}](#{anchor(each.title)})" for each in COMPARISONS if each.topic == topic)
+        yield f"- **{title}**: {scenes}"
+
+
+def anchor(heading: str) -> str:
+    """Return the anchor of a heading."""
+    return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+
+
 def page(computed: Sequence[tuple[Comparison, list[Row]]]) -> str:
-    """Return the page of comparisons with their rows."""
+    """Return the page of comparisons with their rows, by topic."""
+    lines = []
+    for topic, title in TOPICS.items():
+        lines.append(f"\n## {title}")
+        lines += [text for each, rows in computed if each.topic == topic for text in section(each, rows)]
     count = sum(len(rows) for _, rows in computed)
-    sections = (text for comparison, rows in computed for text in section(comparison, rows))
-    return HEAD.format(numbers=count, scenes=len(computed)) + "\n".join(sections) + "\n"
+    head = HEAD.format(numbers=count, scenes=len(computed), contents="\n".join(contents()))
+    return head + "\n".join(lines) + "\n"
 
 
 def main() -> int:

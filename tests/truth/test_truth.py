@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 
 from scripts import STUDIES
+from workflow.models._matrix_files import read_entries
 
 sys.path.insert(0, str(STUDIES / "truth"))
 
 import comparison
+import structures
 import truth_page
 
 LONG = {"One impact in n load periods, over the gap", "Grazing and doubling of a heated mass"}
-SECTIONS = {text.split("\n", 1)[0]: text for text in truth_page.PAGE.read_text(encoding="utf-8").split("\n## ")[1:]}
+SECTIONS = {text.split("\n", 1)[0]: text for text in truth_page.PAGE.read_text(encoding="utf-8").split("\n### ")[1:]}
 SCENES = [
     pytest.param(each, id=each.title, marks=[pytest.mark.slow] if each.title in LONG else [])
     for each in truth_page.COMPARISONS
@@ -28,9 +30,20 @@ def written(title: str) -> list[tuple[str, float, float]]:
 
 
 def test_the_page_has_every_scene() -> None:
-    assert list(SECTIONS) == [each.title for each in truth_page.COMPARISONS]
+    topics = list(truth_page.TOPICS)
+    ordered = sorted(truth_page.COMPARISONS, key=lambda each: topics.index(each.topic))
+    assert list(SECTIONS) == [each.title for each in ordered]
     linked = {study for each in truth_page.COMPARISONS for study in each.studies}
     assert {f"truth/{path.stem}" for path in truth_page.TRUTH.glob("*.yaml")} <= linked
+
+
+@pytest.mark.parametrize("name", structures.FILES)
+def test_the_files_of_matrices_are_what_the_script_writes(name: str) -> None:
+    stored, computed = read_entries(STUDIES / "truth" / f"{name}.npz"), structures.FILES[name]()
+    assert set(stored) == set(computed)
+    for entry, matrix in computed.items():
+        entries = stored[entry].toarray() if hasattr(stored[entry], "toarray") else np.asarray(stored[entry])
+        np.testing.assert_allclose(entries.reshape(matrix.shape), matrix, rtol=0, atol=1e-14 * abs(matrix).max())
 
 
 @pytest.mark.parametrize("each", SCENES)
