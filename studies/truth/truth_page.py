@@ -26,7 +26,8 @@ HEAD = """# Truth
 
 {numbers} numbers of {scenes} scenes that are known from other sources, computed by this program.
 `python studies/truth/truth_page.py` writes this page. The tests compute each number again and fail if one is off. To
-repeat a scene with another program, take the data from its study; [structures.py](structures.py) meshes what comes as matrices.
+repeat a scene with another program, take the data from its study; what comes as matrices is meshed by
+[structures.py](structures.py).
 
 - *known*: the number from a closed form, a publication or another program;
 - *here*: the number of this program; the scheme is `event_driven`, the exact one, if none is named;

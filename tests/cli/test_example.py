@@ -9,7 +9,17 @@ import pytest
 
 from terminal import workflow
 
-NAMES = ("blade", "interaction_map", "modes", "own_chord", "own_matrices", "plate", "slurm", "steady_rub")
+NAMES = (
+    "blade",
+    "interaction_map",
+    "modes",
+    "own_chord",
+    "own_matrices",
+    "plate",
+    "slurm",
+    "steady_rub",
+    "worn_casing",
+)
 
 
 def printed(name: str, cwd: Path) -> str:

@@ -1,4 +1,4 @@
-"""Matrices of a plate as a blade for `own_matrices` and `own_chord`: ``python plate.py`` writes plate.npz.
+"""Matrices of a plate as a blade for `own_…` and `worn_casing`: ``python plate.py`` writes them.
 
 A flat blade of titanium, 60 mm long, 30 mm wide and 2 mm thick, in plane stress: bilinear rectangles, with two
 displacements and a temperature at each node. Its root is clamped and cold. Its tip has three contacts.
@@ -62,15 +62,28 @@ for i in range(ALONG):
 
 moving, warm = np.s_[2 * (ACROSS + 1) :], np.s_[ACROSS + 1 :]  # all but the root
 tip = [node(ALONG, 0), node(ALONG, ACROSS // 2), node(ALONG, ACROSS)]
+blade = {
+    "mass": M[moving, moving],
+    "stiffness": K[moving, moving],
+    "coupling": K12[moving, warm],
+    "contact": np.eye(2 * nodes)[[2 * k for k in tip]][:, moving],
+    "load": np.eye(2 * nodes)[2 * tip[0] + 1][moving],  # along the chord, at the leading edge
+}
+heat = {"heat_capacity": C2[warm, warm], "conductance": K2[warm, warm], "thermal_contact": np.eye(nodes)[tip][:, warm]}
+workflow.write_matrices("plate.npz", **blade, **heat, contact_labels=["leading", "middle", "trailing"])
+
+# The same blade and the casing that its leading edge wears: one more coordinate, which no spring holds
+WEAR, CASING = 1e-5, 1e-6  # wear coefficient [m/(N s)], mass of the casing's coordinate [kg]
+size = len(blade["mass"])
+worn = {name: np.pad(blade[name], ((0, 1), (0, 1))) for name in ("mass", "stiffness")}
+worn["mass"][-1, -1] = CASING
+worn["damping"] = 2e-7 * worn["stiffness"]
+worn["damping"][-1, -1] = 1 / WEAR
 workflow.write_matrices(
-    "plate.npz",
-    mass=M[moving, moving],
-    stiffness=K[moving, moving],
-    coupling=K12[moving, warm],
-    heat_capacity=C2[warm, warm],
-    conductance=K2[warm, warm],
-    contact=np.eye(2 * nodes)[[2 * k for k in tip]][:, moving],
-    thermal_contact=np.eye(nodes)[tip][:, warm],
-    contact_labels=["leading", "middle", "trailing"],
-    load=np.eye(2 * nodes)[2 * tip[0] + 1][moving],  # along the chord, at the leading edge
+    "worn_plate.npz",
+    **worn,
+    **{**heat, "thermal_contact": heat["thermal_contact"][:1]},
+    coupling=np.pad(blade["coupling"], ((0, 1), (0, 0))),
+    contact=np.append(blade["contact"][0], -1.0),  # the blade less the casing
+    vectors={"WORN": np.eye(size + 1)[-1]},
 )
