@@ -94,6 +94,7 @@ COMMANDS = {
     "workflow example [NAME]": "workflow example blade",
     "workflow example blade > blade.yaml": "workflow example blade",
     "workflow example slurm > slurm.py": "workflow example slurm",
+    "workflow example worn_casing": "workflow example worn_casing",
     "workflow run blade.nc -o again.nc": "workflow run rub.nc -o again.nc",
     "-s KEY=VALUE": 'workflow plan rub.yaml -s scene.duration="1 s"',
     '-s scene.duration="1 s"': 'workflow plan rub.yaml -s scene.duration="1 s"',
@@ -209,6 +210,7 @@ BLOCKS_ELSEWHERE = {
     "python3 -m venv": "tests/test_stranger.py",
     "$ .venv/bin/workflow recommend blade.nc": "tests/test_stranger.py",
     "from workflow import write_matrices": "tests/test_stranger.py",
+    "import numpy as np\nfrom workflow import write_matrices": "tests/truth/test_wear.py",
 }
 
 

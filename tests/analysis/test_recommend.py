@@ -215,7 +215,7 @@ def test_a_reference_that_some_choices_lack_is_asked_for() -> None:
     recommended = recommend(dataset, 0.01)
     assert recommended.missing == ()
     assert sentence(recommended).endswith("Add a reference that ends ok in that case.")
-    assert recommendation_row(recommended)[4:] == ("no error", "reference")
+    assert recommendation_row(recommended)[4:] == ("no error", "no reference")
 
 
 def test_coordinates_have_their_units() -> None:
@@ -234,8 +234,8 @@ def test_cases_that_have_not_run_ask_for_the_run() -> None:
     recommended = recommend(dataset, 0.01)
     answer = sentence(recommended)
     assert answer == "No choice that has run in all its cases meets 1 %. Run the study to its end."
-    assert "any h" not in answer
-    assert recommendation_row(recommended)[2:] == ("not measured", "0 %", "not run", "status")
+    assert "any time step" not in answer
+    assert recommendation_row(recommended)[2:] == ("not measured", "0 %", "not run", "no result")
 
 
 def test_a_reference_with_the_modes_of_each_case_is_said_to_judge_no_basis() -> None:
@@ -261,9 +261,15 @@ def test_undecidable_cases_are_named_and_not_counted() -> None:
 
 def test_a_scheme_that_reads_no_step_is_said_to_need_none() -> None:
     dataset = even()
-    assert "any h" in sentence(recommend(dataset, 0.01))
+    assert "any time step" in sentence(recommend(dataset, 0.01))
     dataset["impulse_error"][{"h": 0}] = 2e-4
-    assert "any h" not in sentence(recommend(dataset, 0.01))
+    assert "any time step" not in sentence(recommend(dataset, 0.01))
+
+
+def test_a_recommendation_is_printed_as_its_sentence() -> None:
+    recommended = recommend(even(), 0.01)
+    assert str(recommended) == sentence(recommended)
+    assert "mechanical + " in str(recommended)
 
 
 def test_options_of_schemes_are_numerical() -> None:

@@ -231,7 +231,7 @@ def test_plan_show_and_page_name_the_worst_set(corner: Outcome, tmp_path: Path) 
 
     scene = {"casing": {"gap": [2e-5, 0.02002]}, "speed": 0.0}
     (figures,) = plan_study(study(tmp_path, plate(), scene=scene, axes=EXACT | {"alpha": 0.6})).structures
-    assert _structure(figures).endswith("critical alpha of leading edge alone: 0.5 W/N")
+    assert _structure(figures).endswith("critical alpha of leading edge alone: 0.5 W/N; alpha is 1.2 times that")
     page = write_report(corner.archive, tmp_path / "a.html").page.read_text(encoding="utf-8")
     assert "2 of the ok cases lie above the critical heat coupling (leading edge alone: 0.5 W/N)" in page
     with corner.dataset as archive:

@@ -70,6 +70,7 @@ def test_what_a_basis_cannot_hold_gives_a_caution(modes: str, lost: bool) -> Non
     text = BLADE + f"axes: {{scheme: event_driven, mechanical_modes: {modes}, thermal_modes: {modes}}}\n"
     matching = [line for line in warnings(text, heat) if "projection_residual" in line]
     assert bool(matching) == lost
+    assert all("lose 80 %" in line and "and 0.00 % of it at the contacts" in line for line in matching)
 
 
 def test_heat_that_moves_the_tip_away_gives_a_caution(tmp_path: Path) -> None:

@@ -26,6 +26,22 @@ def test_revolutions_per_minute_are_no_hertz() -> None:
     assert "speed" not in warnings(scene.replace("9000", "9000 rpm"))
 
 
+def test_alpha_stands_beside_the_friction_of_which_it_is_made_and_its_critical_value() -> None:
+    from workflow.cli._studies import _lines
+
+    friction = "  friction: {coefficient: 0.2, sliding_speed: 150, heat_share: 0.5}\n  duration"
+    made = plan_study(
+        parsed(STUDY.replace("  duration", friction).replace("e: [0, 0.5]", "scene.friction.coefficient: [0.1, 0.2]"))
+    )
+    shown = [line.strip() for line in _lines(made)]
+    (at,) = (k for k, line in enumerate(shown) if line.startswith("alpha "))
+    assert shown[at].endswith("7.5, 15 W/N   (varied)   = coefficient × sliding_speed × heat_share")
+    assert shown[at - 1].startswith("scene.")
+    low, high = (alpha / made.structures[0].critical_alpha for alpha in (7.5, 15))
+    assert any(line.endswith(f"; alpha is {low:.3g} to {high:.3g} times that") for line in shown)
+    assert not any("times that" in line or "× sliding" in line for line in _lines(plan_study(parsed(STUDY))))
+
+
 def test_per_cent_are_no_ratios() -> None:
     said = "a damping ratio of 3 is overcritical: if per cent are meant, write 0.03"
     ratio = STUDY.replace("damping: {mass: 10.0, stiffness: 2.0e-7}", "damping: {ratio: 3}")

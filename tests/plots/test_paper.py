@@ -33,6 +33,7 @@ def test_histories_along_a_dimension() -> None:
             expected = archive["temperature"].sel(alpha=30).isel(scheme=0, model=k).values
             assert np.asarray(one.get_ydata()) == pytest.approx(expected)
         assert len(drawn) == 2
+        assert figure._repr_png_().startswith(b"\x89PNG")  # a notebook shows it, with no magic line
         with pytest.raises(ValueError, match=r"`h` is no dimension of the cases; they lie along scheme, model, alpha"):
             plots.histories(archive, along="h")
         with pytest.raises(ValueError, match="keeps no histories"):

@@ -42,6 +42,7 @@ def test_failed_cases_are_told_and_the_rest_is_stored(tmp_path: Path) -> None:
     assert outcome.counts == {"ok": 4, "ill_posed": 4}
     assert not outcome.ok
     assert "alpha 1e+09 W/N" in failures(outcome.dataset)[0].first
+    assert "ill.nc</code>: 4 ok, 4 ill_posed" in outcome._repr_html_()
     with open_archive(tmp_path / "ill.nc") as data:
         assert np.isfinite(data["contact_impulse"].sel(alpha=[0, 5]).values).all()
         assert np.isnan(data["contact_impulse"].sel(alpha=[1e9, 2e9]).values).all()

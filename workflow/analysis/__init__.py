@@ -47,6 +47,7 @@ from workflow.analysis._recommend import (
     work_precision,
 )
 from workflow.analysis._recommend_words import (
+    LIMITS,
     RECOMMENDATION_COLUMNS,
     answer_lines,
     recommendation_cautions,

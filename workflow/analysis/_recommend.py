@@ -120,6 +120,12 @@ class Recommendation:
     rest: Recommendation | None = None
     """The answer without them, where there is no choice with them."""
 
+    def __str__(self) -> str:
+        """Return the answer as a text that can be quoted, as ``workflow recommend`` prints it."""
+        from workflow.analysis._recommend_words import sentence
+
+        return sentence(self)
+
 
 def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Recommendation:
     """Return the most accurate of the choices that meet a tolerance in all cases of the scene at about the least cost.

@@ -23,6 +23,16 @@ SETTINGS = ("scheme", "h", "mechanical_modes", "thermal_modes", "reduction")
 NAMED = 5
 """Undecidable cases that are named; of more the number is."""
 
+LIMITS = {
+    "step": "step",
+    "basis": "basis",
+    "nothing": "it is the reference",
+    "unknown": "step or basis (parts not stored)",
+    "status": "no result",
+    "reference": "no reference",
+}
+"""What limits the accuracy, in words for tables."""
+
 RECOMMENDATION_COLUMNS = (
     "tolerance",
     "choice",
@@ -39,12 +49,13 @@ def named_choice(choice: Choice, units: Mapping[str, str]) -> str:
     words = [str(settings.pop("scheme", "the scheme"))]
     h = settings.pop("h", None)
     if h is not None:
-        words.append(f"h = {h:.3g} s" if choice.step_matters else "any h")
+        words.append(f"h = {h:.3g} s" if choice.step_matters else "any time step")
     modes = settings.pop("mechanical_modes", None), settings.pop("thermal_modes", None)
     if None not in modes:
         counts = [choice.used.get(name, count) for name, count in zip(MODES, modes, strict=True)]
         written = [AUTO if name in choice.used else count for name, count in zip(MODES, modes, strict=True)]
-        words.append(f"{counts[0]} + {counts[1]} modes" + (f" ({written[0]} + {written[1]})" if choice.used else ""))
+        by_tolerance = f" ({written[0]} + {written[1]})" if choice.used else ""
+        words.append(f"{counts[0]} mechanical + {counts[1]} thermal modes{by_tolerance}")
     reduction = settings.pop("reduction", None)
     if reduction is not None:
         words.append(str(reduction))
@@ -143,7 +154,7 @@ def recommendation_row(recommendation: Recommendation) -> tuple[str, ...]:
     worst = shown.worst
     lacks_it = "no error" if worst.status == "ok" else worst.status.replace("_", " ")
     error = lacks_it if math.isnan(worst.error) else percent(worst.error)
-    return percent(recommendation.tolerance), name, _cost(shown), percent(shown.share), error, worst.limited_by
+    return percent(recommendation.tolerance), name, _cost(shown), percent(shown.share), error, LIMITS[worst.limited_by]
 
 
 def recommendation_entries(recommendation: Recommendation) -> dict[str, Any]:

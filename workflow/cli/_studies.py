@@ -149,6 +149,7 @@ def _lines(plan: Plan) -> Iterator[str]:
     width = max(len(value.path) for value in plan.scene)
     for value in plan.scene:
         origin = {"study": "", "axis": "   (varied)", "default": "   (default)"}[value.origin]
+        origin += "   = coefficient × sliding_speed × heat_share" if value.path == "alpha" and plan.makes_alpha else ""
         yield f"  {value.path:{width}}  {value.text}{origin}"
     yield "  dimensions   " + (" × ".join(f"{name} {size}" for name, size in dims) or "none, a single case")
     yield f"  cases        {plan.cases}, of which {plan.unique} are computed"
@@ -178,7 +179,11 @@ def _structure(figures: Figures) -> str:
     by = f" by {figures.stiffness_by}" if figures.stiffness_by else ""
     stiffness = f"tip stiffness {figures.tip_stiffness:.4g} N/m{by}"
     of = f" of {figures.critical_set}:" if figures.critical_set else ""
-    return f"  {figures.label}: f1 {first}, {stiffness}, {times}, critical alpha{of} {alpha}"
+    ratio = ""
+    if 0 < figures.critical_alpha < float("inf") and figures.alpha[1] > 0:
+        low, high = (f"{end / figures.critical_alpha:.3g}" for end in figures.alpha)
+        ratio = f"; alpha is {low if low == high else f'{low} to {high}'} times that"
+    return f"  {figures.label}: f1 {first}, {stiffness}, {times}, critical alpha{of} {alpha}{ratio}"
 
 
 def _size(size: int) -> str:

@@ -69,8 +69,12 @@ blade = {
     "contact": np.eye(2 * nodes)[[2 * k for k in tip]][:, moving],
     "load": np.eye(2 * nodes)[2 * tip[0] + 1][moving],  # along the chord, at the leading edge
 }
-heat = {"heat_capacity": C2[warm, warm], "conductance": K2[warm, warm], "thermal_contact": np.eye(nodes)[tip][:, warm]}
-workflow.write_matrices("plate.npz", **blade, **heat, contact_labels=["leading", "middle", "trailing"])
+thermal = {
+    "heat_capacity": C2[warm, warm],
+    "conductance": K2[warm, warm],
+    "thermal_contact": np.eye(nodes)[tip][:, warm],
+}
+workflow.write_matrices("plate.npz", **blade, **thermal, contact_labels=["leading", "middle", "trailing"])
 
 # The same blade and the casing that its leading edge wears: one more coordinate, which no spring holds
 WEAR, CASING = 1e-5, 1e-6  # wear coefficient [m/(N s)], mass of the casing's coordinate [kg]
@@ -82,7 +86,7 @@ worn["damping"][-1, -1] = 1 / WEAR
 workflow.write_matrices(
     "worn_plate.npz",
     **worn,
-    **{**heat, "thermal_contact": heat["thermal_contact"][:1]},
+    **{**thermal, "thermal_contact": thermal["thermal_contact"][:1]},
     coupling=np.pad(blade["coupling"], ((0, 1), (0, 0))),
     contact=np.append(blade["contact"][0], -1.0),  # the blade less the casing
     vectors={"WORN": np.eye(size + 1)[-1]},

@@ -33,16 +33,18 @@ class Figures:
     critical_set: str
     """``critical_alpha``, ``critical_set``: α_c, W/N, the least of the friction coefficients given and of all closed
     sets, and the one it is of, in words; empty for one contact."""
+    alpha: tuple[float, float]
+    """Smallest and largest α of its cases, W/N."""
 
 
-def figures(settings: CaseSettings, friction: Iterable[float]) -> Figures:
-    """Return the figures of the full structure of a case, for some friction coefficients."""
+def figures(settings: CaseSettings, friction: Iterable[float], alpha: tuple[float, float]) -> Figures:
+    """Return the figures of the full structure of a case, for some friction coefficients and the ends of α."""
     structure = full_structure(settings)
     with np.errstate(divide="ignore"):
         times = 1.0 / rates(structure)
     flexibility = float(statics(structure)[0].max())
     alphas = [(alpha, k) for each in {*friction} for k, alpha in critical_alphas(structure, each).items()]
-    alpha, labels = min(alphas, key=lambda one: one[0])
+    critical, labels = min(alphas, key=lambda one: one[0])
     return Figures(
         label=f"{settings.scene.model}, {size_text(settings)}{_condensed(settings)}",
         first_frequency=float(frequencies(structure)[0] / (2 * np.pi)),
@@ -50,8 +52,9 @@ def figures(settings: CaseSettings, friction: Iterable[float]) -> Figures:
         stiffness_by=_stiffness_by(settings),
         slowest=float(times.max()),
         fastest=float(times.min()),
-        critical_alpha=alpha,
+        critical_alpha=critical,
         critical_set=set_text(labels) if structure.contact_rows.count > 1 else "",
+        alpha=alpha,
     )
 
 

@@ -51,6 +51,8 @@ class Plan:
     """Names and sizes of the archive's dimensions, outermost first."""
     scene: tuple[ResolvedValue, ...]
     """Every value with its unit, and what was left to its default."""
+    makes_alpha: bool
+    """Whether friction, sliding speed and share of the heat make α."""
     cases: int
     unique: int
     points: int
@@ -120,6 +122,7 @@ def _plan(grid: Grid) -> Plan:
         title=grid.study.title,
         dims=grid.dims,
         scene=resolved_values(grid.study, grid.settings(0), alpha),
+        makes_alpha=grid.study.scene.makes_alpha,
         cases=cases,
         unique=unique,
         points=grid.points,
@@ -132,7 +135,7 @@ def _plan(grid: Grid) -> Plan:
         bytes=_result_bytes(grid),
         memory=memory_needed(grid, threads),
         stored=tuple(grid.study.output.sampled),
-        structures=tuple(figures(settings, ends_of_friction(grid, settings)) for settings in shown),
+        structures=tuple(figures(settings, *ends_of_friction(grid, settings)) for settings in shown),
         more_structures=len(structures) - len(shown),
         choices=choice_lines(grid),
         operators=(*speed_lines(grid), *distinct_lines(_operators(grid), _STRUCTURES_SHOWN), *_factors(shown)),

@@ -18,6 +18,7 @@ from workflow.cases import (
     ChosenModes,
     Grid,
     Reduced,
+    alpha_of,
     cases_of,
     corner_text,
     decides_structure,
@@ -44,9 +45,10 @@ from workflow.judges.cautions import (
     step_cautions,
 )
 from workflow.judges.trials import EXACT, reason_of
-from workflow.models import Cases, Chain, frequencies, one_thread
+from workflow.kernels import Array
+from workflow.models import Cases, Chain, Structure, frequencies, one_thread, project
 from workflow.plan._figures import size_text
-from workflow.reduction import DEFAULT
+from workflow.reduction import DEFAULT, Reduction
 from workflow.solve import observed_structure, projection_residual_of
 from workflow.study import MODES, CaseSettings
 
@@ -145,7 +147,7 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
             yield from flutter(model.structure, cases)
             if is_exact:
                 yield from endless_bounces(model.structure, cases)
-    worst: dict[str, float] = {}
+    worst: dict[str, tuple[float, float]] = {}
     for settings in _distinct_settings(grid, "reduction", "mechanical_modes", "thermal_modes", parameters):
         basis, cases, full = basis_text(settings), _cases(grid, settings), full_structure(settings)
         model = model_on(reduced(settings))
@@ -153,16 +155,35 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
             yield from flutter_of_basis(full, model.structure, float(cases.friction.max()), basis)
             if grid.fastest > 0 and cases.alpha.max() > 0 and grid.study.scene.model != "blade":
                 yield from coarse_heat(full, model.structure, _CONTACT_SHARE / grid.fastest, _TENTH, basis)
-        lost = float(np.nanmax(projection_residual_of(settings, cases), initial=0.0))
-        worst[basis] = max(worst.get(basis, 0.0), lost)
-    lossy = [(lost, basis) for basis, lost in worst.items() if lost > LOST]
+        if model.reduction is not None:
+            lost = float(np.nanmax(projection_residual_of(settings, cases), initial=0.0))
+            worst[basis] = max(worst.get(basis, (0.0, 0.0)), (lost, _lost_at_contacts(full, model.reduction, cases)))
+    lossy = [(*lost, basis) for basis, lost in worst.items() if lost[0] > LOST]
     if lossy:
-        lost, basis = max(lossy)
+        lost, at_contacts, basis = max(lossy)
         worst_of = f", the worst of {len(lossy)} such bases," if len(lossy) > 1 else ""
         yield (
-            f"{basis}{worst_of} cannot represent {lost:.2g} of initial states or constant loads (projection_residual), "
-            "which sensors show most; keep more modes, or `full`"
+            f"{basis}{worst_of} lose {100 * lost:.2g} % of an initial state or of the static answer to constant loads, "
+            f"over the whole structure (projection_residual), and {100 * at_contacts:.2f} % of it at the contacts; if "
+            "that matters there, or at a sensor, keep more modes, or `full`"
         )
+
+
+def _lost_at_contacts(structure: Structure, reduction: Reduction, cases: Cases) -> float:
+    """Return the largest share that a basis loses of initial states and static answers at the contacts."""
+    small = reduction.project(cases)
+    full, kept = _at_contacts(structure, cases), _at_contacts(reduction.structure, small)
+    size = np.abs(full).max(axis=-1)
+    return float(np.max(np.abs(kept - full).max(axis=-1) / np.where(size > 0, size, np.inf)))
+
+
+def _at_contacts(structure: Structure, cases: Cases) -> Array:
+    """Return initial displacement, velocity and temperature of contacts, and static ones: ``(5, case, contact)``."""
+    normal, heat = structure.contact_rows.normal, structure.contact_rows.heat
+    static = structure.mechanical.static_solutions(cases.steady + cases.mean[:, None] * structure.load_direction)
+    warm = (project(heat, x) for x in (cases.temperature, structure.thermal.static_solutions(cases.heating)))
+    moved = (project(normal, x) for x in (cases.displacement, cases.velocity))
+    return np.stack([*moved, project(normal, static) + cases.offset, *warm])
 
 
 def _units(every: Sequence[Any]) -> Iterator[str]:
@@ -395,7 +416,7 @@ def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
     structure = observed_structure(reduced(settings), grid.study.output.temperature_depth)
     refusal = scheme.refusal(structure, options)
     if refusal is None:
-        modes, ends = _free_modes(reduced(settings)), ends_of_friction(grid, settings)
+        modes, ends = _free_modes(reduced(settings)), ends_of_friction(grid, settings)[0]
         step = SchemeStep(scheme, options, settings.h, structure, modes, ends, grid.fastest)
         said = list(step_cautions(step))
     else:
@@ -404,11 +425,12 @@ def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
     yield from (_Caution(basis_text(settings), settings.scheme.label, settings.h, one) for one in said)
 
 
-def ends_of_friction(grid: Grid, settings: CaseSettings) -> tuple[float, float]:
-    """Return the smallest and the largest friction coefficient of the cases of settings."""
-    count = grid.inner_count
-    friction = friction_of(settings, full_structure(settings), grid.inner_values(np.arange(count)), count)
-    return float(friction.min()), float(friction.max())
+def ends_of_friction(grid: Grid, settings: CaseSettings) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the smallest and the largest friction coefficient, and α, of the cases of settings."""
+    count, varying = grid.inner_count, grid.inner_values(np.arange(grid.inner_count))
+    friction = friction_of(settings, full_structure(settings), varying, count)
+    mu, alpha = ((float(of.min()), float(of.max())) for of in (friction, alpha_of(settings, varying, count)))
+    return mu, alpha
 
 
 def _sentences(cautions: list[_Caution], bases: int) -> tuple[str, ...]:

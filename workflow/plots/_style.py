@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import warnings
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -28,10 +29,18 @@ GREY = "#8a8a8a"
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of so many inches, which no window shows."""
+    """Return an empty figure of so many inches, which no window shows, but a notebook where a cell ends with it."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure._repr_png_ = partial(_png, figure)  # type: ignore[attr-defined]
+    return figure
+
+
+def _png(figure: Figure) -> bytes:
+    file = io.BytesIO()
+    write_figure(figure, file, 100)
+    return file.getvalue()
 
 
 def look(k: int) -> dict[str, Any]:

@@ -265,6 +265,7 @@ def _metrics(part: xr.Dataset, ok: NDArray[np.bool_]) -> tuple[list[dict[str, An
     """Return the metrics of all cases, the most useful first, and the names of those for which there is no room."""
     dims = part["status"].dims
     there = [str(name) for name in part.data_vars if part[name].dims == dims and part[name].dtype.kind == "f"]
+    there = [name for name in there if name != "batch_width"]  # it explains costs, see processor_time
     there += [name for name in ("runaway", "steady_state") if name in part and part[name].dims == dims]
     ranked = [name for name in _FIRST if name in there or name in _DERIVED]
     entries: list[dict[str, Any]] = []

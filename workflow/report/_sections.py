@@ -13,6 +13,7 @@ import numpy as np
 
 from workflow.analysis import (
     ERRORS,
+    LIMITS,
     RECOMMENDATION_COLUMNS,
     Choice,
     Line,
@@ -251,7 +252,7 @@ def standing(dataset: xr.Dataset) -> Section:
             row.step,
             ", ".join(f"{n} {name}" for name, n in row.counts.items()),
             short(row.error),
-            "" if row.choice is None else row.choice.worst.limited_by,
+            "" if row.choice is None else LIMITS[row.choice.worst.limited_by],
             short(row.residual, "+.1e"),
             short(row.penetration),
             short(row.restitution, ".2g"),

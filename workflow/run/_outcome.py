@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,6 +50,12 @@ class Outcome:
     def ok(self) -> bool:
         """Whether every case is ok and has its errors against the reference, where the study has one."""
         return set(self.counts) <= {Status.OK.name.lower()} and not self.without_error
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the counts, and what to beware of."""
+        counts = ", ".join(f"{number} {name}" for name, number in self.counts.items())
+        warned = "".join(f"<li>beware: {escape(warning)}</li>" for warning in self.warnings)
+        return f"<p><code>{escape(str(self.archive))}</code>: {counts}, {self.seconds:.1f} s</p><ul>{warned}</ul>"
 
 
 _ERRORS = tuple(f"{name}_error" for name in COMPARED)

@@ -454,7 +454,8 @@ def resolved_values(study: Study, cell: CaseSettings, alpha: tuple[float, ...] =
     units = {path: entry.kind.unit for path, entry in addresses((cell.scene.model,), labels, harmonics).items()}
     units["scene.duration"] = "s"
     resolved = list(_files(cell))
-    for path in sorted(units, key=lambda path: not path.startswith("scene.")):  # those of the scene first
+    made = ("alpha",) if alpha else ()  # after the friction of which it is made
+    for path in sorted(units, key=lambda path: (not path.startswith("scene."), path not in made)):
         if path == TOLERANCE and path not in axes:
             continue
         is_made = path == "alpha" and path not in axes
