@@ -178,7 +178,7 @@ def march(
     """Step the first case by the θ-method: by Newton's law, or by place without mass, else by a law that gives way."""
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
-    contacts, alpha, friction = structure.contact_rows, one.alpha[0], one.friction[0]
+    contacts, alpha, friction = structure.contacts, one.alpha[0], one.friction[0]
     w, s, count, compliant = contacts.normal, contacts.heat, contacts.count, contacts.is_compliant
     law = law or (by_place(h) if compliant else newton(h, one.e[0]))
     flexibility = contacts.flexibility(friction) if compliant else np.zeros((count, count))
@@ -247,7 +247,7 @@ def march_centrally(
     """Step the first case by central differences; velocities are central, impulses half of both ends' forces."""
     M, C1, K1 = structure.mass, structure.damping_matrix, structure.stiffness_matrix
     K12, C2, K2 = structure.coupling_matrix, structure.heat_capacity, structure.conductance_matrix
-    w, s, tangent = structure.contact_rows.normal, structure.contact_rows.heat, structure.contact_rows.tangent
+    w, s, tangent = structure.contacts.normal, structure.contacts.heat, structure.contacts.tangent
     ahead = M / h**2 if lagged else M / h**2 + C1 / (2 * h)
     give = np.linalg.solve(ahead, (w - one.friction[0] * tangent).T)
     enters = np.linalg.solve(C2 + h * K2 if implicit else C2, s.T)
@@ -283,7 +283,7 @@ def results(
     structure: Structure, h: float, cases: Cases, sampling: Sampling, stepped: Callable[[Cases, int], Motion]
 ) -> Results:
     """Step every case by ``stepped(case, steps)``, and sample its step ends linearly."""
-    contacts = structure.contact_rows
+    contacts = structure.contacts
     when = schedule(sampling, h)
     ends = h * np.arange(when.steps + 1)
     growth = [-structure.mechanical.solve(normal) @ structure.coupling_matrix for normal in contacts.normal]

@@ -8,7 +8,18 @@ import numpy as np
 
 from workflow import models, schemes
 from workflow.declare import File
-from workflow.models import Cases, Chain, Harmonics, Matrices, Rayleigh, Sensors, Structure, structure_from_matrices
+from workflow.models import (
+    Cases,
+    Chain,
+    Coordinates,
+    DensePair,
+    Harmonics,
+    Matrices,
+    Rayleigh,
+    Sensors,
+    Structure,
+    structure_from_matrices,
+)
 from workflow.models._from_matrices import with_contacts
 from workflow.models._matrix_entries import Chosen, given_by
 from workflow.schemes import Results, Sampling
@@ -112,9 +123,38 @@ def _cases(sizes: tuple[int, int], count: int, values: dict[str, Any]) -> Cases:
     )
 
 
+def sliding(structure: Structure, tangent: np.ndarray) -> Structure:
+    """The structure with a casing that slides along ``tangent``, ``(mechanical,)``."""
+    return replace(structure, contacts=replace(structure.contacts, tangent=np.array(tangent, dtype=float)[None]))
+
+
+def with_tip_first(structure: Structure) -> Matrices:
+    """The structure in coordinates in reverse order, in which its one contact is no tip; ``received`` turns cases."""
+    whole, given = structure.matrices(), [np.eye(n)[::-1] for n in (structure.mechanical_size, structure.thermal_size)]
+    x, theta = given
+    pairs = (
+        DensePair(pair.inertia[::-1, ::-1], pair.weights, pair.deformation[:, ::-1])
+        for pair in (whole.mechanical, whole.thermal)
+    )
+    own, sensors, none = whole.contacts, whole.sensors, (np.zeros(len(x)), np.zeros(len(theta)), np.zeros(len(x)))
+    return replace(
+        whole,
+        **dict(zip(("mechanical", "thermal"), pairs, strict=True)),
+        expansion=whole.expansion[:, ::-1],
+        uniform_rise=whole.uniform_rise[::-1],
+        damper=None if whole.damper is None else whole.damper[::-1, ::-1],
+        load=whole.load if whole.load is None else whole.load[::-1],
+        tip_growth=None,
+        coordinates=Coordinates(x, x, theta, theta, *none),
+        contacts=own.transformed(x, theta),
+        sensors=sensors
+        and replace(sensors, displacement=sensors.displacement @ x, temperature=sensors.temperature @ theta),
+    )
+
+
 def watched(structure: Structure) -> Structure:
     """The structure with sensors at its tip and of rows without any pattern, of displacements and of temperatures."""
-    rng, contacts = np.random.default_rng(11), structure.contact_rows
+    rng, contacts = np.random.default_rng(11), structure.contacts
     x, theta = np.zeros((4, structure.mechanical_size)), np.zeros((4, structure.thermal_size))
     x[0], theta[2] = contacts.normal[-1], contacts.heat[-1]
     x[1], theta[3] = rng.normal(size=x.shape[1]), rng.normal(size=theta.shape[1])
@@ -218,7 +258,7 @@ def held_matrix(s: Structure, alpha: float, friction: float = 0.0) -> np.ndarray
     """Return A of [x, v, θ]' = A [x, v, θ] with the tip held and λ eliminated, in the other coordinates."""
     n, heats = s.mechanical_size, s.thermal_size
     normal = np.eye(n)[-1]
-    direction = normal if s.tangent is None else normal - friction * s.tangent
+    direction = normal - friction * s.contacts.tangent[0]
     solve = np.linalg.inv(np.column_stack([s.mass[:, :-1], direction]))  # of [a_i, λ]
     answer = -solve @ np.hstack([s.stiffness_matrix[:, :-1], s.damping_matrix[:, :-1], s.coupling_matrix])
     A = np.zeros((2 * n - 2 + heats,) * 2)

@@ -62,7 +62,6 @@ def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
     rubs, warms = rng.random() < 0.5, rng.random() < 0.5
     entries = random_entries(rng, count, size, thermal, rubs, massless)
     structure = of_entries(entries)
-    structure = replace(structure, contacts=structure.contact_rows, tangent=None)  # of one contact too
     waves = Harmonics(np.array([[4e-6, 3e-6]]), rng.uniform(30, 150, (1, 2)), rng.uniform(-3, 3, (1, 2)))
     orders = np.array([rng.integers(1, 4), 0])
     turns = entries["angle"][:, None] * orders
@@ -107,10 +106,10 @@ def on_basis(seed: int, massless: bool) -> Drawn:
     if not basis:
         return case
     full = case.structure
-    held, heated = independent_rows(full.contact_rows)
+    held, heated = independent_rows(full.contacts)
     modes = min(2, full.mechanical_size - held), min(1, full.thermal_size - heated)
     reduction = reduce_structure(full, *modes, basis, DURATION)
-    assert reduction.structure.contact_rows.is_massless == massless
+    assert reduction.structure.contacts.is_massless == massless
     return Drawn(reduction.structure, reduction.project(case.cases))
 
 

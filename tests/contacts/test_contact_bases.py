@@ -49,7 +49,7 @@ def reduced_run(reduction: Reduction, cases: Cases, duration: float = DURATION) 
 
 def static(structure: Structure, friction: float) -> Array:
     """Return S_ij = w_i K1⁻¹ (w_j - µ t_j) + R_ij - µ R^t_ij, m/N."""
-    contacts = structure.contact_rows
+    contacts = structure.contacts
     across = (contacts.normal - friction * contacts.tangent).T
     answer = np.zeros((contacts.count, contacts.count))
     if structure.mechanical_size:
@@ -74,15 +74,15 @@ def test_static_answers_and_critical_coupling_are_exact(basis: str, count: int, 
     """Of several contacts, and of one that is the tip."""
     tip = random_structure(np.random.default_rng(4), 8, 3)
     full, thermal = (tip, None) if seed is None else (drawn(seed).structure, 0)
-    count = min(count, full.mechanical_size - full.contact_rows.count)
+    count = min(count, full.mechanical_size - full.contacts.count)
     small = reduce_structure(full, count, thermal, basis, DURATION).structure
-    assert small.contact_rows.is_massless == (basis in WITHOUT_MASS)
+    assert small.contacts.is_massless == (basis in WITHOUT_MASS)
     if seed is None:  # the tip's own vector, and that of friction
         assert small.mechanical_size == count + (0 if basis in WITHOUT_MASS else 2)
     for friction in (0.0, 0.3, -0.8):
         assert static(small, friction) == pytest.approx(static(full, friction), rel=1e-9)
         assert critical_alpha(small, friction) == pytest.approx(critical_alpha(full, friction), rel=1e-9)
-    if small.contact_rows.is_massless and count > 1:  # MacNeal's residual is added to what there is
+    if small.contacts.is_massless and count > 1:  # MacNeal's residual is added to what there is
         twice = reduce_structure(small, 1, 0, "macneal").structure
         assert static(twice, 0.3) == pytest.approx(static(full, 0.3), rel=1e-9)
         assert critical_alpha(twice, 0.3) == pytest.approx(critical_alpha(full, 0.3), rel=1e-9)
@@ -105,7 +105,7 @@ def clamped(nodes: int) -> dict[str, Any]:
 def rub(structure: Structure, **values: Any) -> Cases:
     """Return a load on the end that presses both contacts of a rod, in the coordinates of its file."""
     load = {"friction": 0.1, "amplitude": 20.0, "frequency": 300.0, "phase": 0.2}
-    gaps = [2e-7, 4e-7][: structure.contact_rows.count]
+    gaps = [2e-7, 4e-7][: structure.contacts.count]
     return scenes.cases_of_file(structure, **{"gaps": gaps, **load, **values})
 
 
@@ -246,7 +246,7 @@ def test_a_free_rod_between_two_walls(basis: str) -> None:
     batch = rub(full, gaps=[1e-4, 2e-4])
     for count in (0, 2, 6):
         reduction = reduce_structure(full, count, 0, basis, DURATION)
-        assert reduction.structure.contact_rows.is_massless == (basis in WITHOUT_MASS and count > 0)
+        assert reduction.structure.contacts.is_massless == (basis in WITHOUT_MASS and count > 0)
         assert models.frequencies(reduction.structure)[0] == 0.0
         assert critical_alpha(reduction.structure) == np.inf
         ours = reduced_run(reduction, batch, 0.1)

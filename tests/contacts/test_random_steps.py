@@ -87,7 +87,7 @@ def test_schemes_step_as_in_plain_matrices(method: str, massless: bool, seed: in
 def test_central_differences_that_start_in_contact(method: str, seed: int) -> None:
     """All contacts are on their casings at t = 0 and approach them: p_0 spans half a step, that of a spring a whole."""
     case = varied(seed, massless=False)
-    rows, given = case.structure.contact_rows.normal, case.cases
+    rows, given = case.structure.contacts.normal, case.cases
     x = rows @ given.displacement[0] + (1e-6 if method == "explicit penalty" else 0.0)
     speeds = np.linalg.pinv(rows) @ np.linspace(0.02, 0.04, len(rows))
     one = replace(given, gaps=given.gaps + x - place(given, 0.0), velocity=speeds[None])

@@ -1,4 +1,4 @@
-"""One contact written as a row is stepped as the tip is in packs, by every scheme with a fixed step."""
+"""One contact as a row of any coordinates is stepped as the tip is, by every scheme with a fixed step."""
 
 from dataclasses import replace
 from typing import Any
@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import WAVES, cases, everything_acts, heavy_chain, sampling, step, with_dashpot
-from workflow.models import Array, Contacts, Structure
+from scenes import WAVES, cases, everything_acts, heavy_chain, sampling, sliding, step, with_dashpot, with_tip_first
+from workflow.models import Array, Structure
 from workflow.schemes import Results, Status
 
 OVER = sampling(0.0303, 3e-4, balances=True)
@@ -28,19 +28,12 @@ SCHEMES: list[tuple[str, dict[str, Any]]] = [
 ENERGY, HEAT = "energy_residual", "heat_residual"
 
 
-def as_row(structure: Structure) -> Structure:
-    """Return a structure whose one contact, the tip, is written as the row of a contact."""
-    n, m = structure.mechanical_size, structure.thermal_size
-    tip, tangent = np.eye(n)[-1:], np.zeros(n) if structure.tangent is None else structure.tangent
-    return replace(structure, tangent=None, contacts=Contacts(("1",), tip, tangent[None], np.eye(m)[-1:], np.zeros(1)))
-
-
 def structure_of(kind: str, nodes: int = 6) -> Structure:
     """Return a chain; along its second node the casing slides too, or a dashpot couples its modes besides."""
     structure = heavy_chain(nodes=nodes).matrices()
     if kind == "coupled":
         structure = with_dashpot(structure, 1, 3, 20.0)
-    return structure if kind in ("cold", "warm") else replace(structure, tangent=np.eye(nodes)[1])
+    return structure if kind in ("cold", "warm") else sliding(structure, np.eye(nodes)[1])
 
 
 def apart(ours: Array, truth: Array) -> float:
@@ -78,9 +71,10 @@ def test_one_contact_as_a_row_is_the_tip(method: str, options: dict[str, Any], k
     else:
         waves: dict[str, Any] = WAVES if kind == "slides" or method == "moreau" else {}
         batch = everything_acts(structure, 3, alpha=[0.0, 20.0, 50.0], **rub, **waves)
-    if structure.tangent is not None:
+    if structure.contacts.slides:
         batch = replace(batch, friction=np.array([0.0, 0.1, 0.3]))
-    ours, one = (step(each, batch, H, OVER, method, **options) for each in (as_row(structure), structure))
+    ways = with_tip_first(structure), structure
+    ours, one = (step(each, each.received(batch), H, OVER, method, **options) for each in ways)
     assert one.metrics["impacts"].min() > 3
     compared(ours, one, 1e-10)
     assert np.abs(ours.metrics[HEAT]).max() < 1e-10

@@ -37,7 +37,7 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
 def compute(operator: Operator, cases: Cases, sampling: Sampling) -> Results:
     """Step v' = v + h M⁻¹ (f - C1 v - K1 x - K12 θ - wᵀp/h), x' = x + h v' with 0 <= p ⊥ d - w x' >= 0."""
     structure, h, mobility, warming = operator
-    recorder, contacts = Recorder(structure, cases, sampling, h), structure.contact_rows
+    recorder, contacts = Recorder(structure, cases, sampling, h), structure.contacts
     moves = mobility @ contacts.normal.T
     x, v, temperature = cases.displacement, cases.velocity, cases.temperature
     for _ in range(recorder.steps):

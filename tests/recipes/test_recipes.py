@@ -14,7 +14,7 @@ import pytest
 
 from plain_steps import Step, complementary, march
 from quick import quick
-from scenes import alone, cases, heavy_chain, relative, same_bits, sampling, step, taken
+from scenes import alone, cases, heavy_chain, relative, same_bits, sampling, sliding, step, taken
 from scenes import rubs as random_rubs
 from studies import SCENE, parsed
 from workflow import models, reduction, schemes, variables
@@ -102,10 +102,10 @@ def test_it_runs_in_a_default_study_with_every_variable(recipe: str) -> None:
 
 def test_it_takes_several_contacts_as_carpenter_does(recipe: str) -> None:
     """Whose first steps differ by half a step's force: the same motion as h → 0; balances close as they do for one."""
-    rows = np.eye(4)[[1, 3]]
-    own = Contacts(("mid", "tip"), rows, 0.0 * rows, rows, np.zeros(2))
+    rows = np.eye(4)[[3, 1]]
+    own = Contacts(("tip", "mid"), rows, 0.0 * rows, rows, np.zeros(2))
     structure, distances = replace(short_chain().matrices(), contacts=own), []
-    batch = cases(structure, 2, alpha=[0.0, 5.0], gaps=[[1e-5, 3e-5]], amplitude=100.0, frequency=250.0)
+    batch = cases(structure, 2, alpha=[0.0, 5.0], gaps=[[3e-5, 1e-5]], amplitude=100.0, frequency=250.0)
     for h in (8e-6, 1e-6):
         over = sampling(2e-3, 1e-5, balances=True)
         ours, other = (step(structure, batch, h, over, method) for method in (recipe, "carpenter"))
@@ -354,7 +354,7 @@ def test_a_compiled_contact_law_is_that_of_plain_matrices(compiled_law: str, fri
         return p, p / h
 
     whole = short_chain()
-    elsewhere = replace(whole.matrices(), load=np.eye(4)[1], tangent=0.3 * np.eye(4)[2])
+    elsewhere = sliding(replace(whole.matrices(), load=np.eye(4)[1]), 0.3 * np.eye(4)[2])
     for structure in (whole, elsewhere) if friction == 0.0 else (elsewhere,):
         batch = cases(structure, 2, alpha=[0.0, 20.0], gap=1e-5, amplitude=100.0, frequency=250.0, friction=friction)
         results = step(structure, batch, h, sampling(4e-3, h), compiled_law, stiffness=stiffness, damping=damping)

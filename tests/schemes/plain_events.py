@@ -88,7 +88,7 @@ class Reference:
         self.x[-1] += self.casing
         self.v[-1] += self.moving
         self.mobility, self.warming = inverse(s.mass), inverse(s.heat_capacity)
-        contact = s.contact_rows
+        contact = s.contacts
         self.along = (contact.normal - cases.friction[0] * contact.tangent)[0]
         rate = np.linalg.eigvals((self.mobility @ s.stiffness_matrix).astype(float))
         fastest = np.sqrt(np.abs(rate).max()) + np.abs(self.mobility @ s.damping_matrix).max()

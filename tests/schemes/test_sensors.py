@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import blade, cases, chain, heavy_chain, rubs, sampling, step, watched
+from scenes import blade, cases, chain, heavy_chain, rubs, sampling, step, watched, with_tip_first
 from workflow import reduction, schemes
 from workflow.models import Matrices, Sensors
 from workflow.reduction import reduce_structure
@@ -45,7 +45,7 @@ def test_a_sensor_at_the_contact_shows_its_displacement_and_temperature(
     structure = replace(reduced.structure, sensors=reduced.sensors(one, full))
     scheme = schemes.load(method)
     if scheme.refusal(structure, scheme.Options(**options)) is not None:
-        assert reduced.structure.contact_rows.is_massless
+        assert reduced.structure.contacts.is_massless
         return
     batch = reduced.project(rubs(full, 2, amplitude=400.0, frequency=300.0))
     results = step(structure, batch, 5e-6, sampling(0.0098, 7e-5), method, **options)
@@ -122,10 +122,8 @@ def test_one_contact_in_the_loop_of_several_shows_and_lists_the_same() -> None:
     structure = watched(heavy_chain(nodes=6).matrices())
     batch = rubs(structure, 3, alpha=[0.0, 5.0, 20.0], amplitude=400.0, frequency=300.0)
     over = replace(sampling(0.004, 1e-4), events=100)
-    one, several = (
-        step(each, batch, 0.0, over, "event_driven")
-        for each in (structure, replace(structure, contacts=structure.contact_rows))
-    )
+    row = with_tip_first(structure)
+    one, several = (step(each, each.received(batch), 0.0, over, "event_driven") for each in (structure, row))
     for row in range(4):
         truth = one.histories["sensor_value"][:, row]
         assert np.abs(several.histories["sensor_value"][:, row] - truth).max() < 1e-7 * np.abs(truth).max()

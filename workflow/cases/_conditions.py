@@ -79,7 +79,7 @@ def conditions(
     load, (load_harmonics, casing) = scene.load, sinusoids_of(scene, varying, count)
     gaps, turns = gaps_of(settings, structure, varying, count), turns_of(scene, structure, varying, count)
     gap = gaps.min(axis=1)
-    if structure.contacts is None:  # one contact with mass has its gap, and its angle in the phases
+    if structure.contacts.is_tip:  # one contact with mass has its gap, and its angle in the phases
         casing = replace(casing, phase=casing.phase + turns[:, 0])
         gaps, turns = gaps[:, :0], turns[:, :0]
     initial = Initial() if scene.initial == "static" else scene.initial  # see at_rest
@@ -129,7 +129,7 @@ def alpha_of(settings: CaseSettings, varying: Mapping[str, Array], count: int) -
 
 def friction_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
     """Return µ of each case, 1, ``(case,)``; 0 without a direction of sliding or without friction."""
-    if not structure.slides or settings.scene.friction is None:
+    if not structure.contacts.slides or settings.scene.friction is None:
         return np.zeros(count)
     return spread(varying, f"{FRICTION}coefficient", settings.scene.friction.coefficient, count)
 
@@ -137,21 +137,20 @@ def friction_of(settings: CaseSettings, structure: Structure, varying: Mapping[s
 def gaps_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
     """Return the clearance of each contact, gap_i + clearance, m, ``(case, contact)``."""
     casing = settings.scene.casing
-    contacts = 1 if structure.contacts is None else structure.contacts.count
     gap = varying["scene.casing.gap"][:, None] if "scene.casing.gap" in varying else np.asarray(casing.gap)
     clearance = spread(varying, "scene.casing.clearance", casing.clearance, count)
-    return np.array(np.broadcast_to(gap + clearance[:, None], (count, contacts)))
+    return np.array(np.broadcast_to(gap + clearance[:, None], (count, structure.contacts.count)))
 
 
 def offset_of(structure: Structure, count: int) -> Array:
     """Return what constant loads of a file move its contacts by beside its modes, m, ``(case, contact)``."""
-    own = None if structure.contacts is None else structure.contacts.residual_steady
+    own = structure.contacts.residual_steady
     return np.tile(np.zeros(1) if own is None else own, (count, 1))
 
 
 def turns_of(scene: Scene, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
     """Return order · ψ_i of the casing's harmonics, 0 of those by a frequency, rad, ``(case, contact, harmonic)``."""
-    own = structure.contact_rows.angle
+    own = structure.contacts.angle
     angles = np.asarray(own if scene.casing.angles is None else scene.casing.angles)
     if "scene.casing.angles" in varying:
         angles = varying["scene.casing.angles"][:, None]

@@ -174,7 +174,7 @@ def _of_casing(settings: CaseSettings, varying: Any, count: int) -> dict[str, An
         columns["scene.casing.gap"] = spread(varying, "scene.casing.gap", casing.gap, count) + clearance
     if any(entry.order is not None for entry in casing.harmonics):
         structure = full_structure(settings)
-        if casing.angles is not None or structure.contacts is not None:
+        if casing.angles is not None or not structure.contacts.is_tip:
             turns = turns_of(settings.scene, structure, varying, count)
             columns |= {f"scene.casing.turns.{k}": column for k, column in enumerate(turns.reshape(count, -1).T)}
     return columns
@@ -203,7 +203,7 @@ def _rows(grid: Grid, outer: int, settings: CaseSettings, varying: Any, count: i
     values |= {"alpha": alpha_of(settings, varying, count), **_harmonic_columns(scene, varying, count)}
     if scene.friction is not None:
         structure = full_structure(settings)
-        values |= {"friction": friction_of(settings, structure, varying, count)} if structure.slides else {}
+        values |= {"friction": friction_of(settings, structure, varying, count)} if structure.contacts.slides else {}
     columns = [values[path] for path in sorted(set(values) - {"e", "alpha"})]
     columns += [values[name] if name in read else 0.0 for name in ("e", "alpha")]
     if reference is not None:

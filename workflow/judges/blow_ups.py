@@ -204,7 +204,7 @@ class Runaways:
     def __init__(self, structure: Structure) -> None:
         with one_thread():
             self._contact = in_contact(structure)
-        self._slides = structure.slides
+        self._slides = structure.contacts.slides
         self._critical = cache(lambda friction: critical_alphas(structure, friction))
         self._known: dict[tuple[float, float], tuple[Any, ...]] = {}
 

@@ -76,12 +76,12 @@ def scene_cautions(
     yield from _static_reach(structure, cases)
     with np.errstate(all="ignore"):
         yield from _without_contact(structure, cases, free_reach(structure, cases, duration))
-    yield from _friction_limits(structure, cases, has_impacts=not model.structure.contact_rows.is_compliant)
+    yield from _friction_limits(structure, cases, has_impacts=not model.structure.contacts.is_compliant)
 
 
 def _name(structure: Structure, contact: int) -> str:
     """Name one of several contacts, or the tip."""
-    return "the tip" if structure.contact_rows.count == 1 else f"contact `{structure.contact_rows.labels[contact]}`"
+    return "the tip" if structure.contacts.count == 1 else f"contact `{structure.contacts.labels[contact]}`"
 
 
 def _from_files(structure: Structure, cases: Cases) -> Iterator[str]:
@@ -127,7 +127,7 @@ def _moved(structure: Structure, cases: Cases) -> Array:
 def endless_bounces(structure: Structure, cases: Cases) -> Iterator[str]:
     """Yield that at e = 1 a contact never comes to rest where the load presses it onto the casing."""
     elastic = cases.take(np.flatnonzero(cases.e == 1))
-    if structure.contact_rows.is_compliant or not elastic.count:
+    if structure.contacts.is_compliant or not elastic.count:
         return
     pressed = _moved(structure, elastic) > elastic.clearances
     if pressed.any():
@@ -159,12 +159,12 @@ def _without_contact(structure: Structure, cases: Cases, reach: Array) -> Iterat
 
 def _friction_limits(structure: Structure, cases: Cases, *, has_impacts: bool) -> Iterator[str]:
     """Yield the friction coefficients at which contact has no unique solution or no stable rest."""
-    if not structure.slides:
+    if not structure.contacts.slides:
         return
     limits, most = critical_friction(structure), float(cases.friction.max(initial=0.0))
 
     def named(contacts: tuple[str, ...]) -> str:
-        return f" of {', '.join(f'`{label}`' for label in contacts)}" if structure.contact_rows.count > 1 else ""
+        return f" of {', '.join(f'`{label}`' for label in contacts)}" if structure.contacts.count > 1 else ""
 
     first = min(limits, key=lambda limit: limit.impact)
     if has_impacts and most >= first.impact:
@@ -189,10 +189,10 @@ def flutter(structure: Structure, cases: Cases) -> Iterator[str]:
     if structure.mechanical_size + structure.thermal_size > _JUDGED:
         return
     some = np.unique([np.argmax(cases.alpha), np.argmax(cases.friction)])
-    alpha, friction, several = cases.alpha[some], cases.friction[some], structure.contact_rows.count > 1
+    alpha, friction, several = cases.alpha[some], cases.friction[some], structure.contacts.count > 1
     contact = Runaways(structure).of(alpha, friction)
     for k in np.flatnonzero(contact.runaway & ((contact.frequency > 0) | (alpha < contact.critical_alpha)))[:1]:
-        slides = f" and a friction coefficient of {friction[k]:g}" if structure.slides else ""
+        slides = f" and a friction coefficient of {friction[k]:g}" if structure.contacts.slides else ""
         limit = ", although alpha is below its critical value, the static limit"
         what = f"an oscillation of {contact.frequency[k]:.4g} Hz" if contact.frequency[k] else "a motion"
         yield (
@@ -209,7 +209,7 @@ _SAME = 0.1
 
 def flutter_of_basis(full: Structure, reduced: Structure, friction: float, basis: str) -> Iterator[str]:
     """Yield a contact whose friction, with it alone closed, drives modes of the basis that the structure lacks."""
-    if friction == 0 or not full.slides or not full.has_matrices:
+    if friction == 0 or not full.contacts.slides or not full.has_matrices:
         return
     own, whole = analyse_contacts(reduced), None
     for k in range(own.contacts.count):
@@ -242,7 +242,7 @@ def coarse_heat(full: Structure, reduced: Structure, seconds: float, period: str
     Heat at a contact warms the capacity 1/(s C2⁻¹ s) of the basis at once, and of the structure the capacity t/u in the
     time t, with its answer u = s (K2 + C2/t)⁻¹ s to unit power, which krylov has exactly at that one shift.
     """
-    own = independent_rows(full.contact_rows)[1]
+    own = independent_rows(full.contacts)[1]
     if full.thermal_size <= 2 * own or not takes(OF_AUTO, full.contacts):
         return
     exact = reduce_structure(full, 0, own, OF_AUTO, seconds).structure
@@ -257,7 +257,7 @@ def coarse_heat(full: Structure, reduced: Structure, seconds: float, period: str
 
 def _at_contacts(structure: Structure, matrix: Array) -> Array:
     """Return s_i matrix⁻¹ s_i of each contact, ``(contact,)``."""
-    heat = structure.contact_rows.heat
+    heat = structure.contacts.heat
     return np.asarray((heat.T * np.linalg.solve(matrix, heat.T)).sum(axis=0))
 
 

@@ -56,7 +56,6 @@ from workflow.models._static import (
     at_rest,
     critical_alpha,
     critical_alphas,
-    directions,
     free_reach,
     instantaneous_growth,
     rounding_of_flexibility,

@@ -78,7 +78,6 @@ def contacts_last(structure: Structure) -> ContactsLast:
     Rows of contacts without mass hold nothing; of them the first stays the tip.
     """
     contacts = structure.contacts
-    assert contacts is not None
     x, theta = rows_last(contacts.normal[: 1 if contacts.is_massless else None]), rows_last(contacts.heat)
     mechanical, thermal = _in(structure.mechanical, x), _in(structure.thermal, theta)
     is_sparse = isinstance(mechanical, SparsePair)
@@ -92,7 +91,6 @@ def contacts_last(structure: Structure) -> ContactsLast:
         expansion=x.basis.T @ expansion if is_sparse else expansion,
         damper=damper,
         load=x.basis.T @ structure.load_direction,
-        tangent=None,
         coordinates=None,
         contacts=contacts.transformed(x.basis, theta.basis),
     )

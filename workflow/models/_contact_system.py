@@ -114,7 +114,7 @@ class ContactBasis:
 
 def analyse_contacts(structure: Structure) -> ContactBasis:
     """Return the modes of a structure with contacts, and their rows in modes."""
-    contacts = structure.contact_rows
+    contacts = structure.contacts
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     return ContactBasis(
         contacts=contacts,
@@ -379,7 +379,7 @@ class CriticalFriction(NamedTuple):
 
 def critical_friction(structure: Structure) -> list[CriticalFriction]:
     """Return the critical friction coefficients of each contact alone, and of all that can be closed together."""
-    contacts, basis = structure.contact_rows, analyse_contacts(structure)
+    contacts, basis = structure.contacts, analyse_contacts(structure)
     rigid, still, found = basis.frequency == 0, basis.flexibility(0.0), []
     aside = still - basis.flexibility(1.0)
     for labels, closed in closed_sets(contacts).items():
@@ -414,7 +414,6 @@ def contacts_at_rest(structure: Structure, cases: Cases) -> Cases | None:
     a case has none: loads move a structure that is not held, or heat cannot leave it.
     """
     basis, contacts = analyse_contacts(structure), structure.contacts
-    assert contacts is not None
     if np.any(basis.frequency == 0):
         return None
     force = project(basis.shapes.T, cases.steady) + cases.mean[:, None] * basis.load

@@ -1,4 +1,4 @@
-"""Several contacts of a structure, or one without mass: rows of the displacements and temperatures where each acts.
+"""Contacts of a structure: rows of the displacements and temperatures where each acts.
 
     M x'' + C1 x' + K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i),   C2 θ' + K2 θ = q + Σ α λ_i s_i,
     0 <= d_i - x_i ⊥ λ_i >= 0,
@@ -59,6 +59,18 @@ class Contacts:
         return len(self.normal)
 
     @property
+    def is_tip(self) -> bool:
+        """Whether there is one contact with mass, on a rigid casing, that is the last displacement and temperature."""
+        if self.count > 1 or self.is_compliant:
+            return False
+        return all(row[-1] == 1 and not row[:-1].any() for row in (self.normal[0], self.heat[0]))
+
+    @property
+    def slides(self) -> bool:
+        """Whether a casing slides along some direction in which friction acts."""
+        return bool(self.tangent.any())
+
+    @property
     def is_massless(self) -> bool:
         """Whether the contacts have a residual flexibility and no mass."""
         return self.residual is not None
@@ -111,6 +123,12 @@ class Contacts:
     def compliance(self, friction: float) -> Array:
         """Return R - µ R^t + c, m/N, ``(contact, contact)``."""
         return self.flexibility(friction) + self.casing_flexibility * np.eye(self.count)
+
+
+def the_tip(displacements: int, temperatures: int) -> Contacts:
+    """Return the one contact of a structure of so many coordinates, the last of them; its casing slides nowhere."""
+    normal, heat = np.eye(1, displacements, displacements - 1), np.eye(1, temperatures, temperatures - 1)
+    return Contacts(("tip",), normal, np.zeros_like(normal), heat, np.zeros(1))
 
 
 def checked_contacts(contacts: Contacts, residual: str = "residual_flexibility") -> Contacts:

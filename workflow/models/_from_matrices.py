@@ -77,8 +77,6 @@ class GivenMatrices:
     displacement)``."""
     load: Array | None = None
     """Direction of the load, ``(displacement,)``; that of the contact where ``None``."""
-    tangent: Array | None = None
-    """Direction t in which the casing slides, ``(displacement,)``: the contact force acts along w - µt, or ``None``."""
     uniform_rise: Array | None = None
     """Temperatures of a uniform rise by 1 K, ``(temperature,)``: 1 each where ``None``. They weight the heat
     balance."""
@@ -115,7 +113,6 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
         damping=matrices.damping,
         damper=None if matrices.damper is None else congruent(matrices.damper, basis),
         load=_load_direction(matrices.load, basis),
-        tangent=None if matrices.tangent is None else basis.T @ matrices.tangent,
         coordinates=coordinates,
     )
 
@@ -265,7 +262,6 @@ class Sparse(Structure):
             structure_of_forms(*(form.toarray() for form in forms)),
             damping=self.damping,
             tip_growth=static_tip_growth(self),
-            tangent=self.tangent,
             load=self.load,
             damper=None if self.damper is None else self.damper.toarray(),
             coordinates=self.coordinates,
@@ -351,7 +347,6 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
         mechanical=mechanical,
         thermal=thermal,
         expansion=scipy.sparse.csc_array(-basis.T @ scipy.sparse.csc_array(matrices.coupling) @ heat_basis),
-        tangent=None if matrices.tangent is None else np.asarray(basis.T @ matrices.tangent),
         damping=damping,
         load=None if matrices.load is None else np.asarray(basis.T @ matrices.load),
         damper=damper,
@@ -390,21 +385,19 @@ def _as_rayleigh(damper: scipy.sparse.csc_array, pair: SparsePair) -> Rayleigh |
 
 
 def with_contacts(structure: Matrices | Sparse, contacts: Contacts) -> Matrices | Sparse:
-    """Return a structure of given matrices with contacts in their coordinates; one with mass is its tip.
+    """Return a structure of given matrices with contacts in their coordinates; the first is its tip.
 
     Raises
     ------
     UnusableMatricesError
-        A contact acts on what is held, or moves without mass.
+        A contact acts or slides on what is held, or moves without mass.
     """
     own = structure.coordinates
     assert own is not None
-    if contacts.count == 1 and not contacts.is_massless:
-        return replace(structure, coordinates=replace(own, angle=float(contacts.angle[0])))
-    moving, projection = (
-        contacts.transformed(own.displacement_basis, own.temperature_basis),
-        own.displacement_projection,
-    )
+    tip, projection = structure.contacts, own.displacement_projection
+    moving = contacts.transformed(own.displacement_basis, own.temperature_basis)
+    normal, heat = (np.vstack([a[:1], b[1:]]) for a, b in ((tip.normal, moving.normal), (tip.heat, moving.heat)))
+    moving = replace(moving, normal=normal, heat=heat)  # the tip's without rounding
     seen = np.asarray(abs(projection).sum(axis=0)).ravel() > 0
     apart = np.abs(contacts.normal - (projection.T @ moving.normal.T).T)[:, seen]
     for label, row, beyond in zip(contacts.labels, moving.normal, apart, strict=True):
@@ -413,4 +406,6 @@ def with_contacts(structure: Matrices | Sparse, contacts: Contacts) -> Matrices 
         if beyond.max() > _UNBALANCED * np.abs(row).max():
             remedy = "choose degrees of freedom that have mass"
             raise UnusableMatricesError(f"contact {label} moves a part without mass: there is no impact law", remedy)
+    if np.any(contacts.tangent.any(axis=1) & ~moving.tangent.any(axis=1)):
+        raise UnusableMatricesError("`tangent` acts only on what is held", "choose what moves")
     return replace(structure, contacts=moving)

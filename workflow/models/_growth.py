@@ -107,6 +107,8 @@ class InContact:
     """φᵀ C1 φ [1/s], ``(mechanical mode, mechanical mode)``, where damping is not Rayleigh's and may couple modes."""
     slid: Array | None
     """φᵀt, then ψᵀt, of the sliding direction t; ``None`` where there is none."""
+    labels: tuple[str, ...]
+    """That of the contact."""
 
     @cached_property
     def poles(self) -> Complex:
@@ -201,13 +203,14 @@ def in_contact(structure: Structure) -> InContact | ContactBasis:
     Friction excites rigid modes of the interior too: they are kept where there is a sliding direction. Of several
     contacts, or contacts without mass, it is the structure with all of them open.
     """
-    if structure.contacts is not None:
+    contacts = structure.contacts
+    if not contacts.is_tip:
         return analyse_contacts(structure)
     pair, few = structure.mechanical, None if structure.has_matrices else _STRONGEST
     held, thermal = pair.modes(few, held=True), structure.thermal.modes(few)
     if stays_cold(thermal.tip):  # the one temperature stands for none
         thermal = Modes(thermal.values[:0], thermal.shapes[:, :0])
-    kept = (held.values > 0) | (structure.tangent is not None)
+    kept = (held.values > 0) | contacts.slides
     omega, shapes = np.sqrt(held.values[kept]), np.ascontiguousarray(held.shapes[:, kept])
     constraint, expansions = pair.constraint, structure.expansions(thermal.shapes)
     participation, coupled = shapes.T @ pair.inertia_of(constraint), None
@@ -222,25 +225,25 @@ def in_contact(structure: Structure) -> InContact | ContactBasis:
         coupling=-pair.work(shapes, pair.deformation_of(shapes), expansions),
         has_rigid=not np.all(kept),
         damping=coupled,
-        slid=None if structure.tangent is None else np.column_stack([shapes, constraint]).T @ structure.tangent,
+        slid=np.column_stack([shapes, constraint]).T @ contacts.tangent[0] if contacts.slides else None,
+        labels=contacts.labels,
     )
 
 
 def growth_of_sets(contact: InContact | ContactBasis, alpha: Array, friction: Array) -> dict[tuple[str, ...], Growth]:
     """Return the growth of a structure in permanent contact for each of :func:`closed_sets`, by its labels.
 
-    ``contact`` is what :func:`in_contact` returns of a structure, full or reduced; of one contact with mass the set is
-    ``("tip",)``. ``alpha`` [W/N] and ``friction`` are ``(case,)``; the bits of a case do not depend on the others.
-    Where damping or friction couples the modes no eigenvalue is refined. NaN where forces are not unique, or none of a
-    larger structure could be refined; flutter of modes that contact heat shifts little may be missed there.
-    :func:`poles_in_contact` gives all poles of a set.
+    ``contact`` is what :func:`in_contact` returns of a structure, full or reduced. ``alpha`` [W/N] and ``friction`` are
+    ``(case,)``; the bits of a case do not depend on the others. Where damping or friction couples the modes no
+    eigenvalue is refined. NaN where forces are not unique, or none of a larger structure could be refined; flutter of
+    modes that contact heat shifts little may be missed there. :func:`poles_in_contact` gives all poles of a set.
     """
     if isinstance(contact, ContactBasis):
         return _of_contacts(contact, alpha, friction)
     most = max(1, _TOGETHER // max(1, contact.poles.size) ** 2)
     slices = (slice(first, first + most) for first in range(0, alpha.size, most))
     each = [_growth(contact, alpha[some], friction[some]) for some in slices]
-    return {("tip",): Growth(*map(np.concatenate, zip(*each, strict=True)))}
+    return {contact.labels: Growth(*map(np.concatenate, zip(*each, strict=True)))}
 
 
 def _of_contacts(basis: ContactBasis, alpha: Array, friction: Array) -> dict[tuple[str, ...], Growth]:

@@ -93,7 +93,6 @@ def given_by(
         problem = "it has structural damping (K4AAX, DMPS), which has no motion in time"
         raise UnusableMatricesError(problem, "state `damping: {ratio: …}`, half of the loss factor, or leave it out")
     load = np.zeros(size) if contacts.count > 1 else None  # there is no one contact that it would act along
-    slides = contacts.tangent[np.any(contacts.tangent != 0, axis=1)]
     given = GivenMatrices(
         damper=damper,
         load=_nonzero("load", _vector("load", entries, size)) if "load" in entries else load,
@@ -101,7 +100,6 @@ def given_by(
         stiffness=stiffness,
         contact=contacts.normal[0],
         thermal_contact=contacts.heat[0],
-        tangent=slides[0] if len(slides) else None,
         damping=damping,
         steady=steady,
         labels=labels,

@@ -88,7 +88,7 @@ def given_sensors(sensors: tuple[Sensor, ...], rows: list[Array], structure: Str
     UnusableMatricesError
         A row acts on what is held, or has no mass or heat capacity.
     """
-    sizes, contacts = (structure.mechanical_size, structure.thermal_size), structure.contact_rows
+    sizes, contacts = (structure.mechanical_size, structure.thermal_size), structure.contacts
     own = np.zeros((len(rows), sizes[0])), np.zeros((len(rows), sizes[1]))
     for k, (sensor, row) in enumerate(zip(sensors, rows, strict=True)):
         own[sensor.of_heat][k] = _own(sensor, row, structure.coordinates)

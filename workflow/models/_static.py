@@ -27,19 +27,9 @@ from workflow.models._pair import UNBALANCED
 from workflow.models._structure import Structure
 
 
-def directions(structure: Structure, friction: Array) -> Array:
-    """Return e_n - µ t for each friction coefficient µ ``(case,)``, ``(case, mechanical)``."""
-    vectors = np.tile(structure.mechanical.unit_tip, (friction.size, 1))
-    if structure.tangent is not None:
-        vectors -= friction[:, None] * structure.tangent
-    return vectors
-
-
 def static_share(structure: Structure) -> float:
     """Return s = ψᵀt, 1: tangential over normal displacement at standstill by a force along the normal."""
-    if structure.tangent is None:
-        return 0.0
-    return float(structure.mechanical.constraint @ structure.tangent)
+    return float(structure.mechanical.constraint @ structure.contacts.tangent[0])
 
 
 _GROWS = 1e-6
@@ -78,7 +68,7 @@ def statics(structure: Structure) -> tuple[Array, Array]:
     S_i is infinite where nothing holds it; growth is -w_iᵀ K1⁻¹ K12 - r_i [m/K], ``(contact, thermal)``.
     """
     contacts, pair = structure.contacts, structure.mechanical
-    if contacts is None:
+    if contacts.is_tip:
         return np.array([tip_flexibility(structure)]), static_tip_growth(structure)[None]
     responses = [pair.solve(normal) for normal in contacts.normal]
     rows = [pair.work(each, pair.deformation_of(each), structure.expansion) for each in responses]
@@ -91,8 +81,6 @@ def statics(structure: Structure) -> tuple[Array, Array]:
 
 def steady_warmth(structure: Structure) -> Array:
     """Return the steady temperatures by heat at each contact alone that warms it by 1 K, ``(contact, thermal)``."""
-    if structure.contacts is None:
-        return structure.thermal.constraint[None]
     thermal, rows = structure.thermal, structure.contacts.heat
     warm = np.array([structure.uniform_rise if thermal.moves(row) else thermal.solve(row) for row in rows])
     return np.asarray(warm / np.sum(rows * warm, axis=1)[:, None])
@@ -100,7 +88,7 @@ def steady_warmth(structure: Structure) -> Array:
 
 def static_reach(structure: Structure) -> Array:
     """Return the static displacement of each contact by the load of 1 N, m/N, ``(contact,)``."""
-    rows, direction = structure.contact_rows, structure.load_direction
+    rows, direction = structure.contacts, structure.load_direction
     if structure.mechanical.moves(direction):
         return np.full(rows.count, np.inf)
     return np.asarray(rows.normal @ structure.mechanical.solve(direction) + rows.residual_load_or_zero)
@@ -120,18 +108,17 @@ def critical_alphas(structure: Structure, friction: float = 0.0) -> dict[tuple[s
     it out (β <= 0), 0 where heat that cannot leave the structure (σ = 0) pushes the tip out. Several contacts:
     :func:`critical_alphas_of_contacts`.
     """
-    rows = structure.contacts
-    if rows is not None and (rows.count > 1 or rows.residual is not None):
+    rows, labels = structure.contacts, structure.contacts.labels
+    if rows.count > 1 or rows.residual is not None:
         return critical_alphas_of_contacts(structure, friction)
     yields = 1 - friction * static_share(structure)
     if yields <= 0:
-        return {("tip",): 0.0}
+        return {labels: 0.0}
     terms = static_tip_growth(structure) * structure.thermal.constraint
     pushed, flexibility = float(terms.sum()), tip_flexibility(structure)
     if np.isinf(flexibility) or pushed <= _CANCELLED * np.abs(terms).max(initial=0.0):
-        return {("tip",): float("inf")}
-    casing = 0.0 if rows is None else rows.casing_flexibility
-    return {("tip",): structure.thermal.tip_stiffness * (flexibility * yields + casing) / pushed}
+        return {labels: float("inf")}
+    return {labels: structure.thermal.tip_stiffness * (flexibility * yields + rows.casing_flexibility) / pushed}
 
 
 def instantaneous_growth(structure: Structure) -> float:
@@ -150,7 +137,7 @@ def rounding_of_flexibility(structure: Structure) -> float:
     """
     entries, lost = scipy.sparse.coo_array(structure.mechanical.stiffness), 0.0
     row, column = entries.coords
-    for normal in structure.contact_rows.normal:
+    for normal in structure.contacts.normal:
         response = structure.mechanical.solve(normal)
         energies = response[row] * entries.data * response[column]
         lost = max(lost, float(np.finfo(float).eps / 2 * np.linalg.norm(energies) / abs(normal @ response)))
@@ -202,9 +189,10 @@ def static_equilibrium(
             return free, temperature
     moved, pressing = pair.constraint * force, pair.tip_stiffness * gap
     reaction, yields = float(moved.sum()) - pressing, 1.0
-    if structure.tangent is not None:
+    if structure.contacts.slides:
         yields = 1 - friction * static_share(structure)
-        force = force + friction * max(reaction, 0.0) / yields * structure.tangent if yields > 0 else force
+        slides = structure.contacts.tangent[0]
+        force = force + friction * max(reaction, 0.0) / yields * slides if yields > 0 else force
     if reaction < -UNBALANCED * (np.abs(moved).sum() + abs(pressing)) or yields <= 0 or pair.moves(force, held=True):
         raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
     return gap * pair.constraint + pair.solve(force, held=True), temperature
@@ -220,7 +208,7 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
     NoEquilibriumError
         A case has no equilibrium under its constant loads.
     """
-    if structure.contacts is not None:
+    if not structure.contacts.is_tip:
         resting = contacts_at_rest(structure, cases)
         if resting is None:
             raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
@@ -250,11 +238,11 @@ def free_reach(structure: Structure, cases: Cases, duration: float) -> Array:
     gains no energy.
     """
     modes = mechanical_modes(structure)
-    omega, tip, damping = modes.values, structure.contact_rows.normal @ modes.shapes, coupled_damping(structure, modes)
+    omega, tip, damping = modes.values, structure.contacts.normal @ modes.shapes, coupled_damping(structure, modes)
     moving = (omega == 0) & (np.abs(tip) > 1e-9 * np.abs(tip).max()).any(axis=0)
     if np.any(moving) or damping.ndim == 2 or np.any(damping * duration < -_GROWS):
         return np.full((cases.count, len(tip)), np.inf)
-    elastic, residual = omega > 0, structure.contact_rows.residual_load_or_zero
+    elastic, residual = omega > 0, structure.contacts.residual_load_or_zero
     omega, tip, damping, shapes = omega[elastic], tip[:, elastic].T, damping[elastic], modes.shapes[:, elastic]
     amplitudes, frequencies, phases = (row.T for row in cases.load_harmonics.rows)
     constant = frequencies == 0

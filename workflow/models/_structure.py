@@ -10,7 +10,7 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.kernels import Array
 from workflow.models._cases import Cases, EndState, project
-from workflow.models._contacts import Contacts
+from workflow.models._contacts import Contacts, the_tip
 from workflow.models._pair import MOST_FULL, DensePair, Pair
 from workflow.models._sensors import Sensors
 
@@ -82,8 +82,6 @@ class Coordinates(Transforms):
     """Constant force by heat loads on temperatures without heat capacity, N, ``(given,)``."""
     held: tuple[int, int] = (0, 0)
     """Numbers of displacements and temperatures that the source holds at 0."""
-    angle: float = 0.0
-    """ψ of the one contact with mass, rad."""
 
     def transformed(self, cases: Cases) -> Cases:
         """Transform cases from these coordinates to the structure's, and add the constant loads of the source."""
@@ -111,10 +109,9 @@ class _OptionalParts:
     tip_growth: Array | None = None
     load: Array | None = None
     damper: Any = None
-    tangent: Array | None = None
     coordinates: Coordinates | None = None
     observed: Array | None = None
-    contacts: Contacts | None = None
+    contacts: Contacts = None  # type: ignore[assignment]  # the tip, see below
     sensors: Sensors | None = None
 
 
@@ -143,18 +140,15 @@ class Structure(_OptionalParts):
     tip_growth
         Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from the full structure.
     load
-        Direction b of the load F0 + F1 sin(2π f t + φ), shape (mechanical,); ``None`` for the tip, e_n.
+        Direction b of the load F0 + F1 sin(2π f t + φ), shape (mechanical,); ``None`` for that of the first contact.
     damper
         Damping matrix D that C1 has besides, shape (mechanical, mechanical), N s/m; ``None`` for 0.
-    tangent
-        Direction t in which the casing slides, shape (mechanical,): a contact force λ acts on the structure as
-        -λ (e_n - µ t); ``None`` for none.
     coordinates
         Coordinates of given loads and initial states, ``None`` where they are its own.
     observed
         Weights w of the temperature wᵀθ that schemes record, ``(thermal,)``; ``None`` for that of the tip.
     contacts
-        Rows of several contacts, or of one without mass; ``None`` for one with mass, the tip.
+        Rows of its contacts, by default of one, the tip.
     sensors
         Rows that schemes record besides; ``None`` for none.
     """
@@ -164,6 +158,11 @@ class Structure(_OptionalParts):
     expansion: Any
     uniform_rise: Array
     damping: Rayleigh
+
+    def __post_init__(self) -> None:
+        """Make the tip the one contact where none is given."""
+        if self.contacts is None:
+            object.__setattr__(self, "contacts", the_tip(self.mechanical_size, self.thermal_size))
 
     @property
     def mechanical_size(self) -> int:
@@ -182,8 +181,8 @@ class Structure(_OptionalParts):
 
     @property
     def load_direction(self) -> Array:
-        """b, (mechanical,): e_n where the load acts on the tip."""
-        return self.mechanical.unit_tip if self.load is None else self.load
+        """b, (mechanical,): w where the load acts on the contact."""
+        return self.contacts.normal[0] if self.load is None else self.load
 
     @property
     def input_sizes(self) -> tuple[int, int]:
@@ -193,19 +192,9 @@ class Structure(_OptionalParts):
         return self.coordinates.displacement_basis.shape[0], self.coordinates.temperature_basis.shape[0]
 
     @property
-    def contact_rows(self) -> Contacts:
-        """All contacts, one with mass too."""
-        if self.contacts is not None:
-            return self.contacts
-        tip, warm = self.mechanical.unit_tip[None], self.thermal.unit_tip[None]
-        tangent = np.zeros_like(tip) if self.tangent is None else self.tangent[None]
-        angle = 0.0 if self.coordinates is None else self.coordinates.angle
-        return Contacts(("tip",), tip, tangent, warm, np.array([angle]))
-
-    @property
     def input_contacts(self) -> Array:
         """Rows w_i of all contacts in the displacements in which cases are given, ``(contact, given)``."""
-        normal = self.contact_rows.normal
+        normal = self.contacts.normal
         return normal if self.coordinates is None else (self.coordinates.displacement_projection.T @ normal.T).T
 
     def received(self, cases: Cases) -> Cases:
@@ -216,12 +205,7 @@ class Structure(_OptionalParts):
         """Return the structure with an elastic casing of this flexibility, m/N; 0 is a rigid one."""
         if flexibility == 0:
             return self
-        return replace(self, contacts=replace(self.contact_rows, casing_flexibility=flexibility))
-
-    @property
-    def slides(self) -> bool:
-        """Whether friction acts along some direction in which the casing slides."""
-        return self.tangent is not None or (self.contacts is not None and bool(self.contacts.tangent.any()))
+        return replace(self, contacts=replace(self.contacts, casing_flexibility=flexibility))
 
     def matrices(self) -> Matrices:
         """Return the same structure with dense matrices.

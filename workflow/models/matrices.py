@@ -53,10 +53,10 @@ def with_held_left_out(given: GivenMatrices) -> Matrices | Sparse:
     if moving.all() and warming.all():
         return _dense_or_sparse(given)
     into, heat_into = (scipy.sparse.eye_array(each.size, format="csc")[:, each] for each in (moving, warming))
-    vectors = {name: getattr(given, name) for name in ("contact", "load", "tangent", "steady")}
+    vectors = {name: getattr(given, name) for name in ("contact", "load", "steady")}
     left: dict[str, Any] = {name: value if value is None else into.T @ value for name, value in vectors.items()}
     left["thermal_contact"] = heat_into.T @ given.thermal_contact
-    for name in ("contact", "load", "tangent", "thermal_contact"):
+    for name in ("contact", "load", "thermal_contact"):
         if left[name] is not None and not np.any(left[name]) and np.any(getattr(given, name)):
             raise UnusableMatricesError(f"`{name}` acts only on what is held by {_HUGE:g}", "choose what moves")
     rest = replace(

@@ -253,7 +253,7 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
             if sliding is None
             else read_matrix(sliding, square, "residual_tangent", "contact"),
         )
-    contacts, slides = checked_contacts(contacts, "residual"), tangent[np.any(tangent != 0, axis=1)]
+    contacts = checked_contacts(contacts, "residual")
     shape = frequency.size, rate.size
     omega, modes = 2 * np.pi * frequency, frequency.size
     stiffness, steady, turns = np.diag(omega**2), np.zeros(modes), (2 * np.pi * parameters.speed) ** 2
@@ -274,7 +274,6 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
         conductance=np.diag(rate),
         contact=normal[0],
         thermal_contact=heat[0],
-        tangent=slides[0] if len(slides) else None,
         load=np.zeros(shape[0]) if count > 1 else None,
         steady=steady,
         heating=np.zeros(shape[1]),

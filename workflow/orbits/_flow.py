@@ -56,7 +56,7 @@ class AnalysedStructure:
     """
 
     def __init__(self, structure: Structure):
-        if structure.contacts is not None:
+        if not structure.contacts.is_tip:
             raise RefusedStructureError("steady rubs and branches are of one contact with mass; take another basis")
         self.structure, self.operator = structure, make_operator(structure, _BUDGET)
 

@@ -53,7 +53,7 @@ def figures(settings: CaseSettings, friction: Iterable[float], alpha: tuple[floa
         slowest=float(times.max()),
         fastest=float(times.min()),
         critical_alpha=critical,
-        critical_set=set_text(labels) if structure.contact_rows.count > 1 else "",
+        critical_set=set_text(labels) if structure.contacts.count > 1 else "",
         alpha=alpha,
     )
 
@@ -73,7 +73,7 @@ def speed_lines(grid: Grid) -> tuple[str, ...]:
         load = case.steady[0] + case.mean[0] * structure.load_direction
         closed = "no equilibrium of constant loads"
         if not structure.mechanical.moves(load):
-            x = float((structure.contact_rows.normal @ structure.mechanical.solve(load)).max())
+            x = float((structure.contacts.normal @ structure.mechanical.solve(load)).max())
             closed = f"constant loads close {measure(x, 'm', 4)} of {measure(float(case.clearances.min()), 'm', 4)}"
         parts.append(f"{60 * settings.scene.speed:.6g} rpm: f1 {first:.5g} Hz, {closed}")
     return (f"speed        {'; '.join(parts)}",)

@@ -226,9 +226,8 @@ def _of_contacts(grid: Grid, names: set[str]) -> Iterator[tuple[str, xr.Variable
     angle: Any = casing.angles
     if study.contacts:
         yield "contact", _variable(("contact",), np.asarray(study.contacts, dtype=object), {"long_name": "contact"})
-        contacts = full_structure(grid.settings(0)).contacts
-        assert contacts is not None
-        angle = np.broadcast_to(contacts.angle if angle is None else angle, study.contact_shape)
+        own = full_structure(grid.settings(0)).contacts.angle if angle is None else angle
+        angle = np.broadcast_to(own, study.contact_shape)
     if angle is not None and np.any(angle):
         about = {"units": "rad", "long_name": "angle of a contact in the direction in which the blade turns"}
         yield "contact_angle", _variable(("contact",) * np.ndim(angle), np.asarray(angle), about)

@@ -206,7 +206,7 @@ def _units_of_scene(grid: Grid) -> Iterator[str]:
     fastest = float(max(_values(grid, "scene.speed", scene.speed)))
     if fastest > _FASTEST:
         yield f"a speed of {fastest:.6g} Hz is {60 * fastest:.6g} rpm: check its unit, Hz or e.g. `9000 rpm`"
-    if friction is not None and not scene.makes_alpha and not full_structure(grid.settings(0)).slides:
+    if friction is not None and not scene.makes_alpha and not full_structure(grid.settings(0)).contacts.slides:
         yield "`scene.friction.coefficient` changes nothing: alpha is given, and the structure has no `tangent`"
 
 
@@ -420,7 +420,7 @@ def _cautions(grid: Grid, settings: CaseSettings) -> Iterator[_Caution]:
         step = SchemeStep(scheme, options, settings.h, structure, modes, ends, grid.fastest)
         said = list(step_cautions(step))
     else:
-        basis = f" with {settings.reduction}" if structure.contact_rows.is_massless else ""
+        basis = f" with {settings.reduction}" if structure.contacts.is_massless else ""
         said = [StepCaution(f"fails{basis}, as {refusal}", "", 0.0)]
     yield from (_Caution(basis_text(settings), settings.scheme.label, settings.h, one) for one in said)
 

@@ -51,9 +51,9 @@ class Basis:
     """Kinds of contacts besides one with mass that it takes: ``several`` of them, or ``massless`` ones."""
 
 
-def takes(basis: str, contacts: Contacts | None) -> bool:
+def takes(basis: str, contacts: Contacts) -> bool:
     """Tell whether a basis takes the contacts of a structure."""
-    return contacts is None or ("massless" if contacts.is_massless else "several") in load(basis).CONTACTS
+    return contacts.is_tip or ("massless" if contacts.is_massless else "several") in load(basis).CONTACTS
 
 
 _BASES = Registry(__name__, ("mechanical", "thermal"))
@@ -97,10 +97,10 @@ def reduce_structure(
     """
     if not takes(basis, structure.contacts):
         raise ValueError(f"{basis} does not take several contacts, or contacts without mass")
-    if structure.contacts is not None:
-        last = contacts_last(structure)
-        return _reduce(last.structure, mechanical_modes, thermal_modes, basis, duration).given_in(last)
-    return _reduce(structure, mechanical_modes, thermal_modes, basis, duration)
+    if structure.contacts.is_tip:
+        return _reduce(structure, mechanical_modes, thermal_modes, basis, duration)
+    last = contacts_last(structure)
+    return _reduce(last.structure, mechanical_modes, thermal_modes, basis, duration).given_in(last)
 
 
 def _reduce(
@@ -127,13 +127,13 @@ def _reduce(
             raise BrokenModuleError(f"the basis {basis} gives {given} vectors for {count}")
         of_both.append(vectors)
     mechanical, thermal = of_both
-    carried, slides = None, structure.slides and mechanical_modes is not None and mechanical.residual is None
+    carried, slides = None, structure.contacts.slides and mechanical_modes is not None and mechanical.residual is None
     if slides:
         mechanical = with_friction(structure, mechanical)
     if chosen.carried is not None and mechanical_modes is not None:
         carried = chosen.carried(structure, mechanical, thermal)
     reduction = galerkin(structure, mechanical, thermal, carried)
-    several = structure.contacts is not None  # of one contact no basis was seen to flutter
+    several = not structure.contacts.is_tip  # of one contact no basis was seen to flutter
     return with_doubtful_modes_damped(structure, reduction) if slides and several else reduction
 
 

@@ -209,9 +209,9 @@ class Reduction(Transforms):
         x, theta = full.displacement @ self.displacement_basis, full.temperature @ self.temperature_basis
         if self.carried is not None:
             theta = theta + full.displacement @ self.carried
-        if self.residual is None or self.structure.contacts is None or structure.contact_rows.is_massless:
+        if self.residual is None or structure.contacts.is_massless:
             return Sensors(x, theta, full.shares)
-        follows = self.residual @ np.linalg.pinv(structure.contact_rows.normal @ self.residual)
+        follows = self.residual @ np.linalg.pinv(structure.contacts.normal @ self.residual)
         shares = full.displacement @ follows
         return Sensors(x - shares @ self.structure.contacts.normal, theta, shares)
 
@@ -321,18 +321,17 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
         reduced,
         uniform_rise=thermal.projection @ structure.uniform_rise,
         damping=replace(structure.damping, ratio=ratio if np.ndim(ratio) == 0 else ratio[: x.shape[1]]),
-        tip_growth=None if contacts is not None else static_tip_growth(structure) @ theta,
+        tip_growth=static_tip_growth(structure) @ theta if contacts.is_tip else None,
         load=None if load is None else x.T @ load,
         damper=None if structure.damper is None else x.T @ np.asarray(structure.damper @ x),
-        tangent=None if structure.tangent is None or contacts is not None else x.T @ structure.tangent,
-        contacts=None if contacts is None else contacts.transformed(x, theta),
+        contacts=contacts.transformed(x, theta),
     )
     return Reduction(x, mechanical.projection, theta, thermal.projection, reduced, carried, residual)
 
 
 def _without_mass(structure: Structure, residual: Array) -> Contacts:
     """Return the contacts of a structure with ΔF w_i, ``(node, contact)``, as their residual."""
-    pair, contacts = structure.mechanical, structure.contact_rows
+    pair, contacts = structure.mechanical, structure.contacts
     return contacts.with_residual(
         residual=symmetric(contacts.normal @ residual),
         residual_tangent=residual.T @ contacts.tangent.T,
@@ -343,7 +342,7 @@ def _without_mass(structure: Structure, residual: Array) -> Contacts:
 
 def with_friction(structure: Structure, mechanical: Vectors) -> Vectors:
     """Return a basis with the static responses to forces along the tangents added, if they are not contained."""
-    pair, tangents = structure.mechanical, structure.contact_rows.tangent
+    pair, tangents = structure.mechanical, structure.contacts.tangent
     interior, acting = mechanical.shapes[:, : -pair.boundary], tangents[tangents.any(axis=1)]
     most = min(interior.shape[1] + len(acting), pair.size - pair.boundary)
     span = Orthonormal(pair.size, most, pair.inertia_of)
@@ -403,7 +402,7 @@ def projection_residual(structure: Structure, reduction: Reduction, cases: Cases
     loads = cases.steady + cases.mean[:, None] * structure.load_direction
     static: Array | float = 0.0
     if reduction.residual is not None:  # ΔF f of what ΔF w_i span
-        within = reduction.residual @ np.linalg.pinv(structure.contact_rows.normal @ reduction.residual)
+        within = reduction.residual @ np.linalg.pinv(structure.contacts.normal @ reduction.residual)
         static = project(within, project(reduction.residual.T, loads))
     carried = 0.0 if reduction.carried is None else project(reduction.carried, small.temperature)
     displacements = (

@@ -28,7 +28,7 @@ CONTACTS = frozenset({"massless", "several"})
 
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return the lowest ``count`` free modes, and ΔF w_i of the contacts."""
-    pair, contacts = structure.mechanical, structure.contact_rows
+    pair, contacts = structure.mechanical, structure.contacts
     with_mass = rubin.mechanical if pair.boundary == 1 else craig_bampton.mechanical
     rigid = pair.rigid_motions(held=False)
     if rigid.shape[1] > count:

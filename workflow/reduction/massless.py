@@ -47,7 +47,7 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     if np.linalg.eigvalsh(stiffness / alone / alone[:, None])[0] <= _FREE:
         return mechanical_vectors(structure, modes)
     follows = -np.linalg.solve(stiffness, forces.T @ modes)
-    condensed, rows = deformation + strain @ follows, structure.contact_rows.normal[:, -held:]
+    condensed, rows = deformation + strain @ follows, structure.contacts.normal[:, -held:]
     own, left = (np.linalg.norm(np.sqrt(pair.weights) * each.T, axis=1) for each in (deformation, condensed))
     condensed[:, left <= _FREE * own] = 0.0
     residual = np.linalg.solve(stiffness, tip.T).T @ rows.T

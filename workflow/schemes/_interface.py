@@ -206,7 +206,7 @@ class RefusedStructureError(ValueError):
 
 
 ONE_CONTACT = "it takes one contact, with mass"
-"""Why a scheme cannot step a structure with :attr:`~workflow.models.Structure.contacts`."""
+"""Why a scheme cannot step a structure with other contacts."""
 
 NEEDS_MASS = (
     "its contacts are without mass, by which a step of the scheme divides; moreau, event_driven and implicit penalty "
@@ -263,7 +263,7 @@ class Scheme:
     include them); ``casing`` declares that it takes a moving casing (``Cases.casing_at``)."""
     GENERAL: frozenset[str] = frozenset()
     """What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction`` along
-    the direction in which the casing slides (``Cases.friction``, ``Structure.tangent``), ``depth``: the mean
+    the direction in which the casing slides (``Cases.friction``, ``Contacts.tangent``), ``depth``: the mean
     temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``
     (``Structure.contacts``, ``Cases.gaps``), which a law by ``init_theta`` or ``init_central`` takes without a word,
     ``massless``: those without mass, one too, and an ``elastic`` casing (``Contacts.casing_flexibility``)."""
@@ -298,13 +298,13 @@ class Scheme:
             return "its load does not act on the tip, which the scheme does not take"
         if structure.observed is not None and "depth" not in self.GENERAL:
             return "it does not record the temperature over a depth"
-        if structure.contact_rows.casing_flexibility > 0 and "elastic" not in self.GENERAL:
+        if structure.contacts.casing_flexibility > 0 and "elastic" not in self.GENERAL:
             return "it takes a rigid casing; `event_driven` and `moreau` take one with `flexibility`"
-        if structure.contacts is not None and "contacts" not in self.GENERAL:
+        if not structure.contacts.is_tip and "contacts" not in self.GENERAL:
             return ONE_CONTACT
-        if structure.contact_rows.is_massless and "massless" not in self.GENERAL:
+        if structure.contacts.is_massless and "massless" not in self.GENERAL:
             return NEEDS_MASS
-        if structure.contacts is not None and structure.observed is not None:
+        if not structure.contacts.is_tip and structure.observed is not None:
             return "it does not record the temperature over a depth at contacts without mass, or on an elastic casing"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"

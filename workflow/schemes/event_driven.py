@@ -51,7 +51,7 @@ _SEPARATING = 4e-9
 def init(structure: Structure, h: float, options: Options) -> ExactOperator | ContactOperator:
     """Diagonalise the structure with its contacts open and, where there is one, held; ``h`` is not read."""
     budget = Budget(options.events, options.steps)
-    return make_operator(structure, budget) if structure.contacts is None else make_contact_operator(structure, budget)
+    return make_operator(structure, budget) if structure.contacts.is_tip else make_contact_operator(structure, budget)
 
 
 def compute(operator: ExactOperator | ContactOperator, cases: Cases, sampling: Sampling) -> Results:

@@ -41,7 +41,7 @@ class Options:
 
 def init(structure: Structure, h: float, options: Options) -> Operator:
     """Diagonalise the structure once for a batch."""
-    contact = REST if structure.contact_rows.is_compliant else NEWTON
+    contact = REST if structure.contacts.is_compliant else NEWTON
     return theta_method.init(structure, float(h), float(options.theta), contact)
 
 

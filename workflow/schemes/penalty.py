@@ -60,7 +60,7 @@ def contact_stiffness_of(structure: Structure, options: Options) -> float:
     RefusedStructureError
         A free mass has no stiffness; or contacts are without mass, and the step is explicit.
     """
-    if structure.contact_rows.is_massless and options.integration == "explicit":
+    if structure.contacts.is_massless and options.integration == "explicit":
         raise RefusedStructureError(NEEDS_MASS)
     return options.stiffness if options.stiffness > 0 else spring.default_stiffness(structure)
 
@@ -82,7 +82,7 @@ def contact_limit(structure: Structure, options: Options, friction: float = 0.0)
     """
     if options.integration == "explicit":
         return step_limits.switching_limit(structure, contact_stiffness_of(structure, options), friction)
-    if options.theta >= step_limits.DISSIPATES or structure.contact_rows.is_massless:
+    if options.theta >= step_limits.DISSIPATES or structure.contacts.is_massless:
         return float("inf")
     return step_limits.implicit_limit(structure, contact_stiffness_of(structure, options), friction)
 

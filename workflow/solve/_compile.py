@@ -126,13 +126,10 @@ def _run(variant: KernelVariant) -> None:
     chain = models.load("chain")
     parameters = chain.Parameters(1, mass=1.0, stiffness=1.0, heat_capacity=1.0, spacing=1.0, expansion=1.0)
     whole = chain.assemble(parameters).matrices()
-    one, node = np.ones(1), np.zeros((1, 1))
-    structure = replace(
-        whole,
-        tangent=np.ones(1) if variant.slides else None,
-        load=np.ones(1) if variant.coupled else None,
-        contacts=Contacts(("tip",), node + 1, node, node + 1, np.zeros(1)) if variant.contacts else None,
-    )
+    one, node, rows = np.ones(1), np.zeros((1, 1)), np.array([[1.0], [-1.0]] if variant.contacts else [[1.0]])
+    labels, slides = ("tip", "other stop")[: len(rows)], float(variant.slides)
+    contacts = Contacts(labels, rows, slides * rows, np.abs(rows), np.zeros(len(rows)))
+    structure = replace(whole, load=np.ones(1) if variant.coupled else None, contacts=contacts)
     scheme, none = load(variant.method), np.zeros(1)
     harmonics, friction = Harmonics(*np.zeros((3, 1, int(variant.harmonics)))), np.full(1, 0.5 * variant.slides)
     cases = Cases(none, one, one, none, node, node, node, node, node, casing_harmonics=harmonics)

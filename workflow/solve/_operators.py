@@ -75,10 +75,10 @@ def kernel_variant(settings: CaseSettings, balances: bool) -> KernelVariant | No
     if scheme.refusal(structure, settings.scheme.options) is not None:
         return None
     coupled, driven = needs_matrices(structure), bool(settings.scene.casing.harmonics or settings.scene.load.harmonics)
-    slides = structure.slides and settings.scene.friction is not None
+    slides = structure.contacts.slides and settings.scene.friction is not None
     kind = {"harmonics": driven, "slides": slides, "coupled": coupled}
-    contacts = structure.contacts is not None
-    return KernelVariant(settings.scheme.method, settings.scheme.options, balances, contacts=contacts, **kind)
+    several = not structure.contacts.is_tip
+    return KernelVariant(settings.scheme.method, settings.scheme.options, balances, contacts=several, **kind)
 
 
 def compile_for(settings: CaseSettings, balances: bool) -> None:
@@ -129,7 +129,7 @@ def end_of(settings: CaseSettings, results: Results) -> EndState:
     if results.end is None:
         raise schemes.ContractError("the scheme gives no `end`, the state from which the next point of a sweep starts")
     model, full = model_on(reduced(settings)), full_structure(settings)
-    if model.structure.contacts is None:
+    if model.structure.contacts.is_tip:
         for name, rows in results.end._asdict().items():
             rows[:, -1] = results.histories[name][:, -1]
     own = model.expanded(results.end)

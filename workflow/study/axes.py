@@ -38,8 +38,7 @@ class Sizes:
     @property
     def contacts(self) -> tuple[str, ...]:
         """Labels of several contacts; none for one."""
-        several = None if self.structure is None else self.structure.contacts
-        return several.labels if several is not None and several.count > 1 else ()
+        return self.structure.contacts.labels if self.structure and self.structure.contacts.count > 1 else ()
 
 
 def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
@@ -61,7 +60,7 @@ def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
             raise
         return Sizes({}, dict.fromkeys(MODES, ()))  # whatever a model from outside raises: its cases say it
     displacements, temperatures = zip(*(one.input_sizes for one in structures), strict=True)
-    contacts = tuple(one.contact_rows.count for one in structures)
+    contacts = tuple(one.contacts.count for one in structures)
     inputs = {"node": displacements, "spring": displacements, "temperature": temperatures, "contact": contacts}
     both = zip(*((one.mechanical_size, one.thermal_size) for one in structures), strict=True)
     return Sizes(inputs, dict(zip(MODES, both, strict=True)), inf if most is None else most + 1, most or 0, first)

@@ -215,7 +215,7 @@ def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
 
 def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
     """Refuse what is of one contact with mass where a structure has several, or one without."""
-    if sizes.structure is None or sizes.structure.contacts is None:
+    if sizes.structure is None or sizes.structure.contacts.is_tip:
         return
     several = (
         f"and the structure has {len(cases.contacts)} contacts" if cases.contacts else "and its contact has no mass"
@@ -284,7 +284,6 @@ def _reduced_contacts(cases: CaseSpace, sizes: Sizes, source: StudyText, several
     """Refuse bases that do not take several contacts, or one without mass, and counts of modes that leave out one."""
     assert sizes.structure is not None
     contacts = sizes.structure.contacts
-    assert contacts is not None
     values: dict[str, set[Any]] = {axis.path: set(axis.values) for axis in cases.axes()}
     for path, value in {} if cases.reference is None else cases.reference.values.items():
         values.setdefault(path, set()).add(value)
@@ -360,7 +359,7 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
         return
     rows, angle = np.ones((1, 1)), np.zeros(1)
     if structure is not None:
-        rows, angle = structure.input_contacts, structure.contact_rows.angle
+        rows, angle = structure.input_contacts, structure.contacts.angle
     start, own = np.atleast_1d(initial.displacement)[-rows.shape[1] :], (casing.gap, casing.angles)
     if start.size not in (1, rows.shape[1]) or any(np.size(one or 0) not in (1, len(rows)) for one in own):
         return  # told as a list of another length

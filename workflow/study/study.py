@@ -336,7 +336,7 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
         if reference.is_auto and REDUCTION not in source.axes:
             reference = Reference({REDUCTION: reduction.OF_AUTO, **reference.values})
     output = _output(asked, scene.duration)
-    if sizes.structure is not None and sizes.structure.contacts is not None:
+    if sizes.structure is not None and not sizes.structure.contacts.is_tip:
         output = dataclasses.replace(output, balances=asked.get("balances") or False)
     if not sizes.contacts:
         scene = dataclasses.replace(scene, casing=_casing_of_one(scene, sizes, source))
@@ -363,7 +363,7 @@ def _casing_of_one(scene: Scene, sizes: Sizes, source: StudyText) -> Casing:
     gap = own.gap[0] if isinstance(own.gap, tuple) and len(own.gap) == 1 else own.gap
     angle = own.angles[0] if isinstance(own.angles, tuple) and len(own.angles) == 1 else own.angles
     if angle is None and sizes.structure is not None and f"scene.{scene.model}.contact" not in source.axes:
-        angle = float(sizes.structure.contact_rows.angle[0]) or None
+        angle = float(sizes.structure.contacts.angle[0]) or None
     return dataclasses.replace(own, gap=gap, angles=angle)
 
 

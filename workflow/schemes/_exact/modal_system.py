@@ -145,9 +145,7 @@ class ModalBasis:
 def analyse(structure: Structure) -> ModalBasis:
     """Diagonalise the structure with its tip free and with its tip held."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
-    free, along = free_system(structure), np.zeros(mechanical.values.size)
-    if structure.tangent is not None:
-        along = mechanical.shapes.T @ structure.tangent
+    free, along = free_system(structure), mechanical.shapes.T @ structure.contacts.tangent[0]
     return ModalBasis(
         to_modes=mechanical.shapes.T @ structure.mass,
         to_thermal=thermal.shapes.T @ structure.heat_capacity,
@@ -225,7 +223,7 @@ def held_system(structure: Structure) -> ModalSystem:
         heat_shapes=thermal.shapes,
         entry=np.vstack([from_free.T, -shapes.T @ (interior @ constraint_mode[:-1])]),
         exit=np.vstack([(to_modes[:, :-1] @ shapes).T, to_modes @ constraint_mode]),
-        tangent=structure.tangent,
+        tangent=structure.contacts.tangent[0] if structure.contacts.slides else None,
     )
 
 

@@ -108,7 +108,7 @@ def decouple(structure: Structure) -> Decoupled:
     """Transform a structure to its modes."""
     mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
     coupling = modal_coupling(structure, mechanical, thermal)
-    damper, contacts = coupled_damping(structure, mechanical), structure.contact_rows
+    damper, contacts = coupled_damping(structure, mechanical), structure.contacts
     heat = contacts.heat @ thermal.shapes
     own = contacts.residual_coupling
     residual_coupling = np.zeros_like(heat) if own is None else own @ thermal.shapes
@@ -143,7 +143,7 @@ def _static_growth(structure: Structure, mechanical: Modes, thermal: Modes, coup
     elastic = mechanical.values > 0
     if structure.tip_growth is not None and not elastic.all():
         return structure.tip_growth[None] @ thermal.shapes
-    weights = (structure.contact_rows.normal @ mechanical.shapes)[:, elastic] / mechanical.values[elastic] ** 2
+    weights = (structure.contacts.normal @ mechanical.shapes)[:, elastic] / mechanical.values[elastic] ** 2
     return np.asarray(-weights @ coupling[elastic])
 
 

@@ -236,14 +236,14 @@ def start_of(
     A contact that starts on its casing and moves with it, both up to rounding (:data:`AT_REST`), has r = u = 0 and the
     velocity V(0): its own is ḋ(0), or V(0) where it ended pressed.
     """
-    rows, load, casing = structure.contact_rows.normal, cases.load_harmonics[:, 1:], cases.casing_harmonics
+    rows, load, casing = structure.contacts.normal, cases.load_harmonics[:, 1:], cases.casing_harmonics
     place, moves = cases.casing_of_contacts(0.0)
     x, v = project(rows, cases.displacement), project(rows, cases.velocity)
     lengths, speeds = (each[:, None] for each in casing.rounding_scales(duration))
     lengths = lengths + project(np.abs(rows), np.abs(cases.displacement)) + np.abs(cases.clearances)
     touches = np.abs(x - place) <= AT_REST * lengths
     x = np.where(touches, place, x)
-    compliant = structure.contact_rows.is_compliant
+    compliant = structure.contacts.is_compliant
     if load.width + casing.width == 0 and not compliant:
         return None, Start(x, v, place, cases.velocity)
     contacts = place.shape[1]
@@ -264,7 +264,7 @@ def start_of(
 
 def compliant_places(structure: Structure, cases: Cases, yields: float) -> Array:
     """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + c λ where they touch; NaN without a λ."""
-    contacts, (place, _) = structure.contact_rows, cases.casing_of_contacts(0.0)
+    contacts, (place, _) = structure.contacts, cases.casing_of_contacts(0.0)
     c = contacts.casing_flexibility + yields
     free = project(contacts.normal, cases.displacement) + cases.load_at(0.0)[:, None] * contacts.residual_load_or_zero
     if contacts.residual_coupling is not None:

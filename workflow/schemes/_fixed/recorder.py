@@ -14,7 +14,7 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
 from workflow.kernels.lanes import LANES, lane_table, named_rows, rows_in
-from workflow.models import Cases, EndState, Structure, project, static_tip_growth
+from workflow.models import Cases, EndState, Structure, project, statics
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.loads import Start
 from workflow.schemes._fixed.outcome import judged
@@ -44,19 +44,12 @@ def row_totals(terms: Array) -> Array:
     return np.asarray(np.ascontiguousarray(terms).sum(axis=1))
 
 
-def growth_of(structure: Structure) -> Array:
-    """Return the quasi-static displacement of each contact per temperature, m/K, ``(contact, thermal)``."""
-    if structure.contacts is None:
-        return static_tip_growth(structure)[None]
-    return np.stack([-structure.mechanical.solve(row) @ structure.coupling_matrix for row in structure.contacts.normal])
-
-
 class PlainBalance:
     """Sums of the balances of a batch, of the whole motion: see :mod:`~workflow.schemes._fixed.balance`."""
 
     def __init__(self, structure: Structure, cases: Cases, h: float) -> None:
         self._structure, self._cases, self._h, self._steps = structure, cases, h, 0
-        contacts = structure.contact_rows
+        contacts = structure.contacts
         self._pushes = contacts.normal - cases.friction[:, None, None] * contacts.tangent
         self._totals = named_rows(Totals, np.zeros((rows_in(Totals), cases.count)))
         self._totals.first_energy = self._keep(cases.displacement, cases.velocity)
@@ -125,7 +118,7 @@ class Recorder:
     """
 
     def __init__(self, structure: Structure, cases: Cases, sampling: Sampling, h: float) -> None:
-        self._structure, self._cases, self._h, self._contacts = structure, cases, h, structure.contact_rows.normal
+        self._structure, self._cases, self._h, self._contacts = structure, cases, h, structure.contacts.normal
         x, v = project(self._contacts, cases.displacement), project(self._contacts, cases.velocity)
         begins = Start(x, v, cases.casing_of_contacts(0.0)[0], cases.velocity)
         self._watched = watch(structure, cases, sampling, h, begins)
@@ -135,7 +128,7 @@ class Recorder:
         table = lane_table({**rows_of(self._watched), **waiting})
         self._rows, self._shown = table.cases["tips"], table.cases["shown"]
         self._batch = batch_of(self._watched, table, table.lanes["samples"], LANES)
-        self._growth = growth_of(structure)
+        self._growth = statics(structure)[1]
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
         self._step = 0
         self._states = cases.displacement, cases.velocity, cases.temperature

@@ -87,7 +87,7 @@ def default_stiffness(structure: Structure) -> float:
         The structure is a free mass.
     """
     frequency, rows, _ = contact_modes(structure)
-    elastic, residual = frequency > 0, structure.contact_rows.flexibility(0.0).diagonal()
+    elastic, residual = frequency > 0, structure.contacts.flexibility(0.0).diagonal()
     flexibility = float(np.min(np.sum((rows[:, elastic] / frequency[elastic]) ** 2, axis=1) + residual))
     if flexibility == 0:
         text = "a free mass has no stiffness to take ten times of; give the scheme's `stiffness` in N/m"

@@ -79,7 +79,7 @@ no friction acts."""
 
 def contact_modes(structure: Structure, friction: float = 0.0) -> ContactModes:
     """Return the modes at the contacts, the tip of one, with a coefficient of friction along their tangents."""
-    modes, contacts = mechanical_modes(structure), structure.contact_rows
+    modes, contacts = mechanical_modes(structure), structure.contacts
     rows = contacts.normal @ modes.shapes
     if friction == 0 or not contacts.tangent.any():
         return modes.values, rows, rows

@@ -380,7 +380,7 @@ def recorded_temperatures(structure: Structure, temperature: Array) -> Array:
     """Return the temperatures that are recorded at the contacts, K, ``(case, contact)``."""
     if structure.observed is not None:
         return structure.observed_of(temperature)[:, None]
-    return project(structure.contact_rows.heat, temperature)
+    return project(structure.contacts.heat, temperature)
 
 
 def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Batch:

@@ -47,14 +47,14 @@ def explained(
 
     A law is affine, with the matrix a + b W of the step, ``factor(h, W_ii)`` on its diagonal.
     """
-    labels = structure.contact_rows.labels
+    labels = structure.contacts.labels
 
     def is_unique(h: float, alpha: float, friction: float) -> bool:
         cold, slid, warm = matrices(step(h), modal, contact)
         own = contact.factor(h, 0.0)
         w = (contact.factor(h, 1.0) - own) * (cold + alpha * warm - friction * slid)
         matrix = own * np.eye(len(w)) + w
-        sets = (matrix[np.ix_(closed, closed)] for closed in stops_together(structure.contact_rows))
+        sets = (matrix[np.ix_(closed, closed)] for closed in stops_together(structure.contacts))
         return all(np.linalg.eigvalsh(one + one.T)[0] > 0 for one in sets)
 
     @cache  # a limit takes hundreds of trials
