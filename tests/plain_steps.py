@@ -154,14 +154,12 @@ def load(one: Cases, t: float) -> float:
 
 def _angles(one: Cases, t: float) -> Array:
     moves = one.casing_harmonics
-    turns = one.turns[0] if one.turns.size else 0.0
-    return np.atleast_2d(2 * np.pi * moves.frequency[0] * t + moves.phase[0] + turns)
+    return np.asarray(2 * np.pi * moves.frequency[0] * t + moves.phase[0] + one.turns[0])
 
 
 def place(one: Cases, t: float) -> Array:
     """Return d_i(t) of the first case, m, ``(contact,)``."""
-    gaps = one.gaps[0] if one.gaps.size else one.gap[:1]
-    return np.asarray(gaps + (one.casing_harmonics.amplitude[0] * np.sin(_angles(one, t))).sum(axis=1))
+    return np.asarray(one.gaps[0] + (one.casing_harmonics.amplitude[0] * np.sin(_angles(one, t))).sum(axis=1))
 
 
 def speed(one: Cases, t: float, h: float, theta: float) -> Array:

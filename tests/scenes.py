@@ -103,29 +103,34 @@ def _cases(sizes: tuple[int, int], count: int, values: dict[str, Any]) -> Cases:
         rows = [[np.broadcast_to(value, (count,)) for value in one] for one in [*first, *values.get(name, [])]]
         return Harmonics(*np.array(rows, dtype=float).reshape(len(rows), 3, count).transpose(1, 2, 0))
 
-    names, sine, several = ("e", "alpha", "gap", "mean", "friction"), ("amplitude", "frequency", "phase"), {}
+    names, sine = ("e", "alpha", "mean", "friction"), ("amplitude", "frequency", "phase")
     lengths = dict.fromkeys(("steady", "displacement", "velocity"), sizes[0])
     lengths |= dict.fromkeys(("heating", "temperature"), sizes[1])
-    unknown = set(values) - {*names, *sine, *lengths, "load_harmonics", "casing_harmonics", "gaps", "turns"}
+    unknown = set(values) - {*names, *sine, *lengths, "load_harmonics", "casing_harmonics", "gap", "gaps", "turns"}
     if unknown:
         raise TypeError(f"no such condition: {unknown}")
+    own = {"gaps": spread("gap")[:, None]}
     if "gaps" in values:
-        several["gaps"] = spread("gaps", np.shape(values["gaps"])[-1])
-        values = {"gap": several["gaps"][:, 0], **values}
+        own["gaps"] = spread("gaps", np.shape(values["gaps"])[-1])
     if "turns" in values:
-        several["turns"] = spread("turns", *np.shape(values["turns"])[-2:])
+        own["turns"] = spread("turns", *np.shape(values["turns"])[-2:])
     return Cases(
         **{name: spread(name) for name in names},
         **{name: spread(name, size) for name, size in lengths.items()},
         load_harmonics=sinusoids("load_harmonics", [values.get(name, 0.0) for name in sine]),
         casing_harmonics=sinusoids("casing_harmonics"),
-        **several,
+        **own,
     )
 
 
 def sliding(structure: Structure, tangent: np.ndarray) -> Structure:
     """The structure with a casing that slides along ``tangent``, ``(mechanical,)``."""
     return replace(structure, contacts=replace(structure.contacts, tangent=np.array(tangent, dtype=float)[None]))
+
+
+def observing(structure: Any, weights: np.ndarray | None) -> Any:
+    """The structure of whose contact this mean of temperatures is recorded; that of the contact where ``None``."""
+    return replace(structure, contacts=replace(structure.contacts, observed=None if weights is None else weights[None]))
 
 
 def with_tip_first(structure: Structure) -> Matrices:

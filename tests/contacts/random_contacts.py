@@ -76,7 +76,6 @@ def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
     cases = Cases(
         e=one(rng.choice([0.0, 0.3, 0.7])),
         alpha=one(rng.uniform(1, 20) if warms else 0.0),
-        gap=one(gaps.min()),
         mean=one(rng.uniform(0, 4)),
         load_harmonics=Harmonics(*(np.array([[rng.uniform(*ends)]]) for ends in ((1, 6), (60, 200), (-3, 3)))),
         steady=np.zeros((1, size)),

@@ -152,7 +152,6 @@ def test_gaps_and_turns_are_those_of_each_contact(tmp_path: Path) -> None:
     cases = cases_of(read_study(study(tmp_path, scene=scene, axes={"scene.casing.harmonics.0.order": [1, 2]})))
     assert cases.contact_shape == (2,)
     np.testing.assert_allclose(cases.gaps, [[3.1e-5, 5.6e-5]] * 2, rtol=1e-15)
-    np.testing.assert_allclose(cases.gap, [3.1e-5] * 2, rtol=1e-15)
     np.testing.assert_allclose(cases.turns[..., 0], [[np.pi / 2, 0.5], [np.pi, 1.0]], rtol=1e-15)
     assert not cases.turns[..., 1].any()
     apart = np.subtract(*(place(cases.take(slice(1, 2)), t) for t in (0.01, 0.01 + 1e-9)))
@@ -182,10 +181,10 @@ def test_a_list_of_one_is_one_contact(tmp_path: Path) -> None:
 
     assert read(gap=[5e-5]).scene == read(gap=5e-5).scene
     assert read(gap=5e-5).contacts == ()
-    np.testing.assert_array_equal(cases_of(read(gap=5e-5, clearance=1e-5)).gap, 6e-5)
+    np.testing.assert_array_equal(cases_of(read(gap=5e-5, clearance=1e-5)).gaps, 6e-5)
     harmonics = [{"order": 2, "amplitude": 1e-6, "phase": 0.1}, {"frequency": 3, "amplitude": 1e-6}]
     turned = cases_of(read(gap=5e-5, harmonics=harmonics, angles=[0.4]))
-    np.testing.assert_allclose(turned.casing_harmonics.phase, [[0.9, 0.0]])
+    np.testing.assert_allclose(turned.casing_seen_by(0).phase, [[0.9, 0.0]])
     with pytest.raises(StudyError, match=r"casing.gap: has 2 values where the model has 1 contact"):
         read(gap=[5e-5, 6e-5])
     with pytest.raises(StudyError, match=r"casing.angles: has 2 values where the model has 1 contact"):

@@ -307,10 +307,10 @@ def test_without_modes_contacts_follow_their_loads(basis: str) -> None:
     flexibility = static(full, 0.0).item()
     t = np.linspace(0.0, 0.01, 101)
     load = 30.0 * np.sin(2 * np.pi * 300 * t + 0.2)
-    place = np.minimum(flexibility * load, batch.gap[0])
-    assert ours.histories["displacement"][0] == pytest.approx(place, rel=1e-9, abs=1e-12 * batch.gap[0])
+    place = np.minimum(flexibility * load, batch.gaps[0, 0])
+    assert ours.histories["displacement"][0] == pytest.approx(place, rel=1e-9, abs=1e-12 * batch.gaps[0, 0])
     fine = np.linspace(0.0, 0.01, 1_000_001)
-    force = np.maximum(0.0, 30.0 * np.sin(2 * np.pi * 300 * fine + 0.2) - batch.gap[0] / flexibility)
+    force = np.maximum(0.0, 30.0 * np.sin(2 * np.pi * 300 * fine + 0.2) - batch.gaps[0, 0] / flexibility)
     assert ours.histories["impulse"][0, -1] == pytest.approx(np.trapezoid(force, fine), rel=1e-6)
 
 
@@ -339,7 +339,7 @@ def test_a_basis_says_which_contacts_it_does_not_take() -> None:
 
 
 def test_contacts_without_mass_have_no_temperature_over_a_depth() -> None:
-    structure = replace(reduce_structure(scenes.heavy_chain(), 3, 5, "massless").structure, observed=np.ones(6))
+    structure = scenes.observing(reduce_structure(scenes.heavy_chain(), 3, 5, "massless").structure, np.ones(6))
     for scheme in ("event_driven", "moreau"):
         with pytest.raises(ValueError, match="temperature over a depth at contacts without mass"):
             schemes.load(scheme).init(structure, 1e-6, schemes.load(scheme).Options())

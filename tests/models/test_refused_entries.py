@@ -63,7 +63,7 @@ def test_nothing_bounds_motion_that_is_driven() -> None:
     size, heat = chain.mechanical_size, chain.thermal_size
     none = Harmonics(*np.zeros((3, 1, 0)))
     case = Cases(
-        e=np.zeros(1), alpha=np.zeros(1), gap=np.ones(1), mean=np.ones(1), steady=np.zeros((1, size)),
+        e=np.zeros(1), alpha=np.zeros(1), gaps=np.ones((1, 1)), mean=np.ones(1), steady=np.zeros((1, size)),
         heating=np.zeros((1, heat)), displacement=np.zeros((1, size)), velocity=np.zeros((1, size)),
         temperature=np.zeros((1, heat)), load_harmonics=none, casing_harmonics=none,
     )  # fmt: skip

@@ -58,7 +58,7 @@ def from_file(path: Path, speed: float, **parameters: Any) -> Structure:
 def zero(structure: Structure) -> models.Cases:
     mechanical, thermal = structure.input_sizes
     one, x, heat = np.zeros(1), np.zeros((1, mechanical)), np.zeros((1, thermal))
-    return structure.received(models.Cases(one, one, one + 1.0, one, x, heat, x, x, heat))
+    return structure.received(models.Cases(one, one, one[:, None] + 1.0, one, x, heat, x, x, heat))
 
 
 def test_rod_has_the_frequencies_and_forces_of_its_matrices() -> None:

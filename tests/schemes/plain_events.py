@@ -81,7 +81,7 @@ class Reference:
         self.load = float(cases.mean[0]) * self.constant + by_load @ one[sines]
         self.turns = np.zeros_like(one)
         self.turns[sines, cosines], self.turns[cosines, sines] = turning, -turning
-        self.casing = float(cases.gap[0]) * self.constant + by_casing @ one[sines]
+        self.casing = float(cases.gaps[0, 0]) * self.constant + by_casing @ one[sines]
         self.moving = self.casing @ self.turns
         self.x, self.v = one[: self.nm].copy(), one[self.nm : 2 * self.nm].copy()
         self.theta = one[2 * self.nm : first - 2]

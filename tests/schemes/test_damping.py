@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_event_driven_random import against_reference, compare, moving_scene
 
-from scenes import cases, chain, heavy_chain, sampling, with_dashpot
+from scenes import cases, chain, heavy_chain, observing, sampling, with_dashpot
 from workflow import schemes
 from workflow.models import (
     Matrices,
@@ -53,7 +53,7 @@ def test_a_scheme_that_takes_none_of_these_refuses_it() -> None:
     assert silent.refusal(structure, None) is None
     assert "couples its modes" in silent.refusal(with_dashpot(structure, 1, 3, 20.0), None)
     assert "does not act on the tip" in silent.refusal(loaded_elsewhere(structure), None)
-    deep = replace(structure, observed=np.ones(6) / 6)
+    deep = observing(structure, np.ones(6) / 6)
     assert silent.refusal(deep, None) == "it does not record the temperature over a depth"
 
 

@@ -75,11 +75,11 @@ def moving_scene(rng: np.random.Generator) -> tuple[Structure, Cases]:
         return Harmonics(size * rng.uniform(0.1, 1, shape), rng.uniform(0.05, 0.8, shape), rng.uniform(0, 6, shape))
 
     case = replace(case, load_harmonics=case.load_harmonics.joined(sinusoids(1.0)), casing_harmonics=sinusoids(0.2))
-    place = case.casing_at(0.0)[0]
+    place = case.casing_of_contacts(0.0)[0][0, 0]
     touches = rng.random() < 0.15
     case.displacement[0, -1] = place if touches else place - abs(rng.normal(0, 0.5))
     if touches and rng.random() < 0.5:
-        case.velocity[0, -1] = case.casing_velocity_at(0.0)[0]
+        case.velocity[0, -1] = case.casing_of_contacts(0.0)[1][0, 0]
     if rng.random() < 0.3:
         structure = replace(structure.matrices(), load=rng.normal(0, 1, structure.mechanical_size))
     return structure, case
@@ -90,8 +90,9 @@ def compare(structure: Structure, case: Cases, over: Sampling = TIMES, accuracy:
     structure = watched(structure)
     operator = event_driven.init(structure, 0.0, event_driven.Options(events=1000))
     results = event_driven.compute(operator, case, over)
-    moved = np.where(case.displacement[:, -1] == case.casing_at(0.0), 0.0, 1e-12 * np.maximum(np.abs(case.gap), 0.1))
-    nearby = event_driven.compute(operator, replace(case, gap=case.gap + moved), over)
+    begins = case.displacement[:, -1:] == case.casing_of_contacts(0.0)[0]
+    moved = np.where(begins, 0.0, 1e-12 * np.maximum(np.abs(case.gaps), 0.1))
+    nearby = event_driven.compute(operator, replace(case, gaps=case.gaps + moved), over)
     reference = Reference(structure, case).solve(over.times)
     reached = over.times < reference.reached - 1e-9
     apart = ~(np.abs(nearby.histories["displacement"][0] - results.histories["displacement"][0]) < 3e-11)

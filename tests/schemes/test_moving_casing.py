@@ -19,9 +19,11 @@ ELSEWHERE = replace(COUPLED, load=np.array([0.0, 1.0, 0.5]))
 def pressed(structure: Structure = CHAIN) -> Cases:
     """A chain pressed on its casing at t = 0, in equilibrium with its constant load."""
     batch = cases(structure, gap=1e-5, mean=20.0, casing_harmonics=[[5e-6, 50.0, 0.3], [2e-6, 150.0, 1.0]])
-    x, _ = static_equilibrium(structure, 20.0 * structure.load_direction, np.zeros(3), float(batch.casing_at(0.0)[0]))
+    x, _ = static_equilibrium(
+        structure, 20.0 * structure.load_direction, np.zeros(3), float(batch.casing_of_contacts(0.0)[0][0, 0])
+    )
     v = np.zeros((1, 3))
-    v[:, -1] = batch.casing_velocity_at(0.0)
+    v[:, -1] = batch.casing_of_contacts(0.0)[1][:, 0]
     return replace(batch, displacement=x[None], velocity=v)
 
 
@@ -48,7 +50,7 @@ def test_a_pressed_tip_follows_the_casing_for_a_thousand_periods(structure: Stru
     casing = np.concatenate([place(batch, t) for t in over.times])
     assert np.abs(results.histories["displacement"][0] - casing).max() < 2e-17
     if method == "event_driven":
-        speed = np.concatenate([batch.casing_velocity_at(t) for t in over.times])
+        speed = np.concatenate([batch.casing_of_contacts(t)[1][:, 0] for t in over.times])
         assert np.abs(results.histories["velocity"][0] - speed).max() < 1e-11 * np.abs(speed).max()  # of its phase
 
 
@@ -66,7 +68,7 @@ def test_a_scheme_of_plain_states_ends_on_its_casing_within_a_step() -> None:
     for k in range(1, steps + 1):
         recorded.record(np.full((1, 3), x[k]), np.full((1, 3), v[k]), np.zeros((1, 3)), np.ones(1))
     results = recorded.results()
-    inwards = float((batch.casing_at((steps - 1) * h) - batch.casing_at(steps * h))[0])
+    inwards = float((batch.casing_of_contacts((steps - 1) * h)[0] - batch.casing_of_contacts(steps * h)[0])[0, 0])
     assert inwards > 1e-8
     assert results.histories["displacement"][0, -1] == pytest.approx(x[-2] + (x[-1] - x[-2]) / 3, rel=1e-12)
     assert results.metrics["max_penetration"][0] < 1e-9 * inwards
@@ -132,8 +134,8 @@ def test_a_static_start_on_a_moving_casing_is_a_contact() -> None:
     places = [[4e-6, 40.0, 0.1], [1e-6, 300.0, 2.0]]
     batch = cases(structure, 3, e=0.9, gap=-1e-5, mean=10.0, casing_harmonics=places)
     for case, turned in enumerate((1.0, 1 + 2e-16, 1 - 2e-16)):
-        batch.displacement[case] = np.linspace(0.2, 1.0, 5) * batch.casing_at(0.0)[0] * turned
-        batch.velocity[case, -1] = batch.casing_velocity_at(0.0)[0] * turned
+        batch.displacement[case] = np.linspace(0.2, 1.0, 5) * batch.casing_of_contacts(0.0)[0][0, 0] * turned
+        batch.velocity[case, -1] = batch.casing_of_contacts(0.0)[1][0, 0] * turned
     results = run(structure, batch, sampling(0.05, 1e-3))
     assert (results.metrics["impacts"] == 0).all()
     assert (results.metrics["contact_time"] == 0.05).all()

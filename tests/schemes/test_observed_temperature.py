@@ -1,13 +1,12 @@
 """Schemes record another temperature than the tip's, a mean over a depth: against all node temperatures."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from plain_steps import central_spring, march, march_centrally, rebound, spring
-from scenes import cases, heavy_chain, sampling, step
+from scenes import cases, heavy_chain, observing, sampling, step
 from workflow.models import Cases, Chain, Matrices, Structure
 from workflow.reduction import reduce_structure
 
@@ -22,7 +21,7 @@ def full() -> Chain:
 def reduced() -> Matrices:
     reduction = reduce_structure(full(), 2, 3, "craig_bampton")
     structure = reduction.structure
-    return replace(structure, observed=reduction.temperature_basis.T @ full().mean_over(DEPTH))
+    return observing(structure, reduction.temperature_basis.T @ full().mean_over(DEPTH))
 
 
 def rub(structure: Structure, count: int = 1) -> Cases:
@@ -31,7 +30,7 @@ def rub(structure: Structure, count: int = 1) -> Cases:
     return cases(structure, count, alpha=alpha, gap=2e-5, amplitude=60.0, frequency=200.0, mean=5.0, **heat)
 
 
-STRUCTURES = {"full": replace(full(), observed=full().mean_over(DEPTH)), "reduced": reduced()}
+STRUCTURES = {"full": observing(full(), full().mean_over(DEPTH)), "reduced": reduced()}
 PLAIN: dict[str, tuple[str, dict[str, Any], Any]] = {
     "moreau": ("moreau", {"theta": 0.7}, lambda s, c, n: march(s, c, H, 0.7, n)),
     "carpenter": ("carpenter", {}, lambda s, c, n: march_centrally(s, c, H, n, rebound(0.0), implicit=True)),
@@ -52,12 +51,12 @@ def test_steps_record_the_mean_of_the_nodes_they_have(kind: str, name: str) -> N
     case, over = rub(structure), sampling(DURATION, 10 * H, balances=True)  # by kernels that others have compiled
     results = step(structure, case, H, over, method, **options)
     nodes = plain(structure, case, round(DURATION / H)).temperature
-    means = nodes @ structure.observed
+    means = nodes @ structure.contacts.observed[0]
     assert results.metrics["impacts"][0] >= 1
     np.testing.assert_allclose(results.histories["temperature"][0], means[::10], rtol=1e-8, atol=1e-9)
     assert results.metrics["max_temperature"][0] == pytest.approx(means.max(), rel=1e-8)
     assert np.ptp(nodes[-1]) > 0.1 * abs(means[-1])  # another temperature than the tip's
-    tip = step(replace(structure, observed=None), case, H, over, method, **options)
+    tip = step(observing(structure, None), case, H, over, method, **options)
     for history in ("displacement", "velocity", "impulse"):
         assert np.array_equal(results.histories[history], tip.histories[history])
 
@@ -75,7 +74,7 @@ def test_the_exact_scheme_records_what_steps_converge_to(kind: str) -> None:
     assert errors[1] < 0.4 * errors[0]
     assert errors[1] < 2e-3 * exact.metrics["max_temperature"][0]
     assert largest == pytest.approx(exact.metrics["max_temperature"][0], rel=2e-3)
-    tip = step(replace(structure, observed=None), case, 0.0, over, "event_driven")
+    tip = step(observing(structure, None), case, 0.0, over, "event_driven")
     assert np.array_equal(exact.histories["displacement"], tip.histories["displacement"])
 
 

@@ -52,8 +52,8 @@ def test_orders_are_multiples_of_the_speed_whichever_of_them_varies():
     t, turn = 0.0123, 2 * np.pi * 0.0123
     d = 1e-3 + 5e-6 * np.cos(20 * turn) + 1e-6 * np.sin(3 * turn)
     velocity = 2 * np.pi * (-20 * 5e-6 * np.sin(20 * turn) + 3e-6 * np.cos(3 * turn))
-    assert batch.casing_at(t)[0] == pytest.approx(d, rel=1e-15)  # a few roundings
-    assert batch.casing_velocity_at(t)[0] == pytest.approx(velocity, rel=1e-13)
+    assert batch.casing_of_contacts(t)[0][0, 0] == pytest.approx(d, rel=1e-15)  # a few roundings
+    assert batch.casing_of_contacts(t)[1][0, 0] == pytest.approx(velocity, rel=1e-13)
     assert batch.load_at(t)[0] == pytest.approx(np.sin(2 * turn) + 2 * np.sin(30 * turn), rel=1e-14)
 
 

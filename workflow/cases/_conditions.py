@@ -77,11 +77,6 @@ def conditions(
         return np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (count, size)))
 
     load, (load_harmonics, casing) = scene.load, sinusoids_of(scene, varying, count)
-    gaps, turns = gaps_of(settings, structure, varying, count), turns_of(scene, structure, varying, count)
-    gap = gaps.min(axis=1)
-    if structure.contacts.is_tip:  # one contact with mass has its gap, and its angle in the phases
-        casing = replace(casing, phase=casing.phase + turns[:, 0])
-        gaps, turns = gaps[:, :0], turns[:, :0]
     initial = Initial() if scene.initial == "static" else scene.initial  # see at_rest
     begins = EndState(
         of_node("scene.initial.displacement", initial.displacement),
@@ -95,7 +90,7 @@ def conditions(
     given = Cases(
         e=of_case("e", settings.e) if "e" in reads else np.full(count, np.nan),
         alpha=alpha_of(settings, varying, count),
-        gap=gap,
+        gaps=gaps_of(settings, structure, varying, count),
         mean=of_case("scene.load.mean", load.mean),
         steady=of_node("scene.load.steady", load.steady),
         heating=of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), thermal),
@@ -103,8 +98,7 @@ def conditions(
         load_harmonics=load_harmonics,
         casing_harmonics=casing,
         friction=friction_of(settings, structure, varying, count),
-        gaps=gaps,
-        turns=turns,
+        turns=turns_of(scene, structure, varying, count),
         offset=offset_of(structure, count),
     )
     return structure.received(given)
@@ -145,7 +139,7 @@ def gaps_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, 
 def offset_of(structure: Structure, count: int) -> Array:
     """Return what constant loads of a file move its contacts by beside its modes, m, ``(case, contact)``."""
     own = structure.contacts.residual_steady
-    return np.tile(np.zeros(1) if own is None else own, (count, 1))
+    return np.tile(np.zeros(structure.contacts.count) if own is None else own, (count, 1))
 
 
 def turns_of(scene: Scene, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:

@@ -53,7 +53,7 @@ def predictability(run: Callable[[Cases], Results], cases: Cases, displacement: 
         if which.size:
             part = cases.take(which)
             wider = sign * trifle[which]
-            results = run(replace(part, gap=part.gap + wider, gaps=part.gaps + wider[:, None]))
+            results = run(replace(part, gaps=part.gaps + wider[:, None]))
             moved = results.histories["displacement"].copy()
             moved[results.status != Status.OK] = np.nan
             change[which] = np.fmax(change[which], relative_distance(moved, displacement[which]))
@@ -68,17 +68,15 @@ def perturbed(cases: Cases, share: float, reach: float) -> Cases:
     where these are 0. A wider gap comes with a smaller mean: one sign reduces contact, the other increases it. Gaps of
     several contacts are always widened.
     """
-    gap = cases.gap + share * np.maximum(np.abs(cases.gap), reach)
-    displacement = cases.displacement * (1 + share)
-    if displacement.shape[1]:
-        begins, moved = cases.casing_at(0.0), cases.casing_harmonics.added(np.zeros(cases.count), 0.0)
-        least = displacement[:, -1] - moved
-        gap = np.maximum(gap, np.where(cases.displacement[:, -1] <= begins, least, gap))
-    wider = abs(share) * np.maximum(np.abs(cases.gaps), reach) if cases.contact_shape else (gap - cases.gap)[:, None]
+    wider, displacement = np.maximum(np.abs(cases.gaps), reach), cases.displacement * (1 + share)
+    gaps = cases.gaps + (abs(share) if cases.contact_shape else share) * wider
+    if not cases.contact_shape and displacement.shape[1]:
+        begins, moved = cases.casing_of_contacts(0.0)[0], cases.casing_seen_by(0).added(np.zeros(cases.count), 0.0)
+        outside = cases.displacement[:, -1:] <= begins
+        gaps = np.where(outside, np.maximum(gaps, displacement[:, -1:] - moved[:, None]), gaps)
     return replace(
         cases,
-        gap=gap,
-        gaps=cases.gaps + wider,
+        gaps=gaps,
         mean=cases.mean - share * np.maximum(np.abs(cases.mean), cases.load_harmonics.reach),
         displacement=displacement,
         velocity=cases.velocity * (1 - share),

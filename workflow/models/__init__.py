@@ -49,7 +49,8 @@ from workflow.models._modes import (
     thermal_modes,
 )
 from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError, UnusableMatricesError
-from workflow.models._sensors import Sensor, Sensors, given_sensors, node_rows, sensed_values
+from workflow.models._sensor_rows import given_sensors, node_rows
+from workflow.models._sensors import Sensor, Sensors, sensed_values
 from workflow.models._sparse_pair import MOST_REDUCED
 from workflow.models._static import (
     NoEquilibriumError,

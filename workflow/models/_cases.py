@@ -116,9 +116,9 @@ class Cases:
 
     e: Array
     alpha: Array
-    gap: Array
-    """``e``, ``alpha``, ``gap``: restitution coefficient [1], heat coupling [W/N], clearance d [m]; shape
-    ``(case,)``."""
+    """``e``, ``alpha``: restitution coefficient [1] and heat coupling [W/N], ``(case,)``."""
+    gaps: Array
+    """Clearances d_i of the contacts, m, ``(case, contact)``."""
     mean: Array
     """Tip load F0 besides its harmonics, N, shape ``(case,)``."""
     steady: Array
@@ -137,19 +137,21 @@ class Cases:
     friction: Array = field(default_factory=lambda: np.zeros(0))
     """Friction coefficient µ of a structure with a sliding direction t: the contact force acts along n - µt. 1, shape
     ``(case,)``; 0 by default."""
-    gaps: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    """Clearances d_i of several contacts, m, ``(case, contact)``; none for one, whose clearance is ``gap``."""
     turns: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
     """Phases k ψ_i by which contact i sees harmonics of the casing of order k ahead, rad, ``(case, contact,
-    harmonic)``; 0 for those given by a frequency, none for one contact."""
-    offset: Array = field(default_factory=lambda: np.zeros((0, 1)))
+    harmonic)``; 0 for those given by a frequency, and by default."""
+    offset: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """Displacement of contacts without mass by constant loads beside that of the modes, m, ``(case, contact)``; 0 by
     default."""
 
     def __post_init__(self) -> None:
-        """Fill friction and harmonics that are left out with a row for each case."""
-        turns = self.gaps.shape[1] if self.gaps.size else 0, self.casing_harmonics.width
-        for name, shape in {"friction": (), "gaps": (0,), "offset": (1,), "turns": turns}.items():
+        """Fill what is left out with a row for each case."""
+        contacts = self.gaps.shape[1]
+        for name, shape in {
+            "friction": (),
+            "offset": (contacts,),
+            "turns": (contacts, self.casing_harmonics.width),
+        }.items():
             if getattr(self, name).size == 0:
                 object.__setattr__(self, name, np.zeros((self.count, *shape)))
         for name in ("load_harmonics", "casing_harmonics"):
@@ -164,7 +166,7 @@ class Cases:
     @property
     def clearances(self) -> Array:
         """Clearances of all contacts less their offset, m, ``(case, contact)``."""
-        return (self.gaps if self.contact_shape else self.gap[:, None]) - self.offset
+        return self.gaps - self.offset
 
     @property
     def contact_shape(self) -> tuple[int, ...]:
@@ -182,22 +184,16 @@ class Cases:
         """
         return self.load_harmonics.added(self.mean, t)
 
-    def casing_at(self, t: float) -> Array:
-        """Return the casing's position d(t) = d + Σ a_k sin(2π f_k t + φ_k), m, ``(case,)``."""
-        return self.casing_harmonics.added(self.gap, t)
+    def casing_seen_by(self, contact: int) -> Harmonics:
+        """Return the harmonics of the casing with their phases at a contact."""
+        own = self.casing_harmonics
+        return Harmonics(own.amplitude, own.frequency, own.phase + self.turns[:, contact])
 
     def casing_of_contacts(self, t: float) -> tuple[Array, Array]:
-        """Return position and velocity of the casing at each contact, m and m/s, ``(case, contact)``."""
-        own = self.casing_harmonics
-        turns = self.turns if self.turns.shape[1] else np.zeros((self.count, 1, own.width))
-        phase = 2 * np.pi * (own.frequency * t)[:, None] + own.phase[:, None] + turns
-        sine, cosine = (each.reshape(phase.shape) for each in elementwise.sine_cosine(phase.ravel()))
-        place = self.clearances + (own.amplitude[:, None] * sine).sum(axis=2)
-        return place, ((own.amplitude * own.angular)[:, None] * cosine).sum(axis=2)
-
-    def casing_velocity_at(self, t: float) -> Array:
-        """Return the casing's velocity ḋ(t) = Σ a_k 2π f_k cos(2π f_k t + φ_k), m/s, ``(case,)``."""
-        return self.casing_harmonics.rate_at(t)
+        """Return d_i(t) = d_i + Σ a_k sin(2π f_k t + φ_k + k ψ_i) and its rate, m and m/s, ``(case, contact)``."""
+        seen = [(self.casing_seen_by(k), gap) for k, gap in enumerate(self.clearances.T)]
+        places, rates = zip(*((own.added(gap, t), own.rate_at(t)) for own, gap in seen), strict=True)
+        return np.stack(places, axis=1), np.stack(rates, axis=1)
 
     @cached_property
     def period_frequency(self) -> Array:

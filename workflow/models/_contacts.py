@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.models._pair import UnusableMatricesError
@@ -40,6 +41,8 @@ class Contacts:
     """s_i with the sum 1 over temperatures, ``(contact, thermal)``; θ_i = s_iᵀθ."""
     angle: Array
     """ψ_i, rad, ``(contact,)``: contact i sees the casing at Ωt + ψ_i."""
+    observed: Array | None = None
+    """Weights of the temperature that schemes record at a contact, ``(contact, thermal)``; ``None`` for s_i."""
     residual: Array | None = None
     residual_tangent: Array | None = None
     """``residual``, ``residual_tangent``: R = w ΔF wᵀ and R^t = w ΔF tᵀ, m/N, ``(contact, contact)``; ``None`` for
@@ -64,6 +67,11 @@ class Contacts:
         if self.count > 1 or self.is_compliant:
             return False
         return all(row[-1] == 1 and not row[:-1].any() for row in (self.normal[0], self.heat[0]))
+
+    @property
+    def recorded(self) -> Array:
+        """Weights of the temperature that is recorded at each contact, ``(contact, thermal)``."""
+        return self.heat if self.observed is None else self.observed
 
     @property
     def slides(self) -> bool:
@@ -102,10 +110,9 @@ class Contacts:
 
     def transformed(self, displacements: Any, temperatures: Any) -> Contacts:
         """Return the contacts in coordinates of which these bases, dense or sparse, give the present ones."""
-        heat: dict[str, Any] = {"heat": self.heat @ temperatures}
-        if self.residual_coupling is not None:
-            heat["residual_coupling"] = self.residual_coupling @ temperatures
-        return replace(self, normal=self.normal @ displacements, tangent=self.tangent @ displacements, **heat)
+        own: dict[str, Any] = {name: getattr(self, name) for name in ("heat", "observed", "residual_coupling")}
+        warm: dict[str, Any] = {name: rows if rows is None else rows @ temperatures for name, rows in own.items()}
+        return replace(self, normal=self.normal @ displacements, tangent=self.tangent @ displacements, **warm)
 
     def with_residual(self, **more: Array) -> Contacts:
         """Return the contacts with these residuals added to their own."""

@@ -215,14 +215,14 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
         return resting
     load = cases.steady.copy()
     load += cases.mean[:, None] * structure.load_direction
-    casing = cases.casing_at(0.0)
+    casing, moves = (each[:, 0] for each in cases.casing_of_contacts(0.0))
     first, which = distinct_rows(load, cases.heating, casing[:, None], cases.friction[:, None])
     laws = list(zip(casing.tolist(), cases.friction.tolist(), strict=True))
     states = [static_equilibrium(structure, load[k], cases.heating[k], *laws[k]) for k in first]
     displacement = np.stack([x for x, _ in states])[which]
     temperature = np.stack([theta for _, theta in states])[which]
     velocity = np.zeros_like(displacement)
-    velocity[:, -1] = np.where(displacement[:, -1] == casing, cases.casing_velocity_at(0.0), 0.0)
+    velocity[:, -1] = np.where(displacement[:, -1] == casing, moves, 0.0)
     return replace(cases, displacement=displacement, velocity=velocity, temperature=temperature)
 
 

@@ -110,7 +110,6 @@ class _OptionalParts:
     load: Array | None = None
     damper: Any = None
     coordinates: Coordinates | None = None
-    observed: Array | None = None
     contacts: Contacts = None  # type: ignore[assignment]  # the tip, see below
     sensors: Sensors | None = None
 
@@ -145,8 +144,6 @@ class Structure(_OptionalParts):
         Damping matrix D that C1 has besides, shape (mechanical, mechanical), N s/m; ``None`` for 0.
     coordinates
         Coordinates of given loads and initial states, ``None`` where they are its own.
-    observed
-        Weights w of the temperature wᵀθ that schemes record, ``(thermal,)``; ``None`` for that of the tip.
     contacts
         Rows of its contacts, by default of one, the tip.
     sensors
@@ -237,10 +234,6 @@ class Structure(_OptionalParts):
     def thermal_forces(self, temperatures: Array) -> Array:
         """Return -K12 θ, N, ``(mechanical, …)``, for temperatures ``(thermal, …)``."""
         return self.mechanical.forces(self.expansions(temperatures))
-
-    def observed_of(self, temperatures: Array) -> Array:
-        """Return the temperature that schemes record, ``(…,)``, of temperatures ``(…, thermal)``."""
-        return temperatures[:, -1] if self.observed is None else project(self.observed, temperatures)
 
     @property
     def mass(self) -> Array:

@@ -260,11 +260,11 @@ class Scheme:
     """``rigid(structure, h)``: options with which it converges to a rigid casing as h → 0, where not all do."""
     HARMONICS: frozenset[str] = frozenset({"load"})
     """Which of ``load`` and ``casing`` may have harmonics. By default the load (``Recorder.load`` and ``Cases.load_at``
-    include them); ``casing`` declares that it takes a moving casing (``Cases.casing_at``)."""
+    include them); ``casing`` declares that it takes a moving casing (``Cases.casing_of_contacts``)."""
     GENERAL: frozenset[str] = frozenset()
     """What else it takes: ``damping`` by a matrix that couples modes, a ``load`` away from the tip, ``friction`` along
     the direction in which the casing slides (``Cases.friction``, ``Contacts.tangent``), ``depth``: the mean
-    temperature over a depth to record instead of the tip's (``Structure.observed``), several ``contacts``
+    temperature over a depth to record instead of the tip's (``Contacts.observed``), several ``contacts``
     (``Structure.contacts``, ``Cases.gaps``), which a law by ``init_theta`` or ``init_central`` takes without a word,
     ``massless``: those without mass, one too, and an ``elastic`` casing (``Contacts.casing_flexibility``)."""
     about: str = ""
@@ -296,7 +296,7 @@ class Scheme:
         """Return why the scheme cannot step a structure, ``None`` where it can."""
         if structure.load is not None and "load" not in self.GENERAL:
             return "its load does not act on the tip, which the scheme does not take"
-        if structure.observed is not None and "depth" not in self.GENERAL:
+        if structure.contacts.observed is not None and "depth" not in self.GENERAL:
             return "it does not record the temperature over a depth"
         if structure.contacts.casing_flexibility > 0 and "elastic" not in self.GENERAL:
             return "it takes a rigid casing; `event_driven` and `moreau` take one with `flexibility`"
@@ -304,7 +304,7 @@ class Scheme:
             return ONE_CONTACT
         if structure.contacts.is_massless and "massless" not in self.GENERAL:
             return NEEDS_MASS
-        if not structure.contacts.is_tip and structure.observed is not None:
+        if not structure.contacts.is_tip and structure.contacts.observed is not None:
             return "it does not record the temperature over a depth at contacts without mass, or on an elastic casing"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"

@@ -132,7 +132,7 @@ def _run(variant: KernelVariant) -> None:
     structure = replace(whole, load=np.ones(1) if variant.coupled else None, contacts=contacts)
     scheme, none = load(variant.method), np.zeros(1)
     harmonics, friction = Harmonics(*np.zeros((3, 1, int(variant.harmonics)))), np.full(1, 0.5 * variant.slides)
-    cases = Cases(none, one, one, none, node, node, node, node, node, casing_harmonics=harmonics)
+    cases = Cases(none, one, np.ones((1, len(rows))), none, node, node, node, node, node, casing_harmonics=harmonics)
     operator, over = scheme.init(structure, 0.5, variant.options), Sampling(1.0, 0.5, 3, balances=variant.balances)
     scheme.compute(operator, replace(cases, friction=friction), over)
 

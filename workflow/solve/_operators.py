@@ -61,7 +61,8 @@ def observed_structure(by: Reduced, depth: float | None, sensors: Watched = ()) 
     assert isinstance(full, Chain), "a study is refused otherwise"
     assert isinstance(model.structure, Chain | Matrices)
     basis = 1.0 if model.reduction is None else model.reduction.temperature_basis
-    return replace(model.structure, observed=np.dot(full.mean_over(depth), basis))
+    observed = np.dot(full.mean_over(depth)[None], basis)
+    return replace(model.structure, contacts=replace(model.structure.contacts, observed=observed))
 
 
 @lru_cache(maxsize=_MOST_OPERATORS)

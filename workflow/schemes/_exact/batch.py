@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import elementwise
-from workflow.models import Array, Cases, EndState, Sensors, Structure, distinct_rows, project
+from workflow.models import Array, Cases, EndState, Harmonics, Sensors, Structure, distinct_rows, project
 from workflow.schemes._exact.event_loop import (
     COMPLETED,
     INSEPARABLE,
@@ -223,12 +223,12 @@ def metrics_of(
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
-def loads_of(cases: Cases) -> tuple[Array, Array, Array, NDArray[np.int64], NDArray[np.int64]]:
-    """Return F0, d0, waves, their number, and which harmonic of load and casing each wave is.
+def loads_of(cases: Cases, casing: Harmonics) -> tuple[Array, Array, Array, NDArray[np.int64], NDArray[np.int64]]:
+    """Return F0, d0 of one contact, waves, their number, and which harmonic of load and ``casing`` each wave is.
 
     A sinusoid of frequency 0 is a constant, one of amplitude 0 left out.
     """
-    amplitude, frequency, phase = cases.load_harmonics.joined(cases.casing_harmonics).rows
+    amplitude, frequency, phase = cases.load_harmonics.joined(casing).rows
     moves = np.arange(amplitude.shape[1]) >= cases.load_harmonics.width  # the casing
     constants = np.where((amplitude != 0) & (frequency == 0), amplitude * elementwise.sine_cosine(phase)[0], 0.0)
     acts = (amplitude != 0) & (frequency != 0)
@@ -236,7 +236,8 @@ def loads_of(cases: Cases) -> tuple[Array, Array, Array, NDArray[np.int64], NDAr
     waves = np.stack([2 * np.pi * frequency, phase, forces, places], axis=2)
     first = np.argsort(~acts, axis=1, kind="stable")[:, : int(acts.sum(axis=1).max(initial=0))]
     waves = np.take_along_axis(np.where(acts[:, :, None], waves, 0.0), first[:, :, None], axis=1)
-    mean, gap = (_added(own, constants[:, moves == is_casing]) for is_casing, own in enumerate((cases.mean, cases.gap)))
+    both = cases.mean, cases.gaps[:, 0]
+    mean, gap = (_added(own, constants[:, moves == is_casing]) for is_casing, own in enumerate(both))
     return mean, gap, waves, acts.sum(axis=1), first
 
 
@@ -252,7 +253,7 @@ def _added(constant: Array, terms: Array) -> Array:
 def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Case:
     """Return the conditions of cases over a time [s], without held regimes: an impulse moves modes by φᵀ(e_n - µ t)."""
     basis, alpha, friction = operator.basis, cases.alpha[:, None], cases.friction[:, None]
-    mean, gap, waves, acting, _ = loads_of(cases)
+    mean, gap, waves, acting, _ = loads_of(cases, cases.casing_seen_by(0))
     struck, casing = basis.tip - friction * basis.tangent, waves[:, :, wave.CASING]
     sin, cos = elementwise.sine_cosine(waves[:, :, wave.PHASE])
     turning = waves[:, :, wave.OMEGA] * (casing * cos)

@@ -263,9 +263,8 @@ def _compliant_places(basis: ContactBasis, cases: Cases) -> Array:
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
 def conditions_of(basis: ContactBasis, cases: Cases, duration: float, budget: Budget = UNLIMITED) -> ContactCase:
     """Return the conditions of cases over a time [s]: a sinusoid of frequency 0 is a constant."""
-    mean, _, waves, acting, which = loads_of(cases)
-    own, m = cases.casing_harmonics, basis.contacts.count
-    turns = cases.turns if cases.turns.shape[1] else np.zeros((cases.count, 1, own.width))
+    own, m, turns = cases.casing_harmonics, basis.contacts.count, cases.turns
+    mean, _, waves, acting, which = loads_of(cases, own)
     phase = turns + own.phase[:, None]
     still = np.where(own.frequency == 0, own.amplitude, 0.0)[:, None] * _sine_cosine(phase)[0]
     ahead = np.concatenate([np.zeros((cases.count, m, cases.load_harmonics.width)), turns], axis=2)

@@ -119,7 +119,7 @@ def decouple(structure: Structure) -> Decoupled:
         tangent=contacts.tangent @ mechanical.shapes,
         rate=thermal.values,
         heat=heat,
-        recorded=heat if structure.observed is None else structure.observed[None] @ thermal.shapes,
+        recorded=contacts.recorded @ thermal.shapes,
         coupling=coupling,
         to_modes=mechanical.shapes.T @ structure.mass,
         to_thermal=thermal.shapes.T @ structure.heat_capacity,

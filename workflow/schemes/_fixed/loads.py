@@ -280,8 +280,7 @@ def compliant_places(structure: Structure, cases: Cases, yields: float) -> Array
 def _seen(cases: Cases, contacts: int, h: float, theta: float) -> tuple[Array, Array, Array]:
     """Return the rows :class:`Seen`, ``(wave, contact, row, case)``, and V at t = 0 and -h, ``(case, contact)``."""
     own = cases.casing_harmonics
-    turns = cases.turns if cases.turns.shape[1] else np.zeros((cases.count, 1, own.width))
-    sin, cos = (each.reshape(turns.shape) for each in elementwise.sine_cosine(turns.ravel()))
+    sin, cos = (each.reshape(cases.turns.shape) for each in elementwise.sine_cosine(cases.turns.ravel()))
     real, imaginary = (g[:, None] for g in discrete_gains(own.amplitude, own.angular, h, theta))
     amplitude = own.amplitude[:, None]
     parts = [amplitude * cos, amplitude * sin, real * cos - imaginary * sin, real * sin + imaginary * cos]

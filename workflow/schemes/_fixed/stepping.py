@@ -378,9 +378,7 @@ def rows_of(watched: Watch) -> dict[str, Array]:
 
 def recorded_temperatures(structure: Structure, temperature: Array) -> Array:
     """Return the temperatures that are recorded at the contacts, K, ``(case, contact)``."""
-    if structure.observed is not None:
-        return structure.observed_of(temperature)[:, None]
-    return project(structure.contacts.heat, temperature)
+    return project(structure.contacts.recorded, temperature)
 
 
 def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Batch:
