@@ -1,7 +1,7 @@
 """Friction and the modes that a basis does not resolve: they do not flutter alone, or it is said.
 
 Structures with 16 modes of 100 to 1600 rad/s, turned at random, and two contacts: none flutters with one closed.
-Without the damping of what a basis does not resolve each of these bases does, at up to 15 1/s.
+With friction on what a basis does not resolve each of these bases does, at up to 15 1/s.
 """
 
 import numpy as np
@@ -41,7 +41,15 @@ def growth(structure: Structure) -> float:
 
 @pytest.mark.parametrize(
     ("seed", "basis", "count"),
-    [(3, "craig_bampton", 7), (5, "krylov", 9), (11, "rubin", 8), (11, "rubin", 9)],
+    [
+        (1, "krylov", 10),
+        (2, "krylov", 5),
+        (3, "craig_bampton", 7),
+        (4, "craig_bampton", 3),
+        (5, "krylov", 9),
+        (11, "rubin", 8),
+        (11, "rubin", 9),
+    ],
 )
 def test_what_a_basis_does_not_resolve_does_not_flutter(seed: int, basis: str, count: int) -> None:
     structure = turned(seed)
@@ -51,7 +59,7 @@ def test_what_a_basis_does_not_resolve_does_not_flutter(seed: int, basis: str, c
     assert list(flutter_of_basis(structure, reduced, FRICTION, basis)) == []
 
 
-@pytest.mark.parametrize(("seed", "basis", "count"), [(1, "krylov", 10), (2, "krylov", 5), (4, "craig_bampton", 3)])
+@pytest.mark.parametrize(("seed", "basis", "count"), [(1, "krylov", 11), (22, "rubin", 5), (25, "krylov", 1)])
 def test_a_basis_that_still_flutters_is_told(seed: int, basis: str, count: int) -> None:
     structure = turned(seed)
     reduced = reduce_structure(structure, count, 0, basis, 1.0).structure
@@ -76,8 +84,9 @@ def test_a_pole_of_the_structure_is_one_of_the_basis(monkeypatch: pytest.MonkeyP
     assert "1.752e+05 Hz that grows at 3.04e+03 1/s" in line
 
 
-def test_modes_that_a_basis_resolves_keep_their_damping() -> None:
+def test_friction_drives_all_that_a_basis_resolves() -> None:
     """All 14 interior modes: the coordinates are others, the structure is the same."""
-    ratio = reduce_structure(turned(1), 14, 0, "krylov", 1.0).structure.damping.ratio
-    assert ratio == pytest.approx(0.003, rel=1e-9)
-    assert reduce_structure(turned(1), 8, 0, "krylov", 1.0).structure.damping.ratio.max() > 0.004
+    for count, is_same in ((14, True), (8, False)):
+        reduction = reduce_structure(turned(1), count, 0, "krylov", 1.0)
+        whole = turned(1).contact_rows.tangent @ reduction.displacement_basis
+        assert np.allclose(reduction.structure.contact_rows.tangent, whole, atol=1e-9) == is_same

@@ -214,9 +214,8 @@ def in_contact(structure: Structure) -> InContact | ContactBasis:
     omega, shapes = np.sqrt(held.values[kept]), np.ascontiguousarray(held.shapes[:, kept])
     constraint, expansions = pair.constraint, structure.expansions(thermal.shapes)
     participation, coupled = shapes.T @ pair.inertia_of(constraint), None
-    if is_rayleigh(structure):
-        damping, drag = structure.damping.of_modes(omega), structure.damping.mass * participation
-    else:
+    damping, drag = structure.damping.of_modes(omega), structure.damping.mass * participation
+    if not is_rayleigh(structure):
         coupled = held_damping(structure, Modes(omega, shapes))
         damping, drag = np.diag(coupled), shapes.T @ (structure.damping_matrix @ constraint)
     return InContact(

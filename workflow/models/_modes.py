@@ -105,7 +105,7 @@ def held_damping(structure: Structure, modes: Modes) -> Array:
 
 def is_rayleigh(structure: Structure) -> bool:
     """Tell whether damping is a_M M + a_K K1 alone, which is diagonal in the modes of any boundary condition."""
-    return structure.damper is None and not np.any(structure.damping.ratio)
+    return structure.damper is None and structure.damping.ratio == 0
 
 
 def couples_free_modes(structure: Structure) -> bool:

@@ -21,15 +21,14 @@ class Rayleigh:
 
     mass: float = quantity("1/s", "mass-proportional damping a_M", default=0.0, at_least=0)
     stiffness: float = quantity("s", "stiffness-proportional damping a_K", default=0.0, at_least=0)
-    ratio: Any = quantity(
+    ratio: float = quantity(
         "1", "damping ratio of every mode with the tip free, instead of both", default=0.0, at_least=0, later=True
     )
-    """Of a structure that friction drives and a basis reduced one of each mode, ``(mode,)``."""
 
     def of_modes(self, frequency: Array) -> Array:
         """Return c = a_M + a_K ω² + 2 ζ ω of modes with the tip free, ω in rad/s."""
         damping = self.mass + self.stiffness * frequency**2
-        return np.asarray(damping + 2 * self.ratio * frequency if np.any(self.ratio) else damping)
+        return np.asarray(damping if self.ratio == 0 else damping + 2 * self.ratio * frequency)
 
 
 COLD = 1e30
@@ -254,7 +253,7 @@ class Structure(_OptionalParts):
     def damping_matrix(self) -> Array:
         """C1 = a_M M + a_K K1 + M Φ diag(2ζω) Φᵀ M + damper, N s/m, Φ the modes with the tip free."""
         whole = self.damping.mass * self.mass + self.damping.stiffness * self.stiffness_matrix
-        if np.any(self.damping.ratio):
+        if self.damping.ratio != 0:
             modes = self.mechanical.modes()
             moved = self.mass @ modes.shapes
             whole = whole + moved @ (2 * self.damping.ratio * np.sqrt(modes.values) * moved).T

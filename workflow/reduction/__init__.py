@@ -22,8 +22,8 @@ from workflow.reduction._reduction import (
     relative_thermal_modes,
     thermal_vectors,
     unreduced,
-    with_doubtful_modes_damped,
     with_friction,
+    with_friction_on_resolved_modes,
 )
 from workflow.registry import BrokenModuleError, Registry
 
@@ -133,8 +133,8 @@ def _reduce(
     if chosen.carried is not None and mechanical_modes is not None:
         carried = chosen.carried(structure, mechanical, thermal)
     reduction = galerkin(structure, mechanical, thermal, carried)
-    several = not structure.contacts.is_tip  # of one contact no basis was seen to flutter
-    return with_doubtful_modes_damped(structure, reduction) if slides and several else reduction
+    several = structure.contacts.count > 1  # of one contact no basis was seen to flutter
+    return with_friction_on_resolved_modes(structure, reduction) if slides and several else reduction
 
 
 def reduced_model(
