@@ -4,6 +4,8 @@ Structures with 16 modes of 100 to 1600 rad/s, turned at random, and two contact
 With friction on what a basis does not resolve each of these bases does, at up to 15 1/s.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,9 @@ from workflow.models import (
     analyse_contacts,
     poles_in_contact,
 )
+from workflow.models._pair import MOST_FULL, DensePair
+from workflow.models.matrices import write_matrices
+from workflow.plan import plan_study
 from workflow.reduction import reduce_structure
 
 FRICTION, SIZE = 0.2, 16
@@ -39,6 +44,10 @@ def growth(structure: Structure) -> float:
     return max(float(poles[poles.imag > 0].real.max()) for poles in each)
 
 
+def told(full: Structure, reduced: Structure, basis: str) -> list[str]:
+    return list(flutter_of_basis(reduced, FRICTION, basis, lambda: full, "the full structure"))
+
+
 @pytest.mark.parametrize(
     ("seed", "basis", "count"),
     [
@@ -56,16 +65,17 @@ def test_what_a_basis_does_not_resolve_does_not_flutter(seed: int, basis: str, c
     assert growth(structure) < 0
     reduced = reduce_structure(structure, count, 0, basis, 1.0).structure
     assert growth(reduced) < 0
-    assert list(flutter_of_basis(structure, reduced, FRICTION, basis)) == []
+    assert told(structure, reduced, basis) == []
 
 
 @pytest.mark.parametrize(("seed", "basis", "count"), [(1, "krylov", 11), (22, "rubin", 5), (25, "krylov", 1)])
 def test_a_basis_that_still_flutters_is_told(seed: int, basis: str, count: int) -> None:
     structure = turned(seed)
     reduced = reduce_structure(structure, count, 0, basis, 1.0).structure
-    lines = list(flutter_of_basis(structure, reduced, FRICTION, "this basis"))
+    lines = told(structure, reduced, "this basis")
     assert all(line.startswith("this basis: friction at contact `") for line in lines)
     assert any(f"grows at {growth(reduced):.3g} 1/s" in line for line in lines)
+    assert told(reduced, reduced, "this basis") == []
 
 
 def test_a_pole_of_the_structure_is_one_of_the_basis(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,7 +90,7 @@ def test_a_pole_of_the_structure_is_one_of_the_basis(monkeypatch: pytest.MonkeyP
         )
 
     monkeypatch.setattr(cautions, "_growing", growing)
-    (line,) = flutter_of_basis(structure, reduced, FRICTION, "this basis")
+    (line,) = told(structure, reduced, "this basis")
     assert "1.752e+05 Hz that grows at 3.04e+03 1/s" in line
 
 
@@ -88,5 +98,30 @@ def test_friction_drives_all_that_a_basis_resolves() -> None:
     """All 14 interior modes: the coordinates are others, the structure is the same."""
     for count, is_same in ((14, True), (8, False)):
         reduction = reduce_structure(turned(1), count, 0, "krylov", 1.0)
-        whole = turned(1).contact_rows.tangent @ reduction.displacement_basis
-        assert np.allclose(reduction.structure.contact_rows.tangent, whole, atol=1e-9) == is_same
+        whole = turned(1).contacts.tangent @ reduction.displacement_basis
+        assert np.allclose(reduction.structure.contacts.tangent, whole, atol=1e-9) == is_same
+
+
+@pytest.mark.parametrize(("most", "other"), [(MOST_FULL, 13), (12, 9)])
+def test_a_basis_of_a_large_structure_is_compared_with_another_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, other: int
+) -> None:
+    """A tenth more of the vectors, or less where so many are most; 11 krylov vectors flutter at 113.7 Hz."""
+    monkeypatch.setattr("workflow.models._structure.MOST_FULL", SIZE - 1)
+    monkeypatch.setattr(DensePair, "most_modes", most)
+    structure = turned(1)
+    entries = {"mass": np.eye(SIZE), "stiffness": structure.stiffness_matrix}
+    rows = {"contact": structure.contacts.normal, "tangent": structure.contact_rows.tangent}
+    file = write_matrices(tmp_path / "turned.npz", **entries, **rows)
+    scene = {
+        "matrices": {"file": str(file), "damping": {"ratio": 0.003}},
+        "casing": {"gap": 1e-3},
+        "friction": {"coefficient": FRICTION, "sliding_speed": 1.0, "heat_share": 0.0},
+        "duration": 1.0,
+    }
+    axes = {"scheme": "event_driven", "reduction": "krylov", "mechanical_modes": 11}
+    (line,) = [
+        line for line in plan_study({"study": "turned", "scene": scene, "axes": axes}).warnings if "drives" in line
+    ]
+    assert "drives an oscillation of 113.7 Hz" in line
+    assert f"and that a basis of {other} vectors does not have" in line

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -204,27 +204,32 @@ def flutter(structure: Structure, cases: Cases) -> Iterator[str]:
 
 
 _SAME = 0.1
-"""Relative distance of frequencies up to which an unstable pole of a basis is one of the structure."""
+"""Relative distance of frequencies up to which an unstable pole of a basis is one of another model, too."""
 
 
-def flutter_of_basis(full: Structure, reduced: Structure, friction: float, basis: str) -> Iterator[str]:
-    """Yield a contact whose friction, with it alone closed, drives modes of the basis that the structure lacks."""
-    if friction == 0 or not full.contacts.slides or not full.has_matrices:
+def flutter_of_basis(
+    reduced: Structure, friction: float, basis: str, other: Callable[[], Structure], others_name: str
+) -> Iterator[str]:
+    """Yield a contact whose friction, with it alone closed, drives modes of the basis that another model lacks.
+
+    ``other`` makes that model where it is asked: the full structure, or its basis of another count.
+    """
+    if friction == 0 or not reduced.contacts.slides:
         return
     own, whole = analyse_contacts(reduced), None
     for k in range(own.contacts.count):
         grow = _growing(own, k, friction)
         if grow.size:
-            whole = whole or analyse_contacts(full)
+            whole = whole or analyse_contacts(other())
             for known in _growing(whole, k, friction):  # each is one of the basis at most
                 apart = np.abs(1 - known.imag / grow.imag)
                 grow = np.delete(grow, np.flatnonzero(apart == apart.min(initial=_SAME))[:1])
         if grow.size:
             pole = grow[np.argmax(grow.real)]
             yield (
-                f"{basis}: friction at {_name(full, k)} closed alone drives an oscillation of "
-                f"{measure(pole.imag / (2 * np.pi), 'Hz', 4)} that grows at {pole.real:.3g} 1/s, and that the full "
-                "structure does not have: the basis is wrong; choose another count of mechanical modes"
+                f"{basis}: friction at {_name(reduced, k)} closed alone drives an oscillation of "
+                f"{measure(pole.imag / (2 * np.pi), 'Hz', 4)} that grows at {pole.real:.3g} 1/s, and that "
+                f"{others_name} does not have: this basis is wrong; choose another count of mechanical modes"
             )
 
 

@@ -305,7 +305,7 @@ def critical_alphas_of_contacts(structure: Structure, friction: float = 0.0) -> 
     B_ij = -(w_iᵀ K1⁻¹ K12 + r_i) K2⁻¹ s_j, under forces that balance on rigid motions. ``inf`` for none; 0 where heat
     that cannot leave pushes a contact out, or friction alone makes the set unstable, det S < 0.
     """
-    sets = closed_sets(structure.contact_rows)
+    sets = closed_sets(structure.contacts)
     if isinstance(structure.mechanical, SparsePair):
         answers = _static_answers(structure, friction)
         return {labels: _critical_of_held(*(each[np.ix_(k, k)] for each in answers)) for labels, k in sets.items()}
@@ -315,7 +315,7 @@ def critical_alphas_of_contacts(structure: Structure, friction: float = 0.0) -> 
 
 def _static_answers(structure: Structure, friction: float) -> tuple[Array, Array, Array]:
     """Return S and B of all contacts of a structure that is held, and B of heat that cannot leave it, its direction."""
-    contacts, pair, rigid = structure.contact_rows, structure.mechanical, structure.thermal.rigid_motions(held=False)
+    contacts, pair, rigid = structure.contacts, structure.mechanical, structure.thermal.rigid_motions(held=False)
     answers = pair.static_solutions(contacts.normal).T
     warmth = np.hstack([structure.thermal.static_solutions(contacts.heat).T, rigid])
     grown = pair.work(answers, pair.deformation_of(answers), structure.expansions(warmth))

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.models._pair import UnusableMatricesError

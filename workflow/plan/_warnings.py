@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from random import Random
 from typing import Any, NamedTuple
@@ -152,7 +153,8 @@ def cautions_of_scene(grid: Grid) -> Iterator[str]:
         basis, cases, full = basis_text(settings), _cases(grid, settings), full_structure(settings)
         model = model_on(reduced(settings))
         if model.reduction is not None:
-            yield from flutter_of_basis(full, model.structure, float(cases.friction.max()), basis)
+            friction = float(cases.friction.max())
+            yield from flutter_of_basis(model.structure, friction, basis, *_model_to_compare(settings))
             if grid.fastest > 0 and cases.alpha.max() > 0 and grid.study.scene.model != "blade":
                 yield from coarse_heat(full, model.structure, _CONTACT_SHARE / grid.fastest, _TENTH, basis)
         if model.reduction is not None:
@@ -179,11 +181,24 @@ def _lost_at_contacts(structure: Structure, reduction: Reduction, cases: Cases) 
 
 def _at_contacts(structure: Structure, cases: Cases) -> Array:
     """Return initial displacement, velocity and temperature of contacts, and static ones: ``(5, case, contact)``."""
-    normal, heat = structure.contact_rows.normal, structure.contact_rows.heat
+    normal, heat = structure.contacts.normal, structure.contacts.heat
     static = structure.mechanical.static_solutions(cases.steady + cases.mean[:, None] * structure.load_direction)
     warm = (project(heat, x) for x in (cases.temperature, structure.thermal.static_solutions(cases.heating)))
     moved = (project(normal, x) for x in (cases.displacement, cases.velocity))
     return np.stack([*moved, project(normal, static) + cases.offset, *warm])
+
+
+def _model_to_compare(settings: CaseSettings) -> tuple[Callable[[], Structure], str]:
+    """Return what makes the structure with which a basis is compared, and its name.
+
+    Of a structure that is too large it is the same basis of a tenth more vectors, or fewer where so many are most.
+    """
+    full, by = full_structure(settings), reduced(settings)
+    if full.has_matrices:
+        return lambda: full, "the full structure"
+    count, step = by.modes[0], by.modes[0] // 10 + 1
+    count += step if count + step <= full.mechanical.most_modes else -step
+    return lambda: model_on(replace(by, modes=(count, by.modes[1]))).structure, f"a basis of {count} vectors"
 
 
 def _units(every: Sequence[Any]) -> Iterator[str]:

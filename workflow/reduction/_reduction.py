@@ -350,8 +350,9 @@ def with_friction(structure: Structure, mechanical: Vectors) -> Vectors:
 
 
 _RESOLVED = 0.005
-"""Doubt about the frequency of a mode, 1 - Ω/ω, up to which a basis resolves it. Of 1 300 bases of random structures 45
-flutter that should not with none, 13, 7, 16 with 1, 0.5 and 0.2 %; of smaller doubts displacements lose digits."""
+"""Doubt about the frequency of a mode, 1 - Ω/ω, up to which a basis resolves it. Of 1 352 bases of random structures 45
+flutter that should not with no limit, 13, 7 and 16 with 1, 0.5 and 0.2 %; with 0.1 % motions of a rod err by 1.6 times
+as much, with 0.5 % by 0.98 times."""
 
 
 def with_friction_on_resolved_modes(structure: Structure, reduction: Reduction) -> Reduction:
@@ -361,7 +362,7 @@ def with_friction_on_resolved_modes(structure: Structure, reduction: Reduction) 
     (φᵀ M K1⁻¹ M φ), is not above it; both are its frequency where φ is a mode of the structure. The tangents' parts in
     the other modes become those of Σ_j c_ij n_j with the same static answers of all contacts, so that S stays exact.
     """
-    small, contacts = reduction.structure.mechanical, reduction.structure.contact_rows
+    small, contacts = reduction.structure.mechanical, reduction.structure.contacts
     modes = small.modes()
     forces = structure.mechanical.inertia_of(reduction.displacement_basis @ modes.shapes).T
     squares = modes.values * (forces * structure.mechanical.static_solutions(forces)).sum(axis=1)  # ω²/Ω²
