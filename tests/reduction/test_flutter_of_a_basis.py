@@ -111,7 +111,7 @@ def test_a_basis_of_a_large_structure_is_compared_with_another_count(
     monkeypatch.setattr(DensePair, "most_modes", most)
     structure = turned(1)
     entries = {"mass": np.eye(SIZE), "stiffness": structure.stiffness_matrix}
-    rows = {"contact": structure.contacts.normal, "tangent": structure.contact_rows.tangent}
+    rows = {"contact": structure.contacts.normal, "tangent": structure.contacts.tangent}
     file = write_matrices(tmp_path / "turned.npz", **entries, **rows)
     scene = {
         "matrices": {"file": str(file), "damping": {"ratio": 0.003}},
