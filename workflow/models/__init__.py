@@ -20,16 +20,11 @@ from workflow.models._contact_coordinates import ContactsLast, contacts_last, in
 from workflow.models._contact_system import (
     ContactBasis,
     ContactSystem,
-    CriticalFriction,
     analyse_contacts,
-    closed_sets,
     contact_system,
-    critical_friction,
     poles_in_contact,
-    set_text,
-    stops_together,
 )
-from workflow.models._contacts import Contacts
+from workflow.models._contacts import Contacts, closed_sets, set_text, stops_together
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
 from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
 from workflow.models._growth import Growth, growth_of_sets, growth_rate, in_contact, worst
@@ -53,10 +48,12 @@ from workflow.models._sensor_rows import given_sensors, node_rows
 from workflow.models._sensors import Sensor, Sensors, sensed_values
 from workflow.models._sparse_pair import MOST_REDUCED
 from workflow.models._static import (
+    CriticalFriction,
     NoEquilibriumError,
     at_rest,
     critical_alpha,
     critical_alphas,
+    critical_friction,
     free_reach,
     instantaneous_growth,
     rounding_of_flexibility,

@@ -12,6 +12,7 @@ are finite, and there is no impact law.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -129,6 +130,28 @@ class Contacts:
     def compliance(self, friction: float) -> Array:
         """Return R - µ R^t + c, m/N, ``(contact, contact)``."""
         return self.flexibility(friction) + self.casing_flexibility * np.eye(self.count)
+
+
+def stops_together(contacts: Contacts) -> list[NDArray[np.bool_]]:
+    """Return the largest sets of contacts that can be closed at once: all, or one of each pair of opposite stops."""
+    pairs, sets = [pair[:2] for pair in contacts.opposite], []
+    for left in product(*pairs):
+        closed = np.ones(contacts.count, dtype=np.bool_)
+        closed[list(left)] = False
+        sets.append(closed)
+    return sets
+
+
+def closed_sets(contacts: Contacts) -> dict[tuple[str, ...], NDArray[np.intp]]:
+    """Return the sets of contacts that are judged, by their labels: each contact alone, all that can close together."""
+    every = [np.flatnonzero(closed) for closed in stops_together(contacts)]
+    sets = [*np.arange(contacts.count)[:, None], *(some for some in every if some.size > 1)]
+    return {tuple(contacts.labels[k] for k in closed): closed for closed in sets}
+
+
+def set_text(labels: tuple[str, ...]) -> str:
+    """Return a set of closed contacts in words: `LE alone`, `LE, TE together`; empty for no contact."""
+    return "" if not labels else f"{', '.join(labels)} {'alone' if len(labels) == 1 else 'together'}"
 
 
 def the_tip(displacements: int, temperatures: int) -> Contacts:

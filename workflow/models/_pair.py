@@ -254,6 +254,14 @@ class Pair(ABC):
         deformation is determined without a rigid motion (inertia relief).
         """
 
+    def answer(self, row: Array) -> tuple[Array, Array]:
+        """Return u = K⁻¹ w of a row w ``(coordinate,)``, and D u; of a tip that is held by ψ, which keeps digits."""
+        is_tip = self.boundary == 1 and np.flatnonzero(row).tolist() == [self.size - 1]
+        if is_tip and row[-1] == 1 and self.tip_stiffness > 0:
+            return self.constraint / self.tip_stiffness, self.deformed / self.tip_stiffness
+        u = self.solve(row)
+        return u, self.deformation_of(u)
+
     def static_solutions(self, loads: Array) -> Array:
         """Return K⁻¹ f for every case, ``(case, coordinate)``, solved once for each distinct load."""
         first, which = distinct_rows(loads)

@@ -1,42 +1,43 @@
-"""Static answers of a structure: the tip's compliance and growth, equilibrium, α_c; a bound of motion without contact.
+"""Static answers of a structure: compliance and growth of contacts, equilibrium, α_c; a bound of free motion.
 
-On a casing that slides without reversing the contact force acts along n - µt, and the gap is measured along n:
+On a casing that slides without reversing contact forces act along w_i - µ t_i, and gaps are measured along w_i:
 
-    M x'' + C1 x' + K1 x + K12 θ = f - λ (e_n - µ t),   x_n <= d
+    M x'' + C1 x' + K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i),   w_i x <= d_i
 
-The compliance of the tip to such a force is that to a force along e_n times
+With contacts closed for good forces and the places of contacts are related by
 
-    at an impact   nᵀM⁻¹(n - µt) / nᵀM⁻¹n = 1 - µ a,      at standstill   nᵀK1⁻¹(n - µt) / nᵀK1⁻¹n = 1 - µ s,   s = ψᵀt,
+    at an impact   w_i M⁻¹ (w_j - µ t_j),      at standstill   S_ij = w_i K1⁻¹ (w_j - µ t_j) + R_ij - µ R^t_ij + c δ_ij
 
-with the constraint mode ψ ∝ K1⁻¹ n. Where the first is not positive an impulse pushes the tip into the casing: there is
-no impact law (Painlevé paradox). Where the second is not, a tip at rest on its casing is unstable.
+with the residual R of contacts without mass and the flexibility c of the casing. Where the first is not positive an
+impulse pushes a contact into its casing: there is no impact law (Painlevé paradox). Where the second is not, contacts
+at rest on their casing are unstable.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from workflow.kernels import Array
+from workflow.kernels.lemke import complementarity
 from workflow.models._cases import Cases, distinct_rows
-from workflow.models._contact_system import contacts_at_rest, critical_alphas_of_contacts
+from workflow.models._contacts import Contacts, closed_sets
 from workflow.models._modes import coupled_damping, mechanical_modes
 from workflow.models._pair import UNBALANCED
 from workflow.models._structure import Structure
-
-
-def static_share(structure: Structure) -> float:
-    """Return s = ψᵀt, 1: tangential over normal displacement at standstill by a force along the normal."""
-    return float(structure.mechanical.constraint @ structure.contacts.tangent[0])
-
 
 _GROWS = 1e-6
 """Growth over a duration, of a mode with negative damping, up to which it is rounding of six digits."""
 
 _CANCELLED = 1e-13
-"""Growth by the tip's heat, over its largest term, up to which it is rounding."""
+"""Sum over its terms, or part of a row over the whole, up to which it is the rounding of some hundred terms."""
+
+_REAL = 1e-9
+"""Imaginary part of an eigenvalue, over it, up to which it is the rounding of a real one."""
 
 
 def tip_flexibility(structure: Structure) -> float:
@@ -46,20 +47,22 @@ def tip_flexibility(structure: Structure) -> float:
 
 
 def static_tip_growth(structure: Structure) -> Array:
-    """Return the row -e_nᵀ K1⁻¹ K12: quasi-static tip displacement per temperature, m/K.
+    """Return the growth of the first contact, ``(thermal,)``: see :func:`statics`."""
+    return np.asarray(_answers(structure)[1][0])
 
-    Shape ``(thermal,)``. Rigid modes are left out (their thermal load is zero): an unconstrained part grows about its
-    centre of mass.
+
+def _answers(structure: Structure) -> tuple[Array, Array]:
+    """Return K1⁻¹ w_i, ``(contact, mechanical)``, and -w_i K1⁻¹ K12 - r_i, ``(contact, thermal)``.
+
+    Rigid modes are left out (their thermal load is zero): an unconstrained part grows about its centre of mass.
     """
+    pair, contacts = structure.mechanical, structure.contacts
+    answers, deformations = zip(*map(pair.answer, contacts.normal), strict=True)
     if structure.tip_growth is not None:
-        return structure.tip_growth
-    pair = structure.mechanical
-    if pair.tip_stiffness > 0:
-        response, deformation = pair.constraint / pair.tip_stiffness, pair.deformed / pair.tip_stiffness
-    else:
-        response = pair.solve(pair.unit_tip)
-        deformation = pair.deformation_of(response)
-    return pair.work(response, deformation, structure.expansion)
+        return np.array(answers), structure.tip_growth[None]
+    growth = [pair.work(*both, structure.expansion) for both in zip(answers, deformations, strict=True)]
+    own = 0.0 if contacts.residual_coupling is None else contacts.residual_coupling
+    return np.array(answers), np.array(growth) - own
 
 
 def statics(structure: Structure) -> tuple[Array, Array]:
@@ -67,22 +70,71 @@ def statics(structure: Structure) -> tuple[Array, Array]:
 
     S_i is infinite where nothing holds it; growth is -w_iᵀ K1⁻¹ K12 - r_i [m/K], ``(contact, thermal)``.
     """
-    contacts, pair = structure.contacts, structure.mechanical
-    if contacts.is_tip:
-        return np.array([tip_flexibility(structure)]), static_tip_growth(structure)[None]
-    responses = [pair.solve(normal) for normal in contacts.normal]
-    rows = [pair.work(each, pair.deformation_of(each), structure.expansion) for each in responses]
-    flexibilities = np.sum(contacts.normal * responses, axis=1)
-    flexibilities += 0.0 if contacts.residual is None else contacts.residual.diagonal()
-    is_free = [pair.moves(normal) for normal in contacts.normal]
-    coupling = 0.0 if contacts.residual_coupling is None else contacts.residual_coupling
-    return np.where(is_free, np.inf, flexibilities), np.array(rows) - coupling
+    (answers, growth), contacts = _answers(structure), structure.contacts
+    flexibility = np.sum(contacts.normal * answers, axis=1) + contacts.flexibility(0.0).diagonal()
+    return np.where([structure.mechanical.moves(row) for row in contacts.normal], np.inf, flexibility), growth
+
+
+@dataclass(frozen=True, eq=False)
+class ContactStatics:
+    """Static answers at the contacts of a structure; forces on a part that moves freely balance on its motions."""
+
+    contacts: Contacts
+    flexibility: Array
+    sliding: Array
+    """``flexibility``, ``sliding``: S_ij of a rigid casing per µ^0 and -µ, m/N, ``(contact, contact)``."""
+    growth: Array
+    """-w_i K1⁻¹ K12 - r_i, m/K, ``(contact, thermal)``."""
+    motions: Array
+    others: Array
+    """``motions``, ``others``: motions without deformation that move a contact, and that move none, ``(mechanical,
+    motion)``."""
+    by_heat: Array
+    kept: Array
+    """``by_heat``, ``kept``: growth of contact i by steady heat at contact j, m/W, and per second by that which cannot
+    leave, ``(contact, contact)``."""
+
+    def compliance(self, friction: float) -> Array:
+        """Return S, m/N, ``(contact, contact)``."""
+        own = self.contacts.casing_flexibility * np.eye(self.contacts.count)
+        return np.asarray(self.flexibility - friction * self.sliding + own)
+
+
+def _sums(rows: Array, columns: Array) -> Array:
+    """Return rows · columnsᵀ, 0 where that is the rounding of its terms."""
+    sums = rows @ columns.T
+    return np.where(np.abs(sums) <= _CANCELLED * (np.abs(rows) @ np.abs(columns.T)), 0.0, sums)
+
+
+def contact_statics(structure: Structure) -> ContactStatics:
+    """Return the static answers at the contacts of a structure."""
+    pair, thermal, contacts = structure.mechanical, structure.thermal, structure.contacts
+    answers, growth = _answers(structure)
+    rigid, kept = pair.rigid_motions(False), thermal.rigid_motions(False)
+    rank, _, turn = _rank(contacts.normal @ rigid, contacts.normal)
+    kept = kept / np.sqrt(np.sum(kept * thermal.inertia_of(kept), axis=0))
+    return ContactStatics(
+        contacts=contacts,
+        flexibility=contacts.normal @ answers.T + contacts.flexibility(0.0),
+        sliding=answers @ contacts.tangent.T + contacts.flexibility(0.0) - contacts.flexibility(1.0),
+        growth=growth,
+        motions=rigid @ turn[:rank].T,
+        others=rigid @ turn[rank:].T,
+        by_heat=_sums(growth, np.array([thermal.answer(row)[0] for row in contacts.heat])),
+        kept=_sums(growth, kept.T) @ (contacts.heat @ kept).T,
+    )
+
+
+def _rank(matrix: Array, whole: Array) -> tuple[int, Array, Array]:
+    """Return the rank of a matrix beside the entries of a ``whole``, and its singular vectors."""
+    left, sizes, right = np.linalg.svd(matrix)
+    return int(np.sum(sizes > _CANCELLED * np.abs(whole).max(initial=0.0))), left, right
 
 
 def steady_warmth(structure: Structure) -> Array:
     """Return the steady temperatures by heat at each contact alone that warms it by 1 K, ``(contact, thermal)``."""
     thermal, rows = structure.thermal, structure.contacts.heat
-    warm = np.array([structure.uniform_rise if thermal.moves(row) else thermal.solve(row) for row in rows])
+    warm = np.array([structure.uniform_rise if thermal.moves(row) else thermal.answer(row)[0] for row in rows])
     return np.asarray(warm / np.sum(rows * warm, axis=1)[:, None])
 
 
@@ -100,33 +152,80 @@ def critical_alpha(structure: Structure, friction: float = 0.0) -> float:
 
 
 def critical_alphas(structure: Structure, friction: float = 0.0) -> dict[tuple[str, ...], float]:
-    """Return α_c of each closed set by its labels: of a tip S/β, above which it runs away, W/N; 0 if it always does.
+    """Return the least α > 0 at which the static problem of each closed set is singular, W/N, by :func:`closed_sets`.
 
-    S = e_nᵀ K1⁻¹ (e_n - µ t) + c on a casing of flexibility c, see :mod:`workflow.models._static`, and
-    β = -e_nᵀ K1⁻¹ K12 K2⁻¹ e_n. With the steady temperatures χ for 1 K at the tip and the conductance σ of the tip
-    K2⁻¹ e_n = χ/σ. Singular cases are decided by rank: ``inf`` where the root is free or heat at the tip does not push
-    it out (β <= 0), 0 where heat that cannot leave the structure (σ = 0) pushes the tip out. Several contacts:
-    :func:`critical_alphas_of_contacts`.
+    det(S - α B) = 0 with B_ij = -(w_iᵀ K1⁻¹ K12 + r_i) K2⁻¹ s_j, under forces that balance on motions without
+    deformation and heat that leaves; of a tip S/β, above which it runs away. ``inf`` for none, where the root is free
+    or heat does not push contacts out; 0 where heat that cannot leave does, or friction alone makes the set unstable.
     """
-    rows, labels = structure.contacts, structure.contacts.labels
-    if rows.count > 1 or rows.residual is not None:
-        return critical_alphas_of_contacts(structure, friction)
-    yields = 1 - friction * static_share(structure)
-    if yields <= 0:
-        return {labels: 0.0}
-    terms = static_tip_growth(structure) * structure.thermal.constraint
-    pushed, flexibility = float(terms.sum()), tip_flexibility(structure)
-    if np.isinf(flexibility) or pushed <= _CANCELLED * np.abs(terms).max(initial=0.0):
-        return {labels: float("inf")}
-    return {labels: structure.thermal.tip_stiffness * (flexibility * yields + rows.casing_flexibility) / pushed}
+    static = contact_statics(structure)
+    sets = closed_sets(static.contacts).items()
+    return {labels: _critical_alpha(static, closed, friction) for labels, closed in sets}
+
+
+def _critical_alpha(static: ContactStatics, closed: NDArray[np.intp], friction: float) -> float:
+    S, B, kept = (each[np.ix_(closed, closed)] for each in (static.compliance(friction), static.by_heat, static.kept))
+    normal, tangent = (rows[closed] @ static.motions for rows in (static.contacts.normal, static.contacts.tangent))
+    rank, held, moved = _rank(normal, static.contacts.normal @ static.motions)
+    normal, pushed = normal @ moved[:rank].T, (normal - friction * tangent) @ moved[:rank].T
+    if np.linalg.slogdet(_at_rest(normal, pushed, S))[0] * (-1) ** len(S) <= 0:
+        return 0.0
+    left, balanced = held[:, rank:].T, np.linalg.svd(pushed.T)[2][rank:].T
+    S, B, kept = (left @ matrix @ balanced for matrix in (S, B, kept))
+    if np.isfinite(_least_root(S, kept)):
+        return 0.0
+    rank, held, moved = _rank(kept, kept)
+    return _least_root(held[:, rank:].T @ S @ moved[rank:].T, held[:, rank:].T @ B @ moved[rank:].T)
+
+
+def _at_rest(normal: Array, sliding: Array, flexibility: Array) -> Array:
+    """Return the matrix of the static problem: motions without deformation are unknowns before the forces."""
+    rigid = normal.shape[1]
+    return np.block([[np.zeros((rigid, rigid)), sliding.T], [normal, -flexibility]])
+
+
+def _least_root(A: Array, B: Array) -> float:
+    """Return the least z > 0 with det(A - z B) = 0; ``inf`` for none."""
+    values = scipy.linalg.eigvals(B, A)  # 1/z
+    values = values[np.isfinite(values)]
+    real = values.real[np.abs(values.imag) <= _REAL * np.abs(values)]
+    largest = float(real.max(initial=0.0))
+    return 1 / largest if largest > _CANCELLED * np.abs(values).max(initial=0.0) else float("inf")
+
+
+class CriticalFriction(NamedTuple):
+    """Least friction coefficients at which contacts that are closed together are singular; ``inf`` for none."""
+
+    contacts: tuple[str, ...]
+    """Their labels."""
+    impact: float
+    """det w_i M⁻¹ (w_j - µ t_j)ᵀ = 0: no impact law; ``inf`` of contacts without mass, or on an elastic casing."""
+    standstill: float
+    """det S = 0: no stable rest."""
+
+
+def critical_friction(structure: Structure) -> list[CriticalFriction]:
+    """Return the critical friction coefficients of each contact alone, and of all that can be closed together."""
+    static, contacts, found = contact_statics(structure), structure.contacts, []
+    moved = np.linalg.solve(structure.mass, contacts.normal.T)
+    own, along = contacts.normal @ moved, moved.T @ contacts.tangent.T
+    normal, tangent = contacts.normal @ static.motions, contacts.tangent @ static.motions
+    for labels, closed in closed_sets(contacts).items():
+        w, t, pairs = normal[closed], tangent[closed], np.ix_(closed, closed)
+        impact = np.inf if contacts.is_compliant else _least_root(own[pairs], along[pairs])
+        pressed, aside = _at_rest(w, w, static.compliance(0.0)[pairs]), _at_rest(0 * w, t, static.sliding[pairs])
+        found.append(CriticalFriction(labels, impact, _least_root(pressed, aside)))
+    return found
 
 
 def instantaneous_growth(structure: Structure) -> float:
-    """Return the instantaneous static tip growth by heat loads on temperatures without heat capacity, m."""
+    """Return the static growth of the first contact by heat loads on temperatures without heat capacity, m."""
     given = structure.coordinates
     if given is None or not given.expansive.any():
         return 0.0
-    return float(structure.mechanical.solve(given.displacement_basis.T @ given.expansive)[-1])
+    return float(
+        structure.contacts.normal[0] @ structure.mechanical.solve(given.displacement_basis.T @ given.expansive)
+    )
 
 
 def rounding_of_flexibility(structure: Structure) -> float:
@@ -148,14 +247,22 @@ class NoEquilibriumError(ValueError):
     """A structure has no equilibrium under its constant loads."""
 
 
+class _Equilibrium(NamedTuple):
+    """A state at rest, and the contacts that touch their casing."""
+
+    displacement: Array
+    temperature: Array
+    closed: NDArray[np.bool_]
+
+
 def static_equilibrium(
-    structure: Structure, load: Array, heating: Array, gap: float, friction: float = 0.0
+    structure: Structure, load: Array, heating: Array, gap: Any, friction: float = 0.0
 ) -> tuple[Array, Array]:
     """Return displacement and temperature at rest under constant loads, casing included.
 
-    K2 θ = q and K1 x + K12 θ = f - λ (e_n - µ t) with 0 <= gap - x_n ⊥ λ >= 0. At rest contact makes no heat.
-    A pressed tip has x = gap ψ + K1⁻¹ (f + µ λ t - K12 θ), inverted with the tip held, and λ (1 - µ ψᵀt) = ψᵀ (f -
-    K12 θ) - σ gap.
+    K2 θ = q and K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i) with 0 <= d - w x + (R - µ R^t + c) λ ⊥ λ >= 0. At rest contact
+    makes no heat. Where contacts move a structure without deforming it, it rests on as many of them as it has such
+    motions.
 
     Parameters
     ----------
@@ -164,9 +271,9 @@ def static_equilibrium(
     load, heating
         Constant loads [N] and heat loads [W], ``(node,)``.
     gap
-        Clearance d, m.
+        Clearance d, m, ``(contact,)`` or one for all.
     friction
-        Friction coefficient µ along the structure's tangent.
+        Friction coefficient µ.
 
     Returns
     -------
@@ -178,51 +285,74 @@ def static_equilibrium(
     NoEquilibriumError
         The loads accelerate a free body, or heat that cannot leave warms the structure for ever.
     """
-    pair, thermal = structure.mechanical, structure.thermal
-    if thermal.moves(heating):
+    return _equilibrium(structure, contact_statics(structure), load, heating, np.asarray(gap), friction)[:2]
+
+
+def _equilibrium(
+    structure: Structure, static: ContactStatics, load: Array, heating: Array, gap: Array, friction: float
+) -> _Equilibrium:
+    pair, contacts = structure.mechanical, structure.contacts
+    if structure.thermal.moves(heating):
         raise NoEquilibriumError("the heat load cannot leave the structure, its temperature has no equilibrium")
-    temperature = thermal.solve(heating)
-    force = load + structure.thermal_forces(temperature)
-    if not pair.moves(force):
-        free = pair.solve(force)
-        if free[-1] <= gap:
-            return free, temperature
-    moved, pressing = pair.constraint * force, pair.tip_stiffness * gap
-    reaction, yields = float(moved.sum()) - pressing, 1.0
-    if structure.contacts.slides:
-        yields = 1 - friction * static_share(structure)
-        slides = structure.contacts.tangent[0]
-        force = force + friction * max(reaction, 0.0) / yields * slides if yields > 0 else force
-    if reaction < -UNBALANCED * (np.abs(moved).sum() + abs(pressing)) or yields <= 0 or pair.moves(force, held=True):
+    temperature = structure.thermal.solve(heating)
+    force, push = load + structure.thermal_forces(temperature), contacts.normal - friction * contacts.tangent
+    if contacts.residual_coupling is not None:
+        gap = gap + contacts.residual_coupling @ temperature
+    free = pair.solve(force)
+    pressed = _pressed(static, force, push, gap - contacts.normal @ free, friction)
+    x = pair.solve(force - pressed @ push) if pressed.any() else free
+    own = gap + contacts.compliance(friction) @ pressed
+    place = contacts.normal @ x
+    apart = np.where(pressed > 0, own, np.minimum(own, place)) - place
+    touched = contacts.normal @ static.motions
+    if touched.size:
+        x = x + static.motions @ np.linalg.solve(touched, apart)
+    elif apart.any():  # rounding
+        x = x + np.linalg.pinv(contacts.normal[pressed > 0]) @ apart[pressed > 0]
+    return _Equilibrium(x, temperature, (pressed > 0) | (contacts.normal @ x >= own))
+
+
+def _pressed(static: ContactStatics, force: Array, push: Array, apart: Array, friction: float) -> Array:
+    """Return the contact forces at rest, N, ``(contact,)``, where contacts would be ``apart`` without, m."""
+    pressed, moved = None, static.motions.shape[1]
+    if not moved:
+        pressed = complementarity(static.compliance(friction), apart)
+    elif moved == len(push):
+        pressed = np.asarray(np.linalg.solve((push @ static.motions).T, _resultants(static.motions, force)))
+    if pressed is None or np.any(pressed < 0) or _resultants(static.others, force).any():
         raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
-    return gap * pair.constraint + pair.solve(force, held=True), temperature
+    return pressed
+
+
+def _resultants(motions: Array, force: Array) -> Array:
+    """Return the resultants of forces on motions, N, ``(motion,)``; 0 where they balance."""
+    sums = motions.T @ force
+    least = UNBALANCED * np.abs(motions).max(axis=0, initial=0.0) * np.abs(force).sum()
+    return np.where(np.abs(sums) <= least, 0.0, sums)
 
 
 def at_rest(structure: Structure, cases: Cases) -> Cases:
-    """Return cases that start in equilibrium under their constant loads; a pressed tip has the velocity ḋ(0).
+    """Return cases that start in equilibrium under their constant loads and the gaps at t = 0.
 
-    ``structure`` is the one that is run, full or reduced, so that none of its modes is excited.
+    A contact with mass that touches its casing has the velocity of that. ``structure`` is the one that is run, full or
+    reduced, so that none of its modes is excited.
 
     Raises
     ------
     NoEquilibriumError
         A case has no equilibrium under its constant loads.
     """
-    if not structure.contacts.is_tip:
-        resting = contacts_at_rest(structure, cases)
-        if resting is None:
-            raise NoEquilibriumError("the constant loads move the structure for ever, it has no equilibrium")
-        return resting
-    load = cases.steady.copy()
-    load += cases.mean[:, None] * structure.load_direction
-    casing, moves = (each[:, 0] for each in cases.casing_of_contacts(0.0))
-    first, which = distinct_rows(load, cases.heating, casing[:, None], cases.friction[:, None])
-    laws = list(zip(casing.tolist(), cases.friction.tolist(), strict=True))
-    states = [static_equilibrium(structure, load[k], cases.heating[k], *laws[k]) for k in first]
-    displacement = np.stack([x for x, _ in states])[which]
-    temperature = np.stack([theta for _, theta in states])[which]
+    static, contacts = contact_statics(structure), structure.contacts
+    load = cases.steady + cases.mean[:, None] * structure.load_direction
+    place, moves = cases.casing_of_contacts(0.0)
+    gaps = place - cases.mean[:, None] * contacts.residual_load_or_zero
+    first, which = distinct_rows(load, cases.heating, gaps, cases.friction[:, None])
+    friction = cases.friction.tolist()
+    states = [_equilibrium(structure, static, load[k], cases.heating[k], gaps[k], friction[k]) for k in first]
+    displacement, temperature, closed = (np.stack(rows)[which] for rows in zip(*states, strict=True))
     velocity = np.zeros_like(displacement)
-    velocity[:, -1] = np.where(displacement[:, -1] == casing, moves, 0.0)
+    for i in np.flatnonzero(closed.any(axis=1) & (not contacts.is_compliant)):
+        velocity[i] = np.linalg.pinv(contacts.normal[closed[i]]) @ moves[i, closed[i]]
     return replace(cases, displacement=displacement, velocity=velocity, temperature=temperature)
 
 
