@@ -256,6 +256,8 @@ def _compliant(basis: ContactBasis, S: Any, alpha: float, friction: float) -> Co
     inputs += flexibility[:, S] @ force_inputs
     signals[S], inputs[S] = force, force_inputs
     return ContactSystem(A, B, signals, inputs, modes, np.zeros((m, n)))
+
+
 def poles_in_contact(
     basis: ContactBasis, closed: NDArray[np.intp], alpha: float, friction: float
 ) -> NDArray[np.complex128] | None:

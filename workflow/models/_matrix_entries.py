@@ -62,11 +62,17 @@ class Chosen(NamedTuple):
 
 
 def given_by(
-    entries: Entries, chosen: Chosen, damping: Rayleigh, angular: float = 0.0
+    entries: Entries,
+    chosen: Chosen,
+    damping: Rayleigh,
+    angular: float = 0.0,
+    warmth: Array | None = None,
+    residual: str = "residual_flexibility",
 ) -> tuple[GivenMatrices, Contacts]:
     """Return the matrices of entries in SI, all of them sparse, and the contacts; the first is that of the matrices.
 
-    They are those at an angular speed Ω [rad/s]: K1 + Ω² K_Ω and the constant load f + Ω² r.
+    They are those at an angular speed Ω [rad/s]: K1 + Ω² K_Ω and the constant load f + Ω² r. Temperatures of a uniform
+    rise by 1 K are 1 unless ``warmth`` says others; what a study calls the ``residual`` stands in messages.
 
     Raises
     ------
@@ -81,6 +87,9 @@ def given_by(
     size = mass.shape[0]
     labels, heat = _texts("labels", entries, size), _heat(entries, size)
     contacts = _contacts(entries, chosen, labels, (size, 0 if heat is None else len(heat["heating"])))
+    if warmth is None:
+        _refuse_shares(contacts)
+    contacts = checked_contacts(contacts, residual)
     stiffness, steady = symmetric_entry(entries, "stiffness", size), _vector("steady", entries, size)
     if SPEED2[0] in entries:
         turning = symmetric_entry(entries, SPEED2[0], size)
@@ -103,6 +112,7 @@ def given_by(
         damping=damping,
         steady=steady,
         labels=labels,
+        uniform_rise=warmth,
         **(_cold(size) if heat is None else heat),
     )
     return given, contacts
@@ -173,9 +183,6 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
         alone = thermal_contact is None and "thermal_contact" not in entries
         found = _own_temperatures(names, normal, warm, heats) if alone else None
         heat = _beside("thermal_contact", thermal_contact, entries, warm, heats, count) if found is None else found
-    worst = max(heat.sum(axis=1).tolist(), key=lambda total: abs(total - 1))
-    if abs(worst - 1) > _WHOLE:
-        raise UnusableMatricesError(f"the shares of `thermal_contact` are {worst!r} in sum", "they must be 1 in sum")
     angle = _of_each("angle", entries, (count,))
     contacts = Contacts(tuple(map(str, names)), normal, tangent, heat, angle)
     if "residual_flexibility" in entries:
@@ -187,7 +194,13 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
             residual_load=_of_each("residual_load", entries, (count,)),
             residual_steady=_of_each("residual_steady", entries, (count,)),
         )
-    return checked_contacts(contacts)
+    return contacts
+
+
+def _refuse_shares(contacts: Contacts) -> None:
+    worst = max(contacts.heat.sum(axis=1).tolist(), key=lambda total: abs(total - 1))
+    if abs(worst - 1) > _WHOLE:
+        raise UnusableMatricesError(f"the shares of `thermal_contact` are {worst!r} in sum", "they must be 1 in sum")
 
 
 def labels_of(entries: Entries, of_heat: bool) -> tuple[str, ...]:

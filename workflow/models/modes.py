@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from difflib import get_close_matches
 from io import BytesIO
 from pathlib import Path
@@ -22,9 +22,8 @@ import numpy as np
 
 from workflow.declare import NUMBER, File, Rows, rows, speed
 from workflow.kernels import Array
-from workflow.models._contacts import Contacts, checked_contacts
-from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, with_contacts
-from workflow.models._matrix_entries import symmetric_entry
+from workflow.models._from_matrices import Sparse, structure_from_matrices, with_contacts
+from workflow.models._matrix_entries import Chosen, given_by
 from workflow.models._matrix_files import in_c
 from workflow.models._pair import UnusableMatricesError, turning_at
 from workflow.models._sensors import Sensor
@@ -237,52 +236,48 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     _check(np.all(ratio >= 0), "damping_ratio", "at least 0")
     for (name, _), row in zip(columns[2 : 2 + count], tips, strict=False):
         _check(np.any(row != 0), name, "other than 0 in some mode")
+    rate, shares = _heat(parameters, count)
+    heat, omega = np.array(shares * (count if len(shares) == 1 else 1)), 2 * np.pi * frequency
+    even = bool(np.all(ratio[omega > 0] == ratio.max()))
+    entries = {
+        "mass": np.eye(frequency.size),
+        "stiffness": np.diag(omega**2),
+        "heat_capacity": np.eye(rate.size),
+        "conductance": np.diag(rate),
+        "contact": np.array(tips[:count]),
+        "thermal_contact": heat,
+        **({"tangent": np.array(tips[count:])} if np.any(tips[count:]) else {}),
+        **({} if even else {"damping": np.diag(2 * ratio * omega)}),
+        **_beside(parameters, frequency.size, rate.size, count),
+    }
+    damping = Rayleigh(ratio=float(ratio.max())) if even else Rayleigh()
+    angular = 2 * np.pi * parameters.speed
+    given, contacts = given_by(entries, Chosen(), damping, angular, _warmth(heat), "residual")
+    with turning_at(parameters.speed):
+        return with_contacts(structure_from_matrices(given), contacts)
+
+
+def _warmth(heat: Array) -> Array:
+    """Return the thermal modes of a uniform rise by 1 K, which each contact shows, ``(thermal mode,)``."""
+    if np.all(heat == heat[0]):
+        return np.asarray(heat[0] / float(heat[0] @ heat[0]))
+    return np.asarray(np.linalg.lstsq(heat, np.ones(len(heat)))[0], dtype=np.float64)
+
+
+def _beside(parameters: Parameters, modes: int, heats: int, contacts: int) -> dict[str, Array]:
+    """Return the entries that a table of modes may have beside it, by their names in a file of matrices."""
     for name, beside in (("coupling", "heat"), ("residual_tangent", "residual")):
         if getattr(parameters, beside) is None and getattr(parameters, name) is not None:
             raise UnusableMatricesError(f"`{name}` is given without `{beside}`", "give both, or neither")
-    rate, shares = _heat(parameters, count)
-    normal, heat = np.array(tips[:count]), np.array(shares * (count if len(shares) == 1 else 1))
-    tangent, square = np.array(tips[count:]) if tips[count:] else np.zeros_like(normal), (count, count)
-    contacts = Contacts(tuple(map(str, range(1, count + 1))), normal, tangent, heat, np.zeros(count))
-    if parameters.residual is not None:
-        sliding = parameters.residual_tangent
-        contacts = replace(
-            contacts,
-            residual=read_matrix(parameters.residual, square, "residual", "contact"),
-            residual_tangent=np.zeros(square)
-            if sliding is None
-            else read_matrix(sliding, square, "residual_tangent", "contact"),
-        )
-    contacts = checked_contacts(contacts, "residual")
-    shape = frequency.size, rate.size
-    omega, modes = 2 * np.pi * frequency, frequency.size
-    stiffness, steady, turns = np.diag(omega**2), np.zeros(modes), (2 * np.pi * parameters.speed) ** 2
-    if parameters.stiffness_speed2 is not None:
-        own = read_matrix(parameters.stiffness_speed2, (modes, modes), "stiffness_speed2")
-        own = symmetric_entry({"stiffness_speed2": own}, "stiffness_speed2").toarray()
-        stiffness = stiffness + turns * own
-    if parameters.load_speed2 is not None:
-        steady = turns * read_matrix(parameters.load_speed2, (modes, 1), "load_speed2")[:, 0]
-    even = bool(np.all(ratio[omega > 0] == ratio.max()))
-    one = len(shares) == 1
-    whole = heat[0] / float(heat[0] @ heat[0]) if one else np.asarray(np.linalg.lstsq(heat, np.ones(count))[0], float)
-    given = GivenMatrices(
-        mass=np.eye(shape[0]),
-        stiffness=stiffness,
-        coupling=np.zeros(shape) if parameters.coupling is None else read_matrix(parameters.coupling, shape),
-        heat_capacity=np.eye(shape[1]),
-        conductance=np.diag(rate),
-        contact=normal[0],
-        thermal_contact=heat[0],
-        load=np.zeros(shape[0]) if count > 1 else None,
-        steady=steady,
-        heating=np.zeros(shape[1]),
-        damping=Rayleigh(ratio=float(ratio.max())) if even else Rayleigh(),
-        damper=None if even else np.diag(2 * ratio * omega),
-        uniform_rise=whole,
-    )
-    with turning_at(parameters.speed):
-        return with_contacts(structure_from_matrices(given), contacts)
+    shapes = {
+        "coupling": ("coupling", (modes, heats), "mode"),
+        "residual": ("residual_flexibility", (contacts, contacts), "contact"),
+        "residual_tangent": ("residual_tangent", (contacts, contacts), "contact"),
+        "stiffness_speed2": ("stiffness_speed2", (modes, modes), "mode"),
+        "load_speed2": ("load_speed2", (modes, 1), "mode"),
+    }
+    given = {name: getattr(parameters, name) for name in shapes if getattr(parameters, name) is not None}
+    return {shapes[name][0]: read_matrix(own, shapes[name][1], name, shapes[name][2]) for name, own in given.items()}
 
 
 def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: Structure) -> list[Array]:
