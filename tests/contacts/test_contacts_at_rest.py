@@ -8,6 +8,8 @@ import pytest
 from random_contacts import positive
 
 from scenes import cases_of_file, of_entries, step, with_tip_first
+from workflow.models import NoEquilibriumError, at_rest, critical_alphas, statics
+from workflow.models._from_matrices import _sparse_structure
 from workflow.schemes import Results, Sampling, Status
 
 KINDS = ("with mass", "without mass", "elastic casing")
@@ -103,3 +105,29 @@ def test_a_graze_of_a_trifle_of_the_motion(depth: float, flexibility: float) -> 
     assert done.metrics["impacts"][0].tolist() == [0.0 if flexibility else 1.0, 0.0]
     assert np.nanmin(done.events["event_impulse"]) >= 0
     assert done.histories["displacement"][0, 0] == pytest.approx(np.sin(np.linspace(0, 3, 31)), abs=2 * speed)
+
+
+def test_a_body_that_moves_freely_rests_on_as_many_contacts_as_it_has_motions() -> None:
+    """A free bar of two masses and a spring, in y too: forces at its ends balance the loads, and heat bends nothing."""
+    bar = {"mass": np.diag([1.0, 3.0, 1.0]), "stiffness": 5.0 * np.outer([1, -2, 1], [1, -2, 1]), "load": np.ones(3)}
+    own, gaps = of_entries(bar | {"contact": np.eye(3)[[0, 2]]}), [0.3, 0.1]
+    rest = at_rest(own, cases_of_file(own, 2, gaps=gaps, mean=1.0, steady=[[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]))
+    x = rest.displacement @ own.coordinates.displacement_basis.T
+    assert x[:, [0, 2]] == pytest.approx(np.array([gaps, gaps]), abs=1e-15)
+    assert 10.0 * (2 * x[:, 1] - x[:, 0] - x[:, 2]) == pytest.approx(np.ones(2))  # the middle carries its load
+    done = step(own, rest, 0.0, Sampling(1.0, 0.5, 3), "event_driven")
+    assert done.histories["impulse"][:, :, -1] == pytest.approx(np.array([[1.5, 1.5], [2.0, 1.5]]), rel=1e-9)
+    with pytest.raises(NoEquilibriumError):
+        at_rest(own, cases_of_file(own, gaps=gaps, mean=1.0, steady=[-2.0, 0.0, 0.0]))
+
+
+def test_static_answers_of_sparse_contacts_are_those_of_dense_ones() -> None:
+    n = 6
+    line = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    entries = {"mass": np.eye(n), "stiffness": line, "heat_capacity": np.eye(n), "conductance": line}
+    entries |= {"coupling": -0.1 * np.eye(n), "contact": np.eye(n)[[1, 4]], "load": np.ones(n)}
+    dense, sparse = of_entries(entries), of_entries(entries, build=_sparse_structure)
+    for other in (sparse, sparse.matrices()):
+        for ours, theirs in zip(statics(other), statics(dense), strict=True):
+            assert ours @ np.ones(ours.shape[-1]) == pytest.approx(theirs @ np.ones(theirs.shape[-1]), rel=1e-12)
+        assert critical_alphas(other) == pytest.approx(critical_alphas(dense), rel=1e-12)

@@ -58,7 +58,7 @@ def _answers(structure: Structure) -> tuple[Array, Array]:
     """
     pair, contacts = structure.mechanical, structure.contacts
     answers, deformations = zip(*map(pair.answer, contacts.normal), strict=True)
-    if structure.tip_growth is not None:
+    if structure.tip_growth is not None and contacts.count == 1:
         return np.array(answers), structure.tip_growth[None]
     growth = [pair.work(*both, structure.expansion) for both in zip(answers, deformations, strict=True)]
     own = 0.0 if contacts.residual_coupling is None else contacts.residual_coupling
