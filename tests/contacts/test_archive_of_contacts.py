@@ -217,6 +217,10 @@ REFUSED = {
         },
         "axes.reduction: `krylov` takes one contact with mass, and the structure has 2 contacts",
     ),
+    "other contacts along an axis": (
+        {"axes": {"scene.matrices.contact": ["contact", "mid"]}},
+        "axes.scene.matrices.contact: has other contacts at its end",
+    ),
     "steady": ({"output": OUTPUT | {"steady": True}}, "output.steady: takes one contact with mass"),
     "a branch": ({"axes": {"alpha": {"branch": [1, 2, 3]}}}, "axes.alpha: is a branch, which takes one contact"),
 }  # fmt: skip

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import inf
+from typing import Any
 
 from workflow import models
 from workflow.models import Structure
@@ -34,6 +36,8 @@ class Sizes:
     that it then has."""
     structure: Structure | None = None
     """The first structure of a model that makes no chains, where it can be made."""
+    ends: Mapping[str, Structure] = field(default_factory=dict)
+    """Those at the last value of each axis of its parameters, by path."""
 
     @property
     def contacts(self) -> tuple[str, ...]:
@@ -41,8 +45,10 @@ class Sizes:
         return self.structure.contacts.labels if self.structure and self.structure.contacts.count > 1 else ()
 
 
-def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
+def sizes_of(scene: Scene, nodes: Counts, ends: Mapping[str, Any]) -> Sizes:
     """Return the sizes of the structures of all cases; ``nodes`` are the numbers of them where the model has any.
+
+    ``ends`` are the model's parameters at the last value of each of their other axes, by path.
 
     Raises :class:`UnusableMatricesError` for matrices of the scene that are no structure.
     """
@@ -63,7 +69,12 @@ def sizes_of(scene: Scene, nodes: Counts) -> Sizes:
     contacts = tuple(one.contacts.count for one in structures)
     inputs = {"node": displacements, "spring": displacements, "temperature": temperatures, "contact": contacts}
     both = zip(*((one.mechanical_size, one.thermal_size) for one in structures), strict=True)
-    return Sizes(inputs, dict(zip(MODES, both, strict=True)), inf if most is None else most + 1, most or 0, first)
+    last = {}
+    for path, parameters in ends.items():
+        with suppress(Exception):  # its cases say it
+            last[path] = models.structure_of(scene.model, parameters)
+    counts = dict(zip(MODES, both, strict=True))
+    return Sizes(inputs, counts, inf if most is None else most + 1, most or 0, first, last)
 
 
 def _of_chains(nodes: Counts) -> Sizes:

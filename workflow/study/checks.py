@@ -214,15 +214,18 @@ def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
 
 
 def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
-    """Refuse what is of one contact with mass where a structure has several, or one without."""
-    if sizes.structure is None or sizes.structure.contacts.is_tip:
+    """Refuse other contacts along an axis, and what is of one with mass where there are several, or one without."""
+    if sizes.structure is None:
+        return
+    for path, end in sizes.ends.items():
+        both = sizes.structure.contacts.labels, end.contacts.labels
+        if max(map(len, both)) > 1 and both[0] != both[1]:
+            yield source.axes[path], "has other contacts at its end", "write a study for each choice of contacts"
+    if sizes.structure.contacts.is_tip:
         return
     several = (
         f"and the structure has {len(cases.contacts)} contacts" if cases.contacts else "and its contact has no mass"
     )
-    axis = f"scene.{cases.scene.model}.contact"
-    if axis in source.axes:
-        yield source.axes[axis], f"is an axis, {several}", "write a study for each choice of contacts"
     yield from _reduced_contacts(cases, sizes, source, several)
     if cases.branch is not None:
         problem = f"is a branch, which takes one contact with mass, {several}"

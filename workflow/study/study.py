@@ -314,7 +314,7 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     nodes = f"scene.{scene.model}.nodes"
     counts = (arrangement.values(nodes) or (scene.parameters.nodes,)) if nodes in varied else ()
     try:
-        sizes = sizes_of(scene, tuple(map(int, counts)))
+        sizes = sizes_of(scene, tuple(map(int, counts)), _ends(scene, arrangement))
     except models.UnusableMatricesError as error:
         source.report(("scene", scene.model), error.problem, error.remedy)
         raise StudyError(source.mistakes) from None
@@ -339,7 +339,7 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     if sizes.structure is not None and not sizes.structure.contacts.is_tip:
         output = dataclasses.replace(output, balances=asked.get("balances") or False)
     if not sizes.contacts:
-        scene = dataclasses.replace(scene, casing=_casing_of_one(scene, sizes, source))
+        scene = dataclasses.replace(scene, casing=_casing_of_one(scene.casing, sizes))
     cases = CaseSpace(
         scene=scene,
         schemes=defined,
@@ -357,13 +357,21 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     return cases
 
 
-def _casing_of_one(scene: Scene, sizes: Sizes, source: StudyText) -> Casing:
-    """Return the casing of one contact: numbers in the place of lists of one, and the angle of the file."""
-    own = scene.casing
+def _ends(scene: Scene, arrangement: Arrangement) -> dict[str, Any]:
+    """Return the parameters of the model at the last value of each of their axes but that of its nodes, by path."""
+    paths = {f"scene.{scene.model}.{entry.name}": entry.name for entry in dataclasses.fields(scene.parameters)}
+    values = {path: arrangement.values(path) for path, name in paths.items() if name != "nodes"}
+    ends = {path: {paths[path]: own[-1]} for path, own in values.items() if len(own) > 1}
+    return {path: dataclasses.replace(scene.parameters, **last) for path, last in ends.items()}
+
+
+def _casing_of_one(own: Casing, sizes: Sizes) -> Casing:
+    """Return the casing of one contact: numbers in the place of lists of one, and the angle that all files agree on."""
     gap = own.gap[0] if isinstance(own.gap, tuple) and len(own.gap) == 1 else own.gap
     angle = own.angles[0] if isinstance(own.angles, tuple) and len(own.angles) == 1 else own.angles
-    if angle is None and sizes.structure is not None and f"scene.{scene.model}.contact" not in source.axes:
-        angle = float(sizes.structure.contacts.angle[0]) or None
+    if angle is None and sizes.structure is not None:
+        angles = {float(one.contacts.angle[0]) for one in (sizes.structure, *sizes.ends.values())}
+        angle = (angles.pop() or None) if len(angles) == 1 else None
     return dataclasses.replace(own, gap=gap, angles=angle)
 
 
