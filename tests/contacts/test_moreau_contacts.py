@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from two_masses import pressed, two_masses
 
 import workflow
 from scenes import alone, same_bits, sampling, step, taken
-from workflow.models import at_rest
+from workflow.models import Array, at_rest
+from workflow.schemes import Status
 
 SCENES = Path(__file__).parent / "scenes"
 H, OVER = 4e-5, sampling(0.004, 5e-5)
@@ -64,3 +66,17 @@ def test_what_starts_pressed_in_equilibrium_stays_on_its_casing(massless: bool) 
         if amplitude == 0:
             force = (np.array([30.0, 50.0]) - 1e4 * 1e-3) / (1 + 1e4 * 1e-6 * massless)
             np.testing.assert_allclose(ours.histories["impulse"][0], force[:, None] * over.times, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize(("method", "options"), [("moreau", {}), ("moreau", {"theta": 0.5}), ("carpenter", {})])
+def test_two_contacts_at_one_place_share_the_impulse_of_one(method: str, options: dict[str, Any]) -> None:
+    """Newton's equations are singular there, so that the impulses are those of Lemke's method."""
+    rows: Array = np.array([[1.0, 0.0], [1.0, 0.0]])
+    ours, truth = (
+        step(each, pressed(each, e=0.5, gaps=gaps, velocity=[3.0, -1.0]), 1e-3, sampling(0.2, 1e-3), method, **options)
+        for each, gaps in ((two_masses(contact=rows), [[1e-3, 1e-3]]), (two_masses(), [[1e-3, 1e3]]))
+    )
+    assert ours.status.tolist() == [Status.OK], ours.messages
+    total, alone_there = ours.histories["impulse"].sum(axis=1), truth.histories["impulse"][:, 0]
+    assert alone_there[0, -1] > 1.0
+    np.testing.assert_allclose(total, alone_there, rtol=1e-12, atol=1e-12)

@@ -97,6 +97,12 @@ def test_central_differences_refuse_contacts_without_mass(method: str) -> None:
         step(structure, pressed(structure), 1e-3, sampling(0.1, 1e-2), method)
 
 
+def test_a_spring_without_a_force_at_the_end_refuses_contacts_without_mass() -> None:
+    structure = two_masses(residual_flexibility=1e-6 * np.eye(2))
+    with pytest.raises(RefusedStructureError, match=r"without mass.*`theta` above 0"):
+        step(structure, pressed(structure), 1e-3, sampling(0.1, 1e-2), "penalty", integration="implicit", theta=0.0)
+
+
 def test_schemes_that_do_not_say_so_refuse_contacts_without_mass() -> None:
     structure = two_masses(residual_flexibility=1e-6 * np.eye(2))
     able = schemes.load("moreau")

@@ -54,3 +54,17 @@ def test_the_artificial_variable_leaves_first_in_a_tie(constant: list[float]) ->
     """A mass leaves a stop as it strikes the opposite one, which stops it: both rows are at 0, one is pressed."""
     solution = complementarity(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array(constant))
     assert solution == pytest.approx(np.maximum(0.0, -np.array(constant)))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "constant", "truth"),
+    [
+        ([[1, 0, -1], [0, 1, -1], [-1, -1, 2]], [1, 0, -1], [0, 1, 1]),
+        ([[1, 1, -1], [1, 2, -1], [-1, -1, 1]], [0, -1, 0], [0, 1, 1]),
+    ],
+)
+def test_of_singular_matrices_that_tie_up_to_rounding(
+    matrix: list[list[int]], constant: list[int], truth: list[int]
+) -> None:
+    """Where another variable reaches 0 with the artificial one but for rounding, the pivots after it end in a ray."""
+    assert complementarity(np.array(matrix, float), np.array(constant, float)) == pytest.approx(truth, abs=1e-12)

@@ -12,9 +12,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plain_steps import Step, complementary, march
+from matrix_files import as_npz, matrices_of
+from plain_steps import Law, Step, complementary, march
 from quick import quick
-from scenes import alone, cases, heavy_chain, relative, same_bits, sampling, sliding, step, taken
+from scenes import (
+    alone,
+    cases,
+    cases_of_file,
+    heavy_chain,
+    of_file,
+    relative,
+    same_bits,
+    sampling,
+    sliding,
+    step,
+    taken,
+)
 from scenes import rubs as random_rubs
 from studies import SCENE, parsed
 from workflow import models, reduction, schemes, variables
@@ -366,10 +379,8 @@ def test_a_compiled_contact_law_is_that_of_plain_matrices(compiled_law: str, fri
             assert np.abs(results.histories["impulse"][case] - impulse).max() < 1e-10 * impulse[-1]
 
 
-@pytest.mark.parametrize("contacts", [2, 5])
-def test_a_compiled_contact_law_takes_any_number_of_contacts(compiled_law: str, contacts: int) -> None:
+def crossley_of(stiffness: float, damping: float, h: float) -> Law:
     """0 <= p ⊥ (1/a + c W) p - (1 + c v_free) >= 0, a = h κ δ^{3/2}, of contacts that are δ beyond the casing."""
-    stiffness, damping, h, rows = 2e8, 20.0, 4e-6, np.eye(6)[-contacts:]
 
     def crossley(at: Step) -> tuple[Array, Array]:
         inside, p = np.flatnonzero(at.place > 0), np.zeros(at.place.size)
@@ -378,12 +389,47 @@ def test_a_compiled_contact_law_takes_any_number_of_contacts(compiled_law: str, 
         p[inside] = complementary(matrix, 1 + damping * at.free[inside])
         return p, p / h
 
+    return crossley
+
+
+def test_a_study_of_two_contacts_takes_a_compiled_contact_law(compiled_law: str, tmp_path: Path) -> None:
+    rows = np.eye(4)[[1, 3]]
+    entries = matrices_of(short_chain()) | {"contact": rows, "thermal_contact": rows, "load": np.eye(4)[-1]}
+    structure = of_file(as_npz(entries, tmp_path))
+    h, load = 4e-6, {"amplitude": 150.0, "frequency": 250.0}
+    outcome = run_study(
+        {
+            "study": "crossley",
+            "scene": {
+                "matrices": {"file": str(tmp_path / "blade.npz")},
+                "casing": {"gap": [4e-6, 1e-5]},
+                "load": load,
+                "duration": 500 * h,
+            },
+            "schemes": {"law": {"method": compiled_law, "stiffness": 2e8, "damping": 20.0}},
+            "axes": {"scheme": "law", "h": h, "alpha": 20.0},
+            "output": {"interval": h, "histories": ["displacement", "impulse"]},
+        },
+        tmp_path / "crossley.nc",
+        threads=1,
+    )
+    batch = cases_of_file(structure, alpha=20.0, gaps=[[4e-6, 1e-5]], **load)
+    plain = march(structure, batch, h, 1.0, 500, crossley_of(2e8, 20.0, h))
+    assert (np.count_nonzero(plain.impulse, axis=0) > 10).all()
+    for name, truth in (("displacement", plain.place), ("impulse", np.cumsum(plain.impulse, axis=0))):
+        values = outcome.dataset[name].squeeze(drop=True).transpose("t", "contact").values
+        assert relative(values, truth) < 1e-9
+
+
+@pytest.mark.parametrize("contacts", [2, 5])
+def test_a_compiled_contact_law_takes_any_number_of_contacts(compiled_law: str, contacts: int) -> None:
+    stiffness, damping, h, rows = 2e8, 20.0, 4e-6, np.eye(6)[-contacts:]
     own = Contacts(tuple("abcde"[:contacts]), rows, 0.2 * np.roll(rows, 1, axis=1), rows, np.zeros(contacts))
     structure = replace(heavy_chain(nodes=6).matrices(), contacts=own)
     gaps = [list(1e-5 * np.linspace(0.5, 1, contacts))]
     batch = cases(structure, alpha=20.0, gaps=gaps, amplitude=150.0, frequency=250.0, friction=0.3)
     results = step(structure, batch, h, sampling(2000 * h, h), compiled_law, stiffness=stiffness, damping=damping)
-    plain = march(structure, batch, h, 1.0, 2000, crossley)
+    plain = march(structure, batch, h, 1.0, 2000, crossley_of(stiffness, damping, h))
     assert (np.count_nonzero(plain.impulse, axis=0) > 10).all()
     assert (np.count_nonzero(plain.impulse, axis=1) > 1).any()
     assert relative(results.histories["displacement"][0], plain.place.T) < 1e-9

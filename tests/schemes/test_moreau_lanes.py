@@ -1,5 +1,6 @@
 """Lanes, packs and groups of modes: layout that must never show in a result."""
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
@@ -12,12 +13,13 @@ from plain_steps import march
 from scenes import alone, cases, chain, heavy_chain, rubs, same_bits, sampling, step, taken
 from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
-from workflow.kernels.lanes import LANES, PACK, lane_rows, lane_table, named_rows, rows_in
+from workflow.kernels.lanes import LANES, PACK, lane_rows, lane_table, named_rows, rows_in, several_rows
 from workflow.kernels.pack_operations import BROAD
 from workflow.models import Rayleigh
 from workflow.schemes import Sampling, schedule
 from workflow.schemes._fixed.loads import TipLoads, start_load, start_of
-from workflow.schemes._fixed.stepping import WAITING, Batch, batch_of, load_block, rows_of, watch
+from workflow.schemes._fixed.rows import Acting
+from workflow.schemes._fixed.stepping import WAITING, Batch, batch_of, keep_idle_off, load_block, rows_of, watch
 
 COUNTS = [1, 2, PACK - 1, PACK, PACK + 1, BROAD + PACK, LANES - BROAD, LANES - 1, LANES + 1, 2 * LANES + PACK]
 
@@ -77,26 +79,26 @@ def test_samples_are_placed_exactly(interval: float, h: float, count: int) -> No
 
 
 @kernel
-def _load(batch: Batch, first: int) -> None:
+def _load(batch: Batch, acts: Sequence[Acting], first: int, used: int) -> None:
     load_block(batch, first)
+    keep_idle_off(acts, used, LANES)
 
 
 def test_idle_lanes_are_at_rest_far_from_their_casing() -> None:
     """Whatever stood in them before, so that they never make a pack look for contact."""
-    structure = heavy_chain()
+    structure, acts = heavy_chain(), lane_rows(1, rows_in(Acting))
     cases = rubs(structure, LANES + 3, displacement=1e-5, casing_harmonics=[[1e-6, 300.0, 0.0]])
     drive, begins = start_of(structure, cases, 1e-4, 0.5, 1e-3)
     watched = watch(structure, cases, sampling(1e-3, 1e-3), 1e-4, begins, drive)
     batch = batch_of(watched, lane_table(rows_of(watched)), lane_rows(4 * WAITING), LANES)
-    block = batch.whole
+    block, (act,) = batch.whole, several_rows(Acting, acts)
+    (contact,) = block.contacts
     for first, used in ((0, LANES), (LANES, 3)):
-        _load(batch, first)
-        (tip,), (casing,) = block.tips, block.drive.casings
-        still = tip.displacement, tip.velocity, tip.temperature, block.load.amplitude
-        assert np.all(tip.displacement[:used] == 1e-5)
+        _load(batch, (act,), first, used)
+        still = contact.displacement, contact.velocity, contact.temperature, block.load.amplitude
+        assert np.all(contact.displacement[:used] == 1e-5)
         assert not np.any([row[used:] for row in still])
-        assert np.all(tip.gap[used:LANES] > 1.0)
-        assert np.all(casing.apart[used:LANES] <= -1.0)
+        assert np.all(np.isinf(act.casing[:LANES]) == (np.arange(LANES) >= used))
 
 
 @kernel

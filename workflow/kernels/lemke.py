@@ -179,13 +179,18 @@ def _exchange(a: Array, size: int, row: int, entering: int) -> None:
 
 @part
 def _leaving_row(p: Complementarity, size: int, entering: int) -> int:
-    """Return the row whose variable first falls to 0 as ``entering`` grows, z0 before others; -1 for a ray."""
+    """Return the row whose variable first falls to 0 as ``entering`` grows, z0 before others; -1 for a ray.
+
+    Where z0 falls to 0 with another, up to rounding, the problem is solved: pivots after that one may end in a ray.
+    """
     a, rhs, largest, row, least = p.tableau, 2 * size + 1, 0.0, -1, np.inf
     for r in range(size):
         largest = max(largest, abs(a[r, entering]))
     for r in range(size):
         if a[r, entering] > _SMALL * largest:
             ratio = a[r, rhs] / a[r, entering]
+            if p.basis[r] == 2 * size:
+                ratio -= _SMALL * abs(ratio)
             if ratio < least or (ratio == least and p.basis[r] == 2 * size):
                 row, least = r, ratio
     return row

@@ -58,10 +58,12 @@ def contact_stiffness_of(structure: Structure, options: Options) -> float:
     Raises
     ------
     RefusedStructureError
-        A free mass has no stiffness; or contacts are without mass, and the step is explicit.
+        A free mass has no stiffness; or contacts are without mass, and the step is explicit or has no force at its end.
     """
     if structure.contacts.is_massless and options.integration == "explicit":
         raise RefusedStructureError(NEEDS_MASS)
+    if structure.contacts.is_massless and options.theta == 0:
+        raise RefusedStructureError("contacts without mass need a force at the step's end; give it a `theta` above 0")
     return options.stiffness if options.stiffness > 0 else spring.default_stiffness(structure)
 
 

@@ -37,9 +37,8 @@ The heat residual is that of pᵀ (1b), with p the temperatures of ``Structure.u
 H = pᵀC2 T less αJ + ∫pᵀq - ∫L dt, with the loss L = pᵀK2 T by the temperatures T as the step weights them. It is
 rounding, whether the structure is full or reduced.
 
-A step is counted at the beginning of the next one, which adds load and contact to u and η; :func:`count_step` counts
-the last step, and modes with :class:`Dense` balances. With the weight θ of a step's end the loss is summed as h Σ L
-over all step ends but the last, plus hθ (L_end - L_0).
+With the weight θ of a step's end the loss is summed as h Σ L over all step ends but the last, plus hθ L_end and
+h (1-θ) L_0.
 
 With the energy E, dissipation D less the work of loads and contact, heat content H, losses L, friction heat αJ and
 heating Q = ∫pᵀq of a whole march the residuals are, and 0 where the denominator is 0,
@@ -49,40 +48,27 @@ heating Q = ∫pᵀq of a whole march the residuals are, and 0 where the denomin
 
 The balances run over whole steps: from t = 0 to the end of the last step, which lies at the duration
 or, where the duration is no multiple of h, up to one step beyond it; those of central differences are h/2 longer at
-either end.
+either end, and that of heat is a step longer.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workflow.kernels.compiled import inlined, part
-from workflow.kernels.lanes import PACK, ROW, lane_rows, named_rows, rows_in
-from workflow.kernels.packs import (
-    Lane,
-    Pack,
-    fused,
-    lanes_of,
-    magnitude,
-    narrow,
-    pack,
-    shared,
-    some,
-    spread,
-    store,
-    where,
-)
+from workflow.kernels.lanes import ROW, lane_rows, named_rows, rows_in
+from workflow.kernels.packs import Lane, Pack, fused, lanes_of, magnitude, pack, shared, some, spread, store, where
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.contact import End, TipInput, contact_gain, count_of, friction_heat, was_pressed
+from workflow.schemes._fixed.contact import End, contact_gain, count_of, was_pressed
 from workflow.schemes._fixed.decoupled import Decoupled, modes_at
-from workflow.schemes._fixed.free_motion import FreeStep, InitialState, State, contact_heat, ended, plus
+from workflow.schemes._fixed.free_motion import PLACE, SPEED, FreeStep, InitialState, State, contact_heat
 from workflow.schemes._fixed.law import TipStep
-from workflow.schemes._fixed.rows import Acting, Tips, Totals
+from workflow.schemes._fixed.rows import Totals
 
 DAMPING, KINETIC, ELASTIC = range(3)
 """Coefficients of a mode, divided by φ_n² where φ_n scales its states: hc/4, energy per v² and energy per η²."""
@@ -109,10 +95,8 @@ class Dense(NamedTuple):
     """Input per τ near resonance, ``(pair, 2 mode)``."""
     constant: Array
     """Input of constant loads on drifting blocks, ``(2 mode, lane)``."""
-    states: Array
-    """u and η at the last step's end, ``(2 block, lane)``."""
     modal_states: Array
-    """v and ξ there, ``(2 mode, lane)``."""
+    """v and ξ at the step's end, ``(2 mode, lane)``."""
     inputs: Array
     """All inputs of that step, ``(2 mode, lane)``."""
 
@@ -135,10 +119,6 @@ class Account(NamedTuple):
     """ℓ, s."""
     load_share: float
     """Fraction of the load that acts on the tip."""
-    thermal_velocity: Array
-    """Thermal velocity of contact i per unit of friction heat at j in its step, ``(contact, contact)``."""
-    heat_loss: Array
-    """Heat loss per unit of friction heat at the end of its step, 1/s, ``(contact,)``."""
     heat_theta: float
     """Weight of the temperatures at a step's end in its heat loss."""
     unbounded: float
@@ -170,186 +150,89 @@ def _add_to(row: Array, numbers: Pack, lane: Lane) -> None:
 
 @inlined
 def count_work(
-    account: Account | None,
-    step: TipStep,
-    end: End,
-    thermal_velocity: Pack,
-    free: TipInput,
-    state: State,
-    tip: Tips,
-    c: int,
-    lane: Lane,
+    account: Account | None, step: TipStep, end: End, load: Pack, state: State, c: int, engaged: bool, lane: Lane
 ) -> None:
     """Add the friction heat of a step at contact ``c``, and the work of load and contact there, to the sums."""
     if account is None:
         return
-    sums, act, relative = account.sums, state.acts[c], end.driven - thermal_velocity
-    if was_pressed(state.own, lane):
+    sums, act = account.sums, state.acts[c]
+    before, after = pack(act.relative, lane), end.driven - pack(act.thermal_velocity, lane)
+    if engaged:
         for j in range(count_of(state.coupling, state.acts)):
-            heat = friction_heat(state.own, state.acts[j], lane)
-            relative -= shared(account.thermal_velocity, (c, j), lane) * heat
-        _add_to(sums.friction_heat, friction_heat(state.own, act, lane), lane)
-        _add_to(sums.energy_bound, end.impulse * pack(sums.work_bound, lane), lane)
-    before, impulse = pack(act.relative, lane), account.load_share * free.impulse - end.acting
-    store(act.relative, lane, relative)
-    working = fused(spread(account.energy_lever / step.h, lane), relative - before, before)
+            heat = pack(state.own.alpha, lane) * pack(state.acts[j].impulse, lane)
+            after -= shared(step.thermal_velocity, (c, j), lane) * heat
+        _add_to(sums.friction_heat, pack(state.own.alpha, lane) * end.acting, lane)
+        _add_to(sums.energy_bound, end.acting * pack(sums.work_bound, lane), lane)
+    store(act.relative, lane, after)
+    impulse = account.load_share * load - end.acting
+    working = fused(spread(account.energy_lever / step.h, lane), after - before, before)
     store(sums.energy_bound, lane, fused(impulse, working, pack(sums.energy_bound, lane)))
-    gain = contact_gain(step, end, free, act, tip, c, lane)
-    _add_to(sums.dissipated, fused(impulse, -0.5 * (relative + before), gain), lane)
-
-
-class Taken(NamedTuple):
-    """Energy taken from modes in a step, by damping and by a unit of their inputs."""
-
-    dissipated: Pack
-    given: Pack
-
-
-@inlined
-def nothing_taken(lane: Lane) -> Taken:
-    """Return the sums before the first mode."""
-    return Taken(spread(0.0, lane), spread(0.0, lane))
-
-
-@inlined
-def count_mode(
-    account: Account | None,
-    dense: Dense | None,
-    j: int,
-    v: Pack,
-    xi: Pack,
-    contact: Pack | None,
-    taken: Taken,
-    lane: Lane,
-) -> Taken:
-    """Add the energy that damping and a unit of contact took from mode j in a step that ends with v and ξ."""
-    if account is None or dense is not None:
-        return taken
-    return _count_inputs(account, account.contact_inputs[0], j, v, xi, contact, taken, lane)
-
-
-@inlined
-def _count_inputs(
-    account: Account, inputs: Array, j: int, v: Pack, xi: Pack, times: Pack | None, taken: Taken, lane: Lane
-) -> Taken:
-    """Add the energy that damping and, where ``times`` is given, a unit of ``inputs`` took from mode j in a step."""
-    before = pack(account.velocity_before, (j, lane))
-    store(account.velocity_before, (j, lane), v)
-    twice = v + before
-    dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, taken.dissipated)
-    if times is None:
-        return Taken(dissipated, taken.given)
-    given = fused(pack(inputs, (j, lane)), twice, taken.given)
-    between = fused(spread(-0.5 * account.h, lane), before, xi)
-    pulls = pack(inputs, (account.velocity_before.shape[0] + j, lane))
-    return Taken(dissipated, fused(pulls, between, given))
-
-
-@inlined
-def add_modes(account: Account | None, dense: Dense | None, taken: Taken, contact: Pack | None, lane: Lane) -> None:
-    """Add the energies of :func:`count_mode`, of all modes, to the sums."""
-    if account is None or dense is not None:
-        return
-    _add_dissipation(account, taken, contact, lane)
-
-
-@inlined
-def _add_dissipation(account: Account, taken: Taken, times: Pack | None, lane: Lane) -> None:
-    """Add the energy that all modes dissipated in a step to the sums, with ``times`` the unit inputs."""
-    dissipated = taken.dissipated
-    if times is not None:
-        dissipated += times * (taken.given + times * pack(account.sums.square, lane))
-    _add_to(account.sums.dissipated, dissipated, lane)
-
-
-@inlined
-def with_loss(account: Account | None, k: int, tau: Pack, loss: Pack, lane: Lane) -> Pack:
-    """Return ``loss`` with the heat loss of thermal mode k at a step's end, W."""
-    return loss if account is None else fused(shared(account.losses, (k,), lane), tau, loss)
-
-
-@inlined
-def add_loss(
-    account: Account | None, state: State, h: float, loss: Pack, heat: Pack | None, struck: bool, lane: Lane
-) -> None:
-    """Add the heat that all modes lose in h seconds to the sums, with that of one contact or of several."""
-    if account is None:
-        return
-    loss = plus(loss + pack(account.sums.settled_loss, lane), shared(account.heat_loss, (0,), lane), heat)
-    if heat is None and struck:
-        for c in range(len(state.acts)):
-            loss += shared(account.heat_loss, (c,), lane) * friction_heat(state.own, state.acts[c], lane)
-    _add_to(account.sums.lost, h * loss, lane)
-    _add_to(account.sums.turned_over, magnitude(h * loss), lane)
-
-
-@inlined
-def measure(account: Account | None, dense: Dense | None, step: FreeStep, state: State, lane: Lane) -> None:
-    """Compute the energy at a step's end where it may be the largest."""
-    if account is None or dense is not None:
-        return
-    if some(pack(account.sums.energy_bound, lane) > pack(account.sums.largest_energy, lane)):
-        _measure(account, step, state, lane)
-
-
-@part
-def _measure(account: Account, step: FreeStep, state: State, lane: Lane) -> None:
-    """Compute the energy, out of line: so seldom that the step is faster without it."""
-    load = pack(state.own.load, lane)
-    if was_pressed(state.own, lane):
-        _energy(None, account, step, state, load, pack(state.acts[0].impulse, lane), lane)
-    else:
-        _energy(None, account, step, state, load, None, lane)
+    _add_to(sums.dissipated, fused(impulse, -0.5 * (after + before), contact_gain(step, end, act, lane)), lane)
 
 
 @inlined
 def count_step(
-    account: Account | None, dense: Dense | None, step: FreeStep, state: State, last: bool, lanes: int
+    account: Account | None, dense: Dense | None, step: FreeStep, state: State, load: Pack, last: bool, lane: Lane
 ) -> None:
-    """Add the part of a step that the next one does not count to the balances, and compute the energy at its end."""
+    """Add what damping and inputs took from the modes in a step, and the heat lost, to the sums.
+
+    The energy at the step's end is computed where it may be the largest.
+    """
     if account is None:
         return
-    if last or dense is not None:
-        _count(dense, account, step, state, last, lanes)
-
-
-@part
-def _count(dense: Dense | None, account: Account, step: FreeStep, state: State, last: bool, lanes: int) -> None:
-    _fill_dense(dense, account, step, state, lanes)
-    for first in range(0, lanes, PACK):
-        lane = narrow(first)
-        load, contact, taken = pack(state.own.load, lane), pack(state.acts[0].impulse, lane), nothing_taken(lane)
-        times, inputs = (contact, account.contact_inputs[0]) if dense is None else (spread(1.0, lane), dense.inputs)
-        for j in range(account.velocity_before.shape[0]):
-            v, xi = _at_end(dense, step, state, j, load, contact, lane)
-            taken = _count_inputs(account, inputs, j, v, xi, times, taken, lane)
-        _add_dissipation(account, taken, times, lane)
-        _energy(dense, account, step, state, load, contact, lane)
-        if last:
-            loss = spread(0.0, lane)
-            for k in range(state.tau.shape[0]):
-                loss = with_loss(account, k, pack(state.tau, (k, lane)), loss, lane)
-            add_loss(account, state, step.contact.h * account.heat_theta, loss, None, True, lane)
+    sums, modes = account.sums, account.velocity_before.shape[0]
+    dissipated, loss = spread(0.0, lane), pack(sums.settled_loss, lane)
+    struck = was_pressed(state.own, lane) and some(pack(sums.input_square, lane) > 0.0)
+    if dense is not None:
+        _fill_dense(dense, account, step, state, load, lane)
+    if struck or dense is not None:
+        times = pack(state.acts[0].impulse, lane) if dense is None else spread(1.0, lane)
+        given = times * pack(sums.square, lane)
+        for j in range(modes):
+            v, xi = _modal(dense, state.motion, j, lane)
+            before = pack(account.velocity_before, (j, lane))
+            given = fused(_input(account, dense, j, lane), v + before, given)
+            between = fused(spread(-0.5 * account.h, lane), before, xi)
+            given = fused(_input(account, dense, modes + j, lane), between, given)
+        dissipated = times * given
+    for j in range(modes):
+        v, _ = _modal(dense, state.motion, j, lane)
+        twice = v + pack(account.velocity_before, (j, lane))
+        store(account.velocity_before, (j, lane), v)
+        dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, dissipated)
+    _add_to(sums.dissipated, dissipated, lane)
+    for k in range(state.tau.shape[0]):
+        loss = fused(shared(account.losses, (k,), lane), pack(state.tau, (k, 0, lane)), loss)
+    loss = (account.h * account.heat_theta if last else account.h) * loss
+    _add_to(sums.lost, loss, lane)
+    _add_to(sums.turned_over, magnitude(loss), lane)
+    if last or dense is not None or some(pack(sums.energy_bound, lane) > pack(sums.largest_energy, lane)):
+        _measure(dense, account, state, lane)
 
 
 @inlined
-def _at_end(
-    dense: Dense | None, step: FreeStep, state: State, j: int, load: Pack, contact: Pack | None, lane: Lane
-) -> tuple[Pack, Pack]:
+def _modal(dense: Dense | None, motion: Array, j: int, lane: Lane) -> tuple[Pack, Pack]:
     """Return v and ξ of mode j at the step's end."""
     if dense is None:
-        return ended(step, state, j, load, contact, lane)
+        return pack(motion, (j, SPEED, lane)), pack(motion, (j, PLACE, lane))
     return pack(dense.modal_states, (j, lane)), pack(dense.modal_states, (dense.off_diagonal.shape[0] + j, lane))
 
 
 @inlined
-def _energy(
-    dense: Dense | None, account: Account, step: FreeStep, state: State, load: Pack, contact: Pack | None, lane: Lane
-) -> None:
-    """Compute the energy at the end of the last step, and update the largest one; a NaN stays."""
+def _input(account: Account, dense: Dense | None, i: int, lane: Lane) -> Pack:
+    """Return input i of a step, or that of a unit impulse where modes are counted one by one."""
+    return pack(account.contact_inputs, (0, i, lane)) if dense is None else pack(dense.inputs, (i, lane))
+
+
+@part
+def _measure(dense: Dense | None, account: Account, state: State, lane: Lane) -> None:
+    """Compute the energy at a step's end, and update the largest one; a NaN stays.
+
+    Out of line: so seldom that the step is faster without it.
+    """
     sums, energy = account.sums, spread(0.0, lane)
     for j in range(account.velocity_before.shape[0]):
-        v, xi = _at_end(dense, step, state, j, load, contact, lane)
+        v, xi = _modal(dense, state.motion, j, lane)
         eta = xi + account.energy_lever * v
         energy = fused(shared(account.modes, (j, KINETIC), lane) * v, v, energy)
         energy = fused(shared(account.modes, (j, ELASTIC), lane) * eta, eta, energy)
@@ -365,59 +248,36 @@ def _energy(
 
 
 @part
-def _add_product(matrix: Array, states: Array, sums: Array, lanes: int) -> None:
-    """Add matrix · states to ``sums``, ``(row, lane)``."""
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            factor = matrix[i, j]
-            if factor != 0.0:
-                for lane in range(lanes):
-                    sums[i, lane] += factor * states[j, lane]
-
-
-@inlined
-def _fill_dense(dense: Dense | None, account: Account, step: FreeStep, state: State, lanes: int) -> None:
-    """Compute the states of the modes at the step's end and the inputs of the step, where balances need matrices."""
-    if dense is None:
-        return
-    blocks, modes, own = state.motion.shape[0], dense.off_diagonal.shape[0], state.own
-    for first in range(0, lanes, PACK):
-        lane = narrow(first)
-        contact, load = pack(state.acts[0].impulse, lane), pack(own.load, lane)
+def _fill_dense(dense: Dense, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane) -> None:
+    """Compute the states of the modes at the step's end, the inputs of the step, and Σ ω² J²/2 of these."""
+    blocks, modes, acts = state.motion.shape[0], dense.off_diagonal.shape[0], state.acts
+    for i in range(2 * modes):
+        total, inputs = spread(0.0, lane), pack(dense.constant, (i, lane))
         for j in range(blocks):
-            u, eta = ended(step, state, j, load, contact, lane)
-            store(dense.states, (j, lane), u)
-            store(dense.states, (blocks + j, lane), eta)
-        for i in range(2 * modes):
-            inputs = pack(dense.constant, (i, lane))
-            for c in range(count_of(state.coupling, state.acts)):
-                inputs += pack(account.contact_inputs, (c, i, lane)) * pack(state.acts[c].impulse, lane)
-            if i < modes:
-                inputs += shared(dense.load, (i,), lane) * load
-            for pair in range(step.pair_heat.size):
-                tau = pack(state.tau_paired, (step.pair_heat[pair], lane))
-                inputs += shared(dense.pair_inputs, (pair, i), lane) * tau
-            store(dense.inputs, (i, lane), inputs)
-            store(dense.modal_states, (i, lane), spread(0.0, lane))
-    _add_product(dense.outward, dense.states, dense.modal_states, lanes)
-    _damp(dense, account.velocity_before, account.sums, lanes)
-
-
-@part
-def _damp(dense: Dense, velocity_before: Array, sums: Totals, lanes: int) -> None:
-    """Add off-diagonal damping to the inputs, and store Σ ω² J²/2 of all."""
-    modes = dense.off_diagonal.shape[0]
-    for lane in range(lanes):
-        sums.square[lane] = 0.0
+            for row in range(2):
+                if dense.outward[i, row * blocks + j] != 0.0:
+                    factor = shared(dense.outward, (i, row * blocks + j), lane)
+                    total += factor * pack(state.motion, (j, row, lane))
+        store(dense.modal_states, (i, lane), total)
+        for c in range(count_of(state.coupling, acts)):
+            inputs += pack(account.contact_inputs, (c, i, lane)) * pack(acts[c].impulse, lane)
+        if i < modes:
+            inputs += shared(dense.load, (i,), lane) * load
+        for pair in range(step.pair_heat.size):
+            tau = pack(state.tau_before, (step.pair_heat[pair], 0, lane))
+            inputs += shared(dense.pair_inputs, (pair, i), lane) * tau
+        store(dense.inputs, (i, lane), inputs)
+    square = spread(0.0, lane)
     for i in range(modes):
-        for lane in range(lanes):
-            sums.square[lane] += dense.half_flexibility[i] * dense.inputs[modes + i, lane] ** 2
+        inputs, jump = pack(dense.inputs, (i, lane)), pack(dense.inputs, (modes + i, lane))
+        square += shared(dense.half_flexibility, (i,), lane) * jump * jump
         for j in range(modes):
-            factor = 0.25 * dense.off_diagonal[i, j]
-            for lane in range(lanes):
-                begun = velocity_before[j, lane]
-                damps = 2.0 * begun if dense.lagged else begun + dense.modal_states[j, lane]
-                dense.inputs[i, lane] += factor * damps
+            if dense.off_diagonal[i, j] != 0.0:
+                begun = pack(account.velocity_before, (j, lane))
+                damps = 2.0 * begun if dense.lagged else begun + pack(dense.modal_states, (j, lane))
+                inputs += 0.25 * shared(dense.off_diagonal, (i, j), lane) * damps
+        store(dense.inputs, (i, lane), inputs)
+    store(account.sums.square, lane, square)
 
 
 REST = 1e-12
@@ -472,9 +332,8 @@ class Balances:
         sums.first_energy = sums.last_energy = sums.largest_energy = energy
         sums.energy_bound = energy + self._unbounded
         sums.settled_loss = settled = project(self._loss, begun.settled.T)
-        sums.lost = -step.tip.h * step.heat_theta * (settled + project(self._loss, begun.heat.T))
-        if step.heat_counts and not self._is_dense:  # the first step counts the damping of a step that ends at t = 0
-            sums.dissipated = -project(step.tip.h * at_tip * modal.damping, v.T**2)
+        sums.lost = step.tip.h * (1 - step.heat_theta) * (settled + project(self._loss, begun.heat.T))
+        sums.turned_over = np.abs(sums.lost)
         impulses, pulls = step.energy_lever * inputs[n:] - 2.0 * inputs[:n], inputs[n:]
         size2 = project(at_tip / np.maximum(self._kinetic, np.finfo(float).tiny), impulses.T**2)
         size2 += project(2.0 * at_tip * _half_flexibility(modal), pulls.T**2)
@@ -490,7 +349,7 @@ class Balances:
 
     def account(self, lanes: Mapping[str, Array]) -> Account:
         """Return the coefficients and sums for kernels, with the lanes of :attr:`rows`."""
-        blocks, modal, step = self._blocks, self._blocks.modal, self._blocks.step
+        modal, step = self._blocks.modal, self._blocks.step
         losses = self._loss / modal.heat_scale
         modes = np.stack([0.25 * step.tip.h * modal.damping, 0.5 * self._kinetic, 0.5 * modal.frequency**2], axis=1)
         return Account(
@@ -502,8 +361,6 @@ class Balances:
             h=step.tip.h,
             energy_lever=step.energy_lever,
             load_share=float(modal.is_single),
-            thermal_velocity=np.tensordot(blocks.contacts, blocks.thermal_response(step.heat_gain.T), 2),
-            heat_loss=float(step.heat_counts) * np.sum(self._loss * step.heat_gain, axis=1),
             heat_theta=step.heat_theta,
             unbounded=self._unbounded,
             dense=self._dense(lanes) if self._is_dense else None,
@@ -527,7 +384,6 @@ class Balances:
             half_flexibility=_half_flexibility(modal),
             pair_inputs=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
             constant=lanes["constant"],
-            states=lane_rows(2 * count),
             modal_states=lane_rows(2 * n),
             inputs=lane_rows(2 * n),
         )
@@ -535,13 +391,12 @@ class Balances:
     def result(self, ended: Mapping[str, Array], elapsed: float) -> Balance:
         """Return the balances after ``elapsed`` seconds, from the rows of the march at its end."""
         modal, begun = self._blocks.modal, self._begun
-        sums, acts = named_rows(Totals, ended["sums"]), cast(Any, named_rows(Acting, ended["acts"]))
-        if not self._free.heat_counts:
-            sums.friction_heat -= self._cases.alpha * acts["impulse"].sum(axis=0)
-        warmed = ended["tau"] / modal.heat_scale[:, None] - begun.heat + elapsed * begun.warming_modes
+        warmed_for = elapsed + self._blocks.step.tip.h * self._blocks.step.is_central
+        warmed = ended["tau"][:, 0] / modal.heat_scale[:, None] - begun.heat + warmed_for * begun.warming_modes
         initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled).T)
-        heating = elapsed * project(self._content, project(modal.heat_shapes.T, self._cases.heating))
-        return Balance(sums, project(self._content, warmed.T), initial, heating, self._rest_energy(elapsed))
+        heating = warmed_for * project(self._content, project(modal.heat_shapes.T, self._cases.heating))
+        sums, gained = named_rows(Totals, ended["sums"]), project(self._content, warmed.T)
+        return Balance(sums, gained, initial, heating, self._rest_energy(elapsed))
 
     def _rest_energy(self, elapsed: float) -> Array:
         """Return the energy below which the tip is at rest, J, ``(case,)``.

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from workflow.models import Array, project
 from workflow.poles import real_blocks
 from workflow.schemes._fixed.decoupled import Decoupled
-from workflow.schemes._fixed.law import TipStep
+from workflow.schemes._fixed.law import CentralStep, TipStep
 from workflow.schemes._fixed.outcome import ROUNDING
 
 NEAR_RESONANCE = 1e-3
@@ -69,10 +69,13 @@ class Step(NamedTuple):
     """Weight of a step's contact heat in the thermal load of that step: θ of the θ-method, 0 of central differences."""
     heat_theta: float
     """Weight of the temperatures at a step's end in its heat loss."""
-    heat_counts: bool
-    """Whether τ at a step's end includes the contact heat of that step: τ of central differences lags by a step."""
     lagged: bool
     """Whether the velocity at the step's beginning damps."""
+
+    @property
+    def is_central(self) -> bool:
+        """Whether the step is one of central differences: its τ is a step ahead, with the heat of p_k."""
+        return isinstance(self.tip, CentralStep)
 
     def moved_by(self, impulses: Array) -> Array:
         """Return the velocities Ŵ⁻¹ · impulses of the modes, ``(mode, …)``."""
@@ -145,12 +148,8 @@ class Blocks:
 
     @property
     def heat_velocity(self) -> Array:
-        """Thermal velocity of the contacts per τ of a kernel, which lags by a step in central differences.
-
-        ``(contact, thermal mode)``.
-        """
-        shown = np.einsum("crb,rbl->cl", self.contacts, self.response)
-        return np.asarray(shown if self.step.heat_counts else self.step.decay * shown)
+        """Thermal velocity of the contacts per τ of a kernel, ``(contact, thermal mode)``."""
+        return np.asarray(np.einsum("crb,rbl->cl", self.contacts, self.response))
 
     @property
     def spectral_radius(self) -> float:
@@ -182,12 +181,6 @@ class Blocks:
     def thermal_response(self, heat: Array) -> Array:
         """Return the response R τ to thermal modes ``(thermal mode, column)``, ``(2, block, column)``."""
         return np.stack([project(rows, heat.T).T for rows in self.response])
-
-    def ahead(self, states: Array) -> Array:
-        """Return states ``(2, block, column)`` after a step without inputs."""
-        h, c, k = self.step.tip.h, self.damping[:, None], self.stiffness[:, None]
-        u, eta = states
-        return np.stack([u - h * (c * u + k * eta), eta + h * u])
 
     def without_heat(self) -> Blocks:
         """Return the same structure without thermal states, for cases where none can act."""

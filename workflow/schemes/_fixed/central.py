@@ -120,13 +120,12 @@ class Operator:
         drive, begins = start_of(self.structure, cases, h, 0.0, sampling.duration)
         before = _half_step_before(blocks.modal, cases, h)
         if contact.stiffness > 0:
-            force = contact.stiffness * np.fmax(0.0, begins.place - begins.gap)
+            force = contact.stiffness * np.fmax(0.0, begins.displacement - begins.gap)
             along = cases.friction[:, None] * project(blocks.modal.tangent.T, force)
             before += 0.5 * h * (project(blocks.modal.normal.T, force) - along)
         ended = step_batch(self.structure, blocks, contact, cases, before, sampling, drive, begins)
         # squared: the state of a growing contact may be finite where its energy is not
-        tip = ended.watched.tip
-        last = [tip[name] for name in ("displacement", "velocity", "temperature")]
+        last = [ended.watched.contact[name] for name in ("displacement", "velocity", "temperature")]
         finite = np.asarray(np.isfinite(np.square(last)).all(axis=(0, 1)))
         alone = divisors(blocks.step, blocks.modal, contact, cases.alpha, cases.friction)
         ambiguous = (alone <= 0).any(axis=1) | (ended.unsolved > 0)
@@ -144,7 +143,7 @@ def step(modal: Decoupled, h: float, differences: Differences) -> Step:
     decay, (inertia, _) = differences.decay(h, modal.rate), differences.damped(h, modal.damping)
     heat_gain = modal.heat * (decay if differences.implicit_heat else 1.0)
     return Step(
-        tip=CentralStep(h, 1.0, modal.recorded @ heat_gain.T),
+        tip=CentralStep(h, 1.0, 0.5 * modal.recorded @ heat_gain.T),
         inertia=modal.effective_mass(inertia, 0.0 if differences.lagged else h / 2),
         stiffening=h,
         lever=h,
@@ -157,7 +156,6 @@ def step(modal: Decoupled, h: float, differences: Differences) -> Step:
         stiffness_weight=decay,
         coupling_theta=0.0,
         heat_theta=float(differences.implicit_heat),
-        heat_counts=False,
         lagged=differences.lagged,
     )
 

@@ -1,26 +1,26 @@
-"""Free motion: coefficients of a step for kernels, and the initial states of a batch.
+"""Free motion of the modes in packs, what an impulse changes in them, and the initial states of a batch.
 
-Load and contact of a step are added to u and η of a block when the next step begins: :func:`ended` returns both at the
-step's end. Where one contact acts on modes these are scaled by their component there, so that the velocity of the
-contact is the sum of all u; else :class:`ContactRows` give the velocities.
+Where one contact acts on modes these are scaled by their component there, so that the velocity of the contact is the
+sum of all u; else :class:`ContactRows` give the velocities.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import inlined
+from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import ROW
-from workflow.kernels.packs import Lane, Pack, pack, shared
+from workflow.kernels.packs import Lane, Pack, flag, fused, pack, raised, shared, some, spread, store
 from workflow.models import Array, Cases, EndState, project
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.contact import Contact
+from workflow.schemes._fixed.contact import Contact, count_of
 from workflow.schemes._fixed.law import Coupling, TipStep, YieldingStep
+from workflow.schemes._fixed.loads import Drive
 from workflow.schemes._fixed.rows import Acting, Own
 
 SPEED, PLACE = range(2)
@@ -29,33 +29,27 @@ SPEED, PLACE = range(2)
 DECAY, SPRING, LOAD = range(3)
 """Coefficients of a block: u' per u and per η, u per unit impulse of the load."""
 
-ABREAST = 4
-"""Contacts whose velocities are summed at a time: rows of coefficients are padded to a multiple."""
-
-HEAT_DECAY, HEAT_INPUT, HEAT_SPEED = range(3)
-"""Coefficients of a thermal mode, scaled so that the temperature of one contact is the sum of all τ: τ' per τ, and of
-one contact τ per unit heat there, and the thermal velocity of the contact per τ."""
+HEAT_DECAY, HEAT_SPEED = range(2)
+"""Coefficients of a thermal mode: τ' per τ, and of one contact its thermal velocity per τ'."""
 
 
 class ContactRows(NamedTuple):
-    """Velocities and temperatures of contacts that are no plain sums, columns padded to whole :data:`ABREAST`."""
+    """Velocities and temperatures of contacts that are no plain sums."""
 
     speed: Array
     place: Array
     """Velocity per u and per η, ``(block, contact)``; the second without rows where blocks are modes."""
     heat_speed: Array
     temperature: Array
-    """Thermal velocity and temperature per τ, ``(thermal mode, contact)``."""
+    """Thermal velocity and temperature per τ', ``(thermal mode, contact)``."""
     expansion: Array
-    """Way by the residual coupling per τ, m, likewise; without rows of contacts with mass."""
+    """Way by the residual coupling per τ', m, likewise; without rows of contacts with mass."""
     load_place: Array
     """η per unit impulse of the load, ``(block,)``."""
-    heat: Array
-    """τ per unit heat at a contact, ``(contact, thermal mode)``."""
 
 
 class FreeStep(NamedTuple):
-    """Coefficients of a free step and of a unit impulse of the load, for kernels."""
+    """Coefficients of a step for kernels."""
 
     blocks: Array
     """``(block, coefficient)``."""
@@ -63,6 +57,8 @@ class FreeStep(NamedTuple):
     """``None`` for one contact that acts on modes."""
     heat_modes: Array
     """``(thermal mode, coefficient)``."""
+    heat_gain: Array
+    """τ per unit heat at a contact, ``(contact, thermal mode)``."""
     pair_block: NDArray[np.int64]
     pair_heat: NDArray[np.int64]
     pair_load: Array
@@ -70,10 +66,8 @@ class FreeStep(NamedTuple):
     drifting: NDArray[np.int64]
     """Blocks of first order on which constant loads act."""
     contact: TipStep
-    heat_counts: bool
-    """Whether τ at a step's end includes the contact heat of that step; central differences add it in the next step."""
     observed: Array | None
-    """Temperature that one contact records per τ, ``(thermal mode,)``; ``None`` for the sum of all τ."""
+    """Temperature that one contact records per τ', ``(thermal mode,)``; ``None`` for the sum of all τ'."""
     sensors: Array
     """Rows of sensors, see :func:`~workflow.schemes._fixed.sensing.sensing_of`."""
 
@@ -91,13 +85,13 @@ class State(NamedTuple):
     steady: Array
     """Increment of u of drifting blocks in a step by constant loads, ``(drifting block, lane)``."""
     tau: Array
-    """``(thermal mode, lane)``, without the contact heat of the last step, which the next step adds."""
+    """``(thermal mode, 1, lane)``; a step ahead in central differences, as u is half a step ahead."""
+    motion_before: Array
     tau_before: Array
-    """τ at the beginning of the last step."""
-    tau_paired: Array
-    """Either of the two: the τ that loads blocks near resonance."""
+    """Both at the beginning of the step, where that is asked for; in central differences τ a step before too, and the
+    motion, which is not asked for else."""
     sensing: Array
-    """Of sensors by each case, ``(3, sensor, lane)``."""
+    """Of sensors by each case, ``(2, sensor, lane)``."""
 
 
 @inlined
@@ -112,55 +106,241 @@ def lay_out(step: FreeStep, state: State) -> None:
     assert state.motion.shape[2] == ROW
     assert state.drives.shape[2] == PLACE + 1
     assert state.drives.shape[3] == ROW
-    assert state.tau.shape[1] == ROW
+    assert state.tau.shape[1] == 1
+    assert state.tau.shape[2] == ROW
+
+
+@part
+def is_warmed(acts: Sequence[Acting], lanes: int) -> bool:
+    """Tell whether heating or the temperature of the surroundings moves a contact of some lane."""
+    warmed = False
+    for c in range(len(acts)):
+        for lane in range(lanes):
+            warmed |= acts[c].drift[lane] != 0.0 or acts[c].warmth[lane] != 0.0 or acts[c].warming[lane] != 0.0
+    return warmed
+
+
+@part
+def keep_before(state: State, lanes: int) -> None:
+    """Keep the states at the beginning of a step, and in central differences τ at the beginning of the one before."""
+    motion, tau = state.motion_before, state.tau_before
+    for lane in range(lanes):
+        for j in range(motion.shape[0]):
+            motion[j, SPEED, lane], motion[j, PLACE, lane] = state.motion[j, SPEED, lane], state.motion[j, PLACE, lane]
+        for k in range(tau.shape[0]):
+            if tau.shape[1] > 1:
+                tau[k, 1, lane] = tau[k, 0, lane]
+            tau[k, 0, lane] = state.tau[k, 0, lane]
 
 
 @inlined
-def plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
+def _plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
     """Return ``numbers + weight * others``, or ``numbers`` where ``others`` is ``None``, decided at compile time."""
-    return numbers if others is None else numbers + weight * others
+    return numbers if others is None else fused(weight, others, numbers)
 
 
 @inlined
-def loaded(
-    rows: ContactRows | None, step: FreeStep, j: int, u: Pack, eta: Pack, load: Pack, lane: Lane
-) -> tuple[Pack, Pack]:
-    """Return u and η of block j with an impulse of the load."""
-    u += shared(step.blocks, (j, LOAD), lane) * load
-    return u, eta if rows is None else eta + shared(rows.load_place, (j,), lane) * load
+def step_freely(
+    step: FreeStep,
+    rows: ContactRows | None,
+    drive: Drive | None,
+    account: Any,
+    warmed: bool,
+    t: float,
+    state: State,
+    load: Pack,
+    lane: Lane,
+) -> None:
+    """Step all modes to t without impulses of contact, but for one that waits since the last step (:func:`strike`).
 
-
-@inlined
-def ended(step: FreeStep, state: State, j: int, load: Pack, contact: Pack | None, lane: Lane) -> tuple[Pack, Pack]:
-    """Return u and η of block j at the end of the last step; ``contact`` is the impulse in it, if any, of one contact.
-
-    Of several contacts all impulses count.
+    ``rows`` are those of the step, so that the compiler sees whether they are ``None``.
     """
-    u, eta = pack(state.motion, (j, SPEED, lane)), pack(state.motion, (j, PLACE, lane))
-    if state.coupling is None:
-        u = plus(u, pack(state.drives, (0, j, SPEED, lane)), contact)
-        eta = plus(eta, pack(state.drives, (0, j, PLACE, lane)), contact)
+    if rows is None and raised(state.own.waits, lane):
+        p = pack(state.acts[0].impulse, lane)
+        heat = pack(state.own.alpha, lane) * p
+        _step_freely(step, rows, step.observed, drive, account, p, heat, warmed, t, state, load, lane)
     else:
-        for c in range(len(state.acts)):
-            p = pack(state.acts[c].impulse, lane)
-            u += pack(state.drives, (c, j, SPEED, lane)) * p
-            eta += pack(state.drives, (c, j, PLACE, lane)) * p
-    return loaded(step.rows, step, j, u, eta, load, lane)
+        _step_freely(step, rows, step.observed, drive, account, None, None, warmed, t, state, load, lane)
 
 
 @inlined
-def with_heat(rows: ContactRows | None, state: State, k: int, tau: Pack, struck: bool, lane: Lane) -> Pack:
-    """Return thermal mode k with the heat of contacts that have rows in the last step, if any was struck."""
+def _step_freely(
+    step: FreeStep,
+    rows: ContactRows | None,
+    observed: Array | None,
+    drive: Drive | None,
+    account: Any,
+    impulse: Pack | None,
+    heat: Pack | None,
+    warmed: bool,
+    t: float,
+    state: State,
+    load: Pack,
+    lane: Lane,
+) -> None:
+    """Step all modes to t without impulses of contact; store velocities and temperatures of contacts there.
+
+    ``warmed`` is the result of :func:`is_warmed`.
+    """
+    motion, tau = state.motion, state.tau
+    velocity, temperature = spread(0.0, lane), spread(0.0, lane)
+    for k in range(tau.shape[0]):
+        before = _plus(pack(tau, (k, 0, lane)), shared(step.heat_gain, (0, k), lane), heat)
+        after = shared(step.heat_modes, (k, HEAT_DECAY), lane) * before
+        store(tau, (k, 0, lane), after)
+        if rows is None:
+            velocity += shared(step.heat_modes, (k, HEAT_SPEED), lane) * after
+            temperature += after if observed is None else shared(observed, (k,), lane) * after
+    thermal_velocity = velocity
+    for j in range(motion.shape[0]):
+        u = _plus(pack(motion, (j, SPEED, lane)), pack(state.drives, (0, j, SPEED, lane)), impulse)
+        eta = _plus(pack(motion, (j, PLACE, lane)), pack(state.drives, (0, j, PLACE, lane)), impulse)
+        after = shared(step.blocks, (j, DECAY), lane) * u + shared(step.blocks, (j, SPRING), lane) * eta
+        after += shared(step.blocks, (j, LOAD), lane) * load
+        eta += step.contact.h * u
+        if rows is not None:
+            eta += shared(rows.load_place, (j,), lane) * load
+        store(motion, (j, SPEED, lane), after)
+        store(motion, (j, PLACE, lane), eta)
+        if rows is None:
+            velocity += after
+    if step.pair_block.size + step.drifting.size != 0:
+        velocity += _add_slow(step, state, lane)
     if rows is None:
-        return tau
-    if struck:
-        for c in range(rows.heat.shape[0]):
-            tau += shared(rows.heat, (c, k), lane) * (pack(state.own.alpha, lane) * pack(state.acts[c].impulse, lane))
-    return tau
+        _keep_contact(state.acts[0], drive, account, warmed, t, velocity, thermal_velocity, temperature, lane)
+    else:
+        _move_contacts(rows, drive, account, warmed, t, state, lane)
+
+
+@inlined
+def _add_slow(step: FreeStep, state: State, lane: Lane) -> Pack:
+    """Add loads of thermal modes on blocks near resonance with them, and constant loads on drifting blocks.
+
+    Return their part in the velocity of one contact.
+    """
+    motion, velocity = state.motion, spread(0.0, lane)
+    for pair in range(step.pair_block.size):
+        j, tau = step.pair_block[pair], pack(state.tau_before, (step.pair_heat[pair], 0, lane))
+        for row in range(2):
+            pulled = shared(step.pair_load, (pair, row), lane) * tau
+            store(motion, (j, row, lane), pack(motion, (j, row, lane)) + pulled)
+        velocity += shared(step.pair_load, (pair, 2), lane) * tau
+    for k in range(step.drifting.size):
+        j, gained = step.drifting[k], pack(state.steady, (k, lane))
+        store(motion, (j, SPEED, lane), pack(motion, (j, SPEED, lane)) + gained)
+        velocity += gained
+    return velocity
+
+
+@inlined
+def _keep_contact(
+    act: Acting,
+    drive: Drive | None,
+    account: Any,
+    warmed: bool,
+    t: float,
+    velocity: Pack,
+    thermal_velocity: Pack,
+    temperature: Pack,
+    lane: Lane,
+) -> None:
+    """Store how the modes move and warm a contact, with its known part by constant loads."""
+    if warmed:
+        drift = pack(act.drift, lane)
+        velocity, thermal_velocity = velocity + drift, thermal_velocity + drift
+        temperature += pack(act.warmth, lane) + pack(act.warming, lane) * t
+    store(act.speed_free, lane, velocity if drive is None else velocity - pack(act.origin_speed, lane))
+    if account is not None:
+        store(act.thermal_velocity, lane, thermal_velocity)
+    store(act.temperature, lane, temperature)
+
+
+Four = tuple[Pack, Pack, Pack, Pack]
+"""Sums of four contacts, which share the reads of a state."""
+
+
+@inlined
+def _add_four(table: Array, states: Array, row: int, first: int, sums: Four, lane: Lane) -> Four:
+    """Add the products of a table ``(state, contact)`` with states to the sums of contacts from the ``first`` on."""
+    a, b, c, d = sums
+    for j in range(table.shape[0]):
+        x = pack(states, (j, row, lane))
+        a = fused(shared(table, (j, first), lane), x, a)
+        b = fused(shared(table, (j, first + 1), lane), x, b)
+        c = fused(shared(table, (j, first + 2), lane), x, c)
+        d = fused(shared(table, (j, first + 3), lane), x, d)
+    return a, b, c, d
+
+
+@inlined
+def _add_one(table: Array, states: Array, row: int, first: int, sums: Pack, lane: Lane) -> Pack:
+    """Do the same for one contact."""
+    for j in range(table.shape[0]):
+        sums = fused(shared(table, (j, first), lane), pack(states, (j, row, lane)), sums)
+    return sums
+
+
+@inlined
+def _move_contacts(
+    rows: ContactRows, drive: Drive | None, account: Any, warmed: bool, t: float, state: State, lane: Lane
+) -> None:
+    """Store velocities and temperatures of contacts that have rows."""
+    acts, zero, motion, tau = state.acts, spread(0.0, lane), state.motion, state.tau
+    fours, zeros = len(acts) // 4 * 4, (zero, zero, zero, zero)
+    for c in range(0, fours, 4):
+        heat = _add_four(rows.temperature, tau, 0, c, zeros, lane)
+        warm = _add_four(rows.heat_speed, tau, 0, c, zeros, lane)
+        moved = _add_four(rows.place, motion, PLACE, c, _add_four(rows.speed, motion, SPEED, c, warm, lane), lane)
+        _keep_contact(acts[c], drive, account, warmed, t, moved[0], warm[0], heat[0], lane)
+        _keep_contact(acts[c + 1], drive, account, warmed, t, moved[1], warm[1], heat[1], lane)
+        _keep_contact(acts[c + 2], drive, account, warmed, t, moved[2], warm[2], heat[2], lane)
+        _keep_contact(acts[c + 3], drive, account, warmed, t, moved[3], warm[3], heat[3], lane)
+    for c in range(fours, len(acts)):
+        one = _add_one(rows.heat_speed, tau, 0, c, zero, lane)
+        speed = _add_one(rows.place, motion, PLACE, c, _add_one(rows.speed, motion, SPEED, c, one, lane), lane)
+        _keep_contact(
+            acts[c], drive, account, warmed, t, speed, one, _add_one(rows.temperature, tau, 0, c, zero, lane), lane
+        )
+    if rows.expansion.shape[0] > 0:
+        for c in range(len(acts)):
+            grown = pack(acts[c].grown, lane) + pack(acts[c].growing, lane) * t
+            store(acts[c].expansion, lane, _add_one(rows.expansion, tau, 0, c, grown, lane))
+
+
+@inlined
+def _add_heat(row: Array, gains: Array, c: int, j: int, heat: Pack, lane: Lane) -> None:
+    """Add what the heat at contact j changes at contact c."""
+    store(row, lane, fused(shared(gains, (c, j), lane), heat, pack(row, lane)))
+
+
+@inlined
+def strike(step: FreeStep, state: State, waits: bool, lane: Lane) -> None:
+    """Add the impulses of contact and their heat to the states, and their heat to the temperatures of contacts.
+
+    Where nothing reads the states before the next step (``waits``) that step adds them as it reads them itself.
+    """
+    acts, own, contact, count = state.acts, state.own, step.contact, count_of(state.coupling, state.acts)
+    flag(own.waits, lane, False)
+    for j in range(count):
+        p = pack(acts[j].impulse, lane)
+        if some(~(p <= 0.0)):  # a NaN too
+            heat = pack(own.alpha, lane) * p
+            flag(own.waits, lane, waits)
+            for b in range(0 if waits else state.motion.shape[0]):
+                for row in range(2):
+                    moved = fused(pack(state.drives, (j, b, row, lane)), p, pack(state.motion, (b, row, lane)))
+                    store(state.motion, (b, row, lane), moved)
+            for k in range(0 if waits else state.tau.shape[0]):
+                warmed = fused(shared(step.heat_gain, (j, k), lane), heat, pack(state.tau, (k, 0, lane)))
+                store(state.tau, (k, 0, lane), warmed)
+            for c in range(count if state.tau.shape[0] > 0 else 0):
+                _add_heat(acts[c].temperature, contact.warming, c, j, heat, lane)
+                if contact.growth.shape[0] > 0:
+                    _add_heat(acts[c].expansion, contact.growth, c, j, heat, lane)
 
 
 NO_DECAY = 1e-30
-"""Replaces a thermal factor D of exactly 0, by which the contact heat is divided: negligible beside 1."""
+"""Replaces a thermal factor D of exactly 0, by which temperatures at t_k are τ_k = τ'/D: negligible beside 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,75 +411,42 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
 
 
 class LastStep(NamedTuple):
-    """What kernels leave of the last step, which ends after t seconds, before its load and contact move the blocks."""
+    """What kernels leave of the last step, which ends after t seconds: u, η and τ at its beginning and end."""
 
     t: float
     motion: Array
-    """u and η, ``(2, block, case)``."""
-    drives: Array
-    """Their changes by a unit impulse of a contact, ``(contact, 2, block, case)``."""
+    motion_before: Array
+    """``(2, block, case)``; at the beginning of central differences only."""
     heat: Array
-    """τ, ``(thermal mode, case)``."""
-    load: Array
-    """Impulse, ``(case,)``."""
-    contact: Array
+    heat_before: Array
+    """``(thermal mode, case)``."""
     place: Array
-    """Impulse and x of each contact, ``(contact, case)``."""
+    """x of each contact, ``(contact, case)``."""
 
 
-def end_state(blocks: Blocks, cases: Cases, begun: InitialState, last: LastStep) -> EndState:
+def end_state(blocks: Blocks, begun: InitialState, last: LastStep) -> EndState:
     """Return the state after the last step; of central differences at t_k, with the velocity (w_k-½ + w_k+½)/2.
 
     Modes that do not move the tip are not stepped: they end at rest.
     """
-    modal, step, h = blocks.modal, blocks.step, blocks.step.tip.h
+    modal, step, h, t, heat = blocks.modal, blocks.step, blocks.step.tip.h, last.t, last.heat
 
     def in_modes(states: Array, heat: Array, t: float) -> Array:
         return blocks.in_modes(states + begun.known + blocks.thermal_response(heat + begun.warming_modes * t))
 
-    heat = last.heat
-    ended = last.motion + blocks.of_impulses(modal.load[:, None]) * last.load
-    entered = np.zeros_like(heat)
-    for drive, gain, impulse in zip(last.drives, step.heat_gain, last.contact, strict=True):
-        ended, entered = ended + drive * impulse, entered + gain[:, None] * (cases.alpha * impulse)
-    if step.heat_counts:
-        velocity, places = in_modes(ended, heat, last.t)
-        z = places + step.lever * velocity
+    if step.is_central:
+        before, _ = in_modes(last.motion_before, last.heat_before, t)
+        after, z = in_modes(last.motion, heat, t + h)
+        velocity, heat = (before + after) / 2, (1 - step.decay / 2)[:, None] * last.heat_before + heat / 2
     else:
-        before, places = in_modes(_behind(blocks, begun, last), heat, last.t)
-        after, _ = in_modes(ended, step.decay[:, None] * heat + entered, last.t + h)
-        velocity, z, heat = (before + after) / 2, places + h * before, heat + entered / 2
+        velocity, places = in_modes(last.motion, heat, t)
+        z = places + step.lever * velocity
     rigid = modal.frequency == 0
     if blocks.outward is not None and rigid.any():  # blocks have no ξ of them
         inverse = np.asarray(np.linalg.pinv(modal.normal[:, rigid]), dtype=np.float64)
         z[rigid] += project(inverse, last.place.T - project(modal.normal, z.T)).T
-    tau = heat + begun.settled + begun.warming_modes * last.t
+    tau = heat + begun.settled + begun.warming_modes * t
     return EndState(project(modal.shapes, z.T), project(modal.shapes, velocity.T), project(modal.heat_shapes, tau.T))
-
-
-def _behind(blocks: Blocks, begun: InitialState, last: LastStep) -> Array:
-    """Return u and η at the beginning of the last step, with load and contact there: :meth:`Blocks.ahead` reversed."""
-    h, c, k = blocks.step.tip.h, blocks.damping[:, None], blocks.stiffness[:, None]
-    motion = last.motion.copy()
-    motion[0, begun.drifting] -= begun.steady
-    for block, mode in blocks.pairs:
-        motion[:, block] -= blocks.thermal_load[:, block, mode, None] * last.heat[mode]
-    u = (motion[0] + h * k * motion[1]) / (1 - h * c + h * h * k)
-    return np.stack([u, motion[1] - h * u])
-
-
-def first_free(blocks: Blocks, begun: InitialState) -> tuple[Array, Array, Array]:
-    """Return u and η after the first step of central differences without load and contact, and the contacts' velocity.
-
-    The third value is the thermal part of that velocity, ``(case, contact)``.
-    """
-    states = blocks.ahead(begun.states)
-    states[0, begun.drifting] += begun.steady
-    for block, mode in blocks.pairs:
-        states[:, block] += blocks.thermal_load[:, block, mode, None] * begun.heat[mode]
-    thermal_velocity = project(blocks.heat_velocity, begun.heat.T) + begun.drift
-    velocity = sum(project(row, values.T) for row, values in zip(blocks.contacts.swapaxes(0, 1), states, strict=True))
-    return states, velocity + thermal_velocity, thermal_velocity
 
 
 def contact_heat(blocks: Blocks, cases: Cases) -> Array:
@@ -321,37 +468,39 @@ def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64], sen
     h, (speed, place), (j, k) = step.tip.h, blocks.contacts.swapaxes(0, 1), blocks.pairs.T
     load, load_place = blocks.of_impulses(modal.load[:, None])[..., 0]
     pull, decay = blocks.thermal_load[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)
-    mobility = np.sum(speed * load + place * load_place, axis=1)
-    heat = scale * step.heat_gain / (1.0 if step.heat_counts else decay)
-    rows = None
+    recorded, rows = modal.recorded / (scale * decay if step.is_central else scale), None
     if not modal.is_single:
-        columns = speed, place, blocks.heat_velocity / scale, modal.recorded / scale, modal.residual_coupling
-        padded = [np.pad(each.T, ((0, 0), (0, -len(each) % ABREAST))) for each in columns]
+        columns = speed, place, blocks.heat_velocity / scale, recorded, modal.residual_coupling / scale
+        rows = ContactRows._make([*(np.ascontiguousarray(each.T) for each in columns), load_place])
         if blocks.outward is None:
-            padded[1] = padded[1][:0]
+            rows = rows._replace(place=rows.place[:0])
         if not modal.contacts.is_compliant:
-            padded[4] = padded[4][:0]
-        rows = ContactRows._make([*map(np.ascontiguousarray, padded), load_place, heat])
-    is_observed = modal.is_single and not np.array_equal(modal.recorded, modal.heat)
+            rows = rows._replace(expansion=rows.expansion[:0])
+    is_sum = not step.is_central and np.array_equal(modal.recorded, modal.heat)
     return FreeStep(
         blocks=np.stack([1 - h * blocks.damping, -h * blocks.stiffness, load * blocks.scale], axis=1),
         rows=rows,
-        heat_modes=np.stack([decay, heat[0], blocks.heat_velocity[0] / scale], axis=1),
+        heat_modes=np.stack([decay, blocks.heat_velocity[0] / scale], axis=1),
+        heat_gain=scale * step.heat_gain,
         pair_block=j,
         pair_heat=k,
         pair_load=np.stack([*(pull * blocks.scale[j]), speed[0, j] * pull[0] + place[0, j] * pull[1]], axis=1),
         drifting=drifting,
-        contact=_contact_step(blocks, contact)._replace(load_mobility=mobility),
-        heat_counts=step.heat_counts,
-        observed=modal.recorded[0] / scale if is_observed else None,
+        contact=_contact_step(blocks, contact),
+        observed=recorded[0] if modal.is_single and not is_sum else None,
         sensors=sensors,
     )
 
 
 def _contact_step(blocks: Blocks, contact: Contact) -> TipStep:
-    """Return the coefficients of the contacts in a step, but for their mobility by the load."""
+    """Return the coefficients of the contacts in a step."""
     modal, step, contacts = blocks.modal, blocks.step, blocks.modal.contacts
-    own = step.tip._replace(delassus=step.delassus(modal), stiffness=contact.stiffness, holds=contact.holds)
+    own = step.tip._replace(
+        delassus=step.delassus(modal),
+        thermal_velocity=np.tensordot(blocks.contacts, blocks.thermal_response(step.heat_gain.T), 2),
+        stiffness=contact.stiffness,
+        holds=contact.holds,
+    )
     if not contacts.is_compliant:
         return own
     weight, cold = contact.force_weight(own.theta), contacts.flexibility(0.0)

@@ -17,8 +17,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels.compiled import by_type, of_case, part
-from workflow.kernels.lemke import Complementarity, problem, solve_complementarity, solve_in_place
+from workflow.kernels.compiled import by_type, defines, inlined, of_case, part
+from workflow.kernels.lanes import lane_rows
+from workflow.kernels.lemke import Complementarity, problem, solve_complementarity
+from workflow.kernels.packs import (
+    Lane,
+    Pack,
+    fused,
+    lanes_of,
+    magnitude,
+    pack,
+    shared,
+    some,
+    some_nonzero,
+    spread,
+    store,
+    where,
+)
 from workflow.models import Array
 from workflow.schemes._fixed.rows import Acting, Own
 
@@ -70,8 +85,8 @@ class TipStep(NamedTuple):
     """Temperature of contact i per unit heat at contact j, K/J, ``(contact, contact)``."""
     delassus: Array = np.zeros((3, 0, 0))
     """W_ij and what it has per -µ and per α, 1/kg, ``(3, contact, contact)``."""
-    load_mobility: Array = np.zeros(0)
-    """Velocity of a contact per unit impulse of the load, w_i Ŵ⁻¹ b, 1/kg, ``(contact,)``."""
+    thermal_velocity: Array = np.zeros((0, 0))
+    """Thermal velocity of contact i per unit heat at contact j in its step, m/(s J), likewise."""
     sinking: Array = np.zeros((3, 0, 0))
     """Way of contact i per unit impulse at j besides its motion, as W_ij, m/(N s); none of contacts with mass."""
     residual: Array = np.zeros((2, 0, 0))
@@ -97,39 +112,80 @@ class CentralStep(TipStep):
 
 
 class Coupling(NamedTuple):
-    """Memory for the laws of several contacts in a lane."""
+    """Memory for the laws of several contacts."""
 
     problem: Complementarity
     impulse: Array
-    """p, ``(contact,)``."""
+    """p of a lane, ``(contact,)``."""
     slope: Array
-    """dp/dfree and dp/dplace of each law, ``(2, contact)``."""
+    """dp/dfree and dp/dplace of each law in a lane, ``(2, contact)``."""
     members: NDArray[np.int64]
-    struck: NDArray[np.int64]
-    """Contacts whose impulses change, and those that have one, ``(contact,)``."""
+    """Contacts whose impulses change, ``(contact,)``."""
+    matrix: Array
+    """Newton's equations of each lane, ``(contact, contact + 1, lane)``."""
+    tries: Array
+    """State of each lane, ``(lane,)``."""
+    scale: Array
+    probe: Array
+    """Largest velocity of each lane, and the difference by which slopes are found, m/s, ``(lane,)``."""
+
+
+RUNS, SOLVED, LOST, STUCK = 0.0, 1.0, 2.0, 3.0
+"""States of a lane in Newton's method: it goes on, has ended, has numbers that are not finite, has no next step."""
 
 
 def coupling_of(contacts: int) -> Coupling | None:
     """Return memory for so many contacts; ``None`` for one."""
     if contacts == 1:
         return None
-    members, struck = np.zeros((2, contacts), dtype=np.int64)
-    return Coupling(problem(contacts), np.zeros(contacts), np.zeros((2, contacts)), members, struck)
+    rows, members = np.zeros((3, contacts)), np.zeros(contacts, dtype=np.int64)
+    matrix = lane_rows(contacts, contacts + 1)
+    return Coupling(problem(contacts), rows[0], rows[1:], members, matrix, *lane_rows(3))
 
 
 @by_type
-def count_rebound(law: Law, tip: Tip, velocity: float, force: float, act: Acting, lane: int) -> None:
+def count_rebound(law: Law, step: TipStep, act: Acting, lane: int) -> None:
     """Add a contact that has ended to the sums of ``effective_restitution``, where the scheme gives it."""
-    was, presses = tip.force > 0.0, force > 0.0
+    was, presses = act.force[lane] > 0.0, act.force_end[lane] > 0.0
     approach = act.approach[lane]
-    act.approach[lane] = approach if was or not presses else tip.velocity
+    act.approach[lane] = approach if was or not presses else act.speed[lane]
     ended = approach if was and not presses else 0.0
     act.approached[lane] += ended * ended
-    act.separated[lane] -= ended * velocity
+    act.separated[lane] -= ended * act.speed_end[lane]
 
 
-def count_no_rebound(law: Law, tip: Tip, velocity: float, force: float, act: Acting, lane: int) -> None:
+def count_no_rebound(law: Law, step: TipStep, act: Acting, lane: int) -> None:
     """Count nothing: the restitution is given."""
+
+
+@by_type
+def place_free(step: TipStep, act: Acting, lane: int) -> float:
+    """Return the place of a contact that its law is given: that at the step's beginning."""
+    return float(act.place[lane])
+
+
+@defines(place_free, YieldingStep)
+def _place_free(step: TipStep, act: Acting, lane: int) -> float:
+    return float(act.place_free[lane])
+
+
+@by_type
+def place_coupled(step: TipStep, act: Acting, lane: int) -> float:
+    """Return the same less what other contacts take."""
+    return float(act.place[lane])
+
+
+@defines(place_coupled, YieldingStep)
+def _place_coupled(step: TipStep, act: Acting, lane: int) -> float:
+    return float(act.place_coupled[lane])
+
+
+@inlined
+def _response(law: Law, step: TipStep, act: Acting, lane: int, place: float, free: float) -> Response:
+    """Return the response of a contact at a place and with a velocity without contact."""
+    force, casing, speed = act.force[lane], act.casing[lane], act.speed[lane]
+    tip = Tip(place, speed, free, force, casing, act.mobility[lane], act.sinking[lane])
+    return respond(of_case(law, lane), tip, step.h, step.theta)
 
 
 @part
@@ -139,76 +195,111 @@ def apply_law(law: Law, step: TipStep, act: Acting, first: int, stop: int) -> No
     No branch but the law's own, so that the compiler can vectorise the loop.
     """
     for lane in range(first, stop):
-        place, speed, free, casing = act.place[lane], act.speed[lane], act.free[lane], act.casing[lane]
-        tip = Tip(place, speed, free, act.last[lane], casing, act.mobility[lane], act.sinking[lane])
-        impulse, velocity, force = respond(of_case(law, lane), tip, step.h, step.theta)
-        count_rebound(law, tip, velocity, force, act, lane)
-        act.impulse[lane], act.after[lane], act.last[lane] = impulse, velocity, force
+        place, free = place_free(step, act, lane), act.speed_free[lane]
+        act.impulse[lane], act.speed_end[lane], act.force_end[lane] = _response(law, step, act, lane, place, free)
+        _keep_force(law, step, act, lane)
+
+
+@inlined
+def _keep_force(law: Law, step: TipStep, act: Acting, lane: int) -> None:
+    """Keep the force of a contact for the next step; count it if it has ended."""
+    count_rebound(law, step, act, lane)
+    act.force[lane] = act.force_end[lane]
 
 
 @part
 def _ask(law: Law, step: TipStep, act: Acting, first: int, stop: int) -> None:
-    """Evaluate the law of one of several contacts in some lanes, at ``deep`` and ``loose``."""
+    """Evaluate the law of one of several contacts in some lanes, less what the others take."""
     for lane in range(first, stop):
-        place, speed, free, casing = act.deep[lane], act.speed[lane], act.loose[lane], act.casing[lane]
-        tip = Tip(place, speed, free, act.last[lane], casing, act.mobility[lane], act.sinking[lane])
-        act.impulse[lane], act.after[lane], act.force[lane] = respond(of_case(law, lane), tip, step.h, step.theta)
+        place, free = place_coupled(step, act, lane), act.speed_coupled[lane]
+        act.impulse[lane], act.speed_end[lane], act.force_end[lane] = _response(law, step, act, lane, place, free)
 
 
 @part
-def couple(
-    law: Law, step: TipStep, own: Own, acts: Sequence[Acting], coupling: Coupling, t: float, first: int, stop: int
+def _ask_beside(law: Law, step: TipStep, act: Acting, probe: Array, first: int, stop: int) -> None:
+    """Find the slopes of a law by its impulse a little faster, and a little deeper where that differs."""
+    for lane in range(first, stop):
+        place, free = place_coupled(step, act, lane), act.speed_coupled[lane]
+        faster, _, _ = _response(law, step, act, lane, place, free + probe[lane])
+        act.slope[lane] = (faster - act.impulse[lane]) / probe[lane]
+    if step.sinking.shape[1] > 0:
+        for lane in range(first, stop):
+            place, free = place_coupled(step, act, lane), act.speed_coupled[lane]
+            deeper, _, _ = _response(law, step, act, lane, place + step.h * probe[lane], free)
+            act.slope_of_place[lane] = (deeper - act.impulse[lane]) / (step.h * probe[lane])
+
+
+@part
+def _couple(step: TipStep, own: Own, acts: Sequence[Acting], lane: Lane) -> None:
+    """Take from velocity and place of each contact what ``impulse_coupled`` of the others take."""
+    yields = step.sinking.shape[1] > 0
+    for i in range(len(acts)):
+        store(acts[i].speed_coupled, lane, pack(acts[i].speed_free, lane))
+        if yields:
+            store(acts[i].place_coupled, lane, pack(acts[i].place_free, lane))
+    for j in range(len(acts)):
+        p = pack(acts[j].impulse_coupled, lane)
+        if some_nonzero(p):
+            warms, slides = pack(own.alpha, lane) * p, pack(own.friction, lane) * p
+            for i in range(len(acts)):
+                if i != j:
+                    taken = _taken(step.delassus, i, j, p, warms, slides, lane)
+                    store(acts[i].speed_coupled, lane, pack(acts[i].speed_coupled, lane) - taken)
+                    if yields:
+                        taken = _taken(step.sinking, i, j, p, warms, slides, lane)
+                        store(acts[i].place_coupled, lane, pack(acts[i].place_coupled, lane) - taken)
+
+
+@inlined
+def _taken(table: Array, i: int, j: int, p: Pack, warms: Pack, slides: Pack, lane: Lane) -> Pack:
+    """Return what the impulse p of contact j takes from contact i, with α p and µ p."""
+    cold, slid, warm = shared(table, (0, i, j), lane), shared(table, (1, i, j), lane), shared(table, (2, i, j), lane)
+    return fused(cold, p, fused(warm, warms, -(slid * slides)))
+
+
+@part
+def respond_together(
+    law: Law, step: TipStep, own: Own, acts: Sequence[Acting], coupling: Coupling, t: float, lane: Lane
 ) -> None:
-    """Fill impulse, velocity and force of several contacts in some lanes; t is noted where they have no solution.
+    """Fill impulse, velocity and force of several contacts; t is noted where they have no solution.
 
     Where each contact alone, and again at the velocity that the impulses of the others leave, has the same impulse,
-    that is the solution; else the laws of the lane are solved together.
+    that is the solution; else the laws of a lane are solved together.
     """
-    total = 0.0
+    (first, stop), total = lanes_of(lane), 0.0
     for c in range(len(acts)):
-        for lane in range(first, stop):
-            acts[c].loose[lane], acts[c].deep[lane] = acts[c].free[lane], acts[c].place[lane]
+        store(acts[c].impulse_coupled, lane, spread(0.0, lane))
+    _couple(step, own, acts, lane)
+    for c in range(len(acts)):
         _ask(law, step, acts[c], first, stop)
-        for lane in range(first, stop):
-            acts[c].alone[lane] = acts[c].impulse[lane]
-            total += abs(acts[c].impulse[lane])
+        for k in range(first, stop):
+            total += abs(acts[c].impulse[k])
     if total != 0.0:
-        _loosen(step, own, acts, first, stop)
-        for c in range(len(acts)):
-            _ask(law, step, acts[c], first, stop)
-        for lane in range(first, stop):
-            settled = True
-            for c in range(len(acts)):
-                settled &= acts[c].impulse[lane] == acts[c].alone[lane]
-            if not settled and not _solve(law, step, own, acts, coupling, lane):
-                _give_up(own, acts, t, lane)
+        _agree(law, step, own, acts, coupling, t, lane)
     for c in range(len(acts)):
-        act = acts[c]
-        for lane in range(first, stop):
-            tip = Tip(act.place[lane], act.speed[lane], act.free[lane], act.last[lane], act.casing[lane], 0.0, 0.0)
-            count_rebound(law, tip, act.after[lane], act.force[lane], act, lane)
-            act.last[lane] = act.force[lane]
+        for k in range(first, stop):
+            _keep_force(law, step, acts[c], k)
 
 
 @part
-def _loosen(step: TipStep, own: Own, acts: Sequence[Acting], first: int, stop: int) -> None:
-    """Take from velocity and place of each contact what the impulses of the others alone take."""
-    yields = step.sinking.shape[1] > 0
-    for j in range(len(acts)):
-        total = 0.0
-        for lane in range(first, stop):
-            total += abs(acts[j].alone[lane])
-        for i in range(len(acts) if total != 0.0 else 0):
-            if i != j:
-                cold, slid, warm = step.delassus[0, i, j], step.delassus[1, i, j], step.delassus[2, i, j]
-                for lane in range(first, stop):
-                    w = cold + own.alpha[lane] * warm - own.friction[lane] * slid
-                    acts[i].loose[lane] -= w * acts[j].alone[lane]
-            if i != j and yields:
-                cold, slid, warm = step.sinking[0, i, j], step.sinking[1, i, j], step.sinking[2, i, j]
-                for lane in range(first, stop):
-                    way = cold + own.alpha[lane] * warm - own.friction[lane] * slid
-                    acts[i].deep[lane] -= way * acts[j].alone[lane]
+def _agree(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], coupling: Coupling, t: float, lane: Lane) -> None:
+    """Find impulses of contacts that take from each other's velocities."""
+    (first, stop), zero = lanes_of(lane), spread(0.0, lane)
+    for act in acts:
+        store(act.impulse_coupled, lane, pack(act.impulse, lane))
+    _couple(step, own, acts, lane)
+    differs = zero
+    for act in acts:
+        _ask(law, step, act, first, stop)
+        differs += where(magnitude(pack(act.impulse, lane) - pack(act.impulse_coupled, lane)) <= 0.0, zero, 1.0)
+    states = where(differs > 0.0, RUNS, SOLVED)
+    store(coupling.tries, lane, states)
+    if some(differs > 0.0):
+        _solve(law, step, own, acts, coupling, lane)
+        for k in range(first, stop):
+            state = coupling.tries[k]
+            if state == LOST or (state != SOLVED and not _pivot(law, step, own, acts, coupling, k)):
+                _give_up(own, acts, t, k)
 
 
 @part
@@ -216,8 +307,8 @@ def _give_up(own: Own, acts: Sequence[Acting], t: float, lane: int) -> None:
     """End a case whose laws have no solution, or whose state is not finite."""
     finite = True
     for c in range(len(acts)):
-        finite &= np.isfinite(acts[c].free[lane]) and np.isfinite(acts[c].place[lane])
-        acts[c].impulse[lane] = acts[c].after[lane] = acts[c].force[lane] = np.nan
+        finite &= np.isfinite(acts[c].speed_free[lane]) and np.isfinite(acts[c].place[lane])
+        acts[c].impulse[lane] = acts[c].speed_end[lane] = acts[c].force_end[lane] = np.nan
     if finite:
         own.unsolved[lane] = t
 
@@ -229,115 +320,119 @@ _PROBE = 1e-6
 """Difference of velocities, over the largest velocity, by which slopes of a law are found; exact where it is affine."""
 
 
-@part
-def _response(law: Law, step: TipStep, act: Acting, lane: int, place: float, free: float) -> Response:
-    """Return the response of a contact at another place and velocity without contact."""
-    speed, last, casing = act.speed[lane], act.last[lane], act.casing[lane]
-    tip = Tip(place, speed, free, last, casing, act.mobility[lane], act.sinking[lane])
-    return respond(of_case(law, lane), tip, step.h, step.theta)
+@inlined
+def _largest(one: Pack, other: Pack) -> Pack:
+    return where(one > other, one, other)
 
 
 @part
-def _taken(step: TipStep, own: Own, i: int, j: int, lane: int) -> tuple[float, float]:
-    """Return what a unit impulse of contact j takes from velocity and place of contact i."""
-    alpha, friction, way = own.alpha[lane], own.friction[lane], 0.0
-    w = step.delassus[0, i, j] + alpha * step.delassus[2, i, j] - friction * step.delassus[1, i, j]
-    if step.sinking.shape[1] > 0:
-        way = step.sinking[0, i, j] + alpha * step.sinking[2, i, j] - friction * step.sinking[1, i, j]
-    return w, way
+def _store_scale(step: TipStep, acts: Sequence[Acting], row: Array, lane: Lane) -> None:
+    """Store the largest velocity: of contacts, and that by which they reach their casings in a step."""
+    scale, yields = spread(0.0, lane), step.sinking.shape[1] > 0
+    for act in acts:
+        scale = _largest(magnitude(pack(act.speed_free, lane)) + magnitude(pack(act.speed, lane)), scale)
+        way = pack(act.place_free if yields else act.place, lane) - pack(act.casing, lane)
+        scale = _largest(magnitude(way) * (1.0 / step.h), scale)
+    store(row, lane, scale)
 
 
 @part
-def _respond_less_others(
-    law: Law, step: TipStep, own: Own, act: Acting, i: int, c: Coupling, struck: int, lane: int
-) -> Response:
-    """Return the response of contact ``i`` less what the impulses of the first contacts ``struck`` take."""
-    place, free = act.place[lane], act.free[lane]
-    for k in range(struck):
-        j = c.struck[k]
-        if j != i:
-            w, way = _taken(step, own, i, j, lane)
-            place -= way * c.impulse[j]
-            free -= w * c.impulse[j]
-    act.deep[lane], act.loose[lane] = place, free
-    return _response(law, step, act, lane, place, free)
-
-
-@part
-def _find_struck(c: Coupling) -> int:
-    """List the contacts with an impulse; return how many they are."""
-    count = 0
-    for i in range(c.impulse.size):
-        if c.impulse[i] != 0.0:
-            c.struck[count] = i
-            count += 1
-    return count
-
-
-@part
-def _couplings(step: TipStep, own: Own, c: Coupling, i: int, j: int, lane: int) -> float:
-    """Return what a unit impulse of contact j takes from the impulse of contact i, by the slopes of its law."""
-    w, way = _taken(step, own, i, j, lane)
-    return float(c.slope[0, i] * w + c.slope[1, i] * way)
-
-
-@part
-def _solve(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Coupling, lane: int) -> bool:
-    """Solve the laws of the contacts of a lane together; return whether they have a solution.
+def _solve(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Coupling, lane: Lane) -> None:
+    """Solve the laws of the contacts together, in the lanes that have not ended.
 
     Newton's method on p_i = law(free_i - Σ_{j≠i} W_ij p_j; W_ii), with slopes by a difference. What is kept is what the
     laws return at the last p: an impulse below rounding whose law says 0 is 0.
     """
-    m, scale, a = len(acts), 0.0, c.problem.tableau
-    for i in range(m):
-        c.impulse[i] = acts[i].impulse[lane]
-        scale = max(scale, abs(acts[i].free[lane]) + abs(acts[i].speed[lane]))
-        scale = max(scale, abs(acts[i].place[lane] - acts[i].casing[lane]) / step.h)
-    probe = _PROBE * scale
+    (first, stop), zero = lanes_of(lane), spread(0.0, lane)
+    _store_scale(step, acts, c.scale, lane)
+    store(c.probe, lane, _PROBE * pack(c.scale, lane))
     for _ in range(MOST_TRIES):
-        change, largest, size, struck = 0.0, 0.0, 0, _find_struck(c)
-        for i in range(m):
+        change, largest, finite, size = zero, zero, zero, 0
+        for i in range(len(acts)):
             act = acts[i]
-            q, velocity, force = _respond_less_others(law, step, own, act, i, c, struck, lane)
-            faster = deeper = q
-            if q != 0.0 or c.impulse[i] != 0.0:  # else it has no slope
-                faster, _, _ = _response(law, step, act, lane, act.deep[lane], act.loose[lane] + probe)
-                if step.sinking.shape[1] > 0:
-                    deeper, _, _ = _response(law, step, act, lane, act.deep[lane] + step.h * probe, act.loose[lane])
-            act.impulse[lane], act.after[lane], act.force[lane] = q, velocity, force
-            if not np.isfinite(q + velocity):
-                return False
-            change, largest = max(change, abs(q - c.impulse[i])), max(largest, abs(q))
-            c.slope[0, i], c.slope[1, i] = (faster - q) / probe, (deeper - q) / (step.h * probe)
-            if faster != q or deeper != q or q != c.impulse[i]:
+            p, q = pack(act.impulse_coupled, lane), pack(act.impulse, lane)
+            change, largest = _largest(magnitude(q - p), change), _largest(magnitude(q), largest)
+            finite += 0.0 * (q + pack(act.speed_end, lane))
+            if some(magnitude(p) + magnitude(q) > 0.0):  # else it has no slope
                 c.members[size] = i
                 size += 1
-        if change <= 4e-16 * m * largest:
-            return True
+        states = pack(c.tries, lane)
+        ended = where(change <= (4e-16 * len(acts)) * largest, SOLVED, states)
+        states = where(states > RUNS, states, where(magnitude(finite) <= 0.0, ended, LOST))
+        store(c.tries, lane, states)
+        if not some(states <= RUNS):
+            return
         for k in range(size):
-            i = c.members[k]
-            for n in range(size):
-                j = c.members[n]
-                a[k, n] = 1.0 if j == i else _couplings(step, own, c, i, j, lane)
-            a[k, size] = acts[i].impulse[lane] - c.impulse[i]
-        if not solve_in_place(a, size):
-            break
-        for k in range(size):
-            c.impulse[c.members[k]] += a[k, size]
-    return _pivot(law, step, own, acts, c, lane, 1e3 * scale)
+            _ask_beside(law, step, acts[c.members[k]], c.probe, first, stop)
+        _eliminate(step, own, acts, c, size, lane)
+        _couple(step, own, acts, lane)
+        for act in acts:
+            _ask(law, step, act, first, stop)
 
 
 @part
-def _pivot(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Coupling, lane: int, far: float) -> bool:
+def _eliminate(step: TipStep, own: Own, acts: Sequence[Acting], c: Coupling, size: int, lane: Lane) -> None:
+    """Do a step of Newton's method: of a lane whose equations are singular there is none."""
+    a, members, yields, states = c.matrix, c.members, step.sinking.shape[1] > 0, pack(c.tries, lane)
+    one, alpha, friction = spread(1.0, lane), pack(own.alpha, lane), pack(own.friction, lane)
+    for k in range(size):
+        act, i = acts[members[k]], members[k]
+        p, q = pack(act.impulse_coupled, lane), pack(act.impulse, lane)
+        slope, of_place = pack(act.slope, lane), pack(act.slope_of_place, lane)
+        strikes = magnitude(p) + magnitude(q) > 0.0
+        slope, of_place = where(strikes, slope, 0.0), where(strikes, of_place, 0.0)
+        for n in range(size):
+            entry = one
+            if n != k:
+                entry = slope * _taken(step.delassus, i, members[n], one, alpha, friction, lane)
+                if yields:
+                    entry = fused(of_place, _taken(step.sinking, i, members[n], one, alpha, friction, lane), entry)
+            store(a, (k, n, lane), entry)
+        store(a, (k, size, lane), q - p)
+    for k in range(size):
+        for r in range(k + 1, size):
+            share = pack(a, (r, k, lane)) / pack(a, (k, k, lane))
+            for n in range(k + 1, size + 1):
+                store(a, (r, n, lane), pack(a, (r, n, lane)) - share * pack(a, (k, n, lane)))
+    for k in range(size - 1, -1, -1):
+        change = pack(a, (k, size, lane))
+        for n in range(k + 1, size):
+            change -= pack(a, (k, n, lane)) * pack(a, (n, size, lane))
+        change /= pack(a, (k, k, lane))
+        store(a, (k, size, lane), change)
+        states = where(states > RUNS, states, where(magnitude(0.0 * change) <= 0.0, states, STUCK))
+    store(c.tries, lane, states)
+    for k in range(size):
+        row = acts[members[k]].impulse_coupled
+        store(row, lane, pack(row, lane) + where(states > RUNS, 0.0, pack(a, (k, size, lane))))
+
+
+@part
+def _entry(own: Own, table: Array, i: int, j: int, lane: int) -> float:
+    """Return what a unit impulse of contact j takes from contact i in a lane."""
+    return float(table[0, i, j] + own.alpha[lane] * table[2, i, j] - own.friction[lane] * table[1, i, j])
+
+
+@part
+def _by_slopes(step: TipStep, own: Own, c: Coupling, i: int, j: int, lane: int) -> float:
+    """Return what a unit impulse of contact j takes from the impulse of contact i, by the slopes of its law."""
+    taken = c.slope[0, i] * _entry(own, step.delassus, i, j, lane)
+    if step.sinking.shape[1] > 0:
+        taken += c.slope[1, i] * _entry(own, step.sinking, i, j, lane)
+    return float(taken)
+
+
+@part
+def _pivot(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Coupling, lane: int) -> bool:
     """Solve the laws of the contacts of a lane by Lemke's method, as Newton's does not end.
 
-    p = p_0 + max(0, a + s free + r place), with a, s and r found where free and place are ``far`` inside the casing,
-    m/s, and p_0 as far outside.
+    p = p_0 + max(0, a + s free + r place), with a, s and r found far inside the casing, and p_0 as far outside.
     """
-    p, size, yields, way = c.problem, 0, step.sinking.shape[1] > 0, step.h * far
-    way = way if yields else 0.0  # no contact with mass is near because others push it
-    for i in range(len(acts)):
-        act, place, free = acts[i], acts[i].place[lane], acts[i].free[lane]
+    p, size, m = c.problem, 0, len(acts)
+    yields, far = step.sinking.shape[1] > 0, 1e3 * c.scale[lane]
+    way = step.h * far if yields else 0.0  # no contact with mass is near because others push it
+    for i in range(m):
+        act, place, free = acts[i], place_free(step, acts[i], lane), acts[i].speed_free[lane]
         least, _, _ = _response(law, step, act, lane, place - way, free - far)
         inside, _, _ = _response(law, step, act, lane, place + way, free + far)
         faster, _, _ = _response(law, step, act, lane, place + way, free + 2.0 * far)
@@ -348,19 +443,22 @@ def _pivot(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Couplin
             p.constant[size], p.active[size], c.members[size] = faster + deeper - 3.0 * inside + least, False, i
             size += 1
     for k in range(size):
-        i = c.members[k]
-        for j in range(len(acts)):
-            if j != i:
-                p.constant[k] += _couplings(step, own, c, i, j, lane) * c.impulse[j]
+        for j in range(m):
+            if j != c.members[k]:
+                p.constant[k] += _by_slopes(step, own, c, c.members[k], j, lane) * c.impulse[j]
         for n in range(size):
-            j = c.members[n]
-            p.matrix[k, n] = 1.0 if n == k else _couplings(step, own, c, i, j, lane)
+            p.matrix[k, n] = 1.0 if n == k else _by_slopes(step, own, c, c.members[k], c.members[n], lane)
     if not solve_complementarity(p, size):
         return False
     for k in range(size):
         c.impulse[c.members[k]] += p.solution[k]
-    struck = _find_struck(c)
-    for i in range(len(acts)):
-        q, velocity, force = _respond_less_others(law, step, own, acts[i], i, c, struck, lane)
-        acts[i].impulse[lane], acts[i].after[lane], acts[i].force[lane] = q, velocity, force
+    for i in range(m):
+        place, free = place_free(step, acts[i], lane), acts[i].speed_free[lane]
+        for j in range(m):
+            if j != i:
+                free -= _entry(own, step.delassus, i, j, lane) * c.impulse[j]
+                if yields:
+                    place -= _entry(own, step.sinking, i, j, lane) * c.impulse[j]
+        q, velocity, force = _response(law, step, acts[i], lane, place, free)
+        acts[i].impulse[lane], acts[i].speed_end[lane], acts[i].force_end[lane] = q, velocity, force
     return True

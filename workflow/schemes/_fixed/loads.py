@@ -23,12 +23,12 @@ import numpy as np
 
 from workflow.kernels import elementary, elementwise
 from workflow.kernels.compiled import by_type, defines, inlined, part
-from workflow.kernels.lanes import LANES, PACK, Rows, named_rows, rows_in, several_rows
+from workflow.kernels.lanes import PACK, Rows, named_rows, rows_in
 from workflow.kernels.lemke import complementarity
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
 from workflow.models import Array, Cases, Harmonics, Structure, project
 from workflow.schemes._fixed.law import TipStep, YieldingStep
-from workflow.schemes._fixed.rows import Tips
+from workflow.schemes._fixed.rows import Acting
 from workflow.schemes._interface import AT_REST
 
 EXACT_EVERY = 64
@@ -68,7 +68,7 @@ def tip_loads(cases: Cases) -> Array:
 
 @part
 def start_load(h: float, load: TipLoads, lanes: int) -> int:
-    """Set the load to t = 0 and its rotation to one step; return the leader.
+    """Set the rotation of the load to one step; return the leader.
 
     That is a lane whose sine, to the bit, is that of all lanes, as most batches share frequency and phase; -1 where
     lanes differ in them.
@@ -85,7 +85,6 @@ def start_load(h: float, load: TipLoads, lanes: int) -> int:
         turn = 2.0 * np.pi * load.frequency[lane] * h
         load.turn_sine[lane], load.turn_cosine[lane] = elementary.sine_cosine(turn)
     leader = leader if shared_by_all else -1
-    turn_load(0, h, leader, load, lanes)
     return leader
 
 
@@ -163,20 +162,6 @@ class Seen(Rows):
     """d and V per sine and per cosine of the wave, m and m/s."""
 
 
-class Casing(Rows):
-    """The casing of a contact, where casing or load move by :class:`Wave`."""
-
-    mean_gap: Array
-    gap_before: Array
-    """d without harmonics, and at the step's beginning, m."""
-    speed_before: Array
-    speed: Array
-    """V at the step's beginning and end, m/s."""
-    apart: Array
-    parting: Array
-    """r and u at the last step's end."""
-
-
 class OtherLoad(Rows):
     """The load of the harmonics after the first in a step."""
 
@@ -193,7 +178,8 @@ class Drive(NamedTuple):
     other: OtherLoad
     seen: Any
     """:class:`Seen` of each wave of the casing and contact, ``(wave, contact)``."""
-    casings: Sequence[Casing]
+    casing_mean: Array
+    """The casings without harmonics, d, m, ``(contact, lane)``; without rows where casings are at rest."""
 
 
 class DriveRows(NamedTuple):
@@ -203,24 +189,29 @@ class DriveRows(NamedTuple):
     casing_waves: Array
     other: Array
     seen: Array
-    casings: Array
+    casing_mean: Array
 
     @property
     def named(self) -> Drive:
         """The rows by names, as kernels take them."""
         load, casing = (cast(Sequence[Wave], named_rows(Wave, rows)) for rows in (self.load_waves, self.casing_waves))
-        other, seen = named_rows(OtherLoad, self.other), named_rows(Seen, self.seen)
-        return Drive(load, casing, other, seen, several_rows(Casing, self.casings))
+        return Drive(load, casing, named_rows(OtherLoad, self.other), named_rows(Seen, self.seen), self.casing_mean)
 
 
 class Start(NamedTuple):
-    """The contacts of cases at t = 0."""
+    """The contacts of cases at t = 0, ``(case, contact)``, and how they move."""
 
-    place: Array
+    displacement: Array
     velocity: Array
-    """x_i and its rate, m and m/s, ``(case, contact)``; on the casing where it is there up to rounding."""
+    """What they show: x_i and its rate, m and m/s; on the casing where it is there up to rounding."""
     gap: Array
-    """d_i, m, ``(case, contact)``."""
+    """d_i, m."""
+    place: Array
+    speed: Array
+    """x_i of the modes and its rate relative to the origin, m and m/s: see :class:`.rows.Acting`."""
+    origin: Array
+    origin_speed: Array
+    """The origin, m, and its discrete velocity a step before, V(-h), m/s."""
     coordinate_velocity: Array
     """Velocity of all coordinates, m/s, ``(case, mechanical)``, with that of its casing at each contact that starts on
     it and moves with it."""
@@ -244,22 +235,24 @@ def start_of(
     touches = np.abs(x - place) <= AT_REST * lengths
     x = np.where(touches, place, x)
     compliant = structure.contacts.is_compliant
-    if load.width + casing.width == 0 and not compliant:
-        return None, Start(x, v, place, cases.velocity)
-    contacts = place.shape[1]
-    seen, begins, begun_before = _seen(cases, contacts, h, theta)
-    speeds = speeds + project(np.abs(rows), np.abs(cases.velocity)) + lengths / h
-    held = touches & (not compliant) & (np.fmin(np.abs(v - begins), np.abs(v - moves)) <= AT_REST * speeds)
-    casings = np.zeros((contacts, rows_in(Casing), cases.count))
-    each: Any = named_rows(Casing, casings)
-    each["mean_gap"], each["speed"] = cases.clearances.T, begun_before.T
-    each["apart"], each["parting"] = (x - place).T, np.where(held, 0.0, v - begins).T
-    velocity = cases.velocity.copy()
-    for i in np.flatnonzero(held.any(axis=1)):
-        velocity[i] += np.linalg.pinv(rows[held[i]]) @ (begins - v)[i, held[i]]
-    other = np.zeros((rows_in(OtherLoad), cases.count))
     shown = compliant_places(structure, cases, yields) if compliant else x
-    return DriveRows(_waves(load, h), _waves(casing, h), other, seen, casings), Start(shown, v, place, velocity)
+    rest = np.zeros_like(x)
+    if casing.width == 0:
+        begins, velocity = Start(shown, v, place, x, v, rest, rest, cases.velocity), rest
+        if load.width == 0:
+            return None, begins
+        seen = np.zeros((0, x.shape[1], rows_in(Seen), cases.count))
+    else:
+        seen, velocity, before = _seen(cases, x.shape[1], h, theta)
+        speeds = speeds + project(np.abs(rows), np.abs(cases.velocity)) + lengths / h
+        held = touches & (not compliant) & (np.fmin(np.abs(v - velocity), np.abs(v - moves)) <= AT_REST * speeds)
+        follows = cases.velocity.copy()
+        for i in np.flatnonzero(held.any(axis=1)):
+            follows[i] += np.linalg.pinv(rows[held[i]]) @ (velocity - v)[i, held[i]]
+        relative = np.where(held, 0.0, v - velocity)
+        begins = Start(shown, v, place, x - place, relative, place, before, follows)
+    other, still = np.zeros((rows_in(OtherLoad), cases.count)), cases.clearances.T[: x.shape[1] * (casing.width > 0)]
+    return DriveRows(_waves(load, h), _waves(casing, h), other, seen, still), begins
 
 
 def compliant_places(structure: Structure, cases: Cases, yields: float) -> Array:
@@ -314,15 +307,6 @@ def _waves(harmonics: Harmonics, h: float) -> Array:
     return rows
 
 
-@inlined
-def keep_apart(drive: Drive | None, lanes: int) -> None:
-    """Take the contacts of idle lanes, from ``lanes`` on, off a casing at rest."""
-    if drive is not None:
-        for c in range(len(drive.casings)):
-            for lane in range(lanes, LANES):
-                drive.casings[c].apart[lane] = -1.0
-
-
 @part
 def _place_waves(waves: Sequence[Wave], t: float, lanes: int) -> None:
     """Set sine and cosine of harmonics to their values at time t."""
@@ -343,8 +327,8 @@ def _turn_waves(waves: Sequence[Wave], lane: Lane) -> None:
 
 
 @inlined
-def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tips: Sequence[Tips], lanes: int) -> None:
-    """Advance loads and casing to the end of a step, t = step h, and store the casing's position there in ``tips``."""
+def turn_drive(drive: Drive | None, step: int, h: float, theta: float, acts: Sequence[Acting], lanes: int) -> None:
+    """Advance loads and casings to the end of a step, t = step h: these are the origins of contacts."""
     if drive is None:
         return
     loads, waves, other = drive.load_waves, drive.casing_waves, drive.other
@@ -363,72 +347,12 @@ def turn_drive(drive: Drive | None, step: int, h: float, theta: float, tips: Seq
         before = pack(other.load_end, lane)
         store(other.load, lane, theta * force + (1.0 - theta) * before)
         store(other.load_end, lane, force)
-        for i in range(len(tips)):
-            casing = drive.casings[i]
-            place, speed = pack(casing.mean_gap, lane), spread(0.0, lane)
+        for i in range(drive.casing_mean.shape[0]):
+            place, speed = pack(drive.casing_mean, (i, lane)), spread(0.0, lane)
             for k in range(len(waves)):
                 s, c, seen = pack(waves[k].sine, lane), pack(waves[k].cosine, lane), drive.seen[k, i]
                 place += pack(seen.place_sine, lane) * s + pack(seen.place_cosine, lane) * c
                 speed += pack(seen.speed_sine, lane) * s + pack(seen.speed_cosine, lane) * c
-            store(casing.gap_before, lane, pack(tips[i].gap, lane))
-            store(casing.speed_before, lane, pack(casing.speed, lane))
-            store(casing.speed, lane, speed)
-            store(tips[i].gap, lane, place)
-
-
-@inlined
-def tip_before(drive: Drive | None, c: int, tip: Tips, gap: Pack, lane: Lane) -> tuple[Pack, Pack, Pack]:
-    """Return position and velocity of a contact at the beginning, and the casing's: r, u, 0 if it moves."""
-    if drive is None:
-        return pack(tip.displacement, lane), pack(tip.velocity, lane), gap
-    return pack(drive.casings[c].apart, lane), pack(drive.casings[c].parting, lane), spread(0.0, lane)
-
-
-@inlined
-def relative(drive: Drive | None, c: int, velocity: Pack, lane: Lane) -> Pack:
-    """Return a velocity at the step's end, relative to the casing where that moves."""
-    return velocity if drive is None else velocity - pack(drive.casings[c].speed, lane)
-
-
-@inlined
-def onto_casing(drive: Drive | None, c: int, velocity: Pack, lane: Lane) -> Pack:
-    """Return the absolute velocity at the step's end of one that is relative to the drive.casings[c]."""
-    return velocity if drive is None else velocity + pack(drive.casings[c].speed, lane)
-
-
-@inlined
-def relative_before(drive: Drive | None, c: int, velocity: Pack, lane: Lane) -> Pack:
-    """Return a velocity at the step's beginning, relative to the casing where that moves."""
-    return velocity if drive is None else velocity - pack(drive.casings[c].speed_before, lane)
-
-
-@inlined
-def tip_after(drive: Drive | None, c: int, place: Pack, velocity: Pack, gap: Pack, lane: Lane) -> tuple[Pack, Pack]:
-    """Store position and velocity of a contact at the step's end relative to the casing; return the absolute ones."""
-    if drive is None:
-        return place, velocity
-    store(drive.casings[c].apart, lane, place)
-    store(drive.casings[c].parting, lane, velocity)
-    return gap + place, pack(drive.casings[c].speed, lane) + velocity
-
-
-@inlined
-def gap_before(drive: Drive | None, c: int, gap: Pack, lane: Lane) -> Pack:
-    """Return the casing's position at the step's beginning."""
-    return gap if drive is None else pack(drive.casings[c].gap_before, lane)
-
-
-@inlined
-def gap_ahead(drive: Drive | None, c: int, gap: Pack, h: float, lane: Lane) -> Pack:
-    """Return the casing's position a step after ``gap``, for central differences."""
-    return gap if drive is None else gap + h * pack(drive.casings[c].speed, lane)
-
-
-@inlined
-def cut_gap(drive: Drive | None, share: float, tips: Sequence[Tips], lanes: int) -> None:
-    """Set the casing back to a fraction of the last step, by linear interpolation."""
-    if drive is not None:
-        for c in range(len(tips)):
-            for lane in range(lanes):
-                before = drive.casings[c].gap_before[lane]
-                tips[c].gap[lane] = before + share * (tips[c].gap[lane] - before)
+            store(acts[i].origin, lane, place)
+            store(acts[i].origin_speed_begin, lane, pack(acts[i].origin_speed, lane))
+            store(acts[i].origin_speed, lane, speed)

@@ -18,7 +18,7 @@ from workflow.models import Cases, EndState, Structure, project, statics
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.loads import Start
 from workflow.schemes._fixed.outcome import judged
-from workflow.schemes._fixed.rows import Tips, Totals
+from workflow.schemes._fixed.rows import ContactRecord, Totals
 from workflow.schemes._fixed.stepping import (
     WAITING,
     Batch,
@@ -26,7 +26,7 @@ from workflow.schemes._fixed.stepping import (
     Ended,
     batch_of,
     collect,
-    count_stored,
+    count_marked,
     load_block,
     recorded_temperatures,
     rows_of,
@@ -93,7 +93,8 @@ def _count(step: int, batch: Batch) -> None:
     whole = batch.whole
     for first in range(0, batch.values.shape[1], whole.lanes):
         marks, record, lanes = load_block(batch, first)
-        count_stored(step, CaseBlock(whole.load, whole.tips, marks, record, whole.drive, lanes, whole.steps, whole.h))
+        block = CaseBlock(whole.load, whole.contacts, marks, record, whole.drive, lanes, whole.steps, whole.h)
+        count_marked(step, block)
         store_block(batch, first)
 
 
@@ -120,13 +121,14 @@ class Recorder:
     def __init__(self, structure: Structure, cases: Cases, sampling: Sampling, h: float) -> None:
         self._structure, self._cases, self._h, self._contacts = structure, cases, h, structure.contacts.normal
         x, v = project(self._contacts, cases.displacement), project(self._contacts, cases.velocity)
-        begins = Start(x, v, cases.casing_of_contacts(0.0)[0], cases.velocity)
+        gap, rest = cases.casing_of_contacts(0.0)[0], np.zeros_like(x)
+        begins = Start(x, v, gap, x, v, rest, rest, cases.velocity)
         self._watched = watch(structure, cases, sampling, h, begins)
         self.steps = self._watched.schedule.steps
         samples = 4 * WAITING * len(self._contacts)
         waiting = {"samples": np.zeros((samples, cases.count))}  # each block's, from step to step
         table = lane_table({**rows_of(self._watched), **waiting})
-        self._rows, self._shown = table.cases["tips"], table.cases["shown"]
+        self._rows, self._shown = table.cases["contacts"], table.cases["shown"]
         self._batch = batch_of(self._watched, table, table.lanes["samples"], LANES)
         self._growth = statics(structure)[1]
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
@@ -162,32 +164,20 @@ class Recorder:
             self._balances.add(before, after, impulse, step_load)
         self._step += 1
         self._before, self._states = before, after
-        tip: Any = named_rows(Tips, self._rows)
-        tip["gap"], tip["step_impulse"] = self._casing().T, impulse.T
-        tip["new_displacement"] = project(self._contacts, displacement).T
-        tip["new_velocity"] = project(self._contacts, velocity).T
-        tip["new_temperature"] = recorded_temperatures(self._structure, temperature).T
+        x, gap = project(self._contacts, displacement), self._cases.casing_of_contacts(self._step * self._h)[0]
+        contact: Any = named_rows(ContactRecord, self._rows)
+        contact["displacement_end"], contact["depth_end"], contact["step_impulse"] = x.T, (x - gap).T, impulse.T
+        contact["velocity_end"] = project(self._contacts, velocity).T
+        contact["temperature_end"] = recorded_temperatures(self._structure, temperature).T
         if self._structure.sensors is not None:
             self._shown[0], self._shown[1] = self._shown[1], self._structure.sensors.of(displacement, temperature).T
         _count(self._step, self._batch)
-
-    def _casing(self) -> Array:
-        """Return the casing's position at the step's end, m, ``(case, contact)``.
-
-        Where the duration ends within the last step it is interpolated linearly there, as displacements are.
-        """
-        after = self._cases.casing_of_contacts(self._step * self._h)[0]
-        share = self._watched.schedule.weight[-1]
-        if self._step < self.steps or share == 1.0:
-            return after
-        before = self._cases.casing_of_contacts((self._step - 1) * self._h)[0]
-        return np.asarray(before + share * (after - before))
 
     @np.errstate(over="ignore", invalid="ignore")
     def results(self) -> Results:
         """Return the results of the batch; a case whose contacts are not finite is ``diverged``."""
         watched = self._watched
-        watched.tips[:] = self._rows
+        watched.contacts[:] = self._rows
         finite = watched.finite("displacement", "velocity", "temperature")
         left = f"the state left the finite numbers at h = {self._h:.6g} s"
         reached = watched.reached(self._before[2], self._states[2])

@@ -6,32 +6,33 @@ from workflow.kernels.lanes import Rows
 from workflow.models import Array
 
 
-class Tips(Rows):
-    """A contact of the cases of a block, the tip where it is one: states and counts."""
+class ContactRecord(Rows):
+    """What a contact of the cases of a block shows: its states, and counts so far."""
 
     displacement: Array
     velocity: Array
     temperature: Array
+    depth: Array
+    """At the last step's end; the depth is that beyond the casing. Kept where a sample or a load period needs them."""
+    displacement_end: Array
+    velocity_end: Array
+    temperature_end: Array
+    depth_end: Array
+    step_impulse: Array
+    """At the end of a step that is sampled or ends a load period, and the impulse in it."""
     impulse: Array
-    """State at the last step end, and the sum of impulses."""
-    gap: Array
-    """Position of the casing, m."""
+    """Sum of the impulses, N s."""
     touching: Array
     impacts: Array
     contact_time: Array
     penetration: Array
     hottest: Array
-    """Counts so far; the highest temperature is that of the load periods that have ended."""
+    """The highest temperature is that of the load periods that have ended."""
     period_impulse: Array
     period_contact: Array
     period_hottest: Array
     period_impacts: Array
     """Impulse, contact time and impacts at the beginning of this load period, and its highest temperature so far."""
-    new_displacement: Array
-    new_velocity: Array
-    new_temperature: Array
-    step_impulse: Array
-    """The contact at the end of the present step and the impulse in it, for ``take_marks`` and ``observe``."""
 
 
 class Own(Rows):
@@ -40,63 +41,69 @@ class Own(Rows):
     alpha: Array
     friction: Array
     """α, W/N, and µ, 1."""
-    load: Array
-    """Impulse of the load in the last step, N s."""
     pressed: Array
     """A flag of each pack, raised where some lane was in contact in the last step or the one before."""
+    waits: Array
+    """A flag of each pack, raised where the modes have not received the impulse of one contact yet."""
     unsolved: Array
     """Time of the step in which the laws of several contacts had no solution, s; 0 for none."""
 
 
 class Acting(Rows):
-    """What acts between a contact and its casing, of each case."""
+    """A contact in a step and what acts on it, of each case; without impulses is without those of any contact.
 
+    Places and speeds are relative to an ``origin``: 0, or the casing where that moves.
+    """
+
+    origin: Array
+    origin_speed: Array
+    origin_speed_begin: Array
+    """Place of the origin at the step's end, m, and its discrete velocity there and at the beginning, m/s."""
+    casing: Array
+    """Place of the casing, m: in contact from there on."""
+    place: Array
+    speed: Array
+    force: Array
+    """At the step's beginning: what a law is given. The force is what it returned."""
+    mobility: Array
+    sinking: Array
+    """See :class:`~workflow.schemes._fixed.law.Tip`."""
+    speed_free: Array
+    place_free: Array
+    """Velocity at the step's end without impulses; of compliant contacts the place with all else that its end has."""
+    impulse: Array
+    speed_end: Array
+    force_end: Array
+    """What the law returned."""
+    speed_coupled: Array
+    place_coupled: Array
+    impulse_coupled: Array
+    slope: Array
+    slope_of_place: Array
+    """Of several contacts: ``speed_free`` and ``place_free`` less what other contacts take by their
+    ``impulse_coupled``, and the slopes of the law there."""
+    temperature: Array
+    thermal_velocity: Array
+    """Temperature at the step's end, K, with the heat of impulses, and the thermal part of the velocity without, m/s.
+    """
     drift: Array
     warmth: Array
     warming: Array
     """Known part of the contact's motion (:class:`~workflow.schemes._fixed.free_motion.InitialState`)."""
-    impulse: Array
-    """Impulse of contact in the last step, N s."""
-    after: Array
-    last: Array
-    """Velocity and force that the contact law returned last, besides the impulse."""
+    grown: Array
+    growing: Array
+    expansion: Array
+    """Of contacts without mass: r_i θ of the known temperatures at t = 0, its rate, and that of all temperatures at the
+    step's end, m and m/s."""
+    impulse_before: Array
+    """In central differences: the impulse of the last step, centred on its end."""
+    relative: Array
+    """Velocity relative to the particular solution at the last step's end, m/s, of balances."""
     approach: Array
     """Approach velocity of the present contact, m/s."""
     approached: Array
     separated: Array
     """Sums of its square and of its product with the separation velocity, over contacts that have ended, (m/s)²."""
-    place: Array
-    speed: Array
-    free: Array
-    casing: Array
-    mobility: Array
-    sinking: Array
-    """Arguments of a contact law: :class:`~workflow.schemes._fixed.law.Tip`."""
-    loose: Array
-    deep: Array
-    force: Array
-    alone: Array
-    """Of several contacts: ``free`` and ``place`` less what the impulses of the others take, the new force of the law,
-    and the impulse of the contact alone."""
-    velocity: Array
-    temperature: Array
-    """Of several contacts: velocity and temperature at a step's end without load and contact."""
-    ahead: Array
-    half: Array
-    """In central differences: x_n at the next step's end and the last half-step velocity."""
-    before: Array
-    """In central differences: impulse of a whole step centred on the last step's beginning."""
-    first: Array
-    """In central differences: first half-step velocity without contact."""
-    thermal_velocity: Array
-    """Thermal part of the velocity without contact, m/s."""
-    grown: Array
-    growing: Array
-    expansion: Array
-    """Of contacts without mass: r_i θ of the known temperatures at t = 0, its rate, and that of the others at the
-    step's end without contact, m and m/s."""
-    relative: Array
-    """Velocity relative to the particular solution at the last step's end, m/s, of balances."""
 
 
 class Totals(Rows):

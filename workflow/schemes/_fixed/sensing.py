@@ -1,8 +1,8 @@
-"""What sensors show at the end of a step of packs, from the states of blocks, which lack load and contact of that step.
+"""What sensors show at the end of a step of packs, from the states of blocks.
 
-In the θ-method modes are displaced by z = ξ + hθ v at a step's end. In central differences ξ, one step ahead of τ, is z
-at the time of the sample, which has half the heat of its impulse. Both are linear in u and η of the blocks, their
-response R to thermal modes and the known part by constant loads (:mod:`.free_motion`).
+In the θ-method modes are displaced by z = ξ + hθ v at a step's end. In central differences ξ is z at the time of the
+sample, and τ is a step ahead; the sample has half the heat of its impulse. All is linear in u and η of the blocks,
+their response R to thermal modes and the known part by constant loads (:mod:`.free_motion`).
 """
 
 from __future__ import annotations
@@ -14,40 +14,41 @@ import numpy as np
 from workflow.kernels.compiled import part
 from workflow.models import Array, Cases, project
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.free_motion import InitialState, State, drives
-from workflow.schemes._fixed.rows import Tips
+from workflow.schemes._fixed.free_motion import InitialState, State
+from workflow.schemes._fixed.rows import ContactRecord
 from workflow.schemes._interface import RefusedStructureError
 
-CONSTANT, RATE, IMPULSE = range(3)
-"""What a sensor shows of each case: by constant loads at t = 0, its rate, and per unit impulse in the step of each
-contact from there on."""
+CONSTANT, RATE = range(2)
+"""What a sensor shows of each case by constant loads: at t = 0, and its rate."""
 
 
 @part
-def sense(rows: Array, state: State, tips: Sequence[Tips], marked: bool, t: float, shown: Array, lanes: int) -> None:
+def sense(
+    rows: Array, state: State, contacts: Sequence[ContactRecord], marked: bool, t: float, shown: Array, lanes: int
+) -> None:
     """Move what sensors show at the end of the last step to its beginning, and fill it at the end of this one, at t."""
-    motion, tau, acts, sensing = state.motion, state.tau, state.acts, state.sensing
-    blocks, after = motion.shape[0], 2 * motion.shape[0] + state.tau.shape[0]
+    motion, tau, before, sensing = state.motion, state.tau, state.tau_before, state.sensing
+    blocks, modes = motion.shape[0], tau.shape[0]
     for s in range(rows.shape[0]):
         for lane in range(lanes):
             value = sensing[CONSTANT, s, lane] + sensing[RATE, s, lane] * t
-            value += rows[s, after] * state.own.load[lane]
-            for c in range(len(acts)):
-                place = tips[c].new_displacement[lane] if marked else tips[c].displacement[lane]
-                value += sensing[IMPULSE + c, s, lane] * acts[c].impulse[lane] + rows[s, after + 1 + c] * place
+            for c in range(len(contacts)):
+                place = contacts[c].displacement_end[lane] if marked else contacts[c].displacement[lane]
+                value += rows[s, 2 * blocks + 2 * modes + c] * place
             for j in range(blocks):
                 value += rows[s, j] * motion[j, 0, lane] + rows[s, blocks + j] * motion[j, 1, lane]
-            for k in range(tau.shape[0]):
-                value += rows[s, 2 * blocks + k] * tau[k, lane]
+            for k in range(modes):
+                at = 2 * blocks + k
+                value += rows[s, at] * tau[k, 0, lane] + rows[s, at + modes] * before[k, 0, lane]
             shown[0, s, lane] = shown[1, s, lane]
             shown[1, s, lane] = value
 
 
 def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> tuple[Array, Array]:
-    """Return the rows of sensors of a structure in blocks, and their numbers of each case, ``(number, sensor, case)``.
+    """Return the rows of sensors of a structure in blocks, and their numbers of each case, ``(2, sensor, case)``.
 
-    Rows are per u and per η of the blocks, per τ, per impulse of the load and per x of each contact, ``(sensor,
-    column)``.
+    Rows are per u and per η of the blocks, per τ at the step's end and at its beginning and per x of each contact,
+    ``(sensor, column)``.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> tuple[Array
     modal, step = blocks.modal, blocks.step
     modes, count, contacts = modal.frequency.size, len(modal.sensors), len(modal.normal)
     if not count:
-        return np.zeros((0, 2)), np.zeros((IMPULSE + contacts, 0, cases.count))
+        return np.zeros((0, 1)), np.zeros((2, 0, cases.count))
     x, theta = modal.sensors[:, :modes], modal.sensors[:, modes:]
     per_place = np.zeros((count, contacts))
     rigid = np.flatnonzero(modal.frequency == 0)
@@ -68,31 +69,16 @@ def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> tuple[Array
             raise RefusedStructureError(f"{problem} for sensors; event_driven does")
         per_place = x[:, rigid] @ np.linalg.pinv(modal.normal[:, rigid])
         x = x - per_place @ modal.normal
-    places = _places(blocks)
-    motion = np.einsum("sm,mrb->srb", x, places)
-    lagged, responds = not step.heat_counts, np.einsum("srb,rbk->sk", motion, blocks.response)
-    heat = theta + (step.decay * responds if lagged else responds)
-    load = blocks.of_impulses(modal.load[:, None])[..., 0]
-    rows = np.hstack(
-        [
-            motion[:, 0] / blocks.scale,
-            motion[:, 1] / blocks.scale,
-            heat / modal.heat_scale,
-            np.einsum("srb,rb->s", motion, load)[:, None],
-            per_place,
-        ]
-    )
-    gains = step.heat_gain @ (responds + (0.5 if lagged else 1.0) * theta).T
-    pushes = drives(blocks, cases)
-    both, ahead = motion.reshape(count, 2 * blocks.damping.size), step.tip.h if lagged else 0.0
+    motion = np.einsum("sm,mrb->srb", x, _places(blocks))
+    responds, both = np.einsum("srb,rbk->sk", motion, blocks.response), motion.reshape(count, 2 * blocks.damping.size)
+    after, before = (theta / 2, theta * (1 - step.decay / 2)) if step.is_central else (theta, np.zeros_like(theta))
+    scale = np.tile(modal.heat_scale, 2)
+    rows = np.hstack([both / np.tile(blocks.scale, 2), np.hstack([responds + after, before]) / scale, per_place])
+    ahead = step.tip.h if step.is_central else 0.0
     own = np.stack(
         [
             _each(both, begun.known) + _each(theta, begun.settled) + ahead * _each(responds, begun.warming_modes),
             _each(theta + responds, begun.warming_modes),
-            *(
-                _each(both, drive) + np.multiply.outer(gain, cases.alpha)
-                for drive, gain in zip(pushes, gains, strict=True)
-            ),
         ]
     )
     return np.ascontiguousarray(rows), own
@@ -100,7 +86,7 @@ def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> tuple[Array
 
 def _places(blocks: Blocks) -> Array:
     """Return z of the modes, as a sample shows it, per u and η of the blocks, ``(mode, 2, block)``."""
-    lever = blocks.step.lever if blocks.step.heat_counts else 0.0
+    lever = 0.0 if blocks.step.is_central else blocks.step.lever
     if blocks.outward is None:
         one = np.eye(blocks.damping.size)
         return np.stack([lever * one, one], axis=1)

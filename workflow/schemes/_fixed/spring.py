@@ -3,7 +3,7 @@
 In the θ-method the impulse of a step is p = h (θ λ' + (1-θ) λ), with both forces by λ = max(0, κ (x_n - d) + c v_n)
 where x_n > d. With the tip at (x_a, v_a) for λ' = 0 there are two branches:
 
-    apart      λ' = 0,                                            consistent where x_a <= d or λ' below is not > 0
+    open       λ' = 0,                                            consistent where x_a <= d or λ' below is not > 0
     in contact λ' = (κ (x_a - d) + c v_a) / (1 + hθW (hθκ + c)),  consistent where then x_n' > d
 
 The force jumps by c v_n at the casing: where neither is consistent (the damper alone would push the
@@ -52,16 +52,16 @@ class CentralSpring(NamedTuple):
 @contact_law(Spring)
 def _respond(law: Spring, tip: Tip, h: float, theta: float) -> Response:
     lever, begun = h * theta, h * (1.0 - theta) * tip.force
-    apart = tip.free - tip.mobility * begun if begun > 0.0 else tip.free
-    depth = tip.place + h * (theta * apart + (1.0 - theta) * tip.velocity) - tip.gap - tip.sinking * begun
-    force = law.stiffness * depth + law.damping * apart
+    speed = tip.free - tip.mobility * begun if begun > 0.0 else tip.free
+    depth = tip.place + h * (theta * speed + (1.0 - theta) * tip.velocity) - tip.gap - tip.sinking * begun
+    force = law.stiffness * depth + law.damping * speed
     if depth <= 0.0 or force <= 0.0:
-        return begun, apart, 0.0
+        return begun, speed, 0.0
     gives = lever * (lever * tip.mobility + tip.sinking)
     force /= 1.0 + law.stiffness * gives + lever * tip.mobility * law.damping
     if force * gives > depth:
         force = depth / gives
-    return begun + lever * force, apart - tip.mobility * (lever * force), force
+    return begun + lever * force, speed - tip.mobility * (lever * force), force
 
 
 @contact_law(CentralSpring)

@@ -2,8 +2,8 @@
 
 A kernel advances its own states in blocks of up to ``LANES`` cases, one per lane. Each step gives each contact at
 its end and the impulse in it, an ``End``. If a mark is due, a sample or the end of a load period, :func:`store_end`
-stores it, ``take_marks`` interpolates between the old state and the new one, and :func:`observe` counts the new one;
-else :func:`count_end` counts it at once.
+stores it, and :func:`count_marked` interpolates between the old state and the new one and counts the new one; else
+:func:`count_end` counts it at once.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import LANES, PACK, ROW, LaneTable, named_rows, rows_in, several_rows
-from workflow.kernels.packs import Lane, narrow, pack, some, some_nonzero, store, where
+from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero, store, where
 from workflow.models import Array, Cases, EndState, Sensors, Structure, project, sensed_values
 from workflow.schemes._fixed import loads
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.contact import End
-from workflow.schemes._fixed.loads import Drive, DriveRows, Start, TipLoads, cut_gap, keep_apart, tip_loads
-from workflow.schemes._fixed.rows import Tips
+from workflow.schemes._fixed.loads import Drive, DriveRows, Start, TipLoads, tip_loads
+from workflow.schemes._fixed.rows import Acting, ContactRecord
 from workflow.schemes._interface import HISTORIES, Results, Sampling, Schedule, complete_periods, schedule, sections_of
 
 NEVER = np.iinfo(np.int64).max
@@ -68,7 +68,7 @@ class CaseBlock(NamedTuple):
     """Up to ``LANES`` consecutive cases that a kernel steps at once."""
 
     load: TipLoads
-    tips: Sequence[Tips]
+    contacts: Sequence[ContactRecord]
     marks: Marks
     record: BlockRecord
     drive: Drive | None
@@ -94,25 +94,23 @@ def _close_periods(step: int, block: CaseBlock) -> None:
         while next_period[lane] < period_due.shape[1] and period_due[lane, next_period[lane]] == step:
             k = next_period[lane]
             share = period_weight[lane, k]
-            for c in range(len(block.tips)):
-                tip = block.tips[c]
-                p = tip.step_impulse[lane]
-                impulse = _between(tip.impulse[lane], tip.impulse[lane] + p, share)
-                reached = _between(tip.temperature[lane], tip.new_temperature[lane], share)
-                contact = tip.contact_time[lane] + (share * h if p > 0.0 else 0.0)
-                periods[lane, 0, c, k] = impulse - tip.period_impulse[lane]
-                periods[lane, 1, c, k] = max(tip.period_hottest[lane], reached)
-                periods[lane, 2, c, k] = contact - tip.period_contact[lane]
-                periods[lane, 3, c, k] = _between(tip.displacement[lane], tip.new_displacement[lane], share)
-                periods[lane, 4, c, k] = _between(tip.velocity[lane], tip.new_velocity[lane], share)
+            for c in range(len(block.contacts)):
+                own = block.contacts[c]
+                p = own.step_impulse[lane]
+                impulse = _between(own.impulse[lane], own.impulse[lane] + p, share)
+                reached = _between(own.temperature[lane], own.temperature_end[lane], share)
+                contact = own.contact_time[lane] + (share * h if p > 0.0 else 0.0)
+                impacts = own.impacts[lane] + (1.0 if p > 0.0 and own.touching[lane] == 0.0 else 0.0)
+                periods[lane, 0, c, k] = impulse - own.period_impulse[lane]
+                periods[lane, 1, c, k] = max(own.period_hottest[lane], reached)
+                periods[lane, 2, c, k] = contact - own.period_contact[lane]
+                periods[lane, 3, c, k] = _between(own.displacement[lane], own.displacement_end[lane], share)
+                periods[lane, 4, c, k] = _between(own.velocity[lane], own.velocity_end[lane], share)
                 periods[lane, 5, c, k] = reached
-                strikes = 1.0 if p > 0.0 and tip.touching[lane] == 0.0 else 0.0
-                periods[lane, 6, c, k] = tip.impacts[lane] + strikes - tip.period_impacts[lane]
-                tip.period_impacts[lane] = tip.impacts[lane] + strikes
-                tip.hottest[lane] = max(tip.hottest[lane], periods[lane, 1, c, k])
-                tip.period_impulse[lane] = impulse
-                tip.period_contact[lane] = contact
-                tip.period_hottest[lane] = reached
+                periods[lane, 6, c, k] = impacts - own.period_impacts[lane]
+                own.hottest[lane] = max(own.hottest[lane], periods[lane, 1, c, k])
+                own.period_impulse[lane], own.period_contact[lane] = impulse, contact
+                own.period_hottest[lane], own.period_impacts[lane] = reached, impacts
             next_period[lane] = k + 1
         if next_period[lane] < period_due.shape[1]:
             first = min(first, period_due[lane, next_period[lane]])
@@ -122,7 +120,7 @@ def _close_periods(step: int, block: CaseBlock) -> None:
 @part
 def _sample(k: int, share: float, block: CaseBlock) -> None:
     """Interpolate sample k at a fraction ``share`` of the step; write ``WAITING`` samples at a time."""
-    tips, waiting, histories = block.tips, block.record.samples, block.record.histories
+    contacts, waiting, histories = block.contacts, block.record.samples, block.record.histories
     sensed, shown = block.record.sensed, block.record.shown
     for sensor in range(sensed.shape[1]):
         for case in range(sensed.shape[0]):
@@ -130,35 +128,32 @@ def _sample(k: int, share: float, block: CaseBlock) -> None:
     slot = (k - 1) % WAITING
     for first in range(0, block.lanes, PACK):
         lane = narrow(first)
-        for c in range(len(tips)):
-            tip, row = tips[c], 4 * c * WAITING + slot
-            impulse = pack(tip.impulse, lane)
+        for c in range(len(contacts)):
+            own, row = contacts[c], 4 * c * WAITING + slot
+            impulse = pack(own.impulse, lane)
             for j, begun, ended in (
-                (0, pack(tip.displacement, lane), pack(tip.new_displacement, lane)),
-                (1, pack(tip.velocity, lane), pack(tip.new_velocity, lane)),
-                (2, pack(tip.temperature, lane), pack(tip.new_temperature, lane)),
-                (3, impulse, impulse + pack(tip.step_impulse, lane)),
+                (0, pack(own.displacement, lane), pack(own.displacement_end, lane)),
+                (1, pack(own.velocity, lane), pack(own.velocity_end, lane)),
+                (2, pack(own.temperature, lane), pack(own.temperature_end, lane)),
+                (3, impulse, impulse + pack(own.step_impulse, lane)),
             ):
                 store(waiting, (row + j * WAITING, lane), _between(begun, ended, share))
     if slot == WAITING - 1 or k == histories.shape[3] - 1:
         for case in range(histories.shape[0]):
             for j in range(histories.shape[1]):
-                for c in range(len(tips)):
+                for c in range(len(contacts)):
                     for i in range(slot + 1):
                         histories[case, j, c, k - slot + i] = waiting[(4 * c + j) * WAITING + i, case]
 
 
 @part
-def take_marks(step: int, block: CaseBlock) -> float:
-    """Write the samples and load periods that are due within this step; return the part of the step that counts, s.
+def _take_marks(step: int, block: CaseBlock) -> float:
+    """Write the samples and load periods that are due within this step; return the fraction of it that counts.
 
-    All steps but the last count whole, the last up to the duration, where the last sample lies; the tip's new values
-    are interpolated there.
+    All steps but the last count whole, the last up to the duration, where the last sample lies.
     """
-    lanes, h, steps = block.lanes, block.h, block.steps
-    next_mark = block.marks.next_mark
-    due, weight = block.marks.sample_due, block.marks.sample_weight
-    mark = steps
+    next_mark, due, weight = block.marks.next_mark, block.marks.sample_due, block.marks.sample_weight
+    mark = block.steps
     while next_mark[1] < due.size and due[next_mark[1]] == step:
         _sample(next_mark[1], weight[next_mark[1]], block)
         next_mark[1] += 1
@@ -167,15 +162,7 @@ def take_marks(step: int, block: CaseBlock) -> float:
     if step == next_mark[2]:
         _close_periods(step, block)
     next_mark[0] = min(mark, next_mark[2])
-    share = weight[-1] if step == steps else 1.0
-    for c in range(len(block.tips) if share != 1.0 else 0):
-        tip = block.tips[c]
-        for lane in range(lanes):
-            tip.new_displacement[lane] = _between(tip.displacement[lane], tip.new_displacement[lane], share)
-            tip.new_velocity[lane] = _between(tip.velocity[lane], tip.new_velocity[lane], share)
-            tip.new_temperature[lane] = _between(tip.temperature[lane], tip.new_temperature[lane], share)
-            tip.step_impulse[lane] *= share
-    return share * h
+    return weight[-1] if step == block.steps else 1.0
 
 
 class Batch(NamedTuple):
@@ -197,84 +184,113 @@ class Now(NamedTuple):
     """Time at its end, s."""
     last: bool
     marked: bool
-    """Whether a sample or the end of a load period is due in it: the tip's state at its end is stored then, and
-    ``observe`` counts it later."""
+    """Whether a sample or the end of a load period is due in it: the state at its end is stored then, and
+    :func:`count_marked` counts it later. So it is at t = 0, which is not counted."""
     next_marked: bool
-    """Whether one is due in the next step, which then needs the tip's state at the end of this one."""
+    """Whether one is due in the next step, which then needs the state at the end of this one."""
+    first: bool
+    """Whether it is that of central differences at t = 0."""
+    waits: bool
+    """Whether nothing reads the states of the modes at its end but the next step."""
     sine: float
     leader: int
     """The weighted sine of the load that :func:`loads.weigh_load` returned, and the lane to which it belongs."""
     warmed: bool
-    """Whether heating or the temperature of the surroundings moves the tip of some lane."""
+    """Whether heating or the temperature of the surroundings moves a contact of some lane."""
 
 
 @inlined
-def step_at(step: int, theta: float, leader: int, warmed: bool, block: CaseBlock) -> Now:
+def step_at(step: int, theta: float, leader: int, warmed: bool, waits: bool, block: CaseBlock) -> Now:
     """Return a step, with the load at its two ends weighted by 1 - θ and θ."""
     sine, mark = loads.weigh_load(1.0 - theta, theta, leader, block.load, block.lanes), block.marks.next_mark[0]
-    return Now(step * block.h, step == block.steps, step == mark, step + 1 == mark, sine, leader, warmed)
+    marked = step == mark or step == 0
+    return Now(step * block.h, step == block.steps, marked, step + 1 == mark, step == 0, waits, sine, leader, warmed)
 
 
 @inlined
-def store_end(end: End, tip: Tips, lane: Lane) -> None:
-    """Store the contact's state at the end of a step and the impulse in it for :func:`observe`."""
-    store(tip.new_displacement, lane, end.displacement)
-    store(tip.new_velocity, lane, end.velocity)
-    store(tip.new_temperature, lane, end.temperature)
-    store(tip.step_impulse, lane, end.impulse)
+def show(now: Now, h: float, end: End, engaged: bool, act: Acting, own: ContactRecord, lane: Lane) -> None:
+    """Count what a contact shows at a step's end, or store it for :func:`count_marked`; begin the next step from it."""
+    store(act.place, lane, end.place)
+    store(act.speed, lane, end.speed)
+    temperature = pack(act.temperature, lane)
+    if now.marked:
+        store_end(end, temperature, own, lane)
+        return
+    if now.next_marked:
+        keep_end(end, temperature, own, lane)
+    count_end(end.depth, temperature, end.impulse, engaged, h, own, lane)
 
 
 @inlined
-def count_end(end: End, next_marked: bool, span: float, tip: Tips, lane: Lane) -> None:
-    """Count the tip's state at the end of a step of ``span`` s and the impulse in it.
+def store_end(end: End, temperature: Pack, own: ContactRecord, lane: Lane) -> None:
+    """Store the contact's state at the end of a step and the impulse in it for :func:`count_marked`."""
+    store(own.displacement_end, lane, end.displacement)
+    store(own.velocity_end, lane, end.velocity)
+    store(own.temperature_end, lane, temperature)
+    store(own.depth_end, lane, end.depth)
+    store(own.step_impulse, lane, end.impulse)
 
-    The temperature is stored as the tip's where a sample or a period ends in the next step (``next_marked``).
+
+@inlined
+def keep_end(end: End, temperature: Pack, own: ContactRecord, lane: Lane) -> None:
+    """Keep the contact's state at the end of a step as that at the beginning of the next, in which a mark is due."""
+    store(own.displacement, lane, end.displacement)
+    store(own.velocity, lane, end.velocity)
+    store(own.temperature, lane, temperature)
+    store(own.depth, lane, end.depth)
+
+
+@inlined
+def count_end(
+    depth: Pack, temperature: Pack, p: Pack, engaged: bool, span: float, own: ContactRecord, lane: Lane
+) -> None:
+    """Count the contact's state at the end of a step of ``span`` s and the impulse p in it.
+
+    Where no lane is ``engaged`` no count of contact changes.
     """
-    x, temperature, p = end.displacement, end.temperature, end.impulse
-    gap, hottest = pack(tip.gap, lane), pack(tip.period_hottest, lane)
-    store(tip.displacement, lane, x)
-    store(tip.velocity, lane, end.velocity)
-    if next_marked:
-        store(tip.temperature, lane, temperature)
+    hottest = pack(own.period_hottest, lane)
     if some(temperature > hottest):
-        store(tip.period_hottest, lane, where(temperature > hottest, temperature, hottest))
-    if some(x > gap):
-        depth, deepest = x - gap, pack(tip.penetration, lane)
-        store(tip.penetration, lane, where(depth > deepest, depth, deepest))
-    if end.engaged:
-        touches, touched = where(p > 0.0, 1.0, 0.0), pack(tip.touching, lane)
+        store(own.period_hottest, lane, where(temperature > hottest, temperature, hottest))
+    if some(depth > 0.0):
+        deepest = pack(own.penetration, lane)
+        store(own.penetration, lane, where(depth > deepest, depth, deepest))
+    if engaged:
+        touches, touched = where(p > 0.0, 1.0, 0.0), pack(own.touching, lane)
         if some_nonzero(touches - touched):
-            store(tip.impacts, lane, pack(tip.impacts, lane) + touches * (1.0 - touched))
-            store(tip.touching, lane, touches)
-        store(tip.contact_time, lane, pack(tip.contact_time, lane) + touches * span)
-        store(tip.impulse, lane, pack(tip.impulse, lane) + p)
+            store(own.impacts, lane, pack(own.impacts, lane) + touches * (1.0 - touched))
+            store(own.touching, lane, touches)
+        store(own.contact_time, lane, pack(own.contact_time, lane) + touches * span)
+        store(own.impulse, lane, pack(own.impulse, lane) + p)
 
 
 @inlined
-def observe(span: float, tips: Sequence[Tips], lanes: int) -> None:
-    """Count the state that :func:`store_end` stored at the end of a step of ``span`` s."""
-    for first in range(0, lanes, PACK):
-        lane = narrow(first)
-        for c in range(len(tips)):
-            x, v = pack(tips[c].new_displacement, lane), pack(tips[c].new_velocity, lane)
-            temperature, p = pack(tips[c].new_temperature, lane), pack(tips[c].step_impulse, lane)
-            count_end(End(True, x, v, temperature, p, p, v), True, span, tips[c], lane)
+def count_marked(step: int, block: CaseBlock) -> None:
+    """Write the samples and load periods of a step whose end :func:`store_end` stored, then count that end.
 
-
-@inlined
-def count_stored(step: int, block: CaseBlock) -> None:
-    """Write the samples and load periods of a step whose end :func:`store_end` stored, then count that end."""
-    span = take_marks(step, block) if step == block.marks.next_mark[0] else block.h
-    if step == block.steps:
-        cut_gap(block.drive, span / block.h, block.tips, block.lanes)
-    observe(span, block.tips, block.lanes)
+    Of the last step all that lies after the duration is cut off.
+    """
+    share = _take_marks(step, block) if step == block.marks.next_mark[0] else 1.0
+    for c in range(len(block.contacts)):
+        own = block.contacts[c]
+        for begun, ended in (
+            (own.displacement, own.displacement_end),
+            (own.velocity, own.velocity_end),
+            (own.temperature, own.temperature_end),
+            (own.depth, own.depth_end),
+        ):
+            for i in range(block.lanes):
+                begun[i] = _between(begun[i], ended[i], share)
+        for first in range(0, block.lanes, PACK):
+            lane = narrow(first)
+            p = share * pack(own.step_impulse, lane)
+            count_end(pack(own.depth, lane), pack(own.temperature, lane), p, True, share * block.h, own, lane)
 
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """Loads, tips, samples and load periods of a batch.
+    """Loads, contacts, samples and load periods of a batch.
 
-    ``loads``, ``(row, case)``, and ``tips``, ``(contact, row, case)``, hold the rows of all cases: the contacts at
+    ``loads``, ``(row, case)``, and ``contacts``, ``(contact, row, case)``, hold the rows of all cases: the contacts at
     t = 0, and at the end after it.
     """
 
@@ -283,7 +299,7 @@ class Watch:
     interval: float
     h: float
     loads: Array
-    tips: Array
+    contacts: Array
     sensors: Sensors | None
     drive: DriveRows | None
     """Harmonics of load and casing, ``(…, case)``."""
@@ -297,9 +313,9 @@ class Watch:
     """Those of :class:`BlockRecord`, ``(case, sensor, t)`` and ``(2, sensor, case)``."""
 
     @property
-    def tip(self) -> Any:
+    def contact(self) -> Any:
         """The contacts by the names of their rows, ``(contact, case)`` each."""
-        return named_rows(Tips, self.tips)
+        return named_rows(ContactRecord, self.contacts)
 
     @property
     def elapsed(self) -> float:
@@ -312,7 +328,7 @@ class Watch:
 
     def finite(self, *rows: str) -> NDArray[np.bool_]:
         """Return which cases have finite numbers in some rows of all contacts, ``(case,)``."""
-        return np.asarray(np.isfinite([self.tip[row] for row in rows]).all(axis=(0, 1)))
+        return np.asarray(np.isfinite([self.contact[row] for row in rows]).all(axis=(0, 1)))
 
 
 class Ended(NamedTuple):
@@ -348,32 +364,33 @@ def watch(
     structure: Structure, cases: Cases, sampling: Sampling, h: float, begins: Start, drive: DriveRows | None = None
 ) -> Watch:
     """Return the samples and load periods of a batch that is stepped with ``h``, and its contacts as they begin."""
-    plan, contacts = schedule(sampling, h), begins.place.shape[1]
+    plan, count = schedule(sampling, h), begins.displacement.shape[1]
     periods = complete_periods(cases.period_frequency, sampling)
     due, weight = period_marks(cases, periods, plan.steps, h)
 
-    tips = np.zeros((contacts, rows_in(Tips), cases.count))
-    tip: Any = named_rows(Tips, tips)
-    tip["displacement"], tip["velocity"], tip["gap"] = begins.place.T, begins.velocity.T, begins.gap.T
+    contacts = np.zeros((count, rows_in(ContactRecord), cases.count))
+    contact: Any = named_rows(ContactRecord, contacts)
+    contact["displacement"], contact["velocity"] = begins.displacement.T, begins.velocity.T
     for row in ("temperature", "hottest", "period_hottest"):
-        tip[row] = recorded_temperatures(structure, cases.temperature).T
-    tip["penetration"] = np.fmax(0.0, tip["displacement"] - tip["gap"]) + 0.0  # of two zeros fmax returns either
+        contact[row] = recorded_temperatures(structure, cases.temperature).T
+    contact["depth"] = (begins.displacement - begins.gap).T
+    contact["penetration"] = np.fmax(0.0, contact["depth"]) + 0.0  # of two zeros fmax returns either
 
-    histories = np.empty((cases.count, 4, contacts, plan.due.size))
-    record = np.full((cases.count, 7, contacts, due.shape[1]), np.nan)
+    histories = np.empty((cases.count, 4, count, plan.due.size))
+    record = np.full((cases.count, 7, count, due.shape[1]), np.nan)
     for k, row in enumerate(HISTORIES):
-        histories[:, k, :, 0] = tip[row].T
+        histories[:, k, :, 0] = contact[row].T
     start = sensed_values(structure.sensors, cases)
     sensed = np.full((*start.shape, plan.due.size), np.nan)
     sensed[..., 0], shown = start, np.stack([start.T, start.T])
     loads, outputs = tip_loads(cases), (histories, record, due, weight, sensed, shown)
-    return Watch(cases, plan, sampling.interval, h, loads, tips, structure.sensors, drive, *outputs)
+    return Watch(cases, plan, sampling.interval, h, loads, contacts, structure.sensors, drive, *outputs)
 
 
 def rows_of(watched: Watch) -> dict[str, Array]:
-    """Return the rows of a batch that every block has: load, tip, what sensors show, and the drive, if any."""
+    """Return the rows of a batch that every block has: load, contacts, what sensors show, and the drive, if any."""
     drive = {} if watched.drive is None else watched.drive._asdict()
-    return {"load": watched.loads, "tips": watched.tips, "shown": watched.shown, **drive}
+    return {"load": watched.loads, "contacts": watched.contacts, "shown": watched.shown, **drive}
 
 
 def recorded_temperatures(structure: Structure, temperature: Array) -> Array:
@@ -397,15 +414,16 @@ def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Ba
     )
     record = BlockRecord(watched.histories, samples, watched.periods, watched.sensed, lanes["shown"])
     drive = None if watched.drive is None else DriveRows(*(lanes[name] for name in DriveRows._fields)).named
-    load, tips = named_rows(TipLoads, lanes["load"]), several_rows(Tips, lanes["tips"])
-    return Batch(table.values, table.buffer, CaseBlock(load, tips, marks, record, drive, width, plan.steps, watched.h))
+    load, contacts = named_rows(TipLoads, lanes["load"]), several_rows(ContactRecord, lanes["contacts"])
+    whole = CaseBlock(load, contacts, marks, record, drive, width, plan.steps, watched.h)
+    return Batch(table.values, table.buffer, whole)
 
 
 @inlined
 def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
     """Copy the cases of a block from the ``first`` on to the lanes; return marks, outputs and number of lanes.
 
-    Idle lanes are contacts at rest that never touch. The caller makes the :class:`CaseBlock`: numba returns no records.
+    Idle lanes are 0. The caller makes the :class:`CaseBlock`: numba returns no records.
     """
     values, lanes, whole = batch.values, batch.lanes, batch.whole
     assert lanes.shape[1] == ROW
@@ -416,10 +434,6 @@ def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
             lanes[row, lane] = values[row, first + lane]
         for lane in range(count, LANES):
             lanes[row, lane] = 0.0
-    for c in range(len(whole.tips)):
-        for lane in range(count, LANES):
-            whole.tips[c].gap[lane] = np.inf
-    keep_apart(whole.drive, count)
     marks = Marks(
         whole.marks.sample_due,
         whole.marks.sample_weight,
@@ -436,6 +450,14 @@ def load_block(batch: Batch, first: int) -> tuple[Marks, BlockRecord, int]:
         whole.record.shown,
     )
     return marks, record, -(-count // PACK) * PACK
+
+
+@inlined
+def keep_idle_off(acts: Sequence[Acting], cases: int, lanes: int) -> None:
+    """Put the casings of idle lanes, those after the ``cases``, out of reach: they never touch."""
+    for act in acts:
+        for lane in range(cases, lanes):
+            act.casing[lane] = np.inf
 
 
 @inlined
@@ -467,13 +489,13 @@ def _shift(watched: Watch) -> None:
 def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) -> Results:
     """Return the results of all blocks; a case has NaN from its first non-finite sample on."""
     _shift(ended.watched)
-    watched, tip, shape = ended.watched, ended.watched.tip, ended.watched.cases.contact_shape
+    watched, contact, shape = ended.watched, ended.watched.contact, ended.watched.cases.contact_shape
     histories, record = (each if shape else each[:, :, 0] for each in (watched.histories, watched.periods))
     counted = {
-        "impacts": tip["impacts"],
-        "contact_time": tip["contact_time"],
-        "max_penetration": tip["penetration"],
-        "max_temperature": np.maximum(tip["hottest"], tip["period_hottest"]),
+        "impacts": contact["impacts"],
+        "contact_time": contact["contact_time"],
+        "max_penetration": contact["penetration"],
+        "max_temperature": np.maximum(contact["hottest"], contact["period_hottest"]),
     }
     metrics = {name: values.T if shape else values[0] for name, values in counted.items()}
     metrics |= ended.metrics | ({} if ended.balance is None else ended.balance.residuals())
@@ -483,18 +505,18 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
     }
     for case in np.flatnonzero(lost):
         _blank_lost_samples(watched, int(case))
-    impulse, temperature, contact = record[:, :3].swapaxes(0, 1)
+    impulse, temperature, touched = record[:, :3].swapaxes(0, 1)
     periods = (watched.period_due < NEVER).sum(axis=1)
     named = dict(zip(HISTORIES, histories.swapaxes(0, 1), strict=True))
     if watched.sensors is not None:
         named["sensor_value"] = watched.sensors.with_contacts(watched.sensed, watched.histories[:, 0])
-    frequency = watched.cases.period_frequency.reshape(-1, *(1,) * (contact.ndim - 1))
+    frequency = watched.cases.period_frequency.reshape(-1, *(1,) * (touched.ndim - 1))
     return Results(
         histories=named,
         metrics={**metrics, "steps": np.full(watched.cases.count, float(watched.schedule.steps))},
         period_impulse=impulse,
         period_temperature=temperature,
-        period_contact=contact * frequency,
+        period_contact=touched * frequency,
         status=status,
         messages=messages,
         sections=sections_of(record[:, 3:], periods, histories[:, :3, ..., 0]),

@@ -97,7 +97,6 @@ def step(modal: Decoupled, h: float, theta: float) -> Step:
         stiffness_weight=weight**2,
         coupling_theta=theta,
         heat_theta=theta,
-        heat_counts=True,
         lagged=False,
     )
 
