@@ -9,14 +9,17 @@ if TYPE_CHECKING:  # importing typing itself takes longer than all else here
 __version__ = "1.0.0"
 
 _EXPORTS = {
+    "casing_contacts": "workflow.models",
     "compare": "workflow.analysis",
     "contact_phases": "workflow.analysis",
     "labels": "workflow.analysis",
+    "matrices_at_speeds": "workflow.models",
     "observed_order": "workflow.analysis",
     "open_archive": "workflow.archive",
     "pin": "workflow.pinning",
     "plan_study": "workflow.plan",
     "plots": "workflow.plots",
+    "read_matrices": "workflow.models",
     "read_study": "workflow.study",
     "recommend": "workflow.analysis",
     "run_study": "workflow.run",

@@ -65,8 +65,9 @@ from workflow.models._static import (
     tip_flexibility,
 )
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
+from workflow.models._turning import casing_contacts, matrices_at_speeds
 from workflow.models.chain import MOST_ONE_BY_ONE, Chain
-from workflow.models.matrices import write_matrices
+from workflow.models.matrices import read_matrices, write_matrices
 from workflow.registry import Registry
 
 

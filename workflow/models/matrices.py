@@ -195,6 +195,22 @@ def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:
     return structure_from_sparse(given) if large else structure_from_matrices(given)
 
 
+def read_matrices(path: str | Path) -> dict[str, Any]:
+    """Return the entries of a file of matrices by name, as the study would read them, in the units of the file.
+
+    Matrices are SciPy's sparse arrays or dense ones, ``labels`` are texts.
+
+    Raises
+    ------
+    UnusableMatricesError
+        It is damaged, too large, or of an unknown kind.
+    ValueError
+        A file that belongs to it is missing.
+    """
+    files_of(Path(path))
+    return read_entries(Path(path))
+
+
 def write_matrices(
     path: str | Path, *, mass: Any, stiffness: Any, vectors: Mapping[str, Any] | None = None, **entries: Any
 ) -> Path:
