@@ -32,10 +32,13 @@ def _own(path: tuple[str, ...]) -> frozenset[str]:
     return frozenset(module.name for module in pkgutil.iter_modules(path) if not module.name.startswith("_"))
 
 
+_all_entries = cache(entry_points)  # it reads a file of each distribution that is installed
+
+
 @cache
 def _entries(package: str) -> dict[str, str]:
     """Return the modules that entry points add, by name."""
-    return {entry.name: entry.value for entry in entry_points(group=package)}
+    return {entry.name: entry.value for entry in _all_entries().select(group=package)}
 
 
 @cache

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
+from workflow.cases._kept_models import kept_model
+from workflow.cases._waiting_for import preparing
+from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models import Structure, one_thread, structure_of
 from workflow.reduction import ReducedModel, reduced_model
 from workflow.study import CaseSettings
@@ -48,8 +51,13 @@ def reduced(settings: CaseSettings) -> Reduced:
 @lru_cache(maxsize=_MOST_STRUCTURES)
 def model_on(by: Reduced) -> ReducedModel:
     """Return the structure of a model as its basis leaves it, and its reduction."""
-    with one_thread():
-        model = reduced_model(structure_of(by.model, by.parameters), *by.modes, by.basis, by.duration)
+    full = structure_of(by.model, by.parameters)
+
+    def made() -> ReducedModel:
+        with one_thread(), preparing():
+            return reduced_model(full, *by.modes, by.basis, by.duration)
+
+    model = kept_model(replace(by, casing_flexibility=0.0), made) if full.mechanical_size > MOST_BY_JACOBI else made()
     return model._replace(structure=model.structure.on_casing(by.casing_flexibility))
 
 

@@ -12,13 +12,16 @@ COMPILING = "compiling (once)"
 TRIALS = "trials of `auto`"
 REFERENCES = "references"
 CASES = "cases"
+PREPARING, PLANNING = "preparing", "planning"
 WORKERS = "workers start"
 GATHERING = "gathering"
 
-_ORDER = (COMPILING, WORKERS, TRIALS, REFERENCES, CASES, GATHERING)
+_ORDER = (COMPILING, WORKERS, PREPARING, TRIALS, REFERENCES, CASES, GATHERING, PLANNING)
 """Of several at once the first is named: the others wait for it."""
 
 _UNDER_WAY: Counter[str] = Counter()
+_MORE: dict[str, str] = {}
+"""Words behind what is under way."""
 _BEGUN: dict[str, float] = {}
 _SPENT: dict[str, float] = {}
 """When what is under way began, and the seconds that each thing took before, on the clock of ``perf_counter``."""
@@ -26,9 +29,10 @@ _LOCK = Lock()
 
 
 @contextmanager
-def waiting_for(what: str) -> Iterator[None]:
-    """Say that something is under way in this process while the context lasts."""
+def waiting_for(what: str, more: str = "") -> Iterator[None]:
+    """Say that something is under way in this process while the context lasts, with more words behind it."""
     with _LOCK:
+        _MORE[what] = more
         if not _UNDER_WAY[what]:
             _BEGUN[what] = time.perf_counter()
         _UNDER_WAY[what] += 1
@@ -41,9 +45,27 @@ def waiting_for(what: str) -> Iterator[None]:
                 _SPENT[what] = _SPENT.get(what, 0.0) + time.perf_counter() - _BEGUN[what]
 
 
+_STRUCTURES = [0, 0]
+"""How many structures the study has that is planned or run, and how many of them are reduced."""
+
+
+def expect_structures(count: int) -> None:
+    """Have :func:`preparing` say of how many structures each is one."""
+    _STRUCTURES[:] = count, 0
+
+
+@contextmanager
+def preparing() -> Iterator[None]:
+    """Say that a structure is reduced while the context lasts."""
+    count, done = _STRUCTURES
+    with waiting_for(PREPARING, f"{count} structures, {done} done" if count > 1 else "a structure"):
+        yield
+    _STRUCTURES[1] += 1
+
+
 def waited_for() -> str:
     """Return what this process is waiting for, empty where it is nothing that takes long."""
-    return next((what for what in _ORDER if _UNDER_WAY[what]), "")
+    return next((f"{what} {_MORE[what]}".rstrip() for what in _ORDER if _UNDER_WAY[what]), "")
 
 
 def seconds_compiled() -> float:

@@ -17,7 +17,7 @@ import typer
 from workflow.cli._archives import decided_lines, failure_lines
 from workflow.cli._failures import NOT_OK, WRONG
 from workflow.cli._stop import saying
-from workflow.cli._terminal import clean, console, following, print_error, say, write, write_json
+from workflow.cli._terminal import clean, following, print_error, say, write, write_json
 from workflow.cli._words import AsJson, Settings, StudyFile, named, read
 
 if TYPE_CHECKING:
@@ -121,11 +121,12 @@ def plan(
     With an archive: how many cases it holds, how many are missing, how many the study no longer asks for.
     """
     from workflow.archive import open_archive
+    from workflow.cases import PLANNING, waiting_for
     from workflow.plan import plan_study
-    from workflow.run import holdings
+    from workflow.run import Follower, holdings
 
     requested = read(study, settings)
-    with console().status("planning"):
+    with following(Follower(), requested.name, quiet=as_json), waiting_for(PLANNING):
         plan = plan_study(requested)
     held = None if output is None else holdings(requested, named(output))
     if as_json:

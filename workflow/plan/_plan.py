@@ -31,7 +31,7 @@ from workflow.plan._warnings import (
     looked_at,
     warnings,
 )
-from workflow.solve import asked_bytes, memory_needed, model_seconds, solution_seconds, steady_bytes, tasks
+from workflow.solve import asked_bytes, costs, memory_needed, model_seconds, solution_seconds, steady_bytes, tasks
 from workflow.study import CaseSettings, ResolvedValue, StudySource, read_study, resolved_values
 
 _STRUCTURES_SHOWN = 8
@@ -131,7 +131,7 @@ def _plan(grid: Grid) -> Plan:
         batches=sum(batches),
         tasks=len(batches),
         steps=steps,
-        time=order_of_time((model_seconds(grid) + _reference_seconds(grid)) / threads),
+        time=order_of_time(costs(grid).preparing + (model_seconds(grid) + _reference_seconds(grid)) / threads),
         bytes=_result_bytes(grid),
         memory=memory_needed(grid, threads),
         stored=tuple(grid.study.output.sampled),

@@ -22,6 +22,7 @@ from workflow.solve._tasks import (
     Batch,
     Task,
     asked_bytes,
+    costs,
     memory_needed,
     model_seconds,
     require_memory,
