@@ -266,6 +266,46 @@ def sliding_casing() -> list[Row]:
 
 @scene(
     "contacts",
+    "Two masses that stay together for a while",
+    "closed form; the masses are those of issue 4822 of ModelingToolkit.jl, under a force that changes",
+    "studies/two_masses",
+)
+def two_masses() -> list[Row]:
+    """A free mass m = 0.5 kg lands, e = 0, on a mass M = 1 kg that hangs on a spring k = 100 N/m, 10 mm away. The force
+    F = 1 N + 4 N sin πt presses it on, so that both move as one, and pulls it off where F = m ẍ.
+    """
+    found = solved("studies/two_masses", **{"axes.scheme": "event_driven", "axes.e": 0}).squeeze()
+    m, both, k, omega = 0.5, 1.5, 100.0, np.pi
+
+    def force(t: float) -> float:
+        return 1 + 4 * np.sin(omega * t)
+
+    def apart(t: float) -> float:
+        return (t**2 / 2 + 4 * (omega * t - np.sin(omega * t)) / omega**2) / m - 0.01
+
+    lands = brentq(apart, 0.01, 0.2, xtol=1e-17)
+    approach = (lands + 4 * (1 - np.cos(omega * lands)) / omega) / m
+    natural, shake = np.sqrt(k / both), 4 / (k - both * omega**2)
+    a = -1 / k - shake * np.sin(omega * lands)
+    b = (approach * m / both - shake * omega * np.cos(omega * lands)) / natural
+
+    def contact_force(t: float) -> float:
+        own = natural**2 * (a * np.cos(natural * (t - lands)) + b * np.sin(natural * (t - lands)))
+        return force(t) + m * (own + shake * omega**2 * np.sin(omega * t))
+
+    grid = np.linspace(lands, 2, 400)
+    below = int(np.argmax([contact_force(t) < 0 for t in grid]))
+    leaves = brentq(contact_force, grid[below - 1], grid[below], xtol=1e-16)
+    times, kinds = found["event_time"].values, found["event_kind"].values
+    return [
+        relative("it lands [s]", lands, times[0], 1e-12, ROUNDING),
+        relative("impulse as it lands [N s]", approach * m / both, found["event_impulse"].values[0], 1e-12, ROUNDING),
+        relative("it is pulled off [s]", leaves, times[kinds == 2][0], 1e-11, ROUNDING),
+    ]
+
+
+@scene(
+    "contacts",
     "A mass on an elastic stop",
     "code_aster, test SDND101A",
     "truth/elastic_stop",

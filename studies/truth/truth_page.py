@@ -41,7 +41,7 @@ repeat a scene with another program, take the data from its study; what comes as
 def link(study: str) -> str:
     """Return the link to a study, from the page."""
     place, _, name = study.partition("/")
-    directory = {"truth": "", "hard": "../hard/"}.get(place)
+    directory = {"truth": "", "studies": "../", "hard": "../hard/"}.get(place)
     return f"`{name}`" if directory is None else f"[{name}.yaml]({directory}{name}.yaml)"
 
 
