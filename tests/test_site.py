@@ -1,5 +1,6 @@
 """The site that MkDocs builds: no broken link, nothing of another host, and a search that works from a file."""
 
+import re
 import subprocess
 import sys
 import time
@@ -9,7 +10,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from browser import errors, window
+from browser import errors, opened, window
 
 ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.slow
@@ -39,7 +40,7 @@ class Links(HTMLParser):
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built where the extra ``docs`` is installed."""
-    for module in ("mkdocs_jupyter", "mkdocstrings_handlers.python", "material"):
+    for module in ("latex2mathml", "mkdocs_jupyter", "mkdocstrings_handlers.python", "material"):
         pytest.importorskip(module)
     place = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(place)]
@@ -50,7 +51,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def pages(site: Path) -> dict[Path, Links]:
-    return {page: Links(page) for page in site.rglob("*.html") if page.name != "404.html"}
+    return {page: Links(page) for page in site.rglob("*.html")}
 
 
 def test_no_link_is_broken(pages: dict[Path, Links]) -> None:
@@ -79,6 +80,18 @@ def test_every_public_name_is_in_the_api(pages: dict[Path, Links]) -> None:
     anchors = set().union(*(found.anchors for page, found in pages.items() if page.parent.name == "api"))
     for name in workflow._EXPORTS:
         assert name == "plots" or f"{workflow._EXPORTS[name]}.{name}" in anchors
+
+
+def test_formulas_are_set_headings_imported_and_the_page_of_a_study_is_live(site: Path) -> None:
+    equations = (site / "pages" / "equations.html").read_text(encoding="utf-8")
+    assert equations.count("<math") > 40
+    assert "arithmatex" not in equations
+    api = (site / "pages" / "api" / "python.html").read_text(encoding="utf-8")
+    assert re.search(r"<h3[^>]*>\s*workflow\.read_study", api)
+    assert not (site / "404.html").exists()  # its links would be absolute
+    driver = window(400)
+    opened(driver, site / "blade.html")
+    assert driver.find_element("id", "figure-map").is_displayed()
 
 
 def test_it_is_searched_from_a_file(site: Path) -> None:

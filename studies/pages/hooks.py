@@ -158,8 +158,19 @@ def of_architecture(section: str) -> str:
 
 
 def citation() -> str:
-    """Return CITATION.cff as it stands."""
-    return f"```yaml\n{(ROOT / 'CITATION.cff').read_text(encoding='utf-8')}```"
+    """Return the works of CITATION.cff, the program first."""
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    return "\n".join(map(work, [{**cited, "year": f"version {cited['version']}"}, *cited["references"]]))
+
+
+def work(entry: dict[str, Any]) -> str:
+    """Return an entry of CITATION.cff as an item of a list."""
+    names = ", ".join(
+        " ".join(filter(None, map(one.get, ("given-names", "family-names", "name")))) for one in entry["authors"]
+    )
+    place = entry.get("journal") or entry.get("conference", {}).get("name") or entry.get("notes")
+    parts = [names, f"*{entry['title']}*", place, entry.get("volume"), entry.get("year"), entry.get("doi")]
+    return f"- {', '.join(str(part) for part in parts if part)}"
 
 
 INSERTED = {

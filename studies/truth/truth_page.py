@@ -34,6 +34,8 @@ repeat a scene with another program, take the data from its study; what comes as
 - *allowed*: the largest difference with which the tests pass;
 - *decides*: what limits the agreement.
 
+The scenes, by physics:
+
 {contents}
 """
 
