@@ -68,7 +68,7 @@ class Cells(pytest.Item):
 
 def run_cell(source: str, name: str, namespace: dict[str, Any]) -> None:
     """Run a cell; where its last line is an expression, its value is shown."""
-    tree = ast.parse(source.removeprefix("%matplotlib inline\n"), name)
+    tree = ast.parse(source, name)
     last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
     exec(compile(tree, name, "exec"), namespace)
     if isinstance(last, ast.Expr):
