@@ -104,8 +104,10 @@ COMMANDS = {
 
 ELSEWHERE = {
     '["first"].sel(number="gap")': "stands below, with the figures",
+    "pip install '.[docs]'": "installs a distribution",
     "pip install '.[output4]'": "installs a distribution",
     "pip install '.[sparse]'": "installs a distribution",
+    "python -m mkdocs build --strict": "tests/test_site.py",
     "python tests/benchmarks/bench_sparse.py": "tests/benchmarks/test_benchmarks.py",
     "python studies/reference.py": "tests/test_documents.py",
     "run_study(..., workers=N)": "tests/run/test_cluster.py",
