@@ -270,6 +270,7 @@ def test_a_recommendation_is_printed_as_its_sentence() -> None:
     recommended = recommend(even(), 0.01)
     assert str(recommended) == sentence(recommended)
     assert "mechanical + " in str(recommended)
+    assert "1 %" in recommended._repr_html_()
 
 
 def test_options_of_schemes_are_numerical() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -125,6 +126,10 @@ class Recommendation:
         from workflow.analysis._recommend_words import sentence
 
         return sentence(self)
+
+    def _repr_html_(self) -> str:
+        """Return the same for a notebook."""
+        return f"<p>{escape(str(self))}</p>"
 
 
 def recommend(dataset: xr.Dataset, tolerance: float | str | None = None) -> Recommendation:
