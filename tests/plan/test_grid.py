@@ -180,12 +180,12 @@ def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
     assert planned.more_structures == 0
     [diverging] = [line for line in planned.warnings if "diverges" in line]
     assert diverging.startswith("carpenter diverges, its free step grows")
-    assert diverging.endswith("-fold at h = 3e-05 s (3 + 2 modes)")
+    assert diverging.endswith("-fold at h = 3e-05 s (3 mechanical + 2 thermal modes)")
     [damped] = [line for line in planned.warnings if "damps the first mode" in line]
     assert damped.endswith("at h = 3e-05 s")
     planned = plan_study(parsed("study: a\n" + SCENE + axes.replace("3e-5", "4e-5")))
     [diverging] = [line for line in planned.warnings if "diverges" in line]
-    assert diverging.endswith("-fold at h = 4e-05 s (worst with 3 + 2 modes)")
+    assert diverging.endswith("-fold at h = 4e-05 s (worst with 3 mechanical + 2 thermal modes)")
 
 
 def test_a_mode_that_does_not_swing_is_not_said_to_be_damped_numerically() -> None:

@@ -254,7 +254,7 @@ def _cases(grid: Grid, settings: CaseSettings) -> Cases:
 
 def basis_text(settings: CaseSettings) -> str:
     """Name the reduced model of settings."""
-    modes = f"{settings.mechanical_modes} + {settings.thermal_modes} modes"
+    modes = f"{settings.mechanical_modes} mechanical + {settings.thermal_modes} thermal modes"
     return modes if settings.reduction == DEFAULT else f"{modes} of {settings.reduction}"
 
 
