@@ -62,6 +62,7 @@ GUIDE_PYTHON = {
     'workflow.plots.sweep(up, "period_impulse", down, branch)': "swept",
     'archive.sel(contact="188")': "chord",
     "workflow.plots.contacts(archive)": "chord",
+    "matrices_at_speeds({0: 0 * f, 942.478: f})": "turning",
     "plots.campbell(study)": "turning",
     "plots.clearance(archive)": "turning",
     "archive.sel(speed=100)": "turning",
@@ -104,6 +105,9 @@ COMMANDS = {
 
 ELSEWHERE = {
     '["first"].sel(number="gap")': "stands below, with the figures",
+    "EXTSEOUT(STIFFNESS,MASS,DAMPING,DMIGPCH)": "is Nastran's",
+    "root(x)": "is a part of a recipe",
+    "pip install ansys-mapdl-reader": "installs a distribution",
     "pip install '.[docs]'": "installs a distribution",
     "pip install '.[output4]'": "installs a distribution",
     "pip install '.[sparse]'": "installs a distribution",
@@ -184,6 +188,7 @@ def run_python(code: str, place: Path, archive: str) -> None:
         dataset = workflow.open_archive(f"{archive}.nc")
         known = {name: getattr(workflow, name) for name in ("labels", "open_archive", "run_study")}
         known |= {"workflow": workflow, "plots": plots, "np": np, "archive": dataset, "study": f"{archive}.nc"}
+        known |= {"matrices_at_speeds": workflow.matrices_at_speeds, "f": np.ones(3)}
         if archive == "blade":
             known["hot"] = dataset.sel(alpha=30, gap=20e-6, scheme=["midpoint", "event_driven"], e=0.5)
             known["case"] = dataset.isel(dict.fromkeys(dataset["status"].dims, 0))
@@ -213,6 +218,10 @@ BLOCKS_ELSEWHERE = {
     "$ .venv/bin/workflow recommend blade.nc": "tests/test_stranger.py",
     "from workflow import write_matrices": "tests/test_stranger.py",
     "import numpy as np\nfrom workflow import write_matrices": "tests/truth/test_wear.py",
+    "import workflow\n\nentries = workflow.read_matrices(": "tests/test_own_program.py",
+    "K0 = workflow.read_matrices(": "tests/test_own_program.py",
+    "import numpy as np\nimport scipy.sparse\nfrom ansys.mapdl import reader": "tests/test_own_program.py",
+    "from skfem import Basis": "tests/test_own_program.py",
 }
 
 
