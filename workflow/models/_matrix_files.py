@@ -253,7 +253,8 @@ def _mtx(place: Path) -> dict[str, Any]:
     head = _MARKET.match(text)
     if head is None:
         problem = f"`{place.name}` begins with `{text.partition(chr(10))[0][:80]}`"
-        raise UnusableMatricesError(problem, "write `%%MatrixMarket matrix coordinate real general`, and all values")
+        remedy = "write `%%MatrixMarket matrix coordinate real general`, and all values; of Abaqus name JOB_STIF1.mtx"
+        raise UnusableMatricesError(problem, remedy)
     row, what = (NUMBER, "a number") if head[1].lower() == "array" else (_COORDINATES, "row, column and value")
     body = in_c(text[head.end() :], row, what, place.name, 1 + head[0].count("\n"))
     sizes = head[0].replace(head[2], "real", 1).lower().removeprefix("%%matrixmarket")
