@@ -64,6 +64,12 @@ def test_matrix_input_of_abaqus_names_its_freedoms_and_holds_what_is_held(tmp_pa
     )
 
 
+def test_a_job_may_be_called_as_one_of_its_files(tmp_path: Path) -> None:
+    for kind, text in (("STIF", STIFFNESS), ("MASS", MASS)):
+        (tmp_path / f"LOAD_MASS1_{kind}1.mtx").write_text(text)
+    assert np.array_equal(read_entries(tmp_path / "LOAD_MASS1_STIF1.mtx")["stiffness"].toarray(), K)
+
+
 BY_BLANKS = str.maketrans(",", " ")
 
 
@@ -169,6 +175,14 @@ REFUSED = {
     ),
     "two forms": ({"MASS": "1 1 1.0\n"}, "the files of `blade-a_STIF3.mtx` have several forms"),
     "an entry twice": ({"MASS": MASS + "2,6, 2,6, 0.25\n"}, "mass` has an entry twice"),
+    "rows without entries": (
+        {"STIF": "1 1 1.0\n3 3 1.0\n", "MASS": "1 1 1.0\n"},
+        "blade-a_STIF3.mtx` has rows without an entry: write labels",
+    ),
+    "loads of several cases": (
+        {"STIF": "1 1 1.0\n", "MASS": "1 1 1.0\n", "LOAD": "1 1 1.0\n1 2 1.0\n"},
+        "`blade-a_STIF3.mtx` has several loads beside it",
+    ),
     "two loads": ({"LOAD": "*CLOAD, REAL\n2,2, 1.0\n*CLOAD, IMAGINARY\n2,2, 1.0\n"}, "LOAD3.mtx` has several loads"),
 }
 

@@ -320,21 +320,15 @@ def _symmetric(name: str, places: tuple[Any, Any], values: Any, size: int) -> An
 def _by_nodes(name: str, tables: Mapping[str, Any]) -> dict[str, Any]:
     """Return matrices, and vectors, of rows of ``node component`` for each index and a value, with their labels."""
     keys = {entry: 1000 * table[:, :-1:2] + table[:, 1:-1:2] for entry, table in tables.items()}
-    freedoms = np.unique(np.concatenate([key.ravel() for key in keys.values()]))
-    places = {entry: np.searchsorted(freedoms, key) for entry, key in keys.items()}
-    labels = np.array([f"{int(key // 1000)}.{int(key % 1000)}" for key in freedoms])
-    return {"labels": labels} | _assembled(name, places, tables, freedoms.size)
-
-
-def _assembled(name: str, places: Mapping[str, Any], tables: Mapping[str, Any], size: int) -> dict[str, Any]:
-    """Return matrices, and vectors, of so many rows from the places of their values, the last column of a table."""
-    entries: dict[str, Any] = {}
-    for entry, table in tables.items():
-        row, *column = places[entry].T.astype(np.int64)
+    freedoms = np.unique(np.concatenate([key.ravel() for key in keys.values()])).astype(np.int64)
+    entries: dict[str, Any] = {"labels": np.array([f"{key // 1000}.{key % 1000}" for key in freedoms])}
+    for entry, key in keys.items():
+        row, *column = np.searchsorted(freedoms, key).T
+        values = tables[entry][:, -1]
         if column:
-            entries[entry] = _symmetric(f"{name}: {entry}", (row, column[0]), table[:, -1], size)
+            entries[entry] = _symmetric(f"{name}: {entry}", (row, column[0]), values, freedoms.size)
         else:
-            entries[entry] = np.bincount(row, table[:, -1], size)
+            entries[entry] = np.bincount(row, values, freedoms.size)
     return entries
 
 
@@ -345,28 +339,30 @@ def _of_abaqus(place: Path) -> dict[str, Path]:
 
 
 def _abaqus(place: Path) -> dict[str, Any]:
-    tables = {entry: _abaqus_table(part) for entry, part in _of_abaqus(place).items() if part.is_file()}
-    columns = {entry: table.shape[1] for entry, table in tables.items()}
-    load, (labelled, *others) = columns.pop("load", 0), sorted(set(columns.values()))
-    if others or (load and labelled == 5 and load != 3):
+    tables = {entry: _of_form(part, entry) for entry, part in _of_abaqus(place).items() if part.is_file()}
+    if len({table.shape[1] for entry, table in tables.items() if entry != "load"}) > 1:
         raise UnusableMatricesError(f"the files of `{place.name}` have several forms", "write them by one FORMAT")
-    if labelled == 5:
+    if tables["stiffness"].shape[1] == 5:
         return _by_nodes(place.name, tables)
-    places = {entry: table[:, : 1 if entry == "load" else 2] - 1 for entry, table in tables.items()}
-    if load and np.any(tables["load"][:, 1:-1] != 1):
+    if "load" in tables and np.any(tables["load"][:, 1:-1] != 1):
         raise UnusableMatricesError(f"`{place.name}` has several loads beside it", "write one load")
-    return _assembled(place.name, places, tables, 1 + int(max(place.max(initial=0) for place in places.values())))
+    indices = {entry: table[:, [0, -1]] if entry == "load" else table for entry, table in tables.items()}
+    each = {entry: np.insert(table, range(1, table.shape[1]), 0, axis=1) for entry, table in indices.items()}
+    entries = _by_nodes(place.name, each)
+    if entries.pop("labels")[-1] != f"{entries['mass'].shape[0]}.0":
+        raise UnusableMatricesError(f"`{place.name}` has rows without an entry", "write labels, by another FORMAT")
+    return entries
 
 
-def _abaqus_table(part: Path) -> Any:
+def _of_form(part: Path, entry: str) -> Any:
+    """Return the numbers of a file of Abaqus, whose lines have as many as its first one."""
     text = part.read_text(encoding="latin-1")
     if len(re.findall(r"(?mi)^\*CLOAD", text)) > 1:
         raise UnusableMatricesError(f"`{part.name}` has several loads", "write one load, and a real one")
     text = re.sub(r"(?m)^[ \t]*\*.*$", "", text).replace(",", " ")
     columns = len(text.lstrip().partition("\n")[0].split())
     row, what = (_NODES, "node, dof, node, dof and value") if columns > 3 else (_COORDINATES, "row, column and value")
-    if "LOAD" in part.name:
-        row, what = _LOADS, "node, dof and value"
+    row, what = (_LOADS, "node, dof and value") if entry == "load" else (row, what)
     return np.fromstring(in_c(text, row, what, part.name).strip(), sep=" ").reshape(-1, columns or 3)
 
 
@@ -392,8 +388,7 @@ def _punch(place: Path) -> dict[str, Any]:
         rows = [f"{g} {c or 0} {a} {b}" for g, c, a, b in zip(*[iter(fields)] * 4, strict=True) if g or a]
         if column:
             texts.setdefault(name, {})[line] = " ".join(f"{column} {row}" for row in rows)
-    tables = {}
-    read = [head for head in heads if head[0] in _NASTRAN and head[0] in texts]
+    tables, read = {}, [head for head in heads if head[0] in _NASTRAN and head[0] in texts]
     if not read:
         written = ", ".join(name.upper() for name, *_ in heads) or "none"
         raise UnusableMatricesError(f"`{place.name}` has the DMIG matrices {written}", "name them KAAX, MAAX, BAAX")
@@ -402,10 +397,9 @@ def _punch(place: Path) -> dict[str, Any]:
         if form not in ("1", "6") or kind not in ("1", "2"):
             problem = f"`{place.name}`: {name.upper()} is of the form {form} and the type {kind}"
             raise UnusableMatricesError(problem, "write a square (1) or symmetric (6) matrix of real numbers (1 or 2)")
-        table = "".join(texts[name].get(line, "") + "\n" for line in range(len(lines)))
-        what = "nodes, components and a real number"
-        table = in_c(table, rf"{_NODES}(?:{GAP}{_NODES})?", what, place.name)
-        tables[_NASTRAN[name]] = np.fromstring(table.strip(), sep=" ").reshape(-1, 5)
+        text = "".join(texts[name].get(line, "") + "\n" for line in range(len(lines)))
+        text = in_c(text, rf"{_NODES}(?:{GAP}{_NODES})?", "nodes, components and a real number", place.name)
+        tables[_NASTRAN[name]] = np.fromstring(text.strip(), sep=" ").reshape(-1, 5)
     return _by_nodes(place.name, tables)
 
 
@@ -413,13 +407,9 @@ def _fields(text: str) -> list[str]:
     """Return the first field of a line of Nastran without its ``*`` and the eight fields of data, or four wide ones."""
     wide = "*" in text.partition(",")[0][:8]
     count, width = (4, 16) if wide else (8, 8)
-    if "," in text:
-        begin, *fields = text.split(",")
-    else:
-        begin, fields = text[:8], [text[8 + width * k :][:width] for k in range(count)]
-    return [
-        "_".join(field.split()) for field in (begin.replace("*", ""), *fields[:count], *[""] * (count - len(fields)))
-    ]
+    fixed = [text[:8], *(text[8 + width * k :][:width] for k in range(count))]
+    begin, *fields = text.split(",") if "," in text else fixed
+    return ["_".join(field.split()) for field in [begin.replace("*", ""), *fields, *[""] * count][: count + 1]]
 
 
 def _op4(place: Path) -> dict[str, Any]:

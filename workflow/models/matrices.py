@@ -196,16 +196,12 @@ def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:
 
 
 def read_matrices(path: str | Path) -> dict[str, Any]:
-    """Return the entries of a file of matrices by name, as the study would read them, in the units of the file.
-
-    Matrices are SciPy's sparse arrays or dense ones, ``labels`` are texts.
+    """Return the entries of any file that a study may name, matrices dense or SciPy's sparse ones, in its own units.
 
     Raises
     ------
-    UnusableMatricesError
-        It is damaged, too large, or of an unknown kind.
     ValueError
-        A file that belongs to it is missing.
+        It cannot be used, or a file that belongs to it is missing.
     """
     files_of(Path(path))
     return read_entries(Path(path))
