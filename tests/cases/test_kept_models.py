@@ -1,5 +1,6 @@
 """Reduced models of large structures are kept between processes: the same bits, nothing that is stale or damaged."""
 
+import errno
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -102,6 +103,18 @@ def test_what_is_damaged_or_gone_is_made_again(
     assert len(made) == 2
     model(study(tmp_path))
     assert len(made) == (3 if change == "no directory" else 2)
+
+
+def test_a_full_disk_keeps_nothing(tmp_path: Path, made: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*of: Any) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    source = study(tmp_path)
+    for count in (1, 2):
+        assert model(source).structure.mechanical_size == 6
+        assert len(made) == count
+    assert list((tmp_path / "kept").iterdir()) == []
 
 
 def test_the_models_used_longest_ago_go(tmp_path: Path, made: list[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,7 +40,7 @@ def kept_model(decided_by: Any, make: Callable[[], ReducedModel]) -> ReducedMode
             os.utime(place)
             return cast(ReducedModel, pickle.loads(content[32:]))
     model = make()
-    with suppress(OSError):  # the disk is full
+    with suppress(Exception):  # the disk is full, or a module from outside gives what cannot be kept
         content = pickle.dumps(model)
         aside = place.with_suffix(f".{uuid4().hex}")
         aside.write_bytes(hashlib.sha256(content).digest() + content)
