@@ -118,6 +118,10 @@ ELSEWHERE = {
     "workflow.pin()": "tests/conftest.py",
     '.sel(h=…, method="nearest")': "is a part of a line",
     'ncread("blade.nc", "contact_impulse")': "is MATLAB's",
+    "EXTSEOUT(STIFFNESS,MASS,DAMPING,DMIGPCH)": "is Nastran's",
+    "pip install ansys-mapdl-reader": "installs a distribution",
+    "root(x)": "is the reader's",
+    "matrices_at_speeds({0: 0 * f, 942.478: f})": "tests/models/test_turning.py",
 }
 """What another test runs, or none can."""
 
@@ -217,6 +221,10 @@ BLOCKS_ELSEWHERE = {
     "python3 -m venv": "tests/test_stranger.py",
     "$ .venv/bin/workflow recommend blade.nc": "tests/test_stranger.py",
     "from workflow import write_matrices": "tests/test_stranger.py",
+    "import workflow\n\nentries": "tests/test_own_program.py",
+    'K0 = workflow.read_matrices("rest.sti")': "tests/test_own_program.py",
+    "import numpy as np\nimport scipy.sparse\nfrom ansys": "tests/test_own_program.py",
+    "from skfem import": "tests/test_own_program.py",
     "import numpy as np\nfrom workflow import write_matrices": "tests/truth/test_wear.py",
     "import workflow\n\nentries = workflow.read_matrices(": "tests/test_own_program.py",
     "K0 = workflow.read_matrices(": "tests/test_own_program.py",
