@@ -80,6 +80,8 @@ class ContactStatics:
     """Static answers at the contacts of a structure; forces on a part that moves freely balance on its motions."""
 
     contacts: Contacts
+    answers: Array
+    """K1⁻¹ w_i, m/N, ``(contact, mechanical)``."""
     flexibility: Array
     sliding: Array
     """``flexibility``, ``sliding``: S_ij of a rigid casing per µ^0 and -µ, m/N, ``(contact, contact)``."""
@@ -115,6 +117,7 @@ def contact_statics(structure: Structure) -> ContactStatics:
     kept = kept / np.sqrt(np.sum(kept * thermal.inertia_of(kept), axis=0))
     return ContactStatics(
         contacts=contacts,
+        answers=answers,
         flexibility=contacts.normal @ answers.T + contacts.flexibility(0.0),
         sliding=answers @ contacts.tangent.T + contacts.flexibility(0.0) - contacts.flexibility(1.0),
         growth=growth,
@@ -307,8 +310,9 @@ def _equilibrium(
     touched = contacts.normal @ static.motions
     if touched.size:
         x = x + static.motions @ np.linalg.solve(touched, apart)
-    elif apart.any():  # rounding
-        x = x + np.linalg.pinv(contacts.normal[pressed > 0]) @ apart[pressed > 0]
+    elif not contacts.is_compliant:  # where the free place is far beyond the gap, forces have too few digits
+        held = static.answers[pressed > 0]
+        x = x + np.linalg.solve(contacts.normal[pressed > 0] @ held.T, apart[pressed > 0]) @ held
     return _Equilibrium(x, temperature, (pressed > 0) | (contacts.normal @ x >= own))
 
 
