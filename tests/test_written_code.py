@@ -118,9 +118,6 @@ ELSEWHERE = {
     "workflow.pin()": "tests/conftest.py",
     '.sel(h=…, method="nearest")': "is a part of a line",
     'ncread("blade.nc", "contact_impulse")': "is MATLAB's",
-    "EXTSEOUT(STIFFNESS,MASS,DAMPING,DMIGPCH)": "is Nastran's",
-    "pip install ansys-mapdl-reader": "installs a distribution",
-    "root(x)": "is the reader's",
     "matrices_at_speeds({0: 0 * f, 942.478: f})": "tests/models/test_turning.py",
 }
 """What another test runs, or none can."""
