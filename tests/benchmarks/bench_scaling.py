@@ -33,7 +33,7 @@ from studies import parsed
 from workflow import run_study
 from workflow.kernels.compiled import Deferred
 from workflow.run import _threads
-from workflow.schemes._exact import contact_batch
+from workflow.schemes._exact import batch, set_tables
 from workflow.solve import _operators
 from workflow.study import Study, read_study
 
@@ -146,9 +146,9 @@ def over_march(runs: int) -> Line:
     study, pairs = chord(), []
     for _ in range(runs):
         _operators._operator.cache_clear()
-        with clocked(contact_batch.SetTable, "add") as sets:
+        with clocked(set_tables.SetTable, "add") as sets:
             whole = run(study, time.process_time, threads=1) - total(sets)
-        with clocked(contact_batch, "run_contacts") as march:
+        with clocked(batch, "run_cases") as march:
             run(study, threads=1)
         pairs.append((whole / total(march), whole))
     ratio, whole = sorted(pairs)[runs // 2]

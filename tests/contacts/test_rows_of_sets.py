@@ -10,7 +10,7 @@ from scenes import cases_of_file, of_entries, step
 from workflow import schemes
 from workflow.models import Structure, analyse_contacts, contact_system
 from workflow.schemes import Sampling
-from workflow.schemes._exact import closed_sets, contact_batch
+from workflow.schemes._exact import batch, closed_sets, set_tables
 from workflow.schemes._exact.closed_sets import APART, LINKED, UNLINKED, SetAnyAlpha, closed_set_of, row_length
 
 
@@ -51,7 +51,7 @@ def test_a_row_is_the_system(name: str, monkeypatch: pytest.MonkeyPatch) -> None
     if not way.general:
         monkeypatch.setattr(closed_sets, "real_blocks", None)
     row = np.empty(row_length(basis))
-    assert SetAnyAlpha(basis, closed, way.friction, 0.1).fill(row, way.alpha)
+    assert SetAnyAlpha(basis, closed, way.friction, 0.1).fill(row[None], np.array([way.alpha])).all()
     s, system = closed_set_of(row), contact_system(basis, closed, way.alpha, way.friction)
     assert system is not None
     assert (s.link, s.is_open) == (way.link, not closed.any())
@@ -97,13 +97,15 @@ def test_a_case_has_one_result_whatever_the_batch(structure: Structure) -> None:
 
 def test_tables_of_an_earlier_α_make_room(structure: Structure, monkeypatch: pytest.MonkeyPatch) -> None:
     scheme = schemes.load("event_driven")
-    batch = cases_of_file(structure, 12, **conditions(*range(12)))
-    usual = scheme.compute(scheme.init(structure, 0.0, scheme.Options()), batch, OVER)
+    some = cases_of_file(structure, 12, **conditions(*range(12)))
+    usual = scheme.compute(scheme.init(structure, 0.0, scheme.Options()), some, OVER)
     length = row_length(analyse_contacts(structure))
-    monkeypatch.setattr(contact_batch, "MOST_BYTES", 12 * 8 * length)
-    operator: Any = scheme.init(structure, 0.0, scheme.Options())
-    few = scheme.compute(operator, batch, OVER)
-    assert len(operator._tables) == 3
+    monkeypatch.setattr(set_tables, "MOST_BYTES", 6 * 8 * length)
+    made = []
+    monkeypatch.setattr(batch, "SetTable", lambda shared: made.append(set_tables.SetTable(shared)) or made[-1])
+    few = scheme.compute(scheme.init(structure, 0.0, scheme.Options()), some, OVER)
+    assert len(made) > 2
+    assert all(table.count <= 6 for table in made)
     assert np.array_equal(few.histories["temperature"], usual.histories["temperature"])
 
 

@@ -13,8 +13,8 @@ from portable_studies import FILES, PINNED, SETTINGS, STUDIES
 from studies import pinned
 from workflow.kernels.compiled import directory_of
 from workflow.kernels.elementwise import _sine_cosine
+from workflow.schemes._exact.closed_sets import fill_heated
 from workflow.schemes._exact.event_loop import run_cases
-from workflow.schemes._exact.regimes import _fill_rows
 from workflow.schemes._fixed.march import KERNELS
 
 HASHES = Path(__file__).with_name("hashes.py")
@@ -70,7 +70,7 @@ numba counts the digits of numbers in messages of its own."""
 def test_no_kernel_calls_the_mathematical_library(tmp_path: Path) -> None:
     """Machine code names the functions that it takes from elsewhere, among strings that end with 0."""
     written_here(tmp_path, ["schemes", "loose"])
-    ours = [run_cases, *KERNELS.values(), _fill_rows, _sine_cosine]
+    ours = [run_cases, *KERNELS.values(), fill_heated, _sine_cosine]
     directories = {directory_of(kernel.__module__) for kernel in ours if kernel.__module__.startswith("workflow.")}
     assert None not in directories
     recipe = "hunt_crossley"  # it has a power

@@ -10,8 +10,7 @@ def bare_motion(blocks: int, firsts: int = 0, waves: int = 0, growth: float = 0.
     """Return a motion whose tables are 0."""
     columns = padded(blocks)
     rows, slow, across = block.ROWS + block.WAVE * waves, first.ROWS + first.WAVE * waves, wave.COLUMNS
-    now, after, between, jump = np.zeros((4, state.ROWS, 8))
-    none = np.zeros((0, 0))
+    now, after, between = np.zeros((3, state.ROWS, 8))
     return Motion(
         blocks,
         firsts,
@@ -31,12 +30,6 @@ def bare_motion(blocks: int, firsts: int = 0, waves: int = 0, growth: float = 0.
         now=now,
         after=after,
         between=between,
-        jump=jump,
-        coordinates=np.zeros(0),
-        modal=np.zeros(0),
-        is_modal=True,
-        inward=none,
-        outward=none,
         growth=growth,
         fastest=0.0,
         heated=False,

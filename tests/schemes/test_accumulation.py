@@ -12,7 +12,7 @@ from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
 from workflow.models import Rayleigh
 from workflow.schemes import Results, Status
-from workflow.schemes._exact.events import Bounces, end_of_chattering
+from workflow.schemes._exact.chattering import Bounces, end_of_chattering
 from workflow.schemes._exact.motion import Motion
 
 

@@ -10,7 +10,7 @@ from scenes import cases, chain, heavy_chain, held_matrix, sampling, step, with_
 from workflow.models import Cases, Rayleigh, Structure, structure_from_matrices
 from workflow.schemes import Status
 from workflow.schemes._exact.batch import make_operator
-from workflow.schemes._exact.layout import Budget, unpacked
+from workflow.schemes._exact.set_motion import Budget
 from workflow.schemes._exact.tables import block, first
 
 OVER = sampling(8.0, 0.1)
@@ -146,13 +146,11 @@ def test_real_poles_that_meet(beside: float, dashpot: float) -> None:
 def test_blocks_are_the_poles_of_the_held_tip_in_the_order_of_their_size(alpha: float) -> None:
     """Searches for events take the slowest blocks first."""
     structure = heavy_chain(nodes=9)
-    held = make_operator(structure, Budget(1, 1)).held.at(
-        np.array([alpha]), np.zeros(1), np.ones(1, dtype=bool), OVER.duration
-    )
-    assert held.separable.all()
-    regime = unpacked(held.rows[0])
-    c, w2 = regime.block[[block.DAMPING, block.STIFFNESS], : regime.blocks]
-    rates = regime.first[first.RATE, : regime.firsts]
+    table = make_operator(structure, Budget(1, 1)).sets(True, 0.0, OVER.duration)
+    held = table.find(np.ones(1, dtype=bool), alpha)
+    assert held is not None
+    c, w2 = held.block[[block.DAMPING, block.STIFFNESS], : held.blocks]
+    rates = held.first[first.RATE, : held.firsts]
     assert np.all(np.diff(w2) > 0.0)
     assert np.all(np.diff(np.abs(rates)) > 0.0)
     exact = np.linalg.eigvals(held_matrix(structure, alpha))

@@ -13,7 +13,7 @@ from workflow.models import Cases, Harmonics, Rayleigh, Structure
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, event_driven
 from workflow.schemes._exact.batch import make_operator
-from workflow.schemes._exact.layout import Budget
+from workflow.schemes._exact.set_motion import Budget
 from workflow.schemes._exact.trajectory import Trajectory, one_case, trajectory
 
 SLOW = pytest.mark.slow

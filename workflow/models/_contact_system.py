@@ -58,6 +58,8 @@ class ContactBasis:
     """t, ``(contact, mode)``."""
     heat: Array
     """s, ``(contact, thermal mode)``."""
+    observed: Array
+    """Temperature that is recorded of each contact, ``(contact, thermal mode)``: s, or a mean over a depth."""
     load: Array
     """φᵀ b, ``(mode,)``."""
     sensors: Array
@@ -88,7 +90,7 @@ class ContactBasis:
     def unheated(self) -> ContactBasis:
         """The same without thermal modes, where no heat acts."""
         none: dict[str, Any] = {name: getattr(self, name)[:0] for name in ("rate", "to_thermal")}
-        for name in ("heat_shapes", "coupling", "heat"):
+        for name in ("heat_shapes", "coupling", "heat", "observed"):
             none[name] = getattr(self, name)[:, :0]
         none["sensors"] = self.sensors[:, : self.frequency.size]
         return replace(self, **none)
@@ -115,6 +117,7 @@ def analyse_contacts(structure: Structure) -> ContactBasis:
         normal=contacts.normal @ mechanical.shapes,
         tangent=contacts.tangent @ mechanical.shapes,
         heat=contacts.heat @ thermal.shapes,
+        observed=contacts.recorded @ thermal.shapes,
         load=mechanical.shapes.T @ structure.load_direction,
         sensors=structure.sensed(mechanical.shapes, thermal.shapes),
     )

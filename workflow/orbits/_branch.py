@@ -15,7 +15,7 @@ from workflow.orbits._curve import Curve, Point, Problem
 from workflow.orbits._orbit import NOT_FOUND, Orbit, scale_of
 from workflow.orbits._rubs import tabulated
 from workflow.orbits._settle import Options, Settled, settle
-from workflow.schemes._exact.record import TOUCHES
+from workflow.schemes.event_driven import TOUCHES
 
 BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing")
 """Names of the values of ``bifurcation``."""

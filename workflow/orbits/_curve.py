@@ -11,7 +11,7 @@ from workflow.kernels.algebra import block_diagonal
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit, has_converged, longest
-from workflow.schemes._exact.trajectory import Trajectory
+from workflow.schemes.event_driven import Trajectory
 
 Problem = Callable[[float], tuple[Structure, Cases]]
 """Structure and one case at a value of the parameter."""
@@ -185,8 +185,8 @@ class Curve:
         assert self.first is not None
         basis, first, now = flow.operator.basis, self.first, flow.structure
         size, n = flow.start.size, flow.modes
-        kinds = [(basis.free.shapes, basis.to_modes)] * 2
-        kinds += [(basis.free.heat_shapes, basis.to_thermal)] * flow.is_heated
+        kinds = [(basis.shapes, basis.to_modes)] * 2
+        kinds += [(basis.heat_shapes, basis.to_thermal)] * flow.is_heated
         inertia = [first.mass[-1] * now.mass[-1]] * 2 + [first.heat_capacity[-1] * now.heat_capacity[-1]]
         sides = np.where(np.concatenate(inertia)[:size] < 0, -1.0, 1.0)
         factor = sides / (np.repeat(self.scale, (n, n, size - 2 * n)) * np.sqrt(size))

@@ -20,10 +20,18 @@ from numpy.typing import NDArray
 
 from workflow.models import Array, Cases, Structure
 from workflow.schemes import RefusedStructureError
-from workflow.schemes._exact.batch import make_operator
-from workflow.schemes._exact.layout import Budget, Regime
-from workflow.schemes._exact.record import LEAVES, TOUCHES
-from workflow.schemes._exact.trajectory import Linear, Trajectory, linear, one_case, propagators, trajectory
+from workflow.schemes.event_driven import (
+    LEAVES,
+    TOUCHES,
+    Budget,
+    ClosedSet,
+    Linear,
+    Trajectory,
+    make_operator,
+    one_case,
+    propagators,
+    trajectory,
+)
 
 MOST_LOAD_PERIODS = 64
 """Largest number of load periods in the common period of all sinusoids."""
@@ -74,42 +82,34 @@ class Flow:
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
         if self.is_constant:
-            vibrating = basis.free.frequency[basis.free.frequency > 0]
+            vibrating = basis.frequency[basis.frequency > 0]
             self.period = 2 * np.pi / float(vibrating.min()) if vibrating.size else 1.0
         self.one = one_case(self.operator, cases, self.period, heated=heated)
-        self.load, self.modes = self.one.own, basis.tip.size
-        self.is_heated, n = bool(self.load.free), self.modes
-        size = self.load.modal.size if self.is_heated else 2 * n
-        self.start = self.load.modal[:size]
-        self.tip = np.zeros((2, size))
-        self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.tip
-        heat = self.alpha * basis.free.heat_tip[: size - 2 * n]
-        self.impulse_jump = np.concatenate([np.zeros(n), friction * basis.tangent - basis.tip, heat])
+        self.load, self.modes, self.heats = self.one.own, basis.frequency.size, self.one.basis.rate.size
+        self.is_heated, n, self.start = self.heats > 0, self.modes, self.load.modal
+        self.tip = np.zeros((2, self.start.size))
+        self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.normal[0]
+        heat = self.alpha * self.one.basis.heat[0]
+        self.impulse_jump = np.concatenate([np.zeros(n), friction * basis.tangent[0] - basis.normal[0], heat])
 
-    def regime(self, held: bool) -> Regime:
-        """Return the regime of the held or the free tip."""
-        return self.one.regime(held)
+    def set_of(self, held: bool) -> ClosedSet:
+        """Return the set of the held or the free tip."""
+        return self.one.set_of(held)
 
     @cached_property
     def free(self) -> Linear:
         """The tip free."""
-        free = self.operator.basis.free
-        return linear(free if self.is_heated else free.unheated, 0.0)
+        return self.one.linear(False)
 
     @cached_property
     def held(self) -> Linear:
         """The tip held."""
-        held = self.operator.basis.held
-        return linear((held if self.is_heated else held.unheated).sliding(float(self.cases.friction[0])), self.alpha)
+        return self.one.linear(True)
 
     def parts(self, X: Array) -> tuple[Array, Array, Array]:
         """Return displacements, velocities and temperatures of the structure's coordinates, ``(…, coordinate)``."""
-        shapes, n = self.operator.basis.free, self.modes
-        return (
-            X[..., :n] @ shapes.shapes.T,
-            X[..., n : 2 * n] @ shapes.shapes.T,
-            (X[..., 2 * n :] @ shapes.heat_shapes[:, : X.shape[-1] - 2 * n].T),
-        )
+        basis, n = self.one.basis, self.modes
+        return X[..., :n] @ basis.shapes.T, X[..., n : 2 * n] @ basis.shapes.T, X[..., 2 * n :] @ basis.heat_shapes.T
 
     def size(self, X: Array, scale: Array) -> float:
         """Return the norm of a deviation: its largest x, v or θ, each over its scale; inf where it is not finite."""
@@ -118,29 +118,28 @@ class Flow:
 
     def growth_by_heat(self, X: Array) -> float:
         """Return the quasi-static tip growth of a state, m."""
-        return float(self.operator.basis.closing[: X.size - 2 * self.modes] @ X[2 * self.modes :])
+        return float(self.operator.closing[0, : self.heats] @ X[2 * self.modes :])
 
     def balanced(self, X: Array, force: float) -> Array:
         """Return a state with temperatures in balance with a mean contact force λ [N], μ τ = χᵀq + α χ_n λ.
 
         An adiabatic thermal mode is left unchanged.
         """
-        free, size = self.operator.basis.free, X.size - 2 * self.modes
-        sources = free.heat_shapes.T @ self.load.heating + self.alpha * free.heat_tip * force
+        basis, n = self.one.basis, self.modes
+        sources = self.load.constant[n : n + self.heats] + self.alpha * basis.heat[0] * force
         kept = X.copy()
-        np.divide(sources[:size], free.rate[:size], out=kept[2 * self.modes :], where=free.rate[:size] > 0)
+        np.divide(sources, basis.rate, out=kept[2 * n :], where=basis.rate > 0)
         return kept
 
     @property
     def reach(self) -> float:
         """The length accounted for by clearance, loads, heating and the initial temperatures, m."""
-        basis, load = self.operator.basis, self.load
+        basis, load, heating = self.one.basis, self.load, slice(self.modes, self.modes + self.heats)
         with np.errstate(divide="ignore", invalid="ignore"):  # of a free root, or heat that cannot leave
-            flexibility = np.nansum((basis.tip / basis.free.frequency) ** 2)
-            warm = np.nansum(np.abs(basis.closing * (basis.free.heat_shapes.T @ load.heating) / basis.free.rate))
-        forces, places = np.abs(load.waves[:, 2:4]).sum(axis=0)
-        length = abs(load.gap) + places + flexibility * (abs(load.mean) + forces)
-        return float(length + warm + abs(self.growth_by_heat(self.start)))
+            flexibility = np.nansum((basis.normal[0] / basis.frequency) ** 2)
+            warm = np.nansum(np.abs(self.operator.closing[0, : self.heats] * load.constant[heating] / basis.rate))
+        forces = abs(load.constant[heating.stop]) + np.abs(load.waves[:, 2]).sum()
+        return float(load.reach + flexibility * forces + warm + abs(self.growth_by_heat(self.start)))
 
     def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Trajectory:
         """Return the exact motion from X at ``begin`` [s] over ``span`` [s], as :func:`trajectory` does."""
@@ -152,7 +151,7 @@ class Flow:
         spans = np.diff(ends)
         factors = np.empty((spans.size, self.start.size, self.start.size))
         for is_held in (False, True):
-            factors[held == is_held] = propagators(self.regime(is_held), spans[held == is_held])
+            factors[held == is_held] = propagators(self.set_of(is_held), spans[held == is_held])
         D = factors[0]
         for saltation, factor in zip(self._saltations(motion), factors[1:], strict=True):
             D = factor @ saltation @ D
@@ -175,15 +174,14 @@ class Flow:
 
     def _rates(self, X: Array, t: Array, held: NDArray[np.bool_]) -> Array:
         """Return X' of states in flight or held, ``(state, N)``."""
-        push, waves = self.free.B[:, -4], self.load.waves
+        own, waves, loads = self.free.system, self.load.waves, self.modes + self.heats
         force = np.sin(waves[:, 0] * t[:, None] + waves[:, 1]) @ waves[:, 2]
-        constant = np.concatenate([self.load.steady, self.load.heating, [self.load.mean]])
-        rates = X @ self.free.A.T + self.free.B[:, :-3] @ constant + force[:, None] * push
+        rates = X @ own.A.T + own.B @ self.load.constant + force[:, None] * own.B[:, loads]
         excess = np.where(held, rates @ self.tip[1] - self._casing(t)[1], 0.0)
         return np.asarray(rates - excess[:, None] * self.impulse_jump / (self.tip[1] @ self.impulse_jump))
 
     def _casing(self, t: Array) -> tuple[Array, Array]:
         """Return velocity and acceleration of the casing at some times."""
-        omega, phase, _, amplitude = self.load.waves.T
-        turn = omega * t[:, None] + phase
-        return np.cos(turn) @ (omega * amplitude), -np.sin(turn) @ (omega**2 * amplitude)
+        (omega, phase, _, _), (cos, sin) = self.load.waves.T, self.load.casing[..., 0].T
+        c, s = (turned(omega * t[:, None] + phase) for turned in (np.cos, np.sin))
+        return (c * sin - s * cos) @ omega, -(c * cos + s * sin) @ omega**2

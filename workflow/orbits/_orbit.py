@@ -9,7 +9,7 @@ import numpy as np
 from workflow.kernels.algebra import Complex, eigenvalues
 from workflow.models import Array
 from workflow.orbits._flow import Flow
-from workflow.schemes._exact.trajectory import Trajectory, growth
+from workflow.schemes.event_driven import Trajectory, growth
 
 STATES = ("settles", "no_contact", "permanent_contact", "unstable", "runs_away", "not_found", "not_asked")
 """Outcomes of a rub: the names of the values of ``steady_state``. ``unstable`` occurs on branches only."""
@@ -46,7 +46,7 @@ class Orbit:
     def growth(self) -> float:
         """Rate of the slowest deviation, ln|µ|/kT or, without events, the largest real part of the poles, 1/s."""
         if self.motion.times.size == 0:
-            return growth(self.flow.regime(self.motion.was_held))
+            return growth(self.flow.set_of(self.motion.was_held))
         largest = float(np.abs(self.multipliers[0]))
         return float(np.log(largest) / self.motion.span) if largest > 0 else -np.inf
 

@@ -10,7 +10,7 @@ from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit
 from workflow.orbits._settle import Options, Settled, settle
-from workflow.schemes._exact.trajectory import Trajectory
+from workflow.schemes.event_driven import Trajectory
 from workflow.variables import select
 
 _PER_TURN = 16
@@ -92,7 +92,7 @@ def _from_start_of_period(orbit: Orbit, samples: int) -> Trajectory:
     if rest > 0:
         later = flow.march(start, held, first.begin, rest)
         start, held = later.X, later.contact
-    turns = first.span * flow.operator.basis.free.frequency.max(initial=0.0) / (2 * np.pi)
+    turns = first.span * flow.operator.basis.frequency.max(initial=0.0) / (2 * np.pi)
     per_sample = int(np.ceil(min(max(_PER_TURN * turns, samples), _MOST_SAMPLES) / samples))
     return flow.march(start, held, 0.0, first.span, samples=per_sample * samples)
 

@@ -11,7 +11,7 @@ from workflow.kernels.algebra import eigenvalues
 from workflow.models import Array
 from workflow.orbits._flow import MOST_LOAD_PERIODS, Flow
 from workflow.orbits._orbit import NOT_FOUND, RUNS_AWAY, Orbit, longest, newton, scale_of, without_events
-from workflow.schemes._exact.trajectory import Trajectory, growth, propagators
+from workflow.schemes.event_driven import Trajectory, growth, propagators
 
 MOST_PERIODS = 1000
 """Common periods after which the search in a transient ends."""
@@ -129,9 +129,9 @@ def _found(flow: Flow, motions: list[Trajectory], options: Options) -> Settled |
         found = None if flow.is_constant else _rub(flow, motions, options, scale)
         if found is not None:
             return found
-    elif held and growth(flow.regime(held)) > 0:
+    elif held and growth(flow.set_of(held)) > 0:
         if _grows_in_contact(flow, X):
-            return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {growth(flow.regime(held)):.4g} 1/s")
+            return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {growth(flow.set_of(held)):.4g} 1/s")
     else:
         orbit = without_events(flow, held, scale)
         if orbit is not None and _comes_to(orbit, X, scale):
@@ -188,7 +188,7 @@ def _grows_in_contact(flow: Flow, X: Array) -> bool:
 
     Its fastest growth must be real: a flutter lifts the tip.
     """
-    poles = eigenvalues(flow.held.A)
+    poles = eigenvalues(flow.held.system.A)
     if poles[np.argmax(poles.real)].imag != 0:
         return False
     try:
@@ -200,7 +200,7 @@ def _grows_in_contact(flow: Flow, X: Array) -> bool:
         motion = flow.march(rest + deviation, True, 0.0, flow.period)
         if motion.times.size or motion.failure:
             return False
-        deviation = propagators(flow.regime(True), np.array([number * flow.period]))[0] @ (X - rest)
+        deviation = propagators(flow.set_of(True), np.array([number * flow.period]))[0] @ (X - rest)
         number += 1 + number // 8
     return True
 

@@ -25,9 +25,32 @@ import numpy as np
 from workflow.declare import quantity
 from workflow.models import Array, Cases, Structure, couples_free_modes, poles
 from workflow.schemes._exact.batch import ExactOperator, make_operator, run_batch
-from workflow.schemes._exact.contact_batch import ContactOperator, make_contact_operator, run_contact_batch
-from workflow.schemes._exact.layout import Budget
+from workflow.schemes._exact.closed_sets import ClosedSet
+from workflow.schemes._exact.record import LEAVES, TOUCHES
+from workflow.schemes._exact.set_motion import Budget
+from workflow.schemes._exact.trajectory import Linear, Trajectory, growth, one_case, propagators, trajectory
 from workflow.schemes._interface import Results, Sampling
+
+__all__ = [
+    "LEAVES",
+    "TOUCHES",
+    "Budget",
+    "ClosedSet",
+    "ExactOperator",
+    "Linear",
+    "Options",
+    "Trajectory",
+    "amplification",
+    "compute",
+    "growth",
+    "init",
+    "make_operator",
+    "one_case",
+    "operator_name",
+    "propagators",
+    "thermal_amplification",
+    "trajectory",
+]
 
 READS = frozenset({"e", "alpha"})
 GENERAL = frozenset({"contacts", "damping", "depth", "elastic", "friction", "load", "massless"})
@@ -48,16 +71,13 @@ _SEPARATING = 4e-9
 """Time to separate the poles over the cube of the number of states, s."""
 
 
-def init(structure: Structure, h: float, options: Options) -> ExactOperator | ContactOperator:
-    """Diagonalise the structure with its contacts open and, where there is one, held; ``h`` is not read."""
-    budget = Budget(options.events, options.steps)
-    return make_operator(structure, budget) if structure.contacts.is_tip else make_contact_operator(structure, budget)
+def init(structure: Structure, h: float, options: Options) -> ExactOperator:
+    """Diagonalise the structure with its contacts open; ``h`` is not read."""
+    return make_operator(structure, Budget(options.events, options.steps))
 
 
-def compute(operator: ExactOperator | ContactOperator, cases: Cases, sampling: Sampling) -> Results:
+def compute(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Results:
     """Run a batch."""
-    if isinstance(operator, ContactOperator):
-        return run_contact_batch(operator, cases, sampling)
     return run_batch(operator, cases, sampling)
 
 

@@ -1,34 +1,48 @@
-"""A batch of the event-driven scheme: its cases as rows, held regimes by distinct α, and one kernel for all."""
+"""A batch of the event-driven scheme: its cases as rows, and the sets of closed contacts that they ask for."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import elementwise
-from workflow.models import Array, Cases, EndState, Harmonics, Sensors, Structure, distinct_rows, project
-from workflow.schemes._exact.event_loop import (
+from workflow.kernels.lemke import complementarity
+from workflow.models import (
+    Array,
+    Cases,
+    ContactBasis,
+    EndState,
+    Sensors,
+    Structure,
+    analyse_contacts,
+    distinct_rows,
+    project,
+    static_tip_growth,
+)
+from workflow.schemes._exact.closed_sets import row_length
+from workflow.schemes._exact.event_loop import PROGRESS, Outcome, run_cases
+from workflow.schemes._exact.events import (
     COMPLETED,
     INSEPARABLE,
     INSIDE_CASING,
     INVALID,
     NO_IMPACT_LAW,
+    NO_ROOM,
     NOT_FINITE,
     OUT_OF_EVENTS,
     OUT_OF_STEPS,
-    run_cases,
+    TOO_MANY_SETS,
 )
-from workflow.schemes._exact.layout import Budget, Case, Thresholds, row_length
-from workflow.schemes._exact.modal_system import ModalBasis, analyse, signal_inputs
-from workflow.schemes._exact.motion import scratch
 from workflow.schemes._exact.record import EVENT, TALLY, Asked, Record
-from workflow.schemes._exact.regimes import HeldRegimes, Regimes, fill_row
+from workflow.schemes._exact.set_motion import Budget, Case, Thresholds, memory, with_room
+from workflow.schemes._exact.set_tables import FULL, MOST_BYTES, MOST_SETS, ROOM, SetTable, SharedSets
 from workflow.schemes._exact.tables import wave
 from workflow.schemes._interface import (
-    AT_REST,
     EXTRAPOLATED,
     HISTORIES,
     LINEAR,
@@ -41,9 +55,6 @@ from workflow.schemes._interface import (
 )
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
-
-_REGIME_BYTES = 2**24
-"""Memory of the held regimes that are known at a time."""
 
 _NEARLY_ELASTIC = 0.99
 """Restitution above which the message on the budget of events states how many impacts it takes to come to rest."""
@@ -61,79 +72,208 @@ class InseparablePolesError(RefusedStructureError):
         super().__init__(_INSEPARABLE)
 
 
+T = TypeVar("T")
+
+
 @dataclass(frozen=True, eq=False)
 class ExactOperator:
     """Common data of the cases of a batch; ``budget`` limits events and steps of one case."""
 
-    basis: ModalBasis
-    held: HeldRegimes
-    length: int
-    """Numbers of the row of a regime, see :func:`~workflow.schemes._exact.layout.unpacked`."""
+    basis: ContactBasis
+    closing: Array
+    """Quasi-static motion of each contact per τ, m, ``(contact, thermal mode)``."""
     budget: Budget
     sensors: Sensors | None = None
     thresholds: Thresholds = THRESHOLDS
-    _free: dict[float, Regimes] = field(default_factory=dict)
+    _shared: dict[tuple[float, ...], SharedSets] = field(default_factory=dict)
+    _tables: dict[tuple[float, ...], SetTable] = field(default_factory=dict)
 
-    def free(self, duration: float) -> Regimes:
-        """Return the regimes of a free tip without and with thermal modes, for cases of a duration [s]."""
-        if duration not in self._free:
-            rows, free = np.empty((2, self.length)), self.basis.free
-            found = [
-                fill_row(row, system, 0.0, duration) for row, system in zip(rows, (free.unheated, free), strict=True)
-            ]
-            self._free[duration] = Regimes(rows, np.array(found))
-        return self._free[duration]
+    @cached_property
+    def bases(self) -> tuple[ContactBasis, ContactBasis]:
+        """The basis without and with thermal modes."""
+        return self.basis.unheated, self.basis
+
+    def sets(self, heated: bool, *conditions: float) -> SetTable:
+        """Return the table of sets at one µ and duration; one is made where there is none, the oldest may go."""
+        basis, key = self.bases[heated], (heated, *conditions)
+        most = MOST_BYTES // (8 * ROOM * row_length(basis))
+        shared = _kept(self._shared, key, lambda: SharedSets(basis, *conditions), most)
+        return _kept(self._tables, key, lambda: SetTable(shared), most)
+
+
+def _kept(known: dict[tuple[float, ...], T], key: tuple[float, ...], make: Callable[[], T], most: int) -> T:
+    """Return what is known at a key; it is made where there is none, and the oldest go beyond ``most``."""
+    found = known.get(key)
+    if found is None:
+        for oldest in list(known)[: max(0, len(known) + 1 - max(1, most))]:
+            known.pop(oldest, None)
+        found = known.setdefault(key, make())
+    return found
 
 
 def make_operator(structure: Structure, budget: Budget) -> ExactOperator:
-    """Diagonalise the structure with its tip free and held."""
-    basis = analyse(structure)
-    size, inputs = 2 * basis.tip.size + basis.free.rate.size, signal_inputs(basis.free).size
-    length = row_length(size, basis.tip.size, inputs)
-    inside = basis.held.shapes.shape[0]
-    sensors = np.zeros((0, inside)) if structure.sensors is None else structure.sensors.displacement[:, :inside]
-    return ExactOperator(basis, HeldRegimes(basis.held, length, sensors), length, budget, structure.sensors)
+    """Return the modes of a structure."""
+    basis = analyse_contacts(structure)
+    return ExactOperator(basis, _closing(structure, basis), budget, structure.sensors)
+
+
+def _closing(structure: Structure, basis: ContactBasis) -> Array:
+    """Return the quasi-static motion of each contact per τ, m, ``(contact, thermal mode)``, of modes that are held."""
+    if structure.contacts.is_tip:
+        return static_tip_growth(structure)[None] @ basis.heat_shapes
+    held = basis.frequency > 0
+    flexible = basis.normal[:, held] / basis.frequency[held] ** 2
+    return np.asarray(-flexible @ basis.coupling[held] - basis.residual_coupling)
 
 
 def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Results:
-    """Run all cases that are finite; held regimes are made for as many α at a time as memory is bounded for."""
-    conditions, ended = conditions_of(operator, cases, sampling.duration), np.full(cases.count, INVALID)
+    """Run all cases that are finite, those of one µ after each other and in the order of α, as they share sets."""
     periods = complete_periods(cases.period_frequency, sampling)
-    record = record_of(cases, sampling, periods, operator.basis.sensors)
-    memory = scratch(conditions.modal.shape[1], conditions.waves.shape[1])
-    free, finite = operator.free(sampling.duration), np.flatnonzero(cases.finite)
-    alpha, friction, heated = cases.alpha[finite], cases.friction[finite], cases.heated[finite]
-    first, regime = distinct_rows(alpha[:, None], friction[:, None], heated[:, None])
-    order, most = np.argsort(regime, kind="stable"), max(1, _REGIME_BYTES // (8 * operator.length))
-    for begin in range(0, first.size, most):
-        some = first[begin : begin + most]
-        held = operator.held.at(alpha[some], friction[some], heated[some], sampling.duration)
-        those = order[slice(*np.searchsorted(regime[order], (begin, begin + most)))]
-        which, own = finite[those], regime[those] - begin
-        conditions.held[which] = own
-        separable = held.separable[own] & free.separable[conditions.free[which]]
-        ended[which[~separable]] = INSEPARABLE
-        run_cases(free.rows, held.rows, conditions, which[separable], record, memory, ended)
-    completed, tally, basis, modal = ended == COMPLETED, record.tally, operator.basis, conditions.modal
-    depth = penetration(conditions, record.histories[:, 0], sampling.times)
-    closing = project(basis.closing, modal[:, 2 * basis.tip.size :])
-    messages = {}
-    for i in np.flatnonzero(~completed | (tally["summed_speed"] > 0)).tolist():
-        if completed[i]:
-            messages[i] = _extrapolation_text(tally[i], operator.budget)
-        else:
-            messages[i] = failure_text(int(ended[i]), tally[i], operator.budget, float(cases.e[i]))
+    basis, record = operator.basis, record_of(cases, sampling, periods, operator.basis.sensors)
+    contacts, n, size = basis.contacts.count, basis.frequency.size, basis.size
+    record.tally["next_sample"] = 1
+    _fill_first_sample(record, basis, cases)
+    progress, ended = np.zeros(cases.count, dtype=PROGRESS), np.full(cases.count, INVALID)
+    outcome, finite = Outcome(with_contacts(record, contacts), progress, ended), np.flatnonzero(cases.finite)
+    modal, conditions = np.full((cases.count, size), np.nan), conditions_of(operator, cases, sampling.duration)
+    first, variant = distinct_rows(*(row[finite, None] for row in (cases.friction, cases.heated)))
+    for k, i in enumerate(finite[first].tolist()):
+        heated, friction, which = bool(cases.heated[i]), float(cases.friction[i]), finite[variant == k]
+        which = which[np.argsort(cases.alpha[which], kind="stable")]
+        own = conditions if heated else unheated(conditions, n, basis.rate.size)
+        march(operator.sets(heated, friction, sampling.duration), own, which, outcome)
+        modal[which, : 2 * n], modal[which, 2 * n :] = own.modal[which, : 2 * n], 0.0
+        if heated:
+            modal[which] = own.modal[which]
+    completed = ended == COMPLETED
+    displacement = record.histories[:, 0].reshape(cases.count, contacts, -1)
+    depth = _penetration(conditions, displacement, sampling.times)
+    closing = project(operator.closing, modal[:, 2 * n :]).max(axis=1)
     return results_of(
         record,
         cases,
         periods,
         operator.sensors,
-        metrics=metrics_of(record, sampling, completed, tally["steps"], depth, closing),
+        metrics=metrics_of(record, sampling, completed, progress["steps"], depth, closing),
         status=status_of(ended),
-        messages=messages,
-        end=state_of(basis.free.shapes, basis.free.heat_shapes, modal),
-        events=events_of(record, np.where(completed, tally["events"], np.nan)),
+        messages=dict(_messages(operator, cases, outcome)),
+        end=state_of(basis.shapes, basis.heat_shapes, modal),
+        events=events_of(record, np.where(completed, progress["listed"], np.nan)),
     )
+
+
+def march(table: SetTable, conditions: Case, which: NDArray[np.int64], outcome: Outcome) -> None:
+    """March cases of one µ; the kernel stops at each set that is not known yet, which is made."""
+    shared, at = table.shared, 0
+    conditions.variant[which] = shared.variants(conditions.alpha[which])
+    own, known = memory(shared.basis, conditions.waves.shape[1], 2), table.known()
+    while (at := run_cases(known, shared.between, conditions, which, at, outcome, own)) < which.size:
+        if outcome.ended[which[at]] == NO_ROOM:
+            own = with_room(own, 2 * own.slots.size)
+            continue
+        fault = table.add(own.contacts["wanted"], conditions.alpha[which[at:]])
+        if fault == FULL:  # of sets at other α
+            table = SetTable(shared)
+            own.slots[:] = -1
+        elif fault:
+            outcome.ended[which[at]] = fault
+            at += 1
+        known = table.known()
+
+
+def with_contacts(record: Record, contacts: int) -> Record:
+    """Return views of the arrays of results with an axis of contacts, of one contact too."""
+    return Record(
+        record.times,
+        record.period_ends,
+        record.histories.reshape(*record.histories.shape[:2], contacts, -1),
+        record.periods.reshape(*record.periods.shape[:2], contacts, record.periods.shape[-1]),
+        record.tally.reshape(-1, contacts),
+        record.asked,
+    )
+
+
+def _fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> None:
+    """Write the initial state."""
+    modal = [project(basis.to_modes, cases.displacement), project(basis.to_thermal, cases.temperature)]
+    normal = basis.contacts.normal
+    seen = project(normal, cases.displacement), project(normal, cases.velocity), project(basis.observed, modal[1])
+    for k, values in enumerate(seen):
+        record.histories[:, k, ..., 0] = values.reshape(record.tally.shape)
+    record.histories[:, 3, ..., 0] = 0.0
+    record.asked.sensed[:, :, 0] = project(basis.sensors, np.hstack(modal))
+    if basis.contacts.is_compliant:
+        record.histories[:, 0, ..., 0] = _compliant_places(basis, cases).reshape(record.tally.shape)
+
+
+def _compliant_places(basis: ContactBasis, cases: Cases) -> Array:
+    """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + c λ where they touch; NaN without a λ."""
+    contacts, (place, _) = basis.contacts, cases.casing_of_contacts(0.0)
+    tau = project(basis.to_thermal, cases.temperature)
+    free = project(contacts.normal, cases.displacement) - project(basis.residual_coupling, tau)
+    free += cases.load_at(0.0)[:, None] * basis.residual_load
+    for i in np.flatnonzero((free > place).any(axis=1)):
+        friction, c = float(cases.friction[i]), contacts.casing_flexibility
+        force = complementarity(contacts.compliance(friction), place[i] - free[i])
+        yields = np.nan if force is None else free[i] - contacts.flexibility(friction) @ force
+        free[i] = yields if force is None else np.where(force > 0, place[i] + c * force, yields)
+    return free
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
+def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Case:
+    """Return the conditions of cases over a time [s]: a sinusoid of frequency 0 is a constant."""
+    basis = operator.basis
+    mean, waves, acting, which = loads_of(cases)
+    own, m, turns = cases.casing_harmonics, basis.contacts.count, cases.turns
+    phase = turns + own.phase[:, None]
+    still = np.where(own.frequency == 0, own.amplitude, 0.0)[:, None] * _sine_cosine(phase)[0]
+    ahead = np.concatenate([np.zeros((cases.count, m, cases.load_harmonics.width)), turns], axis=2)
+    sin, cos = _sine_cosine(np.take_along_axis(ahead, which[:, None], axis=2).swapaxes(1, 2))
+    casing = waves[:, :, wave.CASING, None, None] * np.stack([sin, cos], axis=2)
+    states = [project(basis.to_modes, cases.displacement), project(basis.to_modes, cases.velocity)]
+    loads = [project(basis.shapes.T, cases.steady), project(basis.heat_shapes.T, cases.heating), mean[:, None]]
+    return Case(
+        variant=np.zeros(cases.count, dtype=np.int64),
+        e=np.array(cases.e),
+        alpha=np.array(cases.alpha),
+        friction=np.array(cases.friction),
+        constant=np.hstack([*loads, cases.clearances + still.sum(axis=2), np.zeros((cases.count, 2 * m))]),
+        waves=waves,
+        acting=acting,
+        casing=casing,
+        modal=np.hstack([*states, project(basis.to_thermal, cases.temperature)]),
+        reach=np.abs(cases.clearances).max(axis=1) + own.reach,
+        duration=duration,
+        budget=operator.budget,
+        thresholds=operator.thresholds,
+        flexibility=np.full(cases.count, basis.contacts.casing_flexibility),
+    )
+
+
+def _sine_cosine(angle: Array) -> tuple[Array, Array]:
+    """Return sine and cosine of angles of any shape."""
+    sin, cos = elementwise.sine_cosine(angle.ravel())
+    return sin.reshape(angle.shape), cos.reshape(angle.shape)
+
+
+def unheated(conditions: Case, modes: int, heats: int) -> Case:
+    """Return the conditions without thermal modes."""
+    constant = np.delete(conditions.constant, np.s_[modes : modes + heats], axis=1)
+    return conditions._replace(constant=constant, modal=np.ascontiguousarray(conditions.modal[:, : 2 * modes]))
+
+
+def _penetration(conditions: Case, displacement: Array, times: Array) -> Array:
+    """Return the largest penetration of the samples of each contact, m, ``(case, contact)``."""
+    m = displacement.shape[1]
+    place = np.repeat(conditions.constant[:, -3 * m : -2 * m, None], times.size, axis=2)
+    for i in range(conditions.waves.shape[1]):
+        omega, phase = conditions.waves[:, i, :2].T[:, :, None]
+        sin, cos = elementwise.sine_cosine(omega * times + phase)
+        a, b = conditions.casing[:, i, :, :, None].swapaxes(0, 1)
+        place += a * cos[:, None] + b * sin[:, None]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.maximum(0.0, np.max(displacement - place, axis=2)))
 
 
 def record_of(cases: Cases, sampling: Sampling, periods: NDArray[np.int64], sensors: Array) -> Record:
@@ -223,12 +363,12 @@ def metrics_of(
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite
-def loads_of(cases: Cases, casing: Harmonics) -> tuple[Array, Array, Array, NDArray[np.int64], NDArray[np.int64]]:
-    """Return F0, d0 of one contact, waves, their number, and which harmonic of load and ``casing`` each wave is.
+def loads_of(cases: Cases) -> tuple[Array, Array, NDArray[np.int64], NDArray[np.int64]]:
+    """Return F0, waves, their number, and which harmonic of load and casing each wave is.
 
     A sinusoid of frequency 0 is a constant, one of amplitude 0 left out.
     """
-    amplitude, frequency, phase = cases.load_harmonics.joined(casing).rows
+    amplitude, frequency, phase = cases.load_harmonics.joined(cases.casing_harmonics).rows
     moves = np.arange(amplitude.shape[1]) >= cases.load_harmonics.width  # the casing
     constants = np.where((amplitude != 0) & (frequency == 0), amplitude * elementwise.sine_cosine(phase)[0], 0.0)
     acts = (amplitude != 0) & (frequency != 0)
@@ -236,9 +376,7 @@ def loads_of(cases: Cases, casing: Harmonics) -> tuple[Array, Array, Array, NDAr
     waves = np.stack([2 * np.pi * frequency, phase, forces, places], axis=2)
     first = np.argsort(~acts, axis=1, kind="stable")[:, : int(acts.sum(axis=1).max(initial=0))]
     waves = np.take_along_axis(np.where(acts[:, :, None], waves, 0.0), first[:, :, None], axis=1)
-    both = cases.mean, cases.gaps[:, 0]
-    mean, gap = (_added(own, constants[:, moves == is_casing]) for is_casing, own in enumerate(both))
-    return mean, gap, waves, acts.sum(axis=1), first
+    return _added(cases.mean, constants[:, ~moves]), waves, acts.sum(axis=1), first
 
 
 def _added(constant: Array, terms: Array) -> Array:
@@ -249,79 +387,49 @@ def _added(constant: Array, terms: Array) -> Array:
     return total
 
 
-@np.errstate(over="ignore", divide="ignore", invalid="ignore")  # not finite; a tip without impact law
-def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Case:
-    """Return the conditions of cases over a time [s], without held regimes: an impulse moves modes by φᵀ(e_n - µ t)."""
-    basis, alpha, friction = operator.basis, cases.alpha[:, None], cases.friction[:, None]
-    mean, gap, waves, acting, _ = loads_of(cases, cases.casing_seen_by(0))
-    struck, casing = basis.tip - friction * basis.tangent, waves[:, :, wave.CASING]
-    sin, cos = elementwise.sine_cosine(waves[:, :, wave.PHASE])
-    turning = waves[:, :, wave.OMEGA] * (casing * cos)
-    speed = cases.velocity[:, -1] - _added(np.zeros(cases.count), turning)
-    distance = _added(gap, casing * sin) - cases.displacement[:, -1]
-    states = [project(basis.to_modes, cases.displacement), project(basis.to_modes, cases.velocity)]
-    lengths, speeds = cases.casing_harmonics.rounding_scales(duration)
-    lengths = lengths + np.abs(gap)
-    touches = np.abs(distance) <= AT_REST * lengths
-    speeds = speeds + project(np.abs(basis.tip), np.abs(states[1])) + lengths * basis.free.frequency.max(initial=0.0)
-    return Case(
-        free=np.where(cases.heated, 1, 0),
-        held=np.zeros(cases.count, dtype=np.int64),
-        e=np.array(cases.e),
-        alpha=np.array(cases.alpha),
-        mean=mean,
-        gap=gap,
-        waves=waves,
-        acting=acting,
-        steady=np.array(cases.steady, order="C"),
-        heating=np.array(cases.heating, order="C"),
-        mobility=basis.mobility - cases.friction * basis.tangential,
-        drag=project(basis.damped_tip, struck) / project(basis.tip, struck),
-        jump=np.hstack([np.zeros_like(struck), -struck, alpha * basis.free.heat_tip]),
-        distance=np.where(touches, 0.0, distance),
-        speed=np.where(touches & (np.abs(speed) <= AT_REST * speeds), 0.0, speed),
-        reach=_added(np.abs(gap), np.abs(casing)),
-        modal=np.hstack([*states, project(basis.to_thermal, cases.temperature)]),
-        heat_jump=basis.heat_jump,
-        duration=duration,
-        budget=operator.budget,
-        thresholds=operator.thresholds,
-    )
+def failure_text(operator: ExactOperator, ended: int, progress: Any, tally: Any, e: float, warmest: float) -> str:
+    """Return the message of a case that did not complete, from its progress and the tally of its contacts.
 
-
-def penetration(loads: Case, displacement: Array, times: Array) -> Array:
-    """Return the largest penetration of the samples of each case ``(case, t)``, m, summed in the event loop's order."""
-    place = loads.gap[:, None]
-    for omega, phase, _, amplitude in loads.waves.transpose(1, 2, 0)[..., None]:
-        if amplitude.any():
-            place = place + amplitude * elementwise.sine_cosine(omega * times + phase)[0]
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.maximum(0.0, np.max(displacement - place, axis=1)))
-
-
-def run_away_text(temperature: float) -> str:
-    """Return why a case starts beyond its casing at a temperature [K] that rubs of an earlier point have left."""
-    if not abs(temperature) > LINEAR:
-        return ""
-    return f"; it starts at {temperature:.3g} K: in the sweep before it the rub has run away thermally"
-
-
-def failure_text(ended: int, tally: Any, budget: Budget, e: float) -> str:
-    """Return the message of a case that did not complete, from its :data:`~workflow.schemes._exact.record.TALLY`."""
-    at = f"at t = {tally['time']:.6g} s" if np.isfinite(tally["time"]) else "in its first steps"
-    speed = tally["speed"] if tally["impacts"] else 0.0
-    return {
+    The warmest contact has the temperature ``warmest`` at the start, K.
+    """
+    at = f"at t = {progress['time']:.6g} s" if np.isfinite(progress["time"]) else "in its first steps"
+    budget, last, run_away = operator.budget, tally["speed"].max() if tally["impacts"].any() else 0.0, ""
+    if abs(warmest) > LINEAR:
+        run_away = f"; it starts at {warmest:.3g} K: in the sweep before it the rub has run away thermally"
+    texts = {
         INVALID: "a value of the case is not a finite number",
         OUT_OF_EVENTS: f"stopped {at} after {budget.events} contact events, its budget; "
-        f"the last of {tally['impacts']} impacts had a speed of {speed:.3g} m/s; {_more_events(e)}",
+        f"the last of {tally['impacts'].sum()} impacts had a speed of {last:.3g} m/s; {_more_events(e)}",
         OUT_OF_STEPS: f"stopped {at} after {budget.steps} steps between contact events, its budget; "
         "raise the scheme's option `steps`",
         NO_IMPACT_LAW: f"contact has no unique solution {at} (W <= 0 as the step vanishes): friction pushes the "
         "tip into the casing more than the contact force pushes it out; lower the friction coefficient",
         INSEPARABLE: _INSEPARABLE,
-        INSIDE_CASING: f"the tip starts beyond the casing: x_n(0) > d{run_away_text(tally['max_temperature'])}",
+        INSIDE_CASING: f"the tip starts beyond the casing: x_n(0) > d{run_away}",
         NOT_FINITE: f"the state left the finite numbers {at}",
-    }[ended]
+        TOO_MANY_SETS: f"stopped {at}: it meets more than {MOST_SETS} sets of closed contacts, or more than "
+        f"{MOST_BYTES // 2**20} MB of them; take contacts without mass, fewer contacts, or moreau",
+    }
+    if operator.basis.contacts.count > 1 or operator.basis.contacts.is_compliant:
+        names = ", ".join(operator.basis.contacts.labels)
+        texts |= {
+            OUT_OF_EVENTS: f"stopped {at} after {budget.events} contact events, its budget: contacts with mass open "
+            "each other again and again; take contacts without mass, or raise the scheme's option `events`",
+            NO_IMPACT_LAW: f"contact has no unique solution {at}, contacts {names}: lower the friction coefficient",
+            INSIDE_CASING: f"a contact starts beyond its casing, of contacts {names}{run_away}",
+        }
+    return texts[ended]
+
+
+def _messages(operator: ExactOperator, cases: Cases, outcome: Outcome) -> Iterator[tuple[int, str]]:
+    """Yield the cases that did not complete, or whose chattering was summed, and why."""
+    for i, ended in enumerate(outcome.ended.tolist()):
+        tally, progress = outcome.record.tally[i], outcome.progress[i]
+        if ended != COMPLETED:
+            first = outcome.record.histories[i, 2, :, 0]
+            yield i, failure_text(operator, ended, progress, tally, float(cases.e[i]), float(np.abs(first).max()))
+        elif (tally["summed_speed"] > 0).any():
+            yield i, _extrapolation_text(tally[tally["summed_speed"].argmax()], operator.budget)
 
 
 def _extrapolation_text(tally: Any, budget: Budget) -> str:

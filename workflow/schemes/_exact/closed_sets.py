@@ -6,7 +6,7 @@ once for (structure, S, α, µ), whatever the loads are, in one of four ways:
 
     unlinked   nothing links the modes, and there are no thermal ones: they are the blocks
     apart      no heat of contact feeds back: blocks are modes less their response to thermal modes
-    rank one   one closed contact heats: :mod:`workflow.schemes._exact.regimes`
+    rank one   one closed contact heats: :mod:`workflow.schemes._exact.rank_one`
     general    :func:`workflow.poles.real_blocks`
 """
 
@@ -22,7 +22,7 @@ from workflow.kernels.compiled import kernel, part
 from workflow.kernels.packs import view
 from workflow.models import ContactBasis, contact_system
 from workflow.poles import RealBlocks, real_blocks
-from workflow.schemes._exact.regimes import (
+from workflow.schemes._exact.rank_one import (
     CRITICAL,
     NEAR_RATE,
     RankOne,
@@ -59,8 +59,6 @@ class ClosedSet(NamedTuple):
     """Bound of all poles, 1/s."""
     null: Array
     """Z, ``(mode, mode of the set)``, …"""
-    spread: Array
-    """… Zᵀ, …"""
     place: Array
     """… and P, y per d of each contact, ``(contact, mode)``; 0 for open ones."""
     block: Array
@@ -77,6 +75,9 @@ class ClosedSet(NamedTuple):
     """Coordinates per [z, z', τ]: rows are these, ``(N, N)`` …"""
     outward: Array
     """… and back: rows are coordinates."""
+    jump: Array
+    """Change of coordinates by an impulse of 1 N s at each contact without its heat, and by that at α = 1, ``(contact,
+    2, N)``."""
 
 
 def row_length(basis: ContactBasis) -> int:
@@ -84,7 +85,7 @@ def row_length(basis: ContactBasis) -> int:
     N, n, m = basis.size, basis.frequency.size, basis.contacts.count
     columns, wide = padded(N // 2), padded(N)
     tables = (block.ROWS + 4 * m) * columns + (first.ROWS + 2 * m) * wide
-    return HEAD + 2 * n * n + m * n + tables + basis.inputs * padded(N + m) + 2 * N * N
+    return HEAD + n * n + m * n + tables + basis.inputs * padded(N + m) + 2 * N * N + 2 * m * N
 
 
 def closed_set_of(row: Array) -> ClosedSet:
@@ -93,9 +94,8 @@ def closed_set_of(row: Array) -> ClosedSet:
     N = 2 * blocks + firsts
     columns, wide, across = 8 * ((blocks + 7) // 8), 8 * ((firsts + 7) // 8), 8 * ((N + m + 7) // 8)
     a = HEAD + n * modes
-    b = a + modes * n
-    c = b + m * n
-    d = c + block.ROWS * columns
+    b = a + m * n
+    d = b + block.ROWS * columns
     e = d + first.ROWS * wide
     f = e + 4 * m * columns
     g = f + 2 * m * wide
@@ -108,15 +108,15 @@ def closed_set_of(row: Array) -> ClosedSet:
         row[_GROWTH],
         row[_FASTEST],
         view(row, HEAD, (n, modes)),
-        view(row, a, (modes, n)),
-        view(row, b, (m, n)),
-        view(row, c, (block.ROWS, columns)),
+        view(row, a, (m, n)),
+        view(row, b, (block.ROWS, columns)),
         view(row, d, (first.ROWS, wide)),
         view(row, e, (m, 4, columns)),
         view(row, f, (m, 2, wide)),
         view(row, g, (inputs, across)),
         view(row, h, (N, N)),
         view(row, h + N * N, (N, N)),
+        view(row, h + 2 * N * N, (m, 2, N)),
     )
 
 
@@ -141,13 +141,16 @@ class Heated(NamedTuple):
     """R, ``(mode, thermal mode)``."""
     contact: int
     heat: Array
-    """s of each contact, ``(contact, thermal mode)``."""
+    observed: Array
+    """s of each contact, and the temperature that is recorded there, ``(contact, thermal mode)``."""
     signals: Array
     """Signals per [z, z', τ], ``(contact, N)`` …"""
     inputs: Array
     """… and per input."""
     source: Array
     """z'' and τ' per input without heat of contact, ``(mode + thermal mode, input)``."""
+    struck: Array
+    """z' per impulse of each contact, ``(contact, mode)``."""
     statics: Array
     """Beginning of its rows."""
 
@@ -160,14 +163,14 @@ class SetAnyAlpha:
         self._system = system = contact_system(basis, closed, 0.0, friction)
         self._modes: _Modes | None = None
         self._heated: Heated | None = None
-        self._open: Array | None = None  # row of the set without closed contacts, which knows no α
         if system is None:
             return
         n, k, heats = basis.frequency.size, system.null.shape[1], basis.rate.size
         stiffness, damping = -system.A[k : 2 * k, :k], -system.A[k : 2 * k, k : 2 * k]
         is_open = np.array_equal(system.null, np.eye(n))
         head = [k, heats, 2 * k + heats, closed.size, n, basis.inputs, k, is_open, LINKED, 0, 0]
-        self._statics = np.concatenate([head, system.null.ravel(), system.null.T.ravel(), system.place.ravel()])
+        self._statics = np.concatenate([head, system.null.ravel(), system.place.ravel()])
+        self._struck = -(basis.normal - friction * basis.tangent) @ system.null
         if all(np.array_equal(each, np.diag(np.diag(each))) for each in (stiffness, damping)):
             frequency = np.sqrt(np.maximum(0.0, np.diag(stiffness)))
             self._modes = _Modes(frequency, np.diag(damping), -system.A[k : 2 * k, 2 * k :], basis.rate)
@@ -181,21 +184,26 @@ class SetAnyAlpha:
         matrix = None if response is None else rank_one(modes, response, -system.signals[contact], heat[contact])
         if response is None or matrix is None:
             return None
-        arrays = heat, system.signals, system.inputs, system.B[modes.frequency.size :], self._statics
+        given = system.B[modes.frequency.size :], self._struck, self._statics
+        arrays = heat, self._basis.observed, system.signals, system.inputs, *given
         own = (np.ascontiguousarray(each, dtype=np.float64) for each in arrays)
         return Heated(matrix, np.ascontiguousarray(response), contact, *own)
 
-    def fill(self, row: Array, alpha: float) -> bool:
-        """Store the set at one α in a row; whether its poles can be separated."""
-        if self._open is not None:
-            row[:] = self._open
-            return True
-        feeds = alpha > 0 and self._basis.rate.size > 0 and bool(self._closed.any())
-        found = self._system is not None and (
-            (self._fill_heated(row, alpha) if feeds else self._fill_apart(row)) or self._fill_linked(row, alpha)
-        )
-        if found and not self._closed.any():
-            self._open = row.copy()
+    @property
+    def is_rank_one(self) -> bool:
+        """Whether one call makes its rows at many α > 0."""
+        return self._heated is not None
+
+    def fill(self, rows: Array, alpha: Array) -> NDArray[np.bool_]:
+        """Store the set at some α in rows; return at which of them its poles can be separated."""
+        found, system = np.zeros(alpha.size, dtype=np.bool_), self._system
+        if self._heated is not None:
+            size = self._heated.matrix.d.size
+            zeros = Zeros(np.zeros(size, np.int64), *np.zeros((4, size), np.complex128))
+            fill_heated(self._heated, alpha, zeros, rows, found)
+        for k in np.flatnonzero(~found) if system is not None else ():
+            feeds = alpha[k] > 0 and self._basis.rate.size > 0 and bool(self._closed.any())
+            found[k] = (not feeds and self._fill_apart(rows[k])) or self._fill_linked(rows[k], float(alpha[k]))
         return found
 
     def _fill_apart(self, row: Array) -> bool:
@@ -205,14 +213,6 @@ class SetAnyAlpha:
             return False
         self._store(row, _apart(self._modes, response), 0.0, APART if self._basis.rate.size else UNLINKED)
         return True
-
-    def _fill_heated(self, row: Array, alpha: float) -> bool:
-        """Store the set with one closed contact; whether its poles are accurate."""
-        if self._heated is None:
-            return False
-        size = self._heated.matrix.d.size
-        zeros = Zeros(np.zeros(size, np.int64), *np.zeros((4, size), np.complex128))
-        return bool(fill_heated(self._heated, alpha, zeros, row))
 
     def _fill_linked(self, row: Array, alpha: float) -> bool:
         """Store any set; whether its poles can be separated."""
@@ -247,7 +247,7 @@ class SetAnyAlpha:
         row[0], row[1], row[_LINK] = k, j, link
         s = closed_set_of(row)
         s.block[block.DAMPING, :k], s.block[block.STIFFNESS, :k], s.first[first.RATE, :j] = blocks[:3]
-        seen = system.signals @ blocks.outward, basis.heat @ blocks.outward[2 * modes :]
+        seen = system.signals @ blocks.outward, basis.observed @ blocks.outward[2 * modes :]
         for o, per in enumerate(seen):
             s.outputs[:, 2 * o, :k], s.outputs[:, 2 * o + 1, :k] = per[:, :k], per[:, k : 2 * k]
             s.slow_outputs[:, o, :j] = per[:, 2 * k :]
@@ -255,6 +255,8 @@ class SetAnyAlpha:
         B[2 * modes :] += alpha * basis.heat[self._closed].T @ system.inputs[self._closed]
         s.source[:, :N], s.source[:, N : N + m] = (blocks.inward @ B).T, system.inputs.T
         s.inward[:], s.outward[:] = blocks.inward.T, blocks.outward.T
+        s.jump[:, 0] = self._struck @ s.inward[modes : 2 * modes]
+        s.jump[:, 1] = basis.heat @ s.inward[2 * modes :]
         row[_GROWTH], row[_FASTEST] = complete(s.block, s.first, k, j)
 
 
@@ -267,21 +269,24 @@ def _apart(modes: _Modes, response: Array) -> RealBlocks:
 
 
 @kernel
-def fill_heated(h: Heated, alpha: float, zeros: Zeros, row: Array) -> bool:
-    """Store a set with one closed contact at α > 0; return whether its spectrum is accurate."""
-    count = find_zeros(h.matrix, alpha, zeros)
-    if count == 0:
-        return False
-    for k in range(row.size):
-        row[k] = h.statics[k] if k < h.statics.size else 0.0
-    row[0], row[1] = h.matrix.d.size - count, 2 * count - h.matrix.d.size
-    s = closed_set_in(row)
-    signals = s.outputs[h.contact], s.slow_outputs[h.contact, 0]
-    sound = fill_blocks(h.matrix, h.response, alpha, count, zeros, (s.block, s.first, s.inward, s.outward), signals)
-    _fill_outputs(h, s)
-    _fill_sources(h, alpha, s)
-    row[_GROWTH], row[_FASTEST] = complete(s.block, s.first, s.blocks, s.firsts)
-    return sound
+def fill_heated(h: Heated, alpha: Array, zeros: Zeros, rows: Array, found: NDArray[np.bool_]) -> None:
+    """Store a set with one closed contact at those α > 0 at which its spectrum is accurate, and which these are."""
+    for i in range(alpha.size):
+        count, row = find_zeros(h.matrix, alpha[i], zeros) if alpha[i] > 0.0 else 0, rows[i]
+        if count > 0:
+            for k in range(row.size):
+                row[k] = h.statics[k] if k < h.statics.size else 0.0
+            row[0], row[1] = h.matrix.d.size - count, 2 * count - h.matrix.d.size
+            s = closed_set_in(row)
+            tables, signals = (
+                (s.block, s.first, s.inward, s.outward),
+                (s.outputs[h.contact], s.slow_outputs[h.contact, 0]),
+            )
+            found[i] = fill_blocks(h.matrix, h.response, alpha[i], count, zeros, tables, signals)
+            _fill_outputs(h, s)
+            _fill_sources(h, alpha[i], s)
+            _fill_jumps(h, s)
+            row[_GROWTH], row[_FASTEST] = complete(s.block, s.first, s.blocks, s.firsts)
 
 
 @part
@@ -294,7 +299,7 @@ def _fill_outputs(h: Heated, at: ClosedSet) -> None:
             for n in range(modes):
                 gap += h.signals[c, n] * at.outward[r, n]
             for n in range(heats):
-                temperature += h.heat[c, n] * at.outward[r, 2 * modes + n]
+                temperature += h.observed[c, n] * at.outward[r, 2 * modes + n]
             if r < 2 * k:
                 o, column = (0, r) if r < k else (1, r - k)
                 at.outputs[c, 2 + o, column] = temperature
@@ -319,3 +324,16 @@ def _fill_sources(h: Heated, alpha: float, at: ClosedSet) -> None:
                     source[i, r] += per * inward[modes + n, r]
         for c in range(h.heat.shape[0]):
             source[i, N + c] = h.inputs[c, i]
+
+
+@part
+def _fill_jumps(h: Heated, at: ClosedSet) -> None:
+    """Fill the change of coordinates by an impulse at each contact, and by its heat."""
+    modes, heats = h.response.shape
+    for c in range(h.heat.shape[0]):
+        for n in range(modes):
+            for r in range(at.outward.shape[0]):
+                at.jump[c, 0, r] += h.struck[c, n] * at.inward[modes + n, r]
+        for n in range(heats):
+            for r in range(at.outward.shape[0]):
+                at.jump[c, 1, r] += h.heat[c, n] * at.inward[2 * modes + n, r]

@@ -1,45 +1,61 @@
 """The event loop: cases from their start to their end, one after the other.
 
-A regime is the linear structure with its tip free or held. Its signal is the gap while the tip is free, the contact
-force while it is held. A certified step (:mod:`.step`) ends at the first zero of the signal, or has none. At a zero of
-the gap :func:`.events.impact` applies Newton's law, and the tip flies on or is held; at a zero of the force it is free.
+Between events a set S of contacts is closed and the structure is linear (:mod:`.closed_sets`). Every signal, the gap of
+an open contact or the force of a closed one, is searched by certified steps (:mod:`.step`); the first that falls
+through zero is an event (:mod:`.events`), after which the same set goes on or another is entered. A signal that is
+certified for longer than a step is not looked at again until then.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.kernels import Array
-from workflow.kernels.compiled import kernel, of_case, part
-from workflow.schemes._exact.events import enter_contact, impact, release
-from workflow.schemes._exact.expansion import SUM_ROUNDING, expand
-from workflow.schemes._exact.layout import Case, in_row
-from workflow.schemes._exact.motion import Motion, Motions, Scratch, fill_modal, motions_of, set_free, set_held
+from workflow.kernels.compiled import inlined, kernel, of_case, part
+from workflow.schemes._exact.between import Between
+from workflow.schemes._exact.events import (
+    COMPLETED,
+    EVENT,
+    LOWEST_BOUNCE,
+    NO_ROOM,
+    NOT_FINITE,
+    OUT_OF_EVENTS,
+    OUT_OF_STEPS,
+    RUNNING,
+    STEP,
+    WAITING,
+    ZERO_FORCE,
+    Sets,
+    decide,
+    pass_event,
+    slot_of,
+)
+from workflow.schemes._exact.expansion import SUM_ROUNDING, accumulate, expand
+from workflow.schemes._exact.motion import OUTPUTS, SIGNAL, Motion, seen_by
 from workflow.schemes._exact.propagation import Observed, advance, copy_state, integral, observe
 from workflow.schemes._exact.record import (
-    IMPACTS,
-    LEAVES,
-    TOUCHES,
     Record,
     asked_of,
     contact_time,
     next_due,
-    note_event,
     note_sensors,
     note_temperature,
-    record_step,
+    peak_temperature,
     write,
 )
-from workflow.schemes._exact.step import Start, certified_step
-from workflow.schemes._exact.tables import expansion
-
-COMPLETED, OUT_OF_EVENTS, OUT_OF_STEPS, INSIDE_CASING, NOT_FINITE, RUNNING, INVALID, NO_IMPACT_LAW, INSEPARABLE = range(
-    9
+from workflow.schemes._exact.set_motion import (
+    Case,
+    Memory,
+    SetMotion,
+    enter,
+    leave,
+    motion_in,
+    tables_of,
 )
-"""How a case ended; a batch sets :data:`INVALID` where a value of the case is not finite, and :data:`INSEPARABLE`."""
+from workflow.schemes._exact.step import Start, certified_step, has_no_zero
+from workflow.schemes._exact.tables import expansion
 
 SAME_TIME = 16.0 * 2.220446049250313e-16
 """Difference of times, over the duration, up to which they are equal: a dozen roundings of sums of steps."""
@@ -50,24 +66,44 @@ LATE = 1e-9
 FIRST_STEP = 0.1
 """First step tried after an event, over the time constant of the fastest pole; it is lengthened while certified."""
 
+PROGRESS = np.dtype(
+    [
+        ("begun", "i8"),  # 1 where its state is set, 2 where contacts have seen it
+        ("entered", "i8"),  # whether the state is that of its set, not X of the contacts open
+        ("due", "i8"),  # a step, an event or a decision
+        ("struck", "i8"),  # contact of the last event, -1 for the start
+        ("expanded", "i8"),  # contact whose signal is expanded at the present state, -1 for none
+        ("events", "i8"),  # zeros of signals, which count for the budget
+        ("listed", "i8"),  # impulses, beginnings and ends of contacts
+        ("steps", "i8"),  # certified steps
+        ("time", "f8"),  # reached, s
+        ("length", "f8"),  # largest |x| of a contact, plus those of the casing at the start: scale of displacements, m
+        ("guess", "f8"),  # length of the next step tried first, s
+    ]
+)
+"""Scalars of a case, all 0 at the beginning."""
+
+
+class Outcome(NamedTuple):
+    """What a march fills: the results of cases, :data:`PROGRESS`, and how they ended, ``(case,)``."""
+
+    record: Record
+    progress: Any
+    ended: NDArray[np.int64]
+
 
 @kernel
 def run_cases(
-    free: Array,
-    held: Array,
-    cases: Case,
-    which: NDArray[np.int64],
-    record: Record,
-    scratch: Scratch,
-    ended: NDArray[np.int64],
-) -> None:
-    """Run some cases of a batch and fill how they ended; never raises.
+    sets: Sets, between: Between, cases: Case, which: NDArray[np.int64], begin: int, outcome: Outcome, own: Memory
+) -> int:
+    """Run cases from position ``begin`` of ``which`` on; return the position of one that waits, or the end.
 
-    ``free`` and ``held`` are the rows of the regimes with the tip free and held, ``(regime, number)``.
+    A case that waits for a set or for memory goes on where it waited. Never raises.
     """
-    for k in range(which.size):
+    record = outcome.record
+    for k in range(begin, which.size):
         i = which[k]
-        own = Record(
+        mine = Record(
             record.times,
             record.period_ends[i],
             record.histories[i],
@@ -75,166 +111,293 @@ def run_cases(
             record.tally[i],
             asked_of(record.asked, i),
         )
-        case = of_case(cases, i)
-        motions = motions_of(in_row(free[case.free]), in_row(held[case.held]), case, scratch)
-        ended[i] = _run_case(motions, case, own)
+        ended = _run_case(sets, between, of_case(cases, i), mine, outcome.progress[i], own)
+        outcome.ended[i] = ended
+        if ended < 0:
+            return k
+    return which.size
 
 
 @part
-def _run_case(motions: Motions, case: Case, record: Record) -> int:
-    """Run one case and return how it ended."""
-    tally, T = record.tally, case.duration
-    ended, event, start, observed = _begin(motions, case, record)
-    while ended == RUNNING:
-        if event:
-            if case.mobility <= 0.0:
-                return NO_IMPACT_LAW
-            tally.events += 1
-            if tally.events > case.budget.events:
-                return OUT_OF_EVENTS
-            was_held, before, approach = tally.held != 0, tally.impulse, 0.0 if tally.held else tally.speed
-            start, observed = _pass_event(motions, case, tally, observed)
-            if tally.events <= record.asked.states.shape[0]:
-                _fill_now(motions, tally)
-                for i in range(motions.free.modal.size):
-                    record.asked.states[tally.events - 1, i] = motions.free.modal[i]
-            kind = LEAVES if was_held else TOUCHES if tally.held else IMPACTS
-            note_event(record.asked, tally.events - 1, tally.time, kind, tally.impulse - before, approach, 0)
-        if tally.time >= T:
-            _finish(motions, case, record, observed)
-            return COMPLETED
-        tally.steps += 1
-        if tally.steps > case.budget.steps:
-            return OUT_OF_STEPS
-        held, sample = tally.held != 0, tally.next_sample
-        h, event, observed = _step(motions.held if held else motions.free, record, start, T, observed)
-        if not np.isfinite(h):
+def _run_case(sets: Sets, between: Between, case: Case, record: Record, at: Any, own: Memory) -> int:
+    """March a case to its end or until it waits."""
+    if at.begun == 0:
+        _begin(case, record, at, own)
+    while True:
+        slot = slot_of(sets, case.variant, own, False)
+        if slot < 0:
+            for c in range(own.contacts.size):
+                own.contacts[c].wanted = own.contacts[c].closed
+            return WAITING
+        place = tables_of(own, slot)
+        if place < 0:
+            return NO_ROOM
+        motion = motion_in(sets.rows[slot], case, own, place, 0)
+        if at.entered == 0:
+            enter(motion, own, at.time)
+            at.entered, at.expanded = 1, -1
+            if at.events > 0:
+                at.guess = FIRST_STEP / motion.m.fastest if motion.m.fastest > 0.0 else case.duration
+            for c in range(own.contacts.size):
+                own.contacts[c].certified = -1.0
+        ended = _stay(sets, between, motion, case, record, at, own)
+        if ended != RUNNING:
+            return ended
+
+
+@part
+def _begin(case: Case, record: Record, at: Any, own: Memory) -> None:
+    """Set the initial state with the contacts closed that the tally holds; without any an event is due."""
+    for k in range(own.slots.size):
+        own.slots[k] = -1
+    for i in range(own.modal.size):
+        own.modal[i] = case.modal[i]
+    at.begun, at.due, at.struck, at.length, at.guess = 1, EVENT, -1, case.reach, case.duration
+    for c in range(own.contacts.size):
+        tally = record.tally[c]
+        own.contacts[c].closed, own.contacts[c].still, own.contacts[c].zeros, own.contacts[c].speed = (
+            tally.held != 0,
+            False,
+            0,
+            -1.0,
+        )
+        tally.contact_begin, tally.casing_flexibility = 0.0 if own.contacts[c].closed else np.inf, case.flexibility
+        if own.contacts[c].closed:
+            at.due = STEP
+
+
+@part
+def _see_start(motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -> int:
+    """Fill what the contacts see at the start; return RUNNING, or NOT_FINITE."""
+    for c in range(own.contacts.size):
+        observed, tally = observe(seen_by(motion.m, c), motion.m.now, 0.0), record.tally[c]
+        if not (
+            np.isfinite(observed.signal) and np.isfinite(observed.signal_rate) and np.isfinite(observed.temperature)
+        ):
             return NOT_FINITE
-        if record.asked.rows.shape[0] > 0:
-            _sense(motions, record, sample)
-        if held:
-            copy_state(motions.held.after, motions.held.now)
+        _see(observed, own, c)
+        tally.max_temperature = tally.period_temperature = observed.temperature
+        if not own.contacts[c].closed:
+            at.length = max(at.length, case.reach + abs(observed.place - observed.signal))
+    return RUNNING
+
+
+@inlined
+def _see(observed: Observed, own: Memory, c: int) -> None:
+    """Keep what a contact sees."""
+    own.contacts[c].signal, own.contacts[c].rate = observed.signal, observed.signal_rate
+    own.contacts[c].temperature = observed.temperature
+
+
+@part
+def _stay(sets: Sets, between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -> int:
+    """March in a set until it is left; return RUNNING or how the case ends or waits.
+
+    A function of its own: called once a set and not once a step, as some hundred arguments are passed.
+    """
+    ended, states = RUNNING, record.asked.states
+    if at.begun == 1:
+        at.begun, ended = 2, _see_start(motion, case, record, at, own)
+    while ended == RUNNING and at.entered == 1:
+        if at.due == STEP:
+            ended = _step(motion, case, record, at, own)
+            continue
+        listed = at.listed
+        if at.due == EVENT:
+            ended = pass_event(sets, between, motion, case, record, at, own)
         else:
-            copy_state(motions.free.after, motions.free.now)
-        if not tally.held:
-            # height of a parabolic flight from impact to impact
-            height = 0.25 * h * min(start.speed, -observed.signal_rate)
-            tally.length = max(tally.length, max(abs(observed.place - observed.signal), height))
-            if event:
-                tally.speed = max(0.0, -observed.signal_rate)
-                event = tally.speed > 0.0 or h == 0.0  # a tip on the casing at this instant
-        tally.time = T if h >= T - tally.time else tally.time + h
-        start = Start(0, -1.0, False, 2.0 * h)
+            ended = decide(between, motion, case, record, at, own)
+        if listed < min(at.listed, states.shape[0]):
+            if at.entered == 1:
+                leave(motion, own, motion.m.now, at.time)
+            for row in range(listed, min(at.listed, states.shape[0])):
+                for i in range(own.modal.size):
+                    states[row, i] = own.modal[i]
     return ended
 
 
-@part
-def _fill_now(motions: Motions, tally: Any) -> None:
-    """Fill [y, y', τ] of the free tip from the current state."""
-    held = tally.held != 0
-    fill_modal(motions, held, motions.held.now if held else motions.free.now, tally.time)
-
-
-@part
-def _begin(motions: Motions, case: Case, record: Record) -> tuple[int, bool, Start, Observed]:
-    """Set the initial state; return RUNNING or how it ended, whether an event is due at t = 0, start and outputs."""
-    free, tally = motions.free, record.tally
-    for i in range(free.modal.size):
-        motions.free.modal[i] = case.modal[i]
-    start = Start(0, -1.0, False, case.duration)
-    tally.contact_begin = np.inf
-    if tally.held:
-        set_held(motions, 0.0)
-        tally.contact_begin = 0.0
-        observed = observe(motions.held, motions.held.now, 0.0)
-        tally.max_temperature = observed.temperature
-        return RUNNING, False, start, observed
-    set_free(motions, 0.0)
-    observed = observe(free, free.now, 0.0)
-    if not (np.isfinite(observed.signal) and np.isfinite(observed.signal_rate) and np.isfinite(observed.temperature)):
-        return NOT_FINITE, False, start, observed
-    tally.max_temperature = tally.period_temperature = observed.temperature
-    given = Observed(case.distance, -case.speed, observed.temperature, 0.0, observed.place, observed.speed)
-    write(record, 0.0, given, 0.0)
-    note_sensors(record.asked, free.modal, motions.exit.shape[1], 0)
-    expand(free, free.now, 0.0)
-    tally.length = case.reach + abs(observed.place - case.distance)
-    touches = abs(case.distance) <= 4.0 * SUM_ROUNDING * (tally.length + free.expansion.sums[expansion.SIZE, 0])
-    if case.distance < 0.0 and not touches:
-        return INSIDE_CASING, False, start, observed
-    event = touches and case.speed >= 0.0
-    if touches:
-        tally.speed = case.speed
-        start = Start(2 if event else 1, -1.0, False, case.duration)
-    return RUNNING, event, start, observed
-
-
-@part
-def _pass_event(motions: Motions, case: Case, tally: Any, observed: Observed) -> tuple[Start, Observed]:
-    """End a contact, or apply an impact and begin a contact if the tip stays; return the start of the next step."""
-    free, t = motions.free, tally.time
-    guess = FIRST_STEP / free.fastest if free.fastest > 0.0 else case.duration
-    if tally.held:
-        release(motions, tally)
-        return Start(3, -1.0, False, guess), observe(free, free.now, t)
-    before, speed = tally.impulse, case.e * tally.speed
-    stays, since = impact(motions, case, tally)
-    if tally.speed > 0.0:
-        temperature = observed.temperature + case.alpha * (tally.impulse - before) * case.heat_jump
-        observed = Observed(0.0, speed, temperature, 0.0, observed.place, observed.speed)
-        note_temperature(tally, temperature)
-    if not stays:
-        return Start(1, speed, True, guess), observed
-    zeros = enter_contact(motions, case.thresholds.force, t)
-    if zeros < 0:
-        return Start(-zeros, -1.0, False, guess), observed
-    tally.held, tally.contact_begin = 1, since
-    return Start(zeros, -1.0, True, guess), observe(motions.held, motions.held.now, t)
-
-
-@part
-def _step(m: Motion, record: Record, start: Start, T: float, observed: Observed) -> tuple[float, bool, Observed]:
-    """Do a certified step to ``m.after``; return its length, whether an event ends it, and the outputs at its end.
-
-    The length is NaN where the state is not finite.
-    """
-    tally, t, tolerance = record.tally, record.tally.time, SAME_TIME * T
-    if not start.expanded:
-        expand(m, m.now, t)
-    h, event = certified_step(m, start, t, T - t, tolerance)
+@inlined
+def _step(motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -> int:
+    """Do a certified step; return RUNNING or how the case ended."""
+    m, T, t = motion.m, case.duration, at.time
+    if t >= T:
+        _finish(motion, case, record, own)
+        return COMPLETED
+    at.steps += 1
+    if at.steps > case.budget.steps:
+        return OUT_OF_STEPS
+    h, struck = _first_zero(m, at, own, T)
     if not np.isfinite(h):
-        return h, False, observed
+        return NOT_FINITE
     advance(m, m.now, t, h, m.after)
-    impulse = integral(m, m.now, m.after, t, h) if tally.held else 0.0
-    after = observe(m, m.after, t + h)
-    if not (np.isfinite(after.signal) and np.isfinite(after.temperature)):
-        return np.nan, False, after
-    record_step(record, m, t, h, after, tolerance)
-    tally.impulse += impulse
-    return h, event, after
+    sample = record.tally[0].next_sample
+    if not _record(m, record, at, own, h, SAME_TIME * T):
+        return NOT_FINITE
+    if record.asked.rows.shape[0] > 0:
+        _sense(motion, record, own, t, sample)
+    copy_state(m.after, m.now)
+    at.time = T if h >= T - t else t + h
+    at.guess, at.expanded = 2.0 * h, -1
+    for c in range(own.contacts.size if h > SAME_TIME * T else 0):  # else another event of this instant
+        own.contacts[c].zeros, own.contacts[c].speed = 0, -1.0
+    if struck >= 0:
+        own.contacts[struck].still = False
+        at.events += 1
+        if at.events > case.budget.events:
+            return OUT_OF_EVENTS
+        at.due, at.struck = EVENT, struck
+        at.guess = FIRST_STEP / m.fastest if m.fastest > 0.0 else T
+    return RUNNING
 
 
 @part
-def _sense(motions: Motions, record: Record, first: int) -> None:
-    """Write what sensors show at the samples of a step, from the ``first`` on."""
-    t, held = record.tally.time, record.tally.held != 0
-    m = motions.held if held else motions.free
-    for sample in range(first, record.tally.next_sample):
+def _first_zero(motion: Motion, at: Any, own: Memory, T: float) -> tuple[float, int]:
+    """Return the length of a certified step and the contact whose signal ends it by falling through zero, or -1.
+
+    A signal that is known to have no zero for a while limits a step before it is looked at again.
+    """
+    contacts, struck, h, guess, tried = own.contacts.size, -1, T - at.time, at.guess, False
+    begin = max(0, at.expanded)
+    for k in range(contacts):
+        c = begin + k if begin + k < contacts else begin + k - contacts
+        known = own.contacts[c].certified - at.time
+        if known >= h:
+            continue
+        if tried and struck < 0 and known > 0.5 * h:
+            h = known
+            continue
+        length, falls = _zero_of(seen_by(motion, c), at, own, h, guess, T, tried)
+        if not np.isfinite(length):
+            return length, -1
+        if falls:
+            h, struck = length, c
+        elif length < h:
+            h, struck = length, -1
+        if h == 0.0 and struck >= 0:
+            break
+        guess, tried = h, True
+    return h, struck
+
+
+@inlined
+def _zero_of(m: Motion, at: Any, own: Memory, most: float, guess: float, T: float, tried: bool) -> tuple[float, bool]:
+    """Return the length of a step up to ``most`` on which a contact's signal has no zero, or that ends at its first.
+
+    The second number tells which. ``tried`` tells whether ``most`` is the length for another contact.
+    """
+    c, t, sums, place = m.contact, at.time, m.expansion.sums, OUTPUTS * m.contact + SIGNAL
+    zeros = own.contacts[c].zeros
+    least, constant = LOWEST_BOUNCE * at.length, m.outputs[place]
+    if at.expanded != c:
+        expand(m, m.now, t)
+    at.expanded = -1
+    own.contacts[c].still = not own.contacts[c].closed and zeros != 1 and sums[expansion.SIZE, 0] <= least
+    if own.contacts[c].still:  # nothing moves it: only what takes it out of rounding ends the set
+        zeros, m.outputs[place] = 0, constant + least
+        expand(m, m.now, t)
+    if zeros < 0:
+        zeros = int(abs(sums[expansion.D0, m.blocks]) <= ZERO_FORCE * SUM_ROUNDING * sums[expansion.SIZE, 0])
+    beside = tried and zeros == 0
+    if beside:
+        accumulate(m)
+    if beside and has_no_zero(m, 0, most):
+        length, falls, known = most, False, _certain(m, most, T - t)
+    else:
+        start = Start(zeros, own.contacts[c].speed, True, guess)
+        length, falls = certified_step(m, start, t, most, 0.0 if tried else SAME_TIME * T)
+        known = length
+    own.contacts[c].certified = -1.0 if own.contacts[c].still else t + known
+    m.outputs[place] = constant
+    return length, falls
+
+
+@part
+def _certain(m: Motion, h: float, most: float) -> float:
+    """Return a time of up to 16 h in which the signal, which has no zero in h, certainly has none."""
+    for _ in range(4):
+        longer = min(2.0 * h, most)
+        if longer <= h or not has_no_zero(m, 0, longer):
+            break
+        h = longer
+    return h
+
+
+@part
+def _record(m: Motion, record: Record, at: Any, own: Memory, h: float, late: float) -> bool:
+    """Write samples and load periods within a step, and add the impulses of closed contacts; whether all is finite.
+
+    Impulses come first: what the integral takes of the propagation over h is overwritten by that to the samples.
+    """
+    t, contacts, sound = at.time, own.contacts.size, True
+    for c in range(contacts):
+        own.contacts[c].impulse = (
+            max(0.0, integral(seen_by(m, c), m.now, m.after, t, h)) if own.contacts[c].closed else 0.0
+        )
+    left = _write_due(m, record, own, t, h, late)
+    for c in range(contacts):
+        tally = record.tally[c]
+        tally.impulse += own.contacts[c].impulse
+        after = observe(seen_by(m, c), m.after, t + h)
+        sound = sound and np.isfinite(after.signal) and np.isfinite(after.temperature)
+        _see(after, own, c)
+        if m.heated:
+            note_temperature(tally, after.temperature)
+            note_temperature(tally, peak_temperature(seen_by(m, c), t, left, t + h, tally.period_temperature))
+        if not own.contacts[c].closed:
+            height = 0.25 * h * min(own.contacts[c].speed, -after.signal_rate)  # of a parabolic flight
+            at.length = max(at.length, max(abs(after.place - after.signal), height))
+    return sound
+
+
+@inlined
+def _write_due(m: Motion, record: Record, own: Memory, t: float, h: float, late: float) -> float:
+    """Write the samples and load periods of all contacts within a step; return the end of the last period, or t."""
+    left, times, ends, asked = t, record.times, record.period_ends, record.asked
+    lead = Record(times, ends, record.histories[:, 0], record.periods[:, 0], record.tally[0], asked)
+    while next_due(lead) < t + h - late:
+        at, period = max(t, next_due(lead)), lead.tally.next_period
+        advance(m, m.now, t, at - t, m.between)
+        period_ends = m.heated and period < ends.size and ends[period] <= at
+        for c in range(own.contacts.size):
+            mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
+            by_contact = seen_by(m, c)
+            if period_ends and c > 0:  # the search of the largest temperature has used it
+                advance(m, m.now, t, at - t, m.between)
+            impulse = max(0.0, integral(by_contact, m.now, m.between, t, at - t)) if own.contacts[c].closed else 0.0
+            outputs = observe(by_contact, m.between, at)
+            if m.heated:
+                note_temperature(mine.tally, outputs.temperature)
+            if period_ends:
+                note_temperature(mine.tally, peak_temperature(by_contact, t, left, at, mine.tally.period_temperature))
+            write(mine, at, outputs, mine.tally.impulse + impulse)
+        left = at if period_ends else left
+    return left
+
+
+@part
+def _sense(motion: SetMotion, record: Record, own: Memory, t: float, first: int) -> None:
+    """Write what sensors show at the samples of a step from t on, from the ``first`` on."""
+    m = motion.m
+    for sample in range(first, record.tally[0].next_sample):
         at = max(t, record.times[sample])
         advance(m, m.now, t, at - t, m.between)
-        fill_modal(motions, held, m.between, at)
-        note_sensors(record.asked, motions.free.modal, motions.exit.shape[1], sample)
+        leave(motion, own, m.between, at)
+        note_sensors(record.asked, own.modal, motion.null.shape[0], sample)
 
 
 @part
-def _finish(motions: Motions, case: Case, record: Record, observed: Observed) -> None:
-    """Write the samples and periods that are due at the end, after any event there."""
-    tally, modal, T = record.tally, motions.free.modal, case.duration
-    _fill_now(motions, tally)
-    for sample in range(tally.next_sample, record.times.size):
-        note_sensors(record.asked, modal, motions.exit.shape[1], sample)
-    while next_due(record) <= T * (1.0 + LATE):
-        write(record, T, observed, tally.impulse)
-    for i in range(modal.size):
-        case.modal[i] = modal[i]
-    tally.contact_time = contact_time(tally, T)
+def _finish(motion: SetMotion, case: Case, record: Record, own: Memory) -> None:
+    """Write the samples and periods that are due at the end, after any event there, and the state."""
+    m, T, next_sample = motion.m, case.duration, record.tally[0].next_sample
+    times, ends, asked = record.times, record.period_ends, record.asked
+    for c in range(own.contacts.size):
+        mine = Record(times, ends, record.histories[:, c], record.periods[:, c], record.tally[c], asked)
+        observed = observe(seen_by(m, c), m.now, T)
+        while next_due(mine) <= T * (1.0 + LATE):
+            write(mine, T, observed, mine.tally.impulse)
+        mine.tally.contact_time = contact_time(mine.tally, T)
+    leave(motion, own, m.now, T)
+    for sample in range(next_sample, record.times.size):
+        note_sensors(record.asked, own.modal, motion.null.shape[0], sample)
+    for i in range(own.modal.size):
+        case.modal[i] = own.modal[i]

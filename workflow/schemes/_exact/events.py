@@ -1,23 +1,22 @@
-"""Contact events: an impact by Newton's law for the gap, g'⁺ = -e g'⁻, the beginning of a contact, and its end.
+"""Events of contacts: impacts by Newton's law for the gaps, and which contacts are closed from then on.
 
-At the end of chattering (a Zeno sequence: infinitely many impacts in a finite time) the tip comes to rest. A tip that
-is pressed on its casing bounces with flights so short that the rest of the structure moves as if the tip were held. One
-flight then begins at gap 0 with speed u and obeys, for the gap g,
+An event sees contacts by their signals alone, expanded in the set S that is closed: gap'' of open contacts, forces of
+closed ones. A state is put together only where S is left; a bounce is a jump in the coordinates of S. Contacts with
+mass on their casing take Moreau's impulses
 
-    g'' = -a(t) - γ g',   a = m̂ λ(t),   γ = e_nᵀM⁻¹C1 M⁻¹e_n / m̂,   m̂ = e_nᵀM⁻¹e_n,
+    u⁺ = u⁻ - W p,   0 <= p ⊥ -(u⁺ + e u⁻) >= 0,   u = w y' - d',
 
-with the contact force λ of the held tip. To second order in its duration T the flight gives
+each of which heats at its place. Those that stay are a complementarity problem of forces,
 
-    T = 2u/a · (1 - r u),   u⁺ = e u (1 - q u),   r = (γ + 2a'/a)/(3a),   q = 2(γ - a'/a)/(3a).
+    0 <= λ ⊥ W λ - (b + δ b') >= 0,   b = -gap'' + W_S λ_S,   b' = -gap''' + W_S λ_S' + Γ (λ - λ_S),
 
-This map is iterated. Near e = 1, where a flight changes u only little, u is integrated by the
-differential equation whose solution passes through all u of the map, to the same order:
+whose rates b', a moment δ later, decide where a force leaves a contact at zero. Of compliant contacts forces are
+continuous: 0 <= λ ⊥ gap - W_S λ_S + W λ >= 0, a moment later.
 
-    u' = -a/2 · (ε + q u)(1 - ε/2 + r u),   ε = -ln e.
-
-Where the remaining chattering is short compared with all changes of a, its duration is a geometric series with
-first corrections. Neither damping nor the change of the force may be neglected: they act for as long as the
-chattering lasts, which is of order u/(1 - e), not u.
+A contact that bounces alone while the others are open is followed through its last bounces in closed form
+(:mod:`.chattering`). Others may accumulate at e = 0 too, where W is not diagonal: a contact whose next bounce would be
+lower than 1e-11 of the largest motion is held, if it and those at rest are still pressed when all its bounces have
+ended, after 2 u⁺/(W λ)/(1 - e).
 """
 
 from __future__ import annotations
@@ -25,113 +24,286 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from workflow.kernels.compiled import part
-from workflow.schemes._exact.expansion import SUM_ROUNDING, expand, growth_bound
-from workflow.schemes._exact.layout import Case
-from workflow.schemes._exact.motion import Motion, Motions, fill_modal, set_free, set_held
-from workflow.schemes._exact.propagation import advance, apply_impulse, copy_state
-from workflow.schemes._exact.tables import expansion
+from workflow.kernels import Array
+from workflow.kernels.compiled import inlined, part
+from workflow.kernels.lemke import solve_complementarity, solve_in_place
+from workflow.schemes._exact.between import Between, drag, mobility
+from workflow.schemes._exact.chattering import Bounces, end_of_chattering
+from workflow.schemes._exact.expansion import SUM_ROUNDING, expand, row_size
+from workflow.schemes._exact.motion import Motion, seen_by
+from workflow.schemes._exact.propagation import copy_state
+from workflow.schemes._exact.record import IMPACTS, LEAVES, TOUCHES, Record, note_event, note_temperature
+from workflow.schemes._exact.set_motion import (
+    HELD,
+    PUSH,
+    ROUNDING,
+    SIZE,
+    Case,
+    Memory,
+    SetMotion,
+    enter,
+    leave,
+    motion_in,
+    strike,
+    tables_of,
+)
+from workflow.schemes._exact.tables import expansion, wave
+from workflow.schemes._interface import AT_REST
+
+COMPLETED, OUT_OF_EVENTS, OUT_OF_STEPS, INSIDE_CASING, NOT_FINITE, RUNNING, NO_IMPACT_LAW = range(7)
+"""How a case ended, …"""
+
+INVALID, INSEPARABLE, TOO_MANY_SETS = range(7, 10)
+"""… and as a batch sets it: a value is not finite, a set of contacts cannot be separated, it meets too many of them."""
+
+WAITING, NO_ROOM = -1, -2
+"""What a march returns where it waits for a set, :attr:`Memory.wanted`, or for memory of one more motion."""
+
+STEP, EVENT, DECISION = range(3)
+"""What is due in a march."""
+
+LOWEST_BOUNCE = 1e-11
+"""Height of a bounce, over the largest motion of any contact, below which the contact may be held; gaps whose terms are
+all smaller do not move."""
+
+ZERO_FORCE = 64.0
+"""Force and acceleration, over the rounding of their terms, below which they are 0 when a contact begins or opens."""
+
+_MOMENT = 1e-9
+"""δ over the time constant of the fastest pole: rates change forces by 1e-9 in it, above rounding and below what
+decides between forces that are not 0."""
+
+_CLEAR = 1e-9
+"""Gap over the largest motion above which a contact is open without a look at rounding."""
 
 _LOOSE = 1e3
 """Factor of the threshold of height once half the budget of events is spent: chattering up to 1e-7 of the displacement
 scale is summed then, and the message of the case says so."""
 
-_CUBIC = 1e-6
-"""Largest error of the cubic for the contact force, relative to the force at its beginning: it enters the duration of
-the remaining chattering, which is itself a small part of the contact."""
-
-_SMALL_CHANGE = 1e-3
-"""Relative change of force and speed until the end up to which the series is used: its error is the square."""
-
-_CONTINUOUS = 5e-4
-"""Below this 1 - e the differential equation is used, whose error is of the order of the square."""
-
-_STRIDE = 0.03
-"""Steps of the differential equation over the time in which u would vanish: the error of the classical
-Runge-Kutta method is 0.03⁵/120 = 2e-10 per step."""
-
-_SLOW_CHANGE = 0.1
-"""Largest first corrections q u and r u at which the map is used: its error is their square. Where the force has just
-risen from zero they are not small."""
-
-_MOST = 1_000_000
-"""Largest number of steps and bounces, without a result beyond: a million take a hundredth of a second."""
+_OPEN, _LEAVING, _RESTING, _RETURNING = range(4)
+"""Kinds of contacts at an event: away from the casing, leaving it with a speed, at rest on it or striking it, leaving
+by a bounce that is not followed."""
 
 
-class Bounces(NamedTuple):
-    """Parameters of a bouncing tip."""
+class Sets(NamedTuple):
+    """The sets that are known of a structure at one µ; the first has all contacts open, and knows no α."""
 
-    e: float
-    mobility: float
-    """m̂, 1/kg."""
-    drag: float
-    """γ, 1/s."""
-    height: float
-    """Bounces higher than this, m, are not small."""
-    end: float
-    """Time the case ends, s."""
-
-
-class _Force(NamedTuple):
-    """Contact force and its derivatives at the beginning of a window, and the time over which their cubic is valid."""
-
-    value: float
-    rate: float
-    bend: float
-    third: float
-    window: float
+    rows: Array
+    """As :func:`~workflow.schemes._exact.closed_sets.closed_set_of` reads them, ``(set, number)``."""
+    closed: NDArray[np.bool_]
+    """Which contacts are closed, ``(set, contact)``."""
+    first: NDArray[np.int64]
+    """Row of the last set that was added of each α, -1 for none …"""
+    following: NDArray[np.int64]
+    """… and of the one before each set."""
 
 
 @part
-def impact(motions: Motions, case: Case, tally: Any) -> tuple[bool, float]:
-    """Apply an impact at the speed ``tally.speed``; return whether the tip then stays in contact, and since when."""
-    free, speed = motions.free, tally.speed
-    p = (1.0 + case.e) * speed / case.mobility
-    tally.max_speed = max(tally.max_speed, speed)
-    apply_impulse(free, p)
-    expand(free, free.now, tally.time)
-    stays, since = speed <= 0.0 or case.e == 0.0, tally.time
-    if not stays:
-        end = _end_of_chattering(motions, case, tally)
-        if not np.isnan(end):  # p and all later impulses add up to m v⁻ and the impulse of the contact force
-            stays, since, p = True, end, speed / case.mobility
-    if speed > 0.0:
-        tally.impacts += 1
-        tally.impulse += p
-    return stays, since
+def slot_of(sets: Sets, variant: int, own: Memory, wanted: bool) -> int:
+    """Return the row of the set that is closed, or wanted; -1 where it is not known."""
+    k = 0 if sets.closed.shape[0] > 0 else -1
+    while k >= 0:
+        same = True
+        for c in range(own.contacts.size):
+            if sets.closed[k, c] != (own.contacts[c].wanted if wanted else own.contacts[c].closed):
+                same = False
+                break
+        if same:
+            return k
+        k = sets.first[variant] if k == 0 else sets.following[k]
+    return -1
 
 
-@part
-def _end_of_chattering(motions: Motions, case: Case, tally: Any) -> float:
-    """Return the time at which the chattering after an impact ends, and stop the tip; NaN where it is not summed.
+@inlined
+def pass_event(
+    sets: Sets, between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory
+) -> int:
+    """Pass the event of the contact ``at.struck``, or the start (-1); return RUNNING or how the case ends or waits.
 
-    It is summed where its flights are low and its impacts weak (:class:`~workflow.schemes._exact.layout.Thresholds`),
-    and where they are more than the budget of events has left; then the end is infinite if the contact force falls
-    before. Flights no higher than the rounding of the tip's displacement are low whatever the largest impact was: only
-    the rounding of a force near zero has lifted the tip.
+    An event that waits has changed nothing.
     """
-    free, speed, thresholds = motions.free, tally.speed, case.thresholds
-    pressing = -free.expansion.sums[expansion.D2, free.blocks]
-    rounding = SUM_ROUNDING * free.expansion.sums[expansion.SIZE, 0]
-    if speed >= thresholds.speed * tally.max_speed:
+    c = at.struck
+    for i in range(own.contacts.size):
+        own.contacts[i].before, own.contacts[i].taken, own.contacts[i].bounces, own.contacts[i].approach = (
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        )
+    if between.compliant:
+        at.due = DECISION
+        return RUNNING
+    if c >= 0 and own.contacts[c].closed:
+        own.contacts[c].zeros, own.contacts[c].speed, own.contacts[c].closed = 3, -1.0, False
+        change_set(motion, at, own)
+        note_changes(record, at, own)
+        return RUNNING
+    if _sort_contacts(motion, case, at, own):
+        return INSIDE_CASING
+    lone = _lone(between, case, own)
+    if lone == -1:
+        at.due = STEP
+        return RUNNING
+    if lone >= 0:
+        return _pass_lone(sets, between, motion, case, record, at, own, lone)
+    return _strike_all(between, motion, case, record, at, own)
+
+
+@part
+def _lone(between: Between, case: Case, own: Memory) -> int:
+    """Return the contact that may bounce alone while all others are open; -1 where none does anything, else -2.
+
+    Contacts that nothing moves may touch their casing, if the one does not move them either.
+    """
+    lone = -1
+    for c in range(own.contacts.size):
+        own.contacts[c].before = own.contacts[c].approach
+        if own.contacts[c].kind != _OPEN and not own.contacts[c].still:
+            lone = c if lone == -1 and own.contacts[c].kind == _RESTING and not own.contacts[c].closed else -2
+    for c in range(own.contacts.size if lone >= 0 else 0):
+        if own.contacts[c].still and mobility(between, case, c, lone) != 0.0:
+            return -2
+    return lone
+
+
+@part
+def change_set(motion: SetMotion, at: Any, own: Memory) -> None:
+    """Leave the set; that of the contacts which are closed now is entered next."""
+    leave(motion, own, motion.m.now, at.time)
+    at.entered, at.due = 0, STEP
+
+
+@part
+def _sort_contacts(motion: SetMotion, case: Case, at: Any, own: Memory) -> bool:
+    """Fill kinds and approach speeds; return whether a contact starts inside its casing.
+
+    A contact is on its casing where it struck, is closed, or its gap is rounding.
+    """
+    m, begins, inside = motion.m, at.struck < 0, False
+    least = AT_REST if begins else SUM_ROUNDING
+    for c in range(own.contacts.size):
+        own.contacts[c].kind = _RESTING
+        if own.contacts[c].closed:
+            continue
+        gap, approach, is_on, size, pace = own.contacts[c].signal, -own.contacts[c].rate, c == at.struck, 0.0, 0.0
+        if not is_on:
+            if gap > _CLEAR * at.length and not own.contacts[c].still:
+                own.contacts[c].kind = _OPEN
+                continue
+            expand(seen_by(m, c), m.now, at.time)
+            at.expanded = c
+            size, pace = m.expansion.sums[expansion.SIZE, 0], row_size(m, expansion.D1)
+            for i in range(case.acting if begins else 0):  # the casing may be as an earlier case left it
+                omega = abs(case.waves[i, wave.OMEGA])
+                turned = omega * case.duration * (abs(case.casing[i, 0, c]) + abs(case.casing[i, 1, c]))
+                size, pace = size + turned, pace + omega * turned
+            if not own.contacts[c].still and abs(gap) > 4.0 * least * (at.length + size):
+                own.contacts[c].kind, inside = _OPEN, inside or (begins and gap < 0.0)
+                continue
+        if own.contacts[c].still or abs(approach) <= least * (pace + m.fastest * (at.length + size)):
+            continue
+        own.contacts[c].approach = approach
+        if approach < 0.0:
+            own.contacts[c].kind = _LEAVING
+    return inside
+
+
+@inlined
+def _pass_lone(
+    sets: Sets, between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory, c: int
+) -> int:
+    """Let a contact strike while all are open: it bounces, begins a contact, or flies on."""
+    m, tally, t, u, W = (
+        seen_by(motion.m, c),
+        record.tally[c],
+        at.time,
+        own.contacts[c].approach,
+        mobility(between, case, c, c),
+    )
+    if W <= 0.0:
+        return NO_IMPACT_LAW
+    for i in range(own.contacts.size):
+        own.contacts[i].wanted = i == c
+    slot = slot_of(sets, case.variant, own, True)
+    if slot < 0:
+        return WAITING
+    place = tables_of(own, slot)
+    if place < 0:
+        return NO_ROOM
+    p, stays = (1.0 + case.e) * u / W, u <= 0.0 or case.e == 0.0
+    tally.speed, tally.max_speed = u, max(tally.max_speed, u)
+    if u > 0.0:
+        strike(motion, case, c, p)
+    expand(m, m.now, t)
+    at.expanded, at.due = c, STEP
+    if not stays:
+        bounces = Bounces(case.e, W, drag(between, case, c, c) / W, 0.0, case.duration)
+        end = _end_of_chattering(sets.rows[slot], place, motion, case, tally, at, own, c, bounces)
+        if not np.isnan(end):  # p and all later impulses add up to m v⁻ and the impulse of the contact force
+            stays, own.contacts[c].bounces, p = True, end - t, u / W
+            expand(m, m.now, t)
+    if u > 0.0:
+        tally.impacts += 1
+        _note_impulse(between, case, record, own, c, p)
+        _note_temperatures(case, record, own)
+    _forget(own)
+    own.contacts[c].zeros, own.contacts[c].speed = 1, case.e * u
+    if stays:
+        own.contacts[c].zeros, own.contacts[c].speed = _order_of_rest(m), -1.0
+        if own.contacts[c].zeros < 0:
+            own.contacts[c].closed = True
+            change_set(motion, at, own)
+    note_changes(record, at, own)
+    return RUNNING
+
+
+@part
+def _order_of_rest(m: Motion) -> int:
+    """Return -1 where the contact that is expanded is pressed on its casing; else the order of its gap's zero."""
+    sums, n = m.expansion.sums, m.blocks
+    bend = sums[expansion.D2, n]
+    if abs(bend) > ZERO_FORCE * SUM_ROUNDING * row_size(m, expansion.D2):
+        return -1 if bend < 0.0 else 2
+    return -1 if sums[expansion.D3, n] < 0.0 else 3
+
+
+@part
+def _end_of_chattering(
+    row: Array, place: int, motion: SetMotion, case: Case, tally: Any, at: Any, own: Memory, c: int, bounces: Bounces
+) -> float:
+    """Return the time at which the chattering after an impact ends, and stop the contact; NaN where it is not summed.
+
+    It is summed where its flights are low and its impacts weak
+    (:class:`~workflow.schemes._exact.set_motion.Thresholds`), and where they are more than the budget of events has
+    left; then the end is infinite if the contact force falls before. Flights no higher than the rounding of the
+    displacement are low whatever the largest impact was: only the rounding of a force near zero has lifted it. ``row``
+    and ``place`` are those of the set with the contact closed.
+    """
+    m, t, speed, limits = motion.m, at.time, own.contacts[c].approach, case.thresholds
+    pressing = -m.expansion.sums[expansion.D2, m.blocks]
+    rounding = SUM_ROUNDING * m.expansion.sums[expansion.SIZE, 0]
+    if speed >= limits.speed * tally.max_speed:
         tally.unsettled_speed = np.inf
         if speed * speed > 2.0 * pressing * rounding:
             return np.nan
     if speed >= tally.unsettled_speed or pressing <= 0.0:
         return np.nan
-    left = case.budget.events - tally.events
-    height, most = speed * speed / (2.0 * pressing), max(thresholds.height * tally.length, rounding)
-    if height >= most and not (left < tally.events and height < _LOOSE * most):
+    left = case.budget.events - at.events
+    height, most = speed * speed / (2.0 * pressing), max(limits.height * at.length, rounding)
+    if height >= most and not (left < at.events and height < _LOOSE * most):
         return np.nan
-    copy_state(free.now, free.between)
-    apply_impulse(free, -case.e * speed / case.mobility)
-    end, leaving, count = np.nan, 0.0, 0.0
-    if enter_contact(motions, thresholds.force, tally.time) == 0:
-        bounces = Bounces(case.e, case.mobility, case.drag, 4.0 * max(height, most), case.duration)
-        end, leaving, count = end_of_chattering(motions.held, tally.time, case.e * speed, bounces)
-    else:  # the force is rounding, which would press the tip back for ever
-        end = tally.time
+    copy_state(m.now, m.after)
+    strike(motion, case, c, -case.e * speed / bounces.mobility)
+    trial = motion_in(row, case, own, place, 1)
+    leave(motion, own, m.now, t)
+    enter(trial, own, t)
+    pressed, leaving, count = seen_by(trial.m, c), 0.0, 0.0
+    end = float(t)
+    if _is_pressed(pressed, t, limits.force):  # else the force is rounding, which would press it back for ever
+        over = Bounces(case.e, bounces.mobility, bounces.drag, 4.0 * max(height, most), case.duration)
+        end, leaving, count = end_of_chattering(pressed, t, case.e * speed, over)
     if height < most and np.isfinite(end):
         return end
     if count > left:
@@ -139,121 +311,366 @@ def _end_of_chattering(motions: Motions, case: Case, tally: Any) -> float:
         if end == np.inf:
             tally.leaving_speed = max(tally.leaving_speed, leaving)
         return end
-    copy_state(free.between, free.now)
-    tally.unsettled_speed = 0.5 * speed
+    copy_state(m.after, m.now)
+    at.expanded, tally.unsettled_speed = -1, 0.5 * speed
     return np.nan
 
 
 @part
-def enter_contact(motions: Motions, threshold: float, t: float) -> int:
-    """Set the held motion from the free one; return the order of the zero of its contact force at t.
+def _is_pressed(m: Motion, t: float, threshold: float) -> bool:
+    """Whether the force of a contact is positive beyond rounding."""
+    expand(m, m.now, t)
+    force, size = m.expansion.sums[expansion.D0, m.blocks], m.expansion.sums[expansion.SIZE, 0]
+    return bool(force > threshold * SUM_ROUNDING * size)
 
-    Without a pressing force it is minus the order of the zero of the gap: -2, or -3 where the force falls from zero. A
-    force below ``threshold`` times the rounding of its terms is zero.
+
+@part
+def _strike_all(between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -> int:
+    """Apply the impulses of an impact of the contacts on their casing, if any approaches: a decision is due then.
+
+    Those that leave or rest by them get their kinds. Where a closed one leaves, so does the state its set.
     """
-    held = motions.held
-    fill_modal(motions, False, motions.free.now, t)
-    set_held(motions, t)
-    expand(held, held.now, t)
-    force, rate = held.expansion.sums[expansion.D0, held.blocks], held.expansion.sums[expansion.D1, held.blocks]
-    rounding = threshold * SUM_ROUNDING * held.expansion.sums[expansion.SIZE, 0]
-    if abs(force) > rounding:
-        return 0 if force > 0.0 else -2
-    return 1 if rate > 0.0 else -3
+    p, size, strikes, opens = own.problem, 0, False, False
+    at.due = DECISION
+    for c in range(own.contacts.size):
+        if own.contacts[c].kind != _OPEN:
+            own.contacts[size].member, p.active[size] = c, own.contacts[c].closed or own.contacts[c].approach > 0.0
+            p.constant[size] = -(1.0 + case.e) * own.contacts[c].approach
+            strikes |= own.contacts[c].approach > 0.0
+            size += 1
+    if not strikes:
+        return RUNNING
+    _fill_matrix(between, case, own, size)
+    if not solve_complementarity(p, size):
+        return NO_IMPACT_LAW
+    for r in range(size):
+        c, after = own.contacts[r].member, own.contacts[own.contacts[r].member].approach
+        for q in range(size):
+            after -= p.matrix[r, q] * p.solution[q]
+        if p.active[r]:
+            after = -case.e * own.contacts[c].approach
+        own.contacts[r].impulse = p.solution[r]
+        own.contacts[c].kind = _LEAVING if after < 0.0 else _RESTING
+        own.contacts[c].approach = after
+        opens |= own.contacts[c].closed and after < 0.0
+    if opens:
+        change_set(motion, at, own)
+        at.due = DECISION
+    for r in range(size):
+        c = own.contacts[r].member
+        own.contacts[c].closed = own.contacts[c].closed and own.contacts[c].kind == _RESTING
+        record.tally[c].impacts += own.contacts[r].impulse != 0.0
+    _apply(between, motion, case, record, at, own, size)
+    return RUNNING
 
 
 @part
-def release(motions: Motions, tally: Any) -> None:
-    """End a contact: set the free motion from the held one."""
-    fill_modal(motions, True, motions.held.now, tally.time)
-    set_free(motions, tally.time)
-    tally.contact_time += max(0.0, tally.time - tally.contact_begin)
-    tally.contact_begin, tally.held = np.inf, 0
-    tally.releases += 1
+def _fill_matrix(between: Between, case: Case, own: Memory, size: int) -> None:
+    """Fill the matrix of the complementarity problem of the members."""
+    for r in range(size):
+        for q in range(size):
+            own.problem.matrix[r, q] = mobility(between, case, own.contacts[r].member, own.contacts[q].member)
 
 
 @part
-def _expanded(m: Motion) -> _Force:
-    """Return the contact force as a cubic about the last expansion of the held motion, with its window."""
-    sums, n = m.expansion.sums, m.blocks
-    force, fourth = sums[expansion.D0, n], sums[expansion.FOURTH, n]
-    h = np.sqrt(np.sqrt(24.0 * _CUBIC * force / fourth)) if fourth > 0.0 else np.inf
-    for _ in range(60):
-        bound = (fourth + sums[expansion.FOURTH_GROWTH, 0] * h) * growth_bound(m.growth * h)
-        if bound * h**4 <= 48.0 * _CUBIC * force:
+def _apply(between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory, size: int) -> None:
+    """Apply the impulses of the members: a jump in the set or, where it was left, of X."""
+    for r in range(size):
+        c, p = own.contacts[r].member, own.contacts[r].impulse
+        if p != 0.0:
+            if at.entered == 1:
+                strike(motion, case, c, p)
+            else:
+                _strike_modes(between, case, own, c, p)
+            _note_impulse(between, case, record, own, c, p)
+    _note_temperatures(case, record, own)
+    _forget(own)
+
+
+@part
+def _strike_modes(between: Between, case: Case, own: Memory, c: int, p: float) -> None:
+    """Apply an impulse to X: y' jumps by -(w - µ t) p, τ by α s p."""
+    for i in range(own.modal.size):
+        own.modal[i] -= p * (between.jumps[0, c, i] - case.friction * between.jumps[1, c, i])
+        own.modal[i] += case.alpha * p * between.jumps[2, c, i]
+
+
+@part
+def _note_impulse(between: Between, case: Case, record: Record, own: Memory, c: int, p: float) -> None:
+    """Add the impulse of a contact to its tally and its event, and its heat to the temperatures that are seen."""
+    record.tally[c].impulse += p
+    own.contacts[c].taken += p
+    for i in range(own.contacts.size):
+        own.contacts[i].temperature += case.alpha * between.pairs[i, c].warming * p
+
+
+@part
+def _note_temperatures(case: Case, record: Record, own: Memory) -> None:
+    """Note the temperatures after impulses."""
+    for c in range(own.contacts.size if case.alpha > 0.0 else 0):
+        note_temperature(record.tally[c], own.contacts[c].temperature)
+
+
+@part
+def _forget(own: Memory) -> None:
+    """Forget until when signals have no zero."""
+    for c in range(own.contacts.size):
+        own.contacts[c].certified = -1.0
+
+
+@part
+def decide(between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -> int:
+    """Decide which contacts are closed from now on; return RUNNING or how the case ends."""
+    m, changes = motion.m, False
+    moment = _MOMENT / m.fastest if m.fastest > 0.0 else _MOMENT * case.duration
+    if between.compliant:
+        sound = _next_compliant_set(between, motion, case, at, own, moment)
+    else:
+        sound = _next_set(between, motion, case, record, at, own, moment)
+    if not sound:
+        return NO_IMPACT_LAW
+    at.due = STEP
+    for c in range(own.contacts.size):
+        changes |= own.contacts[c].wanted != own.contacts[c].closed
+        own.contacts[c].closed = own.contacts[c].wanted
+    if changes:
+        change_set(motion, at, own)
+    note_changes(record, at, own)
+    return RUNNING
+
+
+@part
+def _next_set(
+    between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory, moment: float
+) -> bool:
+    """Fill which contacts are wanted closed from now on; return whether the forces have a solution."""
+    p, contacts = own.problem, own.contacts.size
+    while True:
+        for c in range(contacts):
+            own.contacts[c].force = 0.0
+        _look(motion, at, own)
+        _fill_push(between, case, own, 0)
+        if not _solve_forces(between, case, own, 0.0):
+            return False
+        size = 0
+        for c in range(contacts):
+            if own.contacts[c].kind == _RESTING:
+                own.contacts[c].force = p.solution[size]
+                size += 1
+        _fill_push(between, case, own, 1)
+        if not _solve_forces(between, case, own, moment):
+            return False
+        if not _hold_low_bounces(between, case, at, own, moment):
             break
-        h *= 0.5
-    return _Force(force, sums[expansion.D1, n], sums[expansion.D2, n], sums[expansion.D3, n], h)
+        _stop(between, motion, case, record, at, own)
+    size = 0
+    for c in range(contacts):
+        was, own.contacts[c].wanted = own.contacts[c].closed, False
+        if own.contacts[c].kind == _RESTING:
+            own.contacts[c].wanted = p.active[size]
+            size += 1
+            loose = 2 if _parting(between, case, own, c) > own.signals[ROUNDING, c] else 3
+            kept = own.contacts[c].zeros if was else -1
+            own.contacts[c].zeros, own.contacts[c].speed = kept if own.contacts[c].wanted else loose, -1.0
+        elif own.contacts[c].kind == _LEAVING:
+            own.contacts[c].zeros, own.contacts[c].speed = 1, -own.contacts[c].approach
+    return True
 
 
 @part
-def _at(s: _Force, tau: float) -> tuple[float, float]:
-    """Return the contact force and its rate by their cubic."""
-    force = s.value + tau * (s.rate + tau * (s.bend / 2.0 + tau * s.third / 6.0))
-    return force, s.rate + tau * (s.bend + tau * s.third / 2.0)
+def _look(motion: SetMotion, at: Any, own: Memory) -> None:
+    """Fill what the signals of contacts on their casing say: -gap'' and -gap''' of open ones, forces of closed ones.
 
-
-@part
-def _coefficients(bounces: Bounces, force: float, rate: float) -> tuple[float, float, float]:
-    """Return a, q and r."""
-    a, change = bounces.mobility * force, rate / force
-    return a, 2.0 * (bounces.drag - change) / (3.0 * a), (bounces.drag + 2.0 * change) / (3.0 * a)
-
-
-@part
-def _slope(bounces: Bounces, s: _Force, tau: float, u: float) -> float:
-    """Return u' of the differential equation."""
-    force, rate = _at(s, tau)
-    a, q, r = _coefficients(bounces, force, rate)
-    loss = 1.0 - bounces.e
-    log_loss = loss * (1.0 + loss * (0.5 + loss / 3.0))
-    return -0.5 * a * (log_loss + q * u) * (1.0 - 0.5 * log_loss + r * u)
-
-
-@part
-def _later_speed(bounces: Bounces, s: _Force, tau: float, h: float, u: float) -> float:
-    """Return u after a step of the classical Runge-Kutta method."""
-    k1 = _slope(bounces, s, tau, u)
-    k2 = _slope(bounces, s, tau + 0.5 * h, u + 0.5 * h * k1)
-    k3 = _slope(bounces, s, tau + 0.5 * h, u + 0.5 * h * k2)
-    k4 = _slope(bounces, s, tau + h, u + h * k3)
-    return u + h * (k1 + 2.0 * (k2 + k3) + k4) / 6.0
-
-
-@part
-def end_of_chattering(m: Motion, t: float, u: float, bounces: Bounces) -> tuple[float, float, float]:
-    """Return the time at which the tip comes to rest, the speed of its last bounce, and the number of bounces.
-
-    The time is infinite where, before that, the force falls so far that bounces are no longer small, or the case
-    ends. ``m`` is the held motion at t, where a bounce begins with speed u; its expansion is overwritten.
+    Rows of rounding hold the size of their terms.
     """
-    e, count, tau, begun = bounces.e, 0.0, 0.0, t
-    s = _Force(0.0, 0.0, 0.0, 0.0, 0.0)
-    for step in range(_MOST):
-        if step == 0 or tau >= s.window:
-            begun, tau = begun + tau, 0.0
-            advance(m, m.now, t, begun - t, m.between)
-            expand(m, m.between, begun)
-            s = _expanded(m)
-            if s.value <= 0.0:
-                break
-        force, rate = _at(s, tau)
-        a, q, r = _coefficients(bounces, force, rate)
-        if force <= 0.0 or u * u > 2.0 * a * bounces.height or begun + tau >= bounces.end:
-            break
-        if max(abs(q), abs(r)) * u > _SLOW_CHANGE:
-            break
-        flight, change = 2.0 * u / a, rate / force
-        left = flight / (1.0 - e) if e < 1.0 else np.inf
-        if left * (bounces.drag + abs(change) + np.sqrt(abs(s.bend) / force)) <= _SMALL_CHANGE:
-            share = e / (1.0 + e)
-            correction = q * u / (1.0 - e) * share + r * u / (1.0 + e) + change * left * share
-            return begun + tau + left * (1.0 - correction), u, count
-        if 1.0 - e >= _CONTINUOUS:
-            tau += flight * (1.0 - r * u)
-            u *= e * (1.0 - q * u)
-            count += 1.0
-        else:
-            h = min(_STRIDE * u / abs(_slope(bounces, s, tau, u)), s.window - tau)
-            u, tau, count = _later_speed(bounces, s, tau, h, u), tau + h, count + h / flight
-    return np.inf, u, count
+    n = motion.m.blocks
+    for c in range(own.contacts.size):
+        if own.contacts[c].kind != _OPEN:
+            m, closed = seen_by(motion.m, c), own.contacts[c].closed
+            expand(m, m.now, at.time)
+            at.expanded = c
+            for row in range(2):
+                derivative = row + (expansion.D0 if closed else expansion.D2)
+                value, size = m.expansion.sums[derivative, n], row_size(m, derivative)
+                own.signals[PUSH + row, c], own.signals[ROUNDING + row, c] = (0.0, 0.0) if closed else (-value, size)
+                own.signals[HELD + row, c], own.signals[SIZE + row, c] = (value, size) if closed else (0.0, 0.0)
+
+
+@part
+def _fill_push(between: Between, case: Case, own: Memory, row: int) -> None:
+    """Fill b of each contact for row 0, its rate for row 1, under the forces of the contacts."""
+    for c in range(own.contacts.size):
+        if own.contacts[c].kind != _OPEN:
+            total, size = own.signals[PUSH + row, c], own.signals[ROUNDING + row, c]
+            for i in range(own.contacts.size):
+                if own.contacts[i].kind != _OPEN:
+                    W = mobility(between, case, c, i)
+                    total += W * own.signals[HELD + row, i]
+                    size += abs(W) * own.signals[SIZE + row, i]
+                    if row == 1:
+                        slows = drag(between, case, c, i) - case.alpha * between.pairs[c, i].closing
+                        total += slows * (own.contacts[i].force - own.signals[HELD, i])
+                        size += abs(slows) * (abs(own.contacts[i].force) + own.signals[SIZE, i])
+            own.signals[ROUNDING + row, c] = ZERO_FORCE * SUM_ROUNDING * size
+            own.signals[PUSH + row, c] = (
+                0.0 if own.contacts[c].still or abs(total) <= own.signals[ROUNDING + row, c] else total
+            )
+
+
+@part
+def _solve_forces(between: Between, case: Case, own: Memory, moment: float) -> bool:
+    """Solve the complementarity problem of the forces of contacts at rest, a moment later; whether it has one."""
+    p, size = own.problem, 0
+    for c in range(own.contacts.size):
+        if own.contacts[c].kind >= _RESTING:
+            own.contacts[size].member, p.active[size] = c, own.contacts[c].closed
+            p.constant[size] = -own.signals[PUSH, c] - moment * (own.signals[PUSH + 1, c] if moment > 0.0 else 0.0)
+            size += 1
+    _fill_matrix(between, case, own, size)
+    return solve_complementarity(p, size)
+
+
+@part
+def _parting(between: Between, case: Case, own: Memory, c: int) -> float:
+    """Return the acceleration of a contact's gap under the forces of those at rest, m/s²."""
+    bend, size = -own.signals[PUSH, c], 0
+    for i in range(own.contacts.size):
+        if own.contacts[i].kind == _RESTING:
+            bend += mobility(between, case, c, i) * own.problem.solution[size]
+            size += 1
+    return float(bend)
+
+
+@part
+def _hold_low_bounces(between: Between, case: Case, at: Any, own: Memory, moment: float) -> bool:
+    """Let contacts rest that leave so slowly that they would return from a height of nothing; return whether any do.
+
+    None does that would lose its force, or take another's, before its bounces end: the last one opens it for good.
+    """
+    pressed, held, later, is_rounding = _pressed(own), 0, 0.0, True
+    for c in range(own.contacts.size):
+        if own.contacts[c].kind == _LEAVING:
+            bend, square = _parting(between, case, own, c), own.contacts[c].approach * own.contacts[c].approach
+            if bend < 0.0 and square <= -2.0 * bend * LOWEST_BOUNCE * at.length:
+                own.contacts[c].kind, held = _RETURNING, held + 1
+                own.contacts[c].bounces = (
+                    2.0 * own.contacts[c].approach / bend / (1.0 - case.e) if case.e < 1.0 else 0.0
+                )
+                later = max(later, own.contacts[c].bounces) if case.e < 1.0 else np.inf
+                is_rounding = is_rounding and square <= -2.0 * bend * SUM_ROUNDING * at.length
+    if held == 0:
+        return False
+    holds = is_rounding or (_solve_forces(between, case, own, later) and _pressed(own) >= pressed + held)
+    for c in range(own.contacts.size):
+        if own.contacts[c].kind == _RETURNING:
+            own.contacts[c].kind, own.contacts[c].bounces = (
+                _RESTING if holds else _LEAVING,
+                own.contacts[c].bounces if holds else 0.0,
+            )
+    if not holds:
+        _solve_forces(between, case, own, moment)
+    return holds
+
+
+@part
+def _pressed(own: Memory) -> int:
+    """Return how many of the contacts at rest have a force."""
+    pressed, size = 0, 0
+    for c in range(own.contacts.size):
+        if own.contacts[c].kind >= _RESTING:
+            pressed, size = pressed + own.problem.active[size], size + 1
+    return pressed
+
+
+@part
+def _stop(between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -> None:
+    """Apply the impulses that stop the contacts at rest: of those whose low bounces are not followed."""
+    size, a = 0, own.problem.tableau
+    for c in range(own.contacts.size):
+        if own.contacts[c].kind == _RESTING:
+            own.contacts[size].member = c
+            size += 1
+    for r in range(size):
+        for q in range(size):
+            a[r, q] = mobility(between, case, own.contacts[r].member, own.contacts[q].member)
+        a[r, size] = own.contacts[own.contacts[r].member].approach
+        own.contacts[own.contacts[r].member].approach = 0.0
+    if solve_in_place(a, size):
+        for r in range(size):
+            own.contacts[r].impulse = a[r, size]
+            for c in range(own.contacts.size):
+                if own.contacts[c].kind == _LEAVING:
+                    own.contacts[c].approach -= (
+                        mobility(between, case, c, own.contacts[r].member) * own.contacts[r].impulse
+                    )
+        _apply(between, motion, case, record, at, own, size)
+
+
+@part
+def _next_compliant_set(between: Between, motion: SetMotion, case: Case, at: Any, own: Memory, moment: float) -> bool:
+    """Fill which contacts are wanted closed a moment later; return whether their forces have a solution."""
+    p, contacts, same, struck = own.problem, own.contacts.size, True, at.struck
+    _fill_distances(between, motion, case, at, own)
+    for c in range(contacts):
+        own.contacts[c].member, p.active[c] = c, own.contacts[c].closed
+        p.constant[c] = own.signals[PUSH, c] + moment * own.signals[PUSH + 1, c]
+    if struck >= 0:
+        p.active[struck] = not p.active[struck]
+    _fill_matrix(between, case, own, contacts)
+    if not solve_complementarity(p, contacts):
+        return False
+    for c in range(contacts):
+        same = same and p.active[c] == own.contacts[c].closed
+    if same and struck >= 0:
+        p.active[struck] = not p.active[struck]
+    for c in range(contacts):
+        if p.active[c] != own.contacts[c].closed:
+            own.contacts[c].zeros, own.contacts[c].speed = 1 if struck >= 0 else -1 if p.active[c] else 0, -1.0
+        own.contacts[c].wanted = p.active[c]
+    return True
+
+
+@part
+def _fill_distances(between: Between, motion: SetMotion, case: Case, at: Any, own: Memory) -> None:
+    """Fill d - x and its rate of compliant contacts without forces."""
+    n, begins, contacts = motion.m.blocks, at.struck < 0, own.contacts.size
+    for c in range(contacts):
+        m = seen_by(motion.m, c)
+        expand(m, m.now, at.time)
+        at.expanded = c
+        for row in range(2):
+            value = m.expansion.sums[expansion.D0 + row, n]
+            own.signals[HELD + row, c] = value if own.contacts[c].closed else 0.0
+            own.signals[PUSH + row, c] = 0.0 if own.contacts[c].closed or own.contacts[c].still else value
+        own.signals[ROUNDING, c] = AT_REST * (at.length + m.expansion.sums[expansion.SIZE, 0])
+    for c in range(contacts):
+        for row in range(2):
+            for i in range(contacts):
+                own.signals[PUSH + row, c] -= mobility(between, case, c, i) * own.signals[HELD + row, i]
+        own.contacts[c].before = -own.signals[PUSH + 1, c]
+        if begins and abs(own.signals[PUSH, c]) <= own.signals[ROUNDING, c]:
+            own.signals[PUSH, c] = 0.0
+            if abs(own.signals[PUSH + 1, c]) <= motion.m.fastest * own.signals[ROUNDING, c]:
+                own.signals[PUSH + 1, c] = 0.0
+
+
+@part
+def note_changes(record: Record, at: Any, own: Memory) -> None:
+    """List the events of contacts, and begin or end contacts in the tally.
+
+    Contacts begin after the bounces that are not followed.
+    """
+    for c in range(own.contacts.size):
+        tally, closed, impulse = record.tally[c], own.contacts[c].closed, max(0.0, own.contacts[c].taken)
+        was = tally.held != 0
+        if impulse > 0.0 or was != closed:
+            kind = IMPACTS if was == closed else LEAVES if was else TOUCHES
+            note_event(record.asked, at.listed, at.time, kind, impulse, 0.0 if was else own.contacts[c].before, c)
+            at.listed += 1
+        if closed:
+            tally.contact_begin = own.contacts[c].bounces + (tally.contact_begin if was else at.time)
+            tally.held = 1
+        elif was:
+            tally.contact_time += max(0.0, at.time - tally.contact_begin)
+            tally.held, tally.contact_begin = 0, np.inf
+            tally.releases += 1

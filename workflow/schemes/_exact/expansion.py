@@ -49,6 +49,15 @@ def row_sum(rows: Array, i: int, first: int, last: int) -> float:
 
 
 @part
+def row_size(m: Motion, row: int) -> float:
+    """Return the sum of the magnitudes of the terms of a derivative in an expansion."""
+    total = abs(m.expansion.sums[row, 0])
+    for k in range(m.expansion.terms.shape[1]):
+        total += abs(m.expansion.terms[row, k])
+    return float(total)
+
+
+@part
 def expand(m: Motion, y: Array, t: float) -> None:
     """Expand the signal at a state."""
     expand_output(m, SIGNAL, y, t)

@@ -1,4 +1,4 @@
-"""The two motions of a case, with its tip free and held: what is left when the particular solution is subtracted.
+"""The motion of a case between events: what is left when the particular solution of its loads is subtracted.
 
 Loads and casing are constants and waves of phase ψ = Ω t + φ, pairs of coefficients of cos ψ and sin ψ. Of a block
 
@@ -12,7 +12,7 @@ that would lose digits (slow blocks, resonance with a wave) the block is *explic
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ from workflow.kernels import Array, elementary
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.packs import view
-from workflow.schemes._exact.layout import Case, Regime
-from workflow.schemes._exact.tables import block, expansion, first, padded, seen, seen_wave, state, wave
+from workflow.schemes._exact.tables import block, first, seen, seen_wave, state, wave
 
 ORDER = 18
 """Largest order of Taylor polynomials of motions."""
@@ -55,10 +54,7 @@ class Expansion(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """A regime under the loads of one case, and states in it, with the rows of ``tables.state``.
-
-    LoadedTables of the regime have further rows here, which depend on the loads.
-    """
+    """The linear system of a set of contacts under the loads of one case, and states with rows of ``tables.state``."""
 
     blocks: int
     firsts: int
@@ -80,15 +76,6 @@ class Motion(NamedTuple):
     """State at its end."""
     between: Array
     """State at some time within it; scratch."""
-    jump: Array
-    """Change of the state of a free tip by an impulse of 1 N s with its friction heat."""
-    coordinates: Array
-    """[η, u, ξ], ``(N,)``."""
-    modal: Array
-    """[z, z', τ] of the modes of the regime, ``(N,)``; the array of the coordinates where these are modal."""
-    is_modal: bool
-    inward: Array
-    outward: Array
     growth: float
     """Largest rate at which a block or first-order state grows, 1/s, not negative."""
     fastest: float
@@ -132,12 +119,6 @@ def seen_by(m: Motion, c: int) -> Motion:
         m.now,
         m.after,
         m.between,
-        m.jump,
-        m.coordinates,
-        m.modal,
-        m.is_modal,
-        m.inward,
-        m.outward,
         m.growth,
         m.fastest,
         m.heated,
@@ -147,22 +128,6 @@ def seen_by(m: Motion, c: int) -> Motion:
         slow,
         columns,
     )
-
-
-class Scratch(NamedTuple):
-    """Working memory of the event loop, which cases use in turn."""
-
-    numbers: Array
-    """Of the motions with the tip free and held, ``(2, number)``."""
-    differences: Complex
-
-
-def scratch(size: int, waves: int) -> Scratch:
-    """Return memory for regimes of up to ``size`` coordinates under up to so many waves, see :func:`motion_of`."""
-    columns, wide = padded(size // 2), padded(size)
-    numbers = loaded_size(columns, wide, waves, 1) + 2 * size + 4 * state.ROWS * wide
-    numbers += expansion.ROWS * (2 * columns + 1) + 2 * ORDER + 3
-    return Scratch(np.zeros((2, numbers)), np.zeros((9, 4), dtype=np.complex128))
 
 
 class LoadedTables(NamedTuple):
@@ -208,67 +173,6 @@ def wave_phase(waves: Array, i: int, t: float) -> tuple[float, float]:
     if waves[i, wave.TIME] != t:
         _evaluate(waves, i, t)
     return waves[i, wave.COS], waves[i, wave.SIN]
-
-
-@part
-def motion_of(regime: Regime, case: Case, numbers: Array, differences: Complex) -> Any:
-    """Return the motion of a case in a regime, before its states are set, in memory that is overwritten."""
-    size, columns, wide, waves = regime.outward.shape[0], regime.block.shape[1], regime.first.shape[1], case.acting
-    for i in range(numbers.size):
-        numbers[i] = 0.0
-    loaded, at = loaded_tables(numbers, columns, wide, waves, 1)
-    sums, at = view(numbers, at, (expansion.ROWS, regime.blocks + 1)), at + expansion.ROWS * (regime.blocks + 1)
-    terms, at = view(numbers, at, (expansion.ROWS, columns)), at + expansion.ROWS * columns
-    states = view(numbers, at, (4, state.ROWS, max(columns, wide)))
-    at += states.size
-    memory = Expansion(sums, terms, numbers[at : at + ORDER + 1], numbers[at + ORDER + 1 : at + 2 * ORDER + 3])
-    at += 2 * ORDER + 3
-    coordinates = numbers[at : at + size]
-    at += 0 if regime.is_modal else size
-    rows, slow, across = place_of(waves, 0)
-    copy_tables(regime.block, regime.first, case.waves, loaded)
-    for row in range(seen.ROWS):
-        for k in range(columns):
-            loaded.block[rows + row, k] = regime.block[block.ROWS + row, k]
-    for row in range(first.SEEN):
-        for j in range(wide):
-            loaded.first[slow + row, j] = regime.first[first.ROWS + row, j]
-    _fill_sources(regime, case, loaded)
-    explicits, aperiodics = subtract_loads(loaded, regime.blocks, regime.firsts, case.duration)
-    add_load_outputs(loaded, regime.blocks, regime.firsts, explicits, 0)
-    cooling = regime.growth <= 0.0 and not regime.warms
-    for i in range(waves):
-        warming = loaded.waves[i, across:]
-        cooling &= warming[seen_wave.TEMPERATURE_COS] == 0.0 and warming[seen_wave.TEMPERATURE_SIN] == 0.0
-    return Motion(
-        regime.blocks,
-        regime.firsts,
-        explicits,
-        aperiodics,
-        loaded.block,
-        loaded.first,
-        loaded.outputs,
-        loaded.waves,
-        differences,
-        memory,
-        states[0],
-        states[1],
-        states[2],
-        states[3],
-        coordinates,
-        numbers[at : at + size],
-        regime.is_modal,
-        regime.inward,
-        regime.outward,
-        regime.growth,
-        fastest_of(regime.fastest, loaded.waves),
-        regime.heated,
-        cooling,
-        0,
-        rows,
-        slow,
-        across,
-    )
 
 
 @inlined
@@ -326,54 +230,6 @@ def add_load_outputs(loaded: LoadedTables, blocks: int, firsts: int, explicits: 
             b[row, int(b[block.EXPLICIT_COLUMNS, i])] = 0.0
     for j in range(firsts):
         _add_harmonic_outputs(loaded, j, c)
-
-
-@part
-def _source(regime: Regime, case: Case, row: int) -> float:
-    """Return the constant source of a coordinate, or of the signal in the last row."""
-    steady, heating = case.steady.size, case.heating.size
-    at = steady + heating
-    source = regime.source[at, row] * case.mean + regime.source[at + 1, row] * case.gap
-    for i in range(steady):
-        source += regime.source[i, row] * case.steady[i]
-    for i in range(heating):
-        source += regime.source[steady + i, row] * case.heating[i]
-    return float(source)
-
-
-@part
-def _wave_source(regime: Regime, case: Case, row: int, i: int) -> tuple[float, float]:
-    """Return the coefficients of cos ψ and sin ψ of wave ``i`` in a source, by its load, d, d' and d''."""
-    at, omega = case.steady.size + case.heating.size, case.waves[i, wave.OMEGA]
-    push, place = regime.source[at, row], regime.source[at + 1, row]
-    speed, acceleration = regime.source[at + 2, row], regime.source[at + 3, row]
-    amplitude = case.waves[i, wave.CASING]
-    sin = push * case.waves[i, wave.LOAD] + (place - acceleration * omega * omega) * amplitude
-    return speed * omega * amplitude, sin
-
-
-@part
-def _fill_sources(regime: Regime, case: Case, loaded: LoadedTables) -> None:
-    """Fill the sources of the signal, of first-order states and of blocks."""
-    b, f, outputs, waves = loaded
-    n, signal = regime.blocks, 2 * regime.blocks + regime.firsts
-    outputs[SIGNAL], outputs[PLACE], at = _source(regime, case, signal), case.gap, place_of(waves.shape[0], 0)[2]
-    for j in range(regime.firsts):
-        f[first.SOURCE, j] = _source(regime, case, 2 * n + j)
-    for k in range(n):
-        fill_force(b, k, _source(regime, case, k), _source(regime, case, n + k))
-    for i in range(waves.shape[0]):
-        cos, sin = _wave_source(regime, case, signal, i)
-        waves[i, at + seen_wave.SIGNAL_COS], waves[i, at + seen_wave.SIGNAL_SIN] = cos, sin
-        waves[i, at + seen_wave.CASING_SIN] = waves[i, wave.CASING]
-        row = i * first.WAVE
-        for j in range(regime.firsts):
-            source = _wave_source(regime, case, 2 * n + j, i)
-            f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = source
-        for k in range(n):
-            fill_wave_force(
-                b, k, i, waves[i, wave.OMEGA], _wave_source(regime, case, k, i), _wave_source(regime, case, n + k, i)
-            )
 
 
 @part
@@ -514,16 +370,6 @@ def _add_particular(m: Motion, t: float, sign: float, value: Array, slope: Array
 
 
 @part
-def _jump_from_coordinates(m: Motion, coordinates: Array, y: Array) -> None:
-    """Fill ``y`` with the change of a state for a change of its coordinates [η, u, ξ]."""
-    for j in range(m.firsts):
-        xi = coordinates[2 * m.blocks + j]
-        y[state.FIRST, j], y[state.FIRST_SLOPE, j] = xi, -m.first[first.RATE, j] * xi
-    for k in range(m.blocks):
-        y[state.VALUE, k], y[state.SLOPE, k] = coordinates[k], coordinates[m.blocks + k]
-
-
-@part
 def from_coordinates(m: Motion, coordinates: Array, t: float, y: Array) -> None:
     """Fill the state ``y`` of time t from the coordinates [η, u, ξ], less the particular solution."""
     f = m.first
@@ -554,89 +400,3 @@ def to_coordinates(m: Motion, y: Array, t: float, coordinates: Array) -> None:
         coordinates[k], coordinates[m.blocks + k] = y[state.VALUE, k], y[state.SLOPE, k]
     value, slope = coordinates[: m.blocks], coordinates[m.blocks : 2 * m.blocks]
     _add_particular(m, t, 1.0, value, slope)
-
-
-class Motions(NamedTuple):
-    """Both motions of a case, and the transforms between their modes."""
-
-    free: Motion
-    held: Motion
-    entry: Array
-    exit: Array
-    """Those of the held :class:`~workflow.schemes._exact.layout.Regime`."""
-
-
-@part
-def motions_of(free: Regime, held: Regime, case: Case, scratch: Scratch) -> Any:
-    """Return both motions of a case, before their states are set."""
-    m = motion_of(free, case, scratch.numbers[0], scratch.differences)
-    if free.is_modal:
-        _jump_from_coordinates(m, case.jump, m.jump)
-    else:
-        _multiply(free.inward, case.jump[: m.modal.size], m.coordinates)
-        _jump_from_coordinates(m, m.coordinates, m.jump)
-    return Motions(m, motion_of(held, case, scratch.numbers[1], scratch.differences), held.entry, held.exit)
-
-
-@part
-def _multiply(matrix: Array, source: Array, target: Array) -> None:
-    """Fill target = source · matrix; rows and columns beyond the sizes of both are not read."""
-    for i in range(target.size):
-        target[i] = 0.0
-    for j in range(source.size):
-        for i in range(target.size):
-            target[i] += source[j] * matrix[j, i]
-
-
-@part
-def _change_modes(matrix: Array, casing: tuple[float, float], source: Array, target: Array) -> None:
-    """Fill displacements and velocities of modes from those of the other regime and the casing; copy thermal modes."""
-    (place, speed), (source_modes, target_modes) = casing, (matrix.shape[0] - 1, matrix.shape[1])
-    for i in range(target_modes):
-        target[i], target[target_modes + i] = matrix[source_modes, i] * place, matrix[source_modes, i] * speed
-    for j in range(source_modes):
-        for i in range(target_modes):
-            target[i] += source[j] * matrix[j, i]
-            target[target_modes + i] += source[source_modes + j] * matrix[j, i]
-    for i in range(2 * target_modes, target.size):
-        target[i] = source[2 * source_modes - 2 * target_modes + i]
-
-
-@part
-def fill_modal(motions: Motions, held: bool, y: Array, t: float) -> None:
-    """Fill [y, y', τ] of the free tip from a state of the held or the free motion."""
-    if held:
-        _fill(motions.held, y, t)
-        _change_modes(motions.exit, casing_at(motions.held, t), motions.held.modal, motions.free.modal)
-    else:
-        _fill(motions.free, y, t)
-
-
-@part
-def _fill(m: Motion, y: Array, t: float) -> None:
-    """Fill [z, z', τ] of a motion from a state."""
-    to_coordinates(m, y, t, m.coordinates)
-    if not m.is_modal:
-        _multiply(m.outward, m.coordinates, m.modal)
-
-
-@part
-def set_free(motions: Motions, t: float) -> None:
-    """Set the free motion from [y, y', τ]."""
-    _set(motions.free, t)
-
-
-@part
-def set_held(motions: Motions, t: float) -> None:
-    """Set the held motion from [y, y', τ]."""
-    held = motions.held
-    _change_modes(motions.entry, casing_at(held, t), motions.free.modal, held.modal)
-    _set(held, t)
-
-
-@part
-def _set(m: Motion, t: float) -> None:
-    """Set a motion from its [z, z', τ]."""
-    if not m.is_modal:
-        _multiply(m.inward, m.modal, m.coordinates)
-    from_coordinates(m, m.coordinates, t, m.now)

@@ -430,11 +430,3 @@ def _observe_waves(m: Motion, t: float) -> Observed:
         warming += omega * (b * cos - a * sin)
     place, speed = casing_at(m, t)
     return Observed(signal, rate, temperature, warming, place, speed)
-
-
-@part
-def apply_impulse(m: Motion, p: float) -> None:
-    """Apply an impulse p [N s] at the free tip: v jumps by -p M⁻¹ (e_n - µ t), θ by α p C2⁻¹ e_n."""
-    for row in range(state.ROWS):
-        for k in range(m.now.shape[1]):
-            m.now[row, k] += p * m.jump[row, k]

@@ -1,16 +1,8 @@
-"""The two regimes between contact events, tip free and tip held at the gap, in uncoupled real blocks.
+"""Poles of a set with one closed contact that heats: a matrix D + α u wᵀ.
 
-    blocks        η' = u + β(t),   u' = -c u - ω² η + γ(t)
-    first order   ξ' = -μ ξ + χ(t)
-
-so that a motion of any length costs one exponential per block. Where neither damping nor friction couples the modes,
-first-order states are thermal modes, ξ = τ, and blocks are mechanical modes less their response to these,
-
-    η = z - R τ,   u = z' + R μ τ,   R = -G/(μ² - μ c + ω²).
-
-Friction heat adds to the held tip α times a rank-one term. In z - R τ, each mode split by its two poles, its matrix is
-D + α u wᵀ, D = diag(d): d are the poles of the held structure and its thermal rates, u the response to heat at the tip,
-wᵀ the row of the contact force. Its eigenvalues are the zeros of
+In the modes of the set less their response to thermal ones, z - R τ, each mode split by its two poles, D = diag(d): d
+are the poles without the heat of contact and the thermal rates, u the response to heat at the contact, wᵀ the row of
+the contact force. The eigenvalues are the zeros of
 
     f(s) = 1 - α Σ u_k w_k/(s - d_k).
 
@@ -21,7 +13,6 @@ couplings: a damping matrix, friction along a tangent, a mode near a thermal rat
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -30,10 +21,7 @@ from numpy.typing import NDArray
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import inlined, kernel, part
-from workflow.poles import RealBlocks, real_blocks
-from workflow.schemes._exact.layout import FASTEST, GROWTH, IS_MODAL, WARMS, Regime, in_row, unpacked
-from workflow.schemes._exact.modal_system import ModalSystem, signal_inputs, state_space
-from workflow.schemes._exact.tables import block, first, seen
+from workflow.schemes._exact.tables import block, first
 
 NEAR_RATE = 1e-3
 """Size of μ² - μ c + ω², over the sum of its terms, below which R has fewer than thirteen digits."""
@@ -42,10 +30,6 @@ CRITICAL = 1e-2
 """Relative distance of the two poles of a mode, or of a pole and a thermal rate, below which the general solver is
 used, as digits are lost by its square."""
 
-
-_OBSERVABLE = 1e-13
-"""Reaction of a mode at the tip, over the largest, above which it is kept: the rounding of shapes is some 1e-15, and
-the modes below change λ by no more than this, relatively."""
 
 _NEWTON_STEPS, _CONVERGED = 20, 1e-10
 """Relative change of a shift at which Newton's method ends: the next change would be about its square."""
@@ -80,66 +64,6 @@ def thermal_response(system: _Modes, near: float) -> Array | None:
     return -np.divide(system.coupling, polynomial, out=np.zeros_like(polynomial), where=driven)
 
 
-class Regimes(NamedTuple):
-    """Regimes of a batch."""
-
-    rows: Array
-    """As :func:`~workflow.schemes._exact.layout.unpacked` reads them, ``(regime, number)``."""
-    separable: NDArray[np.bool_]
-    """Whether their poles can be separated, ``(regime,)``; the row of others is meaningless."""
-
-
-def fill_row(row: Array, system: ModalSystem, alpha: float, duration: float) -> bool:
-    """Store the regime of a structure with its tip free, or held at α [W/N]; return whether its poles can be separated.
-
-    At α > 0 or with friction along t ``system`` is one of :func:`observable` modes. Three poles that coincide cannot be
-    separated; ``duration`` is that of the cases, s.
-    """
-    is_apart = alpha == 0 and system.friction_force is None and not system.is_coupled
-    response = thermal_response(system, NEAR_RATE) if is_apart else None
-    A, signal, source = state_space(system, alpha)
-    try:
-        blocks = real_blocks(A, duration) if response is None else _in_modes(system, response)
-    except ValueError:  # poles that coincide, entries that are not finite
-        return False
-    n, j, size = blocks.damping.size, blocks.rate.size, len(A)
-    inputs = signal_inputs(system)
-    row[:] = 0.0
-    row[:5] = n, j, inputs.size, len(system.entry) - 1, system.frequency.size
-    regime = unpacked(row)
-    b, f, outward = regime.block, regime.first, blocks.outward
-    b[block.DAMPING, :n], b[block.STIFFNESS, :n], f[first.RATE, :j] = blocks.damping, blocks.stiffness, blocks.rate
-    outputs = signal @ outward, system.observed @ outward[2 * system.frequency.size :]
-    for o, per in enumerate(outputs):
-        row_of = block.ROWS + 2 * o
-        b[row_of + seen.SIGNAL_VALUE, :n], b[row_of + seen.SIGNAL_SLOPE, :n] = per[:n], per[n : 2 * n]
-        f[first.ROWS + o, :j] = per[2 * n :]
-    regime.source[:, :size], regime.source[:, size] = (blocks.inward @ source).T, inputs
-    regime.inward[:, :size], regime.outward[:] = blocks.inward.T, outward.T
-    regime.entry[:], regime.exit[:] = system.entry, system.exit
-    _complete(row)
-    return True
-
-
-def _in_modes(system: ModalSystem, response: Array) -> RealBlocks:
-    """Return the blocks that are the modes of the system less their response R to thermal modes."""
-    modes = system.frequency.size
-    inward = np.eye(2 * modes + system.rate.size)
-    inward[:modes, 2 * modes :], inward[modes : 2 * modes, 2 * modes :] = -response, response * system.rate
-    return RealBlocks(system.damping, system.frequency**2, system.rate, inward, 2 * np.eye(len(inward)) - inward)
-
-
-@kernel
-def _complete(row: Array) -> None:
-    """Fill what follows in a row from c and ω² of blocks, μ of first-order states, outputs and transforms."""
-    regime = in_row(row)
-    b, warms = regime.block, False
-    row[GROWTH], row[FASTEST] = complete(b, regime.first, regime.blocks, regime.firsts)
-    for k in range(regime.blocks):
-        warms |= b[block.ROWS + seen.TEMPERATURE_VALUE, k] != 0.0 or b[block.ROWS + seen.TEMPERATURE_SLOPE, k] != 0.0
-    row[WARMS], row[IS_MODAL] = warms, _is_identity(regime.inward)
-
-
 @kernel
 def complete(b: Array, f: Array, blocks: int, firsts: int) -> tuple[float, float]:
     """Fill what follows in tables from c and ω², others pad them at rest; return growth and fastest of a regime."""
@@ -160,47 +84,6 @@ def complete(b: Array, f: Array, blocks: int, firsts: int) -> tuple[float, float
     for j in range(firsts):
         growth, fastest = max(growth, -f[first.RATE, j]), max(fastest, abs(f[first.RATE, j]))
     return growth, fastest
-
-
-@part
-def _is_identity(matrix: Array) -> bool:
-    """Whether a matrix is the identity."""
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            if matrix[i, j] != (1.0 if i == j else 0.0):
-                return False
-    return True
-
-
-def observable(held: ModalSystem, sensors: Array) -> ModalSystem:
-    """Remove the modes that are unobservable in the contact force of the held tip, unless damping couples them.
-
-    Their shapes are free modes as well, with the tip at rest: only ``sensors``, rows of displacements, may show them.
-    Among them are the rigid motions of parts that are not linked to the tip, whose double eigenvalue 0 is defective.
-    """
-    keep, shown = _reacts(held), np.abs(sensors @ held.shapes).max(axis=0, initial=0.0)
-    keep |= shown > _OBSERVABLE * shown.max(initial=0.0)
-    if held.is_coupled:
-        beside = np.abs(held.damping - np.diag(np.diag(held.damping)))
-        keep |= np.any(beside > _OBSERVABLE * np.abs(held.damping).max(initial=0.0), axis=1)
-    return replace(
-        held,
-        frequency=held.frequency[keep],
-        damping=held.damping[np.ix_(keep, keep)] if held.is_coupled else held.damping[keep],
-        coupling=held.coupling[keep],
-        reaction=held.reaction[keep],
-        reaction_slope=held.reaction_slope[keep],
-        gap_source=held.gap_source[keep],
-        shapes=held.shapes[:, keep],
-        entry=held.entry[:, keep],
-        exit=held.exit[np.append(keep, True)],
-        friction_force=None if held.friction_force is None else held.friction_force[keep],
-    )
-
-
-def _reacts(held: ModalSystem) -> NDArray[np.bool_]:
-    """Return which modes of the held tip move its contact force, ``(mode,)``."""
-    return np.asarray(np.abs(held.reaction) > _OBSERVABLE * np.abs(held.reaction).max(initial=0.0))
 
 
 class RankOne(NamedTuple):
@@ -227,63 +110,6 @@ class Zeros(NamedTuple):
     """Eigenvectors of one eigenvalue, ``(N,)``; scratch."""
 
 
-class Heated(NamedTuple):
-    """The held regimes at all α > 0."""
-
-    matrix: RankOne
-    response: Array
-    """R, ``(mode, thermal mode)``."""
-    heat_tip: Array
-    observed: Array
-    source: Array
-    """z'' and τ' per input w, see :class:`~workflow.schemes._exact.layout.Regime`, without friction heat,
-    ``(mode + thermal mode, input)``."""
-    inputs: Array
-    """Contact force per input, ``(input,)``."""
-    entry: Array
-    exit: Array
-
-
-class HeldRegimes:
-    """The held regimes of a structure; ``length`` is that of their rows, ``sensors`` show displacements."""
-
-    def __init__(self, held: ModalSystem, length: int, sensors: Array):
-        self._held, self._observable, self._length = held, observable(held, sensors), length
-        self._sensors, all_react = sensors, bool(_reacts(self._observable).all())
-        self._heated = _heated(self._observable) if all_react and not held.is_coupled else None
-
-    def at(self, alpha: Array, friction: Array, heated: NDArray[np.bool_], duration: float) -> Regimes:
-        """Return the regimes at some α [W/N] and µ for a duration [s], without thermal modes where no heat acts."""
-        rows, found = np.zeros((alpha.size, self._length)), np.zeros(alpha.size, dtype=np.bool_)
-        slides = (friction != 0) & (self._held.tangent is not None)
-        if self._heated is not None:
-            size = self._heated.matrix.d.size
-            zeros = Zeros(np.zeros(size, np.int64), *np.zeros((4, size), np.complex128))
-            _fill_rows(self._heated, np.where(slides, 0.0, alpha), zeros, rows, found)
-        for k in np.flatnonzero(~found):
-            system = self._system(slides[k] * friction[k], alpha[k] > 0, heated[k])
-            found[k] = fill_row(rows[k], system, alpha[k], duration)
-        return Regimes(rows, found)
-
-    def _system(self, friction: float, heats: bool, heated: bool) -> ModalSystem:
-        """Return the system of the held tip, of observable modes where friction or its heat links them."""
-        if friction != 0:
-            return observable((self._held if heated else self._held.unheated).sliding(friction), self._sensors)
-        return self._observable if heats else self._held if heated else self._held.unheated
-
-
-def _heated(held: ModalSystem) -> Heated | None:
-    """Return the arguments of the kernel; ``None`` where poles or rates are near each other, or a pole is 0."""
-    response = thermal_response(held, CRITICAL)
-    force = np.concatenate([held.reaction, held.reaction_slope, held.thermal_reaction])
-    matrix = None if response is None else rank_one(held, response, force, held.heat_tip)
-    if response is None or matrix is None:
-        return None
-    tips = response, held.heat_tip, held.observed
-    arrays = *tips, state_space(held, 0.0)[2][held.frequency.size :], signal_inputs(held), held.entry, held.exit
-    return Heated(matrix, *(np.ascontiguousarray(a, dtype=np.float64) for a in arrays))
-
-
 def rank_one(modes: _Modes, response: Array, force: Array, heat: Array) -> RankOne | None:
     """Return D, u and w of a contact that sees the heat ``heat`` and loses ``force`` per [z, z', τ].
 
@@ -301,35 +127,6 @@ def rank_one(modes: _Modes, response: Array, force: Array, heat: Array) -> RankO
     u = [(speed - lower * place) / split, (upper * place - speed) / split, heat]
     w = [-r - lag * upper, -r - lag * lower, -thermal - r @ response + lag @ (response * mu)]
     return RankOne(mu.size, *(np.concatenate(each).astype(np.complex128) for each in ([upper, lower, -mu], u, w)))
-
-
-@kernel
-def _fill_rows(h: Heated, alpha: Array, zeros: Zeros, rows: Array, found: NDArray[np.bool_]) -> None:
-    """Store the regimes at those α > 0 at which the spectrum is accurate in rows of zeros, and which these are."""
-    for i in range(alpha.size):
-        if alpha[i] > 0.0:
-            count = find_zeros(h.matrix, alpha[i], zeros)
-            if count > 0:
-                found[i] = _fill_row(h, alpha[i], count, zeros, rows[i])
-                _complete(rows[i])
-
-
-@part
-def _fill_row(h: Heated, alpha: float, count: int, zeros: Zeros, row: Array) -> bool:
-    """Store the regime at α; return whether the spectrum is accurate."""
-    pairs = h.matrix.d.size - count
-    row[0], row[1], row[2], row[3], row[4] = pairs, count - pairs, h.inputs.size, h.entry.shape[0] - 1, h.entry.shape[1]
-    regime = in_row(row)
-    b, f, outward = regime.block, regime.first, regime.outward
-    signals = b[block.ROWS + seen.SIGNAL_VALUE :], f[first.ROWS]
-    sound = fill_blocks(h.matrix, h.response, alpha, count, zeros, (b, f, regime.inward, outward), signals)
-    for p in range(pairs):
-        b[block.ROWS + seen.TEMPERATURE_VALUE, p] = _observed(h, outward[p])
-        b[block.ROWS + seen.TEMPERATURE_SLOPE, p] = _observed(h, outward[pairs + p])
-    for j in range(count - pairs):
-        f[first.ROWS + 1, j] = _observed(h, outward[2 * pairs + j])
-    _fill_shared(h, alpha, regime)
-    return sound
 
 
 @part
@@ -374,35 +171,6 @@ def fill_blocks(
                 inward[n, own], outward[own, n] = zeros.left[n].real, zeros.right[n].real
             j += 1
     return sound
-
-
-@part
-def _observed(h: Heated, coordinate: Array) -> float:
-    """Return the tip temperature per coordinate, from its row of X."""
-    temperature, modes = 0.0, h.response.shape[0]
-    for j in range(h.observed.size):
-        temperature += h.observed[j] * coordinate[2 * modes + j]
-    return temperature
-
-
-@part
-def _fill_shared(h: Heated, alpha: float, regime: Regime) -> None:
-    """Fill the sources of coordinates and the transforms of modes."""
-    modes, heats = h.response.shape
-    source, inward, size = regime.source, regime.inward, regime.outward.shape[0]
-    for i in range(h.inputs.size):
-        for n in range(modes + heats):
-            per = h.source[n, i] + (alpha * h.inputs[i] * h.heat_tip[n - modes] if n >= modes else 0.0)
-            if per != 0.0:
-                for k in range(source.shape[1]):
-                    source[i, k] += per * inward[modes + n, k]
-        source[i, size] = h.inputs[i]
-    for m in range(modes):
-        for n in range(h.entry.shape[0]):
-            regime.entry[n, m] = h.entry[n, m]
-    for m in range(modes + 1):
-        for n in range(h.exit.shape[1]):
-            regime.exit[m, n] = h.exit[m, n]
 
 
 @part
