@@ -195,6 +195,8 @@ SHAPES = {
     "phase": "(…, phase)",
     "point": "(…, point), int8",
     "event": "(…, event)",
+    "sector": "(…, sector)",
+    "revolution sector": "(…, revolution, sector)",
 }
 WHEN = {
     "always": "",
@@ -203,6 +205,8 @@ WHEN = {
     "sections": "with `output.sections`",
     "sensors": "with `output.sensors`",
     "events": "with `output.events`",
+    "coating": "with `casing.coating`",
+    "wear": "with `output.wear`",
     "contacts": "of several contacts",
     "steady": "with `output.steady`; along `point` of a branch",
     "steady sensors": "with `output.steady` and `output.sensors`; along `point` of a branch",
@@ -300,6 +304,24 @@ figure = campbell(read_study("blade.yaml").with_(spin), orders=[1, 2, 3, 6])""",
 axes = {"scheme": "event_driven", "alpha": 0.5, "scene.speed": {"lin": ["60 rpm", "1500 rpm", 40]}}
 study = read_study("blade.yaml").with_({**turning, "axes": axes})
 figure = clearance(run_study(study, directory + "/speeds.nc").dataset)""",
+    "wear_map": """rod = {"nodes": 3, "mass": 2e-3, "stiffness": 4e6, "spacing": 5e-3, "damping": {"ratio": 0.05}}
+heat = {"expansion": 4e-5, "heat_capacity": 0.4, "conductance": 0.5, "convection": 0.02}
+scene = {
+    "chain": rod | heat,
+    "casing": {
+        "gap": "6 um",
+        "flexibility": 1e-7,
+        "coating": {"yield_force": 2, "hardening": 2e5, "sectors": 90},
+        "harmonics": [{"order": 2, "amplitude": "8 um"}, {"order": 5, "amplitude": "2 um"}],
+    },
+    "speed": "3000 rpm",
+    "load": {"mean": 4},
+    "duration": 2,
+}
+axes = {"scheme": "moreau", "h": 5e-5, "alpha": 4}
+output = {"interval": "10 ms", "wear": {"every": 1}, "balances": False}
+study = read_study({"study": "worn", "scene": scene, "axes": axes, "output": output})
+figure = wear_map(run_study(study, directory + "/worn.nc").dataset)""",
 }
 """What draws an example of each figure, in the directory of this file."""
 

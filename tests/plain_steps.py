@@ -101,6 +101,53 @@ def by_place(h: float) -> Law:
     return law
 
 
+class CoatedCasing:
+    """A law of contacts on an elastic casing with a coating, of one case: all states of all contacts are tried."""
+
+    def __init__(self, one: Cases, h: float, flexibility: float) -> None:
+        own = one.coating
+        assert own is not None
+        self.first, self.hardening, self.sectors = own.yield_force[0], own.hardening[0], int(own.sectors[0])
+        self.speed, self.turns, self.worn = own.speed[0], own.turns[0], own.worn[0].copy()
+        self.h, self.c, self.steps = h, flexibility, 0
+
+    def begin(self, depth: Array, gives: Array) -> Array:
+        """Return the forces of contacts that have ended a step, and wear the sectors in which they are."""
+        turns = self.turns + self.speed * self.steps * self.h
+        here = np.arange(turns.size), np.floor(self.sectors * turns + 1e-9).astype(int) % self.sectors
+        force, self.worn[here] = self._pressed(depth, gives, self.worn[here])
+        return force
+
+    def __call__(self, at: Step) -> tuple[Array, Array]:
+        """Return impulses of a step and forces at its end."""
+        self.steps += 1
+        force = self.begin(at.depth, self.h * at.sunk + at.flexibility)
+        return self.h * force, force
+
+    def _pressed(self, depth: Array, gives: Array, worn: Array) -> tuple[Array, Array]:
+        best, least = (0 * worn, worn), np.inf
+        for state in product(("open", "elastic", "crushing"), repeat=worn.size):
+            matrix, right = np.eye(worn.size), np.zeros(worn.size)
+            for i, kind in enumerate(state):
+                if kind == "elastic":
+                    matrix[i] = gives[i] + self.c * np.eye(worn.size)[i]
+                    right[i] = depth[i] - worn[i]
+                elif kind == "crushing":
+                    matrix[i] = self.hardening * gives[i] + (1 + self.hardening * self.c) * np.eye(worn.size)[i]
+                    right[i] = self.first + self.hardening * depth[i]
+            force = np.linalg.solve(matrix, right)
+            deep = (depth - gives @ force - worn) / self.c
+            level = self.first + self.hardening * worn
+            wrong = {"open": deep, "elastic": np.maximum(-force, force - level), "crushing": force - deep}
+            broken = max(wrong[kind][i] for i, kind in enumerate(state))
+            if broken < least:
+                crushes = np.array(state) == "crushing"
+                best, least = (force, np.where(crushes, depth - gives @ force - self.c * force, worn)), broken
+            if least <= 1e-11 * np.abs(level).max():
+                break
+        return best
+
+
 def spring(h: float, theta: float, stiffness: float, damper: float = 0.0) -> Law:
     """Springs and dampers, whose forces act at both ends of a step."""
 
@@ -195,7 +242,9 @@ def march(
         return np.asarray(w @ x + along * load(one, t) - flexibility @ forces - expands @ T)
 
     x, v, T, held = one.displacement[0], one.velocity[0], one.temperature[0], np.zeros(count)
-    if compliant:
+    if isinstance(law, CoatedCasing):
+        held = law.begin(shown(0.0, x, T, held) - place(one, 0.0), flexibility)
+    elif compliant:
         held = complementary(flexibility + give * np.eye(count), shown(0.0, x, T, held) - place(one, 0.0))
     r, V = w @ x - place(one, 0.0), speed(one, 0.0, h, theta)
     path = [(x, v, T, T, shown(0.0, x, T, held), np.zeros(count))]

@@ -11,6 +11,7 @@ from workflow.declare import File
 from workflow.models import (
     Cases,
     Chain,
+    Coating,
     Coordinates,
     DensePair,
     Harmonics,
@@ -155,6 +156,14 @@ def with_tip_first(structure: Structure) -> Matrices:
         sensors=sensors
         and replace(sensors, displacement=sensors.displacement @ x, temperature=sensors.temperature @ theta),
     )
+
+
+def coated(structure: Structure, batch: Cases, yield_force: Any, sectors: Any = 1, **more: Any) -> Cases:
+    """Return the batch with a coating, not worn: ``hardening``, ``speed``, a number or one for each case."""
+    rows = [np.broadcast_to(value, (batch.count,)) for value in (yield_force, more.get("hardening", 0.0), sectors)]
+    rows = [np.array(row, dtype=float) for row in (*rows, np.broadcast_to(more.get("speed", 0.0), (batch.count,)))]
+    turns = np.tile(structure.contacts.angle / (2 * np.pi), (batch.count, 1))
+    return replace(batch, coating=Coating(*rows, turns, np.zeros((*turns.shape, int(rows[2].max())))))
 
 
 def watched(structure: Structure) -> Structure:

@@ -73,6 +73,7 @@ GUIDE_PYTHON = {
     'archive.sensor_value.sel(sensor="trailing_edge")': "turning",
     'labels(archive["event_kind"])': "turning",
     "workflow.contact_phases(case)": "blade",
+    "workflow.plots.wear_map(archive)": "worn",
 }
 """What stands in a line of the guide, and the archive that it is for."""
 
@@ -150,6 +151,8 @@ def made_studies(place: Path) -> dict[str, Any]:
         "sensors": {"trailing_edge": "trailing_edge"},
         "events": 9,
     }
+    coating = {"yield_force": 0.1, "sectors": 8}
+    coated = {**ONE_MASS, "casing": {"gap": -1e-4, "flexibility": 1e-5, "coating": coating}, "speed": 100}
     varied, load = {"e": [0.3, 0.5], frequency: [95, 130]}, {"load": {"amplitude": 0.08, "frequency": 110}}
     return {
         "blade": blade.with_({"scene.duration": "0.02 s", "scene.load.frequency": "100 Hz"}),
@@ -160,6 +163,7 @@ def made_studies(place: Path) -> dict[str, Any]:
         "elastic": written("elastic", ONE_MASS, {"e": [0.5, 1], frequency: 110}, output=few),
         "chord": written("chord", chord, {"e": 0}, output={"interval": 1e-3, "histories": ["contact_force"]}),
         "turning": written("turning", turning, {"e": 0, "scene.speed": [95, 100, 105]}, output=output),
+        "worn": written("worn", coated, {"scheme": "moreau", frequency: 110}, output={**few, "balances": False}),
         "drawn": written("drawn", {**ONE_MASS, **load}, {}, zip={"design": drawn}),
     }  # fmt: skip
 

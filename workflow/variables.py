@@ -11,10 +11,23 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-Shape = Literal["history", "metric", "text", "period", "flag", "phase", "point", "point phase", "event"]
+Shape = Literal[
+    "history",
+    "metric",
+    "text",
+    "period",
+    "flag",
+    "phase",
+    "point",
+    "point phase",
+    "event",
+    "sector",
+    "revolution sector",
+]
 """``history``: (…, t); ``metric``: (…) float64, ``text``: (…) text; ``period``: (…, period), ``phase``: (…, phase)
 float64; ``flag``: (…) int8; ``point``: (…, point) float64 or int8, ``point phase``: (…, point, phase), in archives of
-branches alone; ``event``: (…, event) float64 or int8. What is of sensors has ``sensor`` before these."""
+branches alone; ``event``: (…, event) float64 or int8; ``sector``: (…, sector), ``revolution sector``: (…, revolution,
+sector) float64, NaN beyond the sectors of a case. What is of sensors has ``sensor`` before these."""
 
 Origin = Literal["scheme", "workflow"]
 
@@ -25,6 +38,8 @@ Condition = Literal[
     "sections",
     "sensors",
     "events",
+    "coating",
+    "wear",
     "contacts",
     "steady",
     "steady sensors",
@@ -35,9 +50,9 @@ Condition = Literal[
     "auto reference",
 ]
 """When an archive has the variable: always, with ``output.temperature_depth``, ``output.balances``,
-``output.sections``, ``output.sensors``, ``output.events`` or ``output.steady``, of several contacts, with sensors and
-steady rubs, where an axis is a branch, with a reference, if a scheme declares it, where a tolerance decides a count of
-modes."""
+``output.sections``, ``output.sensors``, ``output.events``, ``output.wear`` or ``output.steady``, with a coating, of
+several contacts, with sensors and steady rubs, where an axis is a branch, with a reference, if a scheme declares it,
+where a tolerance decides a count of modes."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +81,11 @@ class Variable:
     @property
     def is_of_contact(self) -> bool:
         """Whether it has a value for each of several contacts, along ``contact`` before ``t`` or ``period``."""
-        return (self.shape == "period" and not self.is_of_sensor) or self.name in _OF_CONTACT
+        return (
+            (self.shape == "period" and not self.is_of_sensor)
+            or self.condition in ("coating", "wear")
+            or self.name in _OF_CONTACT
+        )
 
     @property
     def is_of_sensor(self) -> bool:
@@ -109,6 +128,30 @@ def _of_sensors() -> Iterator[Variable]:
         yield Variable(name, "", meaning, condition="steady sensors", comment=samples, **defined)
     meaning = "value of a sensor over a period of the steady rub"
     yield Variable("orbit_sensor", "", meaning, "phase", condition="steady sensors", **defined)
+
+
+def _of_coating() -> Iterator[Variable]:
+    """Yield the variables of a casing's coating."""
+    beyond, depth = "NaN beyond the sectors of a case", "worn depth of the casing's coating in each sector"
+    undefined: Any = {"origin": "scheme", "may_be_undefined": True}
+    yield Variable("worn_depth", "m", f"{depth} at the end", "sector", condition="coating", comment=beyond, **undefined)
+    yield Variable("max_worn_depth", "m", "largest worn depth of the coating at the end", condition="coating")
+    work = "work that crushes the coating: yield_force + hardening x worn depth, integrated over the worn depth"
+    yield Variable("crushing_work", "J", work, condition="coating")
+    yield Variable(
+        "border_work",
+        "J",
+        "work of the drive at borders between sectors of the coating",
+        origin="scheme",
+        condition="coating",
+        signed=True,
+        comment=(
+            "what borders put into the elastic casing and crush at once; contact takes from the structure what the "
+            "casing holds more at the end than at the start, and crushing_work, less border_work"
+        ),
+    )
+    ends = f"{depth} at the ends of revolutions"
+    yield Variable("wear_map", "m", ends, "revolution sector", condition="wear", comment=beyond, **undefined)
 
 
 def _of_events() -> Iterator[Variable]:
@@ -472,6 +515,7 @@ TABLE = (
     *steady_variables(),
     *_of_sensors(),
     *_of_events(),
+    *_of_coating(),
     Variable("bifurcation", "1", "what happens at a point of a branch of steady rubs", "point", condition="branch"),
     Variable("status", "1", "how the case ended", "flag", "scheme"),
     Variable(
@@ -495,6 +539,9 @@ STEADY = frozenset({"phase", "point"})
 
 SENSORS, EVENTS = frozenset({"sensor", "sensor_unit"}), frozenset({"event"})
 """Dimensions and labels of archives with sensors, or with events."""
+
+WORN = frozenset({"sector", "sector_angle", "revolution"})
+"""Dimensions and labels of archives with a coating."""
 
 BY_NAME = {variable.name: variable for variable in TABLE}
 

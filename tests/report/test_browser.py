@@ -252,3 +252,22 @@ def test_load_periods_that_are_alike_are_a_level_line(wide: Any, tmp_path: Path)
         ticks, labels = wide.execute_script(script)
         assert 3 <= len(ticks) <= 8
         assert len(set(labels)) == len(ticks)
+
+
+def test_the_worn_depth_is_that_of_the_case_that_is_selected(wide: Any, tmp_path: Path) -> None:
+    axes = "axes: {scheme: moreau, alpha: [0, 50], h: 1e-5}\n"
+    study = parsed("study: worn\n" + SCENE + axes + "output: {interval: 1 ms, balances: false}\n")
+    coating = {"yield_force": 20, "hardening": 1e6, "sectors": 8}
+    casing = {"gap": 5e-5, "flexibility": 1e-7, "coating": coating}
+    study = study.with_({"scene.casing": casing, "scene.speed": 50.0})
+    run_study(study, tmp_path / "worn.nc")
+    opened(wide, write_report(tmp_path / "worn.nc").page)
+    assert errors(wide) == []
+    with open_archive(tmp_path / "worn.nc") as dataset:
+        for k, alpha in enumerate(("0", "50")):
+            wide.execute_script(MODEL + "model('slider_alpha').value = arguments[0]", alpha)
+            settle(wide)
+            depth = 1e6 * dataset["worn_depth"][k].values
+            assert drawn(wide, "worn_depths", "depth")[::2] == pytest.approx(depth, abs=0.01 * depth.max())
+            text = wide.execute_script("return document.getElementById('worn-about').textContent")
+            assert text == f"At the end; largest {depth.max():.3g} µm, mean {depth.mean():.3g} µm."

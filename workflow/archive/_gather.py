@@ -180,10 +180,10 @@ def _as_slice(index: NDArray[np.int64]) -> Index:
 
 
 def _put(values: NDArray[Any], where: Index, there: NDArray[Any]) -> None:
-    """Put stored values of cases in their places; of load periods each case has as many as it had."""
+    """Put stored values of cases in their places; of load periods, or sectors, each case has as many as it had."""
     if there.shape[1:] != values.shape[1:]:
-        width = min(there.shape[-1], values.shape[-1])
-        values[where, ..., :width] = there[..., :width]
+        both = tuple(slice(min(sizes)) for sizes in zip(there.shape[1:], values.shape[1:], strict=True))
+        values[(where, *both)] = there[(slice(None), *both)]
         return
     with np.errstate(over="ignore"):  # a diverged float64 is an infinite float32
         values[where] = there

@@ -309,9 +309,9 @@ def _has(kinds: Kinds, name: str, variable: xr.Variable, cases: int) -> bool:
     if name not in kinds:
         return name not in BY_NAME or is_steady or (is_period and "period" not in kinds)
     dtype, tail = kinds[name]
-    # the hash of a case covers how many samples it has, or events
-    is_whole = is_period or is_steady or "event" in variable.dims or tail == variable.shape[cases:]
-    return is_whole and dtype.itemsize >= variable.dtype.itemsize
+    # the hash of a case covers how many samples it has, or events, or sectors
+    is_whole = is_period or is_steady or {"event", "sector"} & set(variable.dims) or tail == variable.shape[cases:]
+    return bool(is_whole) and dtype.itemsize >= variable.dtype.itemsize
 
 
 def surplus(template: xr.Dataset, kinds: Kinds) -> list[str]:

@@ -15,7 +15,7 @@ from workflow import schemes
 from workflow.cases._choice import OF_REFERENCE, Choices, ChosenModes, Setting, choose, refine
 from workflow.cases._conditions import FRICTION, sinusoids_of
 from workflow.judges.trials import EXACT
-from workflow.models import Harmonics, period_frequency
+from workflow.models import AT_BORDER, Harmonics, period_frequency
 from workflow.schemes import Sampling, complete_periods
 from workflow.study import CHOSEN, Axis, CaseSettings, Dimension, SchemeChoice, Study
 
@@ -109,7 +109,29 @@ class Grid:
         duration, interval = self.study.scene.duration, self.study.output.interval
         count = round(duration / interval) + 1
         output, ends = self.study.output, self.study.swept is not None
-        return Sampling(duration, interval, count, output.balances, output.events or 0, ends)
+        wear_every = 0 if output.wear is None else output.wear.every
+        return Sampling(duration, interval, count, output.balances, output.events or 0, ends, wear_every)
+
+    def each(self, path: str) -> tuple[Any, ...]:
+        """Return the values at a path of the scene in all cases: those of its axis, or the scene's one."""
+        own: Any = self.study.scene
+        for word in path.split(".")[1:]:
+            own = getattr(own, word)
+        return next((axis.values for axis in self.study.axes() if axis.path == path), (own,))
+
+    @cached_property
+    def most_sectors(self) -> int:
+        """Size of the dimension ``sector``: the most sectors of a coating; 0 without one."""
+        coating = self.study.scene.casing.coating
+        return 0 if coating is None else max(map(int, self.each("scene.casing.coating.sectors")))
+
+    @cached_property
+    def revolutions(self) -> Indices:
+        """Revolutions at whose ends worn depths are mapped in some case, ``(revolution,)``; none if not asked for."""
+        if self.study.output.wear is None:
+            return np.zeros(0, dtype=np.int64)
+        every, fastest = self.study.output.wear.every, max(map(float, self.each("scene.speed")))
+        return every * np.arange(1, int(self.study.scene.duration * fastest / every + AT_BORDER) + 1)
 
     @cached_property
     def longest_period_count(self) -> int:

@@ -13,7 +13,7 @@ from workflow import schemes
 from workflow.cases._structures import full_structure
 from workflow.declare import File, Values
 from workflow.judges.distances import perturbed
-from workflow.models import Array, Cases, EndState, Harmonics, Structure
+from workflow.models import Array, Cases, Coating, EndState, Harmonics, Structure
 from workflow.study import CaseSettings, Initial, Scene
 
 FRICTION = "scene.friction."
@@ -30,14 +30,19 @@ class Start(NamedTuple):
     load_turns: Array
     casing_turns: Array
     """Parts of a turn by which their harmonics are ahead of the phases of the study, 1, ``(case, harmonic)``."""
+    sector_turns: Array
+    """Part of a turn by which the contacts are ahead along a coating, 1, ``(case,)``."""
+    worn: Array
+    """Worn depths of the coating, m, ``(case, contact, sector)``; no sectors without one."""
 
     @classmethod
-    def after(cls, end: EndState, cases: Cases, start: Start | None, duration: float) -> Start:
+    def after(cls, end: EndState, worn: Array, cases: Cases, start: Start | None, duration: float) -> Start:
         """Return the start after cases, with that of their own, which ended there after a time [s]."""
         load, casing = (own.frequency * duration for own in (cases.load_harmonics, cases.casing_harmonics))
+        turns = np.zeros(cases.count) if cases.coating is None else cases.coating.speed * duration
         if start is not None:
-            load, casing = load + start.load_turns, casing + start.casing_turns
-        return cls(*end, load % 1.0, casing % 1.0)
+            load, casing, turns = load + start.load_turns, casing + start.casing_turns, turns + start.sector_turns
+        return cls(*end, load % 1.0, casing % 1.0, turns % 1.0, worn)
 
     def take(self, which: Any) -> Start:
         """Return that of some cases."""
@@ -100,8 +105,32 @@ def conditions(
         friction=friction_of(settings, structure, varying, count),
         turns=turns_of(scene, structure, varying, count),
         offset=offset_of(structure, count),
+        coating=_coating_of(scene, structure, varying, count, start),
     )
     return structure.received(given)
+
+
+def _coating_of(
+    scene: Scene, structure: Structure, varying: Mapping[str, Array], count: int, start: Start | None
+) -> Coating | None:
+    """Return the coating of each case, unworn or as it is at the start; ``None`` without one."""
+    own = scene.casing.coating
+    if own is None:
+        return None
+    numbers = coating_numbers(scene, varying, count)
+    sectors, turns = numbers["sectors"], angles_of(scene, structure, varying, count) / (2 * np.pi)
+    worn = np.zeros((*turns.shape, int(sectors.max())))
+    if start is not None:
+        turns, worn = turns + start.sector_turns[:, None], start.worn[..., : worn.shape[2]]
+    return Coating(**numbers, turns=turns, worn=worn)
+
+
+def coating_numbers(scene: Scene, varying: Mapping[str, Array], count: int) -> dict[str, Array]:
+    """Return yield force, hardening, sectors and speed of each case with a coating, ``(case,)``, by name."""
+    own, above = scene.casing.coating, "scene.casing.coating"
+    names = ("yield_force", "hardening", "sectors")
+    numbers = {name: spread(varying, f"{above}.{name}", getattr(own, name), count) for name in names}
+    return numbers | {"speed": spread(varying, "scene.speed", scene.speed, count)}
 
 
 def spread(varying: Mapping[str, Array], path: str, value: float, count: int) -> Array:
@@ -144,16 +173,22 @@ def offset_of(structure: Structure, count: int) -> Array:
 
 def turns_of(scene: Scene, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
     """Return order · ψ_i of the casing's harmonics, 0 of those by a frequency, rad, ``(case, contact, harmonic)``."""
-    own = structure.contacts.angle
-    angles = np.asarray(own if scene.casing.angles is None else scene.casing.angles)
-    if "scene.casing.angles" in varying:
-        angles = varying["scene.casing.angles"][:, None]
-    turns = np.zeros((count, own.size, len(scene.casing.harmonics)))
+    angles = angles_of(scene, structure, varying, count)
+    turns = np.zeros((*angles.shape, len(scene.casing.harmonics)))
     for k, entry in enumerate(scene.casing.harmonics):
         if entry.order is not None:
             order = spread(varying, f"scene.casing.harmonics.{k}.order", entry.order, count)
             turns[:, :, k] = order[:, None] * angles
     return turns
+
+
+def angles_of(scene: Scene, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
+    """Return ψ_i of the contacts, rad, ``(case, contact)``."""
+    own = structure.contacts.angle
+    angles = np.asarray(own if scene.casing.angles is None else scene.casing.angles)
+    if "scene.casing.angles" in varying:
+        angles = varying["scene.casing.angles"][:, None]
+    return np.array(np.broadcast_to(angles, (count, own.size)))
 
 
 def sinusoids_of(scene: Scene, varying: Mapping[str, Array], count: int) -> tuple[Harmonics, Harmonics]:

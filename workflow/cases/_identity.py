@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 
 from workflow import schemes
 from workflow.cases._arrangement import TOLERANCE, Grid, Indices
-from workflow.cases._conditions import FRICTION, alpha_of, friction_of, harmonics_of, heat_load, spread, turns_of
+from workflow.cases._conditions import (
+    FRICTION,
+    alpha_of,
+    angles_of,
+    coating_numbers,
+    friction_of,
+    harmonics_of,
+    heat_load,
+    spread,
+    turns_of,
+)
 from workflow.cases._reference import exact_settings, reference_settings
 from workflow.cases._structures import full_structure
 from workflow.declare import plain
@@ -49,8 +59,8 @@ def hashes_of(grid: Grid, outer: int, inner: Indices) -> NDArray[np.uint8]:
     A hash covers the solver's version, which stands for the sources of this package, and the sources of modules from
     outside that the case uses; model, conditions, duration and sampling; the scheme with its options, those of e, h
     and α that it reads, basis and mode counts (those that a tolerance decided, with the error that was found); what is
-    asked of steady rubs, temperatures over a depth, sensors and events; and the reference in the same way: values in
-    SI, to the bit. Labels, titles, the place in the grid, the precision and which histories are stored do not enter.
+    asked of steady rubs, temperatures over a depth, sensors, events and wear; and the reference in the same way: values
+    in SI, to the bit. Labels, titles, the place in the grid, the precision and which histories are stored do not enter.
 
     A point of a sweep has the hash of that of the point before and of its own; ``inner`` are whole lines then.
     """
@@ -92,6 +102,7 @@ def _shared(grid: Grid, outer: int, settings: CaseSettings) -> dict[str, Any]:
         **_steady(grid.study, settings),
         **({} if not (sensors := grid.study.output.sensors) else {"sensors": [plain(one) for one in sensors.values()]}),
         **_events(grid.study, settings),
+        **({} if (wear := grid.study.output.wear) is None else {"wear": plain(wear)}),
         **({} if choice is None else {"basis_error": choice.error.hex()}),
         **({} if of_reference is None else {"reference_basis_error": of_reference.error.hex()}),
         **({} if choice is None or reference is None else {"tolerance": float(grid.value(outer, TOLERANCE))}),
@@ -165,7 +176,10 @@ def _is_summed_up(path: str) -> bool:
 
 
 def _of_casing(settings: CaseSettings, varying: Any, count: int) -> dict[str, Any]:
-    """Return gap + clearance of each contact that has its own, and by what it is turned, by name, ``(case,)`` each."""
+    """Return the conditions at the casing by name, ``(case,)`` each.
+
+    They are gap + clearance of each contact that has its own, by what it is turned, and the coating.
+    """
     casing, columns = settings.scene.casing, dict[str, Any]()
     clearance = spread(varying, "scene.casing.clearance", casing.clearance, count)
     if isinstance(casing.gap, tuple):
@@ -177,6 +191,11 @@ def _of_casing(settings: CaseSettings, varying: Any, count: int) -> dict[str, An
         if casing.angles is not None or not structure.contacts.is_tip:
             turns = turns_of(settings.scene, structure, varying, count)
             columns |= {f"scene.casing.turns.{k}": column for k, column in enumerate(turns.reshape(count, -1).T)}
+    if casing.coating is not None:
+        numbers = coating_numbers(settings.scene, varying, count)
+        angles = angles_of(settings.scene, full_structure(settings), varying, count)
+        columns |= {f"scene.casing.coating.{name}": column for name, column in numbers.items()}
+        columns |= {f"scene.casing.coating.angle.{k}": column for k, column in enumerate(angles.T)}
     return columns
 
 

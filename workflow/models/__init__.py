@@ -16,6 +16,7 @@ from threadpoolctl import ThreadpoolController
 
 from workflow.kernels import Array
 from workflow.models._cases import Cases, EndState, Harmonics, distinct_rows, period_frequency, project
+from workflow.models._coating import AT_BORDER, MOST_SECTORS, Coating, coated_forces
 from workflow.models._contact_coordinates import ContactsLast, contacts_last, independent_rows
 from workflow.models._contact_system import (
     ContactBasis,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array, elementwise
 from workflow.kernels.compiled import kernel
+from workflow.models._coating import Coating
 
 
 class EndState(NamedTuple):
@@ -143,6 +144,8 @@ class Cases:
     offset: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """Displacement of contacts without mass by constant loads beside that of the modes, m, ``(case, contact)``; 0 by
     default."""
+    coating: Coating | None = None
+    """That of the casing, ``None`` where it has none."""
 
     def __post_init__(self) -> None:
         """Fill what is left out with a row for each case."""
@@ -175,7 +178,8 @@ class Cases:
 
     def take(self, which: NDArray[Any] | slice) -> Cases:
         """Return the cases selected along the first axis."""
-        return Cases(**{name: getattr(self, name)[which] for name in self.__dataclass_fields__})
+        rows = {name: getattr(self, name)[which] for name in self.__dataclass_fields__ if name != "coating"}
+        return Cases(**rows, coating=None if self.coating is None else self.coating.take(which))
 
     def load_at(self, t: float | Array) -> Array:
         """Return the tip load f(t) = F0 + Σ A_k sin(2π f_k t + φ_k), N, ``(case,)``.
@@ -203,7 +207,7 @@ class Cases:
     @property
     def finite(self) -> NDArray[np.bool_]:
         """Cases whose numbers are all finite."""
-        values = [getattr(self, name) for name in self.__dataclass_fields__]
+        values = [getattr(self, name) for name in self.__dataclass_fields__ if name != "coating"]
         rows = [row for value in values for row in (value.rows if isinstance(value, Harmonics) else (value,))]
         fine = np.ones(self.count, dtype=bool)
         for row in rows:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from workflow.kernels import Array
 from workflow.kernels.lemke import complementarity
 from workflow.models._cases import Cases, distinct_rows
+from workflow.models._coating import coated_forces
 from workflow.models._contacts import Contacts, closed_sets
 from workflow.models._modes import coupled_damping, mechanical_modes
 from workflow.models._pair import UNBALANCED
@@ -292,7 +293,14 @@ def static_equilibrium(
 
 
 def _equilibrium(
-    structure: Structure, static: ContactStatics, load: Array, heating: Array, gap: Array, friction: float
+    structure: Structure,
+    static: ContactStatics,
+    load: Array,
+    heating: Array,
+    gap: Array,
+    friction: float,
+    level: Array | float = np.inf,
+    hardening: float = 0.0,
 ) -> _Equilibrium:
     pair, contacts = structure.mechanical, structure.contacts
     if structure.thermal.moves(heating):
@@ -302,7 +310,18 @@ def _equilibrium(
     if contacts.residual_coupling is not None:
         gap = gap + contacts.residual_coupling @ temperature
     free = pair.solve(force)
-    pressed = _pressed(static, force, push, gap - contacts.normal @ free, friction)
+    apart = gap - contacts.normal @ free
+    pressed = _pressed(static, force, push, apart, friction)
+    if np.any(pressed > level):
+        crushed = None
+        if not static.motions.size:
+            both = static.compliance(friction), apart, contacts.casing_flexibility
+            crushed = coated_forces(*both, np.asarray(level), hardening)
+        elif hardening > 0:
+            crushed = pressed, np.fmax(0.0, pressed - level) / hardening
+        if crushed is None:
+            raise NoEquilibriumError("the constant loads crush the coating for ever, it has no equilibrium")
+        pressed, gap = crushed[0], gap + crushed[1]
     x = pair.solve(force - pressed @ push) if pressed.any() else free
     own = gap + contacts.compliance(friction) @ pressed
     place = contacts.normal @ x
@@ -350,9 +369,14 @@ def at_rest(structure: Structure, cases: Cases) -> Cases:
     load = cases.steady + cases.mean[:, None] * structure.load_direction
     place, moves = cases.casing_of_contacts(0.0)
     gaps = place - cases.mean[:, None] * contacts.residual_load_or_zero
-    first, which = distinct_rows(load, cases.heating, gaps, cases.friction[:, None])
-    friction = cases.friction.tolist()
-    states = [_equilibrium(structure, static, load[k], cases.heating[k], gaps[k], friction[k]) for k in first]
+    level, hardening = np.full_like(gaps, np.inf), np.zeros(cases.count)
+    if cases.coating is not None:
+        gaps, hardening = gaps + cases.coating.worn_at_start(), cases.coating.hardening
+        level = cases.coating.level_at_start()
+    numbers = np.column_stack([cases.friction, level, hardening])
+    first, which = distinct_rows(load, cases.heating, gaps, numbers)
+    rows = (load, cases.heating, gaps, cases.friction, level, hardening)
+    states = [_equilibrium(structure, static, *(row[k] for row in rows)) for k in first]
     displacement, temperature, closed = (np.stack(rows)[which] for rows in zip(*states, strict=True))
     velocity = np.zeros_like(displacement)
     for i in np.flatnonzero(closed.any(axis=1) & (not contacts.is_compliant)):

@@ -20,6 +20,7 @@ from workflow.cases import (
     solution_counts,
 )
 from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod, one_thread
+from workflow.plan._coating import coating_lines
 from workflow.plan._figures import Figures, figures, speed_lines
 from workflow.plan._template import made_by_friction
 from workflow.plan._warnings import (
@@ -83,7 +84,7 @@ class Plan:
     """Counts of modes that a tolerance decides, for which structures, and the error found."""
     operators: tuple[str, ...]
     """What the schemes step the distinct structures by, where there is a choice, and how many more there are; before it
-    the ends of the speeds on which structures depend."""
+    the ends of the speeds on which structures depend, and how deep loads cut a coating."""
     warnings: tuple[str, ...]
     """What to beware of, one sentence each."""
 
@@ -138,7 +139,12 @@ def _plan(grid: Grid) -> Plan:
         structures=tuple(figures(settings, *ends_of_friction(grid, settings)) for settings in shown),
         more_structures=len(structures) - len(shown),
         choices=choice_lines(grid),
-        operators=(*speed_lines(grid), *distinct_lines(_operators(grid), _STRUCTURES_SHOWN), *_factors(shown)),
+        operators=(
+            *speed_lines(grid),
+            *coating_lines(grid),
+            *distinct_lines(_operators(grid), _STRUCTURES_SHOWN),
+            *_factors(shown),
+        ),
         warnings=(*coarse_tip(grid), *warnings(grid)),
     )
 

@@ -197,11 +197,13 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
         yield "gap", _variable(("contact",) * gap.ndim, gap, about)
     yield from _of_contacts(grid, names)
     yield from _of_sensors(study)
+    yield from _of_coating(grid)
     numbers = np.arange(1, 1 + max(sizes.get(name, 0) for name in ("period", "point")))
     for name, values, unit, meaning in (
         ("t", grid.sampling.times, "s", "time since the start"),
         ("period", numbers, "1", "number of the load period"),
         ("point", numbers, "1", "number of the point, by arclength"),
+        ("revolution", grid.revolutions, "1", "number of the revolution of the casing's angle that has ended"),
         (
             "phase",
             np.arange(sizes.get("phase", 0)) / sizes.get("phase", 1),
@@ -231,6 +233,18 @@ def _of_contacts(grid: Grid, names: set[str]) -> Iterator[tuple[str, xr.Variable
     if angle is not None and np.any(angle):
         about = {"units": "rad", "long_name": "angle of a contact in the direction in which the blade turns"}
         yield "contact_angle", _variable(("contact",) * np.ndim(angle), np.asarray(angle), about)
+
+
+def _of_coating(grid: Grid) -> Iterator[tuple[str, xr.Variable]]:
+    """Yield the angles of the sectors of a coating, along the axis of their number too where it has one."""
+    if not grid.most_sectors:
+        return
+    path, middles = "scene.casing.coating.sectors", np.arange(grid.most_sectors) + 0.5
+    along = [d.name for d in (*grid.outer, *grid.inner) if any(axis.path == path for axis in d.axes)]
+    counts = np.array(grid.each(path), dtype=np.float64)[:, None]
+    angles = 2 * np.pi * np.where(middles < counts, middles / counts, np.nan)
+    about = {"units": "rad", "long_name": "angle of the middle of a sector of the casing, as a contact passes it"}
+    yield "sector_angle", _variable((*along, "sector"), angles if along else angles[0], about)
 
 
 def _of_sensors(study: Study) -> Iterator[tuple[str, xr.Variable]]:

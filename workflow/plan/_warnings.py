@@ -48,6 +48,7 @@ from workflow.judges.cautions import (
 from workflow.judges.trials import EXACT, reason_of
 from workflow.kernels import Array
 from workflow.models import Cases, Chain, Structure, frequencies, one_thread, project
+from workflow.plan._coating import coating_cautions
 from workflow.plan._figures import size_text
 from workflow.reduction import DEFAULT, Reduction
 from workflow.solve import observed_structure, projection_residual_of
@@ -357,6 +358,7 @@ def warnings(grid: Grid) -> tuple[str, ...]:
         *_fixed_reference(grid),
         *choice_cautions(grid),
         *cautions_of_scene(grid),
+        *coating_cautions(grid),
         *steps,
     )
     return tuple(dict.fromkeys(sentences))

@@ -1,8 +1,8 @@
 """Pictures of an archive with Matplotlib; imported when something is drawn.
 
 For papers: ``histories``, ``contacts``, ``scene_map``, ``work_precision``, ``convergence``, ``sobol_indices``,
-``bifurcation``, ``branches``, ``clearance``, ``interaction_map`` and ``sweep`` each draw a dataset as a ``Figure``,
-``campbell`` a study.
+``bifurcation``, ``branches``, ``clearance``, ``interaction_map``, ``sweep`` and ``wear_map`` each draw a dataset as a
+``Figure``, ``campbell`` a study.
 """
 
 from __future__ import annotations
@@ -14,3 +14,4 @@ from workflow.plots._precision import convergence, work_precision
 from workflow.plots._response import HISTORIES, Curve, histories, tip_response
 from workflow.plots._speed import campbell, clearance, interaction_map
 from workflow.plots._style import COLOURS, MADE_BY, save, write_figure
+from workflow.plots._wear import wear_map

@@ -343,7 +343,8 @@ def _cases(part: xr.Dataset, order: Sequence[int], scene: Mapping[str, Any]) -> 
     orbits = ORBIT if ORBIT[0] in part and "point" not in part.dims else ()
     contacts = part.sizes.get(_CONTACT, 0)
     others = [*orbits, *(name for name in ("period_impulse", "growth_rate") if name in part)]
-    if not names and not orbits and "period_impulse" not in part:
+    has_worn = "worn_depth" in part
+    if not names and not orbits and "period_impulse" not in part and not has_worn:
         return None
     dims, samples = case_dims(part), part.sizes.get("t", 0)
     rows = len(names) + contacts
@@ -351,8 +352,10 @@ def _cases(part: xr.Dataset, order: Sequence[int], scene: Mapping[str, Any]) -> 
     kept = order[: min(MOST_KEPT, max(1, MOST_SAMPLES // size))]
     buckets = int(np.clip(MOST_SAMPLES // (2 * len(kept) * max(rows, 1)), BUCKETS, MOST_BUCKETS))
     others += [_OF_CONTACTS] if contacts else []
+    others += ["worn_depth"] if has_worn else []
     has_gap = "displacement" in names and "gap" in part.coords
     units = {name: _unit(part, name) for name in [*names, *orbits[:1]]}
+    worn_unit = scaled("m", part["worn_depth"].values) if has_worn else ("", 1.0)
     is_small = sum(part[name].nbytes for name in [*names, *others]) <= MOST_READ
     read = {name: part[name].values if is_small else part.variables[name] for name in [*names, *others]}
     of_scene, status = _of_scene(part), np.asarray(part["status"].values)
@@ -384,6 +387,8 @@ def _cases(part: xr.Dataset, order: Sequence[int], scene: Mapping[str, Any]) -> 
             entry["contacts"] = _contacts(part, values[_OF_CONTACTS], 2 * buckets)
         if "period_impulse" in values:
             entry["periods"] = _periods(values["period_impulse"], float(values.get("growth_rate", np.nan)), frequency)
+        if has_worn:
+            entry["worn"] = _worn(values["worn_depth"], worn_unit)
         if orbits and np.isfinite(values[ORBIT[0]]).all():
             entry["orbit"] = [closed(values[name]) for name in orbits]
         if status[place] != Status.OK and "message" in part:
@@ -394,10 +399,22 @@ def _cases(part: xr.Dataset, order: Sequence[int], scene: Mapping[str, Any]) -> 
         "contacts": contacts,
         "titles": [f"{HISTORIES[name]} [{units[name][0]}]" for name in names],
         "t": t,
+        "worn_unit": worn_unit[0],
         "orbit_unit": units[orbits[0]][0] if orbits else None,
         "thinned": samples > 2 * buckets and bool(names),
         "entries": entries,
     }
+
+
+def _worn(depth: Array, unit: tuple[str, float]) -> dict[str, Any]:
+    """Return the worn depth of a case over the angle [°], a level for each sector or of many their extremes."""
+    depth = depth[np.isfinite(depth)] * unit[1]
+    edges = np.linspace(0.0, 360.0, depth.size + 1)
+    angle, level = np.repeat(edges, 2)[1:-1], np.repeat(depth, 2)
+    if depth.size > 2 * BUCKETS:
+        angle, level = thinned_times(edges[:-1], BUCKETS), thinned(depth, BUCKETS)
+    largest, mean = (f"{of(depth):.3g} {unit[0]}" if depth.size else "unknown" for of in (np.max, np.mean))
+    return {"angle": angle, "depth": on_screen(level), "text": f"At the end; largest {largest}, mean {mean}."}
 
 
 def _contacts(part: xr.Dataset, history: Array, most: int) -> dict[str, Any]:

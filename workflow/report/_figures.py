@@ -80,6 +80,8 @@ def case_figures(about: Mapping[str, Any]) -> dict[str, Any]:
             figures["modes"] = _modes(about["modes"], about["chosen_modes"])
     if cases and any("periods" in entry for entry in cases["entries"].values()):
         figures["periods"] = _periods()
+    if cases and cases["worn_unit"]:
+        figures["worn"] = _worn(cases["worn_unit"])
     if cases and cases["orbit_unit"]:
         figures["orbit"] = orbit_panels(cases["orbit_unit"])
     return figures
@@ -133,6 +135,15 @@ def _contacts(count: int, time: Any) -> Any:
     panel.add_layout(models.ColorBar(color_mapper=colours, height=10, padding=4, title="contact force [N]"), "above")
     panel.grid.visible = False
     panel.yaxis.name, panel.yaxis.ticker = "contact_names", models.FixedTicker(ticks=[])
+    return panel
+
+
+def _worn(unit: str) -> Any:
+    """Return the worn depth over the angle of the casing."""
+    label = f"worn depth [{unit}]"
+    panel = panel_of("worn", 215, x_range=(0, 360), x_axis_label="angle of the casing [°]", y_axis_label=label)
+    panel.line("angle", "depth", source=source_of("worn_depths", "angle", "depth"), line_color=CHOSEN, line_width=1.5)
+    panel.xaxis.ticker = panel.xgrid.ticker = models.FixedTicker(ticks=list(range(0, 361, 45)))
     return panel
 
 

@@ -74,7 +74,7 @@ if TYPE_CHECKING:
 
 Section = dict[str, Any]
 
-METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration")
+METRICS = ("contact_impulse", "impacts", "max_temperature", "max_penetration", "max_worn_depth")
 _ALONG_BRANCHES = ("steady_max_temperature", "steady_impulse", "floquet_multiplier")
 _DECIDED_SHOWN = 40
 _FAILURES_SHOWN = 20

@@ -93,6 +93,11 @@
       }
       if (model("periods")) drawPeriods(entry?.periods);
       if (model("contacts")) drawContacts(entry?.contacts);
+      if (model("worn")) {
+        const { angle = [], depth = [], text } = entry?.worn ?? {};
+        fill("worn_depths", { angle, depth });
+        say("worn-about", text ?? "The page does not hold the worn depths of this case.");
+      }
     }
     function drawHistories(number, entry, partner) { // with those of its exact partner behind
       const other = partner === number ? undefined : cases.entries[partner];

@@ -152,17 +152,19 @@ def _unsettled(dataset: xr.Dataset) -> Iterator[str]:
 
 
 def _moving(dataset: xr.Dataset) -> Iterator[str]:
-    """Yield how far the largest temperature still moves between the two finest meshes of an axis."""
-    for name, values in dataset.coords.items() if "max_temperature" in dataset else ():
+    """Yield how far the largest temperature, or worn depth, still moves between the two finest meshes of an axis."""
+    decided = {"nodes": "max_temperature", "tip_cell": "max_temperature", "sectors": "max_worn_depth"}
+    for name, values in dataset.coords.items():
         word = str(values.attrs.get("study_path", "")).rsplit(".", 1)[-1]
-        if word in ("nodes", "tip_cell") and values.size > 1:
-            coarse, fine = np.argsort(values.values if word == "nodes" else -values.values)[-2:]
-            hottest = dataset["max_temperature"].where(dataset["status"] == Status.OK)
-            before, last = (hottest.isel({values.dims[0]: k}) for k in (coarse, fine))
+        metric = decided.get(word, "")
+        if metric in dataset and values.size > 1:
+            coarse, fine = np.argsort(-values.values if word == "tip_cell" else values.values)[-2:]
+            largest = dataset[metric].where(dataset["status"] == Status.OK)
+            before, last = (largest.isel({values.dims[0]: k}) for k in (coarse, fine))
             change = float(np.abs(1 - before / last.where(last != 0)).max())
             ends = f"{name} = {values.values[coarse]:g} to {values.values[fine]:g}"
-            if change >= 0:  # some case is warm
-                yield f"max_temperature still changes by up to {100 * change:.2g} % from {ends}"
+            if change >= 0:  # some case is warm, or worn
+                yield f"{metric} still changes by up to {100 * change:.2g} % from {ends}"
 
 
 def case_of(dataset: xr.Dataset, number: int) -> xr.Dataset:

@@ -24,15 +24,17 @@ class ContractError(ValueError):
 
 
 def refuse(scheme: Scheme, cases: Cases) -> None:
-    """Raise where a scheme would ignore the harmonics or the friction of some cases.
+    """Raise where a scheme would ignore the harmonics, the friction or the coating of some cases.
 
     Raises
     ------
     ContractError
-        The scheme does not take harmonics of their load, their moving casing or their friction.
+        The scheme does not take harmonics of their load, their moving casing, their friction or their coating.
     """
     if cases.friction.any() and "friction" not in scheme.GENERAL:
         raise ContractError("the scheme does not take friction along the direction in which the casing slides")
+    if cases.coating is not None and "coating" not in scheme.GENERAL:
+        raise ContractError("the scheme does not take a casing with a coating")
     reason = scheme.cannot_take(cases.load_harmonics.width > 1, cases.casing_harmonics.width > 0)
     if reason is not None:
         raise ContractError(f"the scheme {reason}")
@@ -41,7 +43,7 @@ def refuse(scheme: Scheme, cases: Cases) -> None:
 def arrays_by_name(results: Results) -> dict[str, Array]:
     """Return all arrays of results by the names that the table of variables gives them."""
     periods = {name: getattr(results, name) for name in PERIODS}
-    return {**results.histories, **results.metrics, **periods, **results.sections}
+    return {**results.histories, **results.metrics, **periods, **results.sections, **results.wear}
 
 
 def checked(results: Results, cases: Cases, sampling: Sampling, sensors: int = 0) -> Results:
@@ -60,6 +62,8 @@ def checked(results: Results, cases: Cases, sampling: Sampling, sensors: int = 0
     expected = [about for about in expected if about.condition != "balances" or sampling.balances]
     expected = [about for about in expected if about.condition != "sections" or results.sections]
     expected = [about for about in expected if about.condition != "sensors" or sensors]
+    expected = [about for about in expected if about.condition != "coating" or cases.coating is not None]
+    expected = [about for about in expected if about.condition != "wear" or sampling.wear_every]
     periods = complete_periods(cases.period_frequency, sampling)
     least = int(periods.max(initial=0))
     for about in expected:
@@ -95,7 +99,8 @@ def _check_shape(
         sound = values.shape[:-1] == each and values.shape[-1] >= least
         expected = f"({', '.join(map(str, each))}, at least {least})"
     else:
-        sound, expected = values.shape == shape, str(shape)
+        count = {"sector": 1, "revolution sector": 2}.get(about.shape, 0)
+        sound, expected = values.shape[: values.ndim - count] == shape, str(shape)
     if not sound:
         raise ContractError(f"the scheme gives `{about.name}` the shape {values.shape} where it is {expected}")
 
@@ -132,4 +137,5 @@ def _with_failed(results: Results, messages: dict[int, str]) -> Results:
         messages={**results.messages, **messages},
         sections={name: blank(values) for name, values in results.sections.items()},
         events={name: blank(values) for name, values in results.events.items()},
+        wear={name: blank(values) for name, values in results.wear.items()},
     )

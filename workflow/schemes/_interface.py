@@ -57,6 +57,8 @@ class Sampling:
     """Most events of a case that are kept, of event_driven."""
     ends: bool = False
     """Whether the states at the end are asked for."""
+    wear_every: int = 0
+    """Revolutions from one row of ``wear_map`` to the next; 0 where it is not asked for."""
 
     @property
     def times(self) -> Array:
@@ -136,6 +138,10 @@ class Results:
     """``event_time`` [s], ``event_kind`` (place in :data:`~workflow.variables.EVENT_KINDS`), ``event_impulse`` [N s],
     ``event_approach`` [m/s], ``event_contact`` (from 0), ``(case, event)``, NaN beyond the last, and ``event_count``,
     ``(case,)``; empty where none are asked for or given."""
+    wear: dict[str, Array] = field(default_factory=dict)
+    """Of cases with a coating ``worn_depth`` [m], ``(case, sector)``, and ``wear_map`` [m], ``(case, revolution,
+    sector)``, NaN beyond a case's sectors and revolutions; with several contacts after the case. ``border_work`` is a
+    metric then."""
     end: EndState | None = None
     """States at the end, in the structure's coordinates, from which the next point of a sweep starts; may be ``None``
     where :attr:`Sampling.ends` is false."""
@@ -168,6 +174,7 @@ def merge(parts: list[tuple[NDArray[np.int64], Results]]) -> Results:
         messages={int(where[k]): text for where, r in parts for k, text in r.messages.items()},
         sections={name: joined([r.sections[name] for r in results]) for name in results[0].sections},
         events={name: joined([r.events[name] for r in results]) for name in results[0].events},
+        wear={name: joined([r.wear[name] for r in results]) for name in results[0].wear},
         end=None if None in ends else EndState(*(np.concatenate(rows)[order] for rows in zip(*ends, strict=True))),
     )
 
@@ -266,7 +273,8 @@ class Scheme:
     the direction in which the casing slides (``Cases.friction``, ``Contacts.tangent``), ``depth``: the mean
     temperature over a depth to record instead of the tip's (``Contacts.observed``), several ``contacts``
     (``Structure.contacts``, ``Cases.gaps``), which a law by ``init_theta`` or ``init_central`` takes without a word,
-    ``massless``: those without mass, one too, and an ``elastic`` casing (``Contacts.casing_flexibility``)."""
+    ``massless``: those without mass, one too, an ``elastic`` casing (``Contacts.casing_flexibility``) and its
+    ``coating`` (``Cases.coating``)."""
     about: str = ""
     """One line on the scheme; by default the first paragraph of the module's docstring."""
 

@@ -26,7 +26,7 @@ from workflow.schemes._fixed.outcome import Operator
 from workflow.schemes._fixed.outcome import compute as compute
 
 READS = frozenset({"e", "h", "alpha"})
-GENERAL = frozenset({"contacts", "damping", "depth", "elastic", "friction", "load", "massless"})
+GENERAL = frozenset({"coating", "contacts", "damping", "depth", "elastic", "friction", "load", "massless"})
 HARMONICS = frozenset({"load", "casing"})
 TOGETHER = FEWEST_LANES
 STEP_SECONDS = 1.2e-10

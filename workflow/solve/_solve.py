@@ -43,7 +43,7 @@ from workflow.solve._operators import (
 )
 from workflow.solve._solutions import Solutions, against_reference, solutions_for, texts_of
 from workflow.solve._tasks import Batch
-from workflow.solve._variables import Values, blank
+from workflow.solve._variables import Values, blank, lengths
 from workflow.study import CaseSettings, Study
 
 
@@ -277,6 +277,7 @@ def _solve_distinct(
         **_contact(results, cases, grid),
         **_of_sensors(results, cases, grid),
         **_events(results.events, cases.count),
+        **_worn(results, cases, grid),
         **_over_depth(grid, settings, cases),
         **steady,
         **{name: value for name, value in contact.items() if name in variables.BY_NAME},
@@ -291,7 +292,9 @@ def _solve_distinct(
     messages = _said(results.messages, remarks, unconverged)
     if grid.points == 1:
         return Solved(values, messages)
-    return Solved(values, messages, Start.after(end_of(settings, results), cases, start, grid.sampling.duration))
+    own, unworn = cases.coating, np.zeros((cases.count, 0, 0))
+    worn = unworn if own is None else results.wear["worn_depth"].reshape(own.worn.shape)
+    return Solved(values, messages, Start.after(end_of(settings, results), worn, cases, start, grid.sampling.duration))
 
 
 def _followed(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> Solved:
@@ -349,6 +352,19 @@ def _of_sensors(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
         "sensor_rms": np.sqrt(np.mean(last**2, axis=-1)),
         "period_sensor_max": largest_per_period(values[..., 1:], *by),
     }
+
+
+def _worn(results: Results, cases: Cases, grid: Grid) -> dict[str, Array]:
+    """Return worn depths, NaN beyond the sectors of a case, their largest, and the work that crushed the coating."""
+    if cases.coating is None:
+        return {}
+    worn, mapped, sizes = results.wear["worn_depth"], results.wear["wear_map"], lengths(grid)
+    wide = np.full((*worn.shape[:-1], sizes.get("revolution", 0), sizes["sector"]), np.nan)
+    wide[..., : mapped.shape[-2], : mapped.shape[-1]] = mapped
+    largest = np.fmax.reduce(worn, axis=-1)
+    work = cases.coating.crushing_work(worn.reshape(cases.coating.worn.shape)).reshape(largest.shape)
+    values = {"max_worn_depth": largest, "crushing_work": np.where(np.isnan(largest), np.nan, work)}
+    return values | {"worn_depth": widened(worn, sizes["sector"]), "wear_map": wide}
 
 
 def _events(given: Mapping[str, Array], count: int) -> dict[str, NDArray[Any]]:

@@ -246,9 +246,11 @@ def require_memory(grid: Grid, threads: int) -> None:
 
 
 def asked_bytes(grid: Grid, stored: int) -> int:
-    """Return the bytes of a case's sensors and events, with so many of a sample."""
+    """Return the bytes of a case's sensors, events and worn depths, with so many of a sample."""
     output, samples = grid.study.output, grid.sampling.count
-    return len(output.sensors) * (stored * samples + 8 * grid.longest_period_count + 24) + 26 * (output.events or 0)
+    worn = 8 * grid.most_sectors * (1 + grid.revolutions.size) * math.prod(grid.study.contact_shape)
+    sensors = len(output.sensors) * (stored * samples + 8 * grid.longest_period_count + 24)
+    return sensors + worn + 26 * (output.events or 0)
 
 
 def steady_bytes(grid: Grid) -> int:

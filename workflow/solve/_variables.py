@@ -44,6 +44,8 @@ def _conditions_of(study: Study) -> Iterator[Condition]:
         "sections": output.sections,
         "sensors": output.sensors and not is_branch,
         "events": output.events,
+        "coating": study.scene.casing.coating is not None,
+        "wear": output.wear is not None,
         "reference": reference is not None,
         "auto reference": reference is not None and reference.is_auto,
     }
@@ -64,6 +66,8 @@ def variables_of(grid: Grid) -> Iterator[Variable]:
     yield from (variables.BY_NAME[name] for name in study.output.sampled)
     others = [*metrics_of(study), *(periods if "period" in lengths(grid) else ()), *steady_of(study)]
     others += variables.select("event") if study.output.events else ()
+    others += variables.select("sector", None, *_conditions_of(study))
+    others += variables.select("revolution sector", None, *_conditions_of(study))
     others += (variables.BY_NAME[name] for name in ("status", *(() if study.branch else ("runaway",))))
     yield from sorted(others, key=lambda about: about.name in FLAGS)
 
@@ -82,6 +86,8 @@ def lengths(grid: Grid) -> dict[str, int]:
         "contact": len(grid.study.contacts),
         "sensor": len(grid.study.output.sensors),
         "event": grid.study.output.events or 0,
+        "revolution": grid.revolutions.size,
+        "sector": grid.most_sectors,
         "t": grid.sampling.count,
         "period": grid.longest_period_count if branch is None else 0,
         "point": 0 if branch is None else branch.points,

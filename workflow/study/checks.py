@@ -15,6 +15,7 @@ import numpy as np
 
 from workflow import models, reduction, schemes
 from workflow.declare import quantity_of
+from workflow.models import AT_BORDER
 from workflow.study.axes import Sizes
 from workflow.study.mistakes import Fault, Place, place_of_path, quoted
 from workflow.study.settings import CHOSEN, FULL, MODES, TOLERANCE, CaseSpace, CasingHarmonic, Initial, LoadHarmonic
@@ -42,6 +43,7 @@ def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     yield from _friction(cases, sizes, source)
     yield from _contacts(cases, sizes, source)
     yield from _elastic(cases, source)
+    yield from _coating(cases, source)
     yield from _support(cases, source)
     yield from _sensors(cases, sizes)
     yield from _branch(cases)
@@ -203,9 +205,12 @@ def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
         reason = scheme.cannot_take(load, casing)
         if reason is not None:
             yield place, f"`{label}` {reason}", "name another scheme, or leave `harmonics` out"
+        is_coated = cases.scene.casing.coating is not None
+        is_elastic = _is_elastic(cases) and not is_coated
         for word, asked, problem in (
             ("contacts", cases.contacts, f"takes one contact, and the structure has {len(cases.contacts)}"),
-            ("elastic", _is_elastic(cases), "takes a rigid casing, and this one has a `flexibility`"),
+            ("elastic", is_elastic, "takes a rigid casing, and this one has a `flexibility`"),
+            ("coating", is_coated, "takes a casing without `coating`"),
         ):
             if asked and word not in scheme.GENERAL:
                 able = [name for name in schemes.names() if not schemes.fault(name)]
@@ -269,18 +274,42 @@ def _is_elastic(cases: CaseSpace) -> bool:
 
 
 def _elastic(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
-    """Refuse what takes a rigid casing only, where the casing is elastic."""
+    """Refuse what takes a rigid casing only, where the casing is elastic, or worn."""
     if not _is_elastic(cases):
         return
-    of_rigid = "takes a rigid casing, and this one has a `flexibility`"
+    is_coated = cases.scene.casing.coating is not None
+    key = "coating" if is_coated else "flexibility"
+    of_rigid = (
+        "takes a casing without `coating`" if is_coated else "takes a rigid casing, and this one has a `flexibility`"
+    )
     if cases.is_auto:
         yield ("axes", "tolerance"), of_rigid, "write counts of modes"
     if cases.output.temperature_depth is not None:
-        yield ("output", "temperature_depth"), of_rigid, "leave it out, or the flexibility"
+        yield ("output", "temperature_depth"), of_rigid, f"leave it out, or the {key}"
     if cases.branch is not None:
-        yield ("axes", cases.branch.axis.path), of_rigid, "write a list, or leave the flexibility out"
+        yield ("axes", cases.branch.axis.path), of_rigid, f"write a list, or leave the {key} out"
     elif cases.output.steady is not None:
-        yield ("output", "steady"), of_rigid, "leave it out, or the flexibility"
+        yield ("output", "steady"), of_rigid, f"leave it out, or the {key}"
+
+
+def _coating(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
+    """Refuse a coating on a rigid casing, sectors of a casing that does not turn, and a map of either."""
+    coating, speeds = cases.scene.casing.coating, _values(cases, "scene.speed", cases.scene.speed)
+    turn = "write `speed` in the scene, e.g. `speed: 9000 rpm`"
+    if coating is not None and 0.0 in _flexibilities(cases):
+        remedy = "write `flexibility` beside it, that of casing and coating before it is worn, e.g. `flexibility: 1e-7`"
+        yield source.place_of("scene.casing.flexibility", "scene.casing.coating"), "lies on a rigid casing", remedy
+    path = "scene.casing.coating.sectors"
+    if coating is not None and max(_values(cases, path, coating.sectors)) > 1 and 0.0 in speeds:
+        yield source.place_of("scene.speed", path), "are of a casing that does not turn", f"{turn}, or `sectors: 1`"
+    if cases.output.wear is not None and (coating is None or 0.0 in speeds):
+        problem = "maps a coating, and the casing has none" if coating is None else "counts revolutions at no speed"
+        yield ("output", "wear"), problem, "leave it out, or write `coating`" if coating is None else turn
+    elif cases.output.wear is not None:
+        revolutions = int(cases.scene.duration * max(speeds) + AT_BORDER)
+        if cases.output.wear.every > revolutions:
+            problem = f"maps every {cases.output.wear.every} revolutions of a case that has {revolutions}"
+            yield ("output", "wear"), problem, "write fewer, or a longer duration"
 
 
 def _reduced_contacts(cases: CaseSpace, sizes: Sizes, source: StudyText, several: str) -> Iterator[Fault]:

@@ -74,6 +74,17 @@ class Initial:
 
 
 @dataclass(frozen=True)
+class Coating:
+    """An abradable coating of an elastic casing, which crushes where the contact force exceeds its level."""
+
+    yield_force: float = quantity("N", "contact force at which the unworn coating crushes", above=0)
+    hardening: float = quantity("N/m", "growth of that force with the worn depth", default=0.0, at_least=0)
+    sectors: int = quantity(
+        "1", "equal sectors of the casing, each worn alone", default=1, at_least=1, at_most=models.MOST_SECTORS
+    )
+
+
+@dataclass(frozen=True)
 class Casing:
     """The casing that the tip rubs on, e.g. ``casing: {gap: 20 um}``; ``angles`` are ``None`` for those of the file."""
 
@@ -81,6 +92,7 @@ class Casing:
     harmonics: tuple[CasingHarmonic, ...] = ()
     clearance: float = quantity("m", "added to the gap of every contact", default=0.0)
     flexibility: float = quantity("m/N", "of an elastic casing; 0: rigid", default=0.0, at_least=0)
+    coating: Coating | None = None
     angles: Values | None = quantity(
         "rad",
         "angle of each contact in the direction in which the blade turns; the file's where left out",
@@ -171,6 +183,13 @@ class Steady:
     samples: int = quantity("1", "samples of its orbit", default=100, at_least=1, at_most=10_000)
 
 
+@dataclass(frozen=True)
+class WearMap:
+    """Worn depths of the casing's coating at the ends of its revolutions."""
+
+    every: int = quantity("1", "revolutions from one row of the map to the next", at_least=1)
+
+
 _BALANCES = "whether to keep energy_residual and heat_residual; with them a step takes about 50 % longer"
 _DEPTH = "depth from the tip over which a mean temperature is kept; each case runs twice for it"
 _EVENTS = "most events of a case of event_driven that are listed: impacts, and contacts that begin or end"
@@ -194,6 +213,7 @@ class Output:
     temperature_depth: float | None = quantity("m", _DEPTH, default=None, above=0)
     sensors: Mapping[str, Sensor] = field(default_factory=dict, metadata={"meaning": _SENSORS})
     events: int | None = quantity("1", _EVENTS, default=None, at_least=1, at_most=1_000_000)
+    wear: WearMap | None = None
 
     @property
     def sampled(self) -> tuple[str, ...]:
@@ -205,7 +225,7 @@ class Output:
     @property
     def of_branches(self) -> Output:
         """What an archive of branches keeps: no histories, balances, sections, depths, events, always steady rubs."""
-        none: dict[str, Any] = {"histories": (), "temperature_depth": None, "events": None}
+        none: dict[str, Any] = {"histories": (), "temperature_depth": None, "events": None, "wear": None}
         return replace(self, balances=False, sections=False, steady=self.steady or Steady(), **none)
 
 

@@ -50,7 +50,7 @@ from workflow.study.source import (
     text_of,
     written_axes,
 )
-from workflow.variables import EVENTS, SENSORS, STEADY, reserved_names
+from workflow.variables import EVENTS, SENSORS, STEADY, WORN, reserved_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +100,9 @@ class Study(CaseSpace):
             **({"license": self.license} if self.license else {}),
             "scene": {
                 scene.model: plain(scene.parameters),
-                "casing": _without_empty(scene.casing, "harmonics", "clearance", "flexibility", "angles", "profile"),
+                "casing": _without_empty(
+                    scene.casing, "harmonics", "clearance", "flexibility", "coating", "angles", "profile"
+                ),
                 "load": _without_empty(scene.load, "harmonics"),
                 "initial": scene.initial if isinstance(scene.initial, str) else dataclasses.asdict(scene.initial),
                 "duration": scene.duration,
@@ -114,7 +116,9 @@ class Study(CaseSpace):
             "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
             "reference": None if self.reference is None else dict(self.reference.values),
             **({} if self.branch is None else {"branch": dataclasses.asdict(self.branch)}),
-            "output": _without_empty(self.output, "sections", "steady", "temperature_depth", "sensors", "events"),
+            "output": _without_empty(
+                self.output, "sections", "steady", "temperature_depth", "sensors", "events", "wear"
+            ),
         }
         as_read: dict[str, Any] = json.loads(json.dumps(resolved))  # tuples as lists
         return as_read
@@ -326,6 +330,7 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     asked = sections.get("output", {})
     steady = bool(asked.get("steady")) or bool(arrangement.followed)
     names = _reserved(defined, steady) | {"contact"}
+    names |= WORN if scene.casing.coating is not None else frozenset()
     names |= (SENSORS if asked.get("sensors") else frozenset()) | (EVENTS if asked.get("events") else frozenset())
     dimensions, scalars, branch = arrangement.named(varied, defaults, names)
     if scene.makes_alpha:
@@ -518,11 +523,12 @@ def _values_at(study: Study, cell: CaseSettings, path: str) -> tuple[Any, ...] |
 
 def _output_values(study: Study, cell: CaseSettings) -> Iterator[ResolvedValue]:
     values = {entry.name: getattr(study.output, entry.name) for entry in dataclasses.fields(Output)}
-    steady, sensors = values.pop("steady"), values.pop("sensors")
+    steady, sensors, wear = (values.pop(name) for name in ("steady", "sensors", "wear"))
     if sensors:
         at = {name: _with_labels(cell, one.of_heat, (one.at,))[0] for name, one in sensors.items()}
         values["sensors"] = tuple(f"{name}: {'temperature ' * one.of_heat}{at[name]}" for name, one in sensors.items())
     values |= {"steady": False} if steady is None else {f"steady.{k}": v for k, v in dataclasses.asdict(steady).items()}
+    values |= {} if wear is None else {"wear.every": wear.every}
     units = {"interval": "s", "temperature_depth": "m"}
     for name, value in ((name, value) for name, value in values.items() if value is not None):
         listed = (value or ("none",)) if isinstance(value, tuple) else (value,)

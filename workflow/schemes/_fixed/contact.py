@@ -171,7 +171,8 @@ def _approach_yielding(step: TipStep, own: Own, acts: Sequence[Acting], c: int, 
     Of a force that weighs at both ends of a step the share of the beginning is no force at the end.
     """
     place = pack(acts[c].place, lane) + shared(step.residual_load, (c,), lane) * load - pack(acts[c].expansion, lane)
-    store(acts[c].place_free, lane, place + step.carried * _pressed_by(step, own, acts, c, lane))
+    place += step.carried * _pressed_by(step, own, acts, c, lane)
+    store(acts[c].place_free, lane, place - pack(acts[c].worn, lane))
     return True
 
 
@@ -239,14 +240,20 @@ def _leave_yielding(
     first: bool,
     lane: Lane,
 ) -> End:
-    """Return the contact at its place with the residual's; what presses a casing by its place is on it exactly."""
+    """Return the contact at its place with the residual's; what presses a casing by its place is on it exactly.
+
+    What crushes a coating is as much deeper as it wears.
+    """
     act, casing = acts[c], pack(acts[c].casing, lane)
     p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
     place = pack(act.place, lane) + step.h * _weighed(step.theta, speed, pack(act.speed, lane))
     depth = place + shared(step.residual_load, (c,), lane) * load - pack(act.expansion, lane)
     depth -= _pressed_by(step, own, acts, c, lane) + casing
     if step.holds:
-        depth = where(p > 0.0, step.casing_flexibility * pack(act.force, lane), depth)
+        force = pack(act.force, lane)
+        held = pack(act.worn, lane) + step.casing_flexibility * force
+        crushes = (force >= pack(act.level, lane)) & (depth > held)
+        depth = where((p > 0.0) & ~crushes, held, depth)
     x, v = _absolute(drive, act.origin, casing + depth, lane), _absolute(drive, act.origin_speed, speed, lane)
     return End(x, v, depth, p, place, speed, p, v)
 

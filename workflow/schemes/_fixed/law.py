@@ -64,6 +64,8 @@ class Tip(NamedTuple):
     sinking: float = 0.0
     """Of a contact without mass, or on an elastic casing: the way that a unit impulse gives it besides, m/(N s). The
     place has all else that its residual does at the step's end."""
+    level: float = np.inf
+    """Force at which the coating of its casing crushes, N; infinite without one."""
 
 
 @by_type
@@ -184,7 +186,7 @@ def _place_coupled(step: TipStep, act: Acting, lane: int) -> float:
 def _response(law: Law, step: TipStep, act: Acting, lane: int, place: float, free: float) -> Response:
     """Return the response of a contact at a place and with a velocity without contact."""
     force, casing, speed = act.force[lane], act.casing[lane], act.speed[lane]
-    tip = Tip(place, speed, free, force, casing, act.mobility[lane], act.sinking[lane])
+    tip = Tip(place, speed, free, force, casing, act.mobility[lane], act.sinking[lane], act.level[lane])
     return respond(of_case(law, lane), tip, step.h, step.theta)
 
 

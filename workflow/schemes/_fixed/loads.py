@@ -24,9 +24,8 @@ import numpy as np
 from workflow.kernels import elementary, elementwise
 from workflow.kernels.compiled import by_type, defines, inlined, part
 from workflow.kernels.lanes import PACK, Rows, named_rows, rows_in
-from workflow.kernels.lemke import complementarity
 from workflow.kernels.packs import Lane, Pack, narrow, pack, spread, store
-from workflow.models import Array, Cases, Harmonics, Structure, project
+from workflow.models import Array, Cases, Harmonics, Structure, coated_forces, project
 from workflow.schemes._fixed.law import TipStep, YieldingStep
 from workflow.schemes._fixed.rows import Acting
 from workflow.schemes._interface import AT_REST
@@ -256,17 +255,20 @@ def start_of(
 
 
 def compliant_places(structure: Structure, cases: Cases, yields: float) -> Array:
-    """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + c λ where they touch; NaN without a λ."""
-    contacts, (place, _) = structure.contacts, cases.casing_of_contacts(0.0)
-    c = contacts.casing_flexibility + yields
+    """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + w + c λ if they touch; NaN without a λ."""
+    contacts, (surface, _), own = structure.contacts, cases.casing_of_contacts(0.0), cases.coating
+    c, level, hardening = contacts.casing_flexibility + yields, np.full_like(surface, np.inf), np.zeros(cases.count)
+    if own is not None:
+        surface, level, hardening = surface + own.worn_at_start(), own.level_at_start(), own.hardening
     free = project(contacts.normal, cases.displacement) + cases.load_at(0.0)[:, None] * contacts.residual_load_or_zero
     if contacts.residual_coupling is not None:
         free -= project(contacts.residual_coupling, cases.temperature)
-    for i in np.flatnonzero((free > place).any(axis=1)):
+    for i in np.flatnonzero((free > surface).any(axis=1)):
         flexibility = contacts.flexibility(float(cases.friction[i]))
-        force = complementarity(flexibility + c * np.eye(contacts.count), place[i] - free[i])
-        away = np.nan if force is None else free[i] - flexibility @ force
-        free[i] = away if force is None else np.where(force > 0, place[i] + c * force, away)
+        compliance = flexibility + c * np.eye(contacts.count)
+        pressed = coated_forces(compliance, surface[i] - free[i], c, level[i], hardening[i])
+        force, grown = (np.full(contacts.count, np.nan),) * 2 if pressed is None else pressed
+        free[i] = np.where(force > 0, surface[i] + (grown + c * force), free[i] - flexibility @ force)
     return free
 
 

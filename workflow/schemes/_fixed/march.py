@@ -26,6 +26,7 @@ from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import balance, stepping
 from workflow.schemes._fixed.balance import Account, Balances, dense_of
 from workflow.schemes._fixed.blocks import Blocks
+from workflow.schemes._fixed.coating import Worn, enter_sectors, store_depth, wear
 from workflow.schemes._fixed.contact import Contact, approach, count_of, leave, respond_in, was_pressed
 from workflow.schemes._fixed.free_motion import (
     FreeStep,
@@ -98,6 +99,7 @@ def _touch(
         strike(step, state, now.waits, lane)
     for c in range(count):
         end = leave(contact, own, acts, block.drive, c, ends, engaged, now.first, lane)
+        store_depth(block.tracks, c, end.depth, lane)
         balance.count_work(account, contact, end, load, state, c, engaged, lane)
         stepping.show(now, contact.h, end, engaged, acts[c], block.contacts[c], lane)
 
@@ -133,6 +135,7 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock, account: Acc
         if k < _begins(step.contact):
             continue
         now = stepping.step_at(k, theta, leader, warmed, waits and k < block.steps - 2, block)
+        enter_sectors(block.tracks, block.worn, now.t, state.acts)
         shows = now.marked or now.next_marked
         if paired or k >= block.steps - 1 or (senses and shows):
             keep_before(state, lanes)
@@ -140,6 +143,7 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock, account: Acc
             _step(step, law, now, state, block, account, broad(first))
         for first in range(in_broad, lanes, PACK):
             _step(step, law, now, state, block, account, narrow(first))
+        wear(block.tracks, block.worn, step.contact, now.t, state.acts)
         if k == 0:
             continue
         if senses and shows:
@@ -160,7 +164,10 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
             whole = batch.whole
             for first in range(0, batch.values.shape[1], whole.lanes):
                 marks, record, lanes = stepping.load_block(batch, first)
-                block = CaseBlock(whole.load, whole.contacts, marks, record, whole.drive, lanes, whole.steps, whole.h)
+                stop = min(first + whole.lanes, batch.values.shape[1])
+                worn = Worn(whole.worn.depth[first:stop], whole.worn.map[first:stop], whole.worn.every)
+                size = lanes, whole.steps, whole.h
+                block = CaseBlock(whole.load, whole.contacts, marks, record, whole.drive, *size, whole.tracks, worn)
                 march(step, law, state, block, account)
                 stepping.store_block(batch, first)
 
@@ -195,7 +202,7 @@ def _rows_of_contacts(
         acts[name] = getattr(begins, name).T
     if blocks.step.is_central:
         acts["speed"] = (project(modal.normal, velocity) - begins.origin_speed).T
-    acts["casing"] = (begins.gap - begins.origin).T
+    acts["casing"], acts["level"] = (begins.gap - begins.origin).T, np.inf
     return rows
 
 
@@ -259,6 +266,8 @@ def step_batch(
 
     ended = table.cases
     watched.contacts[:] = ended["contacts"]
+    if watched.tracks is not None:
+        watched.tracks[:] = ended["tracks"]
     if modal.contacts.is_compliant:  # their forces are finite: no impact
         watched.contact["impacts"] *= 0.0
         watched.periods[:, 6] *= 0.0

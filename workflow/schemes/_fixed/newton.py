@@ -2,6 +2,10 @@
 
 p = max(0, (v_free + e v_k)/W)  where x_k + h/2 v_k >= d,  else 0;   v_k+1 = -e v_k where p > 0
 p = h λ = max(0, (x_free - d)/L),   L = hθ W + (R - µ R^t + c)/h + α r T̂⁻¹ s   of compliant contacts
+
+On a coating d is the surface as it is worn, d + w, and where λ would exceed its level F_y + H w it crushes:
+
+λ = F_y + H w' = (F_y + H w + H (x_free - d - w))/(1 + H h L),   w' - w = x_free - d - w - L p
 """
 
 from __future__ import annotations
@@ -41,9 +45,10 @@ NEWTON = Contact(lambda cases: Newton(cases.e))
 
 
 class Rest(NamedTuple):
-    """The law of a compliant contact: its place is that of the casing. No parameters, but numba needs one."""
+    """The law of a compliant contact: its place is that of the casing."""
 
-    unused: float = 0.0
+    hardening: Any = 0.0
+    """H of the coating of a casing that has one, N/m."""
 
 
 @contact_law(Rest)
@@ -52,10 +57,16 @@ def _rest(law: Rest, tip: Tip, h: float, theta: float) -> Response:
     depth = tip.place + h * (theta * tip.free + (1.0 - theta) * tip.velocity) - tip.gap
     if depth <= 0.0:
         return 0.0, tip.free, 0.0
-    p = depth / (h * theta * tip.mobility + tip.sinking)
+    gives = h * theta * tip.mobility + tip.sinking
+    p = depth / gives
+    if p > h * tip.level:
+        force = (tip.level + law.hardening * depth) / (1.0 + law.hardening * h * gives)
+        return h * force, tip.free - tip.mobility * (h * force), force
     return p, tip.free - tip.mobility * p, p / h
 
 
 defines(count_rebound, Rest)(count_no_rebound)
-REST = Contact(lambda cases: Rest(), holds=True, by_place=True)
+REST = Contact(
+    lambda cases: Rest() if cases.coating is None else Rest(cases.coating.hardening), holds=True, by_place=True
+)
 """That of a contact without mass, or on an elastic casing."""

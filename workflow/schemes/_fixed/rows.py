@@ -68,9 +68,14 @@ class Acting(Rows):
     mobility: Array
     sinking: Array
     """See :class:`~workflow.schemes._fixed.law.Tip`."""
+    worn: Array
+    level: Array
+    """Worn depth of the coating where the contact is, m, and the force F_y + H w at which it crushes, N; 0 and infinite
+    of a casing without one."""
     speed_free: Array
     place_free: Array
-    """Velocity at the step's end without impulses; of compliant contacts the place with all else that its end has."""
+    """Velocity at the step's end without impulses; of compliant contacts the place with all else that its end has, less
+    the worn depth."""
     impulse: Array
     speed_end: Array
     force_end: Array

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from workflow.kernels.packs import Lane, Pack, narrow, pack, some, some_nonzero,
 from workflow.models import Array, Cases, EndState, Sensors, Structure, project, sensed_values
 from workflow.schemes._fixed import loads
 from workflow.schemes._fixed.balance import Balance
+from workflow.schemes._fixed.coating import UNWORN, Track, Worn, tracks_of, wear_results, worn_of
 from workflow.schemes._fixed.contact import End
 from workflow.schemes._fixed.loads import Drive, DriveRows, Start, TipLoads, tip_loads
 from workflow.schemes._fixed.rows import Acting, ContactRecord
@@ -76,6 +77,9 @@ class CaseBlock(NamedTuple):
     """Lanes in use, whole packs; the cases come first, idle lanes last."""
     steps: int
     h: float
+    tracks: Sequence[Track] | None = None
+    worn: Worn = UNWORN
+    """The coating of the casing, and its worn depths."""
 
 
 @inlined
@@ -303,6 +307,9 @@ class Watch:
     sensors: Sensors | None
     drive: DriveRows | None
     """Harmonics of load and casing, ``(…, case)``."""
+    tracks: Array | None
+    """The coating where contacts pass, ``(contact, row, case)``."""
+    worn: Worn
     histories: Array
     periods: Array
     """Output arrays, ``(case, 4, contact, t)`` and ``(case, 7, contact, period)``: see :class:`BlockRecord`."""
@@ -384,13 +391,16 @@ def watch(
     sensed = np.full((*start.shape, plan.due.size), np.nan)
     sensed[..., 0], shown = start, np.stack([start.T, start.T])
     loads, outputs = tip_loads(cases), (histories, record, due, weight, sensed, shown)
-    return Watch(cases, plan, sampling.interval, h, loads, contacts, structure.sensors, drive, *outputs)
+    worn = worn_of(cases, count, sampling)
+    tracks = tracks_of(cases, worn, contact["depth"].T, structure.contacts.casing_flexibility)
+    return Watch(cases, plan, sampling.interval, h, loads, contacts, structure.sensors, drive, tracks, worn, *outputs)
 
 
 def rows_of(watched: Watch) -> dict[str, Array]:
     """Return the rows of a batch that every block has: load, contacts, what sensors show, and the drive, if any."""
     drive = {} if watched.drive is None else watched.drive._asdict()
-    return {"load": watched.loads, "contacts": watched.contacts, "shown": watched.shown, **drive}
+    tracks = {} if watched.tracks is None else {"tracks": watched.tracks}
+    return {"load": watched.loads, "contacts": watched.contacts, "shown": watched.shown, **drive, **tracks}
 
 
 def recorded_temperatures(structure: Structure, temperature: Array) -> Array:
@@ -415,7 +425,8 @@ def batch_of(watched: Watch, table: LaneTable, samples: Array, width: int) -> Ba
     record = BlockRecord(watched.histories, samples, watched.periods, watched.sensed, lanes["shown"])
     drive = None if watched.drive is None else DriveRows(*(lanes[name] for name in DriveRows._fields)).named
     load, contacts = named_rows(TipLoads, lanes["load"]), several_rows(ContactRecord, lanes["contacts"])
-    whole = CaseBlock(load, contacts, marks, record, drive, width, plan.steps, watched.h)
+    tracks = None if watched.tracks is None else several_rows(Track, lanes["tracks"])
+    whole = CaseBlock(load, contacts, marks, record, drive, width, plan.steps, watched.h, tracks, watched.worn)
     return Batch(table.values, table.buffer, whole)
 
 
@@ -497,6 +508,8 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         "max_penetration": contact["penetration"],
         "max_temperature": np.maximum(contact["hottest"], contact["period_hottest"]),
     }
+    if watched.tracks is not None:
+        counted["border_work"] = cast(Any, named_rows(Track, watched.tracks))["border_work"]
     metrics = {name: values.T if shape else values[0] for name, values in counted.items()}
     metrics |= ended.metrics | ({} if ended.balance is None else ended.balance.residuals())
     lost = ~watched.finite("displacement", "velocity", "temperature", "impulse")
@@ -520,5 +533,6 @@ def collect(ended: Ended, status: NDArray[np.int8], messages: dict[int, str]) ->
         status=status,
         messages=messages,
         sections=sections_of(record[:, 3:], periods, histories[:, :3, ..., 0]),
+        wear=wear_results(watched.cases, watched.worn, lost),
         end=ended.end,
     )

@@ -1,0 +1,191 @@
+"""An abradable coating in fixed steps: the sector that each contact is in at a step's end, and how it is worn there.
+
+A law (:mod:`~workflow.schemes._fixed.newton`) is given the surface as it is worn, d + w, and the force F_y + H w at
+which it crushes, both of the sector of the step's end. Where a border lies in a step, from a force λ at x - d to λ' at
+x' - d', the drive gives
+
+    c (λ'² - λ²)/2 + F_y (w' - w) + H (w'² - w²)/2 - (λ + λ')/2 (x' - d' - (x - d)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workflow.kernels.compiled import inlined, part
+from workflow.kernels.lanes import Rows, named_rows, rows_in
+from workflow.kernels.packs import Lane, Pack, pack, store
+from workflow.models import AT_BORDER, Array, Cases
+from workflow.schemes._fixed.law import TipStep
+from workflow.schemes._fixed.rows import Acting
+from workflow.schemes._interface import Sampling
+
+
+class Track(Rows):
+    """The coating of the casing where a contact passes, of each case."""
+
+    yield_force: Array
+    hardening: Array
+    sectors: Array
+    speed: Array
+    turns: Array
+    """As in :class:`~workflow.models.Coating`."""
+    sector: Array
+    """The sector at the step's end."""
+    until: Array
+    """In the first lane of the first contact: the time before which no contact of a block comes to a border, s."""
+    crossed: Array
+    """End of the last step in which the worn depth became another by a border, s."""
+    depth_before: Array
+    depth: Array
+    """x - d at the step's beginning and at its end, m."""
+    force_before: Array
+    """λ at the step's beginning, N."""
+    border_work: Array
+    """What borders have given so far, J."""
+    mapped: Array
+    """Number of rows of the map that are filled."""
+
+
+class Worn(NamedTuple):
+    """Worn depths of the sectors."""
+
+    depth: Array
+    """m, ``(case, contact, sector)``."""
+    map: Array
+    """Those at the ends of revolutions, ``(case, contact, revolution, sector)``."""
+    every: int
+    """Revolutions from one row of the map to the next."""
+
+
+UNWORN = Worn(np.zeros((0, 0, 0)), np.zeros((0, 0, 0, 0)), 1)
+"""Of a casing without a coating."""
+
+
+def worn_of(cases: Cases, contacts: int, sampling: Sampling) -> Worn:
+    """Return the worn depths of cases at t = 0, where a pressed contact crushes at once; without sectors if none."""
+    own = cases.coating
+    count = 0 if own is None else own.worn.shape[2]
+    depth = np.zeros((cases.count, contacts, count)) if own is None else own.worn.copy()
+    rows = 0 if own is None or not sampling.wear_every else int(np.max(_revolutions(own.speed, sampling)))
+    return Worn(depth, np.full((cases.count, contacts, rows, count), np.nan), max(1, sampling.wear_every))
+
+
+def _revolutions(speed: Array, sampling: Sampling) -> Array:
+    """Return the number of rows of the map of each case."""
+    return np.floor(sampling.duration * speed / sampling.wear_every + AT_BORDER)
+
+
+def tracks_of(cases: Cases, worn: Worn, depth: Array, flexibility: float) -> Array | None:
+    """Return the rows of :class:`Track` for contacts that start x - d = ``depth`` deep, ``(contact, row, case)``.
+
+    Those that are pressed at t = 0 wear their sectors. ``None`` without a coating.
+    """
+    own = cases.coating
+    if own is None:
+        return None
+    force, now = own.pressed(depth, flexibility)
+    np.put_along_axis(worn.depth, own.begins_in()[..., None], now[..., None], axis=2)
+    rows = np.zeros((depth.shape[1], rows_in(Track), cases.count))
+    track: Any = named_rows(Track, rows)
+    for name in ("yield_force", "hardening", "sectors", "speed"):
+        track[name] = getattr(own, name)
+    track["turns"], track["sector"] = own.turns.T, own.begins_in().T
+    track["force_before"], track["depth"] = force.T, depth.T
+    track["border_work"] = own.crushing_work(worn.depth).T
+    return rows
+
+
+@inlined
+def enter_sectors(tracks: Sequence[Track] | None, worn: Worn, t: float, acts: Sequence[Acting]) -> None:
+    """Give the contacts the surface of the sectors in which they are at t, the end of a step."""
+    if tracks is not None and t >= tracks[0].until[0]:
+        _enter_sectors(tracks, worn.depth, t, acts)
+
+
+@part
+def _enter_sectors(tracks: Sequence[Track], depth: Array, t: float, acts: Sequence[Acting]) -> None:
+    until = np.inf
+    for c in range(len(acts)):
+        track, act = tracks[c], acts[c]
+        for case in range(depth.shape[0]):
+            turns, sectors = track.turns[case] + track.speed[case] * t, track.sectors[case]
+            place = sectors * (turns - np.floor(turns)) + AT_BORDER
+            now, sector = depth[case, c, int(track.sector[case])], np.floor(place)
+            until = min(until, t + (sector + 1.0 - place - AT_BORDER) / (sectors * track.speed[case]))
+            track.sector[case] = sector if sector < sectors else 0.0
+            act.worn[case] = depth[case, c, int(track.sector[case])]
+            act.level[case] = track.yield_force[case] + track.hardening[case] * act.worn[case]
+            track.crossed[case] = t if act.worn[case] != now else track.crossed[case]
+    tracks[0].until[0] = until
+
+
+@inlined
+def store_depth(tracks: Sequence[Track] | None, c: int, depth: Pack, lane: Lane) -> None:
+    """Store how far a contact is beyond the unworn casing at the step's end."""
+    if tracks is not None:
+        store(tracks[c].depth_before, lane, pack(tracks[c].depth, lane))
+        store(tracks[c].depth, lane, depth)
+
+
+@inlined
+def wear(tracks: Sequence[Track] | None, worn: Worn, step: TipStep, t: float, acts: Sequence[Acting]) -> None:
+    """Wear the sectors in which contacts crush the coating at t, the end of a step; fill the map."""
+    if tracks is not None:
+        _wear(tracks, worn.depth, step.casing_flexibility, t, acts)
+        if worn.map.shape[2] > 0:
+            _fill_map(tracks, worn, t)
+
+
+@part
+def _wear(tracks: Sequence[Track], worn: Array, flexibility: float, t: float, acts: Sequence[Acting]) -> None:
+    for c in range(len(acts)):
+        track, act = tracks[c], acts[c]
+        for case in range(worn.shape[0]):
+            force, earlier = act.force[case], track.force_before[case]
+            if force == 0.0 and earlier == 0.0:
+                continue
+            depth, before, level, hardening = track.depth[case], act.worn[case], act.level[case], track.hardening[case]
+            now = before
+            if force > 0.0 and force >= level:
+                now = max(before, depth - flexibility * force)
+                worn[case, c, int(track.sector[case])] = act.worn[case] = now
+                act.level[case] = track.yield_force[case] + hardening * now
+            if track.crossed[case] == t:
+                stored = 0.5 * flexibility * (force * force - earlier * earlier)
+                crushed = (level + 0.5 * hardening * (now - before)) * (now - before)
+                way = depth - track.depth_before[case]
+                track.border_work[case] += stored + crushed - 0.5 * (force + earlier) * way
+            track.force_before[case] = force
+
+
+@part
+def _fill_map(tracks: Sequence[Track], worn: Worn, t: float) -> None:
+    """Fill the rows of the map whose revolutions have ended."""
+    for c in range(len(tracks)):
+        track = tracks[c]
+        for case in range(worn.map.shape[0]):
+            while track.mapped[case] < worn.map.shape[2]:
+                if track.speed[case] * t + AT_BORDER < worn.every * (track.mapped[case] + 1.0):
+                    break
+                for k in range(int(track.sectors[case])):
+                    worn.map[case, c, int(track.mapped[case]), k] = worn.depth[case, c, k]
+                track.mapped[case] += 1.0
+
+
+def wear_results(cases: Cases, worn: Worn, lost: NDArray[np.bool_]) -> dict[str, Array]:
+    """Return ``worn_depth`` and ``wear_map``, NaN beyond the sectors of a case and where it is ``lost``.
+
+    Nothing without a coating.
+    """
+    own = cases.coating
+    if own is None:
+        return {}
+    for case, count in enumerate(own.sectors.astype(int).tolist()):
+        worn.depth[case, :, 0 if lost[case] else count :] = np.nan
+    worn.map[lost] = np.nan
+    results = {"worn_depth": worn.depth, "wear_map": worn.map}
+    return results if cases.contact_shape else {name: values[:, 0] for name, values in results.items()}
