@@ -113,6 +113,15 @@ def test_equilibrium_free_pressed_and_none() -> None:
         static_equilibrium(ball, np.array([2.0]), np.ones(1), gap=0.5)
 
 
+def test_a_tip_pressed_far_beyond_its_free_place_keeps_its_digits() -> None:
+    """x = d ψ, where the free place is a million times as far: forces have too few digits for it."""
+    structure = chain(nodes=4, mass=1.0, stiffness=5.0)
+    for gap in (-1e-6, 1e-9):
+        x, _ = static_equilibrium(structure, np.array([0.0, 0.0, 0.0, 3.0]), np.zeros(4), gap)
+        assert x == pytest.approx(gap * np.array([0.25, 0.5, 0.75, 1.0]), rel=1e-12)
+        assert x[-1] == gap
+
+
 def test_models_are_the_files_of_their_directory() -> None:
     assert models.names() == ("blade", "chain", "matrices", "modes")
     with pytest.raises(KeyError):

@@ -25,7 +25,7 @@ from workflow.models._contact_system import (
     contact_system,
     poles_in_contact,
 )
-from workflow.models._contacts import Contacts, closed_sets, set_text, stops_together
+from workflow.models._contacts import Contacts, closed_sets, set_text, stops_together, the_tip
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
 from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
 from workflow.models._growth import Growth, growth_of_sets, growth_rate, in_contact, worst

@@ -11,7 +11,7 @@ from math import inf
 from typing import Any
 
 from workflow import models
-from workflow.models import Structure
+from workflow.models import Contacts, Structure
 from workflow.study.forms import Entry
 from workflow.study.mistakes import Place, quoted
 from workflow.study.ranges import Content, Drawn, Followed, Swept, Value
@@ -40,9 +40,14 @@ class Sizes:
     """Those at the last value of each axis of its parameters, by path."""
 
     @property
+    def rows(self) -> Contacts:
+        """The contacts of the structure, of a chain its tip."""
+        return models.the_tip(1, 1) if self.structure is None else self.structure.contacts
+
+    @property
     def contacts(self) -> tuple[str, ...]:
         """Labels of several contacts; none for one."""
-        return self.structure.contacts.labels if self.structure and self.structure.contacts.count > 1 else ()
+        return self.rows.labels if self.rows.count > 1 else ()
 
 
 def sizes_of(scene: Scene, nodes: Counts, ends: Mapping[str, Any]) -> Sizes:

@@ -160,14 +160,13 @@ def _harmonics_of(cases: CaseSpace) -> dict[str, tuple[LoadHarmonic | CasingHarm
 
 def _friction(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
     """Refuse an alpha beside the friction that makes it, and µ with which R - µ R^t is not positive definite."""
-    contacts = None if sizes.structure is None else sizes.structure.contacts
-    friction = cases.scene.friction
+    contacts, friction = sizes.rows, cases.scene.friction
     if friction is not None:
         path, other = "scene.friction.coefficient", "sliding_speed" if friction.sliding_speed is None else "heat_share"
         if (friction.sliding_speed is None) != (friction.heat_share is None):
             remedy = f"write `{other}` too, or the coefficient alone and alpha under `axes`"
             yield ("scene", "friction"), f"has no `{other}`, and makes no alpha", remedy
-        if contacts is not None and contacts.is_massless:
+        if contacts.is_massless:
             most = max(map(float, _values(cases, path, friction.coefficient)))
             flexibility = contacts.flexibility(most)
             if np.linalg.eigvalsh(flexibility + flexibility.T)[0] / 2 + min(_flexibilities(cases)) <= 0:
@@ -220,13 +219,11 @@ def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
 
 def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
     """Refuse other contacts along an axis, and what is of one with mass where there are several, or one without."""
-    if sizes.structure is None:
-        return
     for path, end in sizes.ends.items():
-        both = sizes.structure.contacts.labels, end.contacts.labels
+        both = sizes.rows.labels, end.contacts.labels
         if max(map(len, both)) > 1 and both[0] != both[1]:
             yield source.axes[path], "has other contacts at its end", "write a study for each choice of contacts"
-    if sizes.structure.contacts.is_tip:
+    if sizes.structure is None or sizes.rows.is_tip:
         return
     several = (
         f"and the structure has {len(cases.contacts)} contacts" if cases.contacts else "and its contact has no mass"
@@ -240,11 +237,8 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
     acts = any(axis.path.startswith("scene.load.") and "steady" not in axis.path for axis in cases.axes())
     load = cases.scene.load
     if not np.any(sizes.structure.load_direction) and (acts or load.mean or load.amplitude or load.harmonics):
-        yield (
-            ("scene", "load"),
-            f"has no direction, {several}",
-            "give the file an entry `load`, the vector it acts along",
-        )
+        remedy = "give the file an entry `load`, the vector it acts along"
+        yield ("scene", "load"), f"has no direction, {several}", remedy
 
 
 def _sensors(cases: CaseSpace, sizes: Sizes) -> Iterator[Fault]:
@@ -314,8 +308,7 @@ def _coating(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
 
 def _reduced_contacts(cases: CaseSpace, sizes: Sizes, source: StudyText, several: str) -> Iterator[Fault]:
     """Refuse bases that do not take several contacts, or one without mass, and counts of modes that leave out one."""
-    assert sizes.structure is not None
-    contacts = sizes.structure.contacts
+    contacts = sizes.rows
     values: dict[str, set[Any]] = {axis.path: set(axis.values) for axis in cases.axes()}
     for path, value in {} if cases.reference is None else cases.reference.values.items():
         values.setdefault(path, set()).add(value)
@@ -385,9 +378,7 @@ def _sweep(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
 def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
     """Refuse a contact that starts inside the casing, beyond d(0), in some case; without mass it may."""
     initial, casing, structure = cases.scene.initial, cases.scene.casing, sizes.structure
-    contacts = None if structure is None else structure.contacts
-    compliant = _is_elastic(cases) or (contacts is not None and contacts.is_compliant)
-    if not isinstance(initial, Initial) or compliant:
+    if not isinstance(initial, Initial) or _is_elastic(cases) or sizes.rows.is_compliant:
         return
     rows, angle = np.ones((1, 1)), np.zeros(1)
     if structure is not None:
@@ -417,8 +408,8 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
 
 def _stops(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
     """Refuse opposite stops w_j = -c w_i with mass unless d_j + c d_i > 0 at all times, by the amplitudes."""
-    casing, contacts = cases.scene.casing, None if sizes.structure is None else sizes.structure.contacts
-    if contacts is None or contacts.is_massless or _is_elastic(cases):
+    casing, contacts = cases.scene.casing, sizes.rows
+    if contacts.is_massless or _is_elastic(cases):
         return
     if np.size(casing.gap) not in (1, contacts.count):
         return  # told as a list of another length

@@ -341,7 +341,7 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
         if reference.is_auto and REDUCTION not in source.axes:
             reference = Reference({REDUCTION: reduction.OF_AUTO, **reference.values})
     output = _output(asked, scene.duration)
-    if sizes.structure is not None and not sizes.structure.contacts.is_tip:
+    if not sizes.rows.is_tip:
         output = dataclasses.replace(output, balances=asked.get("balances") or False)
     if not sizes.contacts:
         scene = dataclasses.replace(scene, casing=_casing_of_one(scene.casing, sizes))
@@ -364,19 +364,19 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
 
 def _ends(scene: Scene, arrangement: Arrangement) -> dict[str, Any]:
     """Return the parameters of the model at the last value of each of their axes but that of its nodes, by path."""
-    paths = {f"scene.{scene.model}.{entry.name}": entry.name for entry in dataclasses.fields(scene.parameters)}
-    values = {path: arrangement.values(path) for path, name in paths.items() if name != "nodes"}
-    ends = {path: {paths[path]: own[-1]} for path, own in values.items() if len(own) > 1}
-    return {path: dataclasses.replace(scene.parameters, **last) for path, last in ends.items()}
+    names = {f"scene.{scene.model}.{entry.name}": entry.name for entry in dataclasses.fields(scene.parameters)}
+    values = {path: arrangement.values(path) for path, name in names.items() if name != "nodes"}
+    last = {path: {names[path]: own[-1]} for path, own in values.items() if len(own) > 1}
+    return {path: dataclasses.replace(scene.parameters, **one) for path, one in last.items()}
 
 
 def _casing_of_one(own: Casing, sizes: Sizes) -> Casing:
     """Return the casing of one contact: numbers in the place of lists of one, and the angle that all files agree on."""
     gap = own.gap[0] if isinstance(own.gap, tuple) and len(own.gap) == 1 else own.gap
     angle = own.angles[0] if isinstance(own.angles, tuple) and len(own.angles) == 1 else own.angles
-    if angle is None and sizes.structure is not None:
-        angles = {float(one.contacts.angle[0]) for one in (sizes.structure, *sizes.ends.values())}
-        angle = (angles.pop() or None) if len(angles) == 1 else None
+    angles = {float(rows.angle[0]) for rows in (sizes.rows, *(end.contacts for end in sizes.ends.values()))}
+    if angle is None and len(angles) == 1:
+        angle = angles.pop() or None
     return dataclasses.replace(own, gap=gap, angles=angle)
 
 
