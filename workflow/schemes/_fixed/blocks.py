@@ -102,11 +102,6 @@ class Step(NamedTuple):
         growth = modal.residual_coupling @ self.heat_gain.T
         return np.stack([contacts.compliance(0.0) * per_force, (cold - contacts.flexibility(1.0)) * per_force, growth])
 
-    def mobility(self, modal: Decoupled, alpha: Array | float, friction: Array | float) -> Array:
-        """Return W_ii, 1/kg, ``(case, contact)``."""
-        cold, slid, warm = self.delassus(modal).diagonal(axis1=1, axis2=2)
-        return np.asarray(cold + np.multiply.outer(alpha, warm) - np.multiply.outer(friction, slid))
-
 
 @dataclass(frozen=True, eq=False)
 class Blocks:

@@ -74,6 +74,18 @@ class Contact:
         return 1.0 if self.by_place else theta
 
 
+class Meeting(NamedTuple):
+    """What the contacts of a pack meet in a step."""
+
+    own: Own
+    acts: Sequence[Acting]
+    drive: Drive | None
+    load: Pack
+    """The load at the step's end, N, where contacts without mass move by it."""
+    first: bool
+    """Whether it is the step of central differences at t = 0."""
+
+
 class End(NamedTuple):
     """A contact at the step's end."""
 
@@ -144,150 +156,108 @@ def _weighed(theta: float, after: Pack, before: Pack) -> Pack:
 
 
 @by_type
-def approach(step: TipStep, own: Own, acts: Sequence[Acting], c: int, load: Pack, lane: Lane) -> bool:
-    """Tell whether contact ``c`` may act in some lane; ``load`` is that at the step's end."""
+def approach(step: TipStep, met: Meeting, c: int, lane: Lane) -> bool:
+    """Tell whether contact ``c`` may act in some lane."""
     raise NotImplementedError
 
 
 @defines(approach, TipStep)
-def _approach_by_theta(step: TipStep, own: Own, acts: Sequence[Acting], c: int, load: Pack, lane: Lane) -> bool:
-    act = acts[c]
+def _approach_by_theta(step: TipStep, met: Meeting, c: int, lane: Lane) -> bool:
+    act = met.acts[c]
     place, speed = pack(act.place, lane), pack(act.speed, lane)
     moved = step.h * _weighed(step.theta, pack(act.speed_free, lane), speed)
     return _is_near(place, step.h * speed, moved, pack(act.casing, lane))
 
 
 @defines(approach, CentralStep)
-def _approach_centrally(step: TipStep, own: Own, acts: Sequence[Acting], c: int, load: Pack, lane: Lane) -> bool:
-    act = acts[c]
+def _approach_centrally(step: TipStep, met: Meeting, c: int, lane: Lane) -> bool:
+    act = met.acts[c]
     moved = step.h * pack(act.speed_free, lane)
     return _is_near(pack(act.place, lane), spread(0.0, lane), moved, pack(act.casing, lane))
 
 
 @defines(approach, YieldingStep)
-def _approach_yielding(step: TipStep, own: Own, acts: Sequence[Acting], c: int, load: Pack, lane: Lane) -> bool:
+def _approach_yielding(step: TipStep, met: Meeting, c: int, lane: Lane) -> bool:
     """Store the place with all that the residual gives at the step's end but for its impulses.
 
     Of a force that weighs at both ends of a step the share of the beginning is no force at the end.
     """
-    place = pack(acts[c].place, lane) + shared(step.residual_load, (c,), lane) * load - pack(acts[c].expansion, lane)
-    place += step.carried * _pressed_by(step, own, acts, c, lane)
-    store(acts[c].place_free, lane, place - pack(acts[c].worn, lane))
+    act, given = met.acts[c], shared(step.residual_load, (c,), lane) * met.load
+    place = pack(act.place, lane) + given - pack(act.expansion, lane)
+    place += step.carried * _pressed_by(step, met, c, lane)
+    store(act.place_free, lane, place - pack(act.worn, lane))
     return True
 
 
 @inlined
-def _pressed_by(step: TipStep, own: Own, acts: Sequence[Acting], i: int, lane: Lane) -> Pack:
+def _pressed_by(step: TipStep, met: Meeting, i: int, lane: Lane) -> Pack:
     """Return the way by which the residual of contact i gives to all forces, Σ (R_ij - µ R^t_ij) λ_j."""
-    friction, way = pack(own.friction, lane), spread(0.0, lane)
-    for j in range(len(acts)):
+    friction, way = pack(met.own.friction, lane), spread(0.0, lane)
+    for j in range(len(met.acts)):
         flexibility = shared(step.residual, (0, i, j), lane) - friction * shared(step.residual, (1, i, j), lane)
-        way += flexibility * pack(acts[j].force, lane)
+        way += flexibility * pack(met.acts[j].force, lane)
     return way
 
 
 @by_type
-def leave(
-    step: TipStep,
-    own: Own,
-    acts: Sequence[Acting],
-    drive: Drive | None,
-    c: int,
-    load: Pack,
-    engaged: bool,
-    first: bool,
-    lane: Lane,
-) -> End:
-    """Complete a step of contact ``c``, by the impulses in ``acts`` where some contact is ``engaged``.
-
-    ``first`` tells the step of central differences at t = 0.
-    """
+def leave(step: TipStep, met: Meeting, c: int, engaged: bool, lane: Lane) -> End:
+    """Complete a step of contact ``c``, by the impulses of all where some contact is ``engaged``."""
     raise NotImplementedError
 
 
 @defines(leave, TipStep)
-def _leave_by_theta(
-    step: TipStep,
-    own: Own,
-    acts: Sequence[Acting],
-    drive: Drive | None,
-    c: int,
-    load: Pack,
-    engaged: bool,
-    first: bool,
-    lane: Lane,
-) -> End:
-    act, casing = acts[c], pack(acts[c].casing, lane)
+def _leave_by_theta(step: TipStep, met: Meeting, c: int, engaged: bool, lane: Lane) -> End:
+    act, casing = met.acts[c], pack(met.acts[c].casing, lane)
     p, speed = spread(0.0, lane), pack(act.speed_free, lane)
     if engaged:
         p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
     place = pack(act.place, lane) + step.h * _weighed(step.theta, speed, pack(act.speed, lane))
     if step.holds:
         place = where(p > 0.0, casing, place)
-    x, v = _absolute(drive, act.origin, place, lane), _absolute(drive, act.origin_speed, speed, lane)
+    x, v = _absolute(met.drive, act.origin, place, lane), _absolute(met.drive, act.origin_speed, speed, lane)
     return End(x, v, place - casing, p, place, speed, p, v)
 
 
 @defines(leave, YieldingStep)
-def _leave_yielding(
-    step: TipStep,
-    own: Own,
-    acts: Sequence[Acting],
-    drive: Drive | None,
-    c: int,
-    load: Pack,
-    engaged: bool,
-    first: bool,
-    lane: Lane,
-) -> End:
+def _leave_yielding(step: TipStep, met: Meeting, c: int, engaged: bool, lane: Lane) -> End:
     """Return the contact at its place with the residual's; what presses a casing by its place is on it exactly.
 
     What crushes a coating is as much deeper as it wears.
     """
-    act, casing = acts[c], pack(acts[c].casing, lane)
+    act, casing = met.acts[c], pack(met.acts[c].casing, lane)
     p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
     place = pack(act.place, lane) + step.h * _weighed(step.theta, speed, pack(act.speed, lane))
-    depth = place + shared(step.residual_load, (c,), lane) * load - pack(act.expansion, lane)
-    depth -= _pressed_by(step, own, acts, c, lane) + casing
+    depth = place + shared(step.residual_load, (c,), lane) * met.load - pack(act.expansion, lane)
+    depth -= _pressed_by(step, met, c, lane) + casing
     if step.holds:
         force = pack(act.force, lane)
         held = pack(act.worn, lane) + step.casing_flexibility * force
         crushes = (force >= pack(act.level, lane)) & (depth > held)
         depth = where((p > 0.0) & ~crushes, held, depth)
-    x, v = _absolute(drive, act.origin, casing + depth, lane), _absolute(drive, act.origin_speed, speed, lane)
+    x, v = _absolute(met.drive, act.origin, casing + depth, lane), _absolute(met.drive, act.origin_speed, speed, lane)
     return End(x, v, depth, p, place, speed, p, v)
 
 
 @defines(leave, CentralStep)
-def _leave_centrally(
-    step: TipStep,
-    own: Own,
-    acts: Sequence[Acting],
-    drive: Drive | None,
-    c: int,
-    load: Pack,
-    engaged: bool,
-    first: bool,
-    lane: Lane,
-) -> End:
+def _leave_centrally(step: TipStep, met: Meeting, c: int, engaged: bool, lane: Lane) -> End:
     """Return the contact at t_k and the impulse centred on it, and complete the step from t_k with p_k.
 
     p_0 spans half a step, that of a spring a whole: it counts as the impulse of a whole one.
     """
-    act, casing = acts[c], pack(acts[c].casing, lane)
+    act, casing = met.acts[c], pack(met.acts[c].casing, lane)
     place, p, about, speed = pack(act.place, lane), spread(0.0, lane), spread(0.0, lane), pack(act.speed_free, lane)
     if engaged:
         p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
         about = 0.5 * (pack(act.impulse_before, lane) + p)
-        store(act.impulse_before, lane, 2.0 * p if first and step.stiffness == 0.0 else p)
+        store(act.impulse_before, lane, 2.0 * p if met.first and step.stiffness == 0.0 else p)
     after = place + step.h * speed
     if step.holds:
         after = where(p > 0.0, casing, after)
-    before = _absolute(drive, act.origin_speed_begin, pack(act.speed, lane), lane)
-    x, v = _absolute(drive, act.origin, place, lane), _absolute(drive, act.origin_speed, speed, lane)
+    before = _absolute(met.drive, act.origin_speed_begin, pack(act.speed, lane), lane)
+    x, v = _absolute(met.drive, act.origin, place, lane), _absolute(met.drive, act.origin_speed, speed, lane)
     driven = v
     if step.holds:
-        moved = _absolute(drive, act.origin_speed, (after - place) * (1.0 / step.h), lane)
+        moved = _absolute(met.drive, act.origin_speed, (after - place) * (1.0 / step.h), lane)
         driven = where(p > 0.0, moved, v)
     return End(x, 0.5 * (before + v), place - casing, about, after, speed, p, driven)
 

@@ -78,6 +78,9 @@ class State(NamedTuple):
     own: Own
     acts: Sequence[Acting]
     coupling: Coupling | None
+    drive: Drive | None
+    account: Any
+    """:class:`~workflow.schemes._fixed.balance.Account`, ``None`` where no balances are asked for."""
     motion: Array
     """``(block, row, lane)``."""
     drives: Array
@@ -141,15 +144,7 @@ def _plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
 
 @inlined
 def step_freely(
-    step: FreeStep,
-    rows: ContactRows | None,
-    drive: Drive | None,
-    account: Any,
-    warmed: bool,
-    t: float,
-    state: State,
-    load: Pack,
-    lane: Lane,
+    step: FreeStep, rows: ContactRows | None, warmed: bool, t: float, state: State, load: Pack, lane: Lane
 ) -> None:
     """Step all modes to t without impulses of contact, but for one that waits since the last step (:func:`strike`).
 
@@ -158,9 +153,9 @@ def step_freely(
     if rows is None and raised(state.own.waits, lane):
         p = pack(state.acts[0].impulse, lane)
         heat = pack(state.own.alpha, lane) * p
-        _step_freely(step, rows, step.observed, drive, account, p, heat, warmed, t, state, load, lane)
+        _step_freely(step, rows, step.observed, p, heat, warmed, t, state, load, lane)
     else:
-        _step_freely(step, rows, step.observed, drive, account, None, None, warmed, t, state, load, lane)
+        _step_freely(step, rows, step.observed, None, None, warmed, t, state, load, lane)
 
 
 @inlined
@@ -168,8 +163,6 @@ def _step_freely(
     step: FreeStep,
     rows: ContactRows | None,
     observed: Array | None,
-    drive: Drive | None,
-    account: Any,
     impulse: Pack | None,
     heat: Pack | None,
     warmed: bool,
@@ -207,9 +200,10 @@ def _step_freely(
     if step.pair_block.size + step.drifting.size != 0:
         velocity += _add_slow(step, state, lane)
     if rows is None:
-        _keep_contact(state.acts[0], drive, account, warmed, t, velocity, thermal_velocity, temperature, lane)
+        by = Moved(velocity, thermal_velocity, temperature)
+        _keep_contact(state.drive, state.account, state.acts[0], warmed, t, by, lane)
     else:
-        _move_contacts(rows, drive, account, warmed, t, state, lane)
+        _move_contacts(rows, warmed, t, state, lane)
 
 
 @inlined
@@ -232,19 +226,20 @@ def _add_slow(step: FreeStep, state: State, lane: Lane) -> Pack:
     return velocity
 
 
+class Moved(NamedTuple):
+    """How the modes move and warm a contact: its velocity, the thermal part of that, its temperature."""
+
+    velocity: Pack
+    thermal_velocity: Pack
+    temperature: Pack
+
+
 @inlined
 def _keep_contact(
-    act: Acting,
-    drive: Drive | None,
-    account: Any,
-    warmed: bool,
-    t: float,
-    velocity: Pack,
-    thermal_velocity: Pack,
-    temperature: Pack,
-    lane: Lane,
+    drive: Drive | None, account: Any, act: Acting, warmed: bool, t: float, by: Moved, lane: Lane
 ) -> None:
-    """Store how the modes move and warm a contact, with its known part by constant loads."""
+    """Store how a contact moves without impulses, with its known part by constant loads."""
+    velocity, thermal_velocity, temperature = by
     if warmed:
         drift = pack(act.drift, lane)
         velocity, thermal_velocity = velocity + drift, thermal_velocity + drift
@@ -281,9 +276,7 @@ def _add_one(table: Array, states: Array, row: int, first: int, sums: Pack, lane
 
 
 @inlined
-def _move_contacts(
-    rows: ContactRows, drive: Drive | None, account: Any, warmed: bool, t: float, state: State, lane: Lane
-) -> None:
+def _move_contacts(rows: ContactRows, warmed: bool, t: float, state: State, lane: Lane) -> None:
     """Store velocities and temperatures of contacts that have rows."""
     acts, zero, motion, tau = state.acts, spread(0.0, lane), state.motion, state.tau
     fours, zeros = len(acts) // 4 * 4, (zero, zero, zero, zero)
@@ -291,16 +284,14 @@ def _move_contacts(
         heat = _add_four(rows.temperature, tau, 0, c, zeros, lane)
         warm = _add_four(rows.heat_speed, tau, 0, c, zeros, lane)
         moved = _add_four(rows.place, motion, PLACE, c, _add_four(rows.speed, motion, SPEED, c, warm, lane), lane)
-        _keep_contact(acts[c], drive, account, warmed, t, moved[0], warm[0], heat[0], lane)
-        _keep_contact(acts[c + 1], drive, account, warmed, t, moved[1], warm[1], heat[1], lane)
-        _keep_contact(acts[c + 2], drive, account, warmed, t, moved[2], warm[2], heat[2], lane)
-        _keep_contact(acts[c + 3], drive, account, warmed, t, moved[3], warm[3], heat[3], lane)
+        for i in range(4):
+            by = Moved(moved[i], warm[i], heat[i])
+            _keep_contact(state.drive, state.account, acts[c + i], warmed, t, by, lane)
     for c in range(fours, len(acts)):
         one = _add_one(rows.heat_speed, tau, 0, c, zero, lane)
         speed = _add_one(rows.place, motion, PLACE, c, _add_one(rows.speed, motion, SPEED, c, one, lane), lane)
-        _keep_contact(
-            acts[c], drive, account, warmed, t, speed, one, _add_one(rows.temperature, tau, 0, c, zero, lane), lane
-        )
+        by = Moved(speed, one, _add_one(rows.temperature, tau, 0, c, zero, lane))
+        _keep_contact(state.drive, state.account, acts[c], warmed, t, by, lane)
     if rows.expansion.shape[0] > 0:
         for c in range(len(acts)):
             grown = pack(acts[c].grown, lane) + pack(acts[c].growing, lane) * t

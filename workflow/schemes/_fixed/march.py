@@ -27,7 +27,7 @@ from workflow.schemes._fixed import balance, stepping
 from workflow.schemes._fixed.balance import Account, Balances, dense_of
 from workflow.schemes._fixed.blocks import Blocks
 from workflow.schemes._fixed.coating import Worn, enter_sectors, store_depth, wear
-from workflow.schemes._fixed.contact import Contact, approach, count_of, leave, respond_in, was_pressed
+from workflow.schemes._fixed.contact import Contact, Meeting, approach, count_of, leave, respond_in, was_pressed
 from workflow.schemes._fixed.free_motion import (
     FreeStep,
     LastStep,
@@ -67,40 +67,30 @@ With more rows narrow packs were faster on the processor where it was measured; 
 
 
 @inlined
-def _step(
-    step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, account: Account | None, lane: Lane
-) -> None:
+def _step(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, lane: Lane) -> None:
     """Do a step of a pack of lanes: free motion with the load, contact, counts."""
     load = step.contact.h * tip_load(now.sine, now.leader, block.load, block.drive, lane)
-    step_freely(step, step.rows, block.drive, account, now.warmed, now.t, state, load, lane)
-    _touch(step, law, now, state, block, account, load, lane)
-    balance.count_step(account, dense_of(account), step, state, load, now.last, lane)
+    step_freely(step, step.rows, now.warmed, now.t, state, load, lane)
+    _touch(step, law, now, state, block, load, lane)
+    balance.count_step(state.account, dense_of(state.account), step, state, load, now.last, lane)
 
 
 @inlined
-def _touch(
-    step: FreeStep,
-    law: Law,
-    now: Now,
-    state: State,
-    block: CaseBlock,
-    account: Account | None,
-    load: Pack,
-    lane: Lane,
-) -> None:
+def _touch(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, load: Pack, lane: Lane) -> None:
     """Complete a step by contact: its laws where some contact may act, what the contacts show, and their work."""
     contact, own, acts = step.contact, state.own, state.acts
     engaged, count = was_pressed(own, lane), count_of(state.coupling, acts)
     ends = load_at_end(contact, now.leader, block.load, block.drive, lane)
+    met = Meeting(own, acts, block.drive, ends, now.first)
     for c in range(count):
-        engaged |= approach(contact, own, acts, c, ends, lane)
+        engaged |= approach(contact, met, c, lane)
     if engaged:
         respond_in(law, contact, own, acts, state.coupling, now.t, lane)
         strike(step, state, now.waits, lane)
     for c in range(count):
-        end = leave(contact, own, acts, block.drive, c, ends, engaged, now.first, lane)
+        end = leave(contact, met, c, engaged, lane)
         store_depth(block.tracks, c, end.depth, lane)
-        balance.count_work(account, contact, end, load, state, c, engaged, lane)
+        balance.count_work(state.account, contact, end, load, state, c, engaged, lane)
         stepping.show(now, contact.h, end, engaged, acts[c], block.contacts[c], lane)
 
 
@@ -116,17 +106,17 @@ def _begins_centrally(contact: TipStep) -> int:
 
 
 @inlined
-def march(step: FreeStep, law: Law, state: State, block: CaseBlock, account: Account | None) -> None:
+def march(step: FreeStep, law: Law, state: State, block: CaseBlock) -> None:
     """Step a block of cases, whose lanes are independent.
 
     On return ``state.tau_before`` is τ at the beginning of the last step.
     """
     load, lanes, h, theta = block.load, block.lanes, block.h, step.contact.theta
     lay_out(step, state)
-    balance.lay_out_account(account)
+    balance.lay_out_account(state.account)
     in_broad = lanes // broadest() * broadest() if 2 * len(state.motion) + len(state.tau) <= FEW_ROWS else 0
     paired, warmed, senses = step.pair_block.size > 0, is_warmed(state.acts, lanes), step.sensors.shape[0] > 0
-    waits = step.rows is None and account is None and not paired and not senses
+    waits = step.rows is None and state.account is None and not paired and not senses
     leader = start_load(h, load, lanes)
     stepping.keep_idle_off(state.acts, block.marks.next_period.size, lanes)
     for k in range(block.steps + 1):
@@ -140,9 +130,9 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock, account: Acc
         if paired or k >= block.steps - 1 or (senses and shows):
             keep_before(state, lanes)
         for first in range(0, in_broad, broadest()):
-            _step(step, law, now, state, block, account, broad(first))
+            _step(step, law, now, state, block, broad(first))
         for first in range(in_broad, lanes, PACK):
-            _step(step, law, now, state, block, account, narrow(first))
+            _step(step, law, now, state, block, narrow(first))
         wear(block.tracks, block.worn, step.contact, now.t, state.acts)
         if k == 0:
             continue
@@ -160,7 +150,7 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
     """
 
     def add(law: R) -> R:
-        def march_cases(step: FreeStep, law: Law, state: State, batch: Batch, account: Account | None) -> None:
+        def march_cases(step: FreeStep, law: Law, state: State, batch: Batch) -> None:
             whole = batch.whole
             for first in range(0, batch.values.shape[1], whole.lanes):
                 marks, record, lanes = stepping.load_block(batch, first)
@@ -168,7 +158,7 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
                 worn = Worn(whole.worn.depth[first:stop], whole.worn.map[first:stop], whole.worn.every)
                 size = lanes, whole.steps, whole.h
                 block = CaseBlock(whole.load, whole.contacts, marks, record, whole.drive, *size, whole.tracks, worn)
-                march(step, law, state, block, account)
+                march(step, law, state, block)
                 stepping.store_block(batch, first)
 
         march_cases.__module__ = law.__module__  # the key of the cache: the machine code depends on that source too
@@ -178,11 +168,18 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
     return add
 
 
-def _state(lanes: Mapping[str, Array], contacts: int) -> State:
+def _state(lanes: Mapping[str, Array], contacts: int, batch: Batch, account: Account | None) -> State:
     """Return the state of a block of cases, in named lanes."""
     names = ("motion", "drives", "steady", "tau", "motion_before", "tau_before", "sensing")
     acts = several_rows(Acting, lanes["acts"])
-    return State(named_rows(Own, lanes["own"]), acts, coupling_of(contacts), *(lanes[name] for name in names))
+    own, rows = named_rows(Own, lanes["own"]), (lanes[name] for name in names)
+    return State(own, acts, coupling_of(contacts), batch.whole.drive, account, *rows)
+
+
+def _of_cases(table: Array, cases: Cases) -> Array:
+    """Return the diagonal of a table such as W of each case, ``(contact, case)``."""
+    cold, slid, warm = table.diagonal(axis1=1, axis2=2)[..., None]
+    return np.asarray(cold + warm * cases.alpha - slid * cases.friction)
 
 
 def _rows_of_contacts(
@@ -192,11 +189,10 @@ def _rows_of_contacts(
     modal, own = blocks.modal, free.contact
     rows = np.zeros((len(modal.normal), rows_in(Acting), cases.count))
     acts = cast(Any, named_rows(Acting, rows))
-    w = blocks.step.mobility(modal, cases.alpha, cases.friction)
-    acts["mobility"] = np.where(divisors(blocks.step, modal, contact, cases.alpha, cases.friction) <= 0, np.nan, w).T
+    alone = divisors(blocks.step, modal, contact, cases.alpha, cases.friction)
+    acts["mobility"] = np.where(alone.T <= 0, np.nan, _of_cases(own.delassus, cases))
     if modal.contacts.is_compliant:
-        cold, slid, warm = own.sinking.diagonal(axis1=1, axis2=2)[..., None]
-        acts["sinking"] = cold + warm * cases.alpha - slid * cases.friction
+        acts["sinking"] = _of_cases(own.sinking, cases)
         acts["force"] = contact.stiffness * np.fmax(0.0, begins.displacement - begins.gap).T
     for name in ("place", "speed", "origin", "origin_speed"):
         acts[name] = getattr(begins, name).T
@@ -262,7 +258,7 @@ def step_batch(
     )
     width = 32
     batch = stepping.batch_of(watched, table, lane_rows(4 * contacts * stepping.WAITING), width)
-    KERNELS[type(law)](free, law, _state(lanes, contacts), batch, account)
+    KERNELS[type(law)](free, law, _state(lanes, contacts, batch, account), batch)
 
     ended = table.cases
     watched.contacts[:] = ended["contacts"]
