@@ -17,7 +17,7 @@ from workflow.reduction import reduce_structure
 
 def along(name: str, structure: Structure, batch: Cases) -> Problem:
     """Return a problem along one number of a case."""
-    return lambda value: (structure, replace(batch, **{name: np.array([value])}))
+    return lambda value: (structure, replace(batch, **{name: np.full_like(getattr(batch, name), value)}))
 
 
 def followed(problem: Problem, start: float, stop: float, points: int) -> dict[str, Any]:
@@ -125,7 +125,7 @@ def test_permanent_contact_flutters_where_its_growth_rate_passes_zero() -> None:
 def test_without_a_periodic_rub_it_says_so() -> None:
     structure = oscillator(0.1)
     scene = cases(structure, gap=1.0, amplitude=1.0, frequency=1.0, load_harmonics=[[1.0, np.sqrt(2), 0.0]])
-    values, message = branch(along("gap", structure, scene), 1.0, 2.0, 5, Options())
+    values, message = branch(along("gaps", structure, scene), 1.0, 2.0, 5, Options())
     assert message == "steady: no periodic rub was found at 1, at 2 or between"
     assert np.isnan(values["value"]).all()
     assert states(values) == 5 * ["not_found"]
