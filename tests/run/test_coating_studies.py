@@ -11,6 +11,7 @@ from quick import hashes_of
 from workflow import plots, read_study, run_study
 from workflow.plan import plan_study
 from workflow.report._explorer import _cases
+from workflow.run import verify
 from workflow.study import Study, StudyError
 
 SECTORS = "scene.casing.coating.sectors"
@@ -62,6 +63,7 @@ def test_what_it_cannot_be_is_said(changed: dict[str, Any], problem: str, remedy
 def test_an_archive_holds_worn_depths(tmp_path: Path) -> None:
     study = oval({SECTORS: [12, 24], "scene.speed": [25.0, 50.0]}, output={"wear": {"every": 1}})
     outcome = run_study(study, tmp_path / "a.nc", threads=1)
+    assert [check for check in verify(tmp_path / "a.nc") if not check.holds] == []
     (line,) = [line for line in outcome.warnings if line.startswith("max_worn_depth still changes")]
     dataset = outcome.dataset.isel(alpha=0, missing_dims="ignore")
     assert dataset["wear_map"].dims == ("sectors", "speed", "revolution", "sector")
@@ -127,7 +129,7 @@ def test_a_plan_tells_the_static_cut_and_compares_sectors() -> None:
     travel = 2e-5 / 2 * 4 * np.pi * 50 * 1e6 / 600
     assert compare == [
         f"worn depths depend on `sectors`, and there is one number of them: "
-        f"compare e.g. `axes: {{{SECTORS}: [12, 24]}}`",
+        f"compare e.g. `axes: {{{SECTORS}: [6, 12]}}`",
         f"casing and load move a contact by up to {travel:.2g} µm while it passes one of 12 sectors, "
         f"more than the static cut of 5.2 µm: take more than {12 * travel / (5.8 / 1.12):.0f}",
     ]

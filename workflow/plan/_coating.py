@@ -45,7 +45,7 @@ def coating_cautions(grid: Grid) -> Iterator[str]:
     if most < 2:
         return
     if len(counts) == 1:
-        remedy = f"compare e.g. `axes: {{{_SECTORS}: [{most}, {2 * most}]}}`"
+        remedy = f"compare e.g. `axes: {{{_SECTORS}: [{most // 2}, {most}]}}`"
         yield f"worn depths depend on `sectors`, and there is one number of them: {remedy}"
     cut, speeds = _cut(grid), [*map(float, grid.each("scene.speed"))]
     travel = 0.0 if cut is None else cut.speed / (min(speeds) * most)

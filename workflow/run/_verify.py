@@ -149,7 +149,7 @@ def _identity(path: Path, grid: Grid, texts: dict[str, str]) -> Check:
         wrong = [
             str(name)
             for name, values in template(grid).coords.items()
-            if name not in dataset.coords or not np.array_equal(dataset[name].values, values.values)
+            if name not in dataset.coords or not values.variable.equals(dataset[name].variable)  # NaN equals NaN
         ]
     if wrong:
         return Check("cases", False, f"other coordinates than the study gives: {', '.join(wrong)}")
