@@ -10,7 +10,7 @@ from random_contacts import varied
 
 from plain_steps import CoatedCasing, march, results
 from scenes import cases, chain, coated, of_entries, sampling, step
-from workflow.models import Cases, Rayleigh, Structure, at_rest
+from workflow.models import Cases, NoEquilibriumError, Rayleigh, Structure, at_rest
 from workflow.schemes import HISTORIES, ContractError, Status, load, refuse
 
 SCENES = Path(__file__).parent / "coating"
@@ -227,3 +227,16 @@ def test_other_schemes_refuse_it(method: str) -> None:
     mass = free_mass()
     with pytest.raises(ContractError, match="does not take a casing with a coating"):
         refuse(load(method), coated(mass, cases(mass), 1.0))
+
+
+def test_a_free_body_rests_on_a_coating_that_hardens() -> None:
+    """5 N on 2 N + H w: w = 3 mm at 1000 N/m, and x = d + w + c λ; without hardening it crushes for ever."""
+    body, c = free_mass(1e-4), 1e-4
+    batch = cases(body, gap=1e-3, mean=5.0)
+    resting = at_rest(body, coated(body, batch, 2.0, hardening=1e3))
+    np.testing.assert_allclose(resting.displacement, 1e-3 + 3e-3 + 5 * c, rtol=1e-12)
+    done = step(body, resting, 1e-4, sampling(0.01, 1e-3))
+    np.testing.assert_allclose(done.histories["displacement"][0], resting.displacement[0, 0], rtol=1e-12)
+    np.testing.assert_allclose(done.wear["worn_depth"], 3e-3, rtol=1e-12)
+    with pytest.raises(NoEquilibriumError, match="crush the coating for ever"):
+        at_rest(body, coated(body, batch, 2.0))
