@@ -126,12 +126,8 @@ def pass_event(
     """
     c = at.struck
     for i in range(own.contacts.size):
-        own.contacts[i].before, own.contacts[i].taken, own.contacts[i].bounces, own.contacts[i].approach = (
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-        )
+        each = own.contacts[i]
+        each.before = each.taken = each.bounces = each.approach = 0.0
     if between.compliant:
         at.due = DECISION
         return RUNNING
@@ -215,13 +211,8 @@ def _pass_lone(
     sets: Sets, between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory, c: int
 ) -> int:
     """Let a contact strike while all are open: it bounces, begins a contact, or flies on."""
-    m, tally, t, u, W = (
-        seen_by(motion.m, c),
-        record.tally[c],
-        at.time,
-        own.contacts[c].approach,
-        mobility(between, case, c, c),
-    )
+    m, tally, t, u = seen_by(motion.m, c), record.tally[c], at.time, own.contacts[c].approach
+    W = mobility(between, case, c, c)
     if W <= 0.0:
         return NO_IMPACT_LAW
     for i in range(own.contacts.size):

@@ -27,12 +27,11 @@ from workflow.schemes._exact.expansion import (
     growth_bound,
 )
 from workflow.schemes._exact.motion import TEMPERATURE, Motion
-from workflow.schemes._exact.propagation import Observed, advance, integral, observe
+from workflow.schemes._exact.propagation import Observed, advance, observe
 from workflow.schemes._exact.tables import expansion, first, state
 
 TALLY = np.dtype(
     [
-        ("time", "f8"),  # reached, s
         ("held", "i8"),  # whether the tip is held at the gap
         ("speed", "f8"),  # approach speed of the last event of the free tip, m/s
         ("impulse", "f8"),  # of the contact force since t = 0, N s
@@ -45,12 +44,9 @@ TALLY = np.dtype(
         ("period_impulse", "f8"),  # impulse at its beginning, N s
         ("period_contact", "f8"),  # time in contact until its beginning, s
         ("period_impacts", "i8"),  # velocity jumps until its beginning
-        ("events", "i8"),  # impacts and releases that count for the budget
-        ("steps", "i8"),  # certified steps
         ("impacts", "i8"),  # velocity jumps
         ("releases", "i8"),  # contacts that have ended
         ("max_speed", "f8"),  # largest impact speed, m/s
-        ("length", "f8"),  # largest |x_n|, plus those of the casing at the start: scale of displacements, m
         ("unsettled_speed", "f8"),  # half the impact speed at which chattering was last found not to end, m/s
         ("summed_speed", "f8"),  # of chattering that is summed because it exceeds the budget: largest speed, m/s
         ("summed_height", "f8"),  # … largest height above the casing, m
@@ -186,29 +182,6 @@ def write(record: Record, t: float, outputs: Observed, impulse: float) -> None:
         tally.period_impacts = tally.impacts
         tally.period_impulse, tally.period_contact, tally.period_temperature = impulse, contact, outputs.temperature
         tally.next_period += 1
-
-
-@part
-def record_step(record: Record, m: Motion, t: float, dt: float, final: Observed, tolerance: float) -> None:
-    """Write samples and load periods within a step from ``m.now`` at t to ``m.after``, whose outputs are ``final``.
-
-    The largest temperature is searched over load periods, independently of the samples between.
-    """
-    tally, heated, left = record.tally, m.heated, t
-    while next_due(record) < t + dt - tolerance:
-        at = max(t, next_due(record))
-        advance(m, m.now, t, at - t, m.between)
-        impulse = max(0.0, integral(m, m.now, m.between, t, at - t)) if tally.held else 0.0
-        outputs = observe(m, m.between, at)
-        if heated:
-            note_temperature(tally, outputs.temperature)
-            if tally.next_period < record.period_ends.size and record.period_ends[tally.next_period] <= at:
-                note_temperature(tally, peak_temperature(m, t, left, at, tally.period_temperature))
-                left = at
-        write(record, at, outputs, tally.impulse + impulse)
-    if heated:
-        note_temperature(tally, final.temperature)
-        note_temperature(tally, peak_temperature(m, t, left, t + dt, tally.period_temperature))
 
 
 @part
