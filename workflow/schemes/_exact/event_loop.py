@@ -155,14 +155,10 @@ def _begin(case: Case, record: Record, at: Any, own: Memory) -> None:
     at.begun, at.due, at.struck, at.length, at.guess = 1, EVENT, -1, case.reach, case.duration
     for c in range(own.contacts.size):
         tally = record.tally[c]
-        own.contacts[c].closed, own.contacts[c].still, own.contacts[c].zeros, own.contacts[c].speed = (
-            tally.held != 0,
-            False,
-            0,
-            -1.0,
-        )
-        tally.contact_begin, tally.casing_flexibility = 0.0 if own.contacts[c].closed else np.inf, case.flexibility
-        if own.contacts[c].closed:
+        each = own.contacts[c]
+        each.closed, each.still, each.zeros, each.speed = tally.held != 0, False, 0, -1.0
+        tally.contact_begin, tally.casing_flexibility = 0.0 if each.closed else np.inf, case.flexibility
+        if each.closed:
             at.due = STEP
 
 
@@ -330,9 +326,8 @@ def _record(m: Motion, record: Record, at: Any, own: Memory, h: float, late: flo
     """
     t, contacts, sound = at.time, own.contacts.size, True
     for c in range(contacts):
-        own.contacts[c].impulse = (
-            max(0.0, integral(seen_by(m, c), m.now, m.after, t, h)) if own.contacts[c].closed else 0.0
-        )
+        pushed = integral(seen_by(m, c), m.now, m.after, t, h) if own.contacts[c].closed else 0.0
+        own.contacts[c].impulse = max(0.0, pushed)
     left = _write_due(m, record, own, t, h, late)
     for c in range(contacts):
         tally = record.tally[c]

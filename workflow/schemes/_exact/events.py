@@ -503,9 +503,8 @@ def _fill_push(between: Between, case: Case, own: Memory, row: int) -> None:
                         total += slows * (own.contacts[i].force - own.signals[HELD, i])
                         size += abs(slows) * (abs(own.contacts[i].force) + own.signals[SIZE, i])
             own.signals[ROUNDING + row, c] = ZERO_FORCE * SUM_ROUNDING * size
-            own.signals[PUSH + row, c] = (
-                0.0 if own.contacts[c].still or abs(total) <= own.signals[ROUNDING + row, c] else total
-            )
+            is_zero = own.contacts[c].still or abs(total) <= own.signals[ROUNDING + row, c]
+            own.signals[PUSH + row, c] = 0.0 if is_zero else total
 
 
 @part
