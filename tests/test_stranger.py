@@ -142,8 +142,8 @@ def mistakes(place: Place) -> None:
 
 def own_beam(place: Place) -> None:
     """Matrices of finite elements, written and run as the guide says."""
-    place.python(BEAM + block("python", "write_matrices", GUIDE))
-    model = block("yaml", "matrices:", GUIDE).partition("scene:\n")[2]
+    place.python(BEAM + block("python", "fe.npz", GUIDE))
+    model = block("yaml", "fe.npz", GUIDE).partition("scene:\n")[2]
     text = re.sub(r"  blade: .*?\n(?=  casing)", model, own_study(), flags=re.DOTALL).replace(
         "study: mine", "study: fe"
     )

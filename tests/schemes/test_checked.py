@@ -87,7 +87,11 @@ def without(name: str) -> Callable[[Results], Results]:
     )
 
 
-ALWAYS = [v for v in variables.select(None, "scheme") if v.shape in ("history", "metric") and v.condition != "sensors"]
+ALWAYS = [
+    v
+    for v in variables.select(None, "scheme")
+    if v.shape in ("history", "metric") and v.condition not in ("sensors", "coating")
+]
 
 
 @pytest.mark.parametrize("name", [v.name for v in ALWAYS])
