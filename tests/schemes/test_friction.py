@@ -100,12 +100,14 @@ def test_what_friction_jams_has_no_place_on_the_casing() -> None:
     assert critical_alpha(structure, 2.1) == 0.0
 
 
+@pytest.mark.parametrize("e", [0.0, 0.6])
 @pytest.mark.parametrize("scheme", RIGID)
-def test_where_an_impulse_pushes_inwards_contact_has_no_solution(scheme: str) -> None:
+def test_where_an_impulse_pushes_inwards_contact_has_no_solution(scheme: str, e: float) -> None:
     """Painlevé: nᵀM⁻¹(n - µt) = (1 + µ m)/(1 - m²) <= 0. A tip that stays clear is none the wiser."""
     structure = slider(inertia=-0.5)
     assert critical_friction(structure)[0].impact == pytest.approx(2.0, rel=1e-12)
-    batch = cases(structure, 4, friction=[1.9, 2.1, 2.1, 0.0], velocity=[0.0, 0.5], gap=[0.01, 0.01, 1.0, 0.01])
+    start = {"velocity": [0.0, 0.5], "gap": [0.01, 0.01, 1.0, 0.01]}
+    batch = cases(structure, 4, e=e, friction=[1.9, 2.1, 2.1, 0.0], **start)
     results = ran(structure, batch, scheme, 1e-3, sampling(0.1, 0.01))
     assert results.status.tolist() == [Status.OK, Status.ILL_POSED, Status.OK, Status.OK]
     assert "friction" in results.messages[1]

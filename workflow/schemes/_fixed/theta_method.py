@@ -56,7 +56,7 @@ class Operator:
         drive, begins = start_of(self.structure, cases, h, self.theta, sampling.duration, yields)
         velocity = project(blocks.modal.to_modes, begins.coordinate_velocity)
         ended = step_batch(self.structure, blocks, self.contact, cases, velocity, sampling, drive, begins)
-        finite = ended.watched.finite("displacement", "temperature")
+        finite = ended.watched.finite("displacement", "temperature", "impulse")
         judged_blocks = self.blocks if self.contact.judges_heat else blocks
         return collect(ended, *_judge(self, judged_blocks, cases, sampling.duration, finite, ended.unsolved))
 
