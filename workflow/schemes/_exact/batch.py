@@ -31,6 +31,7 @@ from workflow.schemes._exact.events import (
     INSEPARABLE,
     INSIDE_CASING,
     INVALID,
+    LOWEST_BOUNCE,
     NO_IMPACT_LAW,
     NO_ROOM,
     NOT_FINITE,
@@ -55,6 +56,8 @@ from workflow.schemes._interface import (
 )
 
 THRESHOLDS = Thresholds(height=1e-10, speed=1e-3, force=64.0)
+"""Those of one contact. Of several, bounces are summed below a tenth of that height: the others amplify the sum's error
+(a chain of four masses with 1 500 impacts: 5e-10 of its displacement, 2e-11 with a tenth)."""
 
 _NEARLY_ELASTIC = 0.99
 """Restitution above which the message on the budget of events states how many impacts it takes to come to rest."""
@@ -114,7 +117,8 @@ def _kept(known: dict[tuple[float, ...], T], key: tuple[float, ...], make: Calla
 def make_operator(structure: Structure, budget: Budget) -> ExactOperator:
     """Return the modes of a structure."""
     basis = analyse_contacts(structure)
-    return ExactOperator(basis, _closing(structure, basis), budget, structure.sensors)
+    low = THRESHOLDS if basis.contacts.count == 1 else THRESHOLDS._replace(height=LOWEST_BOUNCE)
+    return ExactOperator(basis, _closing(structure, basis), budget, structure.sensors, low)
 
 
 def _closing(structure: Structure, basis: ContactBasis) -> Array:
