@@ -42,7 +42,7 @@ def kept_model(decided_by: Any, make: Callable[[], ReducedModel]) -> ReducedMode
     model = make()
     with suppress(Exception):  # the disk is full, or a module from outside gives what cannot be kept
         content = pickle.dumps(model)
-        aside = place.with_suffix(f".{uuid4().hex}")
+        aside = place.with_suffix(f".{uuid4().hex}.model")  # what a killed process leaves goes like an old one
         aside.write_bytes(hashlib.sha256(content).digest() + content)
         aside.replace(place)
         _remove_oldest(place.parent)
