@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenes_of_contacts import chain
 
-from scenes import cases_of_file, of_entries, step
+from scenes import cases_of_file, of_entries, same_bits, step
 from workflow import schemes
 from workflow.models import Structure, analyse_contacts, contact_system
 from workflow.schemes import Sampling
@@ -107,6 +107,20 @@ def test_tables_of_an_earlier_α_make_room(structure: Structure, monkeypatch: py
     assert len(made) > 2
     assert all(table.count <= 6 for table in made)
     assert np.array_equal(few.histories["temperature"], usual.histories["temperature"])
+
+
+def test_a_case_of_more_sets_than_a_table_holds_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = chain(heated=False)
+    five = of_entries({name: own[name] for name in ("mass", "stiffness", "load")} | {"contact": np.eye(5)})
+    case = cases_of_file(five, 1, gaps=1e-4 * np.arange(1.0, 6.0), load_harmonics=[[900.0, 60.0, 0.0]], mean=300.0)
+    over = Sampling(0.1, 1e-2, 11)
+    usual = step(five, case, 0.0, over, "event_driven")
+    made = []
+    monkeypatch.setattr(set_tables, "MOST_BYTES", 0)  # four rows
+    monkeypatch.setattr(batch, "SetTable", lambda shared: made.append(set_tables.SetTable(shared)) or made[-1])
+    few = step(five, case, 0.0, over, "event_driven")
+    assert len(made) > 2
+    assert same_bits(few, usual)
 
 
 def test_the_largest_temperature_of_open_contacts_is_not_that_of_samples(structure: Structure) -> None:

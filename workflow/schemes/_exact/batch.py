@@ -37,11 +37,10 @@ from workflow.schemes._exact.events import (
     NOT_FINITE,
     OUT_OF_EVENTS,
     OUT_OF_STEPS,
-    TOO_MANY_SETS,
 )
 from workflow.schemes._exact.record import EVENT, TALLY, Asked, Record
 from workflow.schemes._exact.set_motion import Budget, Case, Thresholds, memory, with_room
-from workflow.schemes._exact.set_tables import FULL, MOST_BYTES, MOST_SETS, ROOM, SetTable, SharedSets
+from workflow.schemes._exact.set_tables import FULL, MOST_BYTES, ROOM, SetTable, SharedSets
 from workflow.schemes._exact.tables import wave
 from workflow.schemes._interface import (
     EXTRAPOLATED,
@@ -176,7 +175,7 @@ def march(table: SetTable, conditions: Case, which: NDArray[np.int64], outcome: 
             own = with_room(own, 2 * own.slots.size)
             continue
         fault = table.add(own.contacts["wanted"], conditions.alpha[which[at:]])
-        if fault == FULL:  # of sets at other α
+        if fault == FULL:
             table = SetTable(shared)
             own.slots[:] = -1
         elif fault:
@@ -411,8 +410,6 @@ def failure_text(operator: ExactOperator, ended: int, progress: Any, tally: Any,
         INSEPARABLE: _INSEPARABLE,
         INSIDE_CASING: f"the tip starts beyond the casing: x_n(0) > d{run_away}",
         NOT_FINITE: f"the state left the finite numbers {at}",
-        TOO_MANY_SETS: f"stopped {at}: it meets more than {MOST_SETS} sets of closed contacts, or more than "
-        f"{MOST_BYTES // 2**20} MB of them; take contacts without mass, fewer contacts, or moreau",
     }
     if operator.basis.contacts.count > 1 or operator.basis.contacts.is_compliant:
         names = ", ".join(operator.basis.contacts.labels)

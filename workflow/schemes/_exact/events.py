@@ -55,8 +55,8 @@ from workflow.schemes._interface import AT_REST
 COMPLETED, OUT_OF_EVENTS, OUT_OF_STEPS, INSIDE_CASING, NOT_FINITE, RUNNING, NO_IMPACT_LAW = range(7)
 """How a case ended, …"""
 
-INVALID, INSEPARABLE, TOO_MANY_SETS = range(7, 10)
-"""… and as a batch sets it: a value is not finite, a set of contacts cannot be separated, it meets too many of them."""
+INVALID, INSEPARABLE = 7, 8
+"""… and as a batch sets it: a value is not finite, a set of contacts cannot be separated."""
 
 WAITING, NO_ROOM = -1, -2
 """What a march returns where it waits for a set, :attr:`Memory.wanted`, or for memory of one more motion."""

@@ -11,13 +11,13 @@ from workflow.kernels import Array
 from workflow.models import ContactBasis
 from workflow.schemes._exact.between import between
 from workflow.schemes._exact.closed_sets import ClosedSet, SetAnyAlpha, closed_set_of, row_length
-from workflow.schemes._exact.events import INSEPARABLE, TOO_MANY_SETS, Sets
+from workflow.schemes._exact.events import INSEPARABLE, Sets
 
 FULL = -3
-"""What a table says that has no room for a set of one α, as those of others take it."""
+"""What a table says that has no room for a set; a case goes on with a new one, in which it meets its sets again."""
 
-MOST_SETS, MOST_BYTES = 2000, 2**29
-"""Sets of closed contacts that are kept of one α, and memory of those of all α."""
+MOST_BYTES = 2**29
+"""Memory of the sets of a table."""
 
 ROOM = 4
 """Sets for which a table has room at first."""
@@ -36,10 +36,14 @@ class SharedSets:
 
     def at_any_alpha(self, closed: NDArray[np.bool_]) -> SetAnyAlpha:
         """Return a set at all α."""
-        key = closed.tobytes()
-        if key not in self._sets:
-            self._sets[key] = SetAnyAlpha(self.basis, closed, *self._conditions)
-        return self._sets[key]
+        known = self._sets.get(closed.tobytes())
+        if known is None:
+            known = self._sets[closed.tobytes()] = SetAnyAlpha(self.basis, closed, *self._conditions)
+        return known
+
+    def forget(self) -> None:
+        """Free the memory of all sets; what a table has of them stays."""
+        self._sets.clear()
 
     def variants(self, alpha: Array) -> NDArray[np.int64]:
         """Return the number of each α; those that are met first get the next ones."""
@@ -67,7 +71,6 @@ class SetTable:
         self._closed = np.zeros((ROOM, shared.basis.contacts.count), dtype=np.bool_)
         self._following = np.full(ROOM, -1)
         self._first: dict[int, int] = {}
-        self._numbers: dict[float, int] = {}  # sets of each α
         self._known: dict[tuple[bytes, float], int] = {}
         self.count = int(shared.at_any_alpha(self._closed[0]).fill(self._rows[:1], np.zeros(1))[0])
 
@@ -89,9 +92,9 @@ class SetTable:
                 return INSEPARABLE
             if not closed.any() or (key, alpha) in self._known:
                 return 0
-            own = self._numbers.get(alpha, 0)
-            if own == MOST_SETS or self.count == self.most:
-                return FULL if own < min(MOST_SETS, self.count - 1) else TOO_MANY_SETS
+            if self.count == self.most:
+                self.shared.forget()
+                return FULL
             a_set, length = self.shared.at_any_alpha(closed), self._rows.shape[1]
             due = [value for value in dict.fromkeys(alphas.tolist()) if value > 0 and (key, value) not in self._known]
             ahead = max(1, min(self.most - self.count, _AHEAD // (8 * length))) if a_set.is_rank_one else 1
@@ -116,7 +119,6 @@ class SetTable:
             self._closed[self.count], self._following[self.count] = closed, self._first.get(variant, -1)
             self._first[variant] = self.count
             self._known[closed.tobytes(), value] = self.count
-            self._numbers[value] = self._numbers.get(value, 0) + 1
             self.count += 1
 
     def _grow(self, count: int) -> None:
