@@ -177,8 +177,6 @@ class Drive(NamedTuple):
     other: OtherLoad
     seen: Any
     """:class:`Seen` of each wave of the casing and contact, ``(wave, contact)``."""
-    casing_mean: Array
-    """The casings without harmonics, d, m, ``(contact, lane)``; without rows where casings are at rest."""
 
 
 class DriveRows(NamedTuple):
@@ -188,13 +186,12 @@ class DriveRows(NamedTuple):
     casing_waves: Array
     other: Array
     seen: Array
-    casing_mean: Array
 
     @property
     def named(self) -> Drive:
         """The rows by names, as kernels take them."""
         load, casing = (cast(Sequence[Wave], named_rows(Wave, rows)) for rows in (self.load_waves, self.casing_waves))
-        return Drive(load, casing, named_rows(OtherLoad, self.other), named_rows(Seen, self.seen), self.casing_mean)
+        return Drive(load, casing, named_rows(OtherLoad, self.other), named_rows(Seen, self.seen))
 
 
 class Start(NamedTuple):
@@ -242,16 +239,17 @@ def start_of(
             return None, begins
         seen = np.zeros((0, x.shape[1], rows_in(Seen), cases.count))
     else:
-        seen, velocity, before = _seen(cases, x.shape[1], h, theta)
+        seen, moved, velocity, before = _seen(cases, x.shape[1], h, theta)
         speeds = speeds + project(np.abs(rows), np.abs(cases.velocity)) + lengths / h
         held = touches & (not compliant) & (np.fmin(np.abs(v - velocity), np.abs(v - moves)) <= AT_REST * speeds)
         follows = cases.velocity.copy()
         for i in np.flatnonzero(held.any(axis=1)):
             follows[i] += np.linalg.pinv(rows[held[i]]) @ (velocity - v)[i, held[i]]
         relative = np.where(held, 0.0, v - velocity)
-        begins = Start(shown, v, place, x - place, relative, place, before, follows)
-    other, still = np.zeros((rows_in(OtherLoad), cases.count)), cases.clearances.T[: x.shape[1] * (casing.width > 0)]
-    return DriveRows(_waves(load, h), _waves(casing, h), other, seen, still), begins
+        own = np.where(touches, cases.clearances, x - moved)
+        begins = Start(shown, v, place, own, relative, moved, before, follows)
+    other = np.zeros((rows_in(OtherLoad), cases.count))
+    return DriveRows(_waves(load, h), _waves(casing, h), other, seen), begins
 
 
 def compliant_places(structure: Structure, cases: Cases, yields: float) -> Array:
@@ -272,20 +270,23 @@ def compliant_places(structure: Structure, cases: Cases, yields: float) -> Array
     return free
 
 
-def _seen(cases: Cases, contacts: int, h: float, theta: float) -> tuple[Array, Array, Array]:
-    """Return the rows :class:`Seen`, ``(wave, contact, row, case)``, and V at t = 0 and -h, ``(case, contact)``."""
+def _seen(cases: Cases, contacts: int, h: float, theta: float) -> tuple[Array, Array, Array, Array]:
+    """Return the rows :class:`Seen`, ``(wave, contact, row, case)``, d(0) without its mean, and V at t = 0 and -h.
+
+    The last three ``(case, contact)``.
+    """
     own = cases.casing_harmonics
     sin, cos = (each.reshape(cases.turns.shape) for each in elementwise.sine_cosine(cases.turns.ravel()))
     real, imaginary = (g[:, None] for g in discrete_gains(own.amplitude, own.angular, h, theta))
     amplitude = own.amplitude[:, None]
     parts = [amplitude * cos, amplitude * sin, real * cos - imaginary * sin, real * sin + imaginary * cos]
     seen = np.stack(parts, axis=0).transpose(3, 2, 0, 1)
-    begins, before = np.zeros((2, cases.count, contacts))
-    for t, total in ((0.0, begins), (-h, before)):
+    moved, begins, before = np.zeros((3, cases.count, contacts))
+    for t, first, total in ((0.0, 0, moved), (0.0, 2, begins), (-h, 2, before)):
         for k in range(own.width):
             s, c = own.sine_cosine(k, t)
-            total += parts[2][:, :, k] * s[:, None] + parts[3][:, :, k] * c[:, None]
-    return np.ascontiguousarray(seen), begins, before
+            total += parts[first][:, :, k] * s[:, None] + parts[first + 1][:, :, k] * c[:, None]
+    return np.ascontiguousarray(seen), moved, begins, before
 
 
 def discrete_gains(amplitude: Array | float, angular: Array, h: float, theta: float) -> tuple[Array, Array]:
@@ -349,8 +350,8 @@ def turn_drive(drive: Drive | None, step: int, h: float, theta: float, acts: Seq
         before = pack(other.load_end, lane)
         store(other.load, lane, theta * force + (1.0 - theta) * before)
         store(other.load_end, lane, force)
-        for i in range(drive.casing_mean.shape[0]):
-            place, speed = pack(drive.casing_mean, (i, lane)), spread(0.0, lane)
+        for i in range(len(acts) if len(waves) > 0 else 0):
+            place, speed = spread(0.0, lane), spread(0.0, lane)
             for k in range(len(waves)):
                 s, c, seen = pack(waves[k].sine, lane), pack(waves[k].cosine, lane), drive.seen[k, i]
                 place += pack(seen.place_sine, lane) * s + pack(seen.place_cosine, lane) * c

@@ -198,7 +198,7 @@ def _rows_of_contacts(
         acts[name] = getattr(begins, name).T
     if blocks.step.is_central:
         acts["speed"] = (project(modal.normal, velocity) - begins.origin_speed).T
-    acts["casing"], acts["level"] = (begins.gap - begins.origin).T, np.inf
+    acts["casing"], acts["level"] = cases.clearances.T, np.inf
     return rows
 
 

@@ -52,7 +52,7 @@ class Own(Rows):
 class Acting(Rows):
     """A contact in a step and what acts on it, of each case; without impulses is without those of any contact.
 
-    Places and speeds are relative to an ``origin``: 0, or the casing where that moves.
+    Places and speeds are relative to an ``origin``, the motion of the casing about its mean place.
     """
 
     origin: Array
