@@ -208,7 +208,7 @@ def decides_cost(path: str, model: str) -> bool:
 def bytes_per_case(grid: Grid) -> int:
     """Return the bytes of a case in memory: conditions, results, what is derived of them, the copy that is stored."""
     contacts = math.prod(grid.study.contact_shape)
-    each = 8 * (10 * grid.sampling.count + 8 * grid.longest_period_count + 80) * contacts
+    each = 8 * (10 * grid.sampling.count + 8 * grid.longest_period_count + 90) * contacts
     return each + 2 * asked_bytes(grid, 8) + steady_bytes(grid)
 
 
