@@ -11,6 +11,8 @@ With the contacts S closed:
 - **without mass**, or on an elastic casing c, their forces are linear in all modes, which stay,
 
       λ = Q (w_S y - r_S τ + ρ_S F - d_S),   Q = (R - µ R^t + c)_SS⁻¹.
+
+  Where they crush a coating of hardening H > 0 it is c + 1/H in the place of c, besides a constant force.
 """
 
 from __future__ import annotations
@@ -137,11 +139,20 @@ class ContactSystem(NamedTuple):
 
 
 def contact_system(
-    basis: ContactBasis, closed: NDArray[np.bool_], alpha: float, friction: float
+    basis: ContactBasis, closed: NDArray[Any], alpha: float, friction: float, hardening: float = 0.0
 ) -> ContactSystem | None:
-    """Return the system with the contacts ``closed``, ``(contact,)``; ``None`` where their forces are not unique."""
-    build = _compliant if basis.contacts.is_compliant else _with_mass
-    return build(basis, np.flatnonzero(closed), alpha, friction)
+    """Return the system with some contacts closed; ``None`` where their forces are not unique.
+
+    ``closed`` is 0 for an open contact, 1 for a closed one, 2 where it crushes a coating of a ``hardening`` [N/m],
+    ``(contact,)``.
+    """
+    S = np.flatnonzero(closed)
+    if not basis.contacts.is_compliant:
+        return _with_mass(basis, S, alpha, friction)
+    compliance = basis.contacts.compliance(friction)[np.ix_(S, S)]
+    crushing = np.flatnonzero(closed[S] == 2)
+    compliance[crushing, crushing] += 1 / hardening if crushing.size else 0.0
+    return _compliant(basis, S, alpha, friction, compliance)
 
 
 def _turned(basis: ContactBasis, S: Any) -> tuple[Array, int]:
@@ -223,11 +234,11 @@ def _with_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) -> Co
     return ContactSystem(A, B, signals, inputs, null, place)
 
 
-def _compliant(basis: ContactBasis, S: Any, alpha: float, friction: float) -> ContactSystem | None:
+def _compliant(basis: ContactBasis, S: Any, alpha: float, friction: float, compliance: Array) -> ContactSystem | None:
     n, heats, m = basis.frequency.size, basis.rate.size, basis.contacts.count
     flexibility = basis.contacts.flexibility(friction)
     try:
-        stiffness = np.linalg.inv(basis.contacts.compliance(friction)[np.ix_(S, S)])  # Q
+        stiffness = np.linalg.inv(compliance)  # Q
     except np.linalg.LinAlgError:
         return None
     size, F = basis.size, n + heats

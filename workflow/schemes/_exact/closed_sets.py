@@ -158,8 +158,8 @@ class Heated(NamedTuple):
 class SetAnyAlpha:
     """A set of closed contacts of a structure at one µ, for cases of a duration [s]: its rows at any α."""
 
-    def __init__(self, basis: ContactBasis, closed: NDArray[np.bool_], friction: float, duration: float):
-        self._basis, self._closed, self._duration = basis, closed.copy(), duration
+    def __init__(self, basis: ContactBasis, closed: NDArray[np.int8], friction: float, duration: float):
+        self._basis, self._closed, self._duration = basis, closed != 0, duration
         self._system = system = contact_system(basis, closed, 0.0, friction)
         self._modes: _Modes | None = None
         self._heated: Heated | None = None
@@ -174,7 +174,7 @@ class SetAnyAlpha:
         if all(np.array_equal(each, np.diag(np.diag(each))) for each in (stiffness, damping)):
             frequency = np.sqrt(np.maximum(0.0, np.diag(stiffness)))
             self._modes = _Modes(frequency, np.diag(damping), -system.A[k : 2 * k, 2 * k :], basis.rate)
-            if closed.sum() == 1 and heats and not basis.contacts.is_compliant:
+            if self._closed.sum() == 1 and heats and not basis.contacts.is_compliant:
                 self._heated = self._rank_one(self._modes, int(np.flatnonzero(closed)[0]))
 
     def _rank_one(self, modes: _Modes, contact: int) -> Heated | None:

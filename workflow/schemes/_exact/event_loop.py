@@ -138,8 +138,8 @@ def _run_case(sets: Sets, between: Between, case: Case, record: Record, at: Any,
             at.entered, at.expanded = 1, -1
             if at.events > 0:
                 at.guess = FIRST_STEP / motion.m.fastest if motion.m.fastest > 0.0 else case.duration
-            for c in range(own.contacts.size):
-                own.contacts[c].certified = -1.0
+            for s in range(own.watched.size):
+                own.watched[s].certified = -1.0
         ended = _stay(sets, between, motion, case, record, at, own)
         if ended != RUNNING:
             return ended
@@ -156,10 +156,12 @@ def _begin(case: Case, record: Record, at: Any, own: Memory) -> None:
     for c in range(own.contacts.size):
         tally = record.tally[c]
         each = own.contacts[c]
-        each.closed, each.still, each.zeros, each.speed = tally.held != 0, False, 0, -1.0
+        each.closed = tally.held
         tally.contact_begin, tally.casing_flexibility = 0.0 if each.closed else np.inf, case.flexibility
         if each.closed:
             at.due = STEP
+    for s in range(own.watched.size):
+        own.watched[s].still, own.watched[s].zeros, own.watched[s].speed = False, 0, -1.0
 
 
 @part
@@ -234,10 +236,10 @@ def _step(motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -
     copy_state(m.after, m.now)
     at.time = T if h >= T - t else t + h
     at.guess, at.expanded = 2.0 * h, -1
-    for c in range(own.contacts.size if h > SAME_TIME * T else 0):  # else another event of this instant
-        own.contacts[c].zeros, own.contacts[c].speed = 0, -1.0
+    for s in range(own.watched.size if h > SAME_TIME * T else 0):  # else another event of this instant
+        own.watched[s].zeros, own.watched[s].speed = 0, -1.0
     if struck >= 0:
-        own.contacts[struck].still = False
+        own.watched[struck].still = False
         at.events += 1
         if at.events > case.budget.events:
             return OUT_OF_EVENTS
@@ -248,25 +250,25 @@ def _step(motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -
 
 @part
 def _first_zero(motion: Motion, at: Any, own: Memory, T: float) -> tuple[float, int]:
-    """Return the length of a certified step and the contact whose signal ends it by falling through zero, or -1.
+    """Return the length of a certified step and the signal that ends it by falling through zero, or -1.
 
     A signal that is known to have no zero for a while limits a step before it is looked at again.
     """
-    contacts, struck, h, guess, tried = own.contacts.size, -1, T - at.time, at.guess, False
+    signals, struck, h, guess, tried = own.watched.size, -1, T - at.time, at.guess, False
     begin = max(0, at.expanded)
-    for k in range(contacts):
-        c = begin + k if begin + k < contacts else begin + k - contacts
-        known = own.contacts[c].certified - at.time
+    for k in range(signals):
+        s = begin + k if begin + k < signals else begin + k - signals
+        known = own.watched[s].certified - at.time
         if known >= h:
             continue
         if tried and struck < 0 and known > 0.5 * h:
             h = known
             continue
-        length, falls = _zero_of(seen_by(motion, c), at, own, h, guess, T, tried)
+        length, falls = _zero_of(seen_by(motion, s), at, own, h, guess, T, tried)
         if not np.isfinite(length):
             return length, -1
         if falls:
-            h, struck = length, c
+            h, struck = length, s
         elif length < h:
             h, struck = length, -1
         if h == 0.0 and struck >= 0:
@@ -277,18 +279,19 @@ def _first_zero(motion: Motion, at: Any, own: Memory, T: float) -> tuple[float, 
 
 @inlined
 def _zero_of(m: Motion, at: Any, own: Memory, most: float, guess: float, T: float, tried: bool) -> tuple[float, bool]:
-    """Return the length of a step up to ``most`` on which a contact's signal has no zero, or that ends at its first.
+    """Return the length of a step up to ``most`` on which a signal has no zero, or that ends at its first.
 
-    The second number tells which. ``tried`` tells whether ``most`` is the length for another contact.
+    The second number tells which. ``tried`` tells whether ``most`` is the length for another signal.
     """
-    c, t, sums, place = m.contact, at.time, m.expansion.sums, OUTPUTS * m.contact + SIGNAL
-    zeros = own.contacts[c].zeros
+    s, t, sums, place = m.contact, at.time, m.expansion.sums, OUTPUTS * m.contact + SIGNAL
+    watched = own.watched[s]
+    zeros = watched.zeros
     least, constant = LOWEST_BOUNCE * at.length, m.outputs[place]
-    if at.expanded != c:
+    if at.expanded != s:
         expand(m, m.now, t)
     at.expanded = -1
-    own.contacts[c].still = not own.contacts[c].closed and zeros != 1 and sums[expansion.SIZE, 0] <= least
-    if own.contacts[c].still:  # nothing moves it: only what takes it out of rounding ends the set
+    watched.still = own.contacts[s].closed == 0 and zeros != 1 and sums[expansion.SIZE, 0] <= least
+    if watched.still:  # nothing moves it: only what takes it out of rounding ends the set
         zeros, m.outputs[place] = 0, constant + least
         expand(m, m.now, t)
     if zeros < 0:
@@ -299,10 +302,10 @@ def _zero_of(m: Motion, at: Any, own: Memory, most: float, guess: float, T: floa
     if beside and has_no_zero(m, 0, most):
         length, falls, known = most, False, _certain(m, most, T - t)
     else:
-        start = Start(zeros, own.contacts[c].speed, True, guess)
+        start = Start(zeros, watched.speed, True, guess)
         length, falls = certified_step(m, start, t, most, 0.0 if tried else SAME_TIME * T)
         known = length
-    own.contacts[c].certified = -1.0 if own.contacts[c].still else t + known
+    watched.certified = -1.0 if watched.still else t + known
     m.outputs[place] = constant
     return length, falls
 
@@ -339,7 +342,7 @@ def _record(m: Motion, record: Record, at: Any, own: Memory, h: float, late: flo
             note_temperature(tally, after.temperature)
             note_temperature(tally, peak_temperature(seen_by(m, c), t, left, t + h, tally.period_temperature))
         if not own.contacts[c].closed:
-            height = 0.25 * h * min(own.contacts[c].speed, -after.signal_rate)  # of a parabolic flight
+            height = 0.25 * h * min(own.watched[c].speed, -after.signal_rate)  # of a parabolic flight
             at.length = max(at.length, max(abs(after.place - after.signal), height))
     return sound
 

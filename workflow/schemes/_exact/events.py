@@ -92,8 +92,8 @@ class Sets(NamedTuple):
 
     rows: Array
     """As :func:`~workflow.schemes._exact.closed_sets.closed_set_of` reads them, ``(set, number)``."""
-    closed: NDArray[np.bool_]
-    """Which contacts are closed, ``(set, contact)``."""
+    closed: NDArray[np.int8]
+    """Which contacts are closed, and how, ``(set, contact)``: by numbers of :func:`~workflow.models.contact_system`."""
     first: NDArray[np.int64]
     """Row of the last set that was added of each α, -1 for none …"""
     following: NDArray[np.int64]
@@ -132,7 +132,7 @@ def pass_event(
         at.due = DECISION
         return RUNNING
     if c >= 0 and own.contacts[c].closed:
-        own.contacts[c].zeros, own.contacts[c].speed, own.contacts[c].closed = 3, -1.0, False
+        own.watched[c].zeros, own.watched[c].speed, own.contacts[c].closed = 3, -1.0, 0
         change_set(motion, at, own)
         note_changes(record, at, own)
         return RUNNING
@@ -156,10 +156,10 @@ def _lone(between: Between, case: Case, own: Memory) -> int:
     lone = -1
     for c in range(own.contacts.size):
         own.contacts[c].before = own.contacts[c].approach
-        if own.contacts[c].kind != _OPEN and not own.contacts[c].still:
+        if own.contacts[c].kind != _OPEN and not own.watched[c].still:
             lone = c if lone == -1 and own.contacts[c].kind == _RESTING and not own.contacts[c].closed else -2
     for c in range(own.contacts.size if lone >= 0 else 0):
-        if own.contacts[c].still and mobility(between, case, c, lone) != 0.0:
+        if own.watched[c].still and mobility(between, case, c, lone) != 0.0:
             return -2
     return lone
 
@@ -185,7 +185,7 @@ def _sort_contacts(motion: SetMotion, case: Case, at: Any, own: Memory) -> bool:
             continue
         gap, approach, is_on, size, pace = own.contacts[c].signal, -own.contacts[c].rate, c == at.struck, 0.0, 0.0
         if not is_on:
-            if gap > _CLEAR * at.length and not own.contacts[c].still:
+            if gap > _CLEAR * at.length and not own.watched[c].still:
                 own.contacts[c].kind = _OPEN
                 continue
             expand(seen_by(m, c), m.now, at.time)
@@ -195,10 +195,10 @@ def _sort_contacts(motion: SetMotion, case: Case, at: Any, own: Memory) -> bool:
                 omega = abs(case.waves[i, wave.OMEGA])
                 turned = omega * case.duration * (abs(case.casing[i, 0, c]) + abs(case.casing[i, 1, c]))
                 size, pace = size + turned, pace + omega * turned
-            if not own.contacts[c].still and abs(gap) > 4.0 * least * (at.length + size):
+            if not own.watched[c].still and abs(gap) > 4.0 * least * (at.length + size):
                 own.contacts[c].kind, inside = _OPEN, inside or (begins and gap < 0.0)
                 continue
-        if own.contacts[c].still or abs(approach) <= least * (pace + m.fastest * (at.length + size)):
+        if own.watched[c].still or abs(approach) <= least * (pace + m.fastest * (at.length + size)):
             continue
         own.contacts[c].approach = approach
         if approach < 0.0:
@@ -240,11 +240,11 @@ def _pass_lone(
         _note_impulse(between, case, record, own, c, p)
         _note_temperatures(case, record, own)
     _forget(own)
-    own.contacts[c].zeros, own.contacts[c].speed = 1, case.e * u
+    own.watched[c].zeros, own.watched[c].speed = 1, case.e * u
     if stays:
-        own.contacts[c].zeros, own.contacts[c].speed = _order_of_rest(m), -1.0
-        if own.contacts[c].zeros < 0:
-            own.contacts[c].closed = True
+        own.watched[c].zeros, own.watched[c].speed = _order_of_rest(m), -1.0
+        if own.watched[c].zeros < 0:
+            own.contacts[c].closed = 1
             change_set(motion, at, own)
     note_changes(record, at, own)
     return RUNNING
@@ -325,7 +325,8 @@ def _strike_all(between: Between, motion: SetMotion, case: Case, record: Record,
     at.due = DECISION
     for c in range(own.contacts.size):
         if own.contacts[c].kind != _OPEN:
-            own.contacts[size].member, p.active[size] = c, own.contacts[c].closed or own.contacts[c].approach > 0.0
+            own.contacts[size].member = c
+            p.active[size] = own.contacts[c].closed != 0 or own.contacts[c].approach > 0.0
             p.constant[size] = -(1.0 + case.e) * own.contacts[c].approach
             strikes |= own.contacts[c].approach > 0.0
             size += 1
@@ -343,13 +344,14 @@ def _strike_all(between: Between, motion: SetMotion, case: Case, record: Record,
         own.contacts[r].impulse = p.solution[r]
         own.contacts[c].kind = _LEAVING if after < 0.0 else _RESTING
         own.contacts[c].approach = after
-        opens |= own.contacts[c].closed and after < 0.0
+        opens |= own.contacts[c].closed != 0 and after < 0.0
     if opens:
         change_set(motion, at, own)
         at.due = DECISION
     for r in range(size):
         c = own.contacts[r].member
-        own.contacts[c].closed = own.contacts[c].closed and own.contacts[c].kind == _RESTING
+        if own.contacts[c].kind != _RESTING:
+            own.contacts[c].closed = 0
         record.tally[c].impacts += own.contacts[r].impulse != 0.0
     _apply(between, motion, case, record, at, own, size)
     return RUNNING
@@ -405,8 +407,8 @@ def _note_temperatures(case: Case, record: Record, own: Memory) -> None:
 @part
 def _forget(own: Memory) -> None:
     """Forget until when signals have no zero."""
-    for c in range(own.contacts.size):
-        own.contacts[c].certified = -1.0
+    for s in range(own.watched.size):
+        own.watched[s].certified = -1.0
 
 
 @part
@@ -456,15 +458,15 @@ def _next_set(
         _stop(between, motion, case, record, at, own)
     size = 0
     for c in range(contacts):
-        was, own.contacts[c].wanted = own.contacts[c].closed, False
+        was, own.contacts[c].wanted = own.contacts[c].closed != 0, 0
         if own.contacts[c].kind == _RESTING:
             own.contacts[c].wanted = p.active[size]
             size += 1
             loose = 2 if _parting(between, case, own, c) > own.signals[ROUNDING, c] else 3
-            kept = own.contacts[c].zeros if was else -1
-            own.contacts[c].zeros, own.contacts[c].speed = kept if own.contacts[c].wanted else loose, -1.0
+            kept = own.watched[c].zeros if was else -1
+            own.watched[c].zeros, own.watched[c].speed = kept if own.contacts[c].wanted else loose, -1.0
         elif own.contacts[c].kind == _LEAVING:
-            own.contacts[c].zeros, own.contacts[c].speed = 1, -own.contacts[c].approach
+            own.watched[c].zeros, own.watched[c].speed = 1, -own.contacts[c].approach
     return True
 
 
@@ -503,7 +505,7 @@ def _fill_push(between: Between, case: Case, own: Memory, row: int) -> None:
                         total += slows * (own.contacts[i].force - own.signals[HELD, i])
                         size += abs(slows) * (abs(own.contacts[i].force) + own.signals[SIZE, i])
             own.signals[ROUNDING + row, c] = ZERO_FORCE * SUM_ROUNDING * size
-            is_zero = own.contacts[c].still or abs(total) <= own.signals[ROUNDING + row, c]
+            is_zero = own.watched[c].still or abs(total) <= own.signals[ROUNDING + row, c]
             own.signals[PUSH + row, c] = 0.0 if is_zero else total
 
 
@@ -513,7 +515,7 @@ def _solve_forces(between: Between, case: Case, own: Memory, moment: float) -> b
     p, size = own.problem, 0
     for c in range(own.contacts.size):
         if own.contacts[c].kind >= _RESTING:
-            own.contacts[size].member, p.active[size] = c, own.contacts[c].closed
+            own.contacts[size].member, p.active[size] = c, own.contacts[c].closed != 0
             p.constant[size] = -own.signals[PUSH, c] - moment * (own.signals[PUSH + 1, c] if moment > 0.0 else 0.0)
             size += 1
     _fill_matrix(between, case, own, size)
@@ -602,7 +604,7 @@ def _next_compliant_set(between: Between, motion: SetMotion, case: Case, at: Any
     p, contacts, same, struck = own.problem, own.contacts.size, True, at.struck
     _fill_distances(between, motion, case, at, own)
     for c in range(contacts):
-        own.contacts[c].member, p.active[c] = c, own.contacts[c].closed
+        own.contacts[c].member, p.active[c] = c, own.contacts[c].closed != 0
         p.constant[c] = own.signals[PUSH, c] + moment * own.signals[PUSH + 1, c]
     if struck >= 0:
         p.active[struck] = not p.active[struck]
@@ -610,12 +612,12 @@ def _next_compliant_set(between: Between, motion: SetMotion, case: Case, at: Any
     if not solve_complementarity(p, contacts):
         return False
     for c in range(contacts):
-        same = same and p.active[c] == own.contacts[c].closed
+        same = same and p.active[c] == (own.contacts[c].closed != 0)
     if same and struck >= 0:
         p.active[struck] = not p.active[struck]
     for c in range(contacts):
-        if p.active[c] != own.contacts[c].closed:
-            own.contacts[c].zeros, own.contacts[c].speed = 1 if struck >= 0 else -1 if p.active[c] else 0, -1.0
+        if p.active[c] != (own.contacts[c].closed != 0):
+            own.watched[c].zeros, own.watched[c].speed = 1 if struck >= 0 else -1 if p.active[c] else 0, -1.0
         own.contacts[c].wanted = p.active[c]
     return True
 
@@ -631,7 +633,7 @@ def _fill_distances(between: Between, motion: SetMotion, case: Case, at: Any, ow
         for row in range(2):
             value = m.expansion.sums[expansion.D0 + row, n]
             own.signals[HELD + row, c] = value if own.contacts[c].closed else 0.0
-            own.signals[PUSH + row, c] = 0.0 if own.contacts[c].closed or own.contacts[c].still else value
+            own.signals[PUSH + row, c] = 0.0 if own.contacts[c].closed or own.watched[c].still else value
         own.signals[ROUNDING, c] = AT_REST * (at.length + m.expansion.sums[expansion.SIZE, 0])
     for c in range(contacts):
         for row in range(2):
@@ -651,7 +653,7 @@ def note_changes(record: Record, at: Any, own: Memory) -> None:
     Contacts begin after the bounces that are not followed.
     """
     for c in range(own.contacts.size):
-        tally, closed, impulse = record.tally[c], own.contacts[c].closed, max(0.0, own.contacts[c].taken)
+        tally, closed, impulse = record.tally[c], own.contacts[c].closed != 0, max(0.0, own.contacts[c].taken)
         was = tally.held != 0
         if impulse > 0.0 or was != closed:
             kind = IMPACTS if was == closed else LEAVES if was else TOUCHES

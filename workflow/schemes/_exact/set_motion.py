@@ -98,24 +98,31 @@ CONTACT = np.dtype(
         ("signal", "f8"),  # at the present time: gap, m, or force, N, …
         ("rate", "f8"),
         ("temperature", "f8"),  # … and K
-        ("speed", "f8"),  # rate of the signal at the last event, where an impact gives it; else -1
-        ("certified", "f8"),  # time until which the signal has certainly no zero, s; -1 where it is not known
         ("approach", "f8"),  # u = w y' - d' in an event, m/s, …
         ("before", "f8"),  # … and before it
         ("impulse", "f8"),  # of a step or an impact, N s
         ("taken", "f8"),  # impulse in the last event, N s
         ("force", "f8"),  # λ after the last event, N
         ("bounces", "f8"),  # time of the bounces after it that are not followed, s
-        ("zeros", "i8"),  # order of the signal's zero there, see :mod:`.step`; -1 where a force may begin at 0
         ("kind", "i8"),  # what becomes of the contact in an event
         ("member", "i8"),  # contact of this place in a complementarity problem
-        ("closed", "?"),  # in the present set, or the one that is entered next
-        ("wanted", "?"),  # in a set that the march waits for, or decides for
-        ("still", "?"),  # open, touches its casing, and nothing moves it in the present set
+        ("closed", "i1"),  # how it is closed in the present set, or in the one that is entered next, …
+        ("wanted", "i1"),  # … and in a set that the march waits for, or decides for: see :attr:`.events.Sets.closed`
     ],
     align=True,
 )
 """What a march keeps of each contact."""
+
+WATCHED = np.dtype(
+    [
+        ("certified", "f8"),  # time until which it has certainly no zero, s; -1 where it is not known
+        ("speed", "f8"),  # its rate at the last event, where an impact gives it; else -1
+        ("zeros", "i8"),  # order of its zero there, see :mod:`.step`; -1 where a force may begin at 0
+        ("still", "?"),  # gap of a contact that touches its casing, and nothing moves it in the present set
+    ],
+    align=True,
+)
+"""What a march keeps of each signal that is searched for a zero."""
 
 HELD, SIZE, PUSH, ROUNDING = range(0, 8, 2)
 """Rows of :attr:`Memory.signals`; each has that of the rate below it."""
@@ -145,6 +152,8 @@ class Memory(NamedTuple):
     """Sources and signals by constant loads, and by cos ψ and sin ψ of each wave, ``(1 + 2 wave, N + m)``; scratch."""
     contacts: Any
     """:data:`CONTACT`, ``(contact,)``."""
+    watched: Any
+    """:data:`WATCHED`, ``(signal,)``: the signals of the contacts in their order."""
     signals: Array
     """In a decision: forces in the present set, and the sum of the magnitudes of their terms; w (g - c y' - ω² y - G τ)
     - d'', of compliant contacts d - x without forces, and up to which it is 0; with their rates, ``(8, contact)``."""
@@ -169,6 +178,7 @@ def memory(basis: ContactBasis, waves: int, places: int) -> Memory:
         modal=np.zeros(N),
         inputs=np.zeros((1 + 2 * waves, padded(N + m))),
         contacts=np.zeros(m, dtype=CONTACT),
+        watched=np.zeros(m, dtype=WATCHED),
         signals=np.zeros((8, m)),
         problem=problem(m),
     )

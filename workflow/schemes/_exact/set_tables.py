@@ -34,7 +34,7 @@ class SharedSets:
         self._sets: dict[bytes, SetAnyAlpha] = {}
         self._variants: dict[float, int] = {}
 
-    def at_any_alpha(self, closed: NDArray[np.bool_]) -> SetAnyAlpha:
+    def at_any_alpha(self, closed: NDArray[np.int8]) -> SetAnyAlpha:
         """Return a set at all α."""
         known = self._sets.get(closed.tobytes())
         if known is None:
@@ -68,7 +68,7 @@ class SetTable:
         self.shared, self._lock, length = shared, Lock(), row_length(shared.basis)
         self.most = max(ROOM, MOST_BYTES // (8 * length))
         self._rows = np.empty((ROOM, length))
-        self._closed = np.zeros((ROOM, shared.basis.contacts.count), dtype=np.bool_)
+        self._closed = np.zeros((ROOM, shared.basis.contacts.count), dtype=np.int8)
         self._following = np.full(ROOM, -1)
         self._first: dict[int, int] = {}
         self._known: dict[tuple[bytes, float], int] = {}
@@ -81,7 +81,7 @@ class SetTable:
             first[list(self._first)] = list(self._first.values())
             return Sets(self._rows[: self.count], self._closed[: self.count], first, self._following[: self.count])
 
-    def add(self, closed: NDArray[np.bool_], alphas: Array) -> int:
+    def add(self, closed: NDArray[np.int8], alphas: Array) -> int:
         """Add a set at the first of some α, if it is not there; return 0, FULL, or how a case ends that cannot have it.
 
         Where one call makes it at all α it is added at the others too.
@@ -101,13 +101,13 @@ class SetTable:
             self._fill(a_set, closed, np.array(due[:ahead] if alpha > 0 else [alpha]))
             return 0 if (key, alpha) in self._known else INSEPARABLE
 
-    def find(self, closed: NDArray[np.bool_], alpha: float) -> ClosedSet | None:
+    def find(self, closed: NDArray[np.int8], alpha: float) -> ClosedSet | None:
         """Return a set, which is added where it is not there; ``None`` where it cannot be had."""
         if self.add(closed, np.array([alpha])):
             return None
         return closed_set_of(self._rows[self._known[closed.tobytes(), alpha] if closed.any() else 0])
 
-    def _fill(self, a_set: SetAnyAlpha, closed: NDArray[np.bool_], alphas: Array) -> None:
+    def _fill(self, a_set: SetAnyAlpha, closed: NDArray[np.int8], alphas: Array) -> None:
         """Add a set at those α at which its poles can be separated."""
         begin = self.count
         self._grow(begin + alphas.size)

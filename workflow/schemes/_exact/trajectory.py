@@ -99,7 +99,7 @@ class OneCase(NamedTuple):
         InseparablePolesError
             Three poles coincide.
         """
-        found = self.table.find(np.array([held]), float(self.conditions.alpha[0]))
+        found = self.table.find(np.array([held], dtype=np.int8), float(self.conditions.alpha[0]))
         if found is None:
             raise InseparablePolesError
         return found
