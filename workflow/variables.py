@@ -99,7 +99,7 @@ _OF_CONTACT = frozenset(
 )
 """Histories and metrics that each of several contacts has; so has each those of load periods."""
 
-EVENT_KINDS = ("impact", "touches", "leaves")
+EVENT_KINDS = ("impact", "touches", "leaves", "yields", "stops_yielding")
 """What values of ``event_kind`` mean, from 0 on."""
 
 

@@ -222,7 +222,7 @@ def test_several_contacts_yield_together_at_rest() -> None:
     assert (force <= 15 + 2e5 * worn + 1e-8).all()
 
 
-@pytest.mark.parametrize("method", ["event_driven", "carpenter", "paoli_schatzman", "penalty"])
+@pytest.mark.parametrize("method", ["carpenter", "paoli_schatzman", "penalty"])
 def test_other_schemes_refuse_it(method: str) -> None:
     mass = free_mass()
     with pytest.raises(ContractError, match="does not take a casing with a coating"):

@@ -11,9 +11,8 @@ from workflow import reduction, schemes
 from workflow.models import Matrices, Sensors
 from workflow.reduction import reduce_structure
 from workflow.schemes import Recorder, Status
-from workflow.variables import EVENT_KINDS
 
-IMPACT, TOUCHES, LEAVES = range(len(EVENT_KINDS))
+IMPACT, TOUCHES, LEAVES = range(3)
 
 
 def test_a_part_that_is_not_linked_to_the_tip_moves_on_while_the_tip_is_held_and_heats() -> None:

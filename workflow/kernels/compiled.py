@@ -340,7 +340,7 @@ def defines(function: Callable[..., Any], kind: type) -> Callable[[F], F]:
 
 
 def of_case(values: N, lane: int) -> N:
-    """Return the numbers of a lane from a named tuple of numbers and rows ``(lane,)``; in kernels only."""
+    """Return the numbers of a lane from a named tuple of numbers, rows ``(lane,)`` and such; in kernels only."""
     raise NotImplementedError
 
 
@@ -348,12 +348,15 @@ def _of_case_for(values: Any, lane: Any) -> Any:
     """Return :func:`of_case` for a type of named tuple."""
     from numba import types
 
-    own = (
-        f"values[{k}][lane]" if isinstance(kind, types.Array) else f"values[{k}]" for k, kind in enumerate(values.types)
-    )
-    made: dict[str, Any] = {"Kind": values.instance_class}
-    exec(f"def of_case(values, lane):\n    return Kind({', '.join(own)})", made)
-    return made["of_case"]
+    forms: list[tuple[Any, str]] = [
+        (types.Array, "values[{}][lane]"),
+        (types.BaseNamedTuple, "of_case(values[{}], lane)"),
+    ]
+    forms.append((types.Type, "values[{}]"))
+    own = (next(form for of, form in forms if isinstance(kind, of)).format(k) for k, kind in enumerate(values.types))
+    made: dict[str, Any] = {"Kind": values.instance_class, "of_case": of_case}
+    exec(f"def chosen(values, lane):\n    return Kind({', '.join(own)})", made)
+    return made["chosen"]
 
 
 _CHOICES[of_case] = _of_case_for

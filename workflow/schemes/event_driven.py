@@ -53,7 +53,7 @@ __all__ = [
 ]
 
 READS = frozenset({"e", "alpha"})
-GENERAL = frozenset({"contacts", "damping", "depth", "elastic", "friction", "load", "massless"})
+GENERAL = frozenset({"coating", "contacts", "damping", "depth", "elastic", "friction", "load", "massless"})
 
 HARMONICS = frozenset({"load", "casing"})
 STEP_SECONDS = 1.4e-8

@@ -15,11 +15,13 @@ from workflow.kernels.lemke import complementarity
 from workflow.models import (
     Array,
     Cases,
+    Coating,
     ContactBasis,
     EndState,
     Sensors,
     Structure,
     analyse_contacts,
+    coated_forces,
     distinct_rows,
     project,
     static_tip_growth,
@@ -39,9 +41,10 @@ from workflow.schemes._exact.events import (
     OUT_OF_STEPS,
 )
 from workflow.schemes._exact.record import EVENT, TALLY, Asked, Record
-from workflow.schemes._exact.set_motion import Budget, Case, Thresholds, memory, with_room
+from workflow.schemes._exact.set_motion import Budget, Case, Coat, Thresholds, memory, with_room
 from workflow.schemes._exact.set_tables import FULL, MOST_BYTES, ROOM, SetTable, SharedSets
 from workflow.schemes._exact.tables import wave
+from workflow.schemes._fixed.coating import Worn, wear_results, worn_of
 from workflow.schemes._interface import (
     EXTRAPOLATED,
     HISTORIES,
@@ -96,7 +99,7 @@ class ExactOperator:
         return self.basis.unheated, self.basis
 
     def sets(self, heated: bool, *conditions: float) -> SetTable:
-        """Return the table of sets at one µ and duration; one is made where there is none, the oldest may go."""
+        """Return the table of sets at one µ, duration and, of a coating, hardening; the oldest may go for a new one."""
         basis, key = self.bases[heated], (heated, *conditions)
         most = MOST_BYTES // (8 * ROOM * row_length(basis))
         shared = _kept(self._shared, key, lambda: SharedSets(basis, *conditions), most)
@@ -139,12 +142,15 @@ def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Resu
     progress, ended = np.zeros(cases.count, dtype=PROGRESS), np.full(cases.count, INVALID)
     outcome, finite = Outcome(with_contacts(record, contacts), progress, ended), np.flatnonzero(cases.finite)
     modal, conditions = np.full((cases.count, size), np.nan), conditions_of(operator, cases, sampling.duration)
-    first, variant = distinct_rows(*(row[finite, None] for row in (cases.friction, cases.heated)))
+    worn, coat = worn_of(cases, contacts, sampling), cases.coating
+    conditions = conditions._replace(coat=None if coat is None else coat_of(basis, cases, coat, worn))
+    hardening = np.zeros(cases.count) if coat is None else coat.hardening
+    first, variant = distinct_rows(*(row[finite, None] for row in (cases.friction, cases.heated, hardening)))
     for k, i in enumerate(finite[first].tolist()):
         heated, friction, which = bool(cases.heated[i]), float(cases.friction[i]), finite[variant == k]
         which = which[np.argsort(cases.alpha[which], kind="stable")]
         own = conditions if heated else unheated(conditions, n, basis.rate.size)
-        march(operator.sets(heated, friction, sampling.duration), own, which, outcome)
+        march(operator.sets(heated, friction, sampling.duration, float(hardening[i])), own, which, outcome)
         modal[which, : 2 * n], modal[which, 2 * n :] = own.modal[which, : 2 * n], 0.0
         if heated:
             modal[which] = own.modal[which]
@@ -152,16 +158,21 @@ def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Resu
     displacement = record.histories[:, 0].reshape(cases.count, contacts, -1)
     depth = _penetration(conditions, displacement, sampling.times)
     closing = project(operator.closing, modal[:, 2 * n :]).max(axis=1)
+    metrics = {}
+    if conditions.coat is not None:
+        depth = np.fmax(depth, conditions.coat.deepest)
+        metrics["border_work"] = conditions.coat.border_work.reshape(record.tally.shape)
     return results_of(
         record,
         cases,
         periods,
         operator.sensors,
-        metrics=metrics_of(record, sampling, completed, progress["steps"], depth, closing),
+        metrics=metrics | metrics_of(record, sampling, completed, progress["steps"], depth, closing),
         status=status_of(ended),
         messages=dict(_messages(operator, cases, outcome)),
         end=state_of(basis.shapes, basis.heat_shapes, modal),
         events=events_of(record, np.where(completed, progress["listed"], np.nan)),
+        wear=wear_results(cases, worn, ~completed),
     )
 
 
@@ -169,7 +180,7 @@ def march(table: SetTable, conditions: Case, which: NDArray[np.int64], outcome: 
     """March cases of one µ; the kernel stops at each set that is not known yet, which is made."""
     shared, at = table.shared, 0
     conditions.variant[which] = shared.variants(conditions.alpha[which])
-    own, known = memory(shared.basis, conditions.waves.shape[1], 2), table.known()
+    own, known = memory(shared.basis, conditions.waves.shape[1], 2, conditions.coat is not None), table.known()
     while (at := run_cases(known, shared.between, conditions, which, at, outcome, own)) < which.size:
         if outcome.ended[which[at]] == NO_ROOM:
             own = with_room(own, 2 * own.slots.size)
@@ -216,10 +227,16 @@ def _compliant_places(basis: ContactBasis, cases: Cases) -> Array:
     free = project(contacts.normal, cases.displacement) - project(basis.residual_coupling, tau)
     free += cases.load_at(0.0)[:, None] * basis.residual_load
     for i in np.flatnonzero((free > place).any(axis=1)):
-        friction, c = float(cases.friction[i]), contacts.casing_flexibility
-        force = complementarity(contacts.compliance(friction), place[i] - free[i])
+        friction, c, own = float(cases.friction[i]), contacts.casing_flexibility, cases.coating
+        compliance, apart, worn = contacts.compliance(friction), place[i] - free[i], np.zeros(contacts.count)
+        if own is None:
+            force = complementarity(compliance, apart)
+        else:
+            worn, level = own.worn_at_start()[i], own.level_at_start()[i]
+            both = coated_forces(compliance, apart + worn, c, level, float(own.hardening[i]))
+            force, worn = (None, worn) if both is None else (both[0], worn + both[1])
         yields = np.nan if force is None else free[i] - contacts.flexibility(friction) @ force
-        free[i] = yields if force is None else np.where(force > 0, place[i] + c * force, yields)
+        free[i] = yields if force is None else np.where(force > 0, place[i] + worn + c * force, yields)
     return free
 
 
@@ -254,6 +271,19 @@ def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Cas
     )
 
 
+def coat_of(basis: ContactBasis, cases: Cases, own: Coating, worn: Worn) -> Coat:
+    """Return the coating of cases, whose sectors ``worn`` holds."""
+    contacts, m, n = basis.contacts, basis.contacts.count, basis.frequency.size
+    push, mu = np.zeros((cases.count, m, basis.inputs)), cases.friction[:, None, None]
+    push[:, :, :n] = mu * basis.tangent - basis.normal
+    push[:, :, n : n + basis.rate.size] = cases.alpha[:, None, None] * basis.heat
+    still, slides = contacts.flexibility(0.0).T, (contacts.flexibility(0.0) - contacts.flexibility(1.0)).T
+    push[:, :, -3 * m : -2 * m] = still - mu * slides
+    each = np.broadcast_to([[contacts.casing_flexibility, worn.every]], (cases.count, 2))
+    law = np.column_stack([own.yield_force, own.hardening, own.sectors, own.speed, each])
+    return Coat(law, own.turns, push, worn.depth, worn.map, *np.zeros((2, cases.count, m)))
+
+
 def _sine_cosine(angle: Array) -> tuple[Array, Array]:
     """Return sine and cosine of angles of any shape."""
     sin, cos = elementwise.sine_cosine(angle.ravel())
@@ -263,7 +293,11 @@ def _sine_cosine(angle: Array) -> tuple[Array, Array]:
 def unheated(conditions: Case, modes: int, heats: int) -> Case:
     """Return the conditions without thermal modes."""
     constant = np.delete(conditions.constant, np.s_[modes : modes + heats], axis=1)
-    return conditions._replace(constant=constant, modal=np.ascontiguousarray(conditions.modal[:, : 2 * modes]))
+    coat = conditions.coat
+    if coat is not None:
+        coat = coat._replace(push=np.delete(coat.push, np.s_[modes : modes + heats], axis=2))
+    modal = np.ascontiguousarray(conditions.modal[:, : 2 * modes])
+    return conditions._replace(constant=constant, modal=modal, coat=coat)
 
 
 def _penetration(conditions: Case, displacement: Array, times: Array) -> Array:

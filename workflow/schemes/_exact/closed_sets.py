@@ -158,9 +158,11 @@ class Heated(NamedTuple):
 class SetAnyAlpha:
     """A set of closed contacts of a structure at one µ, for cases of a duration [s]: its rows at any α."""
 
-    def __init__(self, basis: ContactBasis, closed: NDArray[np.int8], friction: float, duration: float):
+    def __init__(
+        self, basis: ContactBasis, closed: NDArray[np.int8], friction: float, duration: float, hardening: float = 0.0
+    ):
         self._basis, self._closed, self._duration = basis, closed != 0, duration
-        self._system = system = contact_system(basis, closed, 0.0, friction)
+        self._system = system = contact_system(basis, closed, 0.0, friction, hardening)
         self._modes: _Modes | None = None
         self._heated: Heated | None = None
         if system is None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, kernel, of_case, part
 from workflow.schemes._exact.between import Between
+from workflow.schemes._exact.coating import BORDER, begin_on, leave_idle, refill, wear
 from workflow.schemes._exact.events import (
     COMPLETED,
     EVENT,
@@ -76,7 +77,9 @@ PROGRESS = np.dtype(
         ("events", "i8"),  # zeros of signals, which count for the budget
         ("listed", "i8"),  # impulses, beginnings and ends of contacts
         ("steps", "i8"),  # certified steps
+        ("mapped", "i8"),  # rows of the map of a coating that are filled
         ("time", "f8"),  # reached, s
+        ("until", "f8"),  # time of the next border of sectors at which something changes, s
         ("length", "f8"),  # largest |x| of a contact, plus those of the casing at the start: scale of displacements, m
         ("guess", "f8"),  # length of the next step tried first, s
     ]
@@ -132,6 +135,8 @@ def _run_case(sets: Sets, between: Between, case: Case, record: Record, at: Any,
         place = tables_of(own, slot)
         if place < 0:
             return NO_ROOM
+        if at.entered == 0:
+            refill(case.coat, own, place)
         motion = motion_in(sets.rows[slot], case, own, place, 0)
         if at.entered == 0:
             enter(motion, own, at.time)
@@ -140,6 +145,7 @@ def _run_case(sets: Sets, between: Between, case: Case, record: Record, at: Any,
                 at.guess = FIRST_STEP / motion.m.fastest if motion.m.fastest > 0.0 else case.duration
             for s in range(own.watched.size):
                 own.watched[s].certified = -1.0
+            leave_idle(case.coat, own)
         ended = _stay(sets, between, motion, case, record, at, own)
         if ended != RUNNING:
             return ended
@@ -162,6 +168,7 @@ def _begin(case: Case, record: Record, at: Any, own: Memory) -> None:
             at.due = STEP
     for s in range(own.watched.size):
         own.watched[s].still, own.watched[s].zeros, own.watched[s].speed = False, 0, -1.0
+    begin_on(case.coat, at, own)
 
 
 @part
@@ -221,10 +228,14 @@ def _step(motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -
     if t >= T:
         _finish(motion, case, record, own)
         return COMPLETED
+    end = _end_of_step(case.coat, at, T)
+    if t >= end:
+        at.due, at.struck = EVENT, BORDER
+        return RUNNING
     at.steps += 1
     if at.steps > case.budget.steps:
         return OUT_OF_STEPS
-    h, struck = _first_zero(m, at, own, T)
+    h, struck = _first_zero(m, at, own, end, T)
     if not np.isfinite(h):
         return NOT_FINITE
     advance(m, m.now, t, h, m.after)
@@ -234,7 +245,8 @@ def _step(motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -
     if record.asked.rows.shape[0] > 0:
         _sense(motion, record, own, t, sample)
     copy_state(m.after, m.now)
-    at.time = T if h >= T - t else t + h
+    at.time = end if h >= end - t else t + h
+    wear(case.coat, at, own, at.time)
     at.guess, at.expanded = 2.0 * h, -1
     for s in range(own.watched.size if h > SAME_TIME * T else 0):  # else another event of this instant
         own.watched[s].zeros, own.watched[s].speed = 0, -1.0
@@ -248,20 +260,26 @@ def _step(motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -
     return RUNNING
 
 
+@inlined
+def _end_of_step(coat: Any, at: Any, T: float) -> float:
+    """Return the time at which a step ends at the latest."""
+    return T if coat is None else min(T, at.until)
+
+
 @part
-def _first_zero(motion: Motion, at: Any, own: Memory, T: float) -> tuple[float, int]:
-    """Return the length of a certified step and the signal that ends it by falling through zero, or -1.
+def _first_zero(motion: Motion, at: Any, own: Memory, end: float, T: float) -> tuple[float, int]:
+    """Return the length of a certified step up to ``end`` and the signal that ends it by falling through zero, or -1.
 
     A signal that is known to have no zero for a while limits a step before it is looked at again.
     """
-    signals, struck, h, guess, tried = own.watched.size, -1, T - at.time, at.guess, False
+    signals, struck, h, guess, tried = own.watched.size, -1, end - at.time, at.guess, False
     begin = max(0, at.expanded)
     for k in range(signals):
         s = begin + k if begin + k < signals else begin + k - signals
         known = own.watched[s].certified - at.time
         if known >= h:
             continue
-        if tried and struck < 0 and known > 0.5 * h:
+        if tried and struck < 0 and known > 0.5 * h and s < own.contacts.size:
             h = known
             continue
         length, falls = _zero_of(seen_by(motion, s), at, own, h, guess, T, tried)
@@ -290,7 +308,8 @@ def _zero_of(m: Motion, at: Any, own: Memory, most: float, guess: float, T: floa
     if at.expanded != s:
         expand(m, m.now, t)
     at.expanded = -1
-    watched.still = own.contacts[s].closed == 0 and zeros != 1 and sums[expansion.SIZE, 0] <= least
+    is_gap = s < own.contacts.size and own.contacts[s].closed == 0
+    watched.still = is_gap and zeros != 1 and sums[expansion.SIZE, 0] <= least
     if watched.still:  # nothing moves it: only what takes it out of rounding ends the set
         zeros, m.outputs[place] = 0, constant + least
         expand(m, m.now, t)
@@ -330,7 +349,7 @@ def _record(m: Motion, record: Record, at: Any, own: Memory, h: float, late: flo
     t, contacts, sound = at.time, own.contacts.size, True
     for c in range(contacts):
         pushed = integral(seen_by(m, c), m.now, m.after, t, h) if own.contacts[c].closed else 0.0
-        own.contacts[c].impulse = max(0.0, pushed)
+        own.contacts[c].impulse = max(0.0, pushed + own.contacts[c].pressed * h)
     left = _write_due(m, record, own, t, h, late)
     for c in range(contacts):
         tally = record.tally[c]
@@ -361,7 +380,8 @@ def _write_due(m: Motion, record: Record, own: Memory, t: float, h: float, late:
             by_contact = seen_by(m, c)
             if period_ends and c > 0:  # the search of the largest temperature has used it
                 advance(m, m.now, t, at - t, m.between)
-            impulse = max(0.0, integral(by_contact, m.now, m.between, t, at - t)) if own.contacts[c].closed else 0.0
+            pushed = integral(by_contact, m.now, m.between, t, at - t) if own.contacts[c].closed else 0.0
+            impulse = max(0.0, pushed + own.contacts[c].pressed * (at - t))
             outputs = observe(by_contact, m.between, at)
             if m.heated:
                 note_temperature(mine.tally, outputs.temperature)

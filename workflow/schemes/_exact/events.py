@@ -31,10 +31,20 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lemke import solve_complementarity, solve_in_place
 from workflow.schemes._exact.between import Between, drag, mobility
 from workflow.schemes._exact.chattering import Bounces, end_of_chattering
+from workflow.schemes._exact.coating import START, distance_from_coat, fly_on, next_states
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand, row_size
 from workflow.schemes._exact.motion import Motion, seen_by
 from workflow.schemes._exact.propagation import copy_state
-from workflow.schemes._exact.record import IMPACTS, LEAVES, TOUCHES, Record, note_event, note_temperature
+from workflow.schemes._exact.record import (
+    IMPACTS,
+    LEAVES,
+    STOPS,
+    TOUCHES,
+    YIELDS,
+    Record,
+    note_event,
+    note_temperature,
+)
 from workflow.schemes._exact.set_motion import (
     HELD,
     PUSH,
@@ -129,7 +139,7 @@ def pass_event(
         each = own.contacts[i]
         each.before = each.taken = each.bounces = each.approach = 0.0
     if between.compliant:
-        at.due = DECISION
+        at.due = STEP if fly_on(case.coat, motion, at, own) else DECISION
         return RUNNING
     if c >= 0 and own.contacts[c].closed:
         own.watched[c].zeros, own.watched[c].speed, own.contacts[c].closed = 3, -1.0, 0
@@ -414,10 +424,10 @@ def _forget(own: Memory) -> None:
 @part
 def decide(between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory) -> int:
     """Decide which contacts are closed from now on; return RUNNING or how the case ends."""
-    m, changes = motion.m, False
+    m, changes = motion.m, own.watched.size > own.contacts.size  # a coating: its depths have
     moment = _MOMENT / m.fastest if m.fastest > 0.0 else _MOMENT * case.duration
     if between.compliant:
-        sound = _next_compliant_set(between, motion, case, at, own, moment)
+        sound = _next_compliant_set(case.coat, between, motion, case, record, at, own, moment)
     else:
         sound = _next_set(between, motion, case, record, at, own, moment)
     if not sound:
@@ -599,10 +609,14 @@ def _stop(between: Between, motion: SetMotion, case: Case, record: Record, at: A
 
 
 @part
-def _next_compliant_set(between: Between, motion: SetMotion, case: Case, at: Any, own: Memory, moment: float) -> bool:
+def _next_compliant_set(
+    coat: Any, between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory, moment: float
+) -> bool:
     """Fill which contacts are wanted closed a moment later; return whether their forces have a solution."""
     p, contacts, same, struck = own.problem, own.contacts.size, True, at.struck
     _fill_distances(between, motion, case, at, own)
+    if coat is not None:
+        return next_states(coat, between, case, record, at, own, moment)
     for c in range(contacts):
         own.contacts[c].member, p.active[c] = c, own.contacts[c].closed != 0
         p.constant[c] = own.signals[PUSH, c] + moment * own.signals[PUSH + 1, c]
@@ -625,7 +639,7 @@ def _next_compliant_set(between: Between, motion: SetMotion, case: Case, at: Any
 @part
 def _fill_distances(between: Between, motion: SetMotion, case: Case, at: Any, own: Memory) -> None:
     """Fill d - x and its rate of compliant contacts without forces."""
-    n, begins, contacts = motion.m.blocks, at.struck < 0, own.contacts.size
+    n, begins, contacts = motion.m.blocks, at.struck == START, own.contacts.size
     for c in range(contacts):
         m = seen_by(motion.m, c)
         expand(m, m.now, at.time)
@@ -635,6 +649,7 @@ def _fill_distances(between: Between, motion: SetMotion, case: Case, at: Any, ow
             own.signals[HELD + row, c] = value if own.contacts[c].closed else 0.0
             own.signals[PUSH + row, c] = 0.0 if own.contacts[c].closed or own.watched[c].still else value
         own.signals[ROUNDING, c] = AT_REST * (at.length + m.expansion.sums[expansion.SIZE, 0])
+        distance_from_coat(case.coat, own, c)
     for c in range(contacts):
         for row in range(2):
             for i in range(contacts):
@@ -653,15 +668,21 @@ def note_changes(record: Record, at: Any, own: Memory) -> None:
     Contacts begin after the bounces that are not followed.
     """
     for c in range(own.contacts.size):
-        tally, closed, impulse = record.tally[c], own.contacts[c].closed != 0, max(0.0, own.contacts[c].taken)
-        was = tally.held != 0
+        tally, each, impulse = record.tally[c], own.contacts[c], max(0.0, own.contacts[c].taken)
+        closed, was, crushed = each.closed != 0 or each.crushes, tally.held != 0, tally.held == 2
+        if crushed and not each.crushes:
+            note_event(record.asked, at.listed, at.time, STOPS, 0.0, 0.0, c)
+            at.listed += 1
         if impulse > 0.0 or was != closed:
             kind = IMPACTS if was == closed else LEAVES if was else TOUCHES
             note_event(record.asked, at.listed, at.time, kind, impulse, 0.0 if was else own.contacts[c].before, c)
             at.listed += 1
+        if each.crushes and not crushed:
+            note_event(record.asked, at.listed, at.time, YIELDS, 0.0, 0.0, c)
+            at.listed += 1
         if closed:
             tally.contact_begin = own.contacts[c].bounces + (tally.contact_begin if was else at.time)
-            tally.held = 1
+            tally.held = 2 if each.crushes else 1
         elif was:
             tally.contact_time += max(0.0, at.time - tally.contact_begin)
             tally.held, tally.contact_begin = 0, np.inf

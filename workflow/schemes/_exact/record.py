@@ -32,7 +32,7 @@ from workflow.schemes._exact.tables import expansion, first, state
 
 TALLY = np.dtype(
     [
-        ("held", "i8"),  # whether the tip is held at the gap
+        ("held", "i8"),  # 1 where the tip is held at the gap, 2 where it crushes a coating
         ("speed", "f8"),  # approach speed of the last event of the free tip, m/s
         ("impulse", "f8"),  # of the contact force since t = 0, N s
         ("contact_time", "f8"),  # of contacts that have ended, s
@@ -50,7 +50,7 @@ TALLY = np.dtype(
         ("unsettled_speed", "f8"),  # half the impact speed at which chattering was last found not to end, m/s
         ("summed_speed", "f8"),  # of chattering that is summed because it exceeds the budget: largest speed, m/s
         ("summed_height", "f8"),  # … largest height above the casing, m
-        ("casing_flexibility", "f8"),  # of an elastic casing, m/N
+        ("casing_flexibility", "f8"),  # x - d of a contact per its signal, m/N, on an elastic casing
         ("leaving_speed", "f8"),  # … largest speed with which the tip then leaves, if it does not come to rest, m/s
     ]
 )
@@ -86,8 +86,9 @@ class Asked(NamedTuple):
 EVENT = ("time", "kind", "impulse", "approach", "contact")
 """Columns of events: s, place in :data:`~workflow.variables.EVENT_KINDS`, N s, m/s, number of the contact from 0."""
 
-IMPACTS, TOUCHES, LEAVES = range(3)
-"""Kinds of events: an impact with a flight after it; a contact begins, by an impact if there is an impulse; it ends."""
+IMPACTS, TOUCHES, LEAVES, YIELDS, STOPS = range(5)
+"""Kinds of events: an impact with a flight after it; a contact begins, by an impact if there is an impulse; it ends; it
+begins to crush its coating; it ends to."""
 
 
 class Record(NamedTuple):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
-from workflow.kernels.compiled import part
+from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lemke import Complementarity, problem
 from workflow.kernels.packs import view
 from workflow.models import ContactBasis
@@ -41,7 +41,7 @@ from workflow.schemes._exact.motion import (
     subtract_loads,
     to_coordinates,
 )
-from workflow.schemes._exact.tables import expansion, first, padded, seen, seen_wave, state, wave
+from workflow.schemes._exact.tables import block, expansion, first, padded, seen, seen_wave, state, wave
 
 
 class Budget(NamedTuple):
@@ -62,6 +62,29 @@ class Thresholds(NamedTuple):
     chain was 4e-10, and it falls about quadratically."""
     force: float
     """Contact force, over the rounding of its terms, below which it is zero."""
+
+
+YIELD_FORCE, HARDENING, SECTORS, SPEED, FLEXIBILITY, EVERY = range(6)
+"""Numbers of :attr:`Coat.law`."""
+
+
+class Coat(NamedTuple):
+    """The coating of the casing in one case, or those of a batch, where arrays have one more axis before."""
+
+    law: Array
+    """F_y [N], H [N/m], N, Ω/2π [1/s], c [m/N], and the revolutions from one row of the map to the next."""
+    turns: Array
+    """ϑ/2π of each contact at t = 0, ``(contact,)``."""
+    push: Array
+    """Change of the constant inputs of a set by a constant force at a contact, per N, ``(contact, input)``."""
+    worn: Array
+    """w of the sectors, m, ``(contact, sector)``; those that a contact crushes grow."""
+    map: Array
+    """w at the ends of revolutions, m, ``(contact, revolution, sector)``."""
+    border_work: Array
+    """What borders have given so far, J, ``(contact,)``."""
+    deepest: Array
+    """Largest x - d of a contact that crushes, m, ``(contact,)``."""
 
 
 class Case(NamedTuple):
@@ -91,6 +114,8 @@ class Case(NamedTuple):
     thresholds: Thresholds
     flexibility: Any
     """c of an elastic casing, m/N; 0 for a rigid one."""
+    coat: Any = None
+    """:class:`Coat`; ``None`` without a coating."""
 
 
 CONTACT = np.dtype(
@@ -104,6 +129,13 @@ CONTACT = np.dtype(
         ("taken", "f8"),  # impulse in the last event, N s
         ("force", "f8"),  # λ after the last event, N
         ("bounces", "f8"),  # time of the bounces after it that are not followed, s
+        ("shift", "f8"),  # by which d is moved in its signal: w where its coating is elastic, m
+        ("pressed", "f8"),  # constant force that acts besides its signal, N
+        ("worn", "f8"),  # w of the sector of the coating that it is in, m
+        ("until", "f8"),  # time of the next border at which another w counts, s …
+        ("sector", "i8"),  # number of the sector that it is in, N more after each revolution …
+        ("ahead", "i8"),  # … and of the one behind that border
+        ("crushes", "?"),  # whether it crushes its coating
         ("kind", "i8"),  # what becomes of the contact in an event
         ("member", "i8"),  # contact of this place in a complementarity problem
         ("closed", "i1"),  # how it is closed in the present set, or in the one that is entered next, …
@@ -123,6 +155,9 @@ WATCHED = np.dtype(
     align=True,
 )
 """What a march keeps of each signal that is searched for a zero."""
+
+AT_LEVEL = 256.0 * 2.220446049250313e-16
+"""Force above F_y + H w, over it, from which a coating yields: 64 times the rounding of a sum."""
 
 HELD, SIZE, PUSH, ROUNDING = range(0, 8, 2)
 """Rows of :attr:`Memory.signals`; each has that of the rate below it."""
@@ -153,19 +188,22 @@ class Memory(NamedTuple):
     contacts: Any
     """:data:`CONTACT`, ``(contact,)``."""
     watched: Any
-    """:data:`WATCHED`, ``(signal,)``: the signals of the contacts in their order."""
+    """:data:`WATCHED`, ``(signal,)``: the signals of the contacts in their order and, with a coating, the second ones:
+    F_y + H w - λ where it is elastic, w' where it is crushed."""
+    constant: Array
+    """Constant inputs with what contacts add to them, ``(input,)``; scratch."""
     signals: Array
     """In a decision: forces in the present set, and the sum of the magnitudes of their terms; w (g - c y' - ω² y - G τ)
     - d'', of compliant contacts d - x without forces, and up to which it is 0; with their rates, ``(8, contact)``."""
     problem: Complementarity
 
 
-def memory(basis: ContactBasis, waves: int, places: int) -> Memory:
+def memory(basis: ContactBasis, waves: int, places: int, coated: bool = False) -> Memory:
     """Return memory for a case with up to so many waves, and motions in so many sets."""
     N, m = basis.size, basis.contacts.count
-    columns, wide = padded(N // 2), padded(N)
+    columns, wide, signals = padded(N // 2), padded(N), 2 * m if coated else m
     return Memory(
-        tables=np.zeros((places, loaded_size(columns, wide, waves, m) + 2)),
+        tables=np.zeros((places, loaded_size(columns, wide, waves, signals) + 2)),
         slots=np.full(places, -1),
         states=np.zeros((2, 3 * state.ROWS * max(columns, wide))),
         sums=np.zeros(expansion.ROWS * (columns + 1)),
@@ -178,9 +216,10 @@ def memory(basis: ContactBasis, waves: int, places: int) -> Memory:
         modal=np.zeros(N),
         inputs=np.zeros((1 + 2 * waves, padded(N + m))),
         contacts=np.zeros(m, dtype=CONTACT),
-        watched=np.zeros(m, dtype=WATCHED),
+        watched=np.zeros(signals, dtype=WATCHED),
+        constant=np.zeros(basis.inputs),
         signals=np.zeros((8, m)),
-        problem=problem(m),
+        problem=problem(signals),
     )
 
 
@@ -221,9 +260,9 @@ def tables_of(own: Memory, slot: int) -> int:
 def motion_in(row: Array, case: Case, own: Memory, place: int, bank: int) -> SetMotion:
     """Return the motion of a case in a set, its tables filled; states are those of a bank, 1 for a set on trial."""
     s = closed_set_in(row)
-    columns, wide, waves, contacts = s.block.shape[1], s.first.shape[1], case.acting, s.place.shape[0]
+    columns, wide, waves, signals = s.block.shape[1], s.first.shape[1], case.acting, own.watched.size
     numbers, states = own.tables[place], own.states[bank]
-    loaded, at = loaded_tables(numbers, columns, wide, waves, contacts)
+    loaded, at = loaded_tables(numbers, columns, wide, waves, signals)
     counts = numbers[at : at + 2]
     if own.slots[place] < -1:
         own.slots[place] = -2 - own.slots[place]
@@ -265,7 +304,8 @@ def _fill(s: ClosedSet, case: Case, own: Memory, loaded: LoadedTables, counts: A
     b, f, _, waves = loaded
     n, inputs = s.blocks, own.inputs
     copy_tables(s.block, s.first, case.waves, loaded)
-    _constant_sources(s, case.constant, inputs[0])
+    _fill_constant(case.coat, case, own)
+    _constant_sources(s, own.constant, inputs[0])
     for k in range(n):
         fill_force(b, k, inputs[0, k], inputs[0, n + k])
     for j in range(s.firsts):
@@ -281,7 +321,9 @@ def _fill(s: ClosedSet, case: Case, own: Memory, loaded: LoadedTables, counts: A
     counts[0], counts[1] = explicits, aperiodics
     for c in range(s.place.shape[0]):
         _fill_outputs(s, case, inputs, loaded, c)
+        loaded.outputs[OUTPUTS * c + PLACE] += own.contacts[c].shift
         add_load_outputs(loaded, n, s.firsts, explicits, c)
+        _watch_coat(case.coat, s, own, loaded, explicits, c)
 
 
 @part
@@ -302,6 +344,74 @@ def _fill_outputs(s: ClosedSet, case: Case, inputs: Array, loaded: LoadedTables,
         row, cos, sin = waves[i, columns : columns + seen_wave.COLUMNS], inputs[1 + 2 * i], inputs[2 + 2 * i]
         row[seen_wave.SIGNAL_COS], row[seen_wave.SIGNAL_SIN] = cos[size + c], sin[size + c]
         row[seen_wave.CASING_COS], row[seen_wave.CASING_SIN] = case.casing[i, 0, c], case.casing[i, 1, c]
+
+
+@part
+def _fill_constant(coat: Coat | None, case: Case, own: Memory) -> None:
+    """Fill the constant inputs, with what contacts with a coating add to them."""
+    out, contacts = own.constant, own.contacts.size
+    for i in range(case.constant.size):
+        out[i] = case.constant[i]
+    if coat is not None:
+        for c in range(contacts):
+            out[out.size - 3 * contacts + c] += own.contacts[c].shift
+            for i in range(out.size if own.contacts[c].crushes else 0):
+                out[i] += own.contacts[c].pressed * coat.push[c, i]
+
+
+@part
+def _watch_coat(coat: Coat | None, s: ClosedSet, own: Memory, loaded: LoadedTables, explicits: int, c: int) -> None:
+    """Fill the second signal of a contact: F_y + H w - λ, or w' where it crushes: the rate of its first per x - d."""
+    if coat is None:
+        return
+    b, f, outputs, waves = loaded
+    each, second = own.contacts[c], own.contacts.size + c
+    (rows, slow, columns), (level, after, across) = place_of(waves.shape[0], c), place_of(waves.shape[0], second)
+    if each.crushes:
+        per = travel(coat) / (1.0 + coat.law[FLEXIBILITY] * coat.law[HARDENING])
+        for row in (seen.SIGNAL_VALUE, seen.UNFORCED_VALUE):
+            for k in range(s.blocks):
+                value, slope = b[rows + row, k], b[rows + row + 1, k]
+                b[level + row, k] = -per * b[block.STIFFNESS, k] * slope
+                b[level + row + 1, k] = per * (value - b[block.DAMPING, k] * slope)
+        for j in range(s.firsts):
+            f[after, j] = -per * f[first.RATE, j] * f[slow, j]
+            outputs[OUTPUTS * second] += per * f[first.SOURCE, j] * f[slow, j]
+        for i in range(waves.shape[0]):
+            omega = per * waves[i, wave.OMEGA]
+            waves[i, across + seen_wave.SIGNAL_COS] = omega * waves[i, columns + seen_wave.SIGNAL_SIN]
+            waves[i, across + seen_wave.SIGNAL_SIN] = -omega * waves[i, columns + seen_wave.SIGNAL_COS]
+        for e in range(explicits):  # their η'' has the force
+            k = int(b[block.EXPLICIT_COLUMNS, e])
+            slope = per * b[rows + seen.SIGNAL_SLOPE, k]
+            outputs[OUTPUTS * second] += slope * b[block.FORCE, k]
+            for i in range(waves.shape[0]):
+                waves[i, across + seen_wave.SIGNAL_COS] += slope * b[block.FORCE_COS + i * block.WAVE, k]
+                waves[i, across + seen_wave.SIGNAL_SIN] += slope * b[block.FORCE_SIN + i * block.WAVE, k]
+    elif each.closed != 0:
+        for row in (seen.SIGNAL_VALUE, seen.SIGNAL_SLOPE, seen.UNFORCED_VALUE, seen.UNFORCED_SLOPE):
+            for k in range(s.blocks):
+                b[level + row, k] = -b[rows + row, k]
+        for j in range(s.firsts):
+            f[after, j] = -f[slow, j]
+        outputs[OUTPUTS * second] = yield_level(coat, each.worn, True) - outputs[OUTPUTS * c]
+        for i in range(waves.shape[0]):
+            for column in (seen_wave.SIGNAL_COS, seen_wave.SIGNAL_SIN):
+                waves[i, across + column] = -waves[i, columns + column]
+
+
+@inlined
+def travel(coat: Coat) -> float:
+    """Return x - d per signal of a contact that crushes: its force less the constant one; d - x without hardening."""
+    hardening = coat.law[HARDENING]
+    return float(coat.law[FLEXIBILITY] + 1.0 / hardening) if hardening > 0.0 else -1.0
+
+
+@inlined
+def yield_level(coat: Coat, worn: float, beyond: bool) -> float:
+    """Return F_y + H w; ``beyond`` its rounding, so that a contact at rest on it stays."""
+    level = float(coat.law[YIELD_FORCE] + coat.law[HARDENING] * worn)
+    return level * (1.0 + AT_LEVEL) if beyond else level
 
 
 @part

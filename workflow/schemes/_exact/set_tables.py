@@ -27,10 +27,10 @@ _AHEAD = 2**24
 
 
 class SharedSets:
-    """What the sets of closed contacts of a structure at one µ and duration have at all α."""
+    """What the sets of closed contacts of a structure at one µ, duration and hardening have at all α."""
 
-    def __init__(self, basis: ContactBasis, friction: float, duration: float):
-        self.basis, self.between, self._conditions, self._lock = basis, between(basis), (friction, duration), Lock()
+    def __init__(self, basis: ContactBasis, *conditions: float):
+        self.basis, self.between, self._conditions, self._lock = basis, between(basis), conditions, Lock()
         self._sets: dict[bytes, SetAnyAlpha] = {}
         self._variants: dict[float, int] = {}
 
