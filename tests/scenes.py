@@ -150,7 +150,6 @@ def with_tip_first(structure: Structure) -> Matrices:
         uniform_rise=whole.uniform_rise[::-1],
         damper=None if whole.damper is None else whole.damper[::-1, ::-1],
         load=whole.load if whole.load is None else whole.load[::-1],
-        tip_growth=None,
         coordinates=Coordinates(x, x, theta, theta, *none),
         contacts=own.transformed(x, theta),
         sensors=sensors

@@ -16,7 +16,7 @@ from workflow.models import (
     mechanical_modes,
     rates,
     static_equilibrium,
-    static_tip_growth,
+    static_growth,
     thermal_modes,
     tip_flexibility,
 )
@@ -49,8 +49,8 @@ def chains(draw: st.DrawFn, broken: bool = True) -> Chain:
 def test_static_figures(structure: Chain) -> None:
     by_modes = structure.matrices()
     assert tip_flexibility(structure) == pytest.approx(tip_flexibility(by_modes), rel=1e-12)
-    growth = static_tip_growth(by_modes)
-    assert np.abs(static_tip_growth(structure) - growth).max() <= 1e-13 * max(1.0, np.abs(growth).max())
+    growth = static_growth(by_modes)
+    assert np.abs(static_growth(structure) - growth).max() <= 1e-13 * max(1.0, np.abs(growth).max())
     assert critical_alpha(structure) == pytest.approx(critical_alpha(by_modes), rel=1e-10)
 
 

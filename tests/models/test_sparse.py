@@ -18,14 +18,14 @@ from workflow.models import (
     critical_alpha,
     frequencies,
     growth_rate,
-    instantaneous_growth,
     rates,
-    static_tip_growth,
+    static_growth,
     structure_from_matrices,
     structure_from_sparse,
+    the_tip,
     tip_flexibility,
 )
-from workflow.models._from_matrices import _sparse_structure
+from workflow.models._from_matrices import _sparse_structure, with_contacts
 from workflow.models._pair import MOST_FULL
 from workflow.reduction import names, projection_residual, reduce_structure
 
@@ -47,7 +47,7 @@ def sparse(chain: Structure) -> Sparse:
 def test_statics_are_those_of_the_chain(chain: Structure, sparse: Sparse) -> None:
     assert tip_flexibility(sparse) == pytest.approx(tip_flexibility(chain), rel=1e-11)
     assert critical_alpha(sparse) == pytest.approx(critical_alpha(chain), rel=1e-11)
-    assert relative(static_tip_growth(sparse), static_tip_growth(chain)) < 1e-11
+    assert relative(static_growth(sparse), static_growth(chain)) < 1e-11
     loads = np.random.default_rng(1).normal(size=(2, NODES))
     assert relative(sparse.mechanical.static_solutions(loads), chain.mechanical.static_solutions(loads)) < 1e-10
     assert relative(sparse.thermal.static_solutions(loads), chain.thermal.static_solutions(loads)) < 1e-10
@@ -244,4 +244,7 @@ def test_heat_without_heat_capacity_grows_the_structure_at_once(is_sparse: bool)
     rest = np.array([0.0, 1.0]), np.array([0.0, 0.0, 1.0]), np.zeros(2), np.array([0.0, 4.0, 0.0])
     sparse, dense = GivenMatrices(*map(csc_array, matrices), *rest), GivenMatrices(*matrices, *rest)
     structure = _sparse_structure(sparse) if is_sparse else structure_from_matrices(dense)
-    assert instantaneous_growth(structure) == pytest.approx(9.6e-5, rel=1e-12)
+    tip = the_tip(2, 3)
+    both = replace(tip, labels=("1", "0"), normal=np.eye(2)[::-1], tangent=np.zeros((2, 2)), heat=np.eye(3)[[2, 0]])
+    contacts = with_contacts(structure, replace(both, angle=np.zeros(2))).contacts
+    assert contacts.growth_at_once == pytest.approx([9.6e-5, 6.4e-5], rel=1e-12)

@@ -17,14 +17,9 @@ from threadpoolctl import ThreadpoolController
 from workflow.kernels import Array
 from workflow.models._cases import Cases, EndState, Harmonics, distinct_rows, period_frequency, project
 from workflow.models._coating import AT_BORDER, MOST_SECTORS, Coating, coated_forces
+from workflow.models._contact_basis import ContactBasis, analyse_contacts
 from workflow.models._contact_coordinates import ContactsLast, contacts_last, independent_rows
-from workflow.models._contact_system import (
-    ContactBasis,
-    ContactSystem,
-    analyse_contacts,
-    contact_system,
-    poles_in_contact,
-)
+from workflow.models._contact_system import ContactSystem, contact_system, poles_in_contact
 from workflow.models._contacts import Contacts, closed_sets, set_text, stops_together, the_tip
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
 from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
@@ -56,11 +51,10 @@ from workflow.models._static import (
     critical_alphas,
     critical_friction,
     free_reach,
-    instantaneous_growth,
     rounding_of_flexibility,
     static_equilibrium,
+    static_growth,
     static_reach,
-    static_tip_growth,
     statics,
     steady_warmth,
     tip_flexibility,

@@ -95,7 +95,7 @@ def contacts_last(structure: Structure) -> ContactsLast:
         contacts=contacts.transformed(x.basis, theta.basis),
     )
     if not is_sparse:
-        moved = replace(moved, uniform_rise=theta.projection @ structure.uniform_rise, tip_growth=None)  # type: ignore[call-arg]
+        moved = replace(moved, uniform_rise=theta.projection @ structure.uniform_rise)  # type: ignore[call-arg]
     return ContactsLast(moved, x, theta)
 
 

@@ -17,7 +17,6 @@ With the contacts S closed:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,104 +24,11 @@ from numpy.typing import NDArray
 
 from workflow.kernels import Array
 from workflow.kernels.algebra import singular
-from workflow.models._contacts import Contacts
-from workflow.models._modes import coupled_damping, mechanical_modes, modal_coupling, thermal_modes
-from workflow.models._structure import Structure, stays_cold
+from workflow.models._contact_basis import ContactBasis
+from workflow.models._structure import stays_cold
 
 _RIGID = 1e-13
 """Part of a row, over the whole, up to which it is 0: the rounding of some hundred terms."""
-
-
-@dataclass(frozen=True, eq=False)
-class ContactBasis:
-    """A structure with all contacts open, in its modes."""
-
-    contacts: Contacts
-    shapes: Array
-    """φ, ``(mechanical, mode)``."""
-    heat_shapes: Array
-    """χ, ``(thermal, thermal mode)``."""
-    to_modes: Array
-    """φᵀ M."""
-    to_thermal: Array
-    """χᵀ C2."""
-    frequency: Array
-    """ω, 1/s, ``(mode,)``."""
-    damping: Array
-    """c, ``(mode,)``, or ``(mode, mode)`` where damping couples modes."""
-    coupling: Array
-    """G, ``(mode, thermal mode)``."""
-    rate: Array
-    """μ, 1/s."""
-    normal: Array
-    """w, ``(contact, mode)``."""
-    tangent: Array
-    """t, ``(contact, mode)``."""
-    heat: Array
-    """s, ``(contact, thermal mode)``."""
-    observed: Array
-    """Temperature that is recorded of each contact, ``(contact, thermal mode)``: s, or a mean over a depth."""
-    load: Array
-    """φᵀ b, ``(mode,)``."""
-    sensors: Array
-    """Rows of sensors, ``(sensor, mode + thermal mode)``."""
-
-    @property
-    def residual_load(self) -> Array:
-        """ρ, m/N, ``(contact,)``."""
-        return self.contacts.residual_load_or_zero
-
-    @property
-    def residual_coupling(self) -> Array:
-        """R per thermal mode, m, ``(contact, thermal mode)``."""
-        own = self.contacts.residual_coupling
-        return np.zeros(self.heat.shape) if own is None else own @ self.heat_shapes
-
-    @property
-    def size(self) -> int:
-        """Number of states [y, y', τ]."""
-        return 2 * self.frequency.size + self.rate.size
-
-    @property
-    def inputs(self) -> int:
-        """Number of inputs [g, q, F, d, d', d''] of a set."""
-        return self.frequency.size + self.rate.size + 1 + 3 * self.contacts.count
-
-    @property
-    def unheated(self) -> ContactBasis:
-        """The same without thermal modes, where no heat acts."""
-        none: dict[str, Any] = {name: getattr(self, name)[:0] for name in ("rate", "to_thermal")}
-        for name in ("heat_shapes", "coupling", "heat", "observed"):
-            none[name] = getattr(self, name)[:, :0]
-        none["sensors"] = self.sensors[:, : self.frequency.size]
-        return replace(self, **none)
-
-    def delassus(self, friction: float) -> Array:
-        """Return w_i (w_j - µ t_j)ᵀ, 1/kg, ``(contact, contact)``."""
-        return np.asarray(self.normal @ (self.normal - friction * self.tangent).T)
-
-
-def analyse_contacts(structure: Structure) -> ContactBasis:
-    """Return the modes of a structure with contacts, and their rows in modes."""
-    contacts = structure.contacts
-    mechanical, thermal = mechanical_modes(structure), thermal_modes(structure)
-    return ContactBasis(
-        contacts=contacts,
-        shapes=mechanical.shapes,
-        heat_shapes=thermal.shapes,
-        to_modes=mechanical.shapes.T @ structure.mass,
-        to_thermal=thermal.shapes.T @ structure.heat_capacity,
-        frequency=mechanical.values,
-        damping=coupled_damping(structure, mechanical),
-        coupling=modal_coupling(structure, mechanical, thermal),
-        rate=thermal.values,
-        normal=contacts.normal @ mechanical.shapes,
-        tangent=contacts.tangent @ mechanical.shapes,
-        heat=contacts.heat @ thermal.shapes,
-        observed=contacts.recorded @ thermal.shapes,
-        load=mechanical.shapes.T @ structure.load_direction,
-        sensors=structure.sensed(mechanical.shapes, thermal.shapes),
-    )
 
 
 class ContactSystem(NamedTuple):
@@ -199,7 +105,7 @@ def _with_mass(basis: ContactBasis, S: Any, alpha: float, friction: float) -> Co
         lift = W.T @ np.linalg.inv(W @ W.T)  # P
     except np.linalg.LinAlgError:
         return None
-    C = basis.damping if basis.damping.ndim == 2 else np.diag(basis.damping)
+    C = np.diag(basis.damping) if basis.damping_matrix is None else basis.damping_matrix
     K = basis.frequency**2
     z, u, tau = slice(0, modes), slice(modes, 2 * modes), slice(2 * modes, 2 * modes + heats)
     size = 2 * modes + heats
@@ -256,7 +162,7 @@ def _compliant(basis: ContactBasis, S: Any, alpha: float, friction: float, compl
     A, B = np.zeros((size, size)), np.zeros((size, basis.inputs))
     A[z, u] = np.eye(n)
     A[u, z] = -np.diag((basis.frequency @ modes) ** 2)
-    C = basis.damping if basis.damping.ndim == 2 else np.diag(basis.damping)
+    C = np.diag(basis.damping) if basis.damping_matrix is None else basis.damping_matrix
     A[u, u] = -_without_rounding(modes.T @ C @ modes)
     A[u, tau] = -modes.T @ basis.coupling
     A[tau, tau] = -np.diag(basis.rate)

@@ -44,6 +44,11 @@ class Contacts:
     """ψ_i, rad, ``(contact,)``: contact i sees the casing at Ωt + ψ_i."""
     observed: Array | None = None
     """Weights of the temperature that schemes record at a contact, ``(contact, thermal)``; ``None`` for s_i."""
+    growth: Array | None = None
+    """Static growth per temperature, m/K, ``(contact, thermal)``, where it is known from the full structure: of a body
+    that moves freely it depends on the masses of the modes that a basis omits."""
+    growth_at_once: Array | float = 0.0
+    """Static growth by heat loads on temperatures without heat capacity, m, ``(contact,)``."""
     residual: Array | None = None
     residual_tangent: Array | None = None
     """``residual``, ``residual_tangent``: R = w ΔF wᵀ and R^t = w ΔF tᵀ, m/N, ``(contact, contact)``; ``None`` for
@@ -111,7 +116,9 @@ class Contacts:
 
     def transformed(self, displacements: Any, temperatures: Any) -> Contacts:
         """Return the contacts in coordinates of which these bases, dense or sparse, give the present ones."""
-        own: dict[str, Any] = {name: getattr(self, name) for name in ("heat", "observed", "residual_coupling")}
+        own: dict[str, Any] = {
+            name: getattr(self, name) for name in ("heat", "observed", "growth", "residual_coupling")
+        }
         warm: dict[str, Any] = {name: rows if rows is None else rows @ temperatures for name, rows in own.items()}
         return replace(self, normal=self.normal @ displacements, tangent=self.tangent @ displacements, **warm)
 

@@ -41,7 +41,7 @@ from workflow.models._pair import (
     symmetric,
 )
 from workflow.models._sparse_pair import MOST_REDUCED, SparsePair, sparse_congruent
-from workflow.models._static import static_tip_growth
+from workflow.models._static import static_growth
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 
 ASYMMETRY = 1e-10
@@ -261,11 +261,10 @@ class Sparse(Structure):
         return replace(
             structure_of_forms(*(form.toarray() for form in forms)),
             damping=self.damping,
-            tip_growth=static_tip_growth(self),
             load=self.load,
             damper=None if self.damper is None else self.damper.toarray(),
             coordinates=self.coordinates,
-            contacts=self.contacts,
+            contacts=replace(self.contacts, growth=static_growth(self)),
         )
 
     def matrices(self) -> Matrices:
@@ -408,4 +407,7 @@ def with_contacts(structure: Matrices | Sparse, contacts: Contacts) -> Matrices 
             raise UnusableMatricesError(f"contact {label} moves a part without mass: there is no impact law", remedy)
     if np.any(contacts.tangent.any(axis=1) & ~moving.tangent.any(axis=1)):
         raise UnusableMatricesError("`tangent` acts only on what is held", "choose what moves")
+    if own.expansive.any():
+        grown = structure.mechanical.solve(own.displacement_basis.T @ own.expansive)
+        moving = replace(moving, growth_at_once=moving.normal @ grown)
     return replace(structure, contacts=moving)

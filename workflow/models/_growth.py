@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
 from workflow.models._cases import distinct_rows
-from workflow.models._contact_system import ContactBasis, analyse_contacts, poles_in_contact
+from workflow.models._contact_basis import ContactBasis, analyse_contacts
+from workflow.models._contact_system import poles_in_contact
 from workflow.models._contacts import closed_sets
 from workflow.models._modes import held_damping, is_rayleigh, poles
 from workflow.models._pair import Modes

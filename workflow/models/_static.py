@@ -47,9 +47,9 @@ def tip_flexibility(structure: Structure) -> float:
     return 1 / stiffness if stiffness > 0 else float("inf")
 
 
-def static_tip_growth(structure: Structure) -> Array:
-    """Return the growth of the first contact, ``(thermal,)``: see :func:`statics`."""
-    return np.asarray(_answers(structure)[1][0])
+def static_growth(structure: Structure) -> Array:
+    """Return the growth -w_i K1⁻¹ K12 - r_i of each contact, m/K, ``(contact, thermal)``."""
+    return _answers(structure)[1]
 
 
 def _answers(structure: Structure) -> tuple[Array, Array]:
@@ -59,17 +59,17 @@ def _answers(structure: Structure) -> tuple[Array, Array]:
     """
     pair, contacts = structure.mechanical, structure.contacts
     answers, deformations = zip(*map(pair.answer, contacts.normal), strict=True)
-    if structure.tip_growth is not None and contacts.count == 1:
-        return np.array(answers), structure.tip_growth[None]
+    if contacts.growth is not None:
+        return np.array(answers), contacts.growth
     growth = [pair.work(*both, structure.expansion) for both in zip(answers, deformations, strict=True)]
     own = 0.0 if contacts.residual_coupling is None else contacts.residual_coupling
     return np.array(answers), np.array(growth) - own
 
 
 def statics(structure: Structure) -> tuple[Array, Array]:
-    """Return S_i = w_iᵀ K1⁻¹ w_i with residual flexibility [m/N], ``(contact,)``, and the growth of each contact.
+    """Return S_i = w_iᵀ K1⁻¹ w_i with residual flexibility [m/N], ``(contact,)``, and :func:`static_growth`.
 
-    S_i is infinite where nothing holds it; growth is -w_iᵀ K1⁻¹ K12 - r_i [m/K], ``(contact, thermal)``.
+    S_i is infinite where nothing holds it.
     """
     (answers, growth), contacts = _answers(structure), structure.contacts
     flexibility = np.sum(contacts.normal * answers, axis=1) + contacts.flexibility(0.0).diagonal()
@@ -220,16 +220,6 @@ def critical_friction(structure: Structure) -> list[CriticalFriction]:
         pressed, aside = _at_rest(w, w, static.compliance(0.0)[pairs]), _at_rest(0 * w, t, static.sliding[pairs])
         found.append(CriticalFriction(labels, impact, _least_root(pressed, aside)))
     return found
-
-
-def instantaneous_growth(structure: Structure) -> float:
-    """Return the static growth of the first contact by heat loads on temperatures without heat capacity, m."""
-    given = structure.coordinates
-    if given is None or not given.expansive.any():
-        return 0.0
-    return float(
-        structure.contacts.normal[0] @ structure.mechanical.solve(given.displacement_basis.T @ given.expansive)
-    )
 
 
 def rounding_of_flexibility(structure: Structure) -> float:

@@ -105,7 +105,6 @@ def _brought(matrix: Any, states: Array) -> Array:
 class _OptionalParts:
     """Parts that a structure may lack, documented with :class:`Structure`."""
 
-    tip_growth: Array | None = None
     load: Array | None = None
     damper: Any = None
     coordinates: Coordinates | None = None
@@ -135,8 +134,6 @@ class Structure(_OptionalParts):
         in a reduction basis. The heat balance is pᵀ (1b).
     damping
         Rayleigh coefficients of C1 = a_M M + a_K K1, or a damping ratio of the modes with the tip free.
-    tip_growth
-        Quasi-static tip displacement per temperature, m/K, ``(thermal,)``, where it is known from the full structure.
     load
         Direction b of the load F0 + F1 sin(2π f t + φ), shape (mechanical,); ``None`` for that of the first contact.
     damper

@@ -118,7 +118,8 @@ class Flow:
 
     def growth_by_heat(self, X: Array) -> float:
         """Return the quasi-static tip growth of a state, m."""
-        return float(self.operator.closing[0, : self.heats] @ X[2 * self.modes :])
+        basis = self.one.basis
+        return float((basis.contacts.growth_at_once + basis.growth @ X[2 * self.modes :])[0])
 
     def balanced(self, X: Array, force: float) -> Array:
         """Return a state with temperatures in balance with a mean contact force λ [N], μ τ = χᵀq + α χ_n λ.
@@ -137,7 +138,7 @@ class Flow:
         basis, load, heating = self.one.basis, self.load, slice(self.modes, self.modes + self.heats)
         with np.errstate(divide="ignore", invalid="ignore"):  # of a free root, or heat that cannot leave
             flexibility = np.nansum((basis.normal[0] / basis.frequency) ** 2)
-            warm = np.nansum(np.abs(self.operator.closing[0, : self.heats] * load.constant[heating] / basis.rate))
+            warm = np.nansum(np.abs(basis.growth[0] * load.constant[heating] / basis.rate))
         forces = abs(load.constant[heating.stop]) + np.abs(load.waves[:, 2]).sum()
         return float(load.reach + flexibility * forces + warm + abs(self.growth_by_heat(self.start)))
 

@@ -35,7 +35,7 @@ from workflow.models import (
     Structure,
     distinct_rows,
     project,
-    static_tip_growth,
+    static_growth,
 )
 from workflow.models._from_matrices import structure_of_forms
 from workflow.models._pair import symmetric
@@ -319,10 +319,9 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
         reduced,
         uniform_rise=thermal.projection @ structure.uniform_rise,
         damping=structure.damping,
-        tip_growth=static_tip_growth(structure) @ theta if contacts.is_tip else None,
         load=None if load is None else x.T @ load,
         damper=None if structure.damper is None else x.T @ np.asarray(structure.damper @ x),
-        contacts=contacts.transformed(x, theta),
+        contacts=replace(contacts, growth=static_growth(structure)).transformed(x, theta),
     )
     return Reduction(x, mechanical.projection, theta, thermal.projection, reduced, carried, residual)
 

@@ -20,7 +20,7 @@ from typing import Any
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
-from workflow.schemes._fixed import decoupled, theta_method
+from workflow.schemes._fixed import blocks, theta_method
 from workflow.schemes._fixed.newton import NEWTON, REST
 from workflow.schemes._fixed.outcome import Operator
 from workflow.schemes._fixed.outcome import compute as compute
@@ -45,7 +45,7 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     return theta_method.init(structure, float(h), float(options.theta), contact)
 
 
-operator_name = decoupled.operator_name
+operator_name = blocks.operator_name
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from workflow.kernels.compiled import defines
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Structure
-from workflow.schemes._fixed import central, decoupled
+from workflow.schemes._fixed import blocks, central
 from workflow.schemes._fixed.central import Differences as Options
 from workflow.schemes._fixed.contact import Contact
 from workflow.schemes._fixed.law import Response, Tip, count_no_rebound, count_rebound
@@ -61,5 +61,5 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     return central.init(structure, float(h), options, CONTACT)
 
 
-operator_name = decoupled.operator_name
+operator_name = blocks.operator_name
 amplification, thermal_amplification = central.amplification, central.thermal_amplification

@@ -20,7 +20,7 @@ from typing import Any, Literal
 from workflow.declare import quantity
 from workflow.kernels.lanes import FEWEST_LANES
 from workflow.models import Array, Structure
-from workflow.schemes._fixed import central, decoupled, spring, step_limits, theta_method
+from workflow.schemes._fixed import blocks, central, spring, step_limits, theta_method
 from workflow.schemes._fixed.contact import METRICS as METRICS
 from workflow.schemes._fixed.outcome import Operator
 from workflow.schemes._fixed.outcome import compute as compute
@@ -98,7 +98,7 @@ def init(structure: Structure, h: float, options: Options) -> Operator:
     return theta_method.init(structure, h, theta, spring.theta_contact(theta, stiffness, damping))
 
 
-operator_name = decoupled.operator_name
+operator_name = blocks.operator_name
 
 
 def amplification(frequency: Array, damping: Array, h: float, options: Options) -> Any:

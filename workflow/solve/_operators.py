@@ -20,7 +20,6 @@ from workflow.models import (
     Sensor,
     Structure,
     at_rest,
-    instantaneous_growth,
     needs_matrices,
     sensors_of,
     statics,
@@ -149,5 +148,4 @@ def run_batch(
     operator = _operator(reduced(settings), method, settings.scheme.options, settings.h, depth, sensors)
     _, projected = as_run(settings, cases)
     results = schemes.load(method).compute(operator, projected, sampling)
-    results.metrics["thermal_closing"] += instantaneous_growth(full_structure(settings))
     return schemes.checked(results, projected, sampling, len(sensors))

@@ -21,14 +21,13 @@ from workflow.cases import (
     Start,
     cases_of,
     exact_settings,
-    full_structure,
     reference_settings,
     tells_basis_error,
 )
 from workflow.judges.load_periods import contact_force, largest_per_period, sections, widened
 from workflow.judges.trials import DECIDING, EXACT, reason_of
 from workflow.kernels.compiled import CompilerError
-from workflow.models import Array, Cases, Sensor, Structure, instantaneous_growth
+from workflow.models import Array, Cases, Sensor, Structure
 from workflow.schemes import Results, Status
 from workflow.solve._compile import KernelVariant
 from workflow.solve._operators import (
@@ -61,14 +60,14 @@ def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Val
     structure, projected = as_run(settings, cases, _sensors_of(grid.study))
     options = Options(asked.periods, asked.samples)
     values, messages = steady_rubs(structure, projected, options)
-    return _with_instantaneous_growth(settings, values), {k: text for k, text in enumerate(messages) if text}
+    return values, {k: text for k, text in enumerate(messages) if text}
 
 
 def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> tuple[Values, str]:
     """Return the branch of one case, ``(1, point, …)``, and why it has no point, where it has none."""
     from workflow.orbits import Options, branch
 
-    followed, asked, first = grid.study.branch, grid.study.output.steady, grid.settings(outer)
+    followed, asked = grid.study.branch, grid.study.output.steady
     sensors = _sensors_of(grid.study)
     assert followed is not None
     assert asked is not None
@@ -81,19 +80,12 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
     start, stop = map(float, followed.axis.values)
     options = Options(asked.periods, asked.samples)
     values, message = branch(problem, start, stop, followed.points, options)
-    values = _with_instantaneous_growth(first, values)
     values[followed.axis.name] = values.pop("value")
     if sensors:  # before points
         values |= {
             about.name: values[about.name].swapaxes(0, 1) for about in variables.select(None, None, "steady sensors")
         }
     return {name: array[None] for name, array in values.items()}, message
-
-
-def _with_instantaneous_growth(settings: CaseSettings, values: Values) -> Values:
-    """Return steady rubs with the tip growth by heat loads that temperatures without heat capacity follow at once."""
-    structure = full_structure(settings)
-    return values | {"steady_closing": values["steady_closing"] + instantaneous_growth(structure)}
 
 
 SHORT, REPEATS = 2e-3, 3

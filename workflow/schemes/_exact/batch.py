@@ -24,7 +24,6 @@ from workflow.models import (
     coated_forces,
     distinct_rows,
     project,
-    static_tip_growth,
 )
 from workflow.schemes._exact.closed_sets import row_length
 from workflow.schemes._exact.event_loop import PROGRESS, Outcome, run_cases
@@ -85,8 +84,6 @@ class ExactOperator:
     """Common data of the cases of a batch; ``budget`` limits events and steps of one case."""
 
     basis: ContactBasis
-    closing: Array
-    """Quasi-static motion of each contact per τ, m, ``(contact, thermal mode)``."""
     budget: Budget
     sensors: Sensors | None = None
     thresholds: Thresholds = THRESHOLDS
@@ -120,16 +117,7 @@ def make_operator(structure: Structure, budget: Budget) -> ExactOperator:
     """Return the modes of a structure."""
     basis = analyse_contacts(structure)
     low = THRESHOLDS if basis.contacts.count == 1 else THRESHOLDS._replace(height=LOWEST_BOUNCE)
-    return ExactOperator(basis, _closing(structure, basis), budget, structure.sensors, low)
-
-
-def _closing(structure: Structure, basis: ContactBasis) -> Array:
-    """Return the quasi-static motion of each contact per τ, m, ``(contact, thermal mode)``, of modes that are held."""
-    if structure.contacts.is_tip:
-        return static_tip_growth(structure)[None] @ basis.heat_shapes
-    held = basis.frequency > 0
-    flexible = basis.normal[:, held] / basis.frequency[held] ** 2
-    return np.asarray(-flexible @ basis.coupling[held] - basis.residual_coupling)
+    return ExactOperator(basis, budget, structure.sensors, low)
 
 
 def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Results:
@@ -157,7 +145,7 @@ def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Resu
     completed = ended == COMPLETED
     displacement = record.histories[:, 0].reshape(cases.count, contacts, -1)
     depth = _penetration(conditions, displacement, sampling.times)
-    closing = project(operator.closing, modal[:, 2 * n :]).max(axis=1)
+    closing = (basis.contacts.growth_at_once + project(basis.growth, modal[:, 2 * n :])).max(axis=1)
     metrics = {}
     if conditions.coat is not None:
         depth = np.fmax(depth, conditions.coat.deepest)
@@ -211,7 +199,7 @@ def _fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> Non
     """Write the initial state."""
     modal = [project(basis.to_modes, cases.displacement), project(basis.to_thermal, cases.temperature)]
     normal = basis.contacts.normal
-    seen = project(normal, cases.displacement), project(normal, cases.velocity), project(basis.observed, modal[1])
+    seen = project(normal, cases.displacement), project(normal, cases.velocity), project(basis.recorded, modal[1])
     for k, values in enumerate(seen):
         record.histories[:, k, ..., 0] = values.reshape(record.tally.shape)
     record.histories[:, 3, ..., 0] = 0.0

@@ -45,12 +45,12 @@ def between(basis: ContactBasis) -> Between:
         basis.frequency.size,
     )
     pairs, jumps = np.zeros((m, m), dtype=PAIR), np.zeros((3, m, basis.size))
-    damped = w @ basis.damping if basis.damping.ndim == 2 else w * basis.damping
+    damped = w * basis.damping if basis.damping_matrix is None else w @ basis.damping_matrix
     pairs["delassus"], pairs["tangential"] = _products(w, w), _products(w, t)
     if own.is_compliant:
         pairs["delassus"], pairs["tangential"] = own.compliance(0.0), own.flexibility(0.0) - own.flexibility(1.0)
     pairs["damping"], pairs["damping_tangential"] = damped @ w.T, damped @ t.T
-    pairs["closing"], pairs["warming"] = w @ basis.coupling @ s.T, basis.observed @ s.T
+    pairs["closing"], pairs["warming"] = w @ basis.coupling @ s.T, basis.recorded @ s.T
     jumps[0, :, n : 2 * n], jumps[1, :, n : 2 * n], jumps[2, :, 2 * n :] = w, t, s
     return Between(own.is_compliant, pairs, jumps)
 

@@ -187,7 +187,7 @@ class SetAnyAlpha:
         if response is None or matrix is None:
             return None
         given = system.B[modes.frequency.size :], self._struck, self._statics
-        arrays = heat, self._basis.observed, system.signals, system.inputs, *given
+        arrays = heat, self._basis.recorded, system.signals, system.inputs, *given
         own = (np.ascontiguousarray(each, dtype=np.float64) for each in arrays)
         return Heated(matrix, np.ascontiguousarray(response), contact, *own)
 
@@ -249,7 +249,7 @@ class SetAnyAlpha:
         row[0], row[1], row[_LINK] = k, j, link
         s = closed_set_of(row)
         s.block[block.DAMPING, :k], s.block[block.STIFFNESS, :k], s.first[first.RATE, :j] = blocks[:3]
-        seen = system.signals @ blocks.outward, basis.observed @ blocks.outward[2 * modes :]
+        seen = system.signals @ blocks.outward, basis.recorded @ blocks.outward[2 * modes :]
         for o, per in enumerate(seen):
             s.outputs[:, 2 * o, :k], s.outputs[:, 2 * o + 1, :k] = per[:, :k], per[:, k : 2 * k]
             s.slow_outputs[:, o, :j] = per[:, 2 * k :]

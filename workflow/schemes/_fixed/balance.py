@@ -62,10 +62,9 @@ import numpy as np
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import ROW, lane_rows, named_rows, rows_in
 from workflow.kernels.packs import Lane, Pack, fused, lanes_of, magnitude, pack, shared, some, spread, store, where
-from workflow.models import Array, Cases, Structure, project
-from workflow.schemes._fixed.blocks import Blocks
+from workflow.models import Array, Cases, ContactBasis, Structure, project
+from workflow.schemes._fixed.blocks import Blocks, modes_at
 from workflow.schemes._fixed.contact import End, contact_gain, count_of, was_pressed
-from workflow.schemes._fixed.decoupled import Decoupled, modes_at
 from workflow.schemes._fixed.free_motion import PLACE, SPEED, FreeStep, InitialState, State, contact_heat
 from workflow.schemes._fixed.law import TipStep
 from workflow.schemes._fixed.rows import Totals
@@ -350,7 +349,7 @@ class Balances:
     def account(self, lanes: Mapping[str, Array]) -> Account:
         """Return the coefficients and sums for kernels, with the lanes of :attr:`rows`."""
         modal, step = self._blocks.modal, self._blocks.step
-        losses = self._loss / modal.heat_scale
+        losses = self._loss / self._blocks.heat_scale
         modes = np.stack([0.25 * step.tip.h * modal.damping, 0.5 * self._kinetic, 0.5 * modal.frequency**2], axis=1)
         return Account(
             modes=modes * self._unscale[:, None] ** 2,
@@ -375,7 +374,7 @@ class Balances:
         load = np.zeros(n) if modal.is_single else modal.load
         pulls = np.zeros((2, count, len(blocks.pairs)))
         for pair, (j, k) in enumerate(blocks.pairs):
-            pulls[:, j, pair] = blocks.thermal_load[:, j, k] / modal.heat_scale[k]
+            pulls[:, j, pair] = blocks.thermal_load[:, j, k] / blocks.heat_scale[k]
         return Dense(
             outward=outward * np.tile(unscale, 2),
             off_diagonal=np.zeros((n, n)) if C is None else step.tip.h * (C - np.diag(modal.damping)),
@@ -392,7 +391,7 @@ class Balances:
         """Return the balances after ``elapsed`` seconds, from the rows of the march at its end."""
         modal, begun = self._blocks.modal, self._begun
         warmed_for = elapsed + self._blocks.step.tip.h * self._blocks.step.is_central
-        warmed = ended["tau"][:, 0] / modal.heat_scale[:, None] - begun.heat + warmed_for * begun.warming_modes
+        warmed = ended["tau"][:, 0] / self._blocks.heat_scale[:, None] - begun.heat + warmed_for * begun.warming_modes
         initial = project(np.abs(self._content), np.abs(begun.heat + begun.settled).T)
         heating = warmed_for * project(self._content, project(modal.heat_shapes.T, self._cases.heating))
         sums, gained = named_rows(Totals, ended["sums"]), project(self._content, warmed.T)
@@ -419,7 +418,7 @@ def _energy_rows(blocks: Blocks, states: Array) -> Array:
     return np.concatenate([-0.5 * impulse - blocks.step.energy_lever * pulled, -pulled])
 
 
-def _half_flexibility(modal: Decoupled) -> Array:
+def _half_flexibility(modal: ContactBasis) -> Array:
     """Return 1/(2 ω²), 0 of rigid modes, ``(mode,)``."""
     return np.divide(0.5, modal.frequency**2, out=np.zeros_like(modal.frequency), where=modal.frequency > 0)
 

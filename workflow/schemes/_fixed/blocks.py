@@ -24,18 +24,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, project
+from workflow.models import Array, ContactBasis, Structure, needs_matrices, project
 from workflow.poles import real_blocks
-from workflow.schemes._fixed.decoupled import Decoupled
 from workflow.schemes._fixed.law import CentralStep, TipStep
 from workflow.schemes._fixed.outcome import ROUNDING
+
+LEAST_SHARE = 1e-14
+"""Component of a mode at the tip, relative to the largest, up to which it is the rounding of the shape."""
 
 NEAR_RESONANCE = 1e-3
 """Size of D - S, relative to the largest of its terms, up to which a block and a thermal mode stay coupled: above it
 their separation loses at most three of sixteen digits."""
 
 _LEAST_SHARE = 1e-30
-"""Component of a mode at the tip that stands for 0, relative to the largest: its motion keeps its digits."""
+"""Component of a mode at the tip, mechanical or thermal, that stands for a smaller one, relative to the largest."""
 
 _PARTING = 1e-8
 """Relative change of F that parts three poles with one eigenvector: by its third root, 2e-3 of their size."""
@@ -83,7 +85,7 @@ class Step(NamedTuple):
             return np.asarray(np.linalg.solve(self.inertia, impulses))
         return np.asarray((impulses.T / self.inertia).T)
 
-    def delassus(self, modal: Decoupled) -> Array:
+    def delassus(self, modal: ContactBasis) -> Array:
         """Return W_ij = w_i Ŵ⁻¹ w_j, and what it has per -µ and per α, 1/kg, ``(3, contact, contact)``.
 
         W = w_i Ŵ⁻¹ (w_j - µ t_j + α hθ K12 T̂⁻¹ s_j).
@@ -92,7 +94,7 @@ class Step(NamedTuple):
         moved = (self.moved_by(rows.T).T for rows in (modal.normal, modal.tangent, pulled))
         return np.stack([np.sum(modal.normal[:, None] * rows, axis=2) for rows in moved])
 
-    def sinking(self, modal: Decoupled, force_weight: float) -> Array:
+    def sinking(self, modal: ContactBasis, force_weight: float) -> Array:
         """Return the ways per unit impulse of compliant contacts besides their motion, as :meth:`delassus`, m/(N s).
 
         An impulse p is a force p/(h ``force_weight``) at the step's end: (R - µ R^t + c)/(h weight) + α r T̂⁻¹ s.
@@ -107,7 +109,7 @@ class Step(NamedTuple):
 class Blocks:
     """A structure in the blocks of a scheme's step; states are u and η of blocks, v and ξ of modes."""
 
-    modal: Decoupled
+    modal: ContactBasis
     step: Step
     damping: Array
     """c, 1/s, ``(block,)``."""
@@ -140,6 +142,15 @@ class Blocks:
         (tip,) = self.modal.normal  # of a mode that moves sensors, but not the tip, less than rounding of it
         hidden = tip == 0 if len(self.modal.sensors) else np.zeros(tip.size, bool)
         return np.asarray(np.where(hidden, _LEAST_SHARE * np.abs(tip).max(initial=0.0), tip))
+
+    @property
+    def heat_scale(self) -> Array:
+        """Factor by which kernels scale a thermal mode, ``(thermal mode,)``: of one contact its component there."""
+        if not self.modal.is_single:
+            return np.ones_like(self.modal.rate)
+        (heat,) = self.modal.heat
+        least = _LEAST_SHARE * np.abs(heat).max(initial=0.0)
+        return np.asarray(np.where(np.abs(heat) > least, heat, least))
 
     @property
     def heat_velocity(self) -> Array:
@@ -182,7 +193,7 @@ class Blocks:
         none = np.zeros(0)
         return replace(
             self,
-            modal=self.modal.without_heat(),
+            modal=self.modal.unheated,
             step=self.step._replace(
                 decay=none,
                 heat_gain=self.step.heat_gain[:, :0],
@@ -197,6 +208,24 @@ class Blocks:
         )
 
 
+def modes_at(rows: Array) -> NDArray[np.bool_]:
+    """Return which modes move some of the rows, ``(mode,)``."""
+    return np.asarray((np.abs(rows) > LEAST_SHARE * np.abs(rows).max(axis=-1, keepdims=True, initial=0.0)).any(axis=0))
+
+
+def effective_mass(modal: ContactBasis, diagonal: Array, share: float) -> Array:
+    """Return Ŵ: its ``diagonal`` ``(mode,)``, with ``share`` [s] times the off-diagonal damping, if any."""
+    if modal.damping_matrix is None:
+        return diagonal
+    return np.diag(diagonal) + share * (modal.damping_matrix - np.diag(modal.damping))
+
+
+def operator_name(structure: Structure) -> str:
+    """Return the coordinates in which a structure is stepped, as ``plan`` prints them."""
+    coupled = ", coupled by damping or by where the load acts" if needs_matrices(structure) else ""
+    return f"{structure.mechanical_size} + {structure.thermal_size} modes with the tip's own{coupled}"
+
+
 def _transformed(rows: Array | None, states: Array) -> Array:
     """Return rows ``(2, n, 2, m)`` times states ``(2, m, column)``, each column with the same bits as alone."""
     if rows is None:
@@ -205,7 +234,7 @@ def _transformed(rows: Array | None, states: Array) -> Array:
     return np.asarray(project(rows.reshape(2 * n, 2 * m), states.reshape(2 * m, count).T).T.reshape(2, n, count))
 
 
-def separate(modal: Decoupled, step: Step) -> Blocks:
+def separate(modal: ContactBasis, step: Step) -> Blocks:
     """Separate the step of a structure into blocks: each mode is one where damping couples none."""
     h, stiffness = step.tip.h, modal.frequency**2
     pull = step.moved_by(-h * modal.coupling * step.load_weight)

@@ -26,10 +26,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, Cases, Structure, project
-from workflow.schemes._fixed.blocks import Blocks, Step, separate
+from workflow.models import Array, Cases, ContactBasis, Structure, analyse_contacts, project
+from workflow.schemes._fixed.blocks import Blocks, Step, effective_mass, separate
 from workflow.schemes._fixed.contact import Contact
-from workflow.schemes._fixed.decoupled import Decoupled, decouple
 from workflow.schemes._fixed.law import CentralStep
 from workflow.schemes._fixed.loads import start_of
 from workflow.schemes._fixed.march import step_batch
@@ -134,17 +133,17 @@ class Operator:
 
 def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
     """Separate a structure into blocks, once for a batch."""
-    modal = decouple(structure)
+    modal = analyse_contacts(structure)
     return Operator(structure, h, differences, separate(modal, step(modal, h, differences)), contact)
 
 
-def step(modal: Decoupled, h: float, differences: Differences) -> Step:
+def step(modal: ContactBasis, h: float, differences: Differences) -> Step:
     """Return the coefficients of the step."""
     decay, (inertia, _) = differences.decay(h, modal.rate), differences.damped(h, modal.damping)
     heat_gain = modal.heat * (decay if differences.implicit_heat else 1.0)
     return Step(
         tip=CentralStep(h, 1.0, 0.5 * modal.recorded @ heat_gain.T),
-        inertia=modal.effective_mass(inertia, 0.0 if differences.lagged else h / 2),
+        inertia=effective_mass(modal, inertia, 0.0 if differences.lagged else h / 2),
         stiffening=h,
         lever=h,
         energy_lever=h / 2,
@@ -160,7 +159,7 @@ def step(modal: Decoupled, h: float, differences: Differences) -> Step:
     )
 
 
-def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
+def _half_step_before(modal: ContactBasis, cases: Cases, h: float) -> Array:
     """Return the modal w_-½ = v_0 - (h/2) a_0, with the acceleration without contact, ``(case, mode)``."""
     velocity = project(modal.to_modes, cases.velocity)
     force = cases.load_at(0.0)
@@ -173,7 +172,7 @@ def _half_step_before(modal: Decoupled, cases: Cases, h: float) -> Array:
 
 def growth(structure: Structure, h: float, differences: Differences) -> str | None:
     """Return how the free step of a structure grows, ``None`` where it does not."""
-    modal = decouple(structure)
+    modal = analyse_contacts(structure)
     return _growth(separate(modal, step(modal, h, differences)), h, differences)
 
 

@@ -394,8 +394,8 @@ def start(blocks: Blocks, cases: Cases, velocity: Array) -> InitialState:
         drift=project(speed, known[0].T) + project(place, known[1].T),
         warmth=project(modal.recorded, settled),
         warming=project(modal.recorded, warming),
-        closing=project(modal.static_growth, settled),
-        closing_rate=project(modal.static_growth, warming),
+        closing=modal.contacts.growth_at_once + project(modal.growth, settled),
+        closing_rate=project(modal.growth, warming),
         drifting=drifting,
         steady=constant[0, drifting],
     )
@@ -455,7 +455,7 @@ def drives(blocks: Blocks, cases: Cases) -> Array:
 
 def free_step(blocks: Blocks, contact: Contact, drifting: NDArray[np.int64], sensors: Array) -> FreeStep:
     """Return the coefficients of a step for kernels, with the rows of sensors for them."""
-    modal, step, scale = blocks.modal, blocks.step, blocks.modal.heat_scale
+    modal, step, scale = blocks.modal, blocks.step, blocks.heat_scale
     h, (speed, place), (j, k) = step.tip.h, blocks.contacts.swapaxes(0, 1), blocks.pairs.T
     load, load_place = blocks.of_impulses(modal.load[:, None])[..., 0]
     pull, decay = blocks.thermal_load[:, j, k] / scale[k], np.where(step.decay == 0, NO_DECAY, step.decay)

@@ -231,7 +231,7 @@ def step_batch(
     acts["growing"] = project(modal.residual_coupling, begun.warming_modes.T).T
 
     law, scale = contact.law(cases), blocks.scale[:, None, None]
-    motion, tau = scale * begun.states.swapaxes(0, 1), (begun.heat * modal.heat_scale[:, None])[:, None]
+    motion, tau = scale * begun.states.swapaxes(0, 1), (begun.heat * blocks.heat_scale[:, None])[:, None]
     balances = Balances(structure, blocks, free, cases, begun) if sampling.balances else None
     if balances is not None:
         acts["relative"] = balances.relative.T
@@ -268,11 +268,9 @@ def step_batch(
         watched.contact["impacts"] *= 0.0
         watched.periods[:, 6] *= 0.0
     own, acts = named_rows(Own, ended["own"]), cast(Any, named_rows(Acting, ended["acts"]))
-    before, after = (ended[name] / modal.heat_scale[:, None, None] for name in ("tau_before", "tau"))
+    before, after = (ended[name] / blocks.heat_scale[:, None, None] for name in ("tau_before", "tau"))
     ends = (before[:, 1], before[:, 0]) if step.is_central else (before[:, 0], after[:, 0])
-    closing = (
-        begun.closing + begun.closing_rate * sampling.duration + project(modal.static_growth, watched.reached(*ends).T)
-    )
+    closing = begun.closing + begun.closing_rate * sampling.duration + project(modal.growth, watched.reached(*ends).T)
     metrics = {"thermal_closing": closing.max(axis=1)}
     if contact.rebounds:
         metrics |= effective_restitution(acts["approached"].sum(axis=0), acts["separated"].sum(axis=0))

@@ -14,7 +14,7 @@ import numpy as np
 from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
 from workflow.kernels.lanes import LANES, lane_table, named_rows, rows_in
-from workflow.models import Cases, EndState, Structure, project, statics
+from workflow.models import Cases, EndState, Structure, project, static_growth
 from workflow.schemes._fixed.balance import Balance
 from workflow.schemes._fixed.loads import Start
 from workflow.schemes._fixed.outcome import judged
@@ -130,7 +130,7 @@ class Recorder:
         table = lane_table({**rows_of(self._watched), **waiting})
         self._rows, self._shown = table.cases["contacts"], table.cases["shown"]
         self._batch = batch_of(self._watched, table, table.lanes["samples"], LANES)
-        self._growth = statics(structure)[1]
+        self._growth = static_growth(structure)
         self._balances = PlainBalance(structure, cases, h) if sampling.balances else None
         self._step = 0
         self._states = cases.displacement, cases.velocity, cases.temperature
@@ -181,7 +181,9 @@ class Recorder:
         finite = watched.finite("displacement", "velocity", "temperature")
         left = f"the state left the finite numbers at h = {self._h:.6g} s"
         reached = watched.reached(self._before[2], self._states[2])
-        metrics = {"thermal_closing": project(self._growth, reached).max(axis=1)}
+        metrics = {
+            "thermal_closing": (self._structure.contacts.growth_at_once + project(self._growth, reached)).max(axis=1)
+        }
         balance = None if self._balances is None else self._balances.result(self._states)
         outcome = judged(finite, np.zeros_like(finite), str, None, left)
         end, solved = EndState(*self._states), np.zeros(self._cases.count)

@@ -72,7 +72,7 @@ def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> tuple[Array
     motion = np.einsum("sm,mrb->srb", x, _places(blocks))
     responds, both = np.einsum("srb,rbk->sk", motion, blocks.response), motion.reshape(count, 2 * blocks.damping.size)
     after, before = (theta / 2, theta * (1 - step.decay / 2)) if step.is_central else (theta, np.zeros_like(theta))
-    scale = np.tile(modal.heat_scale, 2)
+    scale = np.tile(blocks.heat_scale, 2)
     rows = np.hstack([both / np.tile(blocks.scale, 2), np.hstack([responds + after, before]) / scale, per_place])
     ahead = step.tip.h if step.is_central else 0.0
     own = np.stack(

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workflow.models import Array, Cases, Structure, poles, project
-from workflow.schemes._fixed.blocks import Blocks, Step, separate
+from workflow.models import Array, Cases, ContactBasis, Structure, analyse_contacts, poles, project
+from workflow.schemes._fixed.blocks import Blocks, Step, effective_mass, separate
 from workflow.schemes._fixed.contact import Contact
-from workflow.schemes._fixed.decoupled import Decoupled, decouple
 from workflow.schemes._fixed.law import TipStep
 from workflow.schemes._fixed.loads import start_of
 from workflow.schemes._fixed.march import step_batch
@@ -63,7 +62,7 @@ class Operator:
 
 def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator:
     """Separate a structure into blocks, once for a batch."""
-    modal = decouple(structure)
+    modal = analyse_contacts(structure)
     return Operator(structure, h, theta, separate(modal, step(modal, h, theta)), contact)
 
 
@@ -78,14 +77,14 @@ def thermal_amplification(rate: Array, h: float, theta: float) -> Array:
     return np.asarray((1 - (1 - theta) * h * rate) / (1 + theta * h * rate))
 
 
-def step(modal: Decoupled, h: float, theta: float) -> Step:
+def step(modal: ContactBasis, h: float, theta: float) -> Step:
     """Return the coefficients of the step."""
     lever = h * theta
     weight = 1 / (1 + lever * modal.rate)
     inertia = 1 + lever * modal.damping + lever * lever * modal.frequency**2
     return Step(
         tip=TipStep(h, theta, modal.recorded @ (modal.heat * weight).T),
-        inertia=modal.effective_mass(inertia, lever),
+        inertia=effective_mass(modal, inertia, lever),
         stiffening=2 * lever,
         lever=lever,
         energy_lever=lever,

@@ -7,14 +7,13 @@ from functools import cache
 
 import numpy as np
 
-from workflow.models import Array, Structure, stops_together
+from workflow.models import Array, ContactBasis, Structure, stops_together
 from workflow.schemes._fixed.blocks import Step
 from workflow.schemes._fixed.contact import Contact
-from workflow.schemes._fixed.decoupled import Decoupled
 from workflow.schemes._fixed.step_limits import largest_step, limit_text
 
 
-def matrices(step: Step, modal: Decoupled, contact: Contact) -> Array:
+def matrices(step: Step, modal: ContactBasis, contact: Contact) -> Array:
     """Return W_ij, and what it has per -µ and per α, 1/kg, ``(3, contact, contact)``.
 
     Of compliant contacts it is what stands for W where places do for velocities: L/(hθ), or L at θ = 0.
@@ -25,7 +24,7 @@ def matrices(step: Step, modal: Decoupled, contact: Contact) -> Array:
     return step.delassus(modal) + sinking / step.lever if step.lever > 0 else sinking
 
 
-def divisors(step: Step, modal: Decoupled, contact: Contact, alpha: Array, friction: Array | float) -> Array:
+def divisors(step: Step, modal: ContactBasis, contact: Contact, alpha: Array, friction: Array | float) -> Array:
     """Return the divisor of the law of each contact, ``(case, contact)``: it has one solution where it is > 0."""
     cold, slid, warm = matrices(step, modal, contact).diagonal(axis1=1, axis2=2)
     w = cold + np.multiply.outer(alpha, warm) - np.multiply.outer(friction, slid)
@@ -41,7 +40,7 @@ def friction_message(h: float, friction: float, name: str) -> str:
 
 
 def explained(
-    structure: Structure, modal: Decoupled, contact: Contact, step: Callable[[float], Step], h: float, at: Array
+    structure: Structure, modal: ContactBasis, contact: Contact, step: Callable[[float], Step], h: float, at: Array
 ) -> Callable[[float, float, int], str]:
     """Return the message of cases with several contacts, by α, µ and the case, which was lost at the time ``at``.
 
