@@ -45,13 +45,23 @@ def test_a_share_widens_gaps_and_takes_as_much_of_loads(share: float) -> None:
     lump, sway = chain(nodes=2, mass=1.0, stiffness=1.0), [[0.5, 3.0, 1.0]]
     gap, mean = np.array([2.0, -2.0, 0.0]), np.array([5.0, -5.0, 0.0])
     one = cases(lump, 3, gap=gap, mean=mean, amplitude=8.0, frequency=1.0, displacement=-4.0, casing_harmonics=sway)
-    other = perturbed(one, share, 3.0)
+    tip = np.array([[0.0, 1.0]])
+    other = perturbed(one, share, 3.0, tip)
     np.testing.assert_allclose(other.gaps[:, 0] - gap, 3.0 * share, rtol=1e-6)
     np.testing.assert_allclose(other.mean - mean, -8.0 * share, rtol=1e-6)
     np.testing.assert_allclose(other.load_harmonics.amplitude - 8.0, -8.0 * share, rtol=1e-6)
     on = cases(lump, 3, displacement=one.casing_of_contacts(0.0)[0], gap=gap, casing_harmonics=sway)
-    start = perturbed(on, share, 0.0)
+    start = perturbed(on, share, 0.0, tip)
     assert np.all(start.displacement[:, -1] <= start.casing_of_contacts(0.0)[0][:, 0])
+
+
+@pytest.mark.parametrize("share", [1e-6, -1e-6])
+def test_a_share_widens_or_narrows_the_gap_of_each_contact(share: float) -> None:
+    """But of one that starts on its casing, which goes with it."""
+    lump = chain(nodes=2, mass=1.0, stiffness=1.0)
+    one = cases(lump, gaps=[3.0, 1.0], displacement=1.0)
+    other = perturbed(one, share, 2.0, np.eye(2))
+    np.testing.assert_allclose(other.gaps[0] - one.gaps[0], [3.0 * share, max(2.0 * share, share)], rtol=1e-6)
 
 
 def test_the_change_of_the_mean_impulse_is_of_the_last_quarters() -> None:

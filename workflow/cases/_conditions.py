@@ -252,8 +252,9 @@ def cases_of(
         return settings, conditions(settings, full_structure(settings), varying, count, start)
     share, scene = perturbation.direction * SHARE, settings.scene
     settings = replace(settings, scene=replace(scene, parameters=_changed(scene.parameters, share)))
-    cases = conditions(settings, full_structure(settings), varying, count, start)
-    return settings, perturbed(cases, share, perturbation.reach)
+    structure = full_structure(settings)
+    cases = conditions(settings, structure, varying, count, start)
+    return settings, perturbed(cases, share, perturbation.reach, structure.input_contacts)
 
 
 def _changed(value: Any, share: float) -> Any:

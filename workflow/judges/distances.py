@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workflow.models import Array, Cases
+from workflow.models import Array, Cases, project
 from workflow.schemes import Results, Status
 
 GAP_SHARE = 1e-12
@@ -60,20 +60,19 @@ def predictability(run: Callable[[Cases], Results], cases: Cases, displacement: 
     return change
 
 
-def perturbed(cases: Cases, share: float, reach: float) -> Cases:
-    """Return cases with gap, tip load and initial state perturbed by a share; a tip never starts beyond the casing.
+def perturbed(cases: Cases, share: float, reach: float, contacts: Array) -> Cases:
+    """Return cases with gaps, load and initial state perturbed by a share; no contact starts beyond the casing.
 
-    With ``reach`` the largest displacement of the tip, m, the gap changes by the share of the larger of |gap| and it,
+    With ``reach`` the largest displacement of a contact, m, a gap changes by the share of the larger of |gap| and it,
     the mean load by that of the larger of |mean| and the reach of harmonics: rounding decides whether a load presses
-    where these are 0. A wider gap comes with a smaller mean: one sign reduces contact, the other increases it. Gaps of
-    several contacts are always widened.
+    where these are 0. A wider gap comes with a smaller mean: one sign reduces contact, the other increases it.
+    ``contacts`` are the rows w_i of the displacements, ``(contact, mechanical)``.
     """
-    wider, displacement = np.maximum(np.abs(cases.gaps), reach), cases.displacement * (1 + share)
-    gaps = cases.gaps + (abs(share) if cases.contact_shape else share) * wider
-    if not cases.contact_shape and displacement.shape[1]:
-        begins, moved = cases.casing_of_contacts(0.0)[0], cases.casing_seen_by(0).added(np.zeros(cases.count), 0.0)
-        outside = cases.displacement[:, -1:] <= begins
-        gaps = np.where(outside, np.maximum(gaps, displacement[:, -1:] - moved[:, None]), gaps)
+    displacement, gaps = cases.displacement * (1 + share), cases.gaps
+    outside = project(contacts, cases.displacement) <= cases.casing_of_contacts(0.0)[0]
+    moved = replace(cases, gaps=np.zeros_like(gaps)).casing_of_contacts(0.0)[0]
+    gaps = gaps + share * np.maximum(np.abs(gaps), reach)
+    gaps = np.where(outside, np.maximum(gaps, project(contacts, displacement) - moved), gaps)
     return replace(
         cases,
         gaps=gaps,
