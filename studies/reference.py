@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 from workflow import models, plots, reduction, schemes, variables
 from workflow.declare import quantity_of, word_of
+from workflow.models._matrix_files import ENTRIES
 from workflow.study.document import settings
 from workflow.study.settings import (
     TOLERANCE,
@@ -161,6 +162,12 @@ def key_tables() -> Iterator[str]:
             yield ""
             shown = [(f"`{name}`", unit, value, meaning) for name, unit, value, meaning in rows]
             yield from table(shown, "key", "unit", "default", "meaning")
+    yield "### Entries of a file of matrices"
+    yield ""
+    entries = [
+        (f"`{name}`", " × ".join(each.axes), each.unit or "text", each.meaning) for name, each in ENTRIES.items()
+    ]
+    yield from table(entries, "entry", "a number for each", "unit", "meaning")
     yield "### Bases, values of `reduction`"
     yield ""
     yield from table([(f"`{name}`", about_basis(name)) for name in reduction.names()], "basis", "what it is")

@@ -7,7 +7,6 @@ one row or several. Directions of sliding and shares of heat are rows beside the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -20,7 +19,17 @@ from workflow.kernels import Array
 from workflow.models._contacts import Contacts, checked_contacts
 from workflow.models._factors import is_definite
 from workflow.models._from_matrices import ASYMMETRY, GivenMatrices
-from workflow.models._matrix_files import LABELS, MATRICES, ROWS, SPEED2, STRUCTURAL, VECTORS, Entries, in_unicode
+from workflow.models._matrix_files import (
+    ENTRIES,
+    LABELS,
+    MATRICES,
+    ROWS,
+    SPEED2,
+    STRUCTURAL,
+    VECTORS,
+    Entries,
+    in_unicode,
+)
 from workflow.models._pair import UnusableMatricesError
 from workflow.models._sensors import Sensor
 from workflow.models._structure import COLD, Rayleigh
@@ -32,21 +41,18 @@ _SINGLE = 1e-6
 """Negative part of a damping matrix, over its diagonal, up to which it is the rounding of entries of seven digits."""
 
 _TO_SI = {
-    **dict.fromkeys(("mass", "stiffness", "stiffness_speed2", "damping"), 1e3),
-    **dict.fromkeys(("heat_capacity", "conductance", "heating", *ROWS[1:]), 1e-3),
+    **dict.fromkeys(("kg", "N/m", "N s/m", "N s²/(m rad²)"), 1e3),
+    **dict.fromkeys(("J/K", "W/K", "W", "m/N", "m/K", "m"), 1e-3),
 }
-"""Factors from t, N/mm, N s/mm, mJ/K, mW/K, mW, mm/N, mm/K and mm."""
-
-
-_SQUARE = ("residual_flexibility", "residual_tangent")
-"""Entries with a row and a column for each contact."""
+"""Factors from t, N/mm, N s/mm, mJ/K, mW/K, mW, mm/N, mm/K and mm, by the unit."""
 
 
 def in_si(entries: Entries, units: str) -> dict[str, Any]:
     """Return entries in SI."""
     if units == "SI":
         return dict(entries)
-    return {name: value * _TO_SI[name] if name in _TO_SI else value for name, value in entries.items()}
+    factors = {name: _TO_SI[entry.unit] for name, entry in ENTRIES.items() if entry.unit in _TO_SI}
+    return {name: value * factors[name] if name in factors else value for name, value in entries.items()}
 
 
 Choice = str | int | tuple[str | int, ...] | None
@@ -183,18 +189,13 @@ def _contacts(entries: Entries, chosen: Chosen, labels: Sequence[str], sizes: tu
         alone = thermal_contact is None and "thermal_contact" not in entries
         found = _own_temperatures(names, normal, warm, heats) if alone else None
         heat = _beside("thermal_contact", thermal_contact, entries, warm, heats, count) if found is None else found
-    angle = _of_each("angle", entries, (count,))
-    contacts = Contacts(tuple(map(str, names)), normal, tangent, heat, angle)
-    if "residual_flexibility" in entries:
-        contacts = replace(
-            contacts,
-            residual=_of_each("residual_flexibility", entries, (count, count)),
-            residual_tangent=_of_each("residual_tangent", entries, (count, count)),
-            residual_coupling=_of_each("residual_coupling", entries, heat.shape),
-            residual_load=_of_each("residual_load", entries, (count,)),
-            residual_steady=_of_each("residual_steady", entries, (count,)),
-        )
-    return contacts
+    read = ROWS if "residual_flexibility" in entries else ("angle",)
+    lengths = {"contact": count, "temperature": heat.shape[1]}
+    values: dict[str, Any] = {
+        name: _of_each(name, entries, tuple(lengths[axis] for axis in ROWS[name].axes)) for name in read
+    }
+    values["residual"] = values.pop("residual_flexibility", None)
+    return Contacts(tuple(map(str, names)), normal, tangent, heat, **values)
 
 
 def _refuse_shares(contacts: Contacts) -> None:
@@ -245,7 +246,7 @@ def _rows_of(entries: Entries, names: Sequence[str | int], own: Sequence[str]) -
             continue  # a label, an index or one vector
         if len(value) != len(own):
             raise UnusableMatricesError(f"`{name}` has {len(value)} rows", "write one for each row of `contact`")
-        changed[name] = value[which][:, which] if name in _SQUARE else value[which]
+        changed[name] = value[which][:, which] if ENTRIES[name].axes == ("contact", "contact") else value[which]
     return changed
 
 

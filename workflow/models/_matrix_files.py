@@ -34,7 +34,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -85,19 +85,65 @@ def in_c(text: str, row: str, what: str, name: str, line: int = 1) -> str:
 MOST_COORDINATES = 200_000
 """Largest number of rows of a matrix."""
 
-SPEED2 = "stiffness_speed2", "load_speed2"
-"""K_Ω and r of K1 + Ω² K_Ω and f + Ω² r."""
 
-MATRICES = ("mass", "stiffness", "damping", "coupling", "heat_capacity", "conductance", SPEED2[0])
-VECTORS = ("contact", "thermal_contact", "load", "steady", "heating", "tangent", SPEED2[1])
-ROWS = ("angle", *(f"residual_{name}" for name in ("flexibility", "tangent", "coupling", "load", "steady")))
-"""Of contacts, which have rows of `contact`, `tangent` and `thermal_contact` too."""
+class Entry(NamedTuple):
+    """What a file may contain."""
+
+    axes: tuple[str, ...]
+    """What each of its rows, and of its columns, belongs to."""
+    unit: str
+    """In SI; empty for texts."""
+    meaning: str
+
+
+_X, _T, _C = "displacement", "temperature", "contact"
+_DIRECTION = "an index, a label, a vector, or rows of several contacts"
+MATRICES = {
+    "mass": Entry((_X, _X), "kg", "M, symmetric"),
+    "stiffness": Entry((_X, _X), "N/m", "K1, symmetric"),
+    "damping": Entry((_X, _X), "N s/m", "C1, symmetric and positive semi-definite; it may couple modes"),
+    "coupling": Entry((_X, _T), "N/K", "K12; where heat lengthens a blade, its entries are negative"),
+    "heat_capacity": Entry((_T, _T), "J/K", "C2, symmetric; without it the structure stays cold"),
+    "conductance": Entry((_T, _T), "W/K", "K2, symmetric"),
+    "stiffness_speed2": Entry((_X, _X), "N s²/(m rad²)", "K_Ω of K1 + Ω² K_Ω at the scene's speed, symmetric"),
+}
+VECTORS = {
+    "contact": Entry((_X,), "1", f"w, of which x = wᵀx touches the casing: {_DIRECTION}"),
+    "thermal_contact": Entry(
+        (_T,),
+        "1",
+        f"s, shares of the contact heat with the sum 1: {_DIRECTION}; left out, the temperature with the label of the "
+        "contact, or of its one displacement",
+    ),
+    "load": Entry((_X,), "1", "direction of `scene.load`; left out, that of the contact"),
+    "steady": Entry((_X,), "N", "constant load"),
+    "heating": Entry((_T,), "W", "constant heat load"),
+    "tangent": Entry((_X,), "1", f"t, in which the casing slides: {_DIRECTION}"),
+    "load_speed2": Entry((_X,), "N s²/rad²", "r of the constant load f + Ω² r"),
+}
+ROWS = {
+    "angle": Entry((_C,), "rad", "ψ: contact i sees the casing at Ωt + ψ_i"),
+    "residual_flexibility": Entry(
+        (_C, _C), "m/N", "w ΔF wᵀ, the static flexibility that the matrices lack; these contacts have no mass"
+    ),
+    "residual_tangent": Entry((_C, _C), "m/N", "w ΔF tᵀ, of friction"),
+    "residual_coupling": Entry((_C, _T), "m/K", "w ΔF K12"),
+    "residual_load": Entry((_C,), "m/N", "w ΔF b, of the load"),
+    "residual_steady": Entry((_C,), "m", "constant displacement, of constant loads"),
+}
+"""Of contacts, which have rows of `contact`, `tangent` and `thermal_contact` too; 0 where left out."""
+
+LABELS = {
+    "labels": Entry((_X,), "", "a text of printable characters for each; in a directory `labels.txt`, one a line"),
+    "thermal_labels": Entry((_T,), "", "the same"),
+    "contact_labels": Entry((_C,), "", "name of each contact"),
+}
+ENTRIES = MATRICES | VECTORS | ROWS | LABELS
+
+SPEED2 = "stiffness_speed2", "load_speed2"
 
 STRUCTURAL = "structural_damping"
 """Imaginary stiffness of Abaqus and Nastran; equation (1a) has no such term, which is of one frequency."""
-
-LABELS = ("labels", "thermal_labels", "contact_labels")
-KNOWN = (*MATRICES, *VECTORS, *ROWS, *LABELS)
 
 Entries = Mapping[str, Any]
 """Matrices, vectors and labels by name."""

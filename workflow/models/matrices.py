@@ -29,7 +29,7 @@ from workflow.models._from_matrices import (
     with_contacts,
 )
 from workflow.models._matrix_entries import Choice, Chosen, given_by, in_si, labels_of, row_of, shaken
-from workflow.models._matrix_files import KNOWN, LABELS, MATRICES, PART, SPEED2, files_of, in_unicode, read_entries
+from workflow.models._matrix_files import ENTRIES, LABELS, MATRICES, PART, SPEED2, files_of, in_unicode, read_entries
 from workflow.models._pair import UnusableMatricesError, turning_at
 from workflow.models._sensors import Sensor
 from workflow.models._structure import Matrices, Rayleigh, Structure
@@ -99,8 +99,7 @@ class Parameters:
     """Matrices from a file, and the degrees of freedom in contact."""
 
     file: File = file(
-        "file with entries mass, stiffness, and optionally damping, coupling, heat_capacity, conductance, contact, "
-        "thermal_contact, load, steady, heating, tangent, stiffness_speed2, load_speed2, labels",
+        "file with entries mass, stiffness and others, see entries of a file of matrices",
         files=files_of,
     )
     contact: Choice = label(
@@ -221,13 +220,8 @@ def write_matrices(
     mass, stiffness
         M and K1, dense arrays or SciPy's sparse ones, (displacement, displacement).
     entries
-        ``damping`` C1, ``heat_capacity`` C2, ``conductance`` K2, ``coupling`` K12 (displacement, temperature), the
-        vectors ``contact``, ``thermal_contact``, ``load``, ``steady``, ``heating``, ``tangent``, the contacts and the
-        tangent also as an index or a label, ``stiffness_speed2`` K_Ω and ``load_speed2`` r of K1 + Ω² K_Ω and f + Ω² r
-        at the scene's speed, and texts ``labels`` and ``thermal_labels``. Of several contacts rows
-        ``contact``, ``thermal_contact``, ``tangent``, texts ``contact_labels``, and ``angle``, rad; of contacts without
-        mass ``residual_flexibility`` R = w ΔF wᵀ, ``residual_tangent`` w ΔF tᵀ, m/N, ``residual_coupling`` w ΔF K12,
-        m/K, ``residual_load``, m/N along ``load``, and ``residual_steady``, m.
+        Others of ``workflow.models._matrix_files.ENTRIES``, which the reference of studies lists with their units:
+        ``damping``, ``heat_capacity``, ``conductance``, ``coupling``, ``contact``, ``load``, ``labels`` and more.
     vectors
         Others by names of your own, (displacement,) or (temperature,), which a study names as contacts or sensors.
 
@@ -240,9 +234,9 @@ def write_matrices(
     given = {"mass": mass, "stiffness": stiffness, **entries}
     if place.suffix.lower() != ".npz":
         raise UnusableMatricesError(f"`{place.name}` is no NPZ file", "end its name in .npz")
-    unknown = sorted(set(given) - set(KNOWN))
+    unknown = sorted(set(given) - set(ENTRIES))
     if unknown:
-        remedy = f"entries are {', '.join(KNOWN)}; vectors of your own names go into `vectors`"
+        remedy = f"entries are {', '.join(ENTRIES)}; vectors of your own names go into `vectors`"
         raise UnusableMatricesError(f"no entry is called {', '.join(unknown)}", remedy)
     _check(given)
     arrays: dict[str, Any] = {}
@@ -261,7 +255,12 @@ def _own_vectors(vectors: Mapping[str, Any], given: Mapping[str, Any]) -> dict[s
     """Return vectors of names of their own as arrays, each with a number for each displacement or temperature."""
     sizes = {np.shape(given[name])[0] for name in ("mass", "heat_capacity") if name in given}
     arrays = {str(name): np.asarray(vector, dtype=float) for name, vector in vectors.items()}
-    taken = {*KNOWN, "file", "allow_pickle", *(str(text) for name in LABELS for text in np.ravel(given.get(name, ())))}
+    taken = {
+        *ENTRIES,
+        "file",
+        "allow_pickle",
+        *(str(text) for name in LABELS for text in np.ravel(given.get(name, ()))),
+    }
     for name, array in arrays.items():
         if not name or name in taken or PART.fullmatch(name) or not name.isprintable():
             raise UnusableMatricesError(f"{name!r} is no name of a vector", "choose one that is no entry and no label")

@@ -24,7 +24,7 @@ from workflow.declare import NUMBER, File, Rows, rows, speed
 from workflow.kernels import Array
 from workflow.models._from_matrices import Sparse, structure_from_matrices, with_contacts
 from workflow.models._matrix_entries import Chosen, given_by
-from workflow.models._matrix_files import in_c
+from workflow.models._matrix_files import ENTRIES, in_c
 from workflow.models._pair import UnusableMatricesError, turning_at
 from workflow.models._sensors import Sensor
 from workflow.models._structure import COLD, Matrices, Rayleigh, Structure
@@ -269,15 +269,14 @@ def _beside(parameters: Parameters, modes: int, heats: int, contacts: int) -> di
     for name, beside in (("coupling", "heat"), ("residual_tangent", "residual")):
         if getattr(parameters, beside) is None and getattr(parameters, name) is not None:
             raise UnusableMatricesError(f"`{name}` is given without `{beside}`", "give both, or neither")
-    shapes = {
-        "coupling": ("coupling", (modes, heats), "mode"),
-        "residual": ("residual_flexibility", (contacts, contacts), "contact"),
-        "residual_tangent": ("residual_tangent", (contacts, contacts), "contact"),
-        "stiffness_speed2": ("stiffness_speed2", (modes, modes), "mode"),
-        "load_speed2": ("load_speed2", (modes, 1), "mode"),
-    }
-    given = {name: getattr(parameters, name) for name in shapes if getattr(parameters, name) is not None}
-    return {shapes[name][0]: read_matrix(own, shapes[name][1], name, shapes[name][2]) for name, own in given.items()}
+    lengths, read = {"displacement": modes, "temperature": heats, "contact": contacts}, {}
+    for name in ("coupling", "residual", "residual_tangent", "stiffness_speed2", "load_speed2"):
+        entry = "residual_flexibility" if name == "residual" else name
+        own, (rows, *columns) = getattr(parameters, name), ENTRIES[entry].axes
+        if own is not None:
+            shape = lengths[rows], lengths[columns[0]] if columns else 1
+            read[entry] = read_matrix(own, shape, name, "contact" if rows == "contact" else "mode")
+    return read
 
 
 def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: Structure) -> list[Array]:
