@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_PATHS = ("scene.speed", "scene.load.", "scene.casing.")
+_PATHS = ("scene.speed", "scene.load.", "scene.casing.harmonics.", "scene.casing.angles")
 """Beginnings of the axes on which the motion of load and casing depends."""
 
 

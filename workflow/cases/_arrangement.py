@@ -17,7 +17,7 @@ from workflow.cases._conditions import FRICTION, sinusoids_of
 from workflow.judges.trials import EXACT
 from workflow.models import AT_BORDER, Harmonics, period_frequency
 from workflow.schemes import Sampling, complete_periods
-from workflow.study import CHOSEN, Axis, CaseSettings, Dimension, SchemeChoice, Study
+from workflow.study import CHOSEN, GAP_OF, Axis, CaseSettings, Dimension, SchemeChoice, Study
 
 Indices = NDArray[np.int64]
 
@@ -388,4 +388,4 @@ def _outermost_first(path: str) -> int:
 def _innermost_last(path: str) -> int:
     """Rank conditions by how finely they are mostly varied: the load frequency is swept, the start has a few values."""
     order = {"e": 1, "scene.casing.gap": 2, "alpha": 3, "scene.load.frequency": 4, "scene.speed": 4}
-    return 3 if path.startswith(FRICTION) else order.get(path, 0)
+    return 3 if path.startswith(FRICTION) else 2 if path.startswith(GAP_OF) else order.get(path, 0)

@@ -35,7 +35,7 @@ from workflow.judges.trials import (
 )
 from workflow.models import Array, Structure, mechanical_modes, one_thread
 from workflow.schemes import Sampling
-from workflow.study import CHOSEN, CaseSettings, Dimension
+from workflow.study import CHOSEN, GAP, CaseSettings, Dimension
 
 _FREQUENCY = "scene.load.frequency"
 _RANKS = ("alpha", "scene.casing.gap", _FREQUENCY)
@@ -88,7 +88,7 @@ def _rank(path: str) -> int:
 
 def _severity(path: str, values: Array, structure: Structure) -> Array:
     """Return how hard each value of an axis makes a case; larger is harder."""
-    if path == "scene.casing.gap":
+    if path.startswith(GAP):
         return -values
     if path.endswith(".phase"):
         return np.zeros_like(values)

@@ -14,7 +14,7 @@ from workflow.cases._structures import full_structure
 from workflow.declare import File, Values
 from workflow.judges.distances import perturbed
 from workflow.models import Array, Cases, Coating, EndState, Harmonics, Structure
-from workflow.study import CaseSettings, Initial, Scene
+from workflow.study import CaseSettings, Initial, Scene, gaps_of
 
 FRICTION = "scene.friction."
 """How the axes begin that make α."""
@@ -95,7 +95,7 @@ def conditions(
     given = Cases(
         e=of_case("e", settings.e) if "e" in reads else np.full(count, np.nan),
         alpha=alpha_of(settings, varying, count),
-        gaps=gaps_of(settings, structure, varying, count),
+        gaps=gaps_of(scene.casing, structure.contacts.labels, varying, count),
         mean=of_case("scene.load.mean", load.mean),
         steady=of_node("scene.load.steady", load.steady),
         heating=of_node(f"scene.{scene.model}.heating", heat_load(scene.parameters), thermal),
@@ -155,14 +155,6 @@ def friction_of(settings: CaseSettings, structure: Structure, varying: Mapping[s
     if not structure.contacts.slides or settings.scene.friction is None:
         return np.zeros(count)
     return spread(varying, f"{FRICTION}coefficient", settings.scene.friction.coefficient, count)
-
-
-def gaps_of(settings: CaseSettings, structure: Structure, varying: Mapping[str, Array], count: int) -> Array:
-    """Return the clearance of each contact, gap_i + clearance, m, ``(case, contact)``."""
-    casing = settings.scene.casing
-    gap = varying["scene.casing.gap"][:, None] if "scene.casing.gap" in varying else np.asarray(casing.gap)
-    clearance = spread(varying, "scene.casing.clearance", casing.clearance, count)
-    return np.array(np.broadcast_to(gap + clearance[:, None], (count, structure.contacts.count)))
 
 
 def offset_of(structure: Structure, count: int) -> Array:

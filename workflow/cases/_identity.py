@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,6 @@ from workflow.cases._conditions import (
     friction_of,
     harmonics_of,
     heat_load,
-    spread,
     turns_of,
 )
 from workflow.cases._reference import exact_settings, reference_settings
@@ -29,7 +29,7 @@ from workflow.judges.trials import EXACT
 from workflow.reduction import DEFAULT
 from workflow.registry import outside_sources
 from workflow.schemes import SOLVER_VERSION
-from workflow.study import CaseSettings, Scene, Study
+from workflow.study import GAP, GAP_OF, CaseSettings, Scene, Study, gaps_of
 
 HASH_BYTES = 16
 """Of the SHA-256: two of 1e8 cases share their first 128 bits with a probability of 1e-23."""
@@ -175,17 +175,17 @@ def _is_summed_up(path: str) -> bool:
     return path == "scene.speed" or path.startswith((FRICTION, "scene.load.harmonics.", "scene.casing."))
 
 
-def _of_casing(settings: CaseSettings, varying: Any, count: int) -> dict[str, Any]:
+def _of_casing(settings: CaseSettings, contacts: Sequence[str], varying: Any, count: int) -> dict[str, Any]:
     """Return the conditions at the casing by name, ``(case,)`` each.
 
     They are gap + clearance of each contact that has its own, by what it is turned, and the coating.
     """
     casing, columns = settings.scene.casing, dict[str, Any]()
-    clearance = spread(varying, "scene.casing.clearance", casing.clearance, count)
     if isinstance(casing.gap, tuple):
-        columns |= {f"scene.casing.gap.{k}": gap + clearance for k, gap in enumerate(casing.gap)}
+        gaps = gaps_of(casing, contacts, varying, count)
+        columns |= {f"{GAP_OF}{k}": gap for k, gap in enumerate(gaps.T)}
     else:
-        columns["scene.casing.gap"] = spread(varying, "scene.casing.gap", casing.gap, count) + clearance
+        columns[GAP] = gaps_of(casing, ("",), varying, count)[:, 0]
     if any(entry.order is not None for entry in casing.harmonics):
         structure = full_structure(settings)
         if casing.angles is not None or not structure.contacts.is_tip:
@@ -218,7 +218,7 @@ def _rows(grid: Grid, outer: int, settings: CaseSettings, varying: Any, count: i
     values |= {path: value if isinstance(value, float) else 0.0 for path, value in _per_node(settings).items()}
     values |= {"e": settings.e}
     values |= {path: value for path, value in varying.items() if not _is_summed_up(path)}
-    values |= _of_casing(settings, varying, count)
+    values |= _of_casing(settings, grid.study.contacts, varying, count)
     values |= {"alpha": alpha_of(settings, varying, count), **_harmonic_columns(scene, varying, count)}
     if scene.friction is not None:
         structure = full_structure(settings)

@@ -6,6 +6,7 @@ import dataclasses
 import datetime
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from workflow.kernels import Array
 from workflow.plan._warnings import tip_cells
 from workflow.schemes import Status
 from workflow.solve import dims_of, lengths, unset, variables_of
-from workflow.study import AUTO, CHOSEN, MATRIX, MODES, POINT, SWEEP, Axis, Drawn, Study
+from workflow.study import AUTO, CHOSEN, GAP, GAP_OF, MATRIX, MODES, POINT, SWEEP, Axis, Drawn, Study, gaps_of
 from workflow.variables import Variable
 
 if TYPE_CHECKING:
@@ -192,9 +193,9 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
     if study.scene.makes_alpha and not followed.startswith(FRICTION):
         about = {"long_name": "heat coupling: heat_share x coefficient x sliding_speed", "units": "W N-1"}
         yield "alpha", _variable(*made_by_friction(grid), about)
-    if "gap" not in names and followed != "scene.casing.gap":
-        about, gap = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}, np.asarray(study.scene.gap)
-        yield "gap", _variable(("contact",) * gap.ndim, gap, about)
+    if "gap" not in names and not followed.startswith(GAP):
+        about, (along, gap) = {"units": "m", "long_name": "tip clearance at rest, cold", **moves}, _gap(grid)
+        yield "gap", _variable(along, gap, about)
     yield from _of_contacts(grid, names)
     yield from _of_sensors(study)
     yield from _of_coating(grid)
@@ -290,14 +291,31 @@ def _motion_of_casing(study: Study) -> Attributes:
     return {"speed": [study.scene.speed], **{f"casing_{name}": column for name, column in columns.items()}}
 
 
-def made_by_friction(grid: Grid) -> tuple[tuple[str, ...], Array]:
-    """Return the names of the dimensions along which friction varies, and α along them."""
-    dimensions = [d for d in (*grid.outer, *grid.inner) if any(axis.path.startswith(FRICTION) for axis in d.axes)]
+def _gap(grid: Grid) -> tuple[tuple[str, ...], Array]:
+    """Return the gap, or that of each contact, along the dimensions of axes of single ones before."""
+    study, gap = grid.study, np.asarray(grid.settings(0).scene.gap)
+    if not gap.ndim:
+        return (), gap
+    names, shape, varying = _along(grid, GAP_OF)
+    casing = replace(study.scene.casing, gap=tuple(gap), clearance=0.0)
+    gaps = gaps_of(casing, study.contacts, varying, math.prod(shape))
+    return (*names, "contact"), gaps.reshape(*shape, -1)
+
+
+def _along(grid: Grid, paths: str) -> tuple[tuple[str, ...], tuple[int, ...], dict[str, Array]]:
+    """Return dimensions with axes whose paths begin so, their sizes, and values of these in all combinations."""
+    dimensions = [d for d in (*grid.outer, *grid.inner) if any(axis.path.startswith(paths) for axis in d.axes)]
     shape = tuple(dimension.size for dimension in dimensions)
     varying = {
         axis.path: np.asarray(axis.values, dtype=np.float64)[index].ravel()
         for dimension, index in zip(dimensions, np.indices(shape), strict=True)
         for axis in dimension.axes
+        if axis.path.startswith(paths)
     }
-    values = alpha_of(grid.settings(0), varying, math.prod(shape)).reshape(shape)
-    return tuple(dimension.name for dimension in dimensions), values
+    return tuple(dimension.name for dimension in dimensions), shape, varying
+
+
+def made_by_friction(grid: Grid) -> tuple[tuple[str, ...], Array]:
+    """Return the names of the dimensions along which friction varies, and α along them."""
+    names, shape, varying = _along(grid, FRICTION)
+    return names, alpha_of(grid.settings(0), varying, math.prod(shape)).reshape(shape)

@@ -26,6 +26,7 @@ from workflow.study.settings import (
     Scene,
     SchemeChoice,
     Steady,
+    gaps_of,
 )
-from workflow.study.source import setting
+from workflow.study.source import GAP, GAP_OF, setting
 from workflow.study.study import ResolvedValue, Study, StudySource, parse_study, read_study, resolved_values

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -16,7 +17,7 @@ from workflow.study.forms import Entry
 from workflow.study.mistakes import Place, quoted
 from workflow.study.ranges import Content, Drawn, Followed, Swept, Value
 from workflow.study.settings import AUTO, CHOSEN, FULL, MODES, TOLERANCE, Axis, Branch, Dimension, Scene
-from workflow.study.source import StudyText
+from workflow.study.source import GAP, GAP_OF, StudyText
 
 Counts = tuple[int, ...]
 """Of the cases; empty where they are not known."""
@@ -287,8 +288,10 @@ def possible_names(path: str) -> list[str]:
     """Return the names a coordinate may have, best first: the last word of its path, the last two, and so on.
 
     None begins with an index: that of ``casing.harmonics.0.amplitude`` is ``harmonic_amplitude``, then
-    ``harmonic_amplitude_0``, then ``casing_harmonic_amplitude_0``.
+    ``harmonic_amplitude_0``, then ``casing_harmonic_amplitude_0``; that of the gap of a contact is ``gap_LABEL``.
     """
+    if path.startswith(GAP_OF):
+        path = f"{GAP}_{re.sub(r'[^A-Za-z0-9_]', '_', path.removeprefix(GAP_OF))}"
     words = path.split(".")
     if len(words) < 3 or not words[-2].isdigit():
         return ["_".join(words[k:]) for k in reversed(range(len(words)))]

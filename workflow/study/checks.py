@@ -17,9 +17,19 @@ from workflow import models, reduction, schemes
 from workflow.declare import quantity_of
 from workflow.models import AT_BORDER
 from workflow.study.axes import Sizes
-from workflow.study.mistakes import Fault, Place, place_of_path, quoted
-from workflow.study.settings import CHOSEN, FULL, MODES, TOLERANCE, CaseSpace, CasingHarmonic, Initial, LoadHarmonic
-from workflow.study.source import StudyText
+from workflow.study.mistakes import Fault, Place, one_of, place_of_path, quoted
+from workflow.study.settings import (
+    CHOSEN,
+    FULL,
+    MODES,
+    TOLERANCE,
+    CaseSpace,
+    CasingHarmonic,
+    Initial,
+    LoadHarmonic,
+    gaps_of,
+)
+from workflow.study.source import GAP, GAP_OF, StudyText
 from workflow.variables import BY_NAME
 
 MOST_SAMPLES = 2_000_000
@@ -33,6 +43,7 @@ MOST_COMBINATIONS = 10**7
 
 _ONE_OF_TWO = "write one of the two"
 _CASING_HARMONICS = "scene.casing.harmonics"
+_GAPS = (GAP, "scene.casing.clearance")
 
 
 def faults(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
@@ -219,6 +230,14 @@ def _support(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
 
 def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
     """Refuse other contacts along an axis, and what is of one with mass where there are several, or one without."""
+    for path in _own_gaps(source):
+        label, place = path.removeprefix(GAP_OF), source.axes[path]
+        if label not in cases.contacts:
+            known = one_of(label, cases.contacts) if cases.contacts else f"write `{GAP}`: there is one contact"
+            yield place, f"{quoted(label)} is no contact of several", known
+        elif GAP in source.axes or cases.scene.casing.profile is not None:
+            remedy = "vary `scene.casing.clearance`, or the gap of each contact"
+            yield place, f"stands beside {'`profile`' if cases.scene.casing.profile else f'`{GAP}`'}", remedy
     for path, end in sizes.ends.items():
         both = sizes.rows.labels, end.contacts.labels
         if max(map(len, both)) > 1 and both[0] != both[1]:
@@ -386,15 +405,15 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     start, own = np.atleast_1d(initial.displacement)[-rows.shape[1] :], (casing.gap, casing.angles)
     if start.size not in (1, rows.shape[1]) or any(np.size(one or 0) not in (1, len(rows)) for one in own):
         return  # told as a list of another length
-    paths = ("scene.initial.displacement", *(f"scene.casing.{name}" for name in ("gap", "clearance", "angles")))
-    values = _combined(cases, lambda path: path in paths or path.startswith(f"{_CASING_HARMONICS}."))
+    paths = ("scene.initial.displacement", GAP, "scene.casing.angles")
+    values = _combined(cases, lambda path: path in paths or path.startswith((f"{_CASING_HARMONICS}.", *_GAPS)))
     if values is None:
         return
 
     each = partial(_each, values)
     tips = each(paths[0], 0.0) * rows.sum(axis=1) if paths[0] in values else (rows * start).sum(axis=1)
-    gaps = each(paths[1], casing.gap) + each(paths[2], casing.clearance)
-    angles = each(paths[3], angle if casing.angles is None else casing.angles)
+    gaps = gaps_of(casing, sizes.rows.labels, values, _count(values))
+    angles = each(paths[2], angle if casing.angles is None else casing.angles)
     place = gaps + sum(_begins(harmonic, k, each, angles) for k, harmonic in enumerate(casing.harmonics))
     tips, place, gaps = np.broadcast_arrays(tips, place, gaps)
     inside = np.argmax(tips - place)
@@ -403,7 +422,11 @@ def _start(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
         one = f"contact `{cases.contacts[inside % len(rows)]}`" if cases.contacts else "the tip"
         problem = f"{one} starts inside the casing, at {x!r} m with a gap of {gap!r} m"
         problem += "" if begins == gap else f" and the casing at {begins!r} m"
-        yield source.place_of(*paths[:2]), problem, "start at or below the gap, or write `initial: static`"
+        yield (
+            source.place_of(*paths[:1], *_own_gaps(source), GAP),
+            problem,
+            "start at or below the gap, or write `initial: static`",
+        )
 
 
 def _stops(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]:
@@ -414,19 +437,28 @@ def _stops(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fault]
     if np.size(casing.gap) not in (1, contacts.count):
         return  # told as a list of another length
     paths = [f"{_CASING_HARMONICS}.{k}.amplitude" for k in range(len(casing.harmonics))]
-    values = _combined(cases, lambda path: path in (*paths, "scene.casing.gap", "scene.casing.clearance"))
+    values = _combined(cases, lambda path: path in paths or path.startswith(_GAPS))
     if values is None:
         return
     each = partial(_each, values)
     moves = sum(np.abs(each(path, one.amplitude)) for path, one in zip(paths, casing.harmonics, strict=True))
-    least = each("scene.casing.gap", casing.gap) + each("scene.casing.clearance", casing.clearance) - moves
-    least = np.broadcast_to(least, np.broadcast_shapes(least.shape, (1, contacts.count)))
+    least = gaps_of(casing, contacts.labels, values, _count(values)) - moves
     for i, j, ratio in contacts.opposite:
         room = float((least[:, j] + ratio * least[:, i]).min())
         if room <= 0:
             names = " and ".join(f"`{contacts.labels[k]}`" for k in (i, j))
             problem = f"contacts {names} are opposite stops {room!r} m apart where the casing is closest"
-            yield source.place_of("scene.casing.gap"), problem, "write gaps that leave room between the two"
+            yield source.place_of(*_own_gaps(source), GAP), problem, "write gaps that leave room between the two"
+
+
+def _count(values: Mapping[str, Any]) -> int:
+    """Return the number of combinations of the values of axes, 1 without any."""
+    return next(map(len, values.values()), 1)
+
+
+def _own_gaps(source: StudyText) -> list[str]:
+    """Return the paths of the gaps of single contacts."""
+    return [path for path in source.axes if path.startswith(GAP_OF)]
 
 
 def _each(values: Mapping[str, Any], path: str, value: Any) -> Any:

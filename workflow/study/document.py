@@ -52,6 +52,7 @@ from workflow.study.settings import (
     SchemeChoice,
     Steady,
 )
+from workflow.study.source import GAP_OF
 
 DEFAULT_SCHEME = "moreau"
 REDUCTION = "reduction"
@@ -60,14 +61,20 @@ OF_SCENE = ("model", "parameters", "casing", "initial")
 
 
 def addresses(
-    names: tuple[str, ...], methods: Mapping[str, tuple[str, ...]], harmonics: tuple[int, int] = (0, 0)
+    names: tuple[str, ...],
+    methods: Mapping[str, tuple[str, ...]],
+    harmonics: tuple[int, int] = (0, 0),
+    gaps: tuple[str, ...] = (),
 ) -> dict[str, Entry]:
     """Return all that an axis may vary, by dotted path: settings of a case, scene values and options of schemes.
 
     ``names`` are the models, ``methods`` those that each label of a scheme may stand for, ``harmonics`` the numbers of
-    harmonics of the casing and of the load.
+    harmonics of the casing and of the load, ``gaps`` paths of the gaps of single contacts.
     """
-    return settings(tuple(methods)) | _scene_values(names, harmonics) | _scheme_options(methods)
+    values = settings(tuple(methods)) | _scene_values(names, harmonics) | _scheme_options(methods)
+    about = "tip clearance at rest, cold, of contact {}"
+    own = {path: Quantity("m", about.format(path.removeprefix(GAP_OF))) for path in gaps}
+    return values | {path: Entry(number(gap), gap.description) for path, gap in own.items()}
 
 
 def settings(labels: tuple[str, ...] = ()) -> dict[str, Entry]:
@@ -132,7 +139,7 @@ _NOT_VARIED = {
     "duration": "all histories share one time axis: write one study per duration",
     "scene.initial": "vary `scene.initial.displacement`, `.velocity` or `.temperature`",
 }
-_SOME = r"^(schemes|scene\.(casing|load)\.harmonics)\."
+_SOME = r"^(schemes|scene\.(casing|load)\.harmonics|scene\.casing\.gap)\."
 """Paths that only some studies have."""
 
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+import numpy as np
+
 from workflow import models, reduction
 from workflow.declare import File, Values, file, quantity, word
-from workflow.models import Sensor
+from workflow.models import Array, Sensor
 from workflow.study.ranges import Drawn, Value
+from workflow.study.source import GAP, GAP_OF
 
 FULL = "full"
 """Not reduced; stored as the number of interior modes, one fewer than the model has nodes."""
@@ -106,6 +109,18 @@ class Casing:
         "of gap and harmonics by an order",
         default=None,
     )
+
+
+def gaps_of(casing: Casing, contacts: Sequence[str], values: Mapping[str, Array], count: int) -> Array:
+    """Return the clearance of each contact, gap_i + clearance, m, ``(case, contact)``.
+
+    ``contacts`` are labels, ``values`` those of axes by path, ``(case,)`` each.
+    """
+    gap, clearance = values[GAP][:, None] if GAP in values else casing.gap, values.get("scene.casing.clearance")
+    gaps = np.array(np.broadcast_to(gap, (count, len(contacts))), dtype=np.float64)
+    for k, label in enumerate(contacts):
+        gaps[:, k] = values.get(f"{GAP_OF}{label}", gaps[:, k])
+    return gaps + (casing.clearance if clearance is None else clearance[:, None])
 
 
 @dataclass(frozen=True)
@@ -350,6 +365,8 @@ class CaseSpace:
             head, *rest = path.split(".")
             if head == "scene":
                 attributes = ["parameters", *rest[1:]] if rest[0] == scene.model else rest
+                if path.startswith(GAP_OF):
+                    attributes = ["casing", "gap", str(self.contacts.index(path.removeprefix(GAP_OF)))]
                 scene = _replaced(scene, attributes, value)
             elif head == "schemes" and rest[0] == scheme.label:
                 scheme = dataclasses.replace(scheme, options=_replaced(scheme.options, rest[1:], value))
@@ -376,5 +393,5 @@ def _replaced(owner: Any, attributes: list[str], value: Value) -> Any:
     name, *deeper = attributes
     if isinstance(owner, tuple):
         place = int(name)
-        return (*owner[:place], _replaced(owner[place], deeper, value), *owner[place + 1 :])
+        return (*owner[:place], _replaced(owner[place], deeper, value) if deeper else value, *owner[place + 1 :])
     return dataclasses.replace(owner, **{name: _replaced(getattr(owner, name), deeper, value) if deeper else value})

@@ -299,6 +299,9 @@ def _resolved(text: str) -> Any:
     return text if read is None else spelled(text, read(text))
 
 
+GAP, GAP_OF = "scene.casing.gap", "scene.casing.gap."
+"""Path of the gap, and how that of one of several contacts begins, which its label follows."""
+
 OPTION = "-s"
 """How replaced values are named in messages, unless another word is given: the option of the command line."""
 
@@ -337,8 +340,10 @@ def replaced(source: StudyText, settings: Mapping[str, Any], option: str = OPTIO
         if fault:
             raise StudyError([Mistake(name, None, "", *fault)])
         new.named[tuple(int(step) if str(step).isdigit() else step for step in place)] = name
+    written = {path: content for _, path, content in written_axes(source.tree)}
     for place, path, content in written_axes(tree):
-        if path in settings and content is not None:
+        is_set = place == _place(path) and not isinstance(written.get(path), list | dict)  # the gap of a contact
+        if path in settings and content is not None and not is_set:
             varied, name = dotted(place), f"{option} {path}"
             problem = f"has no effect, as {varied} varies this value"
             raise StudyError([Mistake(name, None, "", problem, f"set {varied} instead")])
@@ -403,7 +408,12 @@ def _numbers(value: Any) -> Any:
 
 
 def _place(key: str) -> Place:
-    """Return where a dotted path leads; what follows ``axes.``, ``zip.NAME.`` or ``zip.NAME.of.`` is one key."""
+    """Return where a dotted path leads; what follows ``axes.``, ``zip.NAME.`` or ``zip.NAME.of.`` is one key.
+
+    The gap of one of several contacts is an axis of one value.
+    """
+    if key.startswith(GAP_OF):
+        return ("axes", key)
     head, _, rest = key.partition(".")
     if head == "axes" and rest:
         return (head, rest)

@@ -40,6 +40,8 @@ from workflow.study.settings import (
     SchemeChoice,
 )
 from workflow.study.source import (
+    GAP,
+    GAP_OF,
     OPTION,
     StudyText,
     compose,
@@ -205,8 +207,10 @@ def read_fields(source: StudyText, files: Files) -> tuple[Mapping[str, Any], Map
     model = _model(source)
     names = (model,) if model else models.names()
     methods = tuple(_methods(source).items())
-    varied, form = _form(names, methods, _harmonics(source.tree), reduction.names())
-    tree, supplied = _supplied(source, [axis for axis in written_axes(source.tree) if axis[1] in varied])
+    gaps = tuple(sorted(path for path in source.axes if path.startswith(GAP_OF)))
+    varied, form = _form(names, methods, _harmonics(source.tree), gaps, reduction.names())
+    supplying = [axis for axis in written_axes(source.tree) if axis[1] in varied and axis[1] not in gaps]
+    tree, supplied = _supplied(source, supplying)
     sections: dict[str, Any] = {}
     try:
         sections = form.validate_python(tree, context=files)
@@ -235,13 +239,14 @@ def _form(
     names: tuple[str, ...],
     methods: tuple[tuple[str, tuple[str, ...]], ...],
     harmonics: tuple[int, int],
+    gaps: tuple[str, ...],
     bases: tuple[str, ...],
 ) -> tuple[dict[str, Entry], SchemaValidator]:
-    """Return what may vary and the form of a study, for some models, methods by label and harmonics.
+    """Return what may vary and the form of a study, for some models, methods by label, harmonics and gaps.
 
     ``bases`` are those that there are: with others it is made anew.
     """
-    varied = addresses(names, dict(methods), harmonics)
+    varied = addresses(names, dict(methods), harmonics, gaps)
     return varied, SchemaValidator(study_form(varied, names).core)
 
 
@@ -345,6 +350,9 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
         output = dataclasses.replace(output, balances=asked.get("balances") or False)
     if not sizes.contacts:
         scene = dataclasses.replace(scene, casing=_casing_of_one(scene.casing, sizes))
+    elif not isinstance(scene.casing.gap, tuple) and any(path.startswith(GAP_OF) for path in source.axes):
+        each = (scene.casing.gap,) * len(sizes.contacts)
+        scene = dataclasses.replace(scene, casing=dataclasses.replace(scene.casing, gap=each))
     cases = CaseSpace(
         scene=scene,
         schemes=defined,
@@ -464,7 +472,8 @@ def resolved_values(study: Study, cell: CaseSettings, alpha: tuple[float, ...] =
     single = {axis.path for axis in study.scalars}
     labels = {label: (choice.method,) for label, choice in study.schemes.items()}
     harmonics = len(cell.scene.casing.harmonics), len(cell.scene.load.harmonics)
-    units = {path: entry.kind.unit for path, entry in addresses((cell.scene.model,), labels, harmonics).items()}
+    gaps = tuple(path for path in axes if path.startswith(GAP_OF))
+    units = {path: entry.kind.unit for path, entry in addresses((cell.scene.model,), labels, harmonics, gaps).items()}
     units["scene.duration"] = "s"
     resolved = list(_files(cell))
     made = ("alpha",) if alpha else ()  # after the friction of which it is made
@@ -476,7 +485,7 @@ def resolved_values(study: Study, cell: CaseSettings, alpha: tuple[float, ...] =
         if values is not None:
             words = tuple(AUTO if path in MODES and value == CHOSEN else value for value in values)
             words = words if units[path] else _with_labels(cell, path.endswith("thermal_contact"), words)
-            profiled = study.gives("scene.casing.profile") and path.startswith(("scene.casing.gap", "scene.casing.h"))
+            profiled = study.gives("scene.casing.profile") and path.startswith((GAP, "scene.casing.h"))
             origin: Origin = "study" if study.gives(path) or profiled or is_made else "default"
             varied = len(values) > 1 if is_made else path in axes and path not in single
             resolved.append(ResolvedValue(path, words, units[path], "axis" if varied else origin, ranges.get(path)))
