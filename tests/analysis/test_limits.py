@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workflow.analysis import NothingSteadyError, limit_sentence, limits
+from workflow.analysis import NothingSteadyError, limit_lines, limit_sentence, limits
 
 STATES = ("settles", "no_contact", "permanent_contact", "unstable", "runs_away", "not_found", "not_asked")
 BIFURCATIONS = ("none", "fold")
@@ -100,20 +100,171 @@ def test_a_fold_ends_a_branch(turned: bool) -> None:
     found = limits(dataset)
     [alpha] = found.limits
     assert (found.cases, found.within) == (9, 6)
-    assert (alpha.start, alpha.stop, alpha.next, alpha.limited_by) == (0, 10, 12, "fold")
+    assert (alpha.start, alpha.stop, alpha.next, alpha.limited_by) == (0, 12, 12, "fold")
     assert alpha.at == {"gap": 1e-5}
     assert [(one.start, one.stop, one.next, one.at["gap"]) for one in found.each] == [
-        (0, 10, 12, 1e-5),
+        (0, 12, 12, 1e-5),
         (0, 20, None, 2e-5),
     ]
     sentences = [limit_sentence(one, dataset, {}, of_one=True) for one in found.each]
     assert sentences == [
-        "gap = 1e-05 m: alpha from 0 to 10 W/N; at 12 W/N a fold ends the branch.",
-        "gap = 2e-05 m: alpha from 0 to 20 W/N, as far as it was varied.",
+        "gap = 1e-05 m: alpha from 0 to 12 W/N the rub settles; there a fold ends it.",
+        "gap = 2e-05 m: alpha from 0 to 20 W/N the rub settles, as far as it was varied.",
     ]
-    assert "at 12 W/N a fold ends the branch (gap = 1e-05 m)" in limit_sentence(alpha, dataset, {})
+    text = limit_sentence(alpha, dataset, {})
+    assert text == "alpha from 0 to 12 W/N all branches keep within; there a fold ends it (gap = 1e-05 m)."
     cooler = limits(dataset, temperature=7.0).limits[0]
     assert (cooler.stop, cooler.next, cooler.limited_by) == (0, 10, "temperature")
+
+
+def branch(name: str, ends: tuple[float, float], points: list[tuple[float, str, str]]) -> xr.Dataset:
+    """One branch between two ends, of points with a value, a state and a bifurcation."""
+    values, states, flags = zip(*points, strict=True)
+    words = ("none", "fold", "period_doubling", "torus", "grazing", "branch_point")
+    about = {"flag_values": range(6), "flag_meanings": " ".join(words)}
+    variables = {
+        name: ("point", np.array(values), {"units": "m", "branch": ends}),
+        "steady_state": ("point", np.array([STATES.index(one) for one in states], dtype=np.int8), STATE),
+        "steady_periods": ("point", np.ones(len(values))),
+        "steady_max_temperature": ("point", np.array(values)),
+        "bifurcation": ("point", np.array([words.index(one) for one in flags], dtype=np.int8), about),
+        "status": ((), np.int8(0)),
+    }
+    return xr.Dataset(variables)
+
+
+U = "unstable"
+HIDDEN = [(4.0, N, "none"), (0.9, N, "grazing"), (2.0, U, "none"), (3.5, U, "fold"), (2.0, S, "none"), (0.1, S, "none")]
+
+
+def lines(dataset: xr.Dataset, **bounds: float) -> list[str]:
+    return limit_lines(limits(dataset, **bounds), dataset, bounds)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_every_arm_of_a_branch_is_told_with_its_ends(turned: bool) -> None:
+    """A free motion ends at a grazing; a rub lives behind a fold far beyond it."""
+    points = HIDDEN[::-1] if turned else HIDDEN
+    assert lines(branch("gap", (4.0, 0.1), points)) == [
+        "gap from 4 to 0.9 m nothing is touched; there an impact begins or ends.",
+        "gap from 0.1 to 3.5 m the rub settles; there a fold ends it.",
+        "4 of 6 within; 2 unstable.",
+        "Ranges are of the arms of this branch: another start may lead to another rub.",
+    ]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_an_unstable_arm_at_the_same_values_does_not_count(turned: bool) -> None:
+    points = [(1.0, S, "none"), (3.5, U, "fold"), (2.0, U, "none"), (1.0, U, "none")]
+    dataset = branch("gap", (1.0, 4.0), points[::-1] if turned else points)
+    assert lines(dataset)[0] == "gap from 1 to 3.5 m the rub settles; there a fold ends it."
+    [limit] = limits(dataset).each
+    assert (limit.start, limit.stop, limit.next, limit.limited_by, limit.begun_by) == (1, 3.5, 3.5, "fold", None)
+
+
+def test_an_arm_between_two_folds_has_both_ends_and_a_bound_cuts_it() -> None:
+    points = [
+        (0.0, U, "none"),
+        (5.0, U, "fold"),
+        (4.0, S, "none"),
+        (3.0, S, "none"),
+        (2.0, U, "fold"),
+        (9.0, U, "none"),
+    ]
+    dataset = branch("flow", (0.0, 9.0), points)
+    assert lines(dataset)[0] == "flow from 2 to 5 m the rub settles; at 2 m a fold ends it and at 5 m a fold ends it."
+    cut = "flow from 2 to 3 m the rub settles; at 2 m a fold ends it and at 4 m the temperature exceeds 3 K."
+    assert lines(dataset, temperature=3.0)[0] == cut
+
+
+@pytest.mark.parametrize(
+    ("last", "ending"),
+    [
+        ((7.0, S, "none"), "to 7 m the rub settles; there its points end."),
+        ((9.0, S, "none"), "to 9 m the rub settles, as far as it was varied."),
+        ((7.0, S, "grazing"), "to 7 m the rub settles; there an impact begins or ends."),
+        ((7.0, U, "branch_point"), "to 7 m the rub settles; there branches cross."),
+        ((7.0, U, "none"), "to 5 m the rub settles; at 7 m the rub is unstable."),
+    ],
+)
+def test_the_end_of_a_branch_is_said(last: tuple[float, str, str], ending: str) -> None:
+    assert lines(branch("flow", (0.0, 9.0), [(0.0, S, "none"), (5.0, S, "none"), last]))[0] == f"flow from 0 {ending}"
+
+
+def test_a_grazing_with_stable_rubs_on_both_sides_ends_nothing() -> None:
+    points = [(4.0, N, "none"), (3.0, N, "grazing"), (2.0, S, "none")]
+    assert lines(branch("gap", (4.0, 2.0), points))[0] == "gap from 4 to 2 m it keeps within, as far as it was varied."
+
+
+def transients(contacts: int) -> xr.Dataset:
+    """Plain cases over a gap, without steady rubs, of which the one at 1e-5 has not settled at its last contact."""
+    own = ("contact",) if contacts else ()
+    impulse = np.ones((3, max(contacts, 1), 16))
+    impulse[0, -1] = np.linspace(1, 2, 16)
+    impulse[2, :, 12:] = np.nan  # fewer periods than the others
+    impulse[1, -1, -1], impulse[2, -1, 11] = 1.05, 1.1
+    shaped = impulse if contacts else impulse[:, 0]
+    x = np.zeros((3, max(contacts, 1), 5))
+    x[:, 0, 2] = [1e-6, -3e-5, 2e-5]
+    variables = {
+        "period_impulse": (("gap", *own, "period"), shaped),
+        "max_temperature": (
+            ("gap", *own),
+            (np.array([60.0, 40.0, 20.0])[:, None] + np.arange(max(contacts, 1)))[:, : contacts or 1].reshape(
+                3, *([contacts] if contacts else [])
+            ),
+        ),
+        "displacement": (("gap", *own, "t"), x if contacts else x[:, 0]),
+        "status": ("gap", np.zeros(3, dtype=np.int8)),
+    }
+    return xr.Dataset(variables, coords={"gap": ("gap", GAP, {"units": "m"})})
+
+
+@pytest.mark.parametrize("contacts", [0, 2])
+@pytest.mark.parametrize(
+    ("bounds", "stop", "word"),
+    [
+        ({}, 2e-5, "unsettled"),
+        ({"temperature": 30.0}, 4e-5, "temperature"),
+        ({"displacement": 2.5e-5}, 4e-5, "displacement"),
+        ({"impulse": 1.2}, 2e-5, "impulse"),
+        ({"impulse": 1.08}, None, "impulse"),
+    ],
+)
+def test_plain_transients_are_within_where_they_settle_and_keep_the_bounds(
+    contacts: int, bounds: dict[str, float], stop: float | None, word: str
+) -> None:
+    found = limits(transients(contacts), **bounds)
+    [gap] = found.limits
+    assert (gap.stop, gap.limited_by) == (stop, word)
+    assert gap.start == (None if stop is None else 4e-5)
+    assert "from this start" in found.remarks[0]
+
+
+def test_sensors_of_displacements_count_and_what_is_not_there_is_asked_for() -> None:
+    plain = transients(0).drop_vars("displacement")
+    with pytest.raises(NothingSteadyError, match="histories or sensors of displacements"):
+        limits(plain, displacement=1.0)
+    with pytest.raises(NothingSteadyError, match="load periods"):
+        limits(plain.drop_vars("period_impulse"), impulse=1.0)
+    extremes = {"sensor_max": [[9.0, 1e-6]] * 3, "sensor_min": [[0.0, -2e-6], [0.0, -4e-6], [0.0, -2e-6]]}
+    sensed = plain.assign({name: (("gap", "sensor"), np.array(values)) for name, values in extremes.items()})
+    sensed = sensed.assign_coords(sensor_unit=("sensor", np.array(["K", "m"], dtype=object)))
+    [gap] = limits(sensed, displacement=3e-6).limits
+    assert (gap.stop, gap.next, gap.limited_by) == (4e-5, 2e-5, "displacement")
+    assert limits(sensed, displacement=5e-6).limits[0].limited_by == "unsettled"
+
+
+def test_a_case_that_is_not_ok_ends_a_range_and_few_periods_are_said() -> None:
+    plain = transients(0)
+    plain["status"][1] = 2
+    assert limits(plain).limits[0].limited_by == "failed"
+    short = plain.isel(period=slice(7))
+    assert limits(short).remarks[1].startswith("2 of 3 cases have fewer than 8 load periods")
+    many = short.expand_dims(start=[0.0, 1.0]).assign_coords(
+        start=("start", [0.0, 1.0], {"study_path": "scene.initial.velocity"})
+    )
+    assert "from these starts" in limits(many).remarks[0]
 
 
 def test_archives_without_steady_rubs_are_refused() -> None:

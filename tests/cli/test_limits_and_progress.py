@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 import workflow.run
 from studies import ILL, SINGLE, steady_study, written
+from workflow.archive import open_archive
 from workflow.cli import _terminal, app
 from workflow.cli._terminal import following
 from workflow.run import Advance, Follower, run_study
@@ -34,9 +35,10 @@ def test_the_command_answers(steady: Path, options: tuple[str, ...], status: int
     told = CliRunner().invoke(app, ["limits", str(steady), *options, "--json"])
     assert told.exit_code == status, told.output
     answer = json.loads(told.output)
-    assert set(answer) == {"limits", "each", "cases", "within", "beyond"}
+    assert set(answer) == {"limits", "each", "cases", "within", "beyond", "remarks"}
     assert (answer["within"] > 0) == (status == 0)
-    assert {"axis", "from", "to", "next", "limited_by", "at"} == set(answer["limits"][0])
+    ends = {"from", "to", "next", "limited_by", "previous", "begun_by"}
+    assert {"axis", "at", "state"} | ends == set(answer["limits"][0])
 
 
 @pytest.mark.parametrize("bound", ["40 m", "-5K", "-5"])
@@ -55,11 +57,19 @@ def test_the_command_says_it_in_sentences(steady: Path, bound: str) -> None:
     assert "5 of 8 within; 1 above the temperature, 2 runs_away." in told.output
 
 
-def test_archives_without_steady_rubs_are_refused(tmp_path: Path) -> None:
-    plain = run_study(steady_study({"alpha": 0}, False), tmp_path / "b.nc").archive
+def test_archives_without_steady_rubs_are_judged_by_their_periods(tmp_path: Path) -> None:
+    plain = run_study(steady_study({"alpha": [0, 30]}, False), tmp_path / "b.nc").archive
+    with open_archive(plain) as opened:
+        largest = float(abs(opened["displacement"]).sel(alpha=0).max())
     told = CliRunner().invoke(app, ["limits", str(plain)])
-    assert told.exit_code == 2
-    assert "output: {steady: true}" in told.output
+    assert told.exit_code == 0
+    assert (
+        "alpha from 0 to 0 W/N: all cases are within; at 30 W/N the rub has not settled.\n1 of 2 within" in told.output
+    )
+    assert "from this start" in told.output
+    for share, status in ((1.01, 0), (0.5, 1)):
+        bound = ["--max-displacement", repr(share * largest)]
+        assert CliRunner().invoke(app, ["limits", str(plain), *bound]).exit_code == status
 
 
 def test_the_page_begins_with_it(steady: Path, tmp_path: Path) -> None:

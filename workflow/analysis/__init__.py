@@ -30,8 +30,8 @@ from workflow.analysis._effects import drawn_dim, effect, hidden, sobol
 from workflow.analysis._limits import (
     Limits,
     NothingSteadyError,
-    count_sentence,
     followed_axis,
+    limit_lines,
     limit_sentence,
     limits,
 )

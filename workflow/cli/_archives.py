@@ -223,11 +223,8 @@ def _write_text(recommendation: Recommendation, table: list[Recommendation]) -> 
 
 _Bound = Annotated[
     str | None,
-    typer.Option(metavar="QUANTITY", help="Bound of steady rubs, in SI or with its unit: 40K, 0.1mm, '0.1 N*s'."),
+    typer.Option(metavar="QUANTITY", help="Bound of rubs, in SI or with its unit: 40K, 0.1mm, '0.1 N*s'."),
 ]
-
-_NAMED = 12
-"""Limits of single branches or combinations of axes that are named."""
 
 
 def limits(
@@ -239,9 +236,9 @@ def limits(
 ) -> None:
     """Name the range of each axis in which every rub settles within bounds, and what ends it.
 
-    Exit status: 0 answered, 1 no case is within, 2 the archive has no steady rubs.
+    Exit status: 0 answered, 1 no case is within, 2 the archive has nothing to judge by.
     """
-    from workflow.analysis import NothingSteadyError, count_sentence, limit_sentence
+    from workflow.analysis import NothingSteadyError, limit_lines
     from workflow.analysis import limits as find
     from workflow.archive import ArchiveError, open_archive
 
@@ -255,11 +252,7 @@ def limits(
             found = find(dataset, **bounds)
         except NothingSteadyError as error:
             raise ArchiveError(f"{archive}: {error}") from None
-        lines = [limit_sentence(limit, dataset, bounds) for limit in found.limits]
-        if len(found.each) > 1:
-            lines += [limit_sentence(limit, dataset, bounds, of_one=True) for limit in found.each[:_NAMED]]
-        if len(found.each) > _NAMED:
-            lines.append(f"… and {len(found.each) - _NAMED} more, which --json lists")
+        lines = limit_lines(found, dataset, bounds)
     if as_json:
         answer = dataclasses.asdict(found)
         for limit in (*answer["limits"], *answer["each"]):
@@ -268,7 +261,6 @@ def limits(
     else:
         for line in lines:
             say(line)
-        say(count_sentence(found))
     if not found.within:
         raise typer.Exit(NOT_OK)
 

@@ -146,6 +146,8 @@ def _results(grid: Grid) -> Iterator[tuple[Variable, Attributes]]:
             values = {"flag_values": range(len(meanings)), "flag_meanings": " ".join(meanings)}
             yield about, {"long_name": about.meaning, **comment, **values}
             continue
+        if study.branch is not None and about.name == study.branch.axis.name:
+            depths[about.name] = {"study_path": study.branch.axis.path, "branch": study.branch.axis.values}
         about = variables.of_contacts(about) if study.contacts else about
         texts = {name: text for name in ("comment", "cell_methods") if (text := getattr(about, name))}
         units = {"units": unit} if (unit := _unit(about, study)) else {}

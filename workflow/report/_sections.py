@@ -21,7 +21,6 @@ from workflow.analysis import (
     NothingSteadyError,
     answer_lines,
     case_dims,
-    count_sentence,
     decided,
     drawn_dim,
     effect,
@@ -32,7 +31,7 @@ from workflow.analysis import (
     hidden,
     is_exact,
     labels_of,
-    limit_sentence,
+    limit_lines,
     limits,
     lines,
     modes_along,
@@ -121,15 +120,11 @@ def answered(dataset: xr.Dataset, methods: Mapping[str, str]) -> tuple[Section, 
 
 
 def where_it_settles(dataset: xr.Dataset) -> Section | None:
-    """Say in which range of each axis every rub settles, as ``workflow limits`` without bounds."""
+    """Say in which range of each axis every steady rub settles, as ``workflow limits`` without bounds."""
     try:
-        found = limits(dataset)
+        return {"sentences": limit_lines(limits(dataset), dataset, {})} if "steady_state" in dataset else None
     except NothingSteadyError:
         return None
-    return {
-        "sentences": [limit_sentence(limit, dataset, {}) for limit in found.limits],
-        "count": count_sentence(found),
-    }
 
 
 def varied_along_branches(dataset: xr.Dataset) -> list[str]:
