@@ -114,32 +114,6 @@ def own_blade(place: Place) -> None:
     assert 10_000 < (place.directory / "mine.html").stat().st_size < 6e6
 
 
-def figure_and_tables(place: Place) -> None:
-    """Slice and plot as in the first screen, and write both tables for a paper, with steps as ``1e-05``."""
-    first = block("python", "open_archive").replace('"blade.nc"', '"mine.nc"')
-    assert "temperature_error" in place.python(first + block("python", "to_latex", GUIDE))
-    assert (place.directory / "rub.pdf").read_bytes().startswith(b"%PDF")
-    head, *rows = (place.directory / "errors.csv").read_text().splitlines()
-    assert head == "h,moreau,midpoint,event_driven"
-    assert [row.split(",")[0] for row in rows] == ["1e-05", "0.0001"]
-    latex = (place.directory / "errors.tex").read_text()
-    assert "1e-05 & " in latex
-    assert r"event\_driven" in latex
-    assert "figure mine.pdf" in place.say("report", "mine.nc", "-o", "mine.pdf")
-
-
-def mistakes(place: Place) -> None:
-    """Two mistakes are told at once, each with its line and what would be right."""
-    text = own_study().replace("e: [0, 0.5]", "e: [0, 1.5]").replace("casing: {gap: 20 um}", "casing: {gap: 20 degC}")
-    lines = text.splitlines()
-    said = place.say("run", place.write("wrong.yaml", text), fails=2)
-    for wrong, right in (("e: [0, 1.5]", "1"), ("gap: 20 degC", "m")):
-        number = next(k for k, line in enumerate(lines, start=1) if wrong in line)
-        assert re.search(rf"wrong\.yaml:{number}\b.*{right}", said), said
-    said = place.say("run", "mine.yaml", "-s", "scene.casing.gap=10 um", fails=2)
-    assert "axes.scene.casing.gap" in said
-
-
 def own_beam(place: Place) -> None:
     """Matrices of finite elements, written and run as the guide says."""
     place.python(BEAM + block("python", "fe.npz", GUIDE))
@@ -157,29 +131,7 @@ def own_beam(place: Place) -> None:
     assert " keeps within 1 % in all " in place.say("recommend", "fe.nc")
 
 
-def shares(place: Place) -> None:
-    """Sobol' indices of two clearances (at rest, and what the casing lacks of being round) and α."""
-    axes = "axes: {scheme: event_driven, mechanical_modes: 3, thermal_modes: 12}\n"
-    text = own_study(axes).replace("study: mine", "study: shares")
-    casing = "casing: {gap: 20 um, harmonics: [{order: 2, amplitude: 5 um}]}"
-    assert casing in GUIDE
-    text = text.replace("casing: {gap: 20 um}", casing).replace("duration: 2 s", "duration: 0.4 s\n  speed: 300 rpm")
-    drawn = block("yaml", "sobol_indices", GUIDE).replace("points: 256", "points: 32")
-    drawn = drawn.replace("alpha: {log", "scene.casing.harmonics.0.amplitude: [1 um, 5 um], alpha: {log")
-    text = re.sub(r"zip:.*?(?=reference:)", drawn, text, flags=re.DOTALL)
-    place.write("shares.yaml", re.sub(r"reference: .*\n", "", text))
-    assert "shares.nc: 160 cases" in place.say("run", "shares.yaml")
-    code = """import workflow
-
-indices = workflow.sobol(workflow.open_archive("shares.nc"), "contact_impulse")
-print(*indices["number"].values, float(indices["total"].sum()) > 0.9)
-"""
-    assert place.python(code).strip() == "gap harmonic_amplitude alpha True"
-    place.say("report", "shares.nc", "-o", "shares.pdf")
-    assert (place.directory / "shares.pdf").exists()
-
-
-PARTS = (own_blade, figure_and_tables, mistakes, own_beam, shares)
+PARTS = (own_blade, own_beam)
 
 
 def printed_here(source: str, directory: Path) -> str:

@@ -8,8 +8,7 @@ import pytest
 from random_contacts import positive
 
 from scenes import cases_of_file, of_entries, step, with_tip_first
-from workflow.models import NoEquilibriumError, at_rest, critical_alphas, statics
-from workflow.models._from_matrices import _sparse_structure
+from workflow.models import NoEquilibriumError, at_rest
 from workflow.schemes import Results, Sampling, Status
 
 KINDS = ("with mass", "without mass", "elastic casing")
@@ -121,15 +120,3 @@ def test_a_body_that_moves_freely_rests_on_as_many_contacts_as_it_has_motions() 
     assert done.histories["impulse"][:, :, -1] == pytest.approx(np.array([[1.5, 1.5], [2.0, 1.5]]), rel=1e-9)
     with pytest.raises(NoEquilibriumError):
         at_rest(own, cases_of_file(own, gaps=gaps, mean=1.0, steady=[-2.0, 0.0, 0.0]))
-
-
-def test_static_answers_of_sparse_contacts_are_those_of_dense_ones() -> None:
-    n = 6
-    line = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
-    entries = {"mass": np.eye(n), "stiffness": line, "heat_capacity": np.eye(n), "conductance": line}
-    entries |= {"coupling": -0.1 * np.eye(n), "contact": np.eye(n)[[1, 4]], "load": np.ones(n)}
-    dense, sparse = of_entries(entries), of_entries(entries, build=_sparse_structure)
-    for other in (sparse, sparse.matrices()):
-        for ours, theirs in zip(statics(other), statics(dense), strict=True):
-            assert ours @ np.ones(ours.shape[-1]) == pytest.approx(theirs @ np.ones(theirs.shape[-1]), rel=1e-12)
-        assert critical_alphas(other) == pytest.approx(critical_alphas(dense), rel=1e-12)

@@ -55,25 +55,6 @@ def test_the_intermittent_rub_of_the_blade_runs_away_in_a_fold() -> None:
         np.testing.assert_allclose(values[name][i], same[name][0], rtol=1e-9, atol=1e-14)
 
 
-def test_the_oscillator_of_shaw_and_holmes_doubles_its_period() -> None:
-    structure = oscillator()
-    scene = cases(structure, e=0.8, amplitude=1.0, frequency=2 / TURN, phase=np.pi / 2, displacement=-0.5)
-
-    def problem(omega: float) -> tuple[Structure, Cases]:
-        turning = replace(scene.load_harmonics, frequency=np.array([[omega / TURN]]))
-        return structure, replace(scene, load_harmonics=turning)
-
-    values = followed(problem, 2.0, 3.0, 40)
-    (doubling,) = flagged(values, "period_doubling")
-    assert values["value"][[0, -1]].tolist() == [2.0, 3.0]
-    assert values["value"][doubling] == pytest.approx(2.653347727855, abs=1e-9)
-    assert values["floquet_angle"][doubling] == pytest.approx(np.pi)
-    assert states(values)[:doubling] == doubling * ["settles"]
-    assert states(values)[doubling + 1 :] == (39 - doubling) * ["unstable"]
-    stable = values["floquet_multiplier"][:doubling]
-    np.testing.assert_allclose(stable[values["floquet_angle"][:doubling] < 3.0], 0.8, rtol=1e-9)
-
-
 def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
     """At an amplitude of 0.1 its resonance reaches the stop; the impacting motion ends there, after a fold.
 

@@ -59,30 +59,6 @@ def test_its_transient_meets_the_orbit(e: float) -> None:
     assert found["steady_contact"] == pytest.approx(0.2 * run.period_contact[0, -1], rel=1e-9)
 
 
-def test_the_vibro_impact_oscillator_of_recipes_for_continuation() -> None:
-    """Dankowicz, Schilder (SIAM 2013), example 15.2: v⁻ = 1.695732937595, and its multipliers."""
-    structure = oscillator(0.1)
-    batch = cases(structure, e=0.8, gap=1.0, amplitude=1.0, frequency=1 / TURN, phase=np.pi / 2)
-    found = rub(structure, batch)
-    multiplier = found["floquet_multiplier"] * np.exp(1j * found["floquet_angle"])
-    assert multiplier.real == pytest.approx(-0.58429531, abs=5e-9)
-    assert multiplier.imag == pytest.approx(0.00560035, abs=5e-9)
-    assert found["steady_impulse"] == pytest.approx(1.8 * 1.695732937595, rel=1e-11)
-
-
-@pytest.mark.parametrize(("omega", "order"), [(2.0, 1), (2.65, 1), (2.66, 2)])
-def test_the_impact_oscillator_of_shaw_and_holmes(omega: float, order: int) -> None:
-    """Stop at 0, r = 0.8: its determinant is r² over a period; above ω = 2.6533 its period is doubled."""
-    structure = oscillator()
-    batch = cases(structure, e=0.8, amplitude=1.0, frequency=omega / TURN, phase=np.pi / 2, displacement=-0.5)
-    found = rub(structure, batch)
-    assert (found["state"], found["steady_periods"], found["steady_impacts"]) == ("settles", order, 1)
-    if omega == 2.0:
-        assert found["floquet_multiplier"] == pytest.approx(0.8, rel=1e-10)
-        assert found["steady_impulse"] == pytest.approx(1.8 * 20 / 3, rel=1e-11)
-        assert found["settling_time"] == pytest.approx(-np.pi / np.log(0.8), rel=1e-9)
-
-
 def pressed() -> Structure:
     """Four masses whose root spring is a fourth of 1 kN/m, warmed at the tip by a fourth of 0.3 W/K."""
     lumps = {"mass": 0.1, "stiffness": 4e3, "spacing": 0.01, "expansion": 1e-5, "heat_capacity": 2.0}

@@ -151,19 +151,6 @@ def test_an_unfinished_run_of_the_study_as_it_was_is_kept(tmp_path: Path, monkey
         assert data["alpha"].values.tolist() == [5.0]
 
 
-def test_an_unfinished_run_is_kept_beside_an_archive_that_holds_all_of_an_earlier_study(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cut_finely(monkeypatch)
-    archive, extended = tmp_path / "a.nc", quick({"e": [0.2, 0.4, 0.0, 0.5, 0.9]})
-    run_study(quick(), archive, threads=1)
-    interrupted(extended, archive, 1)
-    shards = sorted(parts_of(archive).glob("*.shard"))
-    refused(quick(), archive, "holds 3 cases of an unfinished run")
-    assert sorted(parts_of(archive).glob("*.shard")) == shards != []
-    assert run_study(extended, archive, threads=1).resumed == 12
-
-
 def test_the_command_line(tmp_path: Path) -> None:
     archive = str(tmp_path / "a.nc")
     call = CliRunner().invoke

@@ -103,48 +103,6 @@ def test_failures_of_an_archive_that_is_extended_stay_until_they_are_retried(
     assert len(solved) == 3 + 2
 
 
-def stopped(again: dict[str, bool], place: Path, broken: set[float], monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return an archive that a second command, in which no case fails any more, was stopped at."""
-    cut_finely(monkeypatch, 1 if "retry" in again else None)
-    archive = place / "a.nc"
-    run_study(quick(), archive)
-    before = archive.read_bytes()
-    broken.clear()
-    interrupted(quick(), archive, 2, **again)
-    assert archive.read_bytes() == before
-    return archive
-
-
-@pytest.mark.parametrize("same", [True, False], ids=["the same command", "a plain run"])
-@pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])
-def test_what_was_stopped_goes_on(
-    again: dict[str, bool],
-    same: bool,
-    tmp_path: Path,
-    broken: set[float],
-    solved: list[int],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    archive = stopped(again, tmp_path, broken, monkeypatch)
-    solved.clear()
-    assert run_study(quick(), archive, threads=1, **(again if same else {})).counts == {"ok": 9}  # type: ignore[arg-type]
-    assert len(solved) == (1 if "retry" in again else 3)
-    assert not parts_of(archive).exists()
-
-
-def test_what_another_command_has_stored_is_recomputed(
-    tmp_path: Path, solved: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of a command that is stopped as well nothing is lost."""
-    cut_finely(monkeypatch)
-    archive = tmp_path / "a.nc"
-    interrupted(quick(), archive, 2)
-    interrupted(quick(), archive, 1, recompute=True)
-    solved.clear()
-    assert run_study(quick(), archive, threads=1).ok
-    assert len(solved) == 2 * 3
-
-
 @pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])
 def test_what_was_stored_before_the_program_was_edited_is_run_again(
     again: dict[str, bool], tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
@@ -158,19 +116,6 @@ def test_what_was_stored_before_the_program_was_edited_is_run_again(
     monkeypatch.setattr(_provenance, "code_revision", lambda: "edited")
     assert run_study(quick(), archive, threads=1, **again).ok  # type: ignore[arg-type]
     assert len(solved) == (3 if "retry" in again else 9)
-
-
-def test_what_an_unfinished_extension_has_stored_is_not_run_again_by_a_retry(
-    tmp_path: Path, broken: set[float], solved: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cut_finely(monkeypatch)
-    archive, extended = tmp_path / "a.nc", quick({"e": [0.2, 0.7, 0.0, 0.5, 0.9]})
-    run_study(quick({"e": [0.0]}), archive)
-    broken.clear()
-    interrupted(extended, archive, 2)
-    solved.clear()
-    assert run_study(extended, archive, threads=1, retry=True).ok
-    assert len(solved) == 2 * 3 + 1
 
 
 @pytest.mark.parametrize("again", [{"retry": True}, {"recompute": True}], ids=["retry", "recompute"])

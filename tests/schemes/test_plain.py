@@ -1,6 +1,5 @@
 """Every law that is stepped against plain matrices: in modes, in blocks, on casings in motion, without mass."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,17 +14,15 @@ from scenes import (
     chain,
     everything_acts,
     heavy_chain,
-    relative,
     sampling,
     step,
     watched,
     with_dashpot,
 )
-from sliding import random_structure
 from workflow import models
-from workflow.models import Cases, Matrices, Rayleigh, Structure
+from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
-from workflow.schemes import Results, Status
+from workflow.schemes import Results
 
 SLOW = pytest.mark.slow
 
@@ -158,27 +155,6 @@ def test_free_and_adiabatic_bodies() -> None:
 
 STEPS, H = 1000, 5e-6
 
-LEFT = {
-    "moreau 0.5": 1e-13,
-    "moreau 1.0": 0.5,
-    "central, implicit heat": 1e-13,
-    "lagged, explicit heat": 1e-13,
-    "spring 1e+08 50": 0.05,
-    "implicit spring 1e+08 50, 0.5": 0.05,
-    "implicit spring 1e+08 50, 1.0": 0.5,
-}
-"""What the balance of energy leaves at most: rounding where the law conserves."""
-
-EVERY = [law if law == "moreau 0.5" else pytest.param(law, marks=SLOW) for law in LEFT]
-"""Each contact law compiles kernels of its own."""
-
-
-def coupled(nodes: int = 6) -> Matrices:
-    """Rayleigh's damping and a dashpot, under a load on the middle and, a little, on the tip."""
-    load = np.zeros(nodes)
-    load[[1, 3, -1]] = 0.5, 1.0, 0.2
-    return replace(with_dashpot(heavy_chain(nodes=nodes), 1, 3, 20.0), load=load)
-
 
 def rub(structure: Structure, **more: Any) -> Cases:
     """Three cases of all that acts, on a casing in motion."""
@@ -196,52 +172,6 @@ def rub(structure: Structure, **more: Any) -> Cases:
         "velocity": 0.1,
     }
     return cases(structure, 3, **{**acting, **WAVES, **more})
-
-
-@pytest.mark.parametrize("law", EVERY)
-@pytest.mark.parametrize("moves", [True, pytest.param(False, marks=SLOW)])
-def test_modes_that_damping_couples_and_a_load_elsewhere(law: str, moves: bool) -> None:
-    structure = coupled()
-    batch = rub(structure) if moves else rub(structure, casing_harmonics=[])
-    results = stepped(law, structure, batch, H, STEPS)
-    assert np.all(results.status == Status.OK)
-    assert results.metrics["impacts"].min() > 1
-    for case in range(3):
-        expected = march(law, structure, alone(batch, case), H, STEPS)
-        for quantity in ("displacement", "velocity", "temperature"):
-            assert relative(results.histories[quantity][case], getattr(expected, quantity)[:, -1]) < 1e-12
-        same_sensors(results, structure, case, expected, 1e-11)
-    assert np.abs(results.metrics["energy_residual"]).max() < LEFT[law]
-    assert np.abs(results.metrics["heat_residual"]).max() < 1e-12
-
-
-@pytest.mark.parametrize("law", EVERY)
-def test_random_structures_on_a_casing_that_slides(law: str) -> None:
-    """No symmetry between degrees of freedom, a casing that moves, every second one with a damping of any direction.
-
-    Plain central differences step places, whose rounding each step carries on as a velocity: N² ε / 2 = 1e-10 of them.
-    """
-    struck, rounding = 0, 1e-9 if law in CENTRAL or law in EXPLICIT else 1e-11
-    for seed in range(8):
-        rng = np.random.default_rng(seed)
-        structure = random_structure(rng, int(rng.integers(2, 6)))
-        root = rng.normal(size=structure.mass.shape)
-        damper = root @ root.T if seed % 2 else None
-        structure = replace(structure, damper=damper, load=rng.normal(size=len(root)))
-        sway = [[3e-5, 900.0, rng.uniform(0, 6)], [3e-5, rng.uniform(50, 200), 1.0]]
-        slides = {"friction": [0.0, 0.1, 0.2], "alpha": 0.2, "casing_harmonics": sway}
-        batch = rub(structure, gap=1e-4, velocity=0.3, mean=20.0, amplitude=20.0, **slides)
-        results = stepped(law, structure, batch, H, STEPS)
-        for case in range(3):
-            expected = march(law, structure, alone(batch, case), H, STEPS)
-            assert relative(results.histories["displacement"][case], expected.displacement[:, -1]) < rounding, seed
-            same_sensors(results, structure, case, expected, 10 * rounding)
-        assert (
-            law not in ("moreau 0.5", "central, implicit heat")
-            or np.abs(results.metrics["energy_residual"]).max() < 1e-11
-        )
-        struck += int(results.metrics["impacts"].min() > 0)
-    assert struck > 3
 
 
 @pytest.mark.parametrize("law", ["moreau 0.5", "central, implicit heat"])
