@@ -143,7 +143,7 @@ def printed_here(source: str, directory: Path) -> str:
     return output.getvalue()
 
 
-def test_own_blade_mistakes_beam_tables_and_shares(tmp_path: Path) -> None:
+def test_own_blade_and_beam(tmp_path: Path) -> None:
     """In this process; the slow test starts the commands that are installed."""
     place = Place(tmp_path, workflow, lambda source: printed_here(source, tmp_path))
     for part in PARTS:

@@ -39,16 +39,6 @@ def test_estimates_are_those_of_scipy() -> None:
     assert indices["total"].values == pytest.approx(scipy.total_order, rel=1e-12, abs=1e-12)
 
 
-def test_the_function_of_ishigami() -> None:
-    indices = sobol(ishigami(1024), "f")
-    assert indices["first"].values == pytest.approx([0.3139, 0.4424, 0], abs=0.02)
-    assert indices["total"].values == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
-    for name in ("first", "total"):
-        low, high = indices[f"{name}_interval"].values.T
-        assert np.all((low < indices[name]) & (indices[name] < high))
-        assert np.all(high - low < 0.25)
-
-
 def test_an_interval_is_that_of_resampled_points() -> None:
     dataset, generator = ishigami(16), np.random.default_rng(0)
     f = dataset["f"].values.reshape(16, 5)

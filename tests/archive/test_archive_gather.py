@@ -2,10 +2,6 @@
 
 import errno
 import os
-import resource
-import subprocess
-import sys
-import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -167,36 +163,6 @@ def test_too_little_room_is_said_beforehand(
     with pytest.raises(archive.ArchiveError, match="no space left on device, it needs about"):
         gather(archive.parts_of(path), template, path)
     assert path.read_bytes() == before
-
-
-def test_a_write_that_fails_inside_hdf5(tmp_path: Path) -> None:
-    """A limit on the size of files makes netCDF-C and HDF5 fail as on a full disk."""
-    template = TEMPLATES["three dimensions, partial edge"]
-    put_all(tmp_path / "a.nc", template, sample_results(template), range(10, 150, 10))
-    code = """
-        import resource, sys
-        sys.path.insert(0, sys.argv[3])
-        from pathlib import Path
-        from archive_samples import gather, sample_template
-        from workflow import archive
-        target = Path(sys.argv[1])
-        resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
-        try:
-            gather(archive.parts_of(target), sample_template(), target)
-        except archive.ArchiveError as error:
-            sys.exit(str(error))
-    """
-    assert resource.getrlimit(resource.RLIMIT_FSIZE)[1] == resource.RLIM_INFINITY
-    for limit in (0, 30_000):
-        words = (tmp_path / "a.nc", limit, Path(__file__).parent)
-        call = [sys.executable, "-c", textwrap.dedent(code), *map(str, words)]
-        done = subprocess.run(call, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 1, done.stderr
-        assert "the archive could not be written" in done.stderr
-        assert "Traceback" not in done.stderr
-        assert [entry.name for entry in tmp_path.iterdir()] == ["a.nc.parts"]
-        assert len(archive.find_shards(tmp_path / "a.nc.parts")) == 15
-    gather(tmp_path / "a.nc.parts", template, tmp_path / "a.nc")
 
 
 @pytest.mark.parametrize("name", ["pipe", "pipe.shard"])

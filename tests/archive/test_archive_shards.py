@@ -2,9 +2,7 @@
 
 import errno
 import os
-import threading
 import zlib
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
@@ -15,7 +13,6 @@ from archive_samples import (
     begin,
     check_dataset,
     gather,
-    make_archive,
     put_all,
     put_shard,
     sample_hashes,
@@ -220,38 +217,3 @@ def test_the_checksum_of_a_chunk_is_hdf5_s(image: bytes) -> None:
         file.flush()
         _, chunk = file["a"].id.read_direct_chunk((0,))
     assert chunk == image + fletcher32(values)
-
-
-LARGE = sample_template((("e", 200), ("alpha", 20)), samples=50)
-OF_LARGE = sample_results(LARGE)
-
-
-def test_two_hundred_shards_from_four_threads_while_another_opens(tmp_path: Path) -> None:
-    target = tmp_path / "a.nc"
-    other = make_archive(tmp_path / "other.nc", LARGE, OF_LARGE)
-    parts = begin(target)
-    finished = threading.Event()
-    seen = []
-
-    def look() -> int:
-        while not finished.is_set():
-            seen.append(int(stored_in(parts).holds(sample_hashes(LARGE)).sum()))
-            with archive.open_archive(other) as whole:
-                np.testing.assert_array_equal(whole["displacement"][7], OF_LARGE["displacement"][7])
-                assert archive.provenance(other)["key"] == TEXTS["key"]
-        return len(seen)
-
-    with ThreadPoolExecutor(6) as pool:
-        readers = [pool.submit(look) for _ in range(2)]
-        writers = [pool.submit(put_shard, parts, LARGE, OF_LARGE, k, k + 20) for k in range(0, 4000, 20)]
-        try:
-            paths = {writer.result() for writer in writers}
-            gather(parts, LARGE, target)
-        finally:
-            finished.set()
-        assert all(reader.result() > 0 for reader in readers)
-    assert len(paths) == 200
-    assert all(0 <= count <= LARGE["status"].size and count % 20 == 0 for count in seen)
-    with archive.open_archive(target) as dataset:
-        check_dataset(dataset, LARGE, OF_LARGE)
-    assert archive.content_hash(target) == archive.content_hash(other)

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import h5py
 import pytest
 
 from hostile import changed
@@ -100,16 +99,6 @@ def test_provenance_that_no_run_wrote(texts: dict[str, str], sound: Path, tmp_pa
         ended = workflow(command, archive, *output, cwd=tmp_path)
         assert ended.returncode in (0, 1, 2), ended
         assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f]", ended.stdout + ended.stderr)
-
-
-def test_a_page_of_an_archive_that_lacks_a_variable_says_that_its_bytes_have_changed(tmp_path: Path) -> None:
-    path = tmp_path / "a.nc"
-    run_study(parsed(f"{SINGLE}reference: {{scheme: event_driven}}\n"), path)
-    with h5py.File(path, "r+") as file:
-        del file["temperature_error"]
-    ended = workflow("report", path, cwd=tmp_path)
-    assert ended.returncode == 2
-    assert f"{path}: damaged, its bytes are not those that were written" in ended.stderr
 
 
 def test_characters_that_the_output_lacks_are_written_as_codes(tmp_path: Path) -> None:

@@ -264,30 +264,6 @@ def test_a_scheme_that_lacks_a_contact_fails_with_a_message(tmp_path: Path, monk
     assert "`impacts` the shape (1,) where it is (1, 2)" in outcome.dataset["message"].item()
 
 
-def test_an_interrupted_run_is_viewed_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Shards of two contacts are seen in the unfinished archive, and taken by the run that ends it."""
-    given, path = study(tmp_path, axes={"h": [1e-4, 2e-4]}), tmp_path / "a.nc"
-
-    def stopped(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as context:
-        context.setattr("workflow.run._study.gather", stopped)
-        with pytest.raises(KeyboardInterrupt):
-            run_study(given, path, threads=1)
-    with open_archive(path) as view:
-        seen = view["displacement"].load()
-    assert seen.dims == ("h", "contact", "t")
-    assert np.isfinite(seen).all()
-    outcome = run_study(given, path, threads=1)
-    assert outcome.resumed == 2
-    longer = run_study(study(tmp_path, axes={"h": [1e-4, 2e-4, 4e-4]}), path, threads=1)
-    assert longer.resumed == 2
-    np.testing.assert_array_equal(longer.dataset["displacement"].isel(h=slice(2)), seen)
-    assert "the largest of all contacts" in longer.dataset["thermal_closing"].attrs["comment"]
-    assert longer.dataset["displacement"].attrs["long_name"] == "displacement of a contact towards the casing"
-
-
 def test_a_picture_of_contacts_has_the_most_loaded_first(archive: xr.Dataset) -> None:
     case = archive.isel(h=0, clearance=0).squeeze()
     impulse = case["contact_impulse"].values

@@ -118,24 +118,6 @@ def test_critical_frictions_are_where_determinants_first_vanish(seed: int) -> No
                 assert np.abs(np.linalg.eigvals(last)).min() < 1e-9 * np.abs(each[0]).max()
 
 
-FREE = {"stiffness": np.zeros((2, 2)), "tangent": np.array([[0.0, 1.0], [4.0, 0.0]])}
-RESIDUAL = {"residual_flexibility": 1e-4 * np.diag([1.0, 3.0]), "residual_tangent": 2e-4 * np.eye(2)[::-1]}
-
-
-@pytest.mark.parametrize(
-    ("entries", "together"),
-    [
-        (FREE, (0.5, 0.5)),  # det(1 - µ t) = 1 - 4 µ², at rest no force balances; so of w M⁻¹ (w - µ t)
-        (RESIDUAL, (np.inf, np.sqrt(2.0))),  # det(1/k + R - µ R^t): 2 · 4 - 4 µ² … of 1e-4 m/N
-        (RESIDUAL | {"tangent": np.eye(2)[::-1]}, (np.inf, np.sqrt(8.0) / 3)),  # … and µ t/k
-    ],
-)
-def test_critical_frictions_of_two_contacts(entries: dict[str, Any], together: tuple[float, float]) -> None:
-    alone, other, both = critical_friction(two_masses(**entries))
-    assert [*alone[1:], *other[1:]] == [np.inf] * 4
-    assert both[1:] == pytest.approx(together, rel=1e-12)
-
-
 def test_contacts_without_mass_have_no_impact_law_to_lose() -> None:
     massless = two_masses(tangent=np.diag([0.5, 0.25]), residual_flexibility=1e-4 * np.eye(2))
     (limit,) = told(massless, friction=np.array([5.0]))

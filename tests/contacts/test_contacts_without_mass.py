@@ -62,17 +62,6 @@ def test_an_elastic_casing_is_a_residual_that_the_displacement_does_not_have(see
         assert theta == 1.0 or abs(elastic.metrics["energy_residual"][0]) < 1e-12
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_an_implicit_spring_at_theta_one_is_an_elastic_casing(seed: int) -> None:
-    case, c = drawn(seed), 3e-6
-    elastic = on_elastic_casing(c, case.structure, case.cases, theta=1.0)
-    options = {"integration": "implicit", "stiffness": 1 / c}
-    sprung = step(case.structure, case.cases, H, EVERY_STEP, "penalty", **options)
-    for name in HISTORIES:
-        values = sprung.histories[name]
-        np.testing.assert_allclose(elastic.histories[name], values, rtol=0, atol=1e-10 * np.abs(values).max())
-
-
 @pytest.mark.parametrize("theta", [0.5, 1.0])
 def test_a_spring_before_contacts_without_mass_starts_pressed_and_stays(theta: float) -> None:
     """λ = (f - k d)/(1 + k (R + 1/κ)), x = d + λ/κ, from the start on."""

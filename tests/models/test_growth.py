@@ -108,32 +108,6 @@ OTHERS: dict[str, Callable[[], Structure]] = {
 """A casing that slides, and damping that couples the modes of the held tip."""
 
 
-@pytest.mark.parametrize("basis", ["macneal", "massless"])
-@pytest.mark.parametrize("alpha", [0.5, 3.0, 100.0])
-def test_a_tip_without_mass_against_its_matrices(basis: str, alpha: float) -> None:
-    """λ = (w x - r θ)/(R - µ R^t), which acts on the modes along w - µ t and heats."""
-    friction, s = 0.3, reduce_structure(random_structure(np.random.default_rng(0), 6), 3, 2, basis).structure
-    c = s.contacts
-    force = np.hstack([c.normal, np.zeros((1, 3)), -c.residual_coupling]) / c.flexibility(friction)
-    n, rest, still = s.mechanical_size, -np.linalg.inv(s.mass), -np.linalg.inv(s.heat_capacity)
-    A = np.zeros((force.size, force.size))
-    A[:n, n : 2 * n] = np.eye(n)
-    A[n : 2 * n] = rest @ np.hstack([s.stiffness_matrix, s.damping_matrix, s.coupling_matrix])
-    A[n : 2 * n] += rest @ (c.normal - friction * c.tangent).T @ force
-    A[2 * n :, 2 * n :] = still @ s.conductance_matrix
-    A[2 * n :] -= alpha * still @ c.heat.T @ force
-    assert growth_rate(s, alpha, friction) == pytest.approx(np.linalg.eigvals(A).real.max(), rel=1e-8, abs=1e-9)
-
-
-@pytest.mark.parametrize("kind", OTHERS)
-@pytest.mark.parametrize("alpha", [0.5, 3.0, 100.0])
-def test_other_structures_against_their_matrices(kind: str, alpha: float) -> None:
-    structure, friction = OTHERS[kind](), 0.4 if kind == "slides" else 0.0
-    exact = np.linalg.eigvals(held_matrix(structure, alpha, friction)).real.max()
-    assert growth_rate(structure, alpha, friction) == pytest.approx(exact, rel=1e-8, abs=1e-9)
-    assert friction or (exact > 0) == (alpha > critical_alpha(structure))
-
-
 @pytest.mark.parametrize("kind", OTHERS)
 def test_bits_of_a_case_do_not_depend_on_the_others(kind: str) -> None:
     """From couplings that shift no pole to those that shift all, more than are computed at a time."""

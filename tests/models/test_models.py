@@ -14,7 +14,6 @@ from workflow.models import (
     critical_alpha,
     distinct_rows,
     free_reach,
-    growth_rate,
     project,
     static_equilibrium,
 )
@@ -66,20 +65,6 @@ def test_a_free_body_whose_tip_has_no_mass(basis: str) -> None:
     exact = balanced @ np.linalg.lstsq(whole.stiffness_matrix, balanced, rcond=None)[0]
     if basis == "macneal":  # massless leaves inertia out of the balance
         assert flexibility.item() == pytest.approx(exact, rel=1e-9)
-
-
-@pytest.mark.parametrize("nodes", [1, 5, 20])
-def test_critical_alpha_of_a_uniform_clamped_chain(nodes: int) -> None:
-    """α_c = 2κ/(k a ℓ n), reference README, and no growth there."""
-    structure = chain(
-        nodes=nodes, mass=1e-3, stiffness=2e7, spacing=2.5e-3, expansion=8.6e-6, heat_capacity=1.3, conductance=0.6,
-        damping=Rayleigh(10.0, 0.0),
-    )  # fmt: skip
-    exact = 2 * 0.6 / (2e7 * 8.6e-6 * 2.5e-3 * nodes)
-    assert critical_alpha(structure) == pytest.approx(exact, rel=1e-12)
-    scale = 0.6 / 1.3
-    assert abs(growth_rate(structure, exact)) < 1e-9 * scale
-    assert growth_rate(structure, 1.1 * exact) > 0 > growth_rate(structure, 0.9 * exact)
 
 
 def test_runaway_decided_by_rank() -> None:

@@ -92,27 +92,6 @@ def test_heat_that_cannot_leave(chain: Structure) -> None:
     assert np.abs(reduced.loss_row).max() <= 1e-12 * np.abs(insulated).max()
 
 
-def test_a_contact_may_be_a_vector(chain: Structure, sparse: Sparse) -> None:
-    """Displacements of the last three nodes turned among each other: the normal has three entries."""
-    turn = np.eye(NODES)
-    turn[-3:, -3:] = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
-    taken = given(chain, csc_array)
-    turned = replace(
-        taken,
-        mass=csc_array(turn.T @ taken.mass @ turn),
-        stiffness=csc_array(turn.T @ taken.stiffness @ turn),
-        coupling=csc_array(turn.T @ taken.coupling),
-        contact=turn.T @ taken.contact,
-    )
-    structure = structure_from_sparse(turned)
-    assert tip_flexibility(structure) == pytest.approx(tip_flexibility(sparse), rel=1e-10)
-    assert critical_alpha(structure) == pytest.approx(critical_alpha(sparse), rel=1e-10)
-    state = np.random.default_rng(4).normal(size=NODES)
-    there = structure.coordinates.displacement_projection @ state
-    assert there[-1] == pytest.approx(turned.contact @ state)
-    assert relative(structure.coordinates.displacement_basis @ there, state) < 1e-13
-
-
 def test_small_enough_it_can_be_kept_full(chain: Structure, sparse: Sparse) -> None:
     """Its dense matrices are those of the chain; one of more coordinates says what it can be reduced to."""
     assert frequencies(sparse.matrices()) == pytest.approx(frequencies(chain), rel=1e-8)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from test_steady_rubs import TURN, light_heat, oscillator, pressed
+from test_steady_rubs import TURN, light_heat, oscillator
 
 from scenes import blade, blade_rub, cases
 from workflow.models import Cases, Structure, critical_alpha, growth_rate
@@ -78,17 +78,6 @@ def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
     (fold,) = flagged(values, "fold")
     assert values["value"][fold] == pytest.approx(0.1 * abs(speed) / np.hypot(place, speed), abs=1e-9)
     assert values["steady_impulse"][fold] == pytest.approx(1.8 * place / (place**2 + speed**2), rel=1e-4)
-
-
-def test_equilibria_of_permanent_contact_under_a_constant_load() -> None:
-    """λ = (F - k d/n)/(1 - α/α_c) along F."""
-    structure = pressed()
-    scene = cases(structure, alpha=0.5 * critical_alpha(structure), gap=1e-3)
-    values = followed(along("mean", structure, scene), 2.0, 5.0, 8)
-    np.testing.assert_allclose(values["value"], np.linspace(2, 5, 8), rtol=1e-3)
-    np.testing.assert_allclose(values["steady_impulse"], 2 * (values["value"] - 1.0), rtol=1e-8)
-    assert set(states(values)) == {"permanent_contact"}
-    assert np.isnan(values["floquet_multiplier"]).all()
 
 
 def test_permanent_contact_flutters_where_its_growth_rate_passes_zero() -> None:

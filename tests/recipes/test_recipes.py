@@ -16,7 +16,6 @@ from matrix_files import as_npz, matrices_of
 from plain_steps import Law, Step, complementary, march
 from quick import quick
 from scenes import (
-    alone,
     cases,
     cases_of_file,
     heavy_chain,
@@ -24,7 +23,6 @@ from scenes import (
     relative,
     same_bits,
     sampling,
-    sliding,
     step,
     taken,
 )
@@ -354,29 +352,6 @@ def test_a_compiled_contact_law_steps_by_central_differences(compiled_law: str, 
         assert one.histories["impulse"][:, -1].min() > 0
         distances.append(relative(other.histories["displacement"], one.histories["displacement"]))
     assert 0 < distances[1] < 0.4 * distances[0] < 0.02
-
-
-@pytest.mark.parametrize("friction", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])  # a kernel of its own
-def test_a_compiled_contact_law_is_that_of_plain_matrices(compiled_law: str, friction: float) -> None:
-    """Modes, and with a load elsewhere matrices; Hunt and Crossley's force written anew."""
-    stiffness, damping, h = 2e10, 5.0, 2e-6
-
-    def crossley(at: Step) -> tuple[Array, Array]:
-        sprung = h * stiffness * np.maximum(0.0, at.place) ** 1.5
-        p = np.maximum(0.0, sprung * (1 + damping * at.free) / (1 + sprung * damping * at.taken[0]))
-        return p, p / h
-
-    whole = short_chain()
-    elsewhere = sliding(replace(whole.matrices(), load=np.eye(4)[1]), 0.3 * np.eye(4)[2])
-    for structure in (whole, elsewhere) if friction == 0.0 else (elsewhere,):
-        batch = cases(structure, 2, alpha=[0.0, 20.0], gap=1e-5, amplitude=100.0, frequency=250.0, friction=friction)
-        results = step(structure, batch, h, sampling(4e-3, h), compiled_law, stiffness=stiffness, damping=damping)
-        for case in range(2):
-            plain = march(structure, alone(batch, case), h, 1.0, 2000, crossley)
-            assert np.count_nonzero(plain.impulse) > 10
-            assert np.abs(results.histories["displacement"][case] - plain.displacement[:, -1]).max() < 1e-14
-            impulse = np.cumsum(plain.impulse)
-            assert np.abs(results.histories["impulse"][case] - impulse).max() < 1e-10 * impulse[-1]
 
 
 def crossley_of(stiffness: float, damping: float, h: float) -> Law:

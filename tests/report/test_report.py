@@ -1,27 +1,23 @@
 """Reports of one archive, of several and of branches: what stands in them and what they refuse."""
 
 import html
-import json
 import os
 from pathlib import Path
 
 import matplotlib
-import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
 from quick import quick
-from studies import BLADE_SCENE, SCENE, parsed
+from studies import SCENE, parsed
 from terminal import workflow
 from workflow import plots
-from workflow.analysis import answer_lines, labels, limits, recommend
+from workflow.analysis import answer_lines, recommend
 from workflow.archive import ArchiveError, open_archive
-from workflow.plots import save
 from workflow.report import ReportFiles, write_report
 from workflow.report import _sections as sections
-from workflow.report._html import prose
-from workflow.run import run_study, verify
+from workflow.run import run_study
 from workflow.study import read_study
 
 REFERRED = (
@@ -104,13 +100,6 @@ def test_a_report_of_exact_cases_draws_maps_and_asks_for_no_step(tmp_path: Path)
     assert written.figure is not None
 
 
-def test_what_an_answer_quotes_is_code(archives: list[Path]) -> None:
-    with open_archive(archives[0]) as dataset:
-        reduced = dataset.isel(model=[0]).sel(scheme=["event_driven"]).assign_coords(tolerance=1e-9)
-        answer, _ = sections.answered(reduced, {})
-    assert "Add more modes, or <code>full</code>." in prose(answer["lines"][-1])
-
-
 def test_several_archives_share_a_page(archives: list[Path], tmp_path: Path) -> None:
     done = workflow("report", *archives, "-o", "joint.html", cwd=tmp_path)
     assert done.stdout.splitlines() == ["page   joint.html"], done.stderr
@@ -152,16 +141,6 @@ def test_figures_and_pages_are_drawn_whatever_a_user_s_matplotlibrc_says(
     assert named[0].read_bytes() == named[1].read_bytes()
     assert write_report(archives[1], tmp_path / "page.html").figure == tmp_path / "page.png"
     assert matplotlib.rcParams["text.usetex"]
-
-
-def test_a_figure_that_cannot_be_drawn_leaves_the_one_that_stood_there(tmp_path: Path) -> None:
-    with matplotlib.rc_context({"text.usetex": True, "text.latex.preamble": r"\undefined"}):
-        figure = Figure()
-        figure.suptitle("x")
-    (tmp_path / "a.png").write_bytes(b"earlier")
-    with pytest.raises(RuntimeError):
-        save(figure, tmp_path / "a.png")
-    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("a.png", b"earlier")]
 
 
 def test_what_can_be_no_report_is_refused(archives: list[Path], tmp_path: Path) -> None:
@@ -222,16 +201,6 @@ def test_a_report_begins_with_the_answer_and_says_where_it_comes_from(
         assert word in text, word
 
 
-def test_an_answer_without_contact_is_cautioned_on_the_page_and_in_json(tmp_path: Path) -> None:
-    archive = tmp_path / "free.nc"
-    run_study(
-        quick({"e": None, "alpha": 0.0}, scene={"casing.gap": 1.0}, reference={"scheme": "event_driven"}), archive
-    )
-    assert "Beware: no case that is ok touches its casing" in write_report(archive).page.read_text(encoding="utf-8")
-    done = workflow("recommend", archive, "--json", cwd=tmp_path).stdout
-    assert json.loads(done)["cautions"] == ["no case that is ok touches its casing, so only free motion is compared"]
-
-
 def test_what_is_somebody_else_s_is_written_over_only_where_it_is_named(
     archives: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -254,36 +223,6 @@ def test_what_is_somebody_else_s_is_written_over_only_where_it_is_named(
     Path("report.html").write_text("mine")
     with pytest.raises(ArchiveError, match=r"report\.html: is there"):
         write_report(archives)
-
-
-STUDY = f"""study: branches{BLADE_SCENE}axes:
-  scheme: event_driven
-  scene.casing.gap: [15 um, 20 um]
-  alpha: {{branch: [0, 20, 40]}}
-  mechanical_modes: 3
-  thermal_modes: 12
-output: {{steady: true}}
-"""
-
-
-@pytest.mark.slow
-def test_the_fold_of_the_blade_is_stored_verified_told_and_drawn(tmp_path: Path) -> None:
-    archive = tmp_path / "branches.nc"
-    dataset = run_study(parsed(STUDY.replace("duration: 2 s", "duration: 1 s")), archive, threads=2).dataset.load()
-    flags = labels(dataset["bifurcation"]).values
-    folds = [float(dataset["alpha"].values[k][row == "fold"][0]) for k, row in enumerate(flags)]
-    assert folds == pytest.approx([5.412509721, 8.4308307735], abs=2e-7)  # 1e-8 of the range
-    assert np.all(dataset["status"] == 0)
-    assert all(check.holds for check in verify(archive))
-    [limit] = limits(dataset).limits
-    assert (limit.axis, limit.start, limit.limited_by) == ("alpha", 0.0, "fold")
-    assert limit.next == pytest.approx(folds[0])
-    page = write_report(archive).page
-    assert page is not None
-    assert "runs away or jumps" in page.read_text(encoding="utf-8")
-    joint = write_report([archive, archive], tmp_path / "joint.html").page
-    assert joint is not None
-    assert joint.read_text(encoding="utf-8").count('alt="steady max temperature along the branches"') == 2
 
 
 def test_two_sweeps_of_one_axis_are_drawn_over_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

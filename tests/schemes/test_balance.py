@@ -1,19 +1,14 @@
 """Energy and heat balances: what is known of them, and what each scheme may leave."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from test_event_driven_random import scene
 
 from plain_steps import march as plain_march
 from scenes import alone, cases, chain, heavy_chain, rubs, same_bits, sampling, step, with_dashpot
 from workflow import schemes
 from workflow.models import Cases, Rayleigh, Structure
-from workflow.reduction import reduce_structure
 from workflow.schemes import Recorder, Results, moreau
 
 BALANCES = ("energy_residual", "heat_residual")
@@ -25,16 +20,6 @@ STABLE = 1e-5
 
 def of_moreau(structure: Structure, batch: Cases, h: float, duration: float, theta: float) -> Results:
     return step(structure, batch, h, sampling(duration, duration, balances=True), theta=theta)
-
-
-@settings(max_examples=25, deadline=None, derandomize=True)
-@given(st.integers(0, 10**6), st.sampled_from([0.5, 0.7, 1.0]))
-def test_random_scenes_keep_their_heat_and_at_one_half_their_energy(seed: int, theta: float) -> None:
-    structure, batch = scene(np.random.default_rng(seed))
-    h, steps = 0.02, 300
-    metrics = of_moreau(structure, batch, h, h * steps, theta).metrics
-    assert abs(metrics["heat_residual"][0]) < 1e-12
-    assert theta != 0.5 or abs(metrics["energy_residual"][0]) < 1e-10
 
 
 @pytest.mark.parametrize("theta", [0.45, 0.5, 0.7, 1.0])
@@ -131,40 +116,6 @@ def test_modes_and_blocks_count_as_recorded_states_do(theta: float, coupled: boo
     assert stepped["impacts"].min() > 0
     assert np.abs(stepped["energy_residual"]).min() > 0.01
     assert np.abs(recorded["energy_residual"] - stepped["energy_residual"]).max() < 1e-12
-
-
-REDUCED: list[tuple[str, dict[str, Any]]] = [
-    ("moreau", {"theta": 0.5}),
-    ("moreau", {"theta": 1.0}),
-    ("carpenter", {"heat": "explicit"}),
-    ("carpenter", {"heat": "implicit"}),
-    ("penalty", {}),
-    ("penalty", {"integration": "implicit", "theta": 0.8}),
-]
-SLOW = pytest.mark.slow
-"""Each scheme compiles a kernel of its own for modes that damping couples."""
-
-
-@pytest.mark.parametrize(
-    ("method", "options", "coupled"),
-    [
-        *((*scheme, False) for scheme in REDUCED),
-        *(pytest.param(*scheme, True, marks=() if scheme[0] == "moreau" else SLOW) for scheme in REDUCED),
-    ],
-)
-def test_a_reduced_model_keeps_its_heat(method: str, options: dict[str, Any], coupled: bool) -> None:
-    """A basis holds no even temperature: the balance is that of the reduced equations, in modes and by matrices."""
-    structure: Structure = heavy_chain(convection=2.0)
-    if coupled:
-        structure = replace(structure.matrices(), damper=np.diag(np.linspace(0.0, 3.0, 20)))
-    rub = {"alpha": 50.0, "gap": 5e-5, "mean": 40.0, "amplitude": 100.0, "frequency": 200.0}
-    batch = cases(structure, heating=0.3, temperature=1.0, **rub)
-    for modes in (1, 4, 12, 19):
-        reduction = reduce_structure(structure, 3, modes)
-        over = sampling(0.01, 0.01, balances=True)
-        metrics = step(reduction.structure, reduction.project(batch), 5e-6, over, method, **options).metrics
-        assert metrics["impacts"][0] > 0
-        assert abs(metrics["heat_residual"][0]) < 1e-11, modes
 
 
 @pytest.mark.parametrize("method", STEPPED)

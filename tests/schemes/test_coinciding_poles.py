@@ -16,18 +16,6 @@ from workflow.schemes._exact.tables import block, first
 OVER = sampling(8.0, 0.1)
 
 
-@pytest.mark.parametrize(("conductance", "right"), [(0.1, 8.9259), (0.1001, 8.91915), (0.101, 8.85870)])
-def test_rates_of_heat_equal_to_the_damping_of_every_mode(conductance: float, right: float) -> None:
-    """a_M = 10⁴ and a_K = 10⁻⁴: every mode has the pole -10⁴, and so have the rates of heat, nearly."""
-    structure = chain(
-        nodes=4, mass=1e-3, stiffness=1e6, spacing=0.01, expansion=1e-5, heat_capacity=1e-5, conductance=conductance,
-        damping=Rayleigh(1e4, 1e-4),
-    )  # fmt: skip
-    case = cases(structure, gap=1e-5, amplitude=30.0, frequency=1e3, e=0.5, alpha=0.02)
-    results = step(structure, case, 0.0, sampling(5e-3, 1e-4), "event_driven")
-    assert results.metrics["max_temperature"][0] == pytest.approx(right, rel=2e-5)
-
-
 def absorbers(rng: np.random.Generator, apart: float) -> Structure:
     """A tip on a spring with two to four absorbers alike but for ``apart``, their damping ratio from 0.1 to 1.5."""
     count, ratio = int(rng.integers(2, 5)), float(rng.choice([0.1, 1.0, 1.0, 1.5]))

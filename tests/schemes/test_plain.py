@@ -9,7 +9,6 @@ import plain_steps
 from plain_steps import Motion
 from scenes import (
     WAVES,
-    alone,
     cases,
     chain,
     everything_acts,
@@ -153,30 +152,10 @@ def test_free_and_adiabatic_bodies() -> None:
         agree(structure, stepped(law, structure, batch, 1e-5, 500), march(law, structure, batch, 1e-5, 500))
 
 
-STEPS, H = 1000, 5e-6
-
-
-def rub(structure: Structure, **more: Any) -> Cases:
-    """Three cases of all that acts, on a casing in motion."""
-    acting = {
-        "e": [0.0, 0.5, 0.9],
-        "alpha": [5.0, 0.0, 8.0],
-        "gap": 5e-5,
-        "mean": 30.0,
-        "amplitude": 900.0,
-        "frequency": 300.0,
-        "phase": 0.3,
-        "steady": 2.0,
-        "heating": 0.3,
-        "temperature": 1.0,
-        "velocity": 0.1,
-    }
-    return cases(structure, 3, **{**acting, **WAVES, **more})
-
-
 @pytest.mark.parametrize("law", ["moreau 0.5", "central, implicit heat"])
 def test_a_free_body_whose_damping_couples_its_modes(law: str) -> None:
     """Blocks keep no place of the rigid motion: sensors have it from the tip."""
     free = with_dashpot(heavy_chain(nodes=6, stiffness=tuple(2e7 * (np.arange(6) > 0))), 1, 3, 20.0)
-    batch = alone(rub(free, velocity=0.01), 1)
-    agree(free, stepped(law, free, batch, H, 400), march(law, free, batch, H, 400))
+    loads = {"mean": 30.0, "amplitude": 900.0, "frequency": 300.0, "phase": 0.3, "steady": 2.0, "heating": 0.3}
+    batch = cases(free, e=0.5, alpha=8.0, gap=5e-5, temperature=1.0, velocity=0.01, **loads, **WAVES)
+    agree(free, stepped(law, free, batch, 5e-6, 400), march(law, free, batch, 5e-6, 400))

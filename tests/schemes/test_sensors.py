@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import blade, cases, chain, heavy_chain, rubs, sampling, step, watched, with_tip_first
+from scenes import blade, cases, chain, heavy_chain, rubs, sampling, step, watched
 from workflow import reduction, schemes
 from workflow.models import Matrices, Sensors
 from workflow.reduction import reduce_structure
-from workflow.schemes import Recorder, Status
+from workflow.schemes import Recorder
 
 IMPACT, TOUCHES, LEAVES = range(3)
 
@@ -31,29 +31,6 @@ SCHEMES = [
     ("moreau", {"theta": 0.5}),
     ("penalty", {"integration": "implicit"}),
 ]
-
-
-@pytest.mark.parametrize("basis", reduction.names())
-@pytest.mark.parametrize(("method", "options"), SCHEMES)
-def test_a_sensor_at_the_contact_shows_its_displacement_and_temperature(
-    method: str, options: dict[str, Any], basis: str
-) -> None:
-    full = heavy_chain(nodes=6)
-    one = watched(full).sensors
-    reduced = reduce_structure(full, 3, 3, basis, 0.01)
-    structure = replace(reduced.structure, sensors=reduced.sensors(one, full))
-    scheme = schemes.load(method)
-    if scheme.refusal(structure, scheme.Options(**options)) is not None:
-        assert reduced.structure.contacts.is_massless
-        return
-    batch = reduced.project(rubs(full, 2, amplitude=400.0, frequency=300.0))
-    results = step(structure, batch, 5e-6, sampling(0.0098, 7e-5), method, **options)
-    assert np.all(results.status == Status.OK)
-    assert results.metrics["contact_time"].max() > 0 or results.metrics["impacts"].max() > 0
-    shown = results.histories["sensor_value"]
-    for row, name in ((0, "displacement"), (2, "temperature")):
-        tip = results.histories[name]
-        assert np.abs(shown[:, row] - tip).max() <= 1e-11 * np.abs(tip).max()
 
 
 @pytest.mark.parametrize("method", ["event_driven", "moreau"])
@@ -115,24 +92,6 @@ def test_a_recorder_interpolates_between_the_states_that_it_is_given() -> None:
     truth = [ends[0], (ends[0] + ends[1]) / 2, ends[1], (ends[1] + ends[2]) / 2, ends[2]]
     shown = recorder.results().histories["sensor_value"]
     np.testing.assert_allclose(shown, np.moveaxis(truth, 0, 2), rtol=1e-13)
-
-
-def test_one_contact_in_the_loop_of_several_shows_and_lists_the_same() -> None:
-    structure = watched(heavy_chain(nodes=6).matrices())
-    batch = rubs(structure, 3, alpha=[0.0, 5.0, 20.0], amplitude=400.0, frequency=300.0)
-    over = replace(sampling(0.004, 1e-4), events=100)
-    row = with_tip_first(structure)
-    one, several = (step(each, each.received(batch), 0.0, over, "event_driven") for each in (structure, row))
-    for row in range(4):
-        truth = one.histories["sensor_value"][:, row]
-        assert np.abs(several.histories["sensor_value"][:, row] - truth).max() < 1e-7 * np.abs(truth).max()
-    followed = one.events["event_approach"] > 1e-2 * np.nanmax(one.events["event_approach"])  # others are summed up
-    for case in range(3):
-        count = int(np.argmin(np.append(followed[case], False)))
-        assert count > 1
-        for name, values in one.events.items():
-            if values.ndim > 1:
-                np.testing.assert_allclose(several.events[name][case, :count], values[case, :count], rtol=1e-6)
 
 
 def test_events_of_a_bouncing_ball() -> None:
