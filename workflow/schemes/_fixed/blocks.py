@@ -223,7 +223,8 @@ def effective_mass(modal: ContactBasis, diagonal: Array, share: float) -> Array:
 def operator_name(structure: Structure) -> str:
     """Return the coordinates in which a structure is stepped, as ``plan`` prints them."""
     coupled = ", coupled by damping or by where the load acts" if needs_matrices(structure) else ""
-    return f"{structure.mechanical_size} + {structure.thermal_size} modes with the tip's own{coupled}"
+    sizes = f"{structure.mechanical_size} mechanical + {structure.thermal_size} thermal coordinates"
+    return f"{sizes}, those of the contact among them{coupled}"
 
 
 def _transformed(rows: Array | None, states: Array) -> Array:
