@@ -59,7 +59,7 @@ def test_extremes_are_those_of_the_samples(archive: xr.Dataset) -> None:
 
 def test_events_are_those_of_event_driven(archive: xr.Dataset) -> None:
     exact, stepped = archive.sel(scheme="event_driven"), archive.sel(scheme="moreau")
-    assert archive.event_kind.attrs["flag_meanings"] == "impact touches leaves"
+    assert archive.event_kind.attrs["flag_meanings"] == "impact touches leaves yields stops_yielding"
     assert archive.event_kind.dtype == archive.event_contact.dtype == np.int8
     assert np.array_equal((exact.event_impulse > 0).sum("event"), exact.impacts)
     count = exact.event_time.notnull().sum("event")
