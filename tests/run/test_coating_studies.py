@@ -59,8 +59,10 @@ def test_what_it_cannot_be_is_said(changed: dict[str, Any], problem: str, remedy
     assert remedy in lines[0]
 
 
-def test_an_archive_holds_worn_depths(tmp_path: Path) -> None:
-    study = oval({SECTORS: [12, 24], "scene.speed": [25.0, 50.0]}, output={"wear": {"every": 1}})
+@pytest.mark.parametrize("scheme", ["moreau", "event_driven"])
+def test_an_archive_holds_worn_depths(scheme: str, tmp_path: Path) -> None:
+    axes = {"scheme": scheme, SECTORS: [12, 24], "scene.speed": [25.0, 50.0]}
+    study = oval(axes, output={"wear": {"every": 1}})
     outcome = run_study(study, tmp_path / "a.nc", threads=1)
     assert [check for check in verify(tmp_path / "a.nc") if not check.holds] == []
     (line,) = [line for line in outcome.warnings if line.startswith("max_worn_depth still changes")]
@@ -103,12 +105,16 @@ def test_what_matters_is_in_the_identity_of_a_case() -> None:
     assert len(set(every)) == len(every)
 
 
-def test_a_sweep_goes_on_with_the_worn_depth(tmp_path: Path) -> None:
+@pytest.mark.parametrize("scheme", ["moreau", "event_driven"])
+def test_a_sweep_goes_on_with_the_worn_depth(scheme: str, tmp_path: Path) -> None:
     """Two points of almost the same load are one case of twice the time; a border lies off their common end."""
     path, time = "scene.load.mean", {"duration": 0.066}
-    swept = oval({path: {"sweep": [4.0, 4.0 * (1 + 1e-11), 2]}}, duration=0.033, output={"interval": "1 ms"})
+    axes = {"scheme": scheme, path: {"sweep": [4.0, 4.0 * (1 + 1e-11), 2]}}
+    swept = oval(axes, duration=0.033, output={"interval": "1 ms"})
     points = run_study(swept, tmp_path / "a.nc", threads=1).dataset
-    whole = run_study(oval(**time, output={"interval": "1 ms"}), tmp_path / "b.nc", threads=1).dataset
+    whole = run_study(
+        oval({"scheme": scheme}, **time, output={"interval": "1 ms"}), tmp_path / "b.nc", threads=1
+    ).dataset
     np.testing.assert_allclose(points["worn_depth"][-1], whole["worn_depth"], rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(points["displacement"][-1], whole["displacement"][33:], rtol=1e-9)
     work = points["crushing_work"].values

@@ -26,7 +26,7 @@ import numpy as np
 from workflow import models
 from workflow.cases import COMPILING, waiting_for
 from workflow.kernels.compiled import directory_of
-from workflow.models import Cases, Contacts, Harmonics
+from workflow.models import Cases, Coating, Contacts, Harmonics
 from workflow.schemes import Sampling, load
 
 
@@ -45,6 +45,8 @@ class KernelVariant:
     """Whether the structure has to be stepped by its matrices."""
     contacts: bool = False
     """Whether it has several contacts, or one without mass."""
+    coated: bool = False
+    """Whether its casing has a coating."""
 
     @property
     def words(self) -> tuple[Any, ...]:
@@ -129,10 +131,15 @@ def _run(variant: KernelVariant) -> None:
     one, node, rows = np.ones(1), np.zeros((1, 1)), np.array([[1.0], [-1.0]] if variant.contacts else [[1.0]])
     labels, slides = ("tip", "other stop")[: len(rows)], float(variant.slides)
     contacts = Contacts(labels, rows, slides * rows, np.abs(rows), np.zeros(len(rows)))
+    contacts = replace(contacts, casing_flexibility=float(variant.coated))
     structure = replace(whole, load=np.ones(1) if variant.coupled else None, contacts=contacts)
     scheme, none = load(variant.method), np.zeros(1)
     harmonics, friction = Harmonics(*np.zeros((3, 1, int(variant.harmonics)))), np.full(1, 0.5 * variant.slides)
     cases = Cases(none, one, np.ones((1, len(rows))), none, node, node, node, node, node, casing_harmonics=harmonics)
+    if variant.coated:
+        cases = replace(
+            cases, coating=Coating(one, none, one, none, np.zeros((1, len(rows))), np.zeros((1, len(rows), 1)))
+        )
     operator, over = scheme.init(structure, 0.5, variant.options), Sampling(1.0, 0.5, 3, balances=variant.balances)
     scheme.compute(operator, replace(cases, friction=friction), over)
 

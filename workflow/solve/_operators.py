@@ -77,8 +77,8 @@ def kernel_variant(settings: CaseSettings, balances: bool) -> KernelVariant | No
     coupled, driven = needs_matrices(structure), bool(settings.scene.casing.harmonics or settings.scene.load.harmonics)
     slides = structure.contacts.slides and settings.scene.friction is not None
     kind = {"harmonics": driven, "slides": slides, "coupled": coupled}
-    several = not structure.contacts.is_tip
-    return KernelVariant(settings.scheme.method, settings.scheme.options, balances, contacts=several, **kind)
+    kind |= {"contacts": not structure.contacts.is_tip, "coated": settings.scene.casing.coating is not None}
+    return KernelVariant(settings.scheme.method, settings.scheme.options, balances, **kind)
 
 
 def compile_for(settings: CaseSettings, balances: bool) -> None:
