@@ -1,0 +1,204 @@
+"""An abradable coating in the exact scheme: closed forms, another solver, energy, `moreau` as h → 0, and its limits."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_coating import SCENES, free_mass, random_case
+
+from scenes import cases, chain, coated, of_entries, sampling
+from scenes import step as stepped
+from workflow.models import Cases, Structure
+from workflow.schemes import HISTORIES, Results, Sampling, Status
+from workflow.variables import EVENT_KINDS
+
+
+def run(structure: Structure, batch: Cases, over: Sampling) -> Results:
+    done = stepped(structure, batch, 1.0, over, "event_driven")
+    assert done.status.tolist() == [Status.OK], done.messages
+    return done
+
+
+def scene(name: str) -> tuple[dict[str, Any], Structure, Cases, float]:
+    """Return a scene of another solver: its results, the structure, the case and its duration."""
+    file = dict(np.load(SCENES / f"{name}.npz"))
+    structure = of_entries({key: file[key] for key in file if key not in ("scene", "worn", "impulse")})
+    structure = structure.on_casing(file["scene"][0])
+    gap, force, hardening, sectors, speed, wave, phase, mean, amplitude, frequency, begins, alpha, duration = file[
+        "scene"
+    ][1:]
+    batch = cases(
+        structure, alpha=alpha, gap=gap, mean=mean, amplitude=amplitude, frequency=frequency, phase=begins,
+        casing_harmonics=[[wave, 2 * speed, phase]],
+    )  # fmt: skip
+    return file, structure, coated(structure, batch, force, sectors, hardening=hardening, speed=speed), duration
+
+
+@pytest.mark.parametrize(
+    ("hardening", "worn", "rebound", "lasts"),
+    [
+        (0.0, 1.5, 1.0, np.pi / 6 + np.sqrt(3) + np.pi / 2),
+        (1.0, 0.5811388301, 1.5811388301, 3.3474973882),
+        (1e-9, 1.5, 1.0, np.pi / 6 + np.sqrt(3) + np.pi / 2),
+    ],
+)
+def test_a_mass_crushes_a_coating(hardening: float, worn: float, rebound: float, lasts: float) -> None:
+    """1 kg at 2 m/s against k = 1 N/m, F_y = 1 N, which yields at π/6; hardening of nearly nothing loses no digit."""
+    mass = free_mass()
+    batch = coated(mass, cases(mass, velocity=2.0), 1.0, hardening=hardening)
+    done = run(mass, batch, replace(sampling(5.0, 1.0), events=8))
+    np.testing.assert_allclose(done.wear["worn_depth"], worn, rtol=2e-9)
+    np.testing.assert_allclose(done.histories["impulse"][0, -1], 2.0 + rebound, rtol=2e-9)
+    np.testing.assert_allclose(done.histories["velocity"][0, -1], -rebound, rtol=2e-9)
+    np.testing.assert_allclose(done.metrics["max_penetration"], worn + rebound, rtol=2e-9)
+    np.testing.assert_allclose(done.metrics["contact_time"], lasts, rtol=2e-9)
+    kinds = [EVENT_KINDS[int(kind)] for kind in done.events["event_kind"][0, :4]]
+    assert kinds == ["touches", "yields", "stops_yielding", "leaves"]
+    assert done.events["event_count"] == 4
+    np.testing.assert_allclose(done.events["event_time"][0, [1, 3]], [np.pi / 6, lasts], rtol=2e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "lasts", "warmest", "events"), [("press", 0.19856623, 0.0, 11), ("heat", 0.04790087, 19.38859742, 154)]
+)
+def test_it_agrees_with_another_solver(name: str, lasts: float, warmest: float, events: int) -> None:
+    """Matrix exponentials, events by bisection; the second scene has heat, an oval casing and 24 sectors."""
+    truth, structure, batch, duration = scene(name)
+    done = run(structure, batch, replace(sampling(duration, duration), events=200))
+    np.testing.assert_allclose(done.wear["worn_depth"][0], truth["worn"], rtol=0, atol=1e-9 * truth["worn"].max())
+    np.testing.assert_allclose(done.histories["impulse"][0, -1], truth["impulse"], rtol=1e-9)
+    np.testing.assert_allclose(done.metrics["contact_time"], lasts, rtol=2e-8)  # as many digits as are written here
+    np.testing.assert_allclose(done.metrics["max_temperature"], warmest, rtol=1e-9)
+    own = batch.coating
+    assert own is not None
+    passed = own.sectors[0] * own.speed[0] * done.events["event_time"][0, : int(done.events["event_count"][0])]
+    at_border = (np.abs(passed - np.round(passed)) < 1e-9) & (passed > 0)  # which that solver does not list
+    assert np.sum(~at_border) == events
+
+
+def test_a_coating_that_does_not_yield_is_the_elastic_casing() -> None:
+    """To the bit at any yield force above the contact's; to 1e-9 where it hardens with 1e10 k at once."""
+    rod = chain(nodes=3, mass=0.1, stiffness=4000.0, spacing=0.1, expansion=1e-3, heat_capacity=5.0, conductance=0.5)
+    rod, over = rod.on_casing(2e-5), sampling(0.2, 1e-3)
+    batch = cases(rod, alpha=0.5, gap=1e-3, amplitude=4.0, frequency=12.0, casing_harmonics=[[2e-4, 31.0, 0.3]])
+    alone = run(rod, batch, over)
+    coats = coated(rod, batch, 1e6, 8, speed=40.0), coated(rod, batch, 1e-3, 8, speed=40.0, hardening=1e10 / 2e-5)
+    strong, hard = (run(rod, one, over) for one in coats)
+    assert alone.metrics["contact_time"] > 0.01
+    for name in HISTORIES:
+        np.testing.assert_array_equal(strong.histories[name], alone.histories[name])
+        scale = np.abs(alone.histories[name]).max()
+        np.testing.assert_allclose(hard.histories[name], alone.histories[name], rtol=0, atol=1e-9 * scale)
+    for name in ("steps", "contact_time", "max_temperature"):
+        assert strong.metrics[name] == alone.metrics[name]
+    assert not strong.wear["worn_depth"].any()
+    assert (hard.wear["worn_depth"] > 0).any()
+
+
+def plain_energy(structure: Structure, x: Any, v: Any, force: Any, load: Any) -> float:
+    """Return the energy of a structure without damping and its casing, less that of the constant load, J."""
+    stored = x @ structure.stiffness_matrix @ x + v @ structure.mass @ v
+    return float(0.5 * (stored + force @ structure.contacts.compliance(0.0) @ force) - load @ x)
+
+
+@pytest.mark.parametrize("massless", [False, True])
+def test_energy_goes_into_the_coating_and_comes_from_borders(massless: bool) -> None:
+    """Of modes, residual and casing together; 20 turns of two contacts half a turn apart."""
+    entries: dict[str, Any] = {
+        "mass": 1e-3 * np.eye(3), "stiffness": 1e5 * np.array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 2]]),
+        "contact": np.eye(3)[1:], "load": np.array([1.0, 1.0, 1.0]), "angle": np.array([0.0, 3.0]),
+    }  # fmt: skip
+    if massless:
+        entries["residual_flexibility"] = 1e-7 * np.array([[2.0, 1.0], [1.0, 3.0]])
+    structure = of_entries(entries).on_casing(1e-6)
+    batch = cases(structure, gaps=[2e-5, 3e-5], mean=3.0, velocity=0.1)
+    batch = coated(structure, batch, 2.0, 24, hardening=1e5, speed=500.0)
+    done = run(structure, batch, sampling(0.04, 0.01))
+    assert done.end is not None
+    assert batch.coating is not None
+    last = [done.histories["displacement"][0, :, -1], done.wear["worn_depth"]]
+    sector = np.floor(24 * (batch.coating.turns[0] + 500.0 * 0.04) - 1e-9).astype(int) % 24
+    force = np.maximum(0.0, last[0] - batch.gaps[0] - last[1][0][[0, 1], sector]) / 1e-6
+    zero, load = np.zeros(2), np.full(3, 3.0)
+    before = plain_energy(structure, batch.displacement[0], batch.velocity[0], zero, load)
+    after = plain_energy(structure, done.end.displacement[0], done.end.velocity[0], force, load)
+    crushed, border = batch.coating.crushing_work(last[1]).sum(), done.metrics["border_work"].sum()
+    assert border > 0.05 * crushed > 0
+    np.testing.assert_allclose(before - after, crushed - border, rtol=1e-9)
+
+
+def test_the_map_holds_what_shorter_cases_end_with() -> None:
+    _, structure, batch, _ = scene("heat")
+    whole = run(structure, batch, replace(sampling(0.1, 0.01), wear_every=2))
+    for row, turns in enumerate((2, 4, 6)):
+        short = run(structure, batch, sampling(turns / 60.0, 0.5 / 60.0))
+        np.testing.assert_allclose(whole.wear["wear_map"][0, row], short.wear["worn_depth"][0], rtol=1e-9)
+
+
+def test_the_worn_volume_converges_with_the_sectors() -> None:
+    """At first order: a sector is as deep as its deepest place."""
+    blade = chain(nodes=1, mass=1e-3, stiffness=1e9).on_casing(1e-6)
+    batch = cases(blade, gap=-4e-6, casing_harmonics=[[6e-6, 100.0, 0.3]])
+
+    def volume(sectors: int) -> float:
+        done = run(blade, coated(blade, batch, 2.0, sectors, hardening=5e5, speed=50.0), sampling(0.021, 0.021))
+        return float(done.wear["worn_depth"].mean())
+
+    many = [volume(sectors) for sectors in (45, 90, 180, 360)]
+    orders = np.log2(np.abs(np.diff(many[:-1]) / np.diff(many[1:])))
+    np.testing.assert_allclose(orders, 1.0, atol=0.15)
+
+
+def converges(seed: int) -> tuple[float, float]:
+    """Return the differences of `moreau` from the exact motion at a step and half of it, over the largest motion."""
+    structure, one = random_case(seed)
+    over = sampling(0.006, 5e-5)
+    exact = run(structure, one, over)
+    scale = np.abs(exact.histories["displacement"]).max()
+    steps = [stepped(structure, one, h, over, theta=0.5) for h in (2e-6, 1e-6)]
+    coarse, fine = (np.abs(one.histories["displacement"] - exact.histories["displacement"]).max() for one in steps)
+    worn, depth = exact.wear["worn_depth"].max(), np.abs(steps[1].wear["worn_depth"] - exact.wear["worn_depth"]).max()
+    assert depth <= 0.02 * max(worn, 1e-8), seed
+    return coarse / scale, fine / scale
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 10, 17])
+def test_moreau_converges_to_it_at_first_order(seed: int) -> None:
+    """Up to five contacts with friction, heat and borders between sectors."""
+    coarse, fine = converges(seed)
+    assert fine < 2e-3
+    np.testing.assert_allclose(coarse / fine, 2.0, rtol=0.2)
+
+
+@pytest.mark.slow
+def test_moreau_converges_to_it_in_random_structures() -> None:
+    every = np.array([converges(seed) for seed in range(40)])
+    assert (every[:, 1] < 5e-3).all()
+    np.testing.assert_allclose(np.median(every[:, 0] / every[:, 1]), 2.0, rtol=0.05)
+
+
+def holds(seed: int) -> bool:
+    """Check a random structure; return whether its coating is worn."""
+    structure, one = random_case(seed)
+    own, interval = one.coating, 4e-5
+    assert own is not None
+    done = run(structure, one, replace(sampling(0.02, interval), wear_every=1))
+    force = np.diff(done.histories["impulse"].reshape(structure.contacts.count, -1)) / interval
+    worn = done.wear["worn_depth"].reshape(len(force), -1)
+    mapped = done.wear["wear_map"].reshape(len(force), -1, worn.shape[1])
+    level = own.yield_force[0] + own.hardening[0] * worn.max(axis=1)
+    assert force.min() >= 0, seed
+    assert (force.max(axis=1) <= level * (1 + 1e-12)).all(), seed
+    assert (np.diff(np.concatenate([mapped, worn[:, None]], axis=1), axis=1) >= 0).all(), seed
+    return bool(worn.max() > 0)
+
+
+def test_forces_stay_below_their_level_and_no_depth_falls() -> None:
+    assert sum(holds(seed) for seed in range(100, 120)) > 14
+
+
+@pytest.mark.slow
+def test_no_random_structure_goes_astray() -> None:
+    """1 to 5 contacts, with and without mass, friction, heat, hardening or none, 1 to 360 sectors."""
+    assert sum(holds(seed) for seed in range(120, 400)) > 220
