@@ -9,6 +9,7 @@ import numpy as np
 from workflow import models, schemes
 from workflow.declare import File
 from workflow.models import (
+    Array,
     Cases,
     Chain,
     Coating,
@@ -19,6 +20,7 @@ from workflow.models import (
     Rayleigh,
     Sensors,
     Structure,
+    at_rest,
     structure_from_matrices,
 )
 from workflow.models._from_matrices import with_contacts
@@ -88,6 +90,21 @@ def cases(structure: Structure, count: int = 1, **values: Any) -> Cases:
     phase alone are the first of the load. ``gaps`` are those of several contacts, with ``turns`` of their harmonics.
     """
     return _cases((structure.mechanical_size, structure.thermal_size), count, values)
+
+
+def static_equilibrium(
+    structure: Structure, load: Array, heating: Array, gap: Any, friction: float = 0.0
+) -> tuple[Array, Array]:
+    """Return displacement and temperature at rest under constant loads."""
+    gaps = np.broadcast_to(gap, (structure.contacts.count,))
+    rest = at_rest(structure, cases(structure, steady=load, heating=heating, gaps=gaps, friction=friction))
+    return rest.displacement[0], rest.temperature[0]
+
+
+def tip_flexibility(structure: Structure) -> float:
+    """Return S = e_nᵀ K1⁻¹ e_n, m/N; ``inf`` for a free root."""
+    stiffness = structure.mechanical.tip_stiffness
+    return 1 / stiffness if stiffness > 0 else float("inf")
 
 
 def cases_of_file(structure: Structure, count: int = 1, **values: Any) -> Cases:

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import cases, chain, sampling, step
+from scenes import cases, chain, sampling, step, tip_flexibility
 from studies import HEAVY_SCENE, solve_all
 from workflow.judges.blow_ups import mark_blown_up
-from workflow.models import tip_flexibility
 from workflow.schemes import Status
 from workflow.solve import Solved
 

@@ -9,7 +9,7 @@ import pytest
 
 from given_matrices import given, turned
 from matrix_files import matrices_of
-from scenes import cases, heavy_chain, of_file
+from scenes import cases, heavy_chain, of_file, tip_flexibility
 from workflow.models import (
     GivenMatrices,
     Structure,
@@ -20,7 +20,6 @@ from workflow.models import (
     rates,
     structure_from_matrices,
     thermal_modes,
-    tip_flexibility,
     write_matrices,
 )
 

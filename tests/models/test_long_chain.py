@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenes import chain, heavy_chain
+from scenes import chain, heavy_chain, static_equilibrium, tip_flexibility
 from workflow import models
 from workflow.models import (
     Chain,
@@ -15,10 +15,8 @@ from workflow.models import (
     frequencies,
     mechanical_modes,
     rates,
-    static_equilibrium,
     static_growth,
     thermal_modes,
-    tip_flexibility,
 )
 from workflow.models.chain import ChainPair
 

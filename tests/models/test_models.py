@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from scenes import cases, chain, heavy_chain, sampling, step, with_dashpot
+from scenes import cases, chain, heavy_chain, sampling, static_equilibrium, step, with_dashpot
 from workflow import models
 from workflow.models import (
     NoEquilibriumError,
@@ -15,7 +15,6 @@ from workflow.models import (
     distinct_rows,
     free_reach,
     project,
-    static_equilibrium,
 )
 from workflow.reduction import reduce_structure
 

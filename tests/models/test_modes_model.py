@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import heavy_chain
+from scenes import heavy_chain, tip_flexibility
 from studies import written
 from workflow.models import (
     Array,
@@ -19,7 +19,6 @@ from workflow.models import (
     mechanical_modes,
     modal_coupling,
     thermal_modes,
-    tip_flexibility,
 )
 from workflow.study import StudyError, read_study
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.sparse import csc_array, diags_array
 
 from given_matrices import given
-from scenes import blade, cases, relative
+from scenes import blade, cases, relative, tip_flexibility
 from workflow.models import (
     GivenMatrices,
     Sparse,
@@ -23,7 +23,6 @@ from workflow.models import (
     structure_from_matrices,
     structure_from_sparse,
     the_tip,
-    tip_flexibility,
 )
 from workflow.models._from_matrices import _sparse_structure, with_contacts
 from workflow.models._pair import MOST_FULL

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from scenes import blade, cases, chain, heavy_chain, sampling, step
+from scenes import blade, cases, chain, heavy_chain, sampling, step, tip_flexibility
 from workflow import models
 from workflow.models import Chain
 
@@ -38,7 +38,7 @@ def test_cells_grow_by_one_factor_and_fill_the_blade(nodes: int, cell: float) ->
     assert growth == pytest.approx(growth[0], rel=1e-9)
     assert growth[0] > 1
     assert structure.masses.sum() == pytest.approx(4430 * 0.03 * 1e-3 * (0.04 - lengths[0] / 2), rel=1e-12)
-    assert models.tip_flexibility(structure) == pytest.approx(1e-6, rel=1e-11)
+    assert tip_flexibility(structure) == pytest.approx(1e-6, rel=1e-11)
 
 
 @pytest.mark.parametrize(("nodes", "cell"), [(20, 2.1e-3), (1, 1e-3), (3, 1.0)])

@@ -12,10 +12,10 @@ from scipy import sparse
 from test_verify import edit, resealed
 
 from matrix_files import as_npz, matrices_of
-from scenes import heavy_chain
+from scenes import heavy_chain, tip_flexibility
 from studies import written
 from workflow.declare import File
-from workflow.models import mechanical_modes, tip_flexibility
+from workflow.models import mechanical_modes
 from workflow.models._matrix_entries import ROUNDED, shaken
 from workflow.models.matrices import Parameters, assemble
 from workflow.models.modes import HEAT_COLUMNS, read_table

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenes import cases, chain, metal_chain, step
-from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequencies, growth_rate, tip_flexibility
+from scenes import cases, chain, metal_chain, step, tip_flexibility
+from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequencies, growth_rate
 from workflow.schemes import Sampling, Status
 from workflow.schemes._fixed.step_limits import largest_step, limit_text
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import blade, cases, heavy_chain, metal_chain, step
-from workflow.models import Cases, Structure, critical_alpha, frequencies, tip_flexibility
+from scenes import blade, cases, heavy_chain, metal_chain, step, tip_flexibility
+from workflow.models import Cases, Structure, critical_alpha, frequencies
 from workflow.reduction import reduce_structure
 from workflow.schemes import Sampling, Status, penalty
 from workflow.schemes._fixed.step_limits import contact_modes, lasting_limit, mobility

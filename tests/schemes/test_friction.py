@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from test_event_driven_random import against_reference
 
-from scenes import cases, same_bits, sampling, sliding, step
+from scenes import cases, same_bits, sampling, sliding, static_equilibrium, step
 from sliding import TANGENT, random_structure, slider
 from workflow.models import (
     Cases,
@@ -22,7 +22,6 @@ from workflow.models import (
     Rayleigh,
     critical_alpha,
     critical_friction,
-    static_equilibrium,
 )
 from workflow.schemes import Results, Sampling, Status
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from scenes import cases, chain, heavy_chain, sampling, step
+from scenes import cases, chain, heavy_chain, sampling, static_equilibrium, step
 from workflow import schemes
-from workflow.models import static_equilibrium
 from workflow.reduction import reduce_structure
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from plain_steps import place
-from scenes import cases, chain, heavy_chain, sampling, step, with_dashpot
-from workflow.models import Cases, Rayleigh, Structure, static_equilibrium
+from scenes import cases, chain, heavy_chain, sampling, static_equilibrium, step, with_dashpot
+from workflow.models import Cases, Rayleigh, Structure
 from workflow.schemes import Recorder, Results, Sampling, Status
 
 CHAIN = chain(nodes=3, mass=0.01, stiffness=1e5, damping=Rayleigh(10.0, 0.0))

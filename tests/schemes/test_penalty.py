@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from plain_steps import march, spring
-from scenes import cases, chain, heavy_chain, sampling, step
-from workflow.models import Rayleigh, tip_flexibility
+from scenes import cases, chain, heavy_chain, sampling, step, tip_flexibility
+from workflow.models import Rayleigh
 from workflow.reduction import reduce_structure
 from workflow.schemes import penalty
 

@@ -188,7 +188,7 @@ def _of_casing(settings: CaseSettings, contacts: Sequence[str], varying: Any, co
         columns[GAP] = gaps_of(casing, ("",), varying, count)[:, 0]
     if any(entry.order is not None for entry in casing.harmonics):
         structure = full_structure(settings)
-        if casing.angles is not None or not structure.contacts.is_tip:
+        if casing.angles is not None or not structure.contacts.is_one_with_mass:
             turns = turns_of(settings.scene, structure, varying, count)
             columns |= {f"scene.casing.turns.{k}": column for k, column in enumerate(turns.reshape(count, -1).T)}
     if casing.coating is not None:

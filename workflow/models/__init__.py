@@ -52,12 +52,10 @@ from workflow.models._static import (
     critical_friction,
     free_reach,
     rounding_of_flexibility,
-    static_equilibrium,
     static_growth,
     static_reach,
     statics,
     steady_warmth,
-    tip_flexibility,
 )
 from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
 from workflow.models._turning import casing_contacts, matrices_at_speeds

@@ -16,7 +16,7 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._contacts import Contacts
-from workflow.models._pair import DensePair, Pair, congruent
+from workflow.models._pair import DensePair, Pair, congruent, is_last
 from workflow.models._sparse_pair import SparsePair, sparse_congruent
 from workflow.models._structure import Structure
 
@@ -72,12 +72,15 @@ def independent_rows(contacts: Contacts) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=2)
-def contacts_last(structure: Structure) -> ContactsLast:
+def contacts_last(structure: Structure) -> ContactsLast | None:
     """Return a structure with contacts in coordinates with their rows last, kept with its factors for other counts.
 
-    Rows of contacts without mass hold nothing; of them the first stays the tip.
+    ``None`` where one contact is the last coordinate already. Rows of contacts without mass hold nothing; of them the
+    first stays the tip.
     """
     contacts = structure.contacts
+    if contacts.count == 1 and all(is_last(row) for row in (contacts.normal[0], contacts.heat[0])):
+        return None
     x, theta = rows_last(contacts.normal[: 1 if contacts.is_massless else None]), rows_last(contacts.heat)
     mechanical, thermal = _in(structure.mechanical, x), _in(structure.thermal, theta)
     is_sparse = isinstance(mechanical, SparsePair)

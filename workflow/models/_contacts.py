@@ -68,11 +68,9 @@ class Contacts:
         return len(self.normal)
 
     @property
-    def is_tip(self) -> bool:
-        """Whether there is one contact with mass, on a rigid casing, that is the last displacement and temperature."""
-        if self.count > 1 or self.is_compliant:
-            return False
-        return all(row[-1] == 1 and not row[:-1].any() for row in (self.normal[0], self.heat[0]))
+    def is_one_with_mass(self) -> bool:
+        """Whether there is one contact, with mass, on a rigid casing."""
+        return self.count == 1 and not self.is_compliant
 
     @property
     def recorded(self) -> Array:

@@ -30,6 +30,7 @@ from workflow.kernels import Array
 from workflow.kernels.algebra import Complex
 from workflow.models._cases import distinct_rows
 from workflow.models._contact_basis import ContactBasis, analyse_contacts
+from workflow.models._contact_coordinates import contacts_last
 from workflow.models._contact_system import poles_in_contact
 from workflow.models._contacts import closed_sets
 from workflow.models._modes import held_damping, is_rayleigh, poles
@@ -206,7 +207,7 @@ def in_contact(structure: Structure) -> InContact | ContactBasis:
     contacts, or contacts without mass, it is the structure with all of them open.
     """
     contacts = structure.contacts
-    if not contacts.is_tip:
+    if not contacts.is_one_with_mass or contacts_last(structure) is not None:
         return analyse_contacts(structure)
     pair, few = structure.mechanical, None if structure.has_matrices else _STRONGEST
     held, thermal = pair.modes(few, held=True), structure.thermal.modes(few)

@@ -67,6 +67,11 @@ class Part(NamedTuple):
     order: NDArray[np.int64]
 
 
+def is_last(row: Array) -> bool:
+    """Tell whether a row is 1 at the last coordinate and 0 elsewhere."""
+    return np.flatnonzero(row).tolist() == [row.size - 1] and bool(row[-1] == 1)
+
+
 def congruent(matrix: Array, basis: Array) -> Array:
     """Return basisᵀ · matrix · basis, symmetric to the bit."""
     return symmetric(basis.T @ (matrix @ basis))
@@ -256,8 +261,7 @@ class Pair(ABC):
 
     def answer(self, row: Array) -> tuple[Array, Array]:
         """Return u = K⁻¹ w of a row w ``(coordinate,)``, and D u; of a tip that is held by ψ, which keeps digits."""
-        is_tip = self.boundary == 1 and np.flatnonzero(row).tolist() == [self.size - 1]
-        if is_tip and row[-1] == 1 and self.tip_stiffness > 0:
+        if self.boundary == 1 and is_last(row) and self.tip_stiffness > 0:
             return self.constraint / self.tip_stiffness, self.deformed / self.tip_stiffness
         u = self.solve(row)
         return u, self.deformation_of(u)

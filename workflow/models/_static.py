@@ -16,7 +16,7 @@ at rest on their casing are unstable.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -39,12 +39,6 @@ _CANCELLED = 1e-13
 
 _REAL = 1e-9
 """Imaginary part of an eigenvalue, over it, up to which it is the rounding of a real one."""
-
-
-def tip_flexibility(structure: Structure) -> float:
-    """Return S = e_nᵀ K1⁻¹ e_n, the static compliance of the tip, m/N; ``inf`` for a free root."""
-    stiffness = structure.mechanical.tip_stiffness
-    return 1 / stiffness if stiffness > 0 else float("inf")
 
 
 def static_growth(structure: Structure) -> Array:
@@ -249,39 +243,6 @@ class _Equilibrium(NamedTuple):
     closed: NDArray[np.bool_]
 
 
-def static_equilibrium(
-    structure: Structure, load: Array, heating: Array, gap: Any, friction: float = 0.0
-) -> tuple[Array, Array]:
-    """Return displacement and temperature at rest under constant loads, casing included.
-
-    K2 θ = q and K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i) with 0 <= d - w x + (R - µ R^t + c) λ ⊥ λ >= 0. At rest contact
-    makes no heat. Where contacts move a structure without deforming it, it rests on as many of them as it has such
-    motions.
-
-    Parameters
-    ----------
-    structure
-        The full structure.
-    load, heating
-        Constant loads [N] and heat loads [W], ``(node,)``.
-    gap
-        Clearance d, m, ``(contact,)`` or one for all.
-    friction
-        Friction coefficient µ.
-
-    Returns
-    -------
-    displacement, temperature
-        m and K, ``(node,)``.
-
-    Raises
-    ------
-    NoEquilibriumError
-        The loads accelerate a free body, or heat that cannot leave warms the structure for ever.
-    """
-    return _equilibrium(structure, contact_statics(structure), load, heating, np.asarray(gap), friction)[:2]
-
-
 def _equilibrium(
     structure: Structure,
     static: ContactStatics,
@@ -289,9 +250,15 @@ def _equilibrium(
     heating: Array,
     gap: Array,
     friction: float,
-    level: Array | float = np.inf,
-    hardening: float = 0.0,
+    level: Array,
+    hardening: float,
 ) -> _Equilibrium:
+    """Return the state at rest under constant loads [N, W], with clearances d and levels F_y of a coating.
+
+    K2 θ = q and K1 x + K12 θ = f - Σ λ_i (w_i - µ t_i) with 0 <= d - w x + (R - µ R^t + c) λ ⊥ λ >= 0. At rest contact
+    makes no heat. Where contacts move a structure without deforming it, it rests on as many of them as it has such
+    motions.
+    """
     pair, contacts = structure.mechanical, structure.contacts
     if structure.thermal.moves(heating):
         raise NoEquilibriumError("the heat load cannot leave the structure, its temperature has no equilibrium")
@@ -306,7 +273,7 @@ def _equilibrium(
         crushed = None
         if not static.motions.size:
             both = static.compliance(friction), apart, contacts.casing_flexibility
-            crushed = coated_forces(*both, np.asarray(level), hardening)
+            crushed = coated_forces(*both, level, hardening)
         elif hardening > 0:
             crushed = pressed, np.fmax(0.0, pressed - level) / hardening
         if crushed is None:

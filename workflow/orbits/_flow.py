@@ -64,7 +64,7 @@ class AnalysedStructure:
     """
 
     def __init__(self, structure: Structure):
-        if not structure.contacts.is_tip:
+        if not structure.contacts.is_one_with_mass:
             raise RefusedStructureError("steady rubs and branches are of one contact with mass; take another basis")
         self.structure, self.operator = structure, make_operator(structure, _BUDGET)
 

@@ -53,7 +53,7 @@ class Basis:
 
 def takes(basis: str, contacts: Contacts) -> bool:
     """Tell whether a basis takes the contacts of a structure."""
-    return contacts.is_tip or ("massless" if contacts.is_massless else "several") in load(basis).CONTACTS
+    return contacts.is_one_with_mass or ("massless" if contacts.is_massless else "several") in load(basis).CONTACTS
 
 
 _BASES = Registry(__name__, ("mechanical", "thermal"))
@@ -97,9 +97,9 @@ def reduce_structure(
     """
     if not takes(basis, structure.contacts):
         raise ValueError(f"{basis} does not take several contacts, or contacts without mass")
-    if structure.contacts.is_tip:
-        return _reduce(structure, mechanical_modes, thermal_modes, basis, duration)
     last = contacts_last(structure)
+    if last is None:
+        return _reduce(structure, mechanical_modes, thermal_modes, basis, duration)
     return _reduce(last.structure, mechanical_modes, thermal_modes, basis, duration).given_in(last)
 
 

@@ -308,11 +308,11 @@ class Scheme:
             return "it does not record the temperature over a depth"
         if structure.contacts.casing_flexibility > 0 and "elastic" not in self.GENERAL:
             return "it takes a rigid casing; `event_driven` and `moreau` take one with `flexibility`"
-        if not structure.contacts.is_tip and "contacts" not in self.GENERAL:
+        if not structure.contacts.is_one_with_mass and "contacts" not in self.GENERAL:
             return ONE_CONTACT
         if structure.contacts.is_massless and "massless" not in self.GENERAL:
             return NEEDS_MASS
-        if not structure.contacts.is_tip and structure.contacts.observed is not None:
+        if not structure.contacts.is_one_with_mass and structure.contacts.observed is not None:
             return "it does not record the temperature over a depth at contacts without mass, or on an elastic casing"
         if "damping" not in self.GENERAL and couples_free_modes(structure):
             return "its damping matrix couples its modes, which the scheme does not take"

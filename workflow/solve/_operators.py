@@ -77,7 +77,8 @@ def kernel_variant(settings: CaseSettings, balances: bool) -> KernelVariant | No
     coupled, driven = needs_matrices(structure), bool(settings.scene.casing.harmonics or settings.scene.load.harmonics)
     slides = structure.contacts.slides and settings.scene.friction is not None
     kind = {"harmonics": driven, "slides": slides, "coupled": coupled}
-    kind |= {"contacts": not structure.contacts.is_tip, "coated": settings.scene.casing.coating is not None}
+    several, coated = not structure.contacts.is_one_with_mass, settings.scene.casing.coating is not None
+    kind |= {"contacts": several, "coated": coated}
     return KernelVariant(settings.scheme.method, settings.scheme.options, balances, **kind)
 
 
@@ -129,7 +130,7 @@ def end_of(settings: CaseSettings, results: Results) -> EndState:
     if results.end is None:
         raise schemes.ContractError("the scheme gives no `end`, the state from which the next point of a sweep starts")
     model, full = model_on(reduced(settings)), full_structure(settings)
-    if model.structure.contacts.is_tip:
+    if model.structure.contacts.is_one_with_mass:
         for name, rows in results.end._asdict().items():
             rows[:, -1] = results.histories[name][:, -1]
     own = model.expanded(results.end)

@@ -59,7 +59,7 @@ def case_seconds(settings: CaseSettings, structure: Structure, sampling: Samplin
     if has_steps and needs_matrices(structure):
         blocks *= 1 + (blocks if sampling.balances else 1)
     audit = 1.5 if sampling.balances and has_steps else 1.0
-    if has_steps and not structure.contacts.is_tip:
+    if has_steps and not structure.contacts.is_one_with_mass:
         return steps * _CONTACT_STEP * (_states(structure) + structure.contacts.count) * audit
     return steps * blocks * (scheme.STEP_SECONDS or _UNMEASURED) * audit
 

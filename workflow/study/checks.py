@@ -242,7 +242,7 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
         both = sizes.rows.labels, end.contacts.labels
         if max(map(len, both)) > 1 and both[0] != both[1]:
             yield source.axes[path], "has other contacts at its end", "write a study for each choice of contacts"
-    if sizes.structure is None or sizes.rows.is_tip:
+    if sizes.structure is None or sizes.rows.is_one_with_mass:
         return
     several = (
         f"and the structure has {len(cases.contacts)} contacts" if cases.contacts else "and its contact has no mass"

@@ -346,7 +346,7 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
         if reference.is_auto and REDUCTION not in source.axes:
             reference = Reference({REDUCTION: reduction.OF_AUTO, **reference.values})
     output = _output(asked, scene.duration)
-    if not sizes.rows.is_tip:
+    if not sizes.rows.is_one_with_mass:
         output = dataclasses.replace(output, balances=asked.get("balances") or False)
     if not sizes.contacts:
         scene = dataclasses.replace(scene, casing=_casing_of_one(scene.casing, sizes))
