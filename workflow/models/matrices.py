@@ -220,7 +220,7 @@ def write_matrices(
     mass, stiffness
         M and K1, dense arrays or SciPy's sparse ones, (displacement, displacement).
     entries
-        Others of ``workflow.models._matrix_files.ENTRIES``, which the reference of studies lists with their units:
+        Others that the reference of studies lists with shape and unit, under "Entries of a file of matrices":
         ``damping``, ``heat_capacity``, ``conductance``, ``coupling``, ``contact``, ``load``, ``labels`` and more.
     vectors
         Others by names of your own, (displacement,) or (temperature,), which a study names as contacts or sensors.
