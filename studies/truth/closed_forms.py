@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 import numpy as np
 from comparison import Row, relative, scene, solved
 from scipy.optimize import brentq
 
 ROUNDING, WIDTH = "rounding", "width of a cell"
 EXTRAPOLATED = "width of a cell, two meshes extrapolated"
+
+
+def growth_rates(known: Mapping[float, float], here: Iterable[float]) -> list[Row]:
+    """Return the rows of growth rates of a heated rod, known by A."""
+    return [
+        relative(f"growth rate s L²/D at A = {a:g}", rate, ours, 1e-7, EXTRAPOLATED)
+        for (a, rate), ours in zip(known.items(), here, strict=True)
+    ]
 
 
 @scene(
@@ -351,10 +361,7 @@ def pressed_rod() -> list[Row]:
     critical = float(rod["critical_alpha"].sel(nodes=200).max())
     return [
         relative("α_c [m/s]", 2 * 7 / (1e11 * 1e-5 * 0.04), critical, 1e-12, ROUNDING),
-        *(
-            relative(f"growth rate s L²/D at A = {a:g}", known, here, 1e-7, EXTRAPOLATED)
-            for (a, known), here in zip(GROWTH.items(), limit, strict=True)
-        ),
+        *growth_rates(GROWTH, limit),
     ]
 
 

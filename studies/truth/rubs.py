@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import structures
-from closed_forms import EXTRAPOLATED, ROUNDING, WIDTH
+from closed_forms import EXTRAPOLATED, ROUNDING, WIDTH, growth_rates
 from comparison import TRUTH, Row, relative, scene, solved
 
 from workflow.declare import File
@@ -84,15 +84,11 @@ def cooled_rod() -> list[Row]:
     (1 + Bi), and z² cosh z + Bi z sinh z = A (cosh z − 1). Bi = 1, in units of the rod: L, E S, the expansion, the
     conductance and the heat capacity are 1, so that A = α.
     """
-    known = {3: -1.0059011, 5: 0.9947536, 6: 1.9801281}
     *_, rates = refined("truth/cooled_rod", structures.cooled_rod, 50, growth)
     critical = float(solved("truth/cooled_rod")["critical_alpha"].max())
     return [
         relative("critical A", 4, critical, 1e-12, ROUNDING),
-        *(
-            relative(f"growth rate s L²/D at A = {a}", rate, here, 1e-7, EXTRAPOLATED)
-            for (a, rate), here in zip(known.items(), rates, strict=True)
-        ),
+        *growth_rates({3: -1.0059011, 5: 0.9947536, 6: 1.9801281}, rates),
     ]
 
 

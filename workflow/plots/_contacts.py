@@ -24,6 +24,12 @@ def by_load(case: xr.Dataset) -> xr.Dataset:
     return case.isel(contact=np.argsort(-impulse, kind="stable"))
 
 
+def shown_case(dataset: xr.Dataset) -> tuple[xr.Dataset, str]:
+    """Return the one case that is drawn of an archive, and where it lies; a case alone lies nowhere."""
+    place = shown_place(dataset) if case_dims(dataset) else {}
+    return dataset.isel(place), place_text(dataset, place) if place else ""
+
+
 def contacts(dataset: xr.Dataset) -> Figure:
     """Draw the contact force of each contact over time, the most loaded contact first; white is no contact.
 
@@ -47,8 +53,8 @@ def contacts(dataset: xr.Dataset) -> Figure:
         raise ValueError(
             "the dataset keeps no contact force; name `contact_force` under `output.histories` of the study"
         )
-    place = shown_place(dataset) if case_dims(dataset) else {}
-    case = by_load(dataset.isel(place))
+    shown, rest = shown_case(dataset)
+    case = by_load(shown)
     force, label = in_units(_force(case))
     times, names = case["t"].values, [str(name) for name in case["contact"].values]
     figure = new_figure(7.0, 1.5 + max(1.2, _ROW * len(names)))
@@ -62,8 +68,7 @@ def contacts(dataset: xr.Dataset) -> Figure:
     panel.set(ylim=(len(names) - 0.5, -0.5), xlim=(times[0], times[-1]), xlabel="t [s]", ylabel="contact")
     panel.spines[["top", "right"]].set_visible(False)
     figure.colorbar(drawn, ax=panel, label=label, pad=0.02)
-    rest = place_text(dataset, place) if place else ""
-    head(figure, f"most loaded: contact {names[0]}" + (f"; {rest}" if rest else ""))
+    head(figure, "; ".join(filter(None, (f"most loaded: contact {names[0]}", rest))))
     return figure
 
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflow.analysis import case_dims, contact_text, most_loaded, place_text, shown_place
+from workflow.analysis import contact_text, most_loaded
+from workflow.plots._contacts import shown_case
 from workflow.plots._style import COLOURS, head, new_figure, trim
 from workflow.plots._units import scaled
 
@@ -33,9 +34,7 @@ def wear_map(dataset: xr.Dataset) -> Figure:
     """
     if "worn_depth" not in dataset:
         raise ValueError("the casing has no coating; write `scene.casing.coating` in the study")
-    contact, dataset = contact_text(dataset), most_loaded(dataset)
-    place = shown_place(dataset) if case_dims(dataset) else {}
-    case, figure = dataset.isel(place), new_figure(7.0, 3.6)
+    (case, rest), figure = shown_case(most_loaded(dataset)), new_figure(7.0, 3.6)
     edges = np.linspace(0.0, 360.0, int(np.isfinite(case["sector_angle"].values).sum()) + 1)
     panel: Any = figure.subplots()
     unit, factor = scaled("m", case["worn_depth"].values)
@@ -55,5 +54,5 @@ def wear_map(dataset: xr.Dataset) -> Figure:
         panel.set(ylabel=label, ylim=(0, None))
         trim(panel)
     panel.set(xlabel="angle of the casing [°]", xlim=(0, 360), xticks=range(0, 361, 45))
-    head(figure, "; ".join(filter(None, (contact, place_text(dataset, place) if place else ""))))
+    head(figure, "; ".join(filter(None, (contact_text(dataset), rest))))
     return figure
