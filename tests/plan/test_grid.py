@@ -174,7 +174,7 @@ def test_a_plan_names_every_operator_and_the_basis_a_caution_is_of() -> None:
     axes = "axes: {scheme: [moreau, event_driven, carpenter], mechanical_modes: [1, 2, 3], thermal_modes: 2, h: 3e-5}\n"
     grid = arrange(parsed("study: a\n" + SCENE + axes))
     planned = plan(grid)
-    sizes = [f"{scheme}: {n} mechanical + 3 thermal coordinates" for scheme in ("moreau", "carpenter") for n in (2, 3, 4)]
+    sizes = [f"{name}: {n} mechanical + 3 thermal coordinates" for name in ("moreau", "carpenter") for n in (2, 3, 4)]
     assert sorted(name.partition(",")[0] for name in planned.operators) == sorted(sizes)
     assert planned.structures[0].label == "chain, 4 nodes"
     assert planned.more_structures == 0
