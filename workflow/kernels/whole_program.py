@@ -12,27 +12,38 @@ without compiled kernels takes several times as long. The module uses internals 
 
 from __future__ import annotations
 
+import gc
 from collections import Counter
+from contextlib import nullcontext
 from functools import cache
 from typing import Any
 
 from llvmlite import binding, ir
 from llvmlite.binding import Linkage
-from numba.core import base, codegen, compiler, lowering, postproc, transforms, typed_passes, types
+from numba.core import base, codegen, compiler, datamodel, errors, lowering, postproc, transforms, typed_passes, types
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.ir import Assign
 from numba.np import arrayobj
 
 _READING = ("TranslateByteCode", "FixupArgs", "IRProcessing")
 _REWRITING = ("RewriteSemanticConstants", "DeadBranchPrune", "GenericRewrites", "ReconstructSSA")
-_TYPING = ("NopythonTypeInference", "PreLowerStripPhis", "IRLegalization", "AnnotateTypes", "NoPythonBackend")
+_TYPING = ("NopythonTypeInference", "PreLowerStripPhis", "AnnotateTypes", "NoPythonBackend")
+
+_YOUNG = 50_000
+"""New objects after which Python looks for cycles while a kernel is compiled. At its usual 700 a fifth of the time goes
+there, and the largest memory of the process is the same."""
 
 
 class _Library(codegen.JITCodeLibrary):
     """Code of a function with little optimisation, before it is linked."""
 
     def _optimize_functions(self, module: Any) -> None:
-        passes, builder = self._codegen._function_pass_manager(opt=1)
+        module.data_layout = self._codegen._data_layout
+        builder = self._codegen._pass_builder(opt=1)
+        passes = binding.create_new_function_pass_manager()
+        passes.add_sroa_pass()
+        passes.add_instruction_combine_pass()
+        passes.add_simplify_cfg_pass()
         for function in module.functions:
             if not function.is_declaration:
                 passes.run(function, builder)
@@ -126,6 +137,23 @@ def _signature(of: Any, context: Any, args: Any, *, usual: Any = types.BaseFunct
     return usual(of, context, args, named)
 
 
+_HASHES: dict[int, tuple[int, Any]] = {}
+"""Hash of each type by its identity, and the type, which so stays."""
+
+
+def _hash(kind: Any) -> int:
+    """Return the hash of a type, which is asked for some hundred thousand times: a tuple's hashes all its members."""
+    if id(kind) not in _HASHES:
+        _HASHES[id(kind)] = hash(kind.key), kind
+    return _HASHES[id(kind)][0]
+
+
+@cache
+def _packer(context: Any, kinds: Any) -> Any:
+    """Return numba's cached description of how arguments of these types are passed."""
+    return datamodel.ArgPacker(context.data_model_manager, kinds)
+
+
 def _post_process(of: Any, emit_dels: bool = False, usual: Any = postproc.PostProcessor.run, **how: Any) -> None:
     """Bring blocks into numba's canonical form after a pass, without lifetimes of variables, which no pass needs."""
     if emit_dels or of.func_ir.is_generator:
@@ -137,7 +165,12 @@ def _post_process(of: Any, emit_dels: bool = False, usual: Any = postproc.PostPr
 _REPLACED: tuple[tuple[Any, str, Any], ...] = (
     (arrayobj, "make_array", _array),
     (lowering, "IRBuilder", _Builder),
+    (lowering, "new_error_context", lambda *_, **__: nullcontext()),
+    (type(errors.termcolor()), "errmsg", lambda _, message: message),
+    (types.Type, "__hash__", _hash),
     (postproc.PostProcessor, "run", _post_process),
+    (base.BaseContext, "get_arg_packer", lambda context, kinds: _packer(context, tuple(kinds))),
+    (datamodel.ArgPacker, "assign_names", lambda *_: None),
     (types.BaseFunction, "get_call_type", lambda of, at, args, named: _signature(of, at, tuple(args), **named)),
     (base.BaseContext, "get_abi_sizeof", cache(base.BaseContext.get_abi_sizeof)),
 )
@@ -175,12 +208,14 @@ class KernelCompiler(compiler.Compiler):
 
     def _compile_core(self) -> Any:
         """Compile with the replaced functions, unseen by other code of the process, as numba compiles under a lock."""
-        usual = [getattr(owner, name) for owner, name, _ in _REPLACED]
+        usual, (young, *older) = [getattr(owner, name) for owner, name, _ in _REPLACED], gc.get_threshold()
         try:
+            gc.set_threshold(_YOUNG, *older)
             for owner, name, ours in _REPLACED:
                 setattr(owner, name, ours)
             return super()._compile_core()
         finally:
+            gc.set_threshold(young, *older)
             for (owner, name, _), before in zip(_REPLACED, usual, strict=True):
                 setattr(owner, name, before)
 
