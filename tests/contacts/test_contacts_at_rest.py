@@ -10,6 +10,8 @@ from random_contacts import positive
 from scenes import cases_of_file, of_entries, step, with_tip_first
 from workflow.models import NoEquilibriumError, at_rest
 from workflow.schemes import Results, Sampling, Status
+from workflow.schemes._exact import batch
+from workflow.schemes._exact.events import LOWEST_BOUNCE
 
 KINDS = ("with mass", "without mass", "elastic casing")
 DURATION = 0.05
@@ -60,7 +62,10 @@ def blocks(matrices: list[Any]) -> Any:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(8))
-def test_a_body_at_rest_that_touches_its_casing_stays_at_rest(kind: str, seed: int) -> None:
+def test_a_body_at_rest_that_touches_its_casing_stays_at_rest(
+    kind: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(batch, "THRESHOLDS", batch.THRESHOLDS._replace(height=LOWEST_BOUNCE))  # of one contact too
     rng = np.random.default_rng(seed)
     contacts = int(rng.integers(1, 3))
     one, e = body(rng, 3, contacts, 1.0), float(rng.choice([0.0, 0.4]))
@@ -75,8 +80,8 @@ def test_a_body_at_rest_that_touches_its_casing_stays_at_rest(kind: str, seed: i
     for name in ("impacts", "contact_time"):
         assert np.all(both.metrics[name][0, contacts:] == 0)
     assert both.metrics["contact_time"][0, :contacts] == pytest.approx(alone.metrics["contact_time"].ravel(), rel=1e-9)
-    series = both.metrics["releases"][0] + contacts  # of bounces, whose last may or may not be summed
-    assert both.metrics["impacts"][0, :contacts] == pytest.approx(alone.metrics["impacts"].ravel(), abs=series)
+    impacts = alone.metrics["impacts"].ravel()  # heights are compared with the largest motion where steps end, and these differ
+    assert both.metrics["impacts"][0, :contacts] == pytest.approx(impacts, abs=1)
 
 
 @pytest.mark.parametrize("e", [0.2, 0.8])
