@@ -61,11 +61,36 @@ import numpy as np
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import ROW, lane_rows, named_rows, rows_in
-from workflow.kernels.packs import Lane, Pack, fused, lanes_of, magnitude, pack, shared, some, spread, store, where
+from workflow.kernels.packs import (
+    Lane,
+    Pack,
+    flag,
+    fused,
+    lanes_of,
+    magnitude,
+    pack,
+    raised,
+    shared,
+    some,
+    spread,
+    store,
+    where,
+)
 from workflow.models import Array, Cases, ContactBasis, Structure, project
 from workflow.schemes._fixed.blocks import Blocks, modes_at
 from workflow.schemes._fixed.contact import End, contact_gain, count_of, was_pressed
-from workflow.schemes._fixed.free_motion import PLACE, SPEED, FreeStep, InitialState, State, contact_heat
+from workflow.schemes._fixed.free_motion import (
+    PLACE,
+    SPEED,
+    FreeStep,
+    InitialState,
+    ModeWork,
+    Spent,
+    State,
+    contact_heat,
+    drives,
+    move,
+)
 from workflow.schemes._fixed.law import TipStep
 from workflow.schemes._fixed.rows import Totals
 
@@ -74,7 +99,7 @@ DAMPING, KINETIC, ELASTIC = range(3)
 
 
 class Dense(NamedTuple):
-    """Balance of modes by matrices: where modes are coupled, near resonance with heat, or drift under constant loads.
+    """Balance of modes by matrices: of several contacts, where modes are coupled, near resonance with heat, or drift.
 
     States are v of all modes and then ξ of all. An input has the energy that it takes per 2 v_m, -(I + ℓ ω² J)/2, of
     all modes and then that per ξ' - h v/2, -ω² J: together -I v_m - ω² J (η_m + J/2).
@@ -94,6 +119,12 @@ class Dense(NamedTuple):
     """Input per τ near resonance, ``(pair, 2 mode)``."""
     constant: Array
     """Input of constant loads on drifting blocks, ``(2 mode, lane)``."""
+    contact_inputs: Array
+    """Input by heat and friction of a unit impulse, ``(contact, 2 mode, lane)``."""
+    losses: Array
+    """Heat loss per τ, W, ``(thermal mode,)``."""
+    velocity_before: Array
+    """v at the last step's end, ``(mode, lane)``."""
     modal_states: Array
     """v and ξ at the step's end, ``(2 mode, lane)``."""
     inputs: Array
@@ -105,12 +136,6 @@ class Account(NamedTuple):
 
     modes: Array
     """``(mode, coefficient)``."""
-    contact_inputs: Array
-    """Input by heat and friction of a unit impulse, as in :class:`Dense`, ``(contact, 2 mode, lane)``."""
-    losses: Array
-    """Heat loss per τ, W, ``(thermal mode,)``."""
-    velocity_before: Array
-    """v at the last step's end, ``(mode, lane)``."""
     sums: Totals
     h: float
     """s."""
@@ -120,25 +145,28 @@ class Account(NamedTuple):
     """Fraction of the load that acts on the tip."""
     heat_theta: float
     """Weight of the temperatures at a step's end in its heat loss."""
+    loss_of_heat: float
+    """Heat loss at the step's end per heat of one contact in it, 1/s."""
     unbounded: float
     """0, or ∞ of the θ-method with θ < 1/2, whose free motion may gain energy."""
     dense: Dense | None
+    """``None`` where the free step of one contact counts the work of each mode."""
 
 
 @inlined
 def dense_of(account: Account | None) -> Dense | None:
-    """Return the matrices of an account, ``None`` where modes are counted one by one or not at all."""
+    """Return the matrices of an account, ``None`` where free steps count the work of modes, or nothing does."""
     return None if account is None else account.dense
 
 
 @inlined
-def lay_out_account(account: Account | None) -> None:
+def lay_out_account(account: Account | None, dense: Dense | None) -> None:
     """Assert the strides of the rows, as :func:`~workflow.schemes._fixed.free_motion.lay_out` does for a march."""
-    if account is None:
-        return
-    assert account.modes.shape[1] == ELASTIC + 1
-    assert account.contact_inputs.shape[2] == ROW
-    assert account.velocity_before.shape[1] == ROW
+    if account is not None:
+        assert account.modes.shape[1] == ELASTIC + 1
+    if dense is not None:
+        assert dense.contact_inputs.shape[2] == ROW
+        assert dense.velocity_before.shape[1] == ROW
 
 
 @inlined
@@ -171,7 +199,14 @@ def count_work(
 
 @inlined
 def count_step(
-    account: Account | None, dense: Dense | None, step: FreeStep, state: State, load: Pack, last: bool, lane: Lane
+    account: Account | None,
+    dense: Dense | None,
+    step: FreeStep,
+    state: State,
+    spent: Spent,
+    load: Pack,
+    last: bool,
+    lane: Lane,
 ) -> None:
     """Add what damping and inputs took from the modes in a step, and the heat lost, to the sums.
 
@@ -179,34 +214,43 @@ def count_step(
     """
     if account is None:
         return
-    sums, modes = account.sums, account.velocity_before.shape[0]
-    dissipated, loss = spread(0.0, lane), pack(sums.settled_loss, lane)
-    struck = was_pressed(state.own, lane) and some(pack(sums.input_square, lane) > 0.0)
-    if dense is not None:
-        _fill_dense(dense, account, step, state, load, lane)
-    if struck or dense is not None:
-        times = pack(state.acts[0].impulse, lane) if dense is None else spread(1.0, lane)
-        given = times * pack(sums.square, lane)
-        for j in range(modes):
-            v, xi = _modal(dense, state.motion, j, lane)
-            before = pack(account.velocity_before, (j, lane))
-            given = fused(_input(account, dense, j, lane), v + before, given)
-            between = fused(spread(-0.5 * account.h, lane), before, xi)
-            given = fused(_input(account, dense, modes + j, lane), between, given)
-        dissipated = times * given
-    for j in range(modes):
-        v, _ = _modal(dense, state.motion, j, lane)
-        twice = v + pack(account.velocity_before, (j, lane))
-        store(account.velocity_before, (j, lane), v)
-        dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, dissipated)
-    _add_to(sums.dissipated, dissipated, lane)
-    for k in range(state.tau.shape[0]):
-        loss = fused(shared(account.losses, (k,), lane), pack(state.tau, (k, 0, lane)), loss)
-    loss = (account.h * account.heat_theta if last else account.h) * loss
+    sums = account.sums
+    if dense is None:
+        damped, loss = spent.damped, spent.heat
+        if was_pressed(state.own, lane):
+            p = pack(state.acts[0].impulse, lane)
+            heat = pack(state.own.alpha, lane) * p
+            given = fused(pack(sums.square, lane), p, spent.by_impulse)
+            damped = fused(fused(pack(state.own.alpha, lane), spent.by_heat, given), p, damped)
+            loss = fused(spread(account.loss_of_heat, lane), heat, loss)
+        _add_to(sums.dissipated, damped, lane)
+    else:
+        loss = _count_modes(dense, account, step, state, load, lane)
+    loss = (account.h * account.heat_theta if last else account.h) * (loss + pack(sums.settled_loss, lane))
     _add_to(sums.lost, loss, lane)
     _add_to(sums.turned_over, magnitude(loss), lane)
     if last or dense is not None or some(pack(sums.energy_bound, lane) > pack(sums.largest_energy, lane)):
-        _measure(dense, account, state, lane)
+        _measure(dense, account, step, state, lane)
+
+
+@inlined
+def _count_modes(dense: Dense, account: Account, step: FreeStep, state: State, load: Pack, lane: Lane) -> Pack:
+    """Add what damping and inputs took from modes by matrices; return the heat lost at the step's end, W."""
+    sums, modes, loss = account.sums, dense.velocity_before.shape[0], spread(0.0, lane)
+    _fill_dense(dense, account, step, state, load, lane)
+    dissipated = pack(sums.square, lane)
+    for j in range(modes):
+        v, before = pack(dense.modal_states, (j, lane)), pack(dense.velocity_before, (j, lane))
+        twice = v + before
+        between = fused(spread(-0.5 * account.h, lane), before, pack(dense.modal_states, (modes + j, lane)))
+        dissipated = fused(pack(dense.inputs, (j, lane)), twice, dissipated)
+        dissipated = fused(pack(dense.inputs, (modes + j, lane)), between, dissipated)
+        dissipated = fused(shared(account.modes, (j, DAMPING), lane) * twice, twice, dissipated)
+        store(dense.velocity_before, (j, lane), v)
+    _add_to(sums.dissipated, dissipated, lane)
+    for k in range(state.tau.shape[0]):
+        loss = fused(shared(dense.losses, (k,), lane), pack(state.tau, (k, 0, lane)), loss)
+    return loss
 
 
 @inlined
@@ -217,20 +261,19 @@ def _modal(dense: Dense | None, motion: Array, j: int, lane: Lane) -> tuple[Pack
     return pack(dense.modal_states, (j, lane)), pack(dense.modal_states, (dense.off_diagonal.shape[0] + j, lane))
 
 
-@inlined
-def _input(account: Account, dense: Dense | None, i: int, lane: Lane) -> Pack:
-    """Return input i of a step, or that of a unit impulse where modes are counted one by one."""
-    return pack(account.contact_inputs, (0, i, lane)) if dense is None else pack(dense.inputs, (i, lane))
-
-
 @part
-def _measure(dense: Dense | None, account: Account, state: State, lane: Lane) -> None:
+def _measure(dense: Dense | None, account: Account, step: FreeStep, state: State, lane: Lane) -> None:
     """Compute the energy at a step's end, and update the largest one; a NaN stays.
+
+    An impulse that waits enters the states before.
 
     Out of line: so seldom that the step is faster without it.
     """
     sums, energy = account.sums, spread(0.0, lane)
-    for j in range(account.velocity_before.shape[0]):
+    if raised(state.own.waits, lane):
+        move(step, state, 0, lane)
+        flag(state.own.waits, lane, False)
+    for j in range(account.modes.shape[0]):
         v, xi = _modal(dense, state.motion, j, lane)
         eta = xi + account.energy_lever * v
         energy = fused(shared(account.modes, (j, KINETIC), lane) * v, v, energy)
@@ -259,7 +302,7 @@ def _fill_dense(dense: Dense, account: Account, step: FreeStep, state: State, lo
                     total += factor * pack(state.motion, (j, row, lane))
         store(dense.modal_states, (i, lane), total)
         for c in range(count_of(state.coupling, acts)):
-            inputs += pack(account.contact_inputs, (c, i, lane)) * pack(acts[c].impulse, lane)
+            inputs += pack(dense.contact_inputs, (c, i, lane)) * pack(acts[c].impulse, lane)
         if i < modes:
             inputs += shared(dense.load, (i,), lane) * load
         for pair in range(step.pair_heat.size):
@@ -272,7 +315,7 @@ def _fill_dense(dense: Dense, account: Account, step: FreeStep, state: State, lo
         square += shared(dense.half_flexibility, (i,), lane) * jump * jump
         for j in range(modes):
             if dense.off_diagonal[i, j] != 0.0:
-                begun = pack(account.velocity_before, (j, lane))
+                begun = pack(dense.velocity_before, (j, lane))
                 damps = 2.0 * begun if dense.lagged else begun + pack(dense.modal_states, (j, lane))
                 inputs += 0.25 * shared(dense.off_diagonal, (i, j), lane) * damps
         store(dense.inputs, (i, lane), inputs)
@@ -307,18 +350,21 @@ class Balances:
 
         v, xi = blocks.in_modes(begun.states)
         inputs = np.stack([_energy_rows(blocks, each) for each in contact_heat(blocks, cases)])
-        scaled, self._unscale = self._at_tip, self._at_tip
         sums, self.relative = self._first_sums(v, xi, inputs[0]), project(modal.normal, v.T)
+        self._unscale = self._at_tip
         if self._is_dense:
             steady = np.zeros((2, blocks.damping.size, cases.count))
             steady[0, begun.drifting] = begun.steady
-            self.rows = {"constant": _energy_rows(blocks, steady)}
+            constant = _energy_rows(blocks, steady)
+            self.rows = {"velocity_before": self._at_tip[:, None] * v, "contact_inputs": inputs, "constant": constant}
         else:
-            scaled = self._at_tip * modal.normal[0]
             self._unscale = self._at_tip / np.where(self._at_tip, modal.normal[0], 1.0)
-            inputs *= np.tile(self._unscale, 2)[:, None]
-            self.rows = {}
-        self.rows |= {"sums": sums, "velocity_before": scaled[:, None] * v, "contact_inputs": inputs}
+            own, doubly = self._at_tip[:, None] * drives(blocks, cases)[0], 0.5 * step.tip.h * modal.damping[:, None]
+            impulse = self._at_tip[:, None] * inputs[0, : v.shape[0]]
+            named_rows(Totals, sums).square += np.sum((0.5 * doubly * own[0] + impulse) * own[0], axis=0)
+            named_rows(Totals, sums).square += np.sum(inputs[0, v.shape[0] :] * own[1], axis=0)
+            self.rows = {"impulse_work": self._unscale[:, None] * (doubly * own[0] + impulse)}
+        self.rows["sums"] = sums
 
     def _first_sums(self, v: Array, xi: Array, inputs: Array) -> Array:
         """Return the sums at t = 0 as rows, of modes with v and ξ and the ``inputs`` of a unit impulse of contact."""
@@ -349,20 +395,30 @@ class Balances:
     def account(self, lanes: Mapping[str, Array]) -> Account:
         """Return the coefficients and sums for kernels, with the lanes of :attr:`rows`."""
         modal, step = self._blocks.modal, self._blocks.step
-        losses = self._loss / self._blocks.heat_scale
         modes = np.stack([0.25 * step.tip.h * modal.damping, 0.5 * self._kinetic, 0.5 * modal.frequency**2], axis=1)
         return Account(
             modes=modes * self._unscale[:, None] ** 2,
-            contact_inputs=lanes["contact_inputs"],
-            losses=losses,
-            velocity_before=lanes["velocity_before"],
             sums=named_rows(Totals, lanes["sums"]),
             h=step.tip.h,
             energy_lever=step.energy_lever,
             load_share=float(modal.is_single),
             heat_theta=step.heat_theta,
+            loss_of_heat=float(self._loss @ step.heat_gain[0]),
             unbounded=self._unbounded,
             dense=self._dense(lanes) if self._is_dense else None,
+        )
+
+    def work(self, lanes: Mapping[str, Array]) -> ModeWork | None:
+        """Return the coefficients by which free steps count the work of modes; ``None`` where matrices do."""
+        if self._is_dense:
+            return None
+        blocks, step = self._blocks, self._blocks.step
+        heat = _energy_rows(blocks, blocks.of_heat(step.heat_gain.T))[blocks.modal.frequency.size :, 0]
+        return ModeWork(
+            damping=self._unscale**2 * 0.25 * step.tip.h * blocks.modal.damping,
+            impulse=lanes["impulse_work"],
+            heat=0.5 * self._unscale * heat,
+            loss=self._loss / blocks.modal.heat_scale,
         )
 
     def _dense(self, lanes: Mapping[str, Array]) -> Dense:
@@ -383,6 +439,9 @@ class Balances:
             half_flexibility=_half_flexibility(modal),
             pair_inputs=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
             constant=lanes["constant"],
+            contact_inputs=lanes["contact_inputs"],
+            losses=self._loss / modal.heat_scale,
+            velocity_before=lanes["velocity_before"],
             modal_states=lane_rows(2 * n),
             inputs=lane_rows(2 * n),
         )

@@ -72,6 +72,19 @@ class FreeStep(NamedTuple):
     """Rows of sensors, see :func:`~workflow.schemes._fixed.sensing.sensing_of`."""
 
 
+class ModeWork(NamedTuple):
+    """Coefficients by which a free step counts the work of the modes of one contact (:mod:`.balance`)."""
+
+    damping: Array
+    """hc/4, of the square of 2 v_m, ``(mode,)``."""
+    impulse: Array
+    """Work of a unit impulse of contact in damping and inputs, per 2 v_m, ``(mode, lane)``."""
+    heat: Array
+    """Input of a unit heat at the contact, per 2 η_m, ``(mode,)``."""
+    loss: Array
+    """Heat loss per τ, W, ``(thermal mode,)``."""
+
+
 class State(NamedTuple):
     """States of a block of cases, and rows of its cases."""
 
@@ -81,6 +94,8 @@ class State(NamedTuple):
     drive: Drive | None
     account: Any
     """:class:`~workflow.schemes._fixed.balance.Account`, ``None`` where no balances are asked for."""
+    work: ModeWork | None
+    """``None`` where free steps count no work."""
     motion: Array
     """``(block, row, lane)``."""
     drives: Array
@@ -142,10 +157,42 @@ def _plus(numbers: Pack, weight: Pack, others: Pack | None) -> Pack:
     return numbers if others is None else fused(weight, others, numbers)
 
 
+class Spent(NamedTuple):
+    """What the modes lose in a step, without impulses of contact (:mod:`.balance`)."""
+
+    damped: Pack
+    """By damping, J."""
+    by_impulse: Pack
+    by_heat: Pack
+    """Work in damping and inputs of a unit impulse of contact, m/s, and of the heat of one, 1."""
+    heat: Pack
+    """Heat, W."""
+
+
+@inlined
+def _spend(work: ModeWork | None, j: int, twice_v: Pack, twice_eta: Pack, spent: Spent, lane: Lane) -> Spent:
+    """Add mode j with 2 v_m and 2 η_m."""
+    if work is None:
+        return spent
+    damped = fused(shared(work.damping, (j,), lane) * twice_v, twice_v, spent.damped)
+    by_impulse, by_heat = fused(pack(work.impulse, (j, lane)), twice_v, spent.by_impulse), spent.by_heat
+    if work.loss.shape[0] > 0:
+        by_heat = fused(shared(work.heat, (j,), lane), twice_eta, by_heat)
+    return Spent(damped, by_impulse, by_heat, spent.heat)
+
+
+@inlined
+def _lose(work: ModeWork | None, k: int, tau: Pack, spent: Spent, lane: Lane) -> Spent:
+    """Add thermal mode k."""
+    if work is None:
+        return spent
+    return Spent(spent.damped, spent.by_impulse, spent.by_heat, fused(shared(work.loss, (k,), lane), tau, spent.heat))
+
+
 @inlined
 def step_freely(
     step: FreeStep, rows: ContactRows | None, warmed: bool, t: float, state: State, load: Pack, lane: Lane
-) -> None:
+) -> Spent:
     """Step all modes to t without impulses of contact, but for one that waits since the last step (:func:`strike`).
 
     ``rows`` are those of the step, so that the compiler sees whether they are ``None``.
@@ -153,9 +200,8 @@ def step_freely(
     if rows is None and raised(state.own.waits, lane):
         p = pack(state.acts[0].impulse, lane)
         heat = pack(state.own.alpha, lane) * p
-        _step_freely(step, rows, step.observed, p, heat, warmed, t, state, load, lane)
-    else:
-        _step_freely(step, rows, step.observed, None, None, warmed, t, state, load, lane)
+        return _step_freely(step, rows, step.observed, state.work, p, heat, warmed, t, state, load, lane)
+    return _step_freely(step, rows, step.observed, state.work, None, None, warmed, t, state, load, lane)
 
 
 @inlined
@@ -163,6 +209,7 @@ def _step_freely(
     step: FreeStep,
     rows: ContactRows | None,
     observed: Array | None,
+    work: ModeWork | None,
     impulse: Pack | None,
     heat: Pack | None,
     warmed: bool,
@@ -170,17 +217,19 @@ def _step_freely(
     state: State,
     load: Pack,
     lane: Lane,
-) -> None:
+) -> Spent:
     """Step all modes to t without impulses of contact; store velocities and temperatures of contacts there.
 
     ``warmed`` is the result of :func:`is_warmed`.
     """
     motion, tau = state.motion, state.tau
-    velocity, temperature = spread(0.0, lane), spread(0.0, lane)
+    velocity = temperature = zero = spread(0.0, lane)
+    spent = Spent(zero, zero, zero, zero)
     for k in range(tau.shape[0]):
         before = _plus(pack(tau, (k, 0, lane)), shared(step.heat_gain, (0, k), lane), heat)
         after = shared(step.heat_modes, (k, HEAT_DECAY), lane) * before
         store(tau, (k, 0, lane), after)
+        spent = _lose(work, k, after, spent, lane)
         if rows is None:
             velocity += shared(step.heat_modes, (k, HEAT_SPEED), lane) * after
             temperature += after if observed is None else shared(observed, (k,), lane) * after
@@ -190,7 +239,9 @@ def _step_freely(
         eta = _plus(pack(motion, (j, PLACE, lane)), pack(state.drives, (0, j, PLACE, lane)), impulse)
         after = shared(step.blocks, (j, DECAY), lane) * u + shared(step.blocks, (j, SPRING), lane) * eta
         after += shared(step.blocks, (j, LOAD), lane) * load
-        eta += step.contact.h * u
+        moved = eta + step.contact.h * u
+        spent = _spend(work, j, u + after, eta + moved, spent, lane)
+        eta = moved
         if rows is not None:
             eta += shared(rows.load_place, (j,), lane) * load
         store(motion, (j, SPEED, lane), after)
@@ -204,6 +255,7 @@ def _step_freely(
         _keep_contact(state.drive, state.account, state.acts[0], warmed, t, by, lane)
     else:
         _move_contacts(rows, warmed, t, state, lane)
+    return spent
 
 
 @inlined
@@ -305,6 +357,20 @@ def _add_heat(row: Array, gains: Array, c: int, j: int, heat: Pack, lane: Lane) 
 
 
 @inlined
+def move(step: FreeStep, state: State, j: int, lane: Lane) -> None:
+    """Add the impulse of contact j and its heat to the states."""
+    p = pack(state.acts[j].impulse, lane)
+    heat = pack(state.own.alpha, lane) * p
+    for b in range(state.motion.shape[0]):
+        for row in range(2):
+            moved = fused(pack(state.drives, (j, b, row, lane)), p, pack(state.motion, (b, row, lane)))
+            store(state.motion, (b, row, lane), moved)
+    for k in range(state.tau.shape[0]):
+        warmed = fused(shared(step.heat_gain, (j, k), lane), heat, pack(state.tau, (k, 0, lane)))
+        store(state.tau, (k, 0, lane), warmed)
+
+
+@inlined
 def strike(step: FreeStep, state: State, waits: bool, lane: Lane) -> None:
     """Add the impulses of contact and their heat to the states, and their heat to the temperatures of contacts.
 
@@ -317,13 +383,8 @@ def strike(step: FreeStep, state: State, waits: bool, lane: Lane) -> None:
         if some(~(p <= 0.0)):  # a NaN too
             heat = pack(own.alpha, lane) * p
             flag(own.waits, lane, waits)
-            for b in range(0 if waits else state.motion.shape[0]):
-                for row in range(2):
-                    moved = fused(pack(state.drives, (j, b, row, lane)), p, pack(state.motion, (b, row, lane)))
-                    store(state.motion, (b, row, lane), moved)
-            for k in range(0 if waits else state.tau.shape[0]):
-                warmed = fused(shared(step.heat_gain, (j, k), lane), heat, pack(state.tau, (k, 0, lane)))
-                store(state.tau, (k, 0, lane), warmed)
+            if not waits:
+                move(step, state, j, lane)
             for c in range(count if state.tau.shape[0] > 0 else 0):
                 _add_heat(acts[c].temperature, contact.warming, c, j, heat, lane)
                 if contact.growth.shape[0] > 0:

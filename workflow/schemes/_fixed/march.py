@@ -20,7 +20,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from workflow.kernels.compiled import by_type, defines, inlined, kernel
-from workflow.kernels.lanes import PACK, lane_rows, lane_table, named_rows, rows_in, several_rows
+from workflow.kernels.lanes import PACK, ROW, cached_lanes, lane_rows, lane_table, named_rows, rows_in, several_rows
 from workflow.kernels.packs import Lane, Pack, broad, broadest, narrow
 from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import balance, stepping
@@ -31,6 +31,7 @@ from workflow.schemes._fixed.contact import Contact, Meeting, approach, count_of
 from workflow.schemes._fixed.free_motion import (
     FreeStep,
     LastStep,
+    ModeWork,
     State,
     drives,
     end_state,
@@ -70,9 +71,9 @@ With more rows narrow packs were faster on the processor where it was measured; 
 def _step(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, lane: Lane) -> None:
     """Do a step of a pack of lanes: free motion with the load, contact, counts."""
     load = step.contact.h * tip_load(now.sine, now.leader, block.load, block.drive, lane)
-    step_freely(step, step.rows, now.warmed, now.t, state, load, lane)
+    spent = step_freely(step, step.rows, now.warmed, now.t, state, load, lane)
     _touch(step, law, now, state, block, load, lane)
-    balance.count_step(state.account, dense_of(state.account), step, state, load, now.last, lane)
+    balance.count_step(state.account, dense_of(state.account), step, state, spent, load, now.last, lane)
 
 
 @inlined
@@ -113,10 +114,10 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock) -> None:
     """
     load, lanes, h, theta = block.load, block.lanes, block.h, step.contact.theta
     lay_out(step, state)
-    balance.lay_out_account(state.account)
+    balance.lay_out_account(state.account, dense_of(state.account))
     in_broad = lanes // broadest() * broadest() if 2 * len(state.motion) + len(state.tau) <= FEW_ROWS else 0
     paired, warmed, senses = step.pair_block.size > 0, is_warmed(state.acts, lanes), step.sensors.shape[0] > 0
-    waits = step.rows is None and state.account is None and not paired and not senses
+    waits = step.rows is None and dense_of(state.account) is None and not paired and not senses
     leader = start_load(h, load, lanes)
     stepping.keep_idle_off(state.acts, block.marks.next_period.size, lanes)
     for k in range(block.steps + 1):
@@ -168,12 +169,14 @@ def contact_law(kind: type[Any]) -> Callable[[R], R]:
     return add
 
 
-def _state(lanes: Mapping[str, Array], contacts: int, batch: Batch, account: Account | None) -> State:
+def _state(
+    lanes: Mapping[str, Array], contacts: int, batch: Batch, account: Account | None, work: ModeWork | None
+) -> State:
     """Return the state of a block of cases, in named lanes."""
     names = ("motion", "drives", "steady", "tau", "motion_before", "tau_before", "sensing")
     acts = several_rows(Acting, lanes["acts"])
     own, rows = named_rows(Own, lanes["own"]), (lanes[name] for name in names)
-    return State(own, acts, coupling_of(contacts), batch.whole.drive, account, *rows)
+    return State(own, acts, coupling_of(contacts), batch.whole.drive, account, work, *rows)
 
 
 def _of_cases(table: Array, cases: Cases) -> Array:
@@ -252,13 +255,14 @@ def step_batch(
         }
     )
     lanes = table.lanes
-    account = None if balances is None else balances.account(lanes)
+    account, work = (None, None) if balances is None else (balances.account(lanes), balances.work(lanes))
     law = law._make(
         lanes[f"law.{name}"] if f"law.{name}" in lanes else float(value) for name, value in law._asdict().items()
     )
-    width = 32
+    read = sum(lanes[name].size for name in READ_EVERY_STEP if name in lanes) // ROW
+    width = cached_lanes(read)
     batch = stepping.batch_of(watched, table, lane_rows(4 * contacts * stepping.WAITING), width)
-    KERNELS[type(law)](free, law, _state(lanes, contacts, batch, account), batch)
+    KERNELS[type(law)](free, law, _state(lanes, contacts, batch, account, work), batch)
 
     ended = table.cases
     watched.contacts[:] = ended["contacts"]
