@@ -58,7 +58,7 @@ KERNELS: dict[type, Callable[..., None]] = {}
 """The march of each contact law, by the type of its parameters."""
 
 READ_EVERY_STEP = ("load", "motion", "tau", "sums", "velocity_before")
-"""Rows by which the lanes of a block are chosen: those of contacts are left out, as broad packs gain more with them."""
+"""Rows by which the lanes of a block are chosen, besides the drives of a contact."""
 
 FEW_ROWS = 60
 """Rows of lanes up to which a step takes packs of several registers, which share the fixed cost of a step.
@@ -259,8 +259,8 @@ def step_batch(
     law = law._make(
         lanes[f"law.{name}"] if f"law.{name}" in lanes else float(value) for name, value in law._asdict().items()
     )
-    read = sum(lanes[name].size for name in READ_EVERY_STEP if name in lanes) // ROW
-    width = cached_lanes(read)
+    read = lanes["drives"][0].size + sum(lanes[name].size for name in READ_EVERY_STEP if name in lanes)
+    width = cached_lanes(read // ROW)
     batch = stepping.batch_of(watched, table, lane_rows(4 * contacts * stepping.WAITING), width)
     KERNELS[type(law)](free, law, _state(lanes, contacts, batch, account, work), batch)
 
