@@ -80,7 +80,9 @@ def test_a_body_at_rest_that_touches_its_casing_stays_at_rest(
     for name in ("impacts", "contact_time"):
         assert np.all(both.metrics[name][0, contacts:] == 0)
     assert both.metrics["contact_time"][0, :contacts] == pytest.approx(alone.metrics["contact_time"].ravel(), rel=1e-9)
-    impacts = alone.metrics["impacts"].ravel()  # heights are compared with the largest motion where steps end, and these differ
+    impacts = alone.metrics[
+        "impacts"
+    ].ravel()  # heights are compared with the largest motion where steps end, which differ
     assert both.metrics["impacts"][0, :contacts] == pytest.approx(impacts, abs=1)
 
 

@@ -418,7 +418,7 @@ class Balances:
             damping=self._unscale**2 * 0.25 * step.tip.h * blocks.modal.damping,
             impulse=lanes["impulse_work"],
             heat=0.5 * self._unscale * heat,
-            loss=self._loss / blocks.modal.heat_scale,
+            loss=self._loss / blocks.self._blocks.heat_scale,
         )
 
     def _dense(self, lanes: Mapping[str, Array]) -> Dense:
@@ -440,7 +440,7 @@ class Balances:
             pair_inputs=np.ascontiguousarray(_energy_rows(blocks, pulls).T),
             constant=lanes["constant"],
             contact_inputs=lanes["contact_inputs"],
-            losses=self._loss / modal.heat_scale,
+            losses=self._loss / self._blocks.heat_scale,
             velocity_before=lanes["velocity_before"],
             modal_states=lane_rows(2 * n),
             inputs=lane_rows(2 * n),
