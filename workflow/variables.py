@@ -80,7 +80,7 @@ class Variable:
 
     @property
     def is_of_contact(self) -> bool:
-        """Whether it has a value for each of several contacts, along ``contact`` before ``t`` or ``period``."""
+        """Whether it has a value for each of several contacts, along ``contact`` before its other dimensions."""
         return (
             (self.shape == "period" and not self.is_of_sensor)
             or self.condition in ("coating", "wear")
@@ -96,8 +96,12 @@ class Variable:
 _OF_CONTACT = frozenset(
     {"displacement", "velocity", "temperature", "impulse", "contact_force", "contact_impulse", "impacts"}
     | {"contact_time", "max_penetration", "max_temperature"}
+    | {f"steady_{name}" for name in ("impulse", "impacts", "contact", "max_temperature", "mean_temperature")}
+    | {"steady_max_displacement", "steady_min_displacement"}
+    | {"orbit_displacement", "orbit_velocity", "orbit_temperature"}
 )
-"""Histories and metrics that each of several contacts has; so has each those of load periods."""
+"""Histories, metrics and quantities of steady rubs that each of several contacts has; so has each those of load
+periods."""
 
 EVENT_KINDS = ("impact", "touches", "leaves", "yields", "stops_yielding")
 """What values of ``event_kind`` mean, from 0 on."""
@@ -555,6 +559,7 @@ _OF_SEVERAL = {
     "impacts": "velocity jumps of a contact with an impulse of its own; 0 of contacts without mass, which have none",
     "contact_time": "time in which a contact is held",
     "thermal_closing": "the largest of all contacts",
+    "steady_closing": "the largest of all contacts",
     "critical_alpha": f"static limit of critical_set, {_SETS}",
     "growth_rate": f"of growth_set, {_SETS}; {_GROWTH}",
 }

@@ -163,7 +163,7 @@ def test_a_critically_damped_mode_under_friction_heat(alpha: float, damping: flo
 
 def advanced(structure: Structure, batch: Cases, span: float, kept: int, events: int = 10**5) -> Trajectory:
     one = one_case(make_operator(structure, Budget(events, 10**6)), batch, 1.0)
-    return trajectory(one, one.own.modal, False, 0.0, span, kept=kept)
+    return trajectory(one, one.own.modal, np.zeros(1, dtype=bool), 0.0, span, kept=kept)
 
 
 def test_more_events_than_are_guessed_are_kept() -> None:

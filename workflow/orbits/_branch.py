@@ -15,7 +15,6 @@ from workflow.orbits._curve import Curve, Point, Problem
 from workflow.orbits._orbit import NOT_FOUND, Orbit, scale_of
 from workflow.orbits._rubs import tabulated
 from workflow.orbits._settle import Options, Settled, settle
-from workflow.schemes.event_driven import TOUCHES
 
 BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing")
 """Names of the values of ``bifurcation``."""
@@ -70,8 +69,7 @@ def branch(problem: Problem, start: float, stop: float, points: int, options: Op
     first = _first(curve, options)
     found, lost = _spread(curve, first, points) if first is not None else ([], [])
     beyond, rubs = points - len(found), [Settled(point.orbit.state, "", point.orbit) for point, _ in found]
-    sensors = problem(start)[0].sensor_count
-    values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples, sensors)
+    values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples, problem(start)[0])
     values["value"] = np.pad([curve.value(point.q) for point, _ in found], (0, beyond), constant_values=np.nan)
     values["bifurcation"] = np.pad(np.array([flag for _, flag in found], dtype=np.int8), (0, beyond))
     if not found:
@@ -306,14 +304,15 @@ def _root(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> P
 
 def _impacts(point: Point) -> int:
     """Return the number of an orbit's events."""
-    return int(point.orbit.motion.kinds.size)
+    return int(point.orbit.motion.times.size)
 
 
-def _order(point: Point) -> tuple[int, int, bool]:
-    """Return the numbers of an orbit's contacts and, without any, impacts, and whether it is one permanent contact.
+def _order(point: Point) -> tuple[tuple[int, ...], tuple[int, ...], tuple[bool, ...]]:
+    """Return how often each contact begins and, of those that never do, strikes, and which stay closed for good.
 
     Impacts are not counted besides contacts, as chattering has infinitely many.
     """
     motion = point.orbit.motion
-    touches = int(np.sum(motion.kinds == TOUCHES))
-    return touches, 0 if touches else motion.kinds.size, motion.was_held and not motion.times.size
+    begins, impacts = motion.begins, np.sum(motion.impulses > 0, axis=0)
+    stays = np.asarray(motion.sets.all(axis=0))
+    return tuple(begins.tolist()), tuple(np.where(begins, 0, impacts).tolist()), tuple(stays.tolist())

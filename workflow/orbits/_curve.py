@@ -102,7 +102,7 @@ class Curve:
         u, whole, last, part, events = guess.copy(), 0.0 * guess, np.inf, 1.0, -1
         for _ in range(8 * _MOST if keeps_events else _MOST):
             orbit = self._at(u + part * whole, point)
-            count = -1 if orbit is None else orbit.motion.kinds.size
+            count = -1 if orbit is None else orbit.motion.times.size
             if keeps_events and count != events >= 0:
                 part /= 2
                 continue
@@ -133,7 +133,7 @@ class Curve:
     def between_halves(self, point: Point) -> Array:
         """Return the change of w over a half of a rub's period."""
         motion, flow = point.orbit.motion, point.orbit.flow
-        middle = flow.march(motion.start, motion.was_held, motion.begin, 0.5 * motion.span)
+        middle = flow.march(motion.start, motion.was_closed, motion.begin, 0.5 * motion.span)
         return np.asarray(self._charts(flow)[0] @ middle.X - point.w)
 
     def _at(self, u: Array, point: Point) -> Orbit | None:
@@ -146,7 +146,7 @@ class Curve:
         """Return the case at u, its motion from there over the kT of an orbit near it, and w at its end."""
         flow = self.flow(u[-1])
         out, into = self._charts(flow)
-        motion = flow.march(into @ u[:-1], orbit.motion.was_held, phase * flow.period, orbit.order * flow.period)
+        motion = flow.march(into @ u[:-1], orbit.motion.was_closed, phase * flow.period, orbit.order * flow.period)
         return flow, motion, out @ motion.X
 
     def _point(self, u: Array, phase: float, orbit: Orbit, along: Array, arclength: float = 0.0) -> Point | None:
@@ -205,10 +205,10 @@ class Curve:
         for u in (point.u + away * point.tangent, point.u):
             flow = self.flow(u[-1])
             out, into = self._charts(flow)
-            part = flow.march(into @ u[:-1], motion.was_held, point.phase * flow.period, later * flow.period)
+            part = flow.march(into @ u[:-1], motion.was_closed, point.phase * flow.period, later * flow.period)
             ends.append(np.append(out @ part.X, u[-1]))
         phase, along = (point.phase + later) % 1.0, (ends[0] - ends[1]) / away
-        motion = flow.march(part.X, part.contact, phase * flow.period, motion.span)
+        motion = flow.march(part.X, part.closed, phase * flow.period, motion.span)
         if not motion.repeats:
             return point
         moved = replace(orbit, motion=motion, D=flow.derivative(motion))

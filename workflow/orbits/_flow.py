@@ -1,12 +1,13 @@
 """The exact motion of one case over whole periods, and its derivative with respect to the initial state.
 
-Between events X = [y, y', τ], in the modes of the free tip, obeys X' = A X + b(t), with A of the free tip or of the
-tip held on the casing. At an event where the gap g = d(t) - x_n falls to zero deviations are multiplied by the
-saltation matrix
+Between events X = [y, y', τ], in the modes with all contacts open, obeys X' = A_S X + b(t), S the set that is closed.
+Where a contact c with mass strikes, the contacts I take impulses p = W_II⁻¹ (1 + e) u_I, u = w y' - d', of those that
+stay closed p = W_II⁻¹ u_I; deviations are multiplied by the saltation matrix
 
-    S = J_X + (f⁺ - J_X f⁻ - J_t) ∇gᵀ/(∇g · f⁻ + g_t),
+    S = J + (f⁺ - J f⁻ - J_t) w_cᵀ/u_c,   J = 1 + X_p ∂p/∂y',   J_t = -X_p ∂p/∂u d'',
 
-J Newton's law with the heat of its impulse, f∓ the rates before and after. A release is continuous: S = 1.
+X_p the jump of X by impulses, f∓ the rates before and after. A release is continuous, and so are all events of
+compliant contacts: S = 1. Of contacts that strike at the same instant and do not act on each other it is the product.
 """
 
 from __future__ import annotations
@@ -18,11 +19,9 @@ from math import lcm
 import numpy as np
 from numpy.typing import NDArray
 
+from workflow.kernels.algebra import connected_parts
 from workflow.models import Array, Cases, Structure
-from workflow.schemes import RefusedStructureError
 from workflow.schemes.event_driven import (
-    LEAVES,
-    TOUCHES,
     Budget,
     ClosedSet,
     Linear,
@@ -35,6 +34,12 @@ from workflow.schemes.event_driven import (
 
 MOST_LOAD_PERIODS = 64
 """Largest number of load periods in the common period of all sinusoids."""
+
+_SAME_INSTANT = 1e-9
+"""Time between impacts, over the period, up to which they are at the same instant: an orbit is known to 1e-10."""
+
+_ROUNDING = 1e-12
+"""Sum over modes, over that of its terms, up to which it is 0: the rounding of modes that a symmetry makes equal."""
 
 _BUDGET = Budget(events=10**6, steps=10**8)
 """Limits of one march."""
@@ -55,17 +60,9 @@ def common_period(cases: Cases) -> float:
 
 
 class AnalysedStructure:
-    """A structure and its operator, with the tip free and held, for all its cases.
-
-    Raises
-    ------
-    RefusedStructureError
-        It has several contacts, or one without mass.
-    """
+    """A structure and its operator, for all its cases."""
 
     def __init__(self, structure: Structure):
-        if not structure.contacts.is_one_with_mass:
-            raise RefusedStructureError("steady rubs and branches are of one contact with mass; take another basis")
         self.structure, self.operator = structure, make_operator(structure, _BUDGET)
 
 
@@ -75,36 +72,40 @@ class Flow:
     def __init__(self, structure: AnalysedStructure, cases: Cases, *, heated: bool = False):
         """Prepare a case, with thermal states where heat acts or ``heated`` is set.
 
-        Under constant loads the period is that of the slowest mode of the free tip, 1 s without any.
+        Under constant loads the period is that of the slowest mode with all contacts open, 1 s without any.
         """
         self.structure, self.operator, self.cases = structure.structure, structure.operator, cases
-        basis, friction = self.operator.basis, float(cases.friction[0])
+        frequency, self.friction = self.operator.basis.frequency, float(cases.friction[0])
         self.period, self.alpha, self.e = common_period(cases), float(cases.alpha[0]), float(cases.e[0])
         self.is_constant = self.period == np.inf
         if self.is_constant:
-            vibrating = basis.frequency[basis.frequency > 0]
+            vibrating = frequency[frequency > 0]
             self.period = 2 * np.pi / float(vibrating.min()) if vibrating.size else 1.0
         self.one = one_case(self.operator, cases, self.period, heated=heated)
-        self.load, self.modes, self.heats = self.one.own, basis.frequency.size, self.one.basis.rate.size
-        self.is_heated, n, self.start = self.heats > 0, self.modes, self.load.modal
-        self.tip = np.zeros((2, self.start.size))
-        self.tip[0, :n] = self.tip[1, n : 2 * n] = basis.normal[0]
-        heat = self.alpha * self.one.basis.heat[0]
-        self.impulse_jump = np.concatenate([np.zeros(n), friction * basis.tangent[0] - basis.normal[0], heat])
+        self.load, self.modes, self.contacts = self.one.own, frequency.size, self.one.contacts
+        self.heats = self.one.basis.rate.size
+        self.is_heated, self.start = self.heats > 0, self.load.modal
+        self.all_open = np.zeros(self.contacts, dtype=np.bool_)
+        basis, none = self.one.basis, np.zeros((self.contacts, self.modes))
+        self.struck = np.hstack([none, self.friction * basis.tangent - basis.normal, self.alpha * basis.heat])
+        """Jump of X by an impulse at each contact, ``(contact, N)``."""
 
-    def set_of(self, held: bool) -> ClosedSet:
-        """Return the set of the held or the free tip."""
-        return self.one.set_of(held)
+    def set_of(self, closed: NDArray[np.bool_]) -> ClosedSet:
+        """Return a set of closed contacts."""
+        return self.one.set_of(closed)
+
+    def linear(self, closed: NDArray[np.bool_]) -> Linear:
+        """Return the motion with a set of contacts closed."""
+        return self.one.linear(closed)
 
     @cached_property
-    def free(self) -> Linear:
-        """The tip free."""
-        return self.one.linear(False)
-
-    @cached_property
-    def held(self) -> Linear:
-        """The tip held."""
-        return self.one.linear(True)
+    def coupled(self) -> NDArray[np.bool_]:
+        """Whether an impulse at one of two contacts jumps velocity or acceleration of the other, or of both."""
+        basis, others = self.one.basis, self.struck[:, self.modes : 2 * self.modes]
+        damped = basis.normal @ basis.damping if basis.damping.ndim == 2 else basis.normal * basis.damping
+        pairs = (basis.normal, others), (damped, others), (basis.normal @ basis.coupling, self.alpha * basis.heat)
+        acts = [np.abs(a @ b.T) > _ROUNDING * (np.abs(a) @ np.abs(b).T) for a, b in pairs]
+        return np.asarray(np.logical_or.reduce([*acts, *(one.T for one in acts)]))
 
     def parts(self, X: Array) -> tuple[Array, Array, Array]:
         """Return displacements, velocities and temperatures of the structure's coordinates, ``(…, coordinate)``."""
@@ -116,18 +117,22 @@ class Flow:
         size = max(float(np.abs(x).max(initial=0.0)) / most for x, most in zip(self.parts(X), scale, strict=True))
         return size if np.isfinite(X).all() else np.inf
 
-    def growth_by_heat(self, X: Array) -> float:
-        """Return the quasi-static tip growth of a state, m."""
+    def growth_by_heat(self, X: Array) -> Array:
+        """Return the quasi-static growth of a state at each contact, m, ``(contact,)``."""
         basis = self.one.basis
-        return float((basis.contacts.growth_at_once + basis.growth @ X[2 * self.modes :])[0])
+        return np.asarray(basis.contacts.growth_at_once + basis.growth @ X[2 * self.modes :])
 
-    def balanced(self, X: Array, force: float) -> Array:
-        """Return a state with temperatures in balance with a mean contact force λ [N], μ τ = χᵀq + α χ_n λ.
+    def warmth(self, X: Array) -> Array:
+        """Return the temperature of each contact, K, ``(contact,)``."""
+        return np.asarray(self.one.basis.heat @ X[2 * self.modes :])
+
+    def balanced(self, X: Array, force: Array) -> Array:
+        """Return a state with temperatures in balance with mean contact forces λ_i [N], μ τ = χᵀq + α Σ χ_i λ_i.
 
         An adiabatic thermal mode is left unchanged.
         """
         basis, n = self.one.basis, self.modes
-        sources = self.load.constant[n : n + self.heats] + self.alpha * basis.heat[0] * force
+        sources = self.load.constant[n : n + self.heats] + self.alpha * force @ basis.heat
         kept = X.copy()
         np.divide(sources, basis.rate, out=kept[2 * n :], where=basis.rate > 0)
         return kept
@@ -137,52 +142,101 @@ class Flow:
         """The length accounted for by clearance, loads, heating and the initial temperatures, m."""
         basis, load, heating = self.one.basis, self.load, slice(self.modes, self.modes + self.heats)
         with np.errstate(divide="ignore", invalid="ignore"):  # of a free root, or heat that cannot leave
-            flexibility = np.nansum((basis.normal[0] / basis.frequency) ** 2)
-            warm = np.nansum(np.abs(basis.growth[0] * load.constant[heating] / basis.rate))
+            flexibility = np.nansum((basis.normal / basis.frequency) ** 2, axis=1).max()
+            growth = np.abs(basis.growth * load.constant[heating] / basis.rate)
+        flexibility += basis.contacts.compliance(self.friction).max()
         forces = abs(load.constant[heating.stop]) + np.abs(load.waves[:, 2]).sum()
-        return float(load.reach + flexibility * forces + warm + abs(self.growth_by_heat(self.start)))
+        warm = np.nansum(growth, axis=1).max() + np.abs(self.growth_by_heat(self.start)).max()
+        return float(load.reach + flexibility * forces + warm)
 
-    def march(self, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1) -> Trajectory:
+    def march(
+        self, X: Array, closed: NDArray[np.bool_], begin: float, span: float, kept: int = 64, samples: int = 1
+    ) -> Trajectory:
         """Return the exact motion from X at ``begin`` [s] over ``span`` [s], as :func:`trajectory` does."""
-        return trajectory(self.one, X, contact, begin, span, kept, samples)
+        return trajectory(self.one, X, closed, begin, span, kept, samples)
 
     def derivative(self, motion: Trajectory) -> Array:
-        """Return the derivative of a motion's final state with respect to its initial state, ``(N, N)``."""
-        ends, held = motion.stretches
-        spans = np.diff(ends)
-        factors = np.empty((spans.size, self.start.size, self.start.size))
-        for is_held in (False, True):
-            factors[held == is_held] = propagators(self.set_of(is_held), spans[held == is_held])
+        """Return the derivative of a motion's final state with respect to its initial state, ``(N, N)``.
+
+        Where contacts strike at once that act on each other, it is that of motions in which they still do.
+        """
+        factors = self._propagators(motion)
         D = factors[0]
-        for saltation, factor in zip(self._saltations(motion), factors[1:], strict=True):
-            D = factor @ saltation @ D
+        for event, factor in enumerate(factors[1:]):
+            D = factor @ (self._after_impacts(motion, event, D) if motion.impulses[event].any() else D)
         return np.asarray(D)
 
-    def _saltations(self, motion: Trajectory) -> Array:
-        """Return S of each event, ``(event, N, N)``."""
-        X, t, stays = motion.states, motion.begin + motion.times, motion.kinds == TOUCHES
-        before = X - motion.impulses[:, None] * self.impulse_jump
-        speed, acceleration = self._casing(t)
-        jump = -(1 + np.where(stays, 0.0, self.e))[:, None] * self.impulse_jump / (self.tip[1] @ self.impulse_jump)
-        law = np.eye(X.shape[1]) + jump[:, :, None] * self.tip[1]  # J = X + jump (v_n - d')
-        before_rates = self._rates(before, t, np.zeros_like(stays))
-        late = self._rates(X, t, stays) - np.einsum("eij,ej->ei", law, before_rates) + jump * acceleration[:, None]
-        approach = speed - before @ self.tip[1]
-        late[approach == 0] = 0.0
-        S = law - (late / np.where(approach == 0, 1.0, approach)[:, None])[:, :, None] * self.tip[0]
-        S[motion.kinds == LEAVES] = np.eye(X.shape[1])
-        return np.asarray(S)
+    def _propagators(self, motion: Trajectory) -> Array:
+        """Return the propagator of each stretch, ``(event + 1, N, N)``."""
+        spans, (every, which) = np.diff(motion.ends), np.unique(motion.sets, axis=0, return_inverse=True)
+        factors = np.empty((spans.size, self.start.size, self.start.size))
+        for k, closed in enumerate(every):
+            of_set = which.ravel() == k
+            factors[of_set] = propagators(self.set_of(closed), spans[of_set])
+        return factors
 
-    def _rates(self, X: Array, t: Array, held: NDArray[np.bool_]) -> Array:
-        """Return X' of states in flight or held, ``(state, N)``."""
-        own, waves, loads = self.free.system, self.load.waves, self.modes + self.heats
-        force = np.sin(waves[:, 0] * t[:, None] + waves[:, 1]) @ waves[:, 2]
-        rates = X @ own.A.T + own.B @ self.load.constant + force[:, None] * own.B[:, loads]
-        excess = np.where(held, rates @ self.tip[1] - self._casing(t)[1], 0.0)
-        return np.asarray(rates - excess[:, None] * self.impulse_jump / (self.tip[1] @ self.impulse_jump))
+    def _after_impacts(self, motion: Trajectory, event: int, D: Array) -> Array:
+        """Return S D of an event with impacts; those that do not act on each other are passed one after another."""
+        n, normal, impulses = self.modes, self.one.basis.normal, motion.impulses[event]
+        t, strikes, W = motion.begin + motion.times[event], self._strikes(motion)[event], self.delassus
+        (speed, bend), before, after = self._casing(t), motion.sets[event].copy(), motion.sets[event + 1]
+        X, D = motion.states[event] - impulses @ self.struck, D.copy()
+        for part in self._linked((impulses > 0) | before | after):
+            striking, taking = part[strikes[part]], part[impulses[part] > 0]
+            u = normal @ X[n : 2 * n] - speed
+            rates = self._rates(X, t, before)
+            X = X + impulses[part] @ self.struck[part]
+            before[part] = after[part]
+            if striking.size:
+                bounced = np.diag(np.where(after[taking], 1.0, 1.0 + self.e))
+                law = self.struck[taking].T @ np.linalg.solve(W[np.ix_(taking, taking)], bounced)
+                late = self._rates(X, t, before) - rates - law @ (normal[taking] @ rates[n : 2 * n] - bend[taking])
+                earlier = (normal[striking] / u[striking, None]).mean(axis=0) @ D[:n]
+                D += law @ (normal[taking] @ D[n : 2 * n]) + np.outer(late, earlier)
+        return D
 
-    def _casing(self, t: Array) -> tuple[Array, Array]:
-        """Return velocity and acceleration of the casing at some times."""
-        (omega, phase, _, _), (cos, sin) = self.load.waves.T, self.load.casing[..., 0].T
-        c, s = (turned(omega * t[:, None] + phase) for turned in (np.cos, np.sin))
-        return (c * sin - s * cos) @ omega, -(c * cos + s * sin) @ omega**2
+    def corner(self, motion: Trajectory) -> NDArray[np.intp]:
+        """Return contacts that strike at the same instant and act on each other, where DP has a jump; none else."""
+        strikes, involved = self._strikes(motion), (motion.impulses > 0) | motion.sets[:-1] | motion.sets[1:]
+        for event in np.flatnonzero(strikes.any(axis=1)) if self.contacts > 1 else ():
+            near = np.abs(motion.times - motion.times[event]) <= _SAME_INSTANT * motion.span
+            for part in self._linked(involved[near].any(axis=0)):
+                striking = part[strikes[near][:, part].any(axis=0)]
+                if striking.size > 1:
+                    return np.asarray(striking)
+        return np.zeros(0, dtype=np.intp)
+
+    def _strikes(self, motion: Trajectory) -> NDArray[np.bool_]:
+        """Return which contacts end a flight by an impact, ``(event, contact)``."""
+        return np.asarray((motion.impulses > 0) & (motion.approaches > 0) & ~motion.sets[:-1])
+
+    def _linked(self, some: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+        """Return some contacts in parts that do not act on each other."""
+        which = np.flatnonzero(some)
+        return [which[part] for part in connected_parts(self.coupled[np.ix_(which, which)])]
+
+    @cached_property
+    def delassus(self) -> Array:
+        """W, ``(contact, contact)``, 1/kg."""
+        return np.asarray(self.one.basis.delassus(self.friction))
+
+    def _rates(self, X: Array, t: float, closed: NDArray[np.bool_]) -> Array:
+        """Return X' of a state with contacts with mass closed, ``(N,)``."""
+        own, waves, at = self.linear(self.all_open).system, self.load.waves, self.modes + self.heats
+        force = np.sin(waves[:, 0] * t + waves[:, 1]) @ waves[:, 2]
+        rates = own.A @ X + own.B @ self.load.constant + force * own.B[:, at]
+        S = np.flatnonzero(closed)
+        excess = self.one.basis.normal[S] @ rates[self.modes : 2 * self.modes] - self._casing(t)[1][S]
+        return np.asarray(rates + np.linalg.solve(self.delassus[np.ix_(S, S)], excess) @ self.struck[S])
+
+    def place_of(self, contact: int, t: Array) -> Array:
+        """Return the place of the casing at a contact, m, ``(time,)``."""
+        (omega, phase, _, _), (cos, sin) = self.load.waves.T, self.load.casing[..., contact].T
+        turned = omega * t[:, None] + phase
+        return np.asarray(self.load.constant[contact - 3 * self.contacts] + np.cos(turned) @ cos + np.sin(turned) @ sin)
+
+    def _casing(self, t: float) -> tuple[Array, Array]:
+        """Return velocity and acceleration of the casing at each contact, ``(contact,)``."""
+        (omega, phase, _, _), (cos, sin) = self.load.waves.T, self.load.casing.swapaxes(0, 1)
+        c, s = np.cos(omega * t + phase), np.sin(omega * t + phase)
+        return (c * omega) @ sin - (s * omega) @ cos, -(c * omega**2) @ cos - (s * omega**2) @ sin

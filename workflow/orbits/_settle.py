@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels.algebra import eigenvalues
 from workflow.models import Array
@@ -62,12 +63,12 @@ def settle(flow: Flow, options: Options) -> Settled:
     """Return the outcome of a case after its transient."""
     if np.isnan(flow.period):
         return Settled(NOT_FOUND, f"the loads have no common period within {MOST_LOAD_PERIODS} load periods")
-    X, contact, done = flow.start, False, 0
+    X, closed, done = flow.start, flow.all_open, 0
     try:
         while done < MOST_PERIODS:
             more = min(max(done, options.window), MOST_PERIODS - done)
-            motions = _periods(flow, X, contact, more, options.window)
-            X, contact, found = motions[-1].X, motions[-1].contact, _found(flow, motions, options)
+            motions = _periods(flow, X, closed, more, options.window)
+            X, closed, found = motions[-1].X, motions[-1].closed, _found(flow, motions, options)
             if found is not None:
                 return found
             done += more + options.window
@@ -77,7 +78,7 @@ def settle(flow: Flow, options: Options) -> Settled:
     if found is not None:
         return found
     message = f"no rub that repeats within {options.periods} periods of the loads was found in {MOST_PERIODS} of them"
-    return Settled(NOT_FOUND, message, None, _exponent(flow, X, contact))
+    return Settled(NOT_FOUND, message, None, _exponent(flow, X, closed))
 
 
 def _by_balance(flow: Flow, transient: list[Trajectory], options: Options) -> Settled | None:
@@ -88,10 +89,10 @@ def _by_balance(flow: Flow, transient: list[Trajectory], options: Options) -> Se
     """
     motions = transient
     for _ in range(_BALANCES):
-        force = sum(float(motion.tally["impulse"]) for motion in motions) / (len(motions) * flow.period)
+        force = np.mean([motion.tally["impulse"] for motion in motions], axis=0) / flow.period
         try:
             X = flow.balanced(motions[-1].X, force)
-            motions = _periods(flow, X, motions[-1].contact, _BETWEEN, options.window)
+            motions = _periods(flow, X, motions[-1].closed, _BETWEEN, options.window)
         except _StoppedError:
             return None
         found = _found(flow, motions, options)
@@ -104,39 +105,39 @@ def _leads_to(flow: Flow, transient: list[Trajectory], orbit: Orbit | None) -> b
     """Tell whether the temperatures of a transient approach those of an orbit; without one, whether they grow."""
     first, last = transient[0].start, transient[-1].X
     if orbit is None:
-        return bool(flow.parts(last)[2][-1] > flow.parts(first)[2][-1])
-    kept = flow.balanced(last, float(orbit.motion.tally["impulse"]) / orbit.motion.span)
+        return bool(flow.warmth(last).max() > flow.warmth(first).max())
+    kept = flow.balanced(last, orbit.motion.tally["impulse"] / orbit.motion.span)
     away, left = (float(np.abs(flow.parts(X - kept)[2]).max()) for X in (first, last))
     return left < away
 
 
-def _periods(flow: Flow, X: Array, contact: bool, passed: int, count: int) -> list[Trajectory]:
+def _periods(flow: Flow, X: Array, closed: NDArray[np.bool_], passed: int, count: int) -> list[Trajectory]:
     """Return ``count`` periods of the motion from X at the start of a period, after ``passed`` others."""
     motions: deque[Trajectory] = deque(maxlen=count)
     for _ in range(passed + count):
-        motion = flow.march(X, contact, 0.0, flow.period, samples=16)
+        motion = flow.march(X, closed, 0.0, flow.period, samples=16)
         if motion.failure:
             raise _StoppedError(motion.failure)
         motions.append(motion)
-        X, contact = motion.X, motion.contact
+        X, closed = motion.X, motion.closed
     return list(motions)
 
 
 def _found(flow: Flow, motions: list[Trajectory], options: Options) -> Settled | None:
     """Return the orbit that the periods of a transient approach, or that it runs away; ``None`` for neither."""
-    scale, held, X = scale_of(flow, motions), motions[-1].contact, motions[-1].X
+    scale, closed, X = scale_of(flow, motions), motions[-1].closed, motions[-1].X
     if any(motion.times.size for motion in motions[-3:]):
         found = None if flow.is_constant else _rub(flow, motions, options, scale)
         if found is not None:
             return found
-    elif held and growth(flow.set_of(held)) > 0:
-        if _grows_in_contact(flow, X):
-            return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {growth(flow.set_of(held)):.4g} 1/s")
+    elif closed.any() and (rate := growth(flow.set_of(closed))) > 0:
+        if _grows_in_contact(flow, X, closed):
+            return Settled(RUNS_AWAY, f"in permanent contact deviations grow by {rate:.4g} 1/s")
     else:
-        orbit = without_events(flow, held, scale)
+        orbit = without_events(flow, closed, scale)
         if orbit is not None and _comes_to(orbit, X, scale):
             return Settled(orbit.state, "", orbit)
-    if abs(flow.growth_by_heat(X)) > _EXCESS * flow.reach:
+    if np.abs(flow.growth_by_heat(X)).max() > _EXCESS * flow.reach:
         return Settled(RUNS_AWAY, "the temperature of the tip grows without bound")
     return None
 
@@ -145,19 +146,28 @@ def _rub(flow: Flow, motions: list[Trajectory], options: Options, scale: Array) 
     """Return the rub with contact events that a transient approaches; ``None`` where none is found."""
     apart = [flow.size(motions[-k].start - motions[-1].X, scale) for k in range(1, options.periods + 1)]
     k = int(np.argmin(apart)) + 1
-    last = flow.march(motions[-k].start, motions[-k].was_held, 0.0, k * flow.period)
+    last = flow.march(motions[-k].start, motions[-k].was_closed, 0.0, k * flow.period)
     begin = longest(last, flights=True)
-    start = flow.march(last.start, last.was_held, 0.0, begin)
-    orbit = newton(flow, start.X, start.contact, begin, k, scale)
+    start = flow.march(last.start, last.was_closed, 0.0, begin)
+    orbit = newton(flow, start.X, start.closed, begin, k, scale)
     if orbit is None:
         return None
     if not _comes_to(orbit, start.X, scale):
         return None
     for order in range(1, k):
-        least = newton(flow, orbit.motion.start, orbit.motion.was_held, begin, order, scale) if k % order == 0 else None
+        at = orbit.motion.start, orbit.motion.was_closed, begin
+        least = newton(flow, *at, order, scale) if k % order == 0 else None
         if least is not None and flow.size(least.motion.start - orbit.motion.start, scale) < _NEAR:
-            return Settled(least.state, "", least)
-    return Settled(orbit.state, "", orbit)
+            orbit = least
+            break
+    return Settled(orbit.state, _without_multipliers(orbit), orbit)
+
+
+def _without_multipliers(orbit: Orbit) -> str:
+    """Return why an orbit has no multipliers; empty where it has."""
+    names = ", ".join(np.array(orbit.flow.structure.contacts.labels)[orbit.corner])
+    at_once = "strike at the same instant and act on each other: the rub has no Floquet multipliers"
+    return f"contacts {names} {at_once}" if names else ""
 
 
 def _comes_to(orbit: Orbit, X: Array, scale: Array) -> bool:
@@ -171,7 +181,7 @@ def _comes_to(orbit: Orbit, X: Array, scale: Array) -> bool:
     if not orbit.growth < 0:
         return False
     while flow.size(deviation, scale) > _NEAR:
-        after = flow.march(motion.start + deviation, motion.was_held, motion.begin, motion.span)
+        after = flow.march(motion.start + deviation, motion.was_closed, motion.begin, motion.span)
         change = orbit.D @ deviation - deviation
         error = orbit.D @ (after.X - motion.start - deviation - change)  # after one more map: fast decays do not count
         if not flow.size(error, scale) <= 0.5 * flow.size(orbit.D @ change, scale):
@@ -183,37 +193,37 @@ def _comes_to(orbit: Orbit, X: Array, scale: Array) -> bool:
     return True
 
 
-def _grows_in_contact(flow: Flow, X: Array) -> bool:
-    """Tell whether a held tip stays in contact, in periods at growing distances, until it has left every bound.
+def _grows_in_contact(flow: Flow, X: Array, closed: NDArray[np.bool_]) -> bool:
+    """Tell whether contacts stay closed, in periods at growing distances, until they have left every bound.
 
-    Its fastest growth must be real: a flutter lifts the tip.
+    The fastest growth must be real: a flutter lifts the tip.
     """
-    poles = eigenvalues(flow.held.system.A)
+    poles = eigenvalues(flow.linear(closed).system.A)
     if poles[np.argmax(poles.real)].imag != 0:
         return False
     try:
-        rest, _ = flow.held.steady(flow.load, 0.0)
+        rest, _ = flow.linear(closed).steady(flow.load, 0.0)
     except np.linalg.LinAlgError:
         return False
     number, deviation = 1, X - rest
-    while abs(flow.growth_by_heat(rest + deviation)) < _EXCESS * flow.reach:
-        motion = flow.march(rest + deviation, True, 0.0, flow.period)
+    while np.abs(flow.growth_by_heat(rest + deviation)).max() < _EXCESS * flow.reach:
+        motion = flow.march(rest + deviation, closed, 0.0, flow.period)
         if motion.times.size or motion.failure:
             return False
-        deviation = propagators(flow.set_of(True), np.array([number * flow.period]))[0] @ (X - rest)
+        deviation = propagators(flow.set_of(closed), np.array([number * flow.period]))[0] @ (X - rest)
         number += 1 + number // 8
     return True
 
 
-def _exponent(flow: Flow, X: Array, contact: bool) -> float:
+def _exponent(flow: Flow, X: Array, closed: NDArray[np.bool_]) -> float:
     """Return the largest Lyapunov exponent over the next periods without their first fifth, 1/s."""
     deviation, grown = np.ones(X.size), 0.0
     for number in range(_EXPONENT_PERIODS):
-        motion = flow.march(X, contact, 0.0, flow.period)
+        motion = flow.march(X, closed, 0.0, flow.period)
         deviation = flow.derivative(motion) @ deviation
         size = float(np.linalg.norm(deviation))
         if not size > 0 or motion.failure:
             return np.nan if motion.failure else -np.inf
-        X, contact, deviation = motion.X, motion.contact, deviation / size
+        X, closed, deviation = motion.X, motion.closed, deviation / size
         grown += np.log(size) if number >= _EXPONENT_PERIODS // 5 else 0.0
     return float(grown / (0.8 * _EXPONENT_PERIODS * flow.period))

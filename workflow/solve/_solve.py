@@ -81,10 +81,10 @@ def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturba
     options = Options(asked.periods, asked.samples)
     values, message = branch(problem, start, stop, followed.points, options)
     values[followed.axis.name] = values.pop("value")
-    if sensors:  # before points
-        values |= {
-            about.name: values[about.name].swapaxes(0, 1) for about in variables.select(None, None, "steady sensors")
-        }
+    several = bool(grid.study.contacts)
+    for about in variables.select(None, None, "steady", *(("steady sensors",) if sensors else ())):
+        if about.is_of_sensor or (several and about.is_of_contact):  # before points
+            values[about.name] = values[about.name].swapaxes(0, 1)
     return {name: array[None] for name, array in values.items()}, message
 
 

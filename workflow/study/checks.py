@@ -248,11 +248,6 @@ def _contacts(cases: CaseSpace, sizes: Sizes, source: StudyText) -> Iterator[Fau
         f"and the structure has {len(cases.contacts)} contacts" if cases.contacts else "and its contact has no mass"
     )
     yield from _reduced_contacts(cases, sizes, source, several)
-    if cases.branch is not None:
-        problem = f"is a branch, which takes one contact with mass, {several}"
-        yield ("axes", cases.branch.axis.path), problem, "write a list, or choose one contact"
-    elif cases.output.steady is not None:
-        yield ("output", "steady"), f"takes one contact with mass, {several}", "leave it out, or choose one contact"
     acts = any(axis.path.startswith("scene.load.") and "steady" not in axis.path for axis in cases.axes())
     load = cases.scene.load
     if not np.any(sizes.structure.load_direction) and (acts or load.mean or load.amplitude or load.harmonics):
@@ -299,9 +294,9 @@ def _elastic(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
         yield ("axes", "tolerance"), of_rigid, "write counts of modes"
     if cases.output.temperature_depth is not None:
         yield ("output", "temperature_depth"), of_rigid, f"leave it out, or the {key}"
-    if cases.branch is not None:
+    if is_coated and cases.branch is not None:
         yield ("axes", cases.branch.axis.path), of_rigid, f"write a list, or leave the {key} out"
-    elif cases.output.steady is not None:
+    elif is_coated and cases.output.steady is not None:
         yield ("output", "steady"), of_rigid, f"leave it out, or the {key}"
 
 

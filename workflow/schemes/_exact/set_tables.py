@@ -103,8 +103,9 @@ class SetTable:
 
     def find(self, closed: NDArray[np.int8], alpha: float) -> ClosedSet | None:
         """Return a set, which is added where it is not there; ``None`` where it cannot be had."""
-        if self.add(closed, np.array([alpha])):
-            return None
+        fault = self.add(closed, np.array([alpha]))
+        if fault:
+            return SetTable(self.shared).find(closed, alpha) if fault == FULL else None
         return closed_set_of(self._rows[self._known[closed.tobytes(), alpha] if closed.any() else 0])
 
     def _fill(self, a_set: SetAnyAlpha, closed: NDArray[np.int8], alphas: Array) -> None:

@@ -1,4 +1,4 @@
-"""The exact motion of one case of one contact from any state, and its linear motion while the tip stays free or held.
+"""The exact motion of one case from any state, and its linear motion while a set of its contacts stays closed.
 
 Periodic orbits are searched with both: X' = A X + B w has propagators and a steady response.
 """
@@ -26,7 +26,7 @@ from workflow.schemes._exact.batch import (
 from workflow.schemes._exact.closed_sets import ClosedSet
 from workflow.schemes._exact.event_loop import PROGRESS, Outcome
 from workflow.schemes._exact.events import COMPLETED
-from workflow.schemes._exact.record import EVENT, TALLY, TOUCHES, Asked, Record
+from workflow.schemes._exact.record import EVENT, IMPACTS, TALLY, TOUCHES, Asked, Record
 from workflow.schemes._exact.set_motion import Case
 from workflow.schemes._exact.set_tables import SetTable
 from workflow.schemes._exact.tables import block, first, wave
@@ -43,41 +43,54 @@ class Trajectory:
     """s"""
     start: Array
     """X at ``begin``."""
-    was_held: bool
-    """Whether it begins in contact."""
+    was_closed: NDArray[np.bool_]
+    """Contacts that are closed at ``begin``, ``(contact,)``."""
     X: Array
     """State at the end; NaN where the motion ended early."""
-    contact: bool
-    """Whether it ends in contact."""
+    closed: NDArray[np.bool_]
+    """Contacts that are closed at the end, ``(contact,)``."""
     times: Array
-    """Times of events after ``begin``, s, ``(event,)``."""
-    kinds: Array
-    """A contact ends, an impact, or a contact begins: see :mod:`workflow.schemes._exact.record`."""
+    """Times of events after ``begin``, those of all contacts at an instant as one, s, ``(event,)``."""
     impulses: Array
-    """Impulses of impacts, N s, ``(event,)``."""
+    """Impulses of impacts, N s, ``(event, contact)``."""
+    approaches: Array
+    """Speeds at which contacts meet their casing, 0 for those that do not, m/s, ``(event, contact)``."""
+    closed_after: NDArray[np.bool_]
+    """Contacts that are closed after the events, ``(event, contact)``."""
     states: Array
     """X after the events, ``(event, N)``."""
     histories: Array
-    """x_n, v_n, θ_n, the impulse and what sensors show at samples, ``(4 + sensor, sample)``."""
+    """x, v, θ and impulse of each contact at samples, ``(4, contact, sample)``."""
+    sensed: Array
+    """What sensors show at samples, without what contacts without mass add, ``(sensor, sample)``."""
     tally: Any
-    """One element of an array of :data:`~workflow.schemes._exact.record.TALLY`."""
+    """Array of :data:`~workflow.schemes._exact.record.TALLY`, ``(contact,)``."""
     failure: str
     """Why the motion ended early, or ''."""
 
     @property
     def repeats(self) -> bool:
-        """Whether it ends as it began, in flight or in contact."""
-        return self.contact == self.was_held and bool(np.isfinite(self.X).all())
+        """Whether it ends with the contacts closed with which it began."""
+        return np.array_equal(self.closed, self.was_closed) and bool(np.isfinite(self.X).all())
 
     @property
-    def stretches(self) -> tuple[Array, NDArray[np.bool_]]:
-        """Ends of flights and contacts after ``begin``, 0 first, s, and which are contacts."""
-        ends = np.concatenate([[0.0], self.times, [self.span]])
-        return ends, np.concatenate([[self.was_held], self.kinds == TOUCHES])
+    def ends(self) -> Array:
+        """Ends of the stretches between events after ``begin``, 0 first, s, ``(event + 2,)``."""
+        return np.concatenate([[0.0], self.times, [self.span]])
+
+    @property
+    def sets(self) -> NDArray[np.bool_]:
+        """Contacts that are closed in each stretch, ``(event + 1, contact)``."""
+        return np.vstack([self.was_closed, self.closed_after])
+
+    @property
+    def begins(self) -> NDArray[np.int64]:
+        """How often each contact is closed, ``(contact,)``."""
+        return np.asarray(np.sum(self.sets[1:] & ~self.sets[:-1], axis=0))
 
 
 class OneCase(NamedTuple):
-    """A batch of one case, and the sets of its contact."""
+    """A batch of one case, and the sets of its contacts."""
 
     operator: ExactOperator
     table: SetTable
@@ -86,27 +99,33 @@ class OneCase(NamedTuple):
     conditions: Case
 
     @property
+    def contacts(self) -> int:
+        """Number of contacts."""
+        return self.basis.contacts.count
+
+    @property
     def own(self) -> Case:
         """The conditions of the case."""
         first: Any = (value[0] if isinstance(value, np.ndarray) else value for value in self.conditions)
         return Case(*first)
 
-    def set_of(self, held: bool) -> ClosedSet:
-        """Return the set of the held or the free tip.
+    def set_of(self, closed: NDArray[np.bool_]) -> ClosedSet:
+        """Return a set.
 
         Raises
         ------
         InseparablePolesError
             Three poles coincide.
         """
-        found = self.table.find(np.array([held], dtype=np.int8), float(self.conditions.alpha[0]))
+        found = self.table.find(closed.astype(np.int8), float(self.conditions.alpha[0]))
         if found is None:
             raise InseparablePolesError
         return found
 
-    def linear(self, held: bool) -> Linear:
-        """Return the motion of the held or the free tip."""
-        return _linear(self.basis, held, float(self.conditions.alpha[0]), float(self.conditions.friction[0]))
+    def linear(self, closed: NDArray[np.bool_]) -> Linear:
+        """Return the motion with a set of contacts closed."""
+        of_case = float(self.conditions.alpha[0]), float(self.conditions.friction[0])
+        return _linear(self.basis, tuple(closed.tolist()), *of_case)
 
 
 def one_case(operator: ExactOperator, cases: Cases, duration: float, *, heated: bool = False) -> OneCase:
@@ -122,30 +141,35 @@ def one_case(operator: ExactOperator, cases: Cases, duration: float, *, heated: 
     if not warm:
         conditions = unheated(conditions, operator.basis.frequency.size, operator.basis.rate.size)
     one = OneCase(operator, table, operator.bases[warm], conditions)
-    for held in (False, True):
-        one.set_of(held)
+    one.set_of(np.zeros(one.contacts, dtype=np.bool_))
     return one
 
 
 def trajectory(
-    case: OneCase, X: Array, contact: bool, begin: float, span: float, kept: int = 64, samples: int = 1
+    case: OneCase,
+    X: Array,
+    closed: NDArray[np.bool_],
+    begin: float,
+    span: float,
+    kept: int = 64,
+    samples: int = 1,
 ) -> Trajectory:
-    """Return the exact motion from X at ``begin`` [s] over ``span`` [s].
+    """Return the exact motion from X at ``begin`` [s] over ``span`` [s], with contacts that are ``closed`` there.
 
-    ``kept`` is a guess of the number of events; 0 leaves them out.
+    ``kept`` is a guess of the number of events of all contacts; 0 leaves them out.
     """
-    conditions, sensors = case.conditions, case.basis.sensors
+    conditions, sensors, m = case.conditions, case.basis.sensors, case.contacts
     waves = conditions.waves.copy()
     waves[0, :, wave.PHASE] += begin * waves[0, :, wave.OMEGA]
     due = np.linspace(0.0, span, samples + 1)
     while True:
         given = conditions._replace(waves=waves, duration=float(span), modal=X[None].copy())
-        tally, events = np.zeros((1, 1), dtype=TALLY), np.zeros((1, kept, len(EVENT)))
-        histories = np.full((1, len(HISTORIES), 1, due.size), np.nan)
-        tally["held"] = contact
+        tally, events = np.zeros((1, m), dtype=TALLY), np.zeros((1, kept, len(EVENT)))
+        histories = np.full((1, len(HISTORIES), m, due.size), np.nan)
+        tally["held"] = closed
         sensed, states = np.full((1, len(sensors), due.size), np.nan), np.zeros((1, kept, X.size))
         record = Record(
-            due, np.zeros((1, 0)), histories, np.zeros((1, 7, 1, 0)), tally, Asked(sensors, sensed, events, states)
+            due, np.zeros((1, 0)), histories, np.zeros((1, 7, m, 0)), tally, Asked(sensors, sensed, events, states)
         )
         outcome = Outcome(record, np.zeros(1, dtype=PROGRESS), np.zeros(1, dtype=np.int64))
         march(case.table, given, np.zeros(1, dtype=np.int64), outcome)
@@ -157,9 +181,24 @@ def trajectory(
     end = given.modal[0] if done else np.full(X.size, np.nan)
     told = outcome.progress[0], tally[0], float(conditions.e[0]), 0.0
     failure = "" if done else failure_text(case.operator, int(outcome.ended[0]), *told)
-    (times, kinds, impulses), shown = events[0, :count, :3].T, np.vstack([histories[0, :, 0], sensed[0]])
-    listed = times, kinds, impulses, states[0, :count]
-    return Trajectory(begin, span, X, contact, end, bool(tally["held"][0, 0]), *listed, shown, tally[0, 0], failure)
+    listed = _events(events[0, : min(count, kept)], states[0], closed)
+    last = tally["held"][0] != 0
+    return Trajectory(begin, span, X, closed, end, last, *listed, histories[0], sensed[0], tally[0], failure)
+
+
+def _events(rows: Array, states: Array, closed: NDArray[np.bool_]) -> tuple[Array, Array, Array, Any, Array]:
+    """Return times, impulses, approaches, closed contacts and states of events from the rows of single contacts."""
+    which = np.flatnonzero(np.diff(rows[:, 0], append=np.inf) > 0)  # the last row of each instant
+    impulses, approaches = np.zeros((2, which.size, closed.size))
+    after, now, begin = np.zeros(impulses.shape, dtype=np.bool_), closed.copy(), 0
+    for event, end in enumerate(which.tolist()):
+        for _, kind, impulse, approach, contact in rows[begin : end + 1]:
+            c = int(contact)
+            impulses[event, c] += impulse
+            approaches[event, c] = approach
+            now[c] = kind == TOUCHES if kind != IMPACTS else now[c]
+        begin, after[event] = end + 1, now
+    return rows[which, 0], impulses, approaches, after, states[which]
 
 
 def growth(s: ClosedSet) -> float:
@@ -170,7 +209,7 @@ def growth(s: ClosedSet) -> float:
 
 
 def propagators(s: ClosedSet, spans: Array) -> Array:
-    """Return the propagators of X, of the contacts open, over each of some spans [s], ``(span, N, N)``."""
+    """Return the propagators of X, the state with the contacts open, over each of some spans [s], ``(span, N, N)``."""
     n, t = s.blocks, spans[:, None]
     half, w2 = 0.5 * s.block[block.DAMPING, :n], s.block[block.STIFFNESS, :n]
     C, S = (each[:, None] for each in oscillations(half, half**2 - w2, spans))
@@ -185,37 +224,38 @@ def propagators(s: ClosedSet, spans: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """The motion with the tip free or held in its modes Z = [z, z', τ], and the transform to X = [y, y', τ]."""
+    """The motion with a set of contacts closed in its modes Z = [z, z', τ], and the transform to X = [y, y', τ]."""
 
     system: ContactSystem
 
-    def steady(self, case: Case, t: float) -> tuple[Array, float]:
-        """Return X and the signal, the gap or the contact force, of the steady response to the loads at t.
+    def steady(self, case: Case, t: float) -> tuple[Array, Array]:
+        """Return X and the signals, gaps or contact forces ``(contact,)``, of the steady response to the loads at t.
 
         Raises
         ------
         numpy.linalg.LinAlgError
             There is none: a pole is that of a load.
         """
-        own = self.system
+        own, m = self.system, len(self.system.place)
         sources = [(0.0, case.constant.astype(complex))]
-        for (omega, phase, force, _), (cos, sin) in zip(case.waves, case.casing[..., 0], strict=True):
-            inputs = np.zeros(case.constant.size, dtype=complex)
-            inputs[-4:] = -1j * force, *((cos - 1j * sin) * (1j * omega) ** np.arange(3))
+        for (omega, phase, force, _), (cos, sin) in zip(case.waves, case.casing, strict=True):
+            moved = np.multiply.outer((1j * omega) ** np.arange(3), cos - 1j * sin)
+            inputs = np.concatenate([np.zeros(case.constant.size - 3 * m - 1), [-1j * force], moved.ravel()])
             sources.append((omega, inputs * np.exp(1j * (omega * t + phase))))
         Z, w = np.zeros(own.A.shape[0]), np.zeros(case.constant.size)
         for omega, inputs in sources:
             Z += np.linalg.solve(1j * omega * np.eye(Z.size) - own.A, own.B @ inputs).real
             w += inputs.real
         z, u, tau = np.split(Z, [own.null.shape[1], 2 * own.null.shape[1]])
-        X = [own.null @ z + w[-3] * own.place[0], own.null @ u + w[-2] * own.place[0], tau]
-        return np.concatenate(X), float(own.signals[0] @ Z + own.inputs[0] @ w)
+        d, rate = w[-3 * m : -2 * m], w[-2 * m : -m]
+        X = [own.null @ z + d @ own.place, own.null @ u + rate @ own.place, tau]
+        return np.concatenate(X), own.signals @ Z + own.inputs @ w
 
 
 @lru_cache(maxsize=8)
-def _linear(basis: ContactBasis, held: bool, alpha: float, friction: float) -> Linear:
-    """Return the motion of the held or the free tip."""
-    system = contact_system(basis, np.array([held]), alpha, friction)
+def _linear(basis: ContactBasis, closed: tuple[bool, ...], alpha: float, friction: float) -> Linear:
+    """Return the motion with a set of contacts closed."""
+    system = contact_system(basis, np.array(closed), alpha, friction)
     if system is None:
         raise InseparablePolesError
     return Linear(system)

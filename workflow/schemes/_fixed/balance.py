@@ -418,7 +418,7 @@ class Balances:
             damping=self._unscale**2 * 0.25 * step.tip.h * blocks.modal.damping,
             impulse=lanes["impulse_work"],
             heat=0.5 * self._unscale * heat,
-            loss=self._loss / blocks.self._blocks.heat_scale,
+            loss=self._loss / blocks.heat_scale,
         )
 
     def _dense(self, lanes: Mapping[str, Array]) -> Dense:
