@@ -81,7 +81,8 @@ class Flow:
         if self.is_constant:
             vibrating = frequency[frequency > 0]
             self.period = 2 * np.pi / float(vibrating.min()) if vibrating.size else 1.0
-        self.one = one_case(self.operator, cases, self.period, heated=heated)
+        duration = self.period if np.isfinite(self.period) else 1.0  # loads without a common period have no map
+        self.one = one_case(self.operator, cases, duration, heated=heated)
         self.load, self.modes, self.contacts = self.one.own, frequency.size, self.one.contacts
         self.heats = self.one.basis.rate.size
         self.is_heated, self.start = self.heats > 0, self.load.modal
