@@ -178,21 +178,20 @@ class Flow:
 
     def _after_impacts(self, motion: Trajectory, event: int, D: Array) -> Array:
         """Return S D of an event with impacts; those that do not act on each other are passed one after another."""
-        n, normal, impulses = self.modes, self.one.basis.normal, motion.impulses[event]
-        t, strikes, W = motion.begin + motion.times[event], self._strikes(motion)[event], self.delassus
-        (speed, bend), before, after = self._casing(t), motion.sets[event].copy(), motion.sets[event + 1]
-        X, D = motion.states[event] - impulses @ self.struck, D.copy()
-        for part in self._linked((impulses > 0) | before | after):
-            striking, taking = part[strikes[part]], part[impulses[part] > 0]
-            u = normal @ X[n : 2 * n] - speed
-            rates = self._rates(X, t, before)
-            X = X + impulses[part] @ self.struck[part]
-            before[part] = after[part]
+        n, normal, approach, t = self.modes, self.one.basis.normal, motion.approaches[event], motion.times[event]
+        before, after, strikes = *motion.sets[event : event + 2], self._strikes(motion)[event]
+        X, closed, D, t = motion.states[event], after.copy(), D.copy(), motion.begin + t
+        takes = (motion.impulses[event] > 0) | after
+        for part in self._linked(takes | before):
+            striking, taking = part[strikes[part]], part[takes[part]]
             if striking.size:
                 bounced = np.diag(np.where(after[taking], 1.0, 1.0 + self.e))
-                law = self.struck[taking].T @ np.linalg.solve(W[np.ix_(taking, taking)], bounced)
-                late = self._rates(X, t, before) - rates - law @ (normal[taking] @ rates[n : 2 * n] - bend[taking])
-                earlier = (normal[striking] / u[striking, None]).mean(axis=0) @ D[:n]
+                law = self.struck[taking].T @ np.linalg.solve(self.delassus[np.ix_(taking, taking)], bounced)
+                late = self._rates(X, t, closed)
+                X, closed[part] = X - law @ np.where(strikes, approach, 0.0)[taking], before[part]
+                rates = self._rates(X, t, closed)
+                late -= rates + law @ (normal[taking] @ rates[n : 2 * n] - self._casing(t)[1][taking])
+                earlier = (normal[striking] / approach[striking, None]).mean(axis=0) @ D[:n]
                 D += law @ (normal[taking] @ D[n : 2 * n]) + np.outer(late, earlier)
         return D
 
