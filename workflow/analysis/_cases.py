@@ -44,8 +44,9 @@ def most_loaded(dataset: xr.Dataset) -> xr.Dataset:
     """Return an archive at that of several contacts which takes the largest impulse in any ok case; else as it is."""
     if not is_of_contacts(dataset):
         return dataset
-    impulse = dataset["contact_impulse"].where(dataset["status"] == Status.OK, 0.0)
-    return dataset.isel(contact=int(np.argmax(impulse.max(case_dims(dataset)).values)))
+    impulse = dataset["contact_impulse" if "contact_impulse" in dataset else "steady_impulse"]
+    largest = impulse.where(dataset["status"] == Status.OK).fillna(0.0).max(set(impulse.dims) - {"contact"})
+    return dataset.isel(contact=int(np.argmax(largest.values)))
 
 
 def added_dim(values: xr.Dataset | xr.DataArray, name: str, other: str) -> str:
