@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from scenes import cases_of_file, of_entries
 from workflow.models import Array, Cases, Structure
-from workflow.orbits import STATES, Options, steady_rubs
+from workflow.orbits import BIFURCATIONS, STATES, Options, branch, steady_rubs
 from workflow.orbits._flow import AnalysedStructure, Flow
 from workflow.orbits._orbit import Orbit
 from workflow.orbits._settle import settle
@@ -227,11 +227,52 @@ def test_a_chord_of_five_contacts_without_mass() -> None:
     gaps = np.array([4.0, 5.5, 6.5, 7.2, 7.5])
     batch = cases_of_file(structure, alpha=0.1, gaps=gaps, **LOAD | {"frequency": 0.15 / TURN})
     orbit = orbit_of(structure, batch)
-    flow, X, closed = orbit.flow, orbit.flow.start, orbit.flow.all_open
-    assert orbit.motion.times.size > 2
-    for period in range(200):
-        motion = flow.march(X, closed, orbit.motion.begin if period else 0.0, orbit.motion.span)
-        X, closed = motion.X, motion.closed
-        if period == 0:  # on to the phase of the orbit
-            X, closed = flow.march(X, closed, 0.0, orbit.motion.begin).X, closed
-    print(orbit.multipliers, np.abs(X - orbit.motion.start).max(), orbit.motion.sets, orbit.growth)
+    flow, motion = orbit.flow, orbit.motion
+    assert motion.sets.all(axis=1).any()
+    assert motion.sets.any(axis=0).all()
+    first = flow.march(flow.start, flow.all_open, 0.0, 40 * motion.span + motion.begin)
+    last = flow.march(first.X, first.closed, motion.begin, 160 * motion.span)
+    np.testing.assert_allclose(last.X, motion.start, atol=1e-10 * np.abs(motion.start).max())
+    assert decay(orbit, first.X, first.closed, 30) == pytest.approx(orbit.growth * motion.span, rel=0.02)
+    found = rub(structure, batch)
+    assert found["settling_time"] == pytest.approx(-1 / orbit.growth, rel=1e-12)
+    for name in ("steady_impulse", "steady_contact", "steady_max_temperature", "steady_mean_temperature"):
+        assert found[name].shape == (5,)
+    assert (found["steady_impacts"] == 0).all()
+    heat = structure.matrices()
+    source = 0.1 * found["steady_impulse"] / motion.span
+    inputs = structure.contacts.heat.T @ source
+    mean = structure.contacts.heat @ np.linalg.solve(heat.conductance_matrix, inputs)
+    np.testing.assert_allclose(found["steady_mean_temperature"], mean, rtol=1e-9)
+
+
+def test_a_casing_that_stiffens_tends_to_a_rigid_one() -> None:
+    """Of a contact without mass at first order of its flexibility."""
+    entries = {"residual_flexibility": np.array([[0.2]])}
+    rigid = oscillators(1, **entries)
+
+    def impulse(flexibility: float) -> float:
+        structure = rigid.on_casing(flexibility) if flexibility else rigid
+        return float(rub(structure, cases_of_file(structure, gaps=np.ones(1), **LOAD))["steady_impulse"])
+
+    errors = np.array([impulse(c) for c in (1e-3, 1e-4)]) - impulse(0.0)
+    assert abs(errors[0]) > 1e-6
+    assert np.log10(errors[0] / errors[1]) == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize(("residual", "flexibility"), [(0.0, 0.05), (0.05, 0.0), (0.03, 0.02)])
+def test_the_fold_of_a_resonance_on_an_elastic_stop(residual: float, flexibility: float) -> None:
+    """It is at ω = 1.609368218015, by an independent solver in 40 digits, whatever yields: contact or casing."""
+    own = {"residual_flexibility": np.array([[residual]])} if residual else {}
+    structure = oscillators(1, damping=np.array([[0.04]]), **own)
+    structure = structure.on_casing(flexibility) if flexibility else structure
+
+    def problem(omega: float) -> tuple[Structure, Cases]:
+        start = {"displacement": -2.4981210350381513, "velocity": 4.2020412256701025}
+        load = {"mean": 0.1, "amplitude": 1.0, "frequency": omega / TURN, "phase": np.pi / 2}
+        return structure, cases_of_file(structure, gaps=np.array([1.2]), **load, **start)
+
+    values, message = branch(problem, 1.4, 1.65, 8, Options(periods=1, samples=8))
+    assert message == ""
+    folds = values["value"][values["bifurcation"] == BIFURCATIONS.index("fold")]
+    assert folds == pytest.approx([1.609368218015], rel=1e-10)

@@ -8,9 +8,8 @@ import pytest
 from scenes import blade, blade_rub, cases, chain, step
 from workflow.models import Cases, Rayleigh, Structure, critical_alpha
 from workflow.orbits import STATES, Options, steady_rubs
-from workflow.orbits._flow import AnalysedStructure
 from workflow.reduction import reduce_structure
-from workflow.schemes import RefusedStructureError, Sampling
+from workflow.schemes import Sampling
 
 TURN = 2 * np.pi
 
@@ -184,9 +183,3 @@ def test_what_does_not_repeat_has_an_exponent() -> None:
     )
     grown = np.log(apart[:, 0, 20] / apart[:, 0, 10]).mean() / (10 * period)
     assert found["lyapunov"] == pytest.approx(grown, rel=0.3)
-
-
-def test_contacts_without_mass_are_refused() -> None:
-    small = reduce_structure(chain(nodes=4, mass=0.1, stiffness=4000.0), 1, 1, "macneal").structure
-    with pytest.raises(RefusedStructureError, match="one contact with mass"):
-        AnalysedStructure(small)
