@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import brentq
 from test_steady_rubs import TURN, light_heat, oscillator
 
-from scenes import blade, blade_rub, cases
-from workflow.models import Cases, Structure, critical_alpha, growth_rate
+from scenes import blade, blade_rub, cases, chain
+from workflow.models import Cases, Rayleigh, Structure, critical_alpha, growth_rate
 from workflow.orbits import BIFURCATIONS, STATES, Options, branch, steady_rubs
 from workflow.orbits._curve import Problem
 from workflow.reduction import reduce_structure
@@ -56,7 +56,7 @@ def test_the_intermittent_rub_of_the_blade_runs_away_in_a_fold() -> None:
 
 
 def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
-    """At an amplitude of 0.1 its resonance reaches the stop; the impacting motion ends there, after a fold.
+    """At an amplitude of 0.1 its resonance reaches the stop; the impacting motion begins there, before a fold.
 
     At resonance x is 10 A sin(t + φ) and a free vibration h, h(0) = h(2π), h'(0) - h'(2π) = -(1 + e) v, linear in v; so
     100 A² = (1 - h(0))² + (e v + h'(0))², which is least at the fold.
@@ -68,8 +68,10 @@ def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
         return structure, replace(scene, load_harmonics=scene.load_harmonics.scaled(amplitude))
 
     values = followed(problem, 1.0, 0.05, 12)
-    assert flagged(values, "grazing").tolist() == [11]
-    assert values["value"][-1] == pytest.approx(0.1, abs=1e-6)
+    (grazing,) = flagged(values, "grazing")
+    assert values["value"][grazing] == pytest.approx(0.1, abs=1e-12)
+    assert values["value"][-1] == pytest.approx(0.05)
+    assert states(values)[grazing:] == (12 - grazing) * ["no_contact"]
     pole = complex(-0.05, np.sqrt(1 - 0.05**2))  # h = Re(z exp(pole t)), per v
     after = np.exp(TURN * pole)
     rows = [[(1 - after).real, -(1 - after).imag], [(pole * (1 - after)).real, -(pole * (1 - after)).imag]]
@@ -78,6 +80,22 @@ def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
     (fold,) = flagged(values, "fold")
     assert values["value"][fold] == pytest.approx(0.1 * abs(speed) / np.hypot(place, speed), abs=1e-9)
     assert values["steady_impulse"][fold] == pytest.approx(1.8 * place / (place**2 + speed**2), rel=1e-4)
+
+
+def test_behind_a_grazing_a_branch_turns_back_to_a_rub_far_from_it() -> None:
+    """The free motion grazes at 4/50 + 10 |H|; the impacting one goes back to its fold and is stable behind it."""
+    structure = chain(nodes=1, mass=2.0, stiffness=50.0, damping=Rayleigh(0.12, 0.002))
+    omega = 5.6
+    scene = cases(structure, e=0.6, gap=4.0, mean=4.0, amplitude=10.0, frequency=omega / TURN, phase=0.4)
+    values = followed(along("gaps", structure, scene), 4.0, 0.5, 40)
+    (grazing,), (fold,) = flagged(values, "grazing"), flagged(values, "fold")
+    free = 4 / 50 + 10 / abs(50 - 2 * omega**2 + 0.34j * omega)
+    assert values["value"][grazing] == pytest.approx(free, abs=1e-10)
+    assert values["value"][fold] == pytest.approx(3.525615812709, abs=1e-10)
+    assert states(values)[: grazing + 1] == (grazing + 1) * ["no_contact"]
+    assert set(states(values)[grazing + 1 : fold]) == {"unstable"}
+    assert set(states(values)[fold + 1 :]) == {"settles"}
+    assert values["value"][-1] == 0.5
 
 
 def test_permanent_contact_flutters_where_its_growth_rate_passes_zero() -> None:

@@ -4,7 +4,8 @@ P is the Poincaré map of the states of the exact model over one common period T
 fixed point of Pᵏ but of no smaller power; its Floquet multipliers are the eigenvalues of DPᵏ.
 """
 
-from workflow.orbits._branch import BIFURCATIONS, branch
+from workflow.orbits._boundary import ENDS, MOST_CURVES, Boundaries, Number, bifurcation_shifts, boundaries
+from workflow.orbits._branch import BIFURCATIONS, Followed, branch, follow, tabulate
 from workflow.orbits._curve import Problem
 from workflow.orbits._orbit import STATES
 from workflow.orbits._rubs import steady_rubs

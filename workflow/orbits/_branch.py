@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from itertools import pairwise, product
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
-from workflow.models import Array
+from workflow.models import Array, one_thread
 from workflow.orbits._curve import Curve, Point, Problem
 from workflow.orbits._orbit import NOT_FOUND, Orbit, scale_of
 from workflow.orbits._rubs import tabulated
 from workflow.orbits._settle import Options, Settled, settle
 
-BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing")
+BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing", "branch_point")
 """Names of the values of ``bifurcation``."""
 
-_NONE, _FOLD, _PERIOD_DOUBLING, _TORUS, _GRAZING = range(5)
+NONE, FOLD, PERIOD_DOUBLING, TORUS, GRAZING, BRANCH_POINT = range(6)
 
 _STARTS = (0.0, 1.0, 0.5, 0.25, 0.75)
 """Fractions of the range at which a periodic rub is searched for."""
@@ -27,12 +27,8 @@ _STARTS = (0.0, 1.0, 0.5, 0.25, 0.75)
 _FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-6
 """First, largest and least step along the curve, on which range and motion have length 1."""
 
-_BEYOND, _STRAIGHT = (1e-4, 1e-3, 1e-2), 0.5
-"""Fractions of the range beyond a grazing at which the branch is looked for, and how much its slope may differ from
-that of the chord."""
-
 _FAR = 4.0
-"""Norm of w at which an unstable branch ends: its temperatures may grow without bound."""
+"""Norm of the temperatures of w at which an unstable branch ends: they may grow without bound."""
 
 _CURVE, _BEND = 0.1, 1e-3
 """Largest bend of a step, and of one to other events: a late impact of many bends less, others are approached."""
@@ -48,7 +44,7 @@ class Place(NamedTuple):
     """A point of a branch and its bifurcation."""
 
     point: Point
-    flag: int = _NONE
+    flag: int = NONE
 
     @property
     def arclength(self) -> float:
@@ -56,8 +52,27 @@ class Place(NamedTuple):
         return self.point.arclength
 
 
-def branch(problem: Problem, start: float, stop: float, points: int, options: Options) -> tuple[dict[str, Array], str]:
-    """Return the branch of steady rubs through the first one found at start, at stop or between, and a message.
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A branch as it was followed: its curve and points in order of arclength, none where no rub was found."""
+
+    curve: Curve
+    trace: list[Place]
+
+
+def follow(problem: Problem, start: float, stop: float, options: Options) -> Followed:
+    """Follow the branch of steady rubs through the first one found at start, at stop or between."""
+    curve = Curve(problem, start, stop)
+    with one_thread():  # matrices are small
+        first = _first(curve, options)
+        if first is None:
+            return Followed(curve, [])
+        behind = [Place(_reversed(point), flag) for point, flag in _followed(curve, _reversed(first))]
+        return Followed(curve, [*reversed(behind), *_followed(curve, first)[1:]])
+
+
+def tabulate(followed: Followed, points: int, options: Options) -> tuple[dict[str, Array], str]:
+    """Return a branch at equal distances, and a message.
 
     Variables are those of :func:`~workflow.orbits.steady_rubs`, ``(points,)`` and ``(points, samples)``, in order of
     arclength, and ``value`` of the parameter and ``bifurcation`` (int8, index in :data:`BIFURCATIONS`), ``(points,)``.
@@ -65,26 +80,32 @@ def branch(problem: Problem, start: float, stop: float, points: int, options: Op
     ``bifurcation`` ``none``. Where no point is found that holds for all, and the message, which begins with
     ``steady:``, states why.
     """
-    curve = Curve(problem, start, stop)
-    first = _first(curve, options)
-    found, lost = _spread(curve, first, points) if first is not None else ([], [])
+    curve = followed.curve
+    found, lost = spread(followed, points)
     beyond, rubs = points - len(found), [Settled(point.orbit.state, "", point.orbit) for point, _ in found]
-    values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples, problem(start)[0])
+    values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples, curve.problem(curve.start)[0])
     values["value"] = np.pad([curve.value(point.q) for point, _ in found], (0, beyond), constant_values=np.nan)
     values["bifurcation"] = np.pad(np.array([flag for _, flag in found], dtype=np.int8), (0, beyond))
     if not found:
-        return values, f"steady: no periodic rub was found at {start:g}, at {stop:g} or between"
+        ends = f"at {curve.start:g}, at {curve.stop:g} or between"
+        return values, f"steady: no periodic rub was found {ends}"
     near = ", ".join(f"{curve.value(q):.6g}" for q in lost)
     return values, f"steady: {len(lost)} of {points} points were not found, near {near}" if lost else ""
 
 
-def _spread(curve: Curve, first: Point, count: int) -> tuple[list[Place], list[float]]:
-    """Return ``count`` points of the branch through one, in order of arclength, and q near those that are not found.
+def branch(problem: Problem, start: float, stop: float, points: int, options: Options) -> tuple[dict[str, Array], str]:
+    """Return the branch that :func:`follow` finds, as :func:`tabulate` does."""
+    return tabulate(follow(problem, start, stop, options), points, options)
+
+
+def spread(followed: Followed, count: int) -> tuple[list[Place], list[float]]:
+    """Return ``count`` points of a branch, in order of arclength, and q near those that are not found.
 
     They have equal distances, but the nearest to a bifurcation is put there, and one between two of them.
     """
-    behind = [Place(_reversed(point), flag) for point, flag in _followed(curve, _reversed(first))]
-    trace = [*reversed(behind), *_followed(curve, first)[1:]]
+    curve, trace = followed.curve, followed.trace
+    if not trace:
+        return [], []
     arclengths = np.linspace(trace[0].arclength, trace[-1].arclength, count)
     put, marks = {0: trace[0], count - 1: trace[-1]}, [place for place in trace[1:-1] if place.flag][: count - 2]
 
@@ -121,7 +142,7 @@ def _nearest(trace: list[Place], arclength: float) -> list[Point]:
 def _at(curve: Curve, trace: list[Place], arclength: float) -> Point | None:
     """Return the point at an arclength."""
     steps = (curve.step(near, arclength - near.arclength) for near in _nearest(trace, arclength))
-    return next((point for point in steps if point is not None), None)
+    return next((point for point in steps if point is not None and point.is_motion), None)
 
 
 def _reversed(point: Point, shift: float = 0.0) -> Point:
@@ -149,66 +170,66 @@ def _first(curve: Curve, options: Options) -> Point | None:
 def _followed(curve: Curve, first: Point) -> list[Place]:
     """Return the points from one to the end of the range or of the branch, with the bifurcations between.
 
-    A branch has no end where the map is smooth: it ends where the order of events changes and it turns back.
+    At a grazing the branch goes on with an impact less or more, whichever way that leads. It ends where the order of
+    other events changes and it turns back.
     """
     trace, here, step, count = [Place(first)], first, _FIRST, 1
-    while count < _MOST_STEPS and (here.orbit.growth < 0 or np.linalg.norm(here.w) < _FAR):
+    heats = slice(2 * first.orbit.flow.modes, None)
+    while count < _MOST_STEPS and (here.orbit.growth < 0 or np.linalg.norm(here.w[heats]) < _FAR):
         if here.q in (0.0, 1.0) and (here.tangent[-1] > 0) == (here.q == 1.0):
             break
-        near = np.linalg.norm(here.u - first.u) < 0.5 * here.arclength / count
-        if count > 10 and near and here.phase == first.phase:
+        same = count > 10 and here.word == first.word and here.phase == first.phase
+        if same and np.linalg.norm(here.u - first.u) < 0.5 * here.arclength / count:
             break  # a closed branch
         found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
         if not 0.0 <= ahead <= 1.0:
             found = curve.at(here, 0.0 if ahead < 0 else 1.0)
-        if found is None or _bend(here, found) > (_CURVE if _order(found) == _order(here) else _BEND):
+        alike = found is not None and (
+            here.word is not None or order_of_events(found.orbit) == order_of_events(here.orbit)
+        )
+        if found is None or _bend(here, found) > (_CURVE if alike else _BEND):
             step /= 2
             if step > _LEAST:
                 continue
-            found, step = _beyond(curve, here, 1.0), _FIRST
-            if found is None:
-                return [*trace[:-1], *_to_grazing(curve, here)]
+            if here.word is None:
+                return [*trace[:-1], Place(here, GRAZING)]
+            here, step = curve.unworded(here), _FIRST
+            continue
+        if not found.is_motion:
+            passed = _past_grazing(curve, here, found)
+            if passed is None:
+                step /= 2
+                if step < _LEAST:
+                    here, step = curve.unworded(here), _FIRST
+                continue
+            trace, here, step, count = [*trace, *passed[1:]], passed[-1].point, _FIRST, count + 1
+            continue
         if here.orbit.order % 2 == 0 and curve.between_halves(here) @ curve.between_halves(found) < 0:
             found = _with_equal_halves(curve, here)
             if found is None:
-                return [*trace[:-1], Place(here, _PERIOD_DOUBLING)]
+                return [*trace[:-1], Place(here, PERIOD_DOUBLING)]
         passed = _joined(curve, here, found)
-        here, step, count = curve.rephased(passed[-1].point), min(1.5 * step, _LARGEST), count + 1
-        trace = [*trace[:-1], *passed[:-1], Place(here)]
+        here, step, count = curve.rephased(curve.worded(passed[-1].point)), min(1.5 * step, _LARGEST), count + 1
+        trace = [*trace[:-1], trace[-1] if trace[-1].flag else passed[0], *passed[1:-1], Place(here)]
     return trace
+
+
+def _past_grazing(curve: Curve, here: Point, beyond: Point) -> list[Place] | None:
+    """Return the points from one to the grazing before one that is no motion, and the first beyond it."""
+    found = curve.grazing(here, beyond)
+    if found is None:
+        return None
+    arclength = here.arclength + float(here.row @ (found[0].u - here.u))
+    last, ahead = (replace(each, arclength=arclength) for each in found)
+    fewest = min(last.times.size, ahead.times.size)
+    ends = [Place(point, GRAZING if point.times.size == fewest else NONE) for point in (last, ahead)]
+    return [Place(here), *_roots(curve, here, last), *ends]
 
 
 def _bend(a: Point, b: Point) -> float:
     """Return how far a chord is from the mean tangent of its ends, over its length, or by how much they turn."""
     mean = 0.5 * (b.arclength - a.arclength) * (a.tangent + b.tangent)
     return max(a.distance(b.u - mean) / a.distance(b.u), abs(float(a.row @ b.tangent) - 1))
-
-
-def _beyond(curve: Curve, here: Point, way: float) -> Point | None:
-    """Return a point with other events beyond a grazing, in or against the direction of the parameter.
-
-    Where the branch goes on they begin at the grazing, where it turns back they are found beside it too.
-    """
-    for length, keeps_events in product(_BEYOND, (False, True)):
-        q = here.q + float(np.copysign(length, way * here.tangent[-1]))
-        found = curve.at(here, q, keeps_events=keeps_events) if 0 <= q <= 1 else None
-        if found is not None and _order(found) != _order(here):
-            straight = abs(found.tangent[-1]) * here.distance(found.u) / length
-            beside = curve.at(found, here.q)
-            is_beside = beside is not None and _order(beside) == _order(found)
-            if abs(straight - 1) < _STRAIGHT and is_beside == (way < 0):
-                return found if way > 0 else _reversed(found, 2 * found.arclength)
-    return None
-
-
-def _to_grazing(curve: Curve, here: Point) -> list[Place]:
-    """Return the points from one to the grazing at which the branch turns back."""
-    back = _beyond(curve, here, -1.0)
-    if back is None:
-        places = _until_events_change(curve, here, 4 * _LEAST, _GRAZED)
-        return [*places[:-1], Place(places[-1].point, _GRAZING)]
-    places = _joined(curve, here, back)
-    return places[: 1 + max(k for k, place in enumerate(places) if place.flag == _GRAZING)]
 
 
 def _with_equal_halves(curve: Curve, here: Point) -> Point | None:
@@ -229,7 +250,7 @@ def _joined(curve: Curve, a: Point, b: Point) -> list[Place]:
     """
     if a.orbit.order != b.orbit.order:
         return [Place(a), *_roots(curve, curve.halved(a) or b, b), Place(b)]
-    if _order(a) == _order(b):
+    if _same_events(a, b):
         return [Place(a), *_roots(curve, a, b), Place(b)]
     first, length = _impacts(a) <= _impacts(b), b.arclength - a.arclength
     low = _until_events_change(curve, a, length, _GRAZED if first else _LEAST)
@@ -237,7 +258,7 @@ def _joined(curve: Curve, a: Point, b: Point) -> list[Place]:
     apart = low[-1].point.distance(high[-1].point.u)
     for end, smooth in ((low, first), (high, not first)):
         if smooth or apart > _APART:
-            end[-1] = Place(end[-1].point, _GRAZING)
+            end[-1] = Place(end[-1].point, GRAZING)
     shift = low[-1].arclength + high[-1].arclength + apart
     return [*low, *(Place(_reversed(point, shift), flag) for point, flag in reversed(high))]
 
@@ -251,7 +272,7 @@ def _until_events_change(curve: Curve, a: Point, length: float, least: float) ->
     while step > least and places[-1].arclength - a.arclength < 4 * length:
         here = places[-1].point
         found = curve.step(here, step)
-        if found is not None and _order(found) == _order(a):
+        if found is not None and order_of_events(found.orbit) == order_of_events(a.orbit):
             places += [*_roots(curve, here, found), Place(found)]
         else:
             step /= 2
@@ -259,8 +280,10 @@ def _until_events_change(curve: Curve, a: Point, length: float, least: float) ->
 
 
 def _doubling(point: Point) -> float:
-    """Return the test that is 0 where a multiplier is -1, det(1 + DPᵏ)."""
-    return float(np.linalg.det(np.eye(len(point.orbit.D)) + point.orbit.D))
+    """Return the test that is 0 where a multiplier is -1, det(1 + DPᵏ) by the conditions of the orbit."""
+    matrix, N = point.residual.matrix.copy(), point.w.size
+    matrix[:N, :N] += 2 * np.eye(N)
+    return float(np.linalg.det(matrix))
 
 
 def _torus_test(point: Point) -> float:
@@ -270,9 +293,9 @@ def _torus_test(point: Point) -> float:
 
 
 _TESTS: dict[int, Callable[[Point], float]] = {
-    _FOLD: lambda point: float(point.tangent[-1]),
-    _PERIOD_DOUBLING: _doubling,
-    _TORUS: _torus_test,
+    FOLD: lambda point: float(point.tangent[-1]),
+    PERIOD_DOUBLING: _doubling,
+    TORUS: _torus_test,
 }
 
 
@@ -307,12 +330,18 @@ def _impacts(point: Point) -> int:
     return int(point.orbit.motion.times.size)
 
 
-def _order(point: Point) -> tuple[tuple[int, ...], tuple[int, ...], tuple[bool, ...]]:
+def _same_events(a: Point, b: Point) -> bool:
+    """Tell whether two neighbours have one sequence of events, or one whose changes the map does not show."""
+    is_smooth = a.word is not None or a.orbit.flow.structure.contacts.is_compliant
+    return is_smooth or order_of_events(a.orbit) == order_of_events(b.orbit)
+
+
+def order_of_events(orbit: Orbit) -> tuple[tuple[int, ...], tuple[int, ...], tuple[bool, ...]]:
     """Return how often each contact begins and, of those that never do, strikes, and which stay closed for good.
 
     Impacts are not counted besides contacts, as chattering has infinitely many.
     """
-    motion = point.orbit.motion
+    motion = orbit.motion
     begins, impacts = motion.begins, np.sum(motion.impulses > 0, axis=0)
     stays = np.asarray(motion.sets.all(axis=0))
     return tuple(begins.tolist()), tuple(np.where(begins, 0, impacts).tolist()), tuple(stays.tolist())

@@ -1,29 +1,39 @@
-"""A curve of periodic rubs u = (w, q), w the scaled state at a phase of the period and q the fraction of a range."""
+"""A curve of periodic rubs u = (w, times, q): w the scaled state at a phase of the period, q the fraction of a range.
+
+Of contacts with mass the times of events are unknowns (:mod:`workflow.orbits._shooting`), in fractions of kT; where
+bounces are too low, and of contacts without jumps, the events are those of the map over kT and u = (w, q).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels.algebra import block_diagonal
 from workflow.models import Array, Cases, Structure
 from workflow.orbits._flow import AnalysedStructure, Flow
-from workflow.orbits._orbit import Orbit, has_converged, longest
+from workflow.orbits._orbit import Orbit, has_converged
+from workflow.orbits._shooting import LEAVES, Shooting, Shot, Word, tells_apart, word_of
 from workflow.schemes.event_driven import Trajectory
 
 Problem = Callable[[float], tuple[Structure, Cases]]
 """Structure and one case at a value of the parameter."""
 
-_DIFFERENCE = 1e-10
-"""Step of finite differences with respect to q."""
+_DIFFERENCE, _SMOOTH = 1e-10, 1e-7
+"""Step of finite differences with respect to q, of the map and of motions with given events."""
 
 _MOST = 12
-"""Largest number of Newton steps to a point, of eight trials each where they are halved."""
+"""Largest number of Newton steps to a point."""
 
 _NEAR_EVENT = 0.1
 """Distance of an event from the phase of w, over the longest flight or contact, below which another phase is chosen."""
+
+_LEAST_GAP, _WIDEST_GAP = 1e-14, 1e-10
+"""First and largest step from a grazing to where rounding leaves no impact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,26 +42,69 @@ class Point:
 
     q: float
     w: Array
+    times: Array
+    """Times of the events of the word after the phase of w, over kT."""
     phase: float
     """Phase of the Poincaré section of w, over T."""
+    word: Word | None
     orbit: Orbit
+    residual: Residual
     tangent: Array
     """Tangent of the curve of u, of length 1 …"""
     row: Array
-    """… in the scalar product with this row, without velocities, which vibrations after an impact change quickly."""
+    """… in the scalar product with this row, without velocities and times, which vibrations after an impact change."""
     arclength: float = 0.0
     """Arclength."""
 
     @property
     def u(self) -> Array:
-        """State and fraction of the range."""
-        return np.append(self.w, self.q)
+        """State, times and fraction of the range."""
+        return np.concatenate([self.w, self.times, [self.q]])
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether the exact motion has the events of the word, with approach speeds above 0."""
+        shot = self.residual.shot
+        return shot is None or shot.is_motion(self.orbit.motion)
+
+    @property
+    def struck(self) -> NDArray[np.intp]:
+        """Which events are impacts."""
+        return np.flatnonzero(np.array(self.word.kind if self.word else ()) != LEAVES)
+
+    @property
+    def approach(self) -> Array:
+        """Approach speeds at the events of the word, m/s."""
+        return self.residual.approach
 
     def distance(self, u: Array) -> float:
-        """Return the length of the chord to another u, without velocities."""
+        """Return the length of the chord to another u, without velocities and times."""
         away, n = u - self.u, self.orbit.flow.modes
-        away[n : 2 * n] = 0.0
+        away[n : 2 * n] = away[self.w.size : -1] = 0.0
         return float(np.linalg.norm(away))
+
+
+class Frame(NamedTuple):
+    """What is the same for the points of a piece of the curve."""
+
+    word: Word | None
+    phase: float
+    order: int
+    was_closed: NDArray[np.bool_]
+
+
+class Residual(NamedTuple):
+    """Residual of the conditions of an orbit at u, their derivatives per (w, times), and approach speeds."""
+
+    flow: Flow
+    values: Array
+    matrix: Array
+    D: Array
+    """Derivative of X(kT) per X(0)."""
+    approach: Array
+    approach_slope: Array
+    shot: Shot | None
+    motion: Trajectory | None
 
 
 class Curve:
@@ -79,56 +132,141 @@ class Curve:
     def begin(self, orbit: Orbit, scale: Array, q: float) -> Point | None:
         """Return an orbit as the first point of the curve, with a tangent towards larger q."""
         self.scale, self.first = scale, orbit.flow.structure
-        w = self._charts(orbit.flow)[0] @ orbit.motion.start
-        ahead = np.append(np.zeros(w.size), 1.0)
-        return self._point(np.append(w, q), orbit.motion.begin / orbit.flow.period, orbit, ahead)
+        w, ahead = self._charts(orbit.flow)[0] @ orbit.motion.start, np.zeros(orbit.motion.start.size + 1)
+        ahead[-1] = 1.0
+        frame = Frame(None, orbit.motion.begin / orbit.flow.period, orbit.order, orbit.motion.was_closed)
+        found = self._newton(frame, np.append(w, q), _plane(np.append(w, q), ahead), ahead)
+        return found and self.worded(found)
 
     def step(self, point: Point, length: float) -> Point | None:
         """Return the point at a length along the tangent, in the plane across it; ``None`` where none is found."""
-        found = self._newton(point, point.u + length * point.tangent, point.row)
+        guess = point.u + length * point.tangent
+        found = self._newton(frame_of(point), guess, _plane(guess, point.row), point.row)
         return found and replace(found, arclength=point.arclength + length)
 
-    def at(self, point: Point, q: float, *, keeps_events: bool = False) -> Point | None:
-        """Return the point at a fraction of the range near one, on whose curve it has the same direction.
-
-        Steps of Newton's method that change the number of events, with ``keeps_events``, are halved.
-        """
-        ahead = np.append(np.zeros(point.w.size), np.copysign(1.0, point.tangent[-1]))
-        found = self._newton(point, np.append(point.w, q), ahead, keeps_events)
+    def at(self, point: Point, q: float) -> Point | None:
+        """Return the point at a fraction of the range near one, on whose curve it has the same direction."""
+        guess, ahead = point.u, np.zeros(point.u.size)
+        guess[-1], ahead[-1] = q, np.copysign(1.0, point.tangent[-1])
+        found = self._newton(frame_of(point), guess, _plane(guess, ahead), ahead)
         return found and replace(found, arclength=point.arclength + point.distance(found.u))
 
-    def _newton(self, point: Point, guess: Array, row: Array, keeps_events: bool = False) -> Point | None:
-        """Return the point near a guess in the plane across a row, by Newton steps or parts of them."""
-        u, whole, last, part, events = guess.copy(), 0.0 * guess, np.inf, 1.0, -1
-        for _ in range(8 * _MOST if keeps_events else _MOST):
-            orbit = self._at(u + part * whole, point)
-            count = -1 if orbit is None else orbit.motion.times.size
-            if keeps_events and count != events >= 0:
-                part /= 2
-                continue
-            if orbit is None:
+    def worded(self, point: Point) -> Point:
+        """Return a point of the map with the times of its events as unknowns, where these tell the events apart."""
+        flow, motion = point.orbit.flow, point.orbit.motion
+        if point.word is not None or flow.structure.contacts.is_compliant or flow.is_constant:
+            return point
+        word = word_of(motion) if tells_apart(motion) else None
+        if word is None:
+            return point
+        guess = np.concatenate([point.w, motion.times / motion.span, [point.q]])
+        row = np.concatenate([point.row[:-1], np.zeros(motion.times.size), point.row[-1:]])
+        found = self._newton(frame_of(point)._replace(word=word), guess, _plane(guess, row), row)
+        return point if found is None or not found.is_motion else replace(found, arclength=point.arclength)
+
+    def unworded(self, point: Point) -> Point:
+        """Return a point as one of the map."""
+        kept = np.r_[: point.w.size, -1]
+        residual = self._mapped(np.append(point.w, point.q), frame_of(point)._replace(word=None))
+        return replace(
+            point,
+            word=None,
+            times=np.zeros(0),
+            residual=residual or point.residual,
+            tangent=point.tangent[kept],
+            row=point.row[kept],
+        )
+
+    def grazing(self, here: Point, beyond: Point) -> tuple[Point, Point] | None:
+        """Return the place between two points of a word at which an impact begins or ends, with both words.
+
+        The first has the word of the points. The other, whose tangent points to where it is a motion, has an impact
+        less or more. ``beyond`` is no motion. ``None`` where none is found.
+        """
+        assert here.word is not None
+        late = [i for i in here.struck if beyond.approach[i] <= 0 < here.approach[i]]
+        if late:
+            shares = {i: here.approach[i] / (here.approach[i] - beyond.approach[i]) for i in late}
+            i = min(shares, key=lambda each: shares[each])
+            more = self._grazed(frame_of(here), here.u + shares[i] * (beyond.u - here.u), i, here.row)
+            less = more and self._without(more, i)
+            return (more, less) if more is not None and less is not None else None
+        assert beyond.residual.shot is not None
+        assert here.residual.shot is not None
+        new = beyond.residual.shot.new_impact(beyond.orbit.motion)
+        if new is None:
+            return None
+        i, contact, time = new
+        deep, above = (shot.flight(time, i, contact)[0] for shot in (beyond.residual.shot, here.residual.shot))
+        guess = here.u + above / (above - deep) * (beyond.u - here.u)
+        at = here.w.size + i
+        frame = frame_of(here)._replace(word=here.word.with_impact(i, contact))
+        more = self._grazed(frame, np.insert(guess, at, time), i, np.insert(here.row, at, 0.0))
+        less = more and self._without(more, i)
+        if more is None or less is None:
+            return None
+        along = np.append(more.residual.approach_slope[i], 0.0)
+        along[-1] = self._slopes(more.u, frame_of(more), more.residual)[1][i]
+        ahead = self._point(more.u, frame_of(more), more.residual, along / np.linalg.norm(along))
+        back = self._point(less.u, frame_of(less), less.residual, here.row)
+        return None if ahead is None or back is None else (back, ahead)
+
+    def _grazed(self, frame: Frame, guess: Array, i: int, row: Array) -> Point | None:
+        """Return the point near a guess at which the approach speed of event ``i`` is 0."""
+
+        def close(u: Array, residual: Residual) -> tuple[float, Array]:
+            assert self.scale is not None
+            slope = self._slopes(u, frame, residual)[1][i]
+            return residual.approach[i] / self.scale[1], np.append(residual.approach_slope[i], slope) / self.scale[1]
+
+        return self._newton(frame, guess, close, row)
+
+    def _without(self, point: Point, i: int) -> Point | None:
+        """Return the point without the impact of a grazing, with a tangent along which its gap opens."""
+        assert point.word is not None
+        assert point.residual.shot is not None
+        at, frame = point.w.size + i, frame_of(point)._replace(word=point.word.without(i))
+        opens = np.append(point.residual.matrix[at], self._slopes(point.u, frame_of(point), point.residual)[0][at])
+        guess, opens = np.delete(point.u, at), np.delete(opens, at)
+        ahead = np.zeros(guess.size)
+        ahead[-1] = 1.0
+        found = self._newton(frame, guess, _plane(guess, ahead), opens / np.linalg.norm(opens))
+        beside = _LEAST_GAP
+        while found is not None and not found.is_motion and beside < _WIDEST_GAP:
+            found, beside = self.step(found, beside), 4 * beside
+        return found
+
+    def _newton(
+        self, frame: Frame, guess: Array, close: Callable[[Array, Residual], tuple[float, Array]], along: Array
+    ) -> Point | None:
+        """Return the point near a guess at which one more condition holds, with a tangent in the direction of a row."""
+        u, last = guess.copy(), np.inf
+        for _ in range(_MOST):
+            residual = self.residual_at(u, frame)
+            if residual is None:
                 return None
-            u += part * whole
-            events, size = count, max(orbit.residual, abs(float(row @ (u - guess))))
+            value, row = close(u, residual)
+            size = max(float(np.abs(residual.values).max()), abs(value))
             if has_converged(size, last):
-                return self._point(u, point.phase, orbit, row)
-            slope, error = self._slope(u, point.phase, orbit), self._charts(orbit.flow)[0] @ orbit.motion.X - u[:-1]
-            if slope is None:
-                return None
+                return self._point(u, frame, residual, along)
+            slope = self._slopes(u, frame, residual)[0]
+            matrix = np.vstack([np.column_stack([residual.matrix, slope]), row])
             try:
-                aim = u + np.linalg.solve(self._matrix(orbit, slope, row), np.append(-error, row @ (guess - u)))
+                aim = u - np.linalg.solve(matrix, np.append(residual.values, value))
             except np.linalg.LinAlgError:
                 return None
-            if not (np.abs((aim - guess)[point.row != 0]).max() < 1 and abs(aim[-1] - 0.5) < 0.5 + _DIFFERENCE):
+            if not (np.abs((aim - guess)[along != 0]).max() < 1 and abs(aim[-1] - 0.5) < 0.5 + _DIFFERENCE):
                 return None
             aim[-1] = min(max(aim[-1], 0.0), 1.0)
-            whole, last, part = aim - u, size, 1.0
+            u, last = aim, size
         return None
 
     def halved(self, point: Point) -> Point | None:
         """Return the rub of half the order in the middle of a rub whose halves are nearly alike."""
         orbit = replace(point.orbit, order=point.orbit.order // 2)
-        return self.at(replace(point, orbit=orbit, w=point.w + 0.5 * self.between_halves(point)), point.q)
+        return self.at(
+            replace(self.unworded(point), orbit=orbit, w=point.w + 0.5 * self.between_halves(point)), point.q
+        )
 
     def between_halves(self, point: Point) -> Array:
         """Return the change of w over a half of a rub's period."""
@@ -136,43 +274,68 @@ class Curve:
         middle = flow.march(motion.start, motion.was_closed, motion.begin, 0.5 * motion.span)
         return np.asarray(self._charts(flow)[0] @ middle.X - point.w)
 
-    def _at(self, u: Array, point: Point) -> Orbit | None:
-        """Return the motion from u over kT with its residual, the largest change of w; ``None`` where it has none."""
-        flow, motion, w = self._mapped(u, point.phase, point.orbit)
-        residual = float(np.abs(w - u[:-1]).max())
-        return Orbit(flow, point.orbit.order, motion, flow.derivative(motion), residual) if motion.repeats else None
+    def residual_at(self, u: Array, frame: Frame) -> Residual | None:
+        """Return the residual at u; ``None`` where the motion does not repeat."""
+        return self._mapped(u, frame) if frame.word is None else self._shot(u, frame, frame.word)
 
-    def _mapped(self, u: Array, phase: float, orbit: Orbit) -> tuple[Flow, Trajectory, Array]:
-        """Return the case at u, its motion from there over the kT of an orbit near it, and w at its end."""
+    def _mapped(self, u: Array, frame: Frame) -> Residual | None:
+        """Return the residual of the map."""
         flow = self.flow(u[-1])
         out, into = self._charts(flow)
-        motion = flow.march(into @ u[:-1], orbit.motion.was_closed, phase * flow.period, orbit.order * flow.period)
-        return flow, motion, out @ motion.X
-
-    def _point(self, u: Array, phase: float, orbit: Orbit, along: Array, arclength: float = 0.0) -> Point | None:
-        """Return an orbit as a point, with the tangent of the curve in the direction of the row ``along``."""
-        slope, n = self._slope(u, phase, orbit), orbit.flow.modes
-        if slope is None:
+        motion = flow.march(into @ u[:-1], frame.was_closed, frame.phase * flow.period, frame.order * flow.period)
+        if not motion.repeats:
             return None
-        tangent = np.linalg.solve(self._matrix(orbit, slope, along), np.append(np.zeros(slope.size), 1.0))
-        row = tangent.copy()
-        row[n : 2 * n] = 0.0
-        length = np.sqrt(row @ tangent)
-        return Point(float(u[-1]), u[:-1], phase, orbit, tangent / length, row / length, arclength)
+        D, none = flow.derivative(motion), np.zeros((0, u.size - 1))
+        matrix = out @ D @ into - np.eye(u.size - 1)
+        return Residual(flow, out @ motion.X - u[:-1], matrix, D, none[:, 0], none, None, motion)
 
-    def _matrix(self, orbit: Orbit, slope: Array, row: Array) -> Array:
-        """Return the Jacobian of the map's residual and the plane with respect to u."""
-        out, into = self._charts(orbit.flow)
-        return np.vstack([np.column_stack([out @ orbit.D @ into - np.eye(slope.size), slope]), row])
+    def _shot(self, u: Array, frame: Frame, word: Word) -> Residual:
+        """Return the residual of the motion over given times of events."""
+        flow = self.flow(u[-1])
+        out, into = self._charts(flow)
+        N = len(out)
+        begin, span = frame.phase * flow.period, frame.order * flow.period
+        shot = Shooting(flow).shoot(word, into @ u[:N], begin, span, u[N:-1])
+        slopes = shot.X_slope, shot.signals_slope, shot.approach_slope
+        by_w = [np.hstack([each[:, :N] @ into, each[:, N:]]) for each in slopes]
+        size = np.linalg.norm(by_w[1], axis=1)
+        matrix = np.vstack([out @ by_w[0], by_w[1] / size[:, None]])
+        matrix[:N, :N] -= np.eye(N)
+        values = np.concatenate([out @ shot.X - u[:N], shot.signals / size])
+        return Residual(flow, values, matrix, shot.derivative, shot.approach, by_w[2], shot, None)
 
-    def _slope(self, u: Array, phase: float, orbit: Orbit) -> Array | None:
-        """Return the derivative of the map with respect to q by a finite difference inside the range.
+    def _slopes(self, u: Array, frame: Frame, residual: Residual) -> tuple[Array, Array]:
+        """Return the derivatives of values and approach speeds with respect to q by a difference inside the range.
 
-        Where an impact begins the map has a root and multipliers grow: there it is smaller.
+        Where an impact begins the map has a root and multipliers grow: there it is smaller. NaN where there is none.
         """
-        side = (_DIFFERENCE if u[-1] < 0.5 else -_DIFFERENCE) / max(1.0, 0.01 * float(np.abs(orbit.multipliers[0])))
-        _, motion, w = self._mapped(np.append(u[:-1], u[-1] + side), phase, orbit)
-        return (w - self._charts(orbit.flow)[0] @ orbit.motion.X) / side if motion.repeats else None
+        side = np.copysign(_SMOOTH, 0.5 - u[-1])
+        if frame.word is None:
+            largest = float(np.abs(np.linalg.eigvals(residual.D)).max(initial=0.0))
+            side = np.copysign(_DIFFERENCE, 0.5 - u[-1]) / max(1.0, 0.01 * largest)
+        beside = self.residual_at(np.append(u[:-1], u[-1] + side), frame)
+        if beside is None:
+            return np.full(residual.values.size, np.nan), residual.approach
+        return (beside.values - residual.values) / side, (beside.approach - residual.approach) / side
+
+    def _point(self, u: Array, frame: Frame, residual: Residual, along: Array) -> Point | None:
+        """Return an orbit as a point, with the tangent of the curve in the direction of the row ``along``."""
+        flow, N, n = residual.flow, residual.flow.start.size, residual.flow.modes
+        slope = self._slopes(u, frame, residual)[0]
+        if not np.isfinite(slope).all():
+            return None
+        matrix = np.vstack([np.column_stack([residual.matrix, slope]), along])
+        tangent = np.linalg.solve(matrix, np.append(np.zeros(slope.size), 1.0))
+        row = tangent.copy()
+        row[n : 2 * n] = row[N:-1] = 0.0
+        length = np.sqrt(row @ tangent)
+        motion = residual.motion
+        if motion is None:
+            X, begin = self._charts(flow)[1] @ u[:N], frame.phase * flow.period
+            motion = flow.march(X, frame.was_closed, begin, frame.order * flow.period)
+        orbit = Orbit(flow, frame.order, motion, residual.D, float(np.abs(residual.values[:N]).max()))
+        around = u[N:-1], frame.phase, frame.word
+        return Point(float(u[-1]), u[:N], *around, orbit, residual, tangent / length, row / length)
 
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
         """Return w per X and X per w.
@@ -196,20 +359,54 @@ class Curve:
 
     def rephased(self, point: Point) -> Point:
         """Return a point with its section moved to the middle of the longest flight or contact, if an event is near."""
-        orbit, flow, motion = point.orbit, point.orbit.flow, point.orbit.motion
-        lengths = np.diff(np.append(motion.times, motion.times[:1] + motion.span))
-        if not lengths.size or min(motion.times[0], motion.span - motion.times[-1]) > _NEAR_EVENT * lengths.max():
+        motion, frame = point.orbit.motion, frame_of(point)
+        later = section_beside(motion.times / motion.span)
+        if later is None:
             return point
-        away = _DIFFERENCE if (point.q < 0.5) == (point.tangent[-1] > 0) else -_DIFFERENCE
-        later, ends = longest(motion) / flow.period, []
-        for u in (point.u + away * point.tangent, point.u):
-            flow = self.flow(u[-1])
-            out, into = self._charts(flow)
-            part = flow.march(into @ u[:-1], motion.was_closed, point.phase * flow.period, later * flow.period)
-            ends.append(np.append(out @ part.X, u[-1]))
-        phase, along = (point.phase + later) % 1.0, (ends[0] - ends[1]) / away
-        motion = flow.march(part.X, part.closed, phase * flow.period, motion.span)
-        if not motion.repeats:
-            return point
-        moved = replace(orbit, motion=motion, D=flow.derivative(motion))
-        return self._point(ends[1], phase, moved, along, point.arclength) or point
+        away = np.copysign(_SMOOTH if point.word else _DIFFERENCE, (0.5 - point.q) * point.tangent[-1])
+        i = int(np.sum(point.times <= later))
+        ends = [self.carried(frame, u, i, later) for u in (point.u, point.u + away * point.tangent)]
+        part = point.orbit.flow.march(motion.start, frame.was_closed, motion.begin, later * motion.span)
+        moved = turned(frame, i, later, part.closed)
+        residual = self.residual_at(ends[0], moved)
+        found = residual and self._point(ends[0], moved, residual, (ends[1] - ends[0]) / away)
+        return point if found is None else replace(found, arclength=point.arclength)
+
+    def carried(self, frame: Frame, u: Array, i: int, later: float) -> Array:
+        """Return u at a section that is a fraction of kT later, between events ``i - 1`` and ``i``."""
+        flow = self.flow(u[-1])
+        (out, into), begin, span = self._charts(flow), frame.phase * flow.period, frame.order * flow.period
+        X, times = into @ u[: len(into)], u[len(into) : -1]
+        if frame.word is None:
+            return np.append(out @ flow.march(X, frame.was_closed, begin, later * span).X, u[-1])
+        X = Shooting(flow).shoot(frame.word, X, begin, span, times).at(later, i)
+        return np.concatenate([out @ X, times[i:] - later, times[:i] + 1 - later, u[-1:]])
+
+
+def section_beside(times: Array) -> float | None:
+    """Return the time of the middle of the longest stretch where an event is near the section; else ``None``."""
+    ends = np.concatenate([[0.0], times, [1.0]])
+    lengths = np.diff(ends)
+    if not times.size or min(lengths[0], lengths[-1]) > _NEAR_EVENT * max(
+        lengths[1:-1].max(initial=0.0), lengths[0] + lengths[-1]
+    ):
+        return None
+    k = int(np.argmax(lengths))
+    return float(0.5 * (ends[k] + ends[k + 1]))
+
+
+def turned(frame: Frame, i: int, later: float, closed: NDArray[np.bool_]) -> Frame:
+    """Return a frame whose section is a fraction of kT later, between events ``i - 1`` and ``i``."""
+    word = frame.word and frame.word.turned(i)
+    phase = (frame.phase + later * frame.order) % 1.0
+    return Frame(word, phase, frame.order, np.array(word.closed[0]) if word else closed)
+
+
+def frame_of(point: Point) -> Frame:
+    """Return the frame of a point."""
+    return Frame(point.word, point.phase, point.orbit.order, point.orbit.motion.was_closed)
+
+
+def _plane(guess: Array, row: Array) -> Callable[[Array, Residual], tuple[float, Array]]:
+    """Return the condition that u lies in the plane through a guess across a row."""
+    return lambda u, _: (float(row @ (u - guess)), row)

@@ -1,0 +1,494 @@
+"""Boundaries over two parameters: curves of folds, doublings, tori and grazings of periodic rubs.
+
+An orbit at u = (w, times) fulfils F(u, q₁, q₂) = 0, and a multiplier is ρ where b is 0 in the bordered system
+
+    [∂F/∂u + (1 - ρ) E   l] [φ]   [0]
+    [        rᵀ          0] [b] = [1],     ρ = 1 fold, -1 doubling, exp(iθ) torus, E = 1 for w alone;
+
+at a grazing the approach speed of an impact of the word is 0. Both are smooth where approach speeds are 0 or negative:
+whether an orbit is a motion is asked of one exact period at each point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, newton
+
+from workflow.kernels.algebra import eigenvalues
+from workflow.models import Array, Cases, Structure, one_thread
+from workflow.orbits._branch import (
+    FOLD,
+    GRAZING,
+    NONE,
+    PERIOD_DOUBLING,
+    TORUS,
+    Followed,
+    Place,
+    order_of_events,
+    spread,
+)
+from workflow.orbits._curve import Curve, Frame, Residual, frame_of, section_beside, turned
+from workflow.orbits._orbit import Orbit, has_converged
+from workflow.schemes.event_driven import Trajectory
+
+Pair = Callable[[float, float], tuple[Structure, Cases]]
+"""Structure and one case at values of the branched parameter and of another number."""
+
+ENDS = ("none", "range", "grazing", "resonance", "corner", "not_followed")
+"""Names of the values of ``boundary_end``: why a curve ends, at the end that is no range where there is one."""
+
+_RANGE, _GRAZES, _RESONANCE, _CORNER, _NOT_FOLLOWED = range(1, 6)
+
+MOST_CURVES = 8
+"""Number of curves that are stored."""
+
+_DIFFERENCE = 1e-7
+"""Step of finite differences, which only the path of Newton's method depends on."""
+
+_MOST, _MOST_STEPS = 20, 500
+"""Largest numbers of Newton steps with one matrix, and of steps along a curve."""
+
+_FIRST, _LARGEST, _LEAST, _TURN = 1e-2, 0.05, 1e-7, 0.03
+"""First, largest and least step, and the largest turn in one, 1 less its cosine."""
+
+_SAME = 1e-6
+"""Distance of q₁ of two bifurcations, of one kind at one end of q₂, that are the same."""
+
+_TURNS = 1e-6
+"""Slope of the other number along a boundary below which the boundary turns there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Boundaries:
+    """Curves, first those of ``from`` along its branch; rows behind the last have kind and end ``none`` and NaN."""
+
+    kind: NDArray[np.int8]
+    """Index in ``BIFURCATIONS``, ``(curve,)``."""
+    branched: Array
+    """Values of the branched parameter at equal arclength, ``(curve, point)``."""
+    other_parameter: Array
+    """… and of the other one."""
+    angle: Array
+    """Angle of the multiplier of the condition, rad; NaN of a grazing, ``(curve, point)``."""
+    other: Array
+    """Largest modulus of all other multipliers, ``(curve, point)``."""
+    end: NDArray[np.int8]
+    """Index in :data:`ENDS`, ``(curve,)``."""
+
+
+class Number(NamedTuple):
+    """A number of a scene: cases at values of the branched parameter and of it, its value and a change of it."""
+
+    problem: Pair
+    value: float
+    change: float
+
+
+class _Spot(NamedTuple):
+    """An orbit on a boundary: U = (w, times, [θ], q₁, q₂)."""
+
+    U: Array
+    residual: Residual
+    slopes: Array
+    """Derivatives of all conditions, ``(unknown - 1, unknown)``."""
+    frame: Frame
+    grazing: int | None
+    """Event that grazes."""
+    borders: tuple[Array, Array] | None
+    """l and r of its slopes."""
+    tangent: Array
+    row: Array
+    arclength: float = 0.0
+
+
+class _Boundary:
+    """The orbits of one word at which a condition holds, over fractions of the ranges of two numbers."""
+
+    def __init__(self, curve: Curve, problem: Pair, low: float, high: float, place: Place, q2: float):
+        self.curve, self.problem, self.low, self.high = copy(curve), problem, low, high
+        point, self.kind, self.grazing = place.point, place.flag, None
+        self.frame, self.w = frame_of(point), point.w
+        values = (problem(curve.value(q), each) for q, each in product((0.0, 0.5, 1.0), (low, high)))
+        if not curve.heated and any(cases.heated.any() for _, cases in values):  # thermal states are 0 without heat
+            self.curve.heated = True
+            self.w = np.append(self.w, np.zeros(point.orbit.flow.structure.thermal_size))
+        self.angles = np.zeros(0)
+        if self.kind == TORUS:
+            multipliers = point.orbit.multipliers
+            beside = np.where(multipliers.imag > 0, np.abs(np.abs(multipliers) - 1), np.inf)
+            self.angles = np.angle(multipliers[[np.argmin(beside)]])
+        if self.kind == GRAZING:
+            self.grazing = int(np.argmin(np.abs(point.approach)))
+        self.start = np.concatenate([self.w, point.times, self.angles, [point.q, q2]])
+        self.events = point.times.size
+        self.borders: tuple[Array, Array] | None = None
+        self.order = order_of_events(point.orbit)
+
+    def set_other(self, q2: float) -> None:
+        """Set the other number of the curve's problem."""
+        other = self.low + q2 * (self.high - self.low)
+        self.curve.problem = lambda value: self.problem(value, other)
+
+    def residual(self, U: Array) -> Residual | None:
+        """Return the residual of the orbit; ``None`` where there is none."""
+        self.set_other(U[-1])
+        return self.curve.residual_at(np.append(U[: self.w.size + self.events], U[-2]), self.frame)
+
+    def matrix(self, residual: Residual, U: Array) -> NDArray[np.complex128] | Array:
+        """Return ∂F/∂u + (1 - ρ) E."""
+        rho = {FOLD: 1.0, PERIOD_DOUBLING: -1.0}.get(self.kind) or np.exp(1j * U[-3])
+        E = np.zeros(len(residual.matrix))
+        E[: self.w.size] = 1.0
+        return np.asarray(residual.matrix + (1 - rho) * np.diag(E))
+
+    def condition(self, residual: Residual, U: Array) -> Array:
+        """Return b, of a torus its real part and its imaginary part over sin θ."""
+        if self.grazing is not None:
+            assert self.curve.scale is not None
+            return np.array([residual.approach[self.grazing] / self.curve.scale[1]])
+        matrix = self.matrix(residual, U)
+        if self.borders is None:
+            left, _, right = np.linalg.svd(matrix)
+            self.borders = _real(left[:, -1]), _real(right[-1].conj())
+        size = len(matrix)
+        whole = np.zeros((size + 1, size + 1), dtype=matrix.dtype)
+        whole[:size, :size], whole[:size, size], whole[size, :size] = matrix, *self.borders
+        b = np.linalg.solve(whole, np.eye(size + 1)[size])[size]
+        return np.array([b.real, b.imag / np.sin(U[-3])]) if self.kind == TORUS else np.array([b])
+
+    def values(self, U: Array) -> tuple[Residual, Array] | None:
+        """Return the residual and the values of all conditions."""
+        residual = self.residual(U)
+        return residual and (residual, np.concatenate([residual.values, self.condition(residual, U)]))
+
+    def slopes(self, U: Array, values: Array) -> Array | None:
+        """Return the derivatives of all conditions by differences, of q₁ and q₂ to the inside of their ranges."""
+        columns = []
+        for k in range(U.size):
+            inside = np.copysign(_DIFFERENCE, 0.5 - U[k]) if k >= U.size - 2 else _DIFFERENCE
+            beside = self.values(U + inside * (np.arange(U.size) == k))
+            if beside is None:
+                return None
+            columns.append((beside[1] - values) / inside)
+        return np.array(columns).T
+
+    def solve(self, guess: Array, row: Array, slopes: Array | None = None) -> tuple[Array, Residual, Array] | None:
+        """Return U in the plane through a guess across a row, its residual and the values of all conditions.
+
+        Newton steps have one matrix, of the guess where none is given.
+        """
+        U, last = guess.copy(), np.inf
+        for _ in range(_MOST):
+            found = self.values(U)
+            if found is None:
+                return None
+            residual, values = found
+            size = max(float(np.abs(values).max()), abs(float(row @ (U - guess))))
+            if has_converged(size, last):
+                return U, residual, values
+            if not size < 10 * last:
+                return None
+            slopes = self.slopes(U, values) if slopes is None else slopes
+            if slopes is None:
+                return None
+            try:
+                U = U - np.linalg.solve(np.vstack([slopes, row]), np.append(values, row @ (U - guess)))
+            except np.linalg.LinAlgError:
+                return None
+            last = min(size, last)
+            if not np.abs((U - guess)[-2:]).max() < 1:
+                return None
+        return None
+
+    def spot(self, found: tuple[Array, Residual, Array] | None, along: Array, arclength: float = 0.0) -> _Spot | None:
+        """Return an orbit with the tangent of the boundary in the direction of a row, and new borders."""
+        if found is None:
+            return None
+        U, residual, _ = found
+        self.borders = None
+        slopes = self.slopes(U, np.concatenate([residual.values, self.condition(residual, U)]))
+        if slopes is None:
+            return None
+        try:
+            tangent = np.linalg.solve(np.vstack([slopes, along]), np.append(np.zeros(U.size - 1), 1.0))
+        except np.linalg.LinAlgError:
+            return None
+        row, n = tangent.copy(), residual.flow.modes
+        row[n : 2 * n] = row[self.w.size : -2] = 0.0
+        length = np.sqrt(row @ tangent)
+        return _Spot(
+            U, residual, slopes, self.frame, self.grazing, self.borders, tangent / length, row / length, arclength
+        )
+
+    def step(self, here: _Spot, length: float) -> tuple[Array, Residual, Array] | None:
+        """Return the orbit at a length along the tangent, in the plane across it."""
+        return self.beside(here, here.U + length * here.tangent, here.row)
+
+    def beside(self, here: _Spot, guess: Array, row: Array) -> tuple[Array, Residual, Array] | None:
+        """Return the orbit in the plane through a guess across a row."""
+        self.frame, self.grazing, self.borders = here.frame, here.grazing, here.borders
+        return self.solve(guess, row, here.slopes)
+
+    def follow(self) -> tuple[list[_Spot], int]:
+        """Return the boundary from its start to its end, and why it ends there."""
+        inward = 1.0 if self.start[-1] < 0.5 else -1.0
+        here = self.spot(self.solve(self.start, _unit(self.start.size, -1)), inward * _unit(self.start.size, -1))
+        if here is None or not self.is_motion(here.U, here.residual):
+            return [], _NOT_FOLLOWED
+        trail, step = [here], _FIRST
+        while len(trail) < _MOST_STEPS and step > _LEAST:
+            guess, row = here.U + step * here.tangent, here.row
+            late = [k for k in (-2, -1) if not 0.0 <= guess[k] <= 1.0]
+            if late:
+                shares = [(float(guess[k] > 0.5) - here.U[k]) / here.tangent[k] for k in late]
+                bound = late[int(np.argmin(shares))]
+                guess, row = here.U + min(shares) * here.tangent, _unit(guess.size, bound)
+                guess[bound] = round(guess[bound])
+            found = self.beside(here, guess, row)
+            if found is None or found[0][-2:].min() < -_SAME or found[0][-2:].max() > 1 + _SAME:
+                step /= 2
+                continue
+            length = float(here.row @ (found[0] - here.U))
+            if not self.is_motion(found[0], found[1]):
+                last, end = self.ending(here, found, length)
+                return trail + ([last] if last else []), end
+            ahead = self.spot(found, here.row, here.arclength + length)
+            if ahead is None or not 1 - float(here.row @ ahead.tangent) < _TURN:
+                step /= 2
+                continue
+            trail.append(ahead)
+            if late:
+                return trail, _RANGE
+            here, step = self.rephased(ahead), min(1.5 * step, _LARGEST)
+            trail[-1] = here
+        return trail, _NOT_FOLLOWED
+
+    def rephased(self, spot: _Spot) -> _Spot:
+        """Return an orbit with its section moved to the middle of its longest stretch, if an event is near."""
+        times, N, word = spot.U[self.w.size : self.w.size + self.events], self.w.size, spot.frame.word
+        later = section_beside(times)
+        if word is None or later is None:
+            return spot
+        ends = []
+        for U in (spot.U, spot.U + _DIFFERENCE * spot.tangent):
+            self.set_other(U[-1])
+            moved = self.curve.carried(
+                spot.frame, np.append(U[: N + self.events], U[-2]), int(np.sum(times <= later)), later
+            )
+            ends.append(np.concatenate([moved[:-1], U[N + self.events :]]))
+        i = int(np.sum(times <= later))
+        self.frame = turned(spot.frame, i, later, spot.frame.was_closed)
+        self.grazing = None if spot.grazing is None else (spot.grazing - i) % self.events
+        residual = self.residual(ends[0])
+        along = (ends[1] - ends[0]) / _DIFFERENCE
+        return (residual and self.spot((ends[0], residual, times), along, spot.arclength)) or spot
+
+    def is_motion(self, U: Array, residual: Residual) -> bool:
+        """Tell whether the exact motion over kT is the orbit, and a complex multiplier is one."""
+        if self.kind == TORUS and not 0 < U[-3] < np.pi:
+            return False
+        motion = residual.motion or self.motion(residual)
+        if residual.shot is not None:
+            return residual.shot.is_motion(motion, self.grazing)
+        orbit = Orbit(residual.flow, self.frame.order, motion, residual.D, 0.0)
+        return residual.flow.structure.contacts.is_compliant or order_of_events(orbit) == self.order
+
+    def motion(self, residual: Residual) -> Trajectory:
+        """Return the exact motion over kT."""
+        flow, shot = residual.flow, residual.shot
+        assert shot is not None
+        return flow.march(shot.states[0], self.frame.was_closed, shot.begin, shot.span)
+
+    def ending(self, here: _Spot, beyond: tuple[Array, Residual, Array], length: float) -> tuple[_Spot | None, int]:
+        """Return the last orbit before one that is no motion, and why the boundary ends there."""
+        measure: Callable[[Array, Residual], float]
+        shot = beyond[1].shot
+        if self.kind == TORUS and not 0 < beyond[0][-3] < np.pi:
+            end, measure = _RESONANCE, lambda U, _: min(U[-3], np.pi - U[-3])
+        elif shot is None:
+            return None, _NOT_FOLLOWED
+        elif np.any(np.diff(shot.times, prepend=0.0, append=1.0) <= 0):
+            end, measure = _CORNER, lambda U, each: float(np.diff(each.shot.times, prepend=0.0, append=1.0).min())
+        elif np.any(np.delete(shot.approach, _listed(self.grazing)) <= 0):
+            end, measure = _GRAZES, lambda U, each: float(np.delete(each.approach, _listed(self.grazing)).min())
+        else:
+            new = shot.new_impact(self.motion(beyond[1]))
+            if new is None:
+                return None, _NOT_FOLLOWED
+            stretch, contact, time = new
+
+            def least_gap(U: Array, each: Residual) -> float:
+                """Return the gap where its rate is 0, near the time of the impact beyond."""
+                assert each.shot is not None
+                own = each.shot
+                at = float(newton(lambda share: own.flight(share, stretch, contact)[1], time, tol=1e-12))
+                return own.flight(at, stretch, contact)[0]
+
+            end, measure = _GRAZES, least_gap
+        known: dict[float, tuple[Array, Residual, Array]] = {}
+
+        def value(s: float) -> float:
+            found = self.step(here, s)
+            if found is None:
+                return np.nan
+            known[s] = found
+            return float(measure(found[0], found[1]))
+
+        try:
+            at = float(brentq(value, 0.0, length, xtol=1e-13, rtol=1e-14))
+        except (ValueError, RuntimeError):
+            return None, _NOT_FOLLOWED
+        found = known.get(at) or self.step(here, at)
+        return self.spot(found, here.row, here.arclength + at), end
+
+    def spread(self, trail: list[_Spot], count: int) -> list[_Spot]:
+        """Return orbits at equal arclength of both numbers, the first and the last of the trail among them."""
+        chords = [float(np.linalg.norm(b.U[-2:] - a.U[-2:])) for a, b in pairwise(trail)]
+        along, found = np.cumsum([0.0, *chords]), [trail[0]]
+        for length in np.linspace(0.0, along[-1], count)[1:-1]:
+            k = int(np.searchsorted(along, length, side="right")) - 1
+            share = (length - along[k]) / chords[k]
+            spot = trail[k]
+            between = self.step(spot, share * (trail[k + 1].arclength - spot.arclength))
+            if between is not None:
+                found.append(spot._replace(U=between[0], residual=between[1]))
+        return [*found, trail[-1]]
+
+    def multipliers(self, spot: _Spot) -> tuple[float, float]:
+        """Return the angle of the multiplier of the condition and the largest modulus of the others."""
+        shot = spot.residual.shot
+        if spot.grazing is not None and shot is not None:
+            word, times = shot.word.without(spot.grazing), np.delete(shot.times, spot.grazing)
+            shot = shot.case.shoot(word, shot.states[0], shot.begin, shot.span, times)
+            return np.nan, float(np.abs(eigenvalues(shot.derivative)).max(initial=0.0))
+        values = eigenvalues(spot.residual.D)
+        angle = {FOLD: 0.0, PERIOD_DOUBLING: np.pi}.get(self.kind, float(spot.U[-3]) if self.kind == TORUS else 0.0)
+        for own in {angle, -angle} if self.kind == TORUS else {angle}:
+            values = np.delete(values, np.argmin(np.abs(values - np.exp(1j * own))))
+        return angle, float(np.abs(values).max(initial=0.0))
+
+
+def _listed(k: int | None) -> list[int]:
+    """Return an index or none."""
+    return [] if k is None else [k]
+
+
+def _unit(size: int, k: int) -> Array:
+    """Return a row of zeros with a 1."""
+    row = np.zeros(size)
+    row[k] = 1.0
+    return row
+
+
+def _real(vector: NDArray[np.complex128] | Array) -> Array:
+    """Return the larger real part of a vector turned in its plane, of length 1."""
+    turned = np.real(vector * np.exp(-0.5j * np.angle(np.sum(vector**2))))
+    return np.asarray(turned / np.linalg.norm(turned))
+
+
+def _starts(followed: Followed) -> list[Place]:
+    """Return the bifurcations of a branch that are followed, in its order; grazings with the word of the impact."""
+    trace, found = followed.trace, []
+    for k, place in enumerate(trace):
+        if place.flag == GRAZING:
+            beside = [each for each in trace[max(0, k - 1) : k + 2] if each.point.arclength == place.arclength]
+            more = max(beside, key=lambda each: each.point.times.size)
+            found.append(Place(more.point, GRAZING) if more is not place else place._replace(flag=-GRAZING))
+        elif place.flag in (FOLD, PERIOD_DOUBLING, TORUS):
+            found.append(place)
+    return found
+
+
+def boundaries(
+    problem: Pair, first: Followed, last: Followed, low: float, high: float, count: int
+) -> tuple[Boundaries, str]:
+    """Return the boundaries through the bifurcations of two branches, at the other parameter's ``low`` and ``high``.
+
+    ``first`` and ``last`` are the branches there, followed over the same range. The message is '' or says what is not
+    stored or not followed.
+    """
+    with one_thread():  # matrices are small
+        return _stored(problem, first, last, low, high, count)
+
+
+def _stored(
+    problem: Pair, first: Followed, last: Followed, low: float, high: float, count: int
+) -> tuple[Boundaries, str]:
+    starts = [
+        (followed.curve, place, q2) for followed, q2 in ((first, 0.0), (last, 1.0)) for place in _starts(followed)
+    ]
+    rows = np.full((4, MOST_CURVES, count), np.nan)
+    kinds, ends = np.zeros(MOST_CURVES, dtype=np.int8), np.zeros(MOST_CURVES, dtype=np.int8)
+    stored, left = 0, 0
+    while starts:
+        curve, place, q2 = starts.pop(0)
+        if stored == MOST_CURVES:
+            left += 1
+            continue
+        kinds[stored], trail, end = abs(place.flag), list[_Spot](), _NOT_FOLLOWED
+        own = [(place.point.q, q2)]
+        if place.flag > NONE:
+            boundary = _Boundary(curve, problem, low, high, place, q2)
+            trail, end = boundary.follow()
+            if len(trail) > 1:
+                spots = boundary.spread(trail, count)
+                own = [(spot.U[-2], spot.U[-1]) for spot in spots]
+                rows[2:, stored, : len(own)] = np.array([boundary.multipliers(spot) for spot in spots]).T
+        q = np.array(own)
+        rows[:2, stored, : len(own)] = curve.start + q[:, 0] * (curve.stop - curve.start), low + q[:, 1] * (high - low)
+        ends[stored], stored = end, stored + 1
+        starts = [
+            each
+            for each in starts
+            if not (trail and _is_end(each[1].flag, each[1].point.q, each[2], place.flag, trail[-1].U))
+        ]
+    message = f"{left} more boundaries are not stored" if left else ""
+    return Boundaries(kinds, rows[0], rows[1], rows[2], rows[3], ends), message
+
+
+def _is_end(flag: int, q1: float, q2: float, kind: int, U: Array) -> bool:
+    """Tell whether a bifurcation is the end of a boundary of a kind."""
+    return flag == kind and abs(q1 - U[-2]) < _SAME and abs(q2 - U[-1]) < _SAME
+
+
+def bifurcation_shifts(followed: Followed, points: int, numbers: Sequence[Number]) -> Array:
+    """Return by how much bifurcations move with each number, ``(point, number)``, points as of ``tabulate``.
+
+    First order: ∂(value)/∂q times the change. Infinite where the boundary turns, NaN at points without a bifurcation.
+    """
+    shifts, curve = np.full((points, len(numbers)), np.nan), followed.curve
+    places, starts = spread(followed, points)[0], _starts(followed)
+    for i, place in enumerate(places):
+        start = next((each for each in starts if place.flag and each.point.arclength == place.arclength), None)
+        for j, number in enumerate(numbers) if start is not None and start.flag > NONE else ():
+            assert start is not None
+            with one_thread():
+                shifts[i, j] = number.change * _derivative(curve, number, start)
+    return shifts
+
+
+def _derivative(curve: Curve, number: Number, place: Place) -> float:
+    """Return ∂(value of a bifurcation)/∂q by differences of fourth order; infinite where the boundary turns."""
+    unit = 0.01 * max(abs(number.value), abs(number.change))
+    boundary = _Boundary(curve, number.problem, number.value, number.value + unit, place, 0.0)
+    here = boundary.spot(boundary.solve(boundary.start, _unit(boundary.start.size, -1)), _unit(boundary.start.size, -2))
+    if here is None:
+        return np.nan
+    if abs(here.tangent[-1]) < _TURNS * abs(here.tangent[-2]):
+        return np.inf
+    moved = []
+    for h in (0.1, -0.1, 0.2, -0.2):
+        guess = here.U + h / here.tangent[-1] * here.tangent
+        found = boundary.beside(here, guess, _unit(guess.size, -1))
+        if found is None:
+            return np.nan
+        moved.append(found[0][-2])
+    slope = (8 * (moved[0] - moved[1]) - (moved[2] - moved[3])) / 1.2
+    return float(slope * (curve.stop - curve.start) / unit)

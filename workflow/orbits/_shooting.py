@@ -1,0 +1,278 @@
+"""An orbit through its events: the unknowns are the state at a section and the times of the events of a period.
+
+Between events the set S of closed contacts is fixed and X obeys its linear equations; at the times t_i the conditions
+
+    gap, or contact force, of the contact of event i at t_i = 0,   X(kT) = X(0)
+
+hold, and impacts are X⁺ = X⁻ + J_c u, u = w_c y' - d_c' the approach speed. All of it is smooth in states, times and
+numbers of the scene, also where u is 0 (a grazing) or negative, which no motion has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm, matrix_balance
+from scipy.optimize import brentq
+
+from workflow.kernels.algebra import block_diagonal
+from workflow.models import Array, ContactBasis, ContactSystem, contact_system
+from workflow.orbits._flow import Flow
+from workflow.schemes.event_driven import Trajectory
+
+_CHATTERS = 1e-6
+"""Impulse, over the largest, below which an impact is one of a series that its times do not tell apart."""
+
+_LATER = 1e-6
+"""Difference of times of events, over the span, from which they are other events."""
+
+
+IMPACT, BEGINS, LEAVES = range(3)
+"""Kinds of events of a contact: an impact with a flight after it, one after which it stays closed, the end of that."""
+
+
+class Word(NamedTuple):
+    """The events of an orbit in their order."""
+
+    closed: tuple[tuple[bool, ...], ...]
+    """Contacts closed in each stretch, the first and the last around the section, ``(event + 1,)``."""
+    contact: tuple[int, ...]
+    kind: tuple[int, ...]
+    """:data:`IMPACT`, :data:`BEGINS` or :data:`LEAVES`."""
+
+    def without(self, i: int) -> Word:
+        """Return the word without an impact."""
+        closed, contact, kind = self
+        return Word(closed[:i] + closed[i + 1 :], contact[:i] + contact[i + 1 :], kind[:i] + kind[i + 1 :])
+
+    def with_impact(self, i: int, contact: int) -> Word:
+        """Return the word with an impact of a contact before event ``i``."""
+        closed, contacts, kind = self
+        more = (*contacts[:i], contact, *contacts[i:]), (*kind[:i], IMPACT, *kind[i:])
+        return Word((*closed[: i + 1], *closed[i:]), *more)
+
+    def turned(self, i: int) -> Word:
+        """Return the word from a section between events ``i - 1`` and ``i``."""
+        closed, contact, kind = self
+        return Word((*closed[i:-1], *closed[: i + 1]), contact[i:] + contact[:i], kind[i:] + kind[:i])
+
+
+def word_of(motion: Trajectory) -> Word | None:
+    """Return the word of a motion over whole periods; ``None`` where several contacts meet or leave at an instant."""
+    events = [_event(motion, k) for k in range(motion.times.size)]
+    closed = tuple(tuple(each) for each in motion.sets.tolist())
+    known = [event for event in events if event is not None]
+    contacts, kinds = zip(*known, strict=True) if known else ((), ())
+    return Word(closed, contacts, kinds) if len(known) == len(events) else None
+
+
+def _event(motion: Trajectory, k: int) -> tuple[int, int] | None:
+    """Return contact and kind of an event of one contact that meets or leaves its casing; ``None`` of another."""
+    before, after = motion.sets[k : k + 2]
+    meets = (motion.impulses[k] > 0) & ~before
+    acting = np.flatnonzero(meets | (before != after))
+    if acting.size != 1:
+        return None
+    c = int(acting[0])
+    return (c, BEGINS if after[c] else IMPACT) if meets[c] else (c, LEAVES) if before[c] else None
+
+
+def tells_apart(motion: Trajectory) -> bool:
+    """Tell whether impacts are so strong that their times are told apart: those of a series of bounces are not."""
+    impulses = motion.impulses[motion.impulses > 0]
+    return bool(np.all(impulses > _CHATTERS * impulses.max(initial=0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """The motion from X over given times of events, and its derivatives per (X, times)."""
+
+    case: Shooting
+    word: Word
+    begin: float
+    span: float
+    times: Array
+    """Over the span."""
+    X: Array
+    """At the end, ``(N,)``."""
+    signals: Array
+    """Gaps or forces at the events, ``(event,)``."""
+    approach: Array
+    """u at the events, m/s, ``(event,)``."""
+    states: Array
+    """X after the start and after each event, ``(event + 1, N)``."""
+    X_slope: Array
+    signals_slope: Array
+    approach_slope: Array
+    """Each ``(…, N + event)``."""
+
+    @property
+    def derivative(self) -> Array:
+        """Derivative of the end per X, with the times at which the signals are 0."""
+        N, by_X, by_time = self.X.size, self.signals_slope[:, : self.X.size], self.signals_slope[:, self.X.size :]
+        later = np.linalg.lstsq(by_time, by_X, rcond=np.finfo(float).eps)[0]
+        return np.asarray(self.X_slope[:, :N] - self.X_slope[:, N:] @ later)
+
+    def at(self, time: float, stretch: int) -> Array:
+        """Return X at a time, over the span, of the motion in a stretch."""
+        own, before = self.case.set_of(self.word.closed[stretch]), float(self.times[stretch - 1]) if stretch else 0.0
+        factor, forced = own.over((time - before) * self.span)
+        Z = factor @ own.enter @ self.states[stretch] + forced @ self.case.sources(self.begin + before * self.span)
+        return np.asarray(own.leave @ Z + own.place @ self.case.sources(self.begin + time * self.span))
+
+    def flight(self, time: float, stretch: int, contact: int) -> tuple[float, float]:
+        """Return gap and approach speed of a contact at a time, over the span, in a stretch."""
+        X, w, case = self.at(time, stretch), self.case.sources(self.begin + time * self.span), self.case
+        place, speed = case.inputs[-3 * case.m + contact] @ w, case.inputs[-2 * case.m + contact] @ w
+        n = case.flow.modes
+        return float(place - case.basis.normal[contact] @ X[:n]), float(case.speed[contact] @ X - speed)
+
+    def is_motion(self, motion: Trajectory, grazing: int | None = None) -> bool:
+        """Tell whether the exact motion from here has these events, with approach speeds above 0.
+
+        The impact ``grazing`` may or may not be among them.
+        """
+        struck = np.array(self.word.kind) != LEAVES
+        struck[grazing : None if grazing is None else grazing + 1] &= grazing is None
+        words = (self.word,) if grazing is None else (self.word, self.word.without(grazing))
+        ascending = np.all(np.diff(self.times, prepend=0.0, append=1.0) > 0)
+        return bool(motion.repeats and ascending and word_of(motion) in words and np.all(self.approach[struck] > 0))
+
+    def new_impact(self, motion: Trajectory) -> tuple[int, int, float] | None:
+        """Return stretch, contact and time of the least gap at the first event of the exact motion that is new.
+
+        ``None`` where it is no impact.
+        """
+        k = 0
+        while k < min(motion.times.size, self.times.size) and abs(motion.times[k] / self.span - self.times[k]) < _LATER:
+            k += 1
+        event = _event(motion, k) if k < motion.times.size else None
+        if event is None or event[1] == LEAVES or self.word.closed[k][event[0]]:
+            return None
+        contact, first, size = event[0], float(motion.times[k]) / self.span, 1e-4
+        end = float(self.times[k]) if k < self.times.size else 1.0
+        while first + size < end and self.flight(first + size, k, contact)[1] > 0:
+            size *= 2
+        ends = first, min(first + size, end)
+        speeds = [self.flight(time, k, contact)[1] for time in ends]
+        if not speeds[1] < 0 < speeds[0]:
+            return None
+        return k, contact, float(brentq(lambda time: self.flight(time, k, contact)[1], *ends))
+
+
+class Shooting:
+    """The motions of one case over given times of events."""
+
+    def __init__(self, flow: Flow):
+        self.flow, self.basis, own = flow, flow.one.basis, flow.load
+        self.m, self.waves = self.basis.contacts.count, own.waves
+        n, W = flow.modes, len(own.waves)
+        self.speed = np.zeros((self.m, flow.start.size))
+        self.speed[:, n : 2 * n] = self.basis.normal
+        drives = self.basis.normal - float(flow.cases.friction[0]) * self.basis.tangent
+        self.jumps = np.hstack([np.zeros((self.m, n)), -drives, flow.alpha * self.basis.heat])
+        self.delassus = self.basis.normal @ drives.T
+        inputs = np.zeros((own.constant.size, 1 + 2 * W))
+        inputs[:, 0] = own.constant
+        for k, (omega, _, force, _) in enumerate(own.waves):
+            cos, sin = own.casing[k]
+            for j, (a, b) in enumerate(((cos, sin), (sin, -cos))):  # per cos ψ, per sin ψ: d = a, d' = ω b
+                inputs[-3 * self.m :, 1 + 2 * k + j] = np.concatenate([a, omega * b, -(omega**2) * a])
+            inputs[-3 * self.m - 1, 2 + 2 * k] = force
+        self.inputs = inputs
+        turn = np.zeros((1 + 2 * W, 1 + 2 * W))  # w' = turn w, w = [1, cos ψ, sin ψ, …]
+        for k, omega in enumerate(own.waves[:, 0]):
+            turn[1 + 2 * k, 2 + 2 * k], turn[2 + 2 * k, 1 + 2 * k] = -omega, omega
+        self.turn = turn
+        self.sets: dict[tuple[bool, ...], _Set] = {}
+
+    def sources(self, t: float) -> Array:
+        """Return w = [1, cos ψ, sin ψ, …] at a time."""
+        angle = self.waves[:, 0] * t + self.waves[:, 1]
+        return np.concatenate([[1.0], np.column_stack([np.cos(angle), np.sin(angle)]).ravel()])
+
+    def set_of(self, closed: tuple[bool, ...]) -> _Set:
+        """Return the linear motion of a set."""
+        if closed not in self.sets:
+            self.sets[closed] = _Set(self, closed)
+        return self.sets[closed]
+
+    def jump(self, closed: tuple[bool, ...], contact: int, kind: int) -> Array:
+        """Return the jump of X per approach speed at an event: 0 of contacts without mass, and where one ends."""
+        if kind == LEAVES or self.basis.contacts.is_compliant:
+            return np.zeros(self.speed.shape[1])
+        acting = np.array([i for i in range(self.m) if closed[i] or i == contact])
+        law = 1.0 + (self.flow.e if kind != BEGINS else 0.0)
+        p = np.linalg.solve(self.delassus[np.ix_(acting, acting)], law * (acting == contact))
+        return np.asarray(p @ self.jumps[acting])
+
+    def shoot(self, word: Word, X: Array, begin: float, span: float, fractions: Array) -> Shot:
+        """Return the motion from X at ``begin`` over ``span`` [s], with events at fractions of it."""
+        N, E = X.size, fractions.size
+        slope, states, before = np.eye(N, N + E), [X], 0.0
+        signals, approach = np.zeros(E), np.zeros(E)
+        signals_slope, approach_slope = np.zeros((E, N + E)), np.zeros((E, N + E))
+        for i in range(E + 1):
+            own, end = self.set_of(word.closed[i]), float(fractions[i]) if i < E else 1.0
+            w, w1 = self.sources(begin + before * span), self.sources(begin + end * span)
+            factor, forced = own.over((end - before) * span)
+            Z0 = own.enter @ X
+            Z = factor @ Z0 + forced @ w
+            moved = factor @ own.enter @ slope
+            if i > 0:
+                moved[:, N + i - 1] -= span * (factor @ (own.A @ Z0 + own.B @ w))
+            rate, turned = own.A @ Z + own.B @ w1, self.turn @ w1
+            X, slope = own.leave @ Z + own.place @ w1, own.leave @ moved
+            if i == E:
+                break
+            c, at = word.contact[i], N + i
+            slope[:, at] += span * (own.leave @ rate + own.place @ turned)
+            signals[i] = own.signals[c] @ Z + own.signal_inputs[c] @ w1
+            signals_slope[i] = own.signals[c] @ moved
+            signals_slope[i, at] += span * (own.signals[c] @ rate + own.signal_inputs[c] @ turned)
+            casing = self.inputs[-2 * self.m + c]  # d' per w
+            approach[i] = self.speed[c] @ X - casing @ w1
+            approach_slope[i] = self.speed[c] @ slope
+            approach_slope[i, at] -= span * (casing @ turned)
+            jump = self.jump(word.closed[i], c, word.kind[i])
+            X, slope = X + jump * approach[i], slope + np.outer(jump, approach_slope[i])
+            states.append(X)
+            before = end
+        events = begin, span, fractions
+        return Shot(self, word, *events, X, signals, approach, np.array(states), slope, signals_slope, approach_slope)
+
+
+class _Set:
+    """The linear motion of a set of closed contacts, Z' = A Z + B w, and its transforms from and to X."""
+
+    def __init__(self, case: Shooting, closed: tuple[bool, ...]):
+        flow, turn, m = case.flow, case.turn, case.m
+        system = _system(case.basis, closed, flow.alpha, float(flow.cases.friction[0]))
+        self.A, self.B = system.A, system.B @ case.inputs
+        self.signals, self.signal_inputs = system.signals, system.inputs @ case.inputs
+        self.leave = block_diagonal(system.null, system.null, np.eye(flow.heats))
+        self.enter = block_diagonal(system.null.T, system.null.T, np.eye(flow.heats))
+        follows = [system.place.T @ case.inputs[rows] for rows in (slice(-3 * m, -2 * m), slice(-2 * m, -m))]
+        self.place = np.vstack([*follows, np.zeros((flow.heats, len(turn)))])
+        whole = np.block([[self.A, self.B], [np.zeros((len(turn), len(self.A))), turn]])
+        self._matrix, (self._scale, _) = matrix_balance(whole, permute=False, separate=True)
+        self._known: dict[float, tuple[Array, Array]] = {}
+
+    def over(self, span: float) -> tuple[Array, Array]:
+        """Return Z after a time per Z before and per w before."""
+        if span not in self._known:
+            size = len(self.A)
+            moved = self._scale[:size, None] * expm(self._matrix * span)[:size] / self._scale
+            self._known[span] = moved[:, :size], moved[:, size:]
+        return self._known[span]
+
+
+@lru_cache(maxsize=64)
+def _system(basis: ContactBasis, closed: tuple[bool, ...], alpha: float, friction: float) -> ContactSystem:
+    """Return the system of a set."""
+    system = contact_system(basis, np.array(closed), alpha, friction)
+    assert system is not None  # the scheme that ran through it has its forces
+    return system
