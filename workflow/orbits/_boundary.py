@@ -315,7 +315,8 @@ class _Boundary:
         elif shot is None:
             return None, _NOT_FOLLOWED
         elif np.any(np.diff(shot.times, prepend=0.0, append=1.0) <= 0):
-            end, measure = _CORNER, lambda U, each: float(np.diff(each.shot.times, prepend=0.0, append=1.0).min())
+            times = slice(self.w.size, self.w.size + self.events)
+            end, measure = _CORNER, lambda U, _: float(np.diff(U[times], prepend=0.0, append=1.0).min())
         elif np.any(np.delete(shot.approach, _listed(self.grazing)) <= 0):
             end, measure = _GRAZES, lambda U, each: float(np.delete(each.approach, _listed(self.grazing)).min())
         else:
@@ -349,17 +350,22 @@ class _Boundary:
         return self.spot(found, here.row, here.arclength + at), end
 
     def spread(self, trail: list[_Spot], count: int) -> list[_Spot]:
-        """Return orbits at equal arclength of both numbers, the first and the last of the trail among them."""
-        chords = [float(np.linalg.norm(b.U[-2:] - a.U[-2:])) for a, b in pairwise(trail)]
-        along, found = np.cumsum([0.0, *chords]), [trail[0]]
-        for length in np.linspace(0.0, along[-1], count)[1:-1]:
-            k = int(np.searchsorted(along, length, side="right")) - 1
-            share = (length - along[k]) / chords[k]
-            spot = trail[k]
-            between = self.step(spot, share * (trail[k + 1].arclength - spot.arclength))
-            if between is not None:
-                found.append(spot._replace(U=between[0], residual=between[1]))
-        return [*found, trail[-1]]
+        """Return orbits at equal arclength of both numbers, the first and the last of the trail among them.
+
+        It is that of chords between the orbits that were followed and, in the end, those that are found.
+        """
+        found = trail[1:-1]
+        for _ in range(2):
+            known = sorted([trail[0], *found, trail[-1]], key=lambda spot: spot.arclength)
+            chords = [float(np.linalg.norm(b.U[-2:] - a.U[-2:])) for a, b in pairwise(known)]
+            along, found = np.cumsum([0.0, *chords]), []
+            lengths = np.linspace(0.0, along[-1], count)[1:-1]
+            for arclength in np.interp(lengths, along, [spot.arclength for spot in known]).tolist():
+                near = min(trail, key=lambda spot: abs(spot.arclength - arclength))
+                between = self.step(near, arclength - near.arclength)
+                if between is not None:
+                    found.append(near._replace(U=between[0], residual=between[1], arclength=arclength))
+        return [trail[0], *found, trail[-1]]
 
     def multipliers(self, spot: _Spot) -> tuple[float, float]:
         """Return the angle of the multiplier of the condition and the largest modulus of the others."""
