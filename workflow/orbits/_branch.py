@@ -296,6 +296,7 @@ _TESTS: dict[int, Callable[[Point], float]] = {
     FOLD: lambda point: float(point.tangent[-1]),
     PERIOD_DOUBLING: _doubling,
     TORUS: _torus_test,
+    BRANCH_POINT: lambda point: point.regular,
 }
 
 

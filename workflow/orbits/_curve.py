@@ -53,6 +53,8 @@ class Point:
     """Tangent of the curve of u, of length 1 …"""
     row: Array
     """… in the scalar product with this row, without velocities and times, which vibrations after an impact change."""
+    regular: float
+    """Determinant of the curve's conditions and the row: 0 where another curve crosses."""
     arclength: float = 0.0
     """Arclength."""
 
@@ -335,7 +337,8 @@ class Curve:
             motion = flow.march(X, frame.was_closed, begin, frame.order * flow.period)
         orbit = Orbit(flow, frame.order, motion, residual.D, float(np.abs(residual.values[:N]).max()))
         around = u[N:-1], frame.phase, frame.word
-        return Point(float(u[-1]), u[:N], *around, orbit, residual, tangent / length, row / length)
+        regular = float(np.linalg.det(np.vstack([matrix[:-1], row / length])))
+        return Point(float(u[-1]), u[:N], *around, orbit, residual, tangent / length, row / length, regular)
 
     def _charts(self, flow: Flow) -> tuple[Array, Array]:
         """Return w per X and X per w.
