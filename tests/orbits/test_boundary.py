@@ -221,27 +221,40 @@ def test_a_fold_moves_with_numbers_of_the_scene(frequency: float, gap: float, sh
     assert np.isnan(np.delete(found_shifts, fold, axis=0)).all()
 
 
+def two_contacts(frequency: float, **start: list[float]) -> tuple[Structure, Cases]:
+    """Two equal masses with a contact each, driven against each other."""
+    entries: dict[str, Any] = {"mass": np.eye(2), "contact": np.eye(2), "load": np.array([1.0, -1.0])}
+    entries |= {"stiffness": np.array([[5.65, -1.45], [-1.45, 5.65]])}
+    structure = of_entries(entries | {"damping": np.array([[0.18, -0.07], [-0.07, 0.18]])})
+    load = {"amplitude": 1.0, "frequency": frequency, "phase": 0.25}
+    return structure, cases(structure, e=0.62, gaps=[0.3, 0.3], **load, **start)
+
+
 def test_a_symmetric_rub_that_loses_its_symmetry_is_no_fold() -> None:
     """Two equal contacts half a period apart: a multiplier is 1, the branch does not turn, and is not followed."""
-    entries: dict[str, Any] = {"mass": np.eye(2), "contact": np.eye(2), "load": np.array([1.0, -1.0])}
-    entries |= {
-        "stiffness": np.array([[5.65, -1.45], [-1.45, 5.65]]),
-        "damping": np.array([[0.18, -0.07], [-0.07, 0.18]]),
-    }
-    structure = of_entries(entries)
-    start = {
-        "displacement": [-0.24624493489465, -0.10312516560556738],
-        "velocity": [0.8241482402055442, -0.8322475290847432],
-    }
-    scene = cases(structure, e=0.62, gaps=[0.3, 0.3], amplitude=1.0, frequency=2.8 / TURN, phase=0.25, **start)
-    followed = follow(
-        lambda more: (structure, replace(scene, gaps=np.array([[0.3 + more, 0.3 + more]]))),
-        0.0,
-        0.1,
-        Options(periods=1),
-    )
-    values, _ = tabulate(followed, 12, Options(periods=1, samples=2))
+    start = {"displacement": [-0.24624493489465, -0.10312516560556738], "velocity": [0.8241482402055442, -0.83224753]}
+    structure, scene = two_contacts(2.8 / TURN, **start)
+
+    def problem(clearance: float) -> tuple[Structure, Cases]:
+        return structure, replace(scene, gaps=np.array([[0.3 + clearance, 0.3 + clearance]]))
+
+    values, _ = tabulate(follow(problem, 0.0, 0.1, Options(periods=1)), 12, Options(periods=1, samples=2))
     (point,) = np.flatnonzero(values["bifurcation"])
     assert BIFURCATIONS[values["bifurcation"][point]] == "branch_point"
     assert values["value"][point] == pytest.approx(0.026101578849, abs=2e-9)
     assert values["floquet_multiplier"][point] == pytest.approx(1.0, abs=1e-7)
+
+
+def test_folds_of_two_contacts_with_unequal_gaps() -> None:
+    start = {"displacement": [-0.24624493489465, -0.10312516560556738], "velocity": [0.8241482402055442, -0.83224753]}
+    structure, scene = two_contacts(3.0 / TURN, **start)
+
+    def problem(gap: float, omega: float) -> tuple[Structure, Cases]:
+        return structure, replace(with_numbers(scene, frequency=omega / TURN), gaps=np.array([[0.3, gap]]))
+
+    curves = found(problem, 0.27, 0.33, 2.996961696241059, 3.072336825736888)
+    kinds = curves.kind == BIFURCATIONS.index("fold")
+    (k,) = np.flatnonzero(kinds & np.isclose(curves.branched[:, 0], 0.2995498491454248, rtol=0, atol=1e-10))
+    assert curves.branched[k, -1] == pytest.approx(0.2913680185885769, abs=1e-10)
+    assert curves.other_parameter[k, -1] == pytest.approx(3.072336825736888)
+    assert curves.other[k, [0, -1]] == pytest.approx([0.585072, 0.579516], abs=1e-6)
