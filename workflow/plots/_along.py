@@ -121,7 +121,7 @@ def bifurcation(dataset: xr.Dataset, along: str, variable: str = "section_displa
     return figure
 
 
-MARKS = {"fold": "o", "period_doubling": "s", "torus": "D", "grazing": "x"}
+MARKS = {"fold": "o", "period_doubling": "s", "torus": "D", "grazing": "x", "branch_point": "+"}
 """Of bifurcations."""
 
 
