@@ -98,6 +98,17 @@ def test_behind_a_grazing_a_branch_turns_back_to_a_rub_far_from_it() -> None:
     assert values["value"][-1] == 0.5
 
 
+def test_an_elastic_casing_is_met_without_a_mark() -> None:
+    """The free motion, whose largest x is |H| = 2.4, turns into the rub, and the rub into one of smaller gaps."""
+    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.04, 0.0)).on_casing(0.05)
+    scene = cases(structure, gap=4.0, amplitude=1.0, frequency=1.19 / TURN)
+    values = followed(along("gaps", structure, scene), 4.0, 0.5, 20)
+    assert values["value"][-1] == pytest.approx(0.5)
+    assert not flagged(values, "grazing").size
+    assert values["value"][values["steady_contact"] > 0].max() > 2.0
+    assert np.isin(states(values), ["no_contact", "settles", "unstable"]).all()
+
+
 def test_permanent_contact_flutters_where_its_growth_rate_passes_zero() -> None:
     """Below α_c, by a pair of poles: a torus under a load that is periodic."""
     structure = light_heat()

@@ -184,9 +184,7 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
         found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
         if not 0.0 <= ahead <= 1.0:
             found = curve.at(here, 0.0 if ahead < 0 else 1.0)
-        alike = found is not None and (
-            here.word is not None or order_of_events(found.orbit) == order_of_events(here.orbit)
-        )
+        alike = found is not None and _same_events(here, found)
         if found is None or _bend(here, found) > (_CURVE if alike else _BEND):
             step /= 2
             if step > _LEAST:
