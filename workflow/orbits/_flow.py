@@ -103,7 +103,8 @@ class Flow:
     def coupled(self) -> NDArray[np.bool_]:
         """Whether an impulse at one of two contacts jumps velocity or acceleration of the other, or of both."""
         basis, others = self.one.basis, self.struck[:, self.modes : 2 * self.modes]
-        damped = basis.normal @ basis.damping if basis.damping.ndim == 2 else basis.normal * basis.damping
+        C = basis.damping_matrix
+        damped = basis.normal * basis.damping if C is None else basis.normal @ C
         pairs = (basis.normal, others), (damped, others), (basis.normal @ basis.coupling, self.alpha * basis.heat)
         acts = [np.abs(a @ b.T) > _ROUNDING * (np.abs(a) @ np.abs(b).T) for a, b in pairs]
         return np.asarray(np.logical_or.reduce([*acts, *(one.T for one in acts)]))
@@ -218,7 +219,8 @@ class Flow:
     @cached_property
     def delassus(self) -> Array:
         """W, ``(contact, contact)``, 1/kg."""
-        return np.asarray(self.one.basis.delassus(self.friction))
+        basis = self.one.basis
+        return np.asarray(basis.normal @ (basis.normal - self.friction * basis.tangent).T)
 
     def _rates(self, X: Array, t: float, closed: NDArray[np.bool_]) -> Array:
         """Return X' of a state with contacts with mass closed, ``(N,)``."""
