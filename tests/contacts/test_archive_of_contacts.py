@@ -16,6 +16,7 @@ from workflow.archive import content_hash, open_archive, provenance
 from workflow.cases import arrange, case_hashes, full_structure
 from workflow.cases._conditions import conditions
 from workflow.models import Cases
+from workflow.orbits import STATES
 from workflow.plan import plan_study
 from workflow.plots import contacts, histories
 from workflow.report import write_report
@@ -221,8 +222,6 @@ REFUSED = {
         {"axes": {"scene.matrices.contact": ["contact", "mid"]}},
         "axes.scene.matrices.contact: has other contacts at its end",
     ),
-    "steady": ({"output": OUTPUT | {"steady": True}}, "output.steady: takes one contact with mass"),
-    "a branch": ({"axes": {"alpha": {"branch": [1, 2, 3]}}}, "axes.alpha: is a branch, which takes one contact"),
 }  # fmt: skip
 
 
@@ -232,6 +231,29 @@ def test_what_is_of_one_contact_is_refused_in_one_line(name: str, tmp_path: Path
     with pytest.raises(StudyError) as refused:
         read_study(study(tmp_path, **changed))
     assert any(said in str(mistake) for mistake in refused.value.mistakes), refused.value
+
+
+def test_steady_rubs_and_branches_have_the_contacts(tmp_path: Path) -> None:
+    """Impulses of each are those of the last periods of the transient; the settling time is of the whole."""
+    scene: dict[str, Any] = {"scene": {"duration": 4.0, "load": SCENE["load"] | {"frequency": 60.0}, "speed": 20.0}}
+    axes: dict[str, Any] = {"scheme": "event_driven", "e": 0.2}
+    output = {"interval": 1e-2, "histories": ["displacement"], "steady": {"samples": 6}, "sensors": {"second": 2}}
+    entries = chain(heated=False)
+    run_study(study(tmp_path, entries, **scene, axes=axes, output=output), tmp_path / "a.nc", threads=1)
+    archive = open_archive(tmp_path / "a.nc")
+    assert archive["steady_state"].item() == STATES.index("settles")
+    assert archive["orbit_displacement"].dims[-2:] == ("contact", "phase")
+    assert archive["orbit_sensor"].dims[-2:] == ("sensor", "phase")
+    assert archive["settling_time"].size == 1
+    last = archive["period_impulse"].isel(period=slice(-int(archive["steady_periods"].item()), None)).mean("period")
+    np.testing.assert_allclose(archive["steady_impulse"].squeeze(), last.squeeze(), rtol=1e-6)
+    axes["scene.load.amplitude"] = {"branch": [28.0, 30.0, 3]}
+    run_study(study(tmp_path, entries, **scene, axes=axes, output=output), tmp_path / "b.nc", threads=1)
+    archive = open_archive(tmp_path / "b.nc")
+    assert archive["steady_impulse"].dims[-2:] == ("contact", "point")
+    assert archive["orbit_displacement"].dims[-3:] == ("contact", "point", "phase")
+    assert (archive["steady_impulse"].isel(point=0) > 0).any()
+    assert write_report(tmp_path / "b.nc", tmp_path / "b.html").page.exists()
 
 
 def test_a_load_without_a_direction_is_refused(tmp_path: Path) -> None:

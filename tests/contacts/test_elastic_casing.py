@@ -96,7 +96,3 @@ def test_its_flexibility_is_an_axis(tmp_path: Path) -> None:
 def test_other_schemes_refuse_it(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=r"carpenter.*rigid casing"):
         run_study(read_study(written(tmp_path, scheme=["exact", "carpenter"])), tmp_path / "a", threads=1)
-    steady = yaml.safe_dump(STUDY | {"output": {"interval": 1e-3, "steady": {"periods": 5}}})
-    (tmp_path / "b.yaml").write_text(steady)
-    with pytest.raises(StudyError, match=r"steady.*takes a rigid casing"):
-        read_study(tmp_path / "b.yaml")
