@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from contacts.random_contacts import random_entries
 from scenes import cases_of_file, of_entries
 from workflow.models import Array, Cases, Structure
 from workflow.orbits import BIFURCATIONS, STATES, Options, branch, steady_rubs
 from workflow.orbits._flow import AnalysedStructure, Flow
-from workflow.orbits._orbit import Orbit
+from workflow.orbits._orbit import Orbit, scale_of
 from workflow.orbits._settle import settle
 
 TURN = 2 * np.pi
@@ -199,6 +200,57 @@ def test_an_integrator_has_the_orbit_and_multipliers_of_two_contacts() -> None:
         end.append((8 * (ends[0] - ends[1]) - (ends[2] - ends[3])) / (12 * share))
     values = np.linalg.eigvals(np.transpose(end))
     np.testing.assert_allclose(sorted_like(values, found.multipliers), found.multipliers, atol=1e-8)
+
+
+def random_rub(seed: int) -> tuple[Structure, Cases]:
+    """Return a structure of one to three contacts, with mass, without, or on an elastic casing, and a case of it."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 4))
+    size, rubs, warms = count + int(rng.integers(1, 4)), rng.random() < 0.4, rng.random() < 0.5
+    entries = random_entries(rng, count, size, 2, rubs, seed % 3 == 1)
+    entries["damping"] = float(rng.uniform(5, 60)) * entries["mass"] + 2e-5 * entries["stiffness"]
+    structure, frequency = of_entries(entries), float(rng.uniform(80, 300))
+    batch = cases_of_file(
+        structure,
+        e=float(rng.choice([0, 0.3, 0.7])),
+        alpha=float(rng.uniform(0.02, 0.1)) if warms else 0.0,
+        friction=0.15 if rubs else 0.0,
+        mean=float(rng.uniform(0, 4)),
+        amplitude=float(rng.uniform(2, 12)),
+        frequency=frequency,
+        phase=float(rng.uniform(-3, 3)),
+        gaps=rng.uniform(2e-6, 3e-5, count),
+        casing_harmonics=[[2e-6, frequency, 1.0]],
+    )
+    return structure.on_casing(4e-6) if seed % 3 == 2 else structure, batch
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 60, 12))
+def test_random_structures_settle_where_their_transients_do(first: int) -> None:
+    """After 3 000 periods; deviations decay as the multipliers say."""
+    settled = 0
+    for seed in range(first, first + 12):
+        structure, batch = random_rub(seed)
+        flow = Flow(AnalysedStructure(structure), batch)
+        orbit, last = settle(flow, Options()).orbit, flow.march(flow.start, flow.all_open, 0.0, 3000 * flow.period)
+        if last.failure:
+            continue
+        after = [flow.march(last.X, last.closed, 0.0, k * flow.period, samples=64) for k in (1, 2, 3, 4)]
+        scale = scale_of(flow, after)
+        if min(flow.size(one.X - last.X, scale) for one in after) > 1e-9:
+            continue
+        assert orbit is not None, seed
+        settled += 1
+        near = flow.march(last.X, last.closed, 0.0, orbit.motion.begin + orbit.order * flow.period)
+        ends = [flow.march(near.X, near.closed, orbit.motion.begin, k * flow.period).X for k in range(1, 5)]
+        assert min(flow.size(X - orbit.motion.start, scale) for X in ends) < 1e-5, seed
+        if orbit.motion.times.size:
+            moved = orbit.motion.start * (1 + 1e-7)
+            assert decay(orbit, moved, orbit.motion.was_closed, 8) == pytest.approx(
+                orbit.growth * orbit.motion.span, rel=0.02
+            ), seed
+    assert settled > 2
 
 
 def fan() -> Structure:

@@ -258,8 +258,9 @@ def steady_bytes(grid: Grid) -> int:
     steady, branch = grid.study.output.steady, grid.study.branch
     if steady is None:
         return 0
-    rows = 3 + len(grid.study.output.sensors)
-    return 8 * (rows * steady.samples + 16) * (1 if branch is None else branch.points)
+    contacts = math.prod(grid.study.contact_shape)
+    rows = 3 * contacts + len(grid.study.output.sensors)
+    return 8 * (rows * steady.samples + 9 + 7 * contacts) * (1 if branch is None else branch.points)
 
 
 def model_seconds(grid: Grid, missing: NDArray[np.bool_] | None = None) -> float:
