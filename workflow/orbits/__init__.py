@@ -8,5 +8,4 @@ from workflow.orbits._boundary import ENDS, MOST_CURVES, Boundaries, Number, bif
 from workflow.orbits._branch import BIFURCATIONS, Followed, branch, follow, tabulate
 from workflow.orbits._curve import Problem
 from workflow.orbits._orbit import STATES
-from workflow.orbits._rubs import steady_rubs
-from workflow.orbits._settle import Options
+from workflow.orbits._settle import Options, steady_rubs

@@ -13,8 +13,7 @@ from scipy.optimize import brentq
 from workflow.models import Array, one_thread
 from workflow.orbits._curve import Curve, Point, Problem
 from workflow.orbits._orbit import NOT_FOUND, Orbit, scale_of
-from workflow.orbits._rubs import tabulated
-from workflow.orbits._settle import Options, Settled, settle
+from workflow.orbits._settle import Options, Settled, settle, tabulated
 
 BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing", "branch_point")
 """Names of the values of ``bifurcation``."""
