@@ -317,8 +317,8 @@ class _Boundary:
         elif np.any(np.diff(shot.times, prepend=0.0, append=1.0) <= 0):
             times = slice(self.w.size, self.w.size + self.events)
             end, measure = _CORNER, lambda U, _: float(np.diff(U[times], prepend=0.0, append=1.0).min())
-        elif np.any(np.delete(shot.approach, _listed(self.grazing)) <= 0):
-            end, measure = _GRAZES, lambda U, each: float(np.delete(each.approach, _listed(self.grazing)).min())
+        elif shot.slowest(self.grazing) <= 0:
+            end, measure = _GRAZES, lambda _, each: each.shot.slowest(self.grazing) if each.shot else np.nan
         else:
             new = shot.new_impact(self.motion(beyond[1]))
             if new is None:
@@ -379,11 +379,6 @@ class _Boundary:
         for own in {angle, -angle} if self.kind == TORUS else {angle}:
             values = np.delete(values, np.argmin(np.abs(values - np.exp(1j * own))))
         return angle, float(np.abs(values).max(initial=0.0))
-
-
-def _listed(k: int | None) -> list[int]:
-    """Return an index or none."""
-    return [] if k is None else [k]
 
 
 def _unit(size: int, k: int) -> Array:

@@ -135,11 +135,14 @@ class Shot:
 
         The impact ``grazing`` may or may not be among them.
         """
-        struck = np.array(self.word.kind) != LEAVES
-        struck[grazing : None if grazing is None else grazing + 1] &= grazing is None
         words = (self.word,) if grazing is None else (self.word, self.word.without(grazing))
         ascending = np.all(np.diff(self.times, prepend=0.0, append=1.0) > 0)
-        return bool(motion.repeats and ascending and word_of(motion) in words and np.all(self.approach[struck] > 0))
+        return bool(motion.repeats and ascending and word_of(motion) in words and self.slowest(grazing) > 0)
+
+    def slowest(self, grazing: int | None = None) -> float:
+        """Return the least approach speed at which a contact meets its casing, but for ``grazing``, m/s."""
+        kinds = enumerate(self.word.kind)
+        return min((float(self.approach[i]) for i, kind in kinds if kind != LEAVES and i != grazing), default=np.inf)
 
     def new_impact(self, motion: Trajectory) -> tuple[int, int, float] | None:
         """Return stretch, contact and time of the least gap at the first event of the exact motion that is new.
