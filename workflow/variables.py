@@ -169,7 +169,7 @@ def _of_events() -> Iterator[Variable]:
     ):
         comment = "-1 beyond the last event" if name in ("kind", "contact") else ""
         yield Variable(f"event_{name}", unit, meaning, "event", condition="events", signed=True, comment=comment)
-    comment = "event_driven: one for each contact that takes an impulse, touches or leaves; other schemes: 0"
+    comment = "event_driven: one for each contact that takes an impulse, touches, leaves, yields or stops; others: 0"
     yield Variable("event_count", "1", "number of events", condition="events", comment=comment)
 
 

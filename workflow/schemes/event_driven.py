@@ -12,7 +12,8 @@ through zero, a contact where λ does. At an impact with u⁻ > 0, u = v_n - d',
 
 a tip that is pressed on the casing with u = 0 begins a contact, and chattering is summed in closed form
 (:mod:`workflow.schemes._exact.events`). No event is missed: each step is certified by bounds of the Taylor
-remainder (:mod:`workflow.schemes._exact.step`). The only error is rounding. There is no step size: ``h`` is not read.
+remainder (:mod:`workflow.schemes._exact.step`). A coating that is worn has events of its own
+(:mod:`workflow.schemes._exact.coating`). The only error is rounding. There is no step size: ``h`` is not read.
 """
 
 from __future__ import annotations
