@@ -72,14 +72,14 @@ def clocked(owner: Any, *names: str) -> Iterator[list[Call]]:
     """Collect the calls of functions of a module or class, in all threads."""
     calls, functions = list[Call](), {name: getattr(owner, name) for name in names}
 
-    def measured(function: Callable[..., Any], *words: Any) -> Any:
+    def measured(function: Callable[..., Any], *words: Any, **named: Any) -> Any:
         begun, seconds = time.perf_counter(), time.thread_time()
-        result = function(*words)
+        result = function(*words, **named)
         calls.append(Call(begun, time.perf_counter(), time.thread_time() - seconds))
         return result
 
     def watched(function: Callable[..., Any]) -> Callable[..., Any]:
-        return lambda *words: measured(function, *words)  # a function, so that it binds as a method too
+        return lambda *words, **named: measured(function, *words, **named)  # a function, so that it binds as a method
 
     for name, function in functions.items():
         setattr(owner, name, watched(function))

@@ -34,8 +34,8 @@ from workflow.schemes._fixed.loads import start_of
 from workflow.schemes._fixed.march import step_batch
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, judged
 from workflow.schemes._fixed.step_limits import limit_text
-from workflow.schemes._fixed.stepping import collect
-from workflow.schemes._fixed.unsolved import divisors, explained, friction_message
+from workflow.schemes._fixed.stepping import Ended, collect
+from workflow.schemes._fixed.unsolved import explained, friction_message
 from workflow.schemes._interface import Results, Sampling
 
 
@@ -126,9 +126,7 @@ class Operator:
         # squared: the state of a growing contact may be finite where its energy is not
         last = [ended.watched.contact[name] for name in ("displacement", "velocity", "temperature")]
         finite = np.asarray(np.isfinite(np.square(last)).all(axis=(0, 1)))
-        alone = divisors(blocks.step, blocks.modal, contact, cases.alpha, cases.friction)
-        ambiguous = (alone <= 0).any(axis=1) | (ended.unsolved > 0)
-        return collect(ended, *_judge(self, blocks, cases, ambiguous, finite, ended.unsolved))
+        return collect(ended, *_judge(self, blocks, cases, finite, ended))
 
 
 def init(structure: Structure, h: float, differences: Differences, contact: Contact) -> Operator:
@@ -192,20 +190,13 @@ def _growth(blocks: Blocks, h: float, differences: Differences) -> str | None:
     )
 
 
-def _judge(
-    operator: Operator,
-    blocks: Blocks,
-    cases: Cases,
-    ambiguous: NDArray[np.bool_],
-    finite: NDArray[np.bool_],
-    unsolved: Array,
-) -> Outcome:
-    """Return the status of each case; contact has no unique solution in those that are ``ambiguous``."""
+def _judge(operator: Operator, blocks: Blocks, cases: Cases, finite: NDArray[np.bool_], ended: Ended) -> Outcome:
+    """Return the status and message of each case."""
     h, grown = operator.h, _growth(blocks, operator.h, operator.differences)
 
     modal, contact = operator.blocks.modal, operator.contact
     together = explained(
-        operator.structure, modal, contact, lambda h: step(modal, h, operator.differences), h, unsolved
+        operator.structure, modal, contact, lambda h: step(modal, h, operator.differences), h, ended.unsolved
     )
 
     def explain(case: int) -> str:
@@ -215,4 +206,4 @@ def _judge(
         return together(alpha, friction, case)
 
     left = f"the energy left the finite numbers at h = {h:.6g} s"
-    return judged(finite, ambiguous & (grown is None), explain, grown, left)
+    return judged(finite, ended.ambiguous & (grown is None), explain, grown, left)

@@ -428,7 +428,8 @@ def _by_slopes(step: TipStep, own: Own, c: Coupling, i: int, j: int, lane: int) 
 def _pivot(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Coupling, lane: int) -> bool:
     """Solve the laws of the contacts of a lane by Lemke's method, as Newton's does not end.
 
-    p = p_0 + max(0, a + s free + r place), with a, s and r found far inside the casing, and p_0 as far outside.
+    p = p_0 + max(0, a + s free + r place), with a, s and r found far inside the casing, and p_0 as far outside. A law
+    with a third branch, as that of a coating, may differ from that at the solution: it then has not been found.
     """
     p, size, m = c.problem, 0, len(acts)
     yields, far = step.sinking.shape[1] > 0, 1e3 * c.scale[lane]
@@ -454,6 +455,7 @@ def _pivot(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Couplin
         return False
     for k in range(size):
         c.impulse[c.members[k]] += p.solution[k]
+    error, largest = 0.0, 0.0
     for i in range(m):
         place, free = place_free(step, acts[i], lane), acts[i].speed_free[lane]
         for j in range(m):
@@ -462,5 +464,6 @@ def _pivot(law: Law, step: TipStep, own: Own, acts: Sequence[Acting], c: Couplin
                 if yields:
                     place -= _entry(own, step.sinking, i, j, lane) * c.impulse[j]
         q, velocity, force = _response(law, step, acts[i], lane, place, free)
+        error, largest = max(error, abs(q - c.impulse[i])), max(largest, abs(q))
         acts[i].impulse[lane], acts[i].speed_end[lane], acts[i].force_end[lane] = q, velocity, force
-    return True
+    return error <= _PROBE * largest

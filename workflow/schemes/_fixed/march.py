@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.kernels.compiled import by_type, defines, inlined, kernel
 from workflow.kernels.lanes import PACK, ROW, cached_lanes, lane_rows, lane_table, named_rows, rows_in, several_rows
@@ -186,14 +187,22 @@ def _of_cases(table: Array, cases: Cases) -> Array:
 
 
 def _rows_of_contacts(
-    blocks: Blocks, contact: Contact, free: FreeStep, cases: Cases, velocity: Array, begins: Start
+    blocks: Blocks,
+    contact: Contact,
+    free: FreeStep,
+    cases: Cases,
+    velocity: Array,
+    begins: Start,
+    ambiguous: NDArray[np.bool_],
 ) -> Array:
-    """Return the rows :class:`Acting` of contacts that begin a march, ``(contact, row, case)``."""
+    """Return the rows :class:`Acting` of contacts that begin a march, ``(contact, row, case)``.
+
+    Contacts that are ``ambiguous``, ``(case, contact)``, have no mobility.
+    """
     modal, own = blocks.modal, free.contact
     rows = np.zeros((len(modal.normal), rows_in(Acting), cases.count))
     acts = cast(Any, named_rows(Acting, rows))
-    alone = divisors(blocks.step, modal, contact, cases.alpha, cases.friction)
-    acts["mobility"] = np.where(alone.T <= 0, np.nan, _of_cases(own.delassus, cases))
+    acts["mobility"] = np.where(ambiguous.T, np.nan, _of_cases(own.delassus, cases))
     if modal.contacts.is_compliant:
         acts["sinking"] = _of_cases(own.sinking, cases)
         acts["force"] = contact.stiffness * np.fmax(0.0, begins.displacement - begins.gap).T
@@ -223,10 +232,9 @@ def step_batch(
     sensors, sensing = sensing_of(blocks, cases, begun)
     free = free_step(blocks, contact, begun.drifting, sensors)
     watched = stepping.watch(structure, cases, sampling, step.tip.h, begins, drive)
-    rows_of_cases, rows_of_contacts = (
-        np.zeros((rows_in(Own), cases.count)),
-        _rows_of_contacts(blocks, contact, free, cases, velocity, begins),
-    )
+    ambiguous = divisors(step, modal, contact, cases.alpha, cases.friction) <= 0
+    rows_of_cases = np.zeros((rows_in(Own), cases.count))
+    rows_of_contacts = _rows_of_contacts(blocks, contact, free, cases, velocity, begins, ambiguous)
     own, acts = named_rows(Own, rows_of_cases), cast(Any, named_rows(Acting, rows_of_contacts))
     own.alpha, own.friction = cases.alpha, cases.friction
     acts["drift"], acts["warmth"], acts["warming"] = begun.drift.T, begun.warmth.T, begun.warming.T
@@ -287,4 +295,4 @@ def step_batch(
         last = LastStep(watched.elapsed, motion, begin, after[:, 0], before[:, 0], watched.contact["displacement_end"])
         end = end_state(blocks, begun, last)
     balance = None if balances is None else balances.result(ended, watched.elapsed)
-    return Ended(watched, metrics, balance, end, own.unsolved)
+    return Ended(watched, metrics, balance, end, ambiguous.any(axis=1) | (own.unsolved > 0), own.unsolved)

@@ -50,7 +50,7 @@ class PlainBalance:
     def __init__(self, structure: Structure, cases: Cases, h: float) -> None:
         self._structure, self._cases, self._h, self._steps = structure, cases, h, 0
         contacts = structure.contacts
-        self._pushes = contacts.normal - cases.friction[:, None, None] * contacts.tangent
+        self._contact_directions = contacts.normal - cases.friction[:, None, None] * contacts.tangent
         self._totals = named_rows(Totals, np.zeros((rows_in(Totals), cases.count)))
         self._totals.first_energy = self._keep(cases.displacement, cases.velocity)
 
@@ -70,7 +70,7 @@ class PlainBalance:
         forces = project(structure.damping_matrix, v) + project(structure.coupling_matrix, temperature)
         work = row_totals(v * (forces - self._cases.steady)) - load * row_totals(structure.load_direction * v)
         loss = self._h * project(structure.loss_row, temperature)
-        speeds = (self._pushes * v[:, None]).sum(axis=2)
+        speeds = (self._contact_directions * v[:, None]).sum(axis=2)
         totals.dissipated += self._h * work + row_totals(impulse * speeds)
         totals.lost += loss
         totals.turned_over += np.abs(loss)
@@ -187,4 +187,4 @@ class Recorder:
         balance = None if self._balances is None else self._balances.result(self._states)
         outcome = judged(finite, np.zeros_like(finite), str, None, left)
         end, solved = EndState(*self._states), np.zeros(self._cases.count)
-        return collect(Ended(watched, metrics, balance, end, solved), *outcome)
+        return collect(Ended(watched, metrics, balance, end, solved > 0, solved), *outcome)

@@ -74,10 +74,10 @@ def sensing_of(blocks: Blocks, cases: Cases, begun: InitialState) -> tuple[Array
     after, before = (theta / 2, theta * (1 - step.decay / 2)) if step.is_central else (theta, np.zeros_like(theta))
     scale = np.tile(blocks.heat_scale, 2)
     rows = np.hstack([both / np.tile(blocks.scale, 2), np.hstack([responds + after, before]) / scale, per_place])
-    ahead = step.tip.h if step.is_central else 0.0
+    heat_time = step.tip.h if step.is_central else 0.0  # of τ after that of the sample, s
     own = np.stack(
         [
-            _each(both, begun.known) + _each(theta, begun.settled) + ahead * _each(responds, begun.warming_modes),
+            _each(both, begun.known) + _each(theta, begun.settled) + heat_time * _each(responds, begun.warming_modes),
             _each(theta + responds, begun.warming_modes),
         ]
     )

@@ -347,6 +347,8 @@ class Ended(NamedTuple):
     balance: Balance | None
     end: EndState | None
     """That at the end of the last step, in the structure's coordinates."""
+    ambiguous: NDArray[np.bool_]
+    """Whether contact has no unique solution, alone or together, ``(case,)``."""
     unsolved: Array
     """Time of the step in which contact had no solution, s, 0 for none, ``(case,)``."""
 

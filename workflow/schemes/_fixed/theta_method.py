@@ -24,7 +24,7 @@ from workflow.schemes._fixed.loads import start_of
 from workflow.schemes._fixed.march import step_batch
 from workflow.schemes._fixed.outcome import ROUNDING, Outcome, judged
 from workflow.schemes._fixed.step_limits import largest_stable_step, largest_step, limit_text
-from workflow.schemes._fixed.stepping import collect
+from workflow.schemes._fixed.stepping import Ended, collect
 from workflow.schemes._fixed.unsolved import divisors, explained, friction_message
 from workflow.schemes._interface import Results, Sampling
 
@@ -57,7 +57,7 @@ class Operator:
         ended = step_batch(self.structure, blocks, self.contact, cases, velocity, sampling, drive, begins)
         finite = ended.watched.finite("displacement", "temperature", "impulse")
         judged_blocks = self.blocks if self.contact.judges_heat else blocks
-        return collect(ended, *_judge(self, judged_blocks, cases, sampling.duration, finite, ended.unsolved))
+        return collect(ended, *_judge(self, judged_blocks, cases, sampling.duration, finite, ended))
 
 
 def init(structure: Structure, h: float, theta: float, contact: Contact) -> Operator:
@@ -101,7 +101,7 @@ def step(modal: ContactBasis, h: float, theta: float) -> Step:
 
 
 def _judge(
-    operator: Operator, blocks: Blocks, cases: Cases, duration: float, finite: NDArray[np.bool_], unsolved: Array
+    operator: Operator, blocks: Blocks, cases: Cases, duration: float, finite: NDArray[np.bool_], ended: Ended
 ) -> Outcome:
     """Return status and message of each case."""
     h, theta, growth = operator.h, operator.theta, _spectral_radius(operator, blocks)
@@ -116,7 +116,7 @@ def _judge(
 
     message = cache(partial(_message, operator, duration))  # a limit takes hundreds of trials
     modal, contact = operator.blocks.modal, operator.contact
-    together = explained(operator.structure, modal, contact, lambda h: step(modal, h, theta), h, unsolved)
+    together = explained(operator.structure, modal, contact, lambda h: step(modal, h, theta), h, ended.unsolved)
 
     def explain(case: int) -> str:
         alpha, friction = float(cases.alpha[case]), float(cases.friction[case])
@@ -124,8 +124,7 @@ def _judge(
             return message(alpha, friction)
         return together(alpha, friction, case)
 
-    ill_posed = (operator.factor(h, cases.alpha, cases.friction) <= 0).any(axis=1) | (unsolved > 0)
-    return judged(finite, ill_posed, explain, grown, f"the state left the finite numbers at h = {h:.6g} s")
+    return judged(finite, ended.ambiguous, explain, grown, f"the state left the finite numbers at h = {h:.6g} s")
 
 
 def _spectral_radius(operator: Operator, blocks: Blocks) -> float:
