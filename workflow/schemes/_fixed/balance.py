@@ -15,6 +15,11 @@ The heat and the friction of a contact impulse are inputs besides. Damping that 
 v_m with the off-diagonal C. Energy that a contact law creates besides its impulse, as a contact spring where contact
 begins and ends, is added (:func:`contact_gain`).
 
+Of one contact the free step sums hc v_m² and, per unit impulse, (hc a - I) v_m - ω² J η_m, with the change a of v and
+the inputs I and J by heat and friction; both are of the motion without the impulse p of the step, which then adds p
+times the second, and p² times what a unit impulse takes from the motion that it causes (``Totals.square``). Else
+matrices count inputs and damping at the step's end (:class:`Dense`).
+
 The mean velocity is that of the power of an impact, p (v + v')/2, whatever θ is; on a casing that moves p (V + V')/2
 of it is the casing's. Without heat the sum over the steps of a mode is
 

@@ -133,4 +133,5 @@ class Totals(Rows):
     settled_loss: Array
     """Heat loss of the steady temperatures under constant heat loads, W."""
     square: Array
-    """Σ ω² J²/2 of unit inputs."""
+    """Of one contact: what damping and inputs of a unit impulse take from the motion that it causes in its step, 1/kg.
+    Else Σ ω² J²/2 of the inputs of the step, J."""
