@@ -7,7 +7,7 @@ with and what results are checked against all come from this table.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -20,13 +20,17 @@ Shape = Literal[
     "phase",
     "point",
     "point phase",
+    "uncertain point",
+    "curve",
+    "curve curve_point",
     "event",
     "sector",
     "revolution sector",
 ]
 """``history``: (…, t); ``metric``: (…) float64, ``text``: (…) text; ``period``: (…, period), ``phase``: (…, phase)
 float64; ``flag``: (…) int8; ``point``: (…, point) float64 or int8, ``point phase``: (…, point, phase), in archives of
-branches alone; ``event``: (…, event) float64 or int8; ``sector``: (…, sector), ``revolution sector``: (…, revolution,
+branches alone, ``uncertain point``: (…, uncertain, point), ``curve``: (…, curve), ``curve curve_point``: (…, curve,
+curve_point) too; ``event``: (…, event) float64 or int8; ``sector``: (…, sector), ``revolution sector``: (…, revolution,
 sector) float64, NaN beyond the sectors of a case. What is of sensors has ``sensor`` before these."""
 
 Origin = Literal["scheme", "workflow"]
@@ -44,6 +48,8 @@ Condition = Literal[
     "steady",
     "steady sensors",
     "branch",
+    "uncertain",
+    "boundary",
     "reference",
     "scheme",
     "auto",
@@ -51,7 +57,8 @@ Condition = Literal[
 ]
 """When an archive has the variable: always, with ``output.temperature_depth``, ``output.balances``,
 ``output.sections``, ``output.sensors``, ``output.events``, ``output.wear`` or ``output.steady``, with a coating, of
-several contacts, with sensors and steady rubs, where an axis is a branch, with a reference, if a scheme declares it,
+several contacts, with sensors and steady rubs, where an axis is a branch, with
+``output.steady.uncertain``, where an axis is a boundary, with a reference, if a scheme declares it,
 where a tolerance decides a count of modes."""
 
 
@@ -209,6 +216,21 @@ def steady_variables() -> Iterator[Variable]:
         yield Variable(name, unit, meaning, "phase", condition="steady", signed=True, may_be_undefined=True)
     about = "what becomes of the rub"
     yield Variable("steady_state", "1", about, "flag", condition="steady", comment=_STEADY_STATE)
+
+
+def _of_boundaries() -> Iterator[Variable]:
+    """Yield the variables of boundaries, but for the two numbers along them, and of shifts of bifurcations."""
+    turns = "signed, to first order; infinite where the boundary turns, NaN of points without a bifurcation"
+    defined: Any = {"signed": True, "may_be_undefined": True}
+    meaning = "by how much a bifurcation moves along the branched axis, for the change uncertain_value of a number"
+    yield Variable("bifurcation_shift", "", meaning, "uncertain point", condition="uncertain", comment=turns, **defined)
+    yield Variable("boundary_kind", "1", "what happens at a boundary", "curve", condition="boundary")
+    yield Variable("boundary_end", "1", "why a boundary ends within the ranges", "curve", condition="boundary")
+    for name, unit, meaning in (
+        ("angle", "rad", "angle of the Floquet multiplier of modulus 1 at a boundary"),
+        ("other", "1", "largest modulus of all other Floquet multipliers: below 1 the boundary is one of stability"),
+    ):
+        yield Variable(f"boundary_{name}", unit, meaning, "curve curve_point", condition="boundary", **defined)
 
 
 _ENERGY = (
@@ -521,6 +543,7 @@ TABLE = (
     *_of_events(),
     *_of_coating(),
     Variable("bifurcation", "1", "what happens at a point of a branch of steady rubs", "point", condition="branch"),
+    *_of_boundaries(),
     Variable("status", "1", "how the case ended", "flag", "scheme"),
     Variable(
         "runaway",
@@ -538,7 +561,7 @@ TABLE = (
 STRUCTURAL = frozenset({"t", "period", "message", "message_length", "provenance", "sample_point", "sample_matrix"})
 """Further names that an archive uses."""
 
-STEADY = frozenset({"phase", "point"})
+STEADY = frozenset({"phase", "point", "curve", "curve_point", "uncertain", "uncertain_value", "uncertain_unit"})
 """Dimensions of archives with steady rubs or branches."""
 
 SENSORS, EVENTS = frozenset({"sensor", "sensor_unit"}), frozenset({"event"})
@@ -580,11 +603,17 @@ def select(shape: Shape | None = None, origin: Origin | None = None, *conditions
             yield variable
 
 
-def along_branch(name: str, unit: str, meaning: str, *more: Condition) -> Iterator[Variable]:
-    """Yield the variables of an archive of branches, at each point: the axis, bifurcations, steady rubs and more."""
+def along_branch(
+    name: str, unit: str, meaning: str, *more: Condition, beside: Sequence[Condition] = ()
+) -> Iterator[Variable]:
+    """Yield the variables of an archive of branches, at each point: the axis, bifurcations, steady rubs and more.
+
+    Then those of conditions ``beside``, which have shapes of their own.
+    """
     yield Variable(name, unit, meaning, "point", signed=True, may_be_undefined=True)
     for variable in select(None, None, "steady", "branch", *more):
         yield replace(variable, shape="point phase" if variable.shape == "phase" else "point")
+    yield from (replace(each, unit=each.unit or unit) for each in select(None, None, *beside))
 
 
 def reserved_names(declared: frozenset[str] = frozenset()) -> frozenset[str]:

@@ -216,9 +216,10 @@ class Grid:
 
         An axis that is followed has corners too, its ends.
         """
-        dimensions, branch = list(self.inner), self.study.branch
-        if branch is not None and not fixes_operator(branch.axis.path, self.study):
-            dimensions.append(Dimension(branch.axis.name, (branch.axis,)))
+        dimensions = list(self.inner)
+        for followed in (self.study.branch, self.study.boundary):
+            if followed is not None and not fixes_operator(followed.axis.path, self.study):
+                dimensions.append(Dimension(followed.axis.name, (followed.axis,)))
         left = [replace(d, axes=tuple(axis for axis in d.axes if axis.path not in replaced)) for d in dimensions]
         settings = self.study.cell({**self._values(outer), **replaced})
         sampling = replace(self.sampling, balances=False)

@@ -29,7 +29,7 @@ from workflow.judges.trials import EXACT
 from workflow.reduction import DEFAULT
 from workflow.registry import outside_sources
 from workflow.schemes import SOLVER_VERSION
-from workflow.study import GAP, GAP_OF, CaseSettings, Scene, Study, gaps_of
+from workflow.study import GAP, GAP_OF, Branch, CaseSettings, Scene, Study, gaps_of
 
 HASH_BYTES = 16
 """Of the SHA-256: two of 1e8 cases share their first 128 bits with a probability of 1e-23."""
@@ -123,8 +123,14 @@ def _steady(study: Study, settings: CaseSettings) -> dict[str, Any]:
     asked = {"steady": plain(study.output.steady)}
     branch = study.branch
     if branch is not None:
-        asked["branch"] = [branch.axis.path, *(float(end).hex() for end in branch.axis.values), branch.points]
+        asked["branch"] = _followed(branch)
+    if study.boundary is not None:
+        asked["boundary"] = _followed(study.boundary)
     return asked
+
+
+def _followed(branch: Branch) -> list[Any]:
+    return [branch.axis.path, *(float(end).hex() for end in branch.axis.values), branch.points]
 
 
 def _widths(scene: Scene) -> dict[str, Any]:

@@ -83,6 +83,13 @@ def _case_bytes(variable: xr.Variable, cases: int) -> int:
 HARMONIC = ("amplitude", "frequency", "order", "phase")
 """Numbers of a harmonic of the casing."""
 
+_NUMBERED = {
+    "period": "number of the load period",
+    "point": "number of the point, by arclength",
+    "curve": "number of the boundary",
+    "curve_point": "number of the point of a boundary, by arclength",
+}
+
 WARNINGS = "warnings"
 """Attribute of an archive: what its plan warned of, a line each."""
 
@@ -167,9 +174,10 @@ def _flags(study: Study) -> dict[str, tuple[str, ...]]:
     flags["event_kind"] = variables.EVENT_KINDS
     if study.output.steady is None:
         return flags
-    from workflow.orbits import BIFURCATIONS, STATES
+    from workflow.orbits import BIFURCATIONS, ENDS, STATES
 
-    return flags | {"steady_state": STATES, "bifurcation": BIFURCATIONS}
+    flags |= {"steady_state": STATES, "bifurcation": BIFURCATIONS}
+    return flags | {"boundary_kind": BIFURCATIONS, "boundary_end": ENDS}
 
 
 def _result(about: Variable, attributes: Attributes, grid: Grid, sizes: Mapping[str, int]) -> xr.Variable:
@@ -200,12 +208,11 @@ def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr
         yield "gap", _variable(along, gap, about)
     yield from _of_contacts(grid, names)
     yield from _of_sensors(study)
+    yield from _of_uncertain(study)
     yield from _of_coating(grid)
-    numbers = np.arange(1, 1 + max(sizes.get(name, 0) for name in ("period", "point")))
     for name, values, unit, meaning in (
         ("t", grid.sampling.times, "s", "time since the start"),
-        ("period", numbers, "1", "number of the load period"),
-        ("point", numbers, "1", "number of the point, by arclength"),
+        *((name, np.arange(1, 1 + sizes.get(name, 0)), "1", about) for name, about in _NUMBERED.items()),
         ("revolution", grid.revolutions, "1", "number of the revolution of the casing's angle that has ended"),
         (
             "phase",
@@ -258,6 +265,17 @@ def _of_sensors(study: Study) -> Iterator[tuple[str, xr.Variable]]:
         yield "sensor", _variable(("sensor",), np.asarray(tuple(sensors), dtype=object), {"long_name": "sensor"})
         about = {"long_name": "unit of a sensor"}
         yield "sensor_unit", _variable(("sensor",), np.asarray(units, dtype=object), about)
+
+
+def _of_uncertain(study: Study) -> Iterator[tuple[str, xr.Variable]]:
+    """Yield paths, changes and units of uncertain numbers."""
+    if study.uncertain:
+        values, units = zip(*((one.value, one.unit) for one in study.uncertain.values()), strict=True)
+        paths = np.asarray(tuple(study.uncertain), dtype=object)
+        yield "uncertain", _variable(("uncertain",), paths, {"long_name": "path of an uncertain number"})
+        yield "uncertain_value", _variable(("uncertain",), np.array(values), {"long_name": "change of the number"})
+        about = {"long_name": "unit of the number"}
+        yield "uncertain_unit", _variable(("uncertain",), np.asarray(units, dtype=object), about)
 
 
 def _of_axis(axis: Axis, dims: tuple[str, ...], more: Attributes) -> xr.Variable:

@@ -65,25 +65,47 @@ def steady_values(grid: Grid, settings: CaseSettings, cases: Cases) -> tuple[Val
 
 def branch_values(grid: Grid, outer: int, inner: Indices, perturbation: Perturbation | None) -> tuple[Values, str]:
     """Return the branch of one case, ``(1, point, …)``, and why it has no point, where it has none."""
-    from workflow.orbits import Options, branch
+    from workflow.orbits import Number, Options, bifurcation_shifts, boundaries, follow, tabulate
 
-    followed, asked = grid.study.branch, grid.study.output.steady
-    sensors = _sensors_of(grid.study)
-    assert followed is not None
+    study, first = grid.study, grid.settings(outer)
+    sensors, asked = _sensors_of(study), study.output.steady
+    assert study.branch is not None
     assert asked is not None
+    axis = study.branch.axis
 
-    def problem(value: float) -> tuple[Structure, Cases]:
-        """Return structure and case at a value of the axis."""
-        settings = grid.settings(outer, {followed.axis.path: value})
-        return as_run(*cases_of(settings, grid.inner_values(inner), inner.size, perturbation), sensors)
+    def problem(path: str, value: float, other: float) -> tuple[Structure, Cases]:
+        """Return structure and case at a value of the axis and of another number."""
+        numbers, varying = {axis.path: value, path: other}, dict(grid.inner_values(inner))
+        varying |= {path: np.full(inner.size, other)} if path in varying else {}
+        return as_run(*cases_of(grid.settings(outer, numbers), varying, inner.size, perturbation), sensors)
 
-    start, stop = map(float, followed.axis.values)
-    options = Options(asked.periods, asked.samples)
-    values, message = branch(problem, start, stop, followed.points, options)
-    values[followed.axis.name] = values.pop("value")
-    several = bool(grid.study.contacts)
+    def number(path: str, change: float) -> Number:
+        """Return an uncertain number."""
+        varying = grid.inner_values(inner)
+        value = float(varying[path][0]) if path in varying else study.number_at(path, first)
+        assert value is not None
+        return Number(partial(problem, path), value, change)
+
+    (start, stop), options = map(float, axis.values), Options(asked.periods, asked.samples)
+    followed = follow(lambda value: problem(axis.path, value, value), start, stop, options)
+    along, message = tabulate(followed, study.branch.points, options)
+    values: Values = along
+    values[axis.name] = values.pop("value")
+    if study.uncertain:
+        numbers = [number(path, change.value) for path, change in study.uncertain.items()]
+        values["bifurcation_shift"] = bifurcation_shifts(followed, study.branch.points, numbers).T
+    if study.boundary is not None:
+        over = study.boundary.axis
+        low, high = map(float, over.values)
+        last = follow(lambda value: problem(over.path, value, high), start, stop, options)
+        found, told = boundaries(partial(problem, over.path), followed, last, low, high, study.boundary.points)
+        values |= {"boundary_kind": found.kind, "boundary_end": found.end}
+        values |= {"boundary_angle": found.angle, "boundary_other": found.other}
+        values |= {f"boundary_{axis.name}": found.branched, f"boundary_{over.name}": found.other_parameter}
+        none = "" if found.kind.any() else "boundary: no branch has a bifurcation, at either end of the range"
+        message = "; ".join(filter(None, [message, told, none]))
     for about in variables.select(None, None, "steady", *(("steady sensors",) if sensors else ())):
-        if about.is_of_sensor or (several and about.is_of_contact):  # before points
+        if about.is_of_sensor or (study.contacts and about.is_of_contact):  # before points
             values[about.name] = values[about.name].swapaxes(0, 1)
     return {name: array[None] for name, array in values.items()}, message
 

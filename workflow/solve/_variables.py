@@ -17,6 +17,9 @@ from workflow.variables import Condition, Variable
 
 Values = dict[str, NDArray[Any]]
 
+MOST_CURVES = 8
+"""Size of the dimension ``curve``, that of :mod:`workflow.orbits`."""
+
 NOT_ASKED = 6
 """Of ``steady_state``."""
 
@@ -25,8 +28,12 @@ def steady_of(study: Study) -> Iterator[Variable]:
     """Yield the variables of steady rubs of a study's archive, along its branch where it has one."""
     sensors: tuple[Condition, ...] = ("steady sensors",) if study.output.sensors else ()
     if study.branch is not None:
-        axis = study.branch.axis
-        yield from variables.along_branch(axis.name, axis.unit, axis.description, *sensors)
+        axis, boundary = study.branch.axis, study.boundary
+        beside: list[Condition] = [*(("uncertain",) if study.uncertain else ()), *(("boundary",) if boundary else ())]
+        yield from variables.along_branch(axis.name, axis.unit, axis.description, *sensors, beside=beside)
+        for along in () if boundary is None else (axis, boundary.axis):
+            about: Any = {"shape": "curve curve_point", "signed": True, "may_be_undefined": True}
+            yield Variable(f"boundary_{along.name}", along.unit, f"{along.description}, along a boundary", **about)
     elif study.output.steady is not None:
         yield from variables.select(None, None, "steady", *sensors)
 
@@ -81,7 +88,7 @@ def dims_of(about: Variable, lengths: Mapping[str, int]) -> tuple[str, ...]:
 
 def lengths(grid: Grid) -> dict[str, int]:
     """Return the lengths of the dimensions beyond the cases, those that there are."""
-    steady, branch = grid.study.output.steady, grid.study.branch
+    steady, branch, boundary = grid.study.output.steady, grid.study.branch, grid.study.boundary
     every = {
         "contact": len(grid.study.contacts),
         "sensor": len(grid.study.output.sensors),
@@ -92,12 +99,16 @@ def lengths(grid: Grid) -> dict[str, int]:
         "period": grid.longest_period_count if branch is None else 0,
         "point": 0 if branch is None else branch.points,
         "phase": 0 if steady is None else steady.samples,
+        "uncertain": len(grid.study.uncertain),
+        "curve": 0 if boundary is None else MOST_CURVES,
+        "curve_point": 0 if boundary is None else boundary.points,
         **dict.fromkeys(("critical_set_length", "growth_set_length"), len(set_text(grid.study.contacts).encode())),
     }
     return {name: size for name, size in every.items() if size}
 
 
 FLAGS = {"status": Status.NOT_RUN, "runaway": 0, "event_kind": -1, "steady_state": NOT_ASKED, "bifurcation": 0}
+FLAGS |= {"boundary_kind": 0, "boundary_end": 0}
 """Variables whose numbers stand for words, and their number in a case without results."""
 
 

@@ -18,6 +18,7 @@ from workflow.study.settings import (
     Axis,
     Branch,
     CaseSettings,
+    Change,
     Dimension,
     Initial,
     Load,

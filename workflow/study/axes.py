@@ -128,8 +128,8 @@ class Arrangement:
         """Take the values of all axes; a study of too many cases is refused."""
         for path, content in axes.items():
             if isinstance(content, Followed):
-                if self.followed or path in ("h", TOLERANCE):
-                    remedy = "write one branch only, along a number that event_driven reads"
+                if content.law in [one.law for one in self.followed.values()] or path in ("h", TOLERANCE):
+                    remedy = f"write one {content.law} only, along a number that event_driven reads"
                     self.source.report(("axes", path), "cannot be followed", remedy)
                 self.followed[path] = content
             elif isinstance(content, Swept):
@@ -140,7 +140,8 @@ class Arrangement:
                 self.singles[path] = content
         for name, zipped in zips.items():
             self._take_zip(name, zipped)
-        cases = math.prod([*(group.size for group in self.groups), *(one.points for one in self.followed.values())])
+        points = (one.points for one in self.followed.values() if one.law == "branch")
+        cases = math.prod([*(group.size for group in self.groups), *points])
         if cases > MOST_CASES:
             count = f"{cases:.3g}" if cases < 1e300 else "more than 1e300"
             place = "axes" if axes else "zip"
@@ -211,8 +212,8 @@ class Arrangement:
 
     def named(
         self, addresses: Mapping[str, Entry], settings: dict[str, Value], reserved: frozenset[str]
-    ) -> tuple[tuple[Dimension, ...], tuple[Axis, ...], Branch | None]:
-        """Return dimensions, scalars and branch under the names of their coordinates.
+    ) -> tuple[tuple[Dimension, ...], tuple[Axis, ...], dict[str, Branch]]:
+        """Return dimensions, scalars, and branch and boundary by law, under the names of their coordinates.
 
         Parameters
         ----------
@@ -240,9 +241,11 @@ class Arrangement:
         for group in self.groups:
             axes = tuple(axis(path, values) for path, values in group.columns.items())
             dimensions.append(Dimension(group.name or axes[0].name, axes, group.drawn, group.swept))
-        branches = [Branch(axis(path, (one.low, one.high)), one.points) for path, one in self.followed.items()]
-        scalars = tuple(axis(path, (value,)) for path, value in singles.items())
-        return tuple(dimensions), scalars, branches[-1] if branches else None
+        followed = dict[str, Branch]()
+        for path, one in self.followed.items():
+            followed[one.law] = Branch(axis(path, (one.low, one.high)), one.points)
+            singles |= {path: one.low} if one.law == "boundary" else {}
+        return tuple(dimensions), tuple(axis(path, (value,)) for path, value in singles.items()), followed
 
 
 def mode_count(source: StudyText, place: Place, modes: Value, counts: Counts, sizes: Sizes) -> Value:

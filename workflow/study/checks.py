@@ -346,7 +346,23 @@ def _reduced_contacts(cases: CaseSpace, sizes: Sizes, source: StudyText, several
 
 
 def _branch(cases: CaseSpace) -> Iterator[Fault]:
-    """Refuse a branch of other schemes than event_driven, or beside a reference."""
+    """Refuse a branch of other schemes than event_driven, or beside a reference, and what needs one without it."""
+    path = None if cases.branch is None else cases.branch.axis.path
+    remedy = "write `{branch: [from, to, count]}` for another number under `axes`"
+    if cases.boundary is not None and path is None:
+        yield ("axes", cases.boundary.axis.path), "is a boundary without a branch", remedy
+    place: Place = ("output", "steady", "uncertain")
+    if cases.uncertain and path is None:
+        yield place, "moves bifurcations of a branch, and no axis is one", remedy
+    for name in cases.uncertain:
+        if name == path:
+            yield (*place, name), "is the number that is branched", "name another number of the scene"
+        elif cases.number_at(name) is None:
+            yield (
+                (*place, name),
+                "is no number of this scene",
+                "name one that the scene has; of a list one of its entries",
+            )
     if cases.branch is None:
         return
     if {cases.schemes[str(label)].method for label in _values(cases, "scheme")} != {"event_driven"}:
@@ -361,9 +377,10 @@ def _speed(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     scene, path = cases.scene, "scene.speed"
     if not cases.depends_on_speed:
         return
-    if cases.branch is not None and cases.branch.axis.path == path:
-        problem = "is a branch over the speed, on which the structure depends"
-        yield ("axes", path), problem, "write a list in its place"
+    for law, followed in (("branch", cases.branch), ("boundary", cases.boundary)):
+        if followed is not None and followed.axis.path == path:
+            problem = f"is a {law} over the speed, on which the structure depends"
+            yield ("axes", path), problem, "write a list in its place"
     fastest = max(scene.speed, *map(float, _values(cases, path, scene.speed)))
     try:
         models.structure_of(scene.model, models.at_speed(scene.model, scene.parameters, fastest))
@@ -463,8 +480,9 @@ def _each(values: Mapping[str, Any], path: str, value: Any) -> Any:
 
 def _combined(cases: CaseSpace, matters: Callable[[str], bool]) -> dict[str, Any] | None:
     """Return the values of some axes in all combinations, ``(combination,)``; ``None`` where they are too many."""
-    groups = [dimension.axes for dimension in cases.dimensions] + [(axis,) for axis in cases.scalars]
-    groups += [] if cases.branch is None else [(cases.branch.axis,)]
+    of_dimensions = [dimension.axes for dimension in cases.dimensions]
+    joint = {axis.path for axes in of_dimensions for axis in axes}
+    groups = [*of_dimensions, *((axis,) for axis in cases.axes() if axis.path not in joint)]
     chosen = [group for group in groups if any(matters(axis.path) for axis in group)]
     shape = tuple(len(group[0].values) for group in chosen)
     if math.prod(shape) > MOST_COMBINATIONS:

@@ -43,6 +43,7 @@ from workflow.study.settings import (
     CaseSettings,
     Casing,
     CasingHarmonic,
+    Change,
     Friction,
     Initial,
     Load,
@@ -216,13 +217,20 @@ def _axes(varied: Mapping[str, Entry], zipped: bool = False) -> RecordKind:
     return record(_AXES, entries, build, moved=_NOT_VARIED, more=_SOME)
 
 
-def _zip(varied: Mapping[str, Entry]) -> Kind:
-    """Return the form of ``zip``: axes that vary together, or real numbers that are drawn, by dimension."""
-    ranges = {
-        path: Entry(between(entry.kind), f"range of the {entry.meaning}")
+def _of_scene(varied: Mapping[str, Entry]) -> dict[str, Number]:
+    """Return the real numbers of the scene, ``e`` and ``alpha`` among the values that may vary."""
+    return {
+        path: entry.kind
         for path, entry in varied.items()
         if (path.startswith("scene.") or path in ("e", "alpha"))
         if isinstance(entry.kind, Number) and not entry.kind.whole
+    }
+
+
+def _zip(varied: Mapping[str, Entry]) -> Kind:
+    """Return the form of ``zip``: axes that vary together, or real numbers that are drawn, by dimension."""
+    ranges = {
+        path: Entry(between(kind), f"range of the {varied[path].meaning}") for path, kind in _of_scene(varied).items()
     }
     remedy = "draw real numbers of the scene, `e` and `alpha`; vary this one under `axes`"
     moved = _NOT_VARIED | dict.fromkeys(set(varied) - set(ranges), remedy)
@@ -251,13 +259,27 @@ def _sensors() -> Kind:
     return named(name("the sensor"), either(no_mapping, of_heat, place.built(Sensor)))
 
 
-def _output() -> RecordKind:
+def _change(unit: str, value: float) -> Change:
+    return Change(value, unit)
+
+
+def _output(varied: Mapping[str, Entry]) -> RecordKind:
     """Return the form of ``output``, read as it is written; ``steady`` is a flag or its options."""
+    changes = {
+        path: Entry(
+            number(Quantity(kind.declared.unit, "change of a number")).built(partial(_change, kind.unit)),
+            varied[path].meaning,
+        )
+        for path, kind in _of_scene(varied).items()
+    }
+    about = "changes of numbers, by path, for which the shifts of the bifurcations of a branch are told"
+    steady = entries_of(Steady, ("uncertain",)) | {"uncertain": Entry(record(about, changes, more=_SOME), about)}
     entries = dict(entries_of(Output, ("steady", "sensors")))
     entries["interval"] = dataclasses.replace(entries["interval"], default=None)
     sensors = next(entry for entry in dataclasses.fields(Output) if entry.name == "sensors")
     entries["sensors"] = Entry(_sensors(), sensors.metadata["meaning"])
-    entries["steady"] = Entry(either(no_mapping, record_of(Steady), FLAG), summary(Steady))
+    options = record(summary(Steady), steady, lambda given: Steady(**given))
+    entries["steady"] = Entry(either(no_mapping, options, FLAG), summary(Steady))
 
     def build(given: dict[str, Any]) -> dict[str, Any]:
         if isinstance(given.get("steady"), bool):
@@ -280,7 +302,7 @@ def study_form(varied: Mapping[str, Entry], names: tuple[str, ...]) -> RecordKin
         "axes": Entry(_axes(varied), _AXES),
         "zip": Entry(_zip(varied), "axes that vary together, by dimension"),
         "reference": Entry(record(_REFERENCE, reference), "what errors are measured against"),
-        "output": Entry(_output(), summary(Output)),
+        "output": Entry(_output(varied), summary(Output)),
     }
     moved = {
         **dict.fromkeys(of_case, "write it under `axes`, as a value or a list"),

@@ -16,16 +16,17 @@ from workflow.study.forms import Entry, Kind, Number, either, many, no_mapping, 
 from workflow.study.mistakes import quoted, wrong
 
 Value = float | int | str
-Law = Literal["lin", "log", "branch", "sweep"]
-LAWS: tuple[Law, ...] = ("lin", "log", "branch", "sweep")
+Law = Literal["lin", "log", "branch", "sweep", "boundary"]
+LAWS: tuple[Law, ...] = ("lin", "log", "branch", "sweep", "boundary")
+FOLLOWED = ("branch", "boundary")
 MOST_VALUES = 10**6
 MOST_POINTS = 10_000
-"""Of a branch."""
+"""Of a branch or a boundary."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """Values between two ends, at equal or drawn distances or ratios, or those of a branch."""
+    """Values between two ends, at equal or drawn distances or ratios, or those that are followed."""
 
     law: Law
     low: float
@@ -45,7 +46,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Followed(Range):
-    """A range along which branches are followed, of at most so many points."""
+    """A range along which branches, or their boundaries, are followed, of at most so many points."""
 
     points: int
 
@@ -81,7 +82,7 @@ def axis_values(kind: Kind, zipped: bool = False) -> Kind:
     kinds = [many(one, minItems=1)]
     if isinstance(kind, Number):
         laws = LAWS[:2] if zipped or kind.whole else LAWS
-        own = "write a list or lin: a branch is followed, and a sweep made, along a real-valued axis of its own"
+        own = "write a list or lin: branches and boundaries are followed, and sweeps made, along real-valued axes"
         kinds.append(_under({law: _spread(law, kind) for law in laws}, _SPREAD, dict.fromkeys(LAWS[2:], own)))
     return either(choose, *kinds, *([] if zipped else [one]))
 
@@ -104,7 +105,7 @@ def _spread(law: Law, kind: Number) -> Kind:
             raise wrong("begins and ends with the same value", "write a list of one value")
         if law == "log" and not min(first, last) > 0:
             raise wrong("a logarithmic axis needs positive ends", "write above 0, or use lin")
-        if law == "branch":
+        if law in FOLLOWED:
             return Followed(law, first, last, size)
         values = Range(law, first, last).spread(size)
         if law == "sweep":
@@ -115,7 +116,7 @@ def _spread(law: Law, kind: Number) -> Kind:
             raise wrong("has values that are not whole numbers", "write a list")
         return tuple(map(int, values))
 
-    count = Quantity("1", "number of values", at_least=2, at_most=MOST_POINTS if law == "branch" else MOST_VALUES)
+    count = Quantity("1", "number of values", at_least=2, at_most=MOST_POINTS if law in FOLLOWED else MOST_VALUES)
     kinds = (kind.single, kind.single, number(count, whole=True))
     return _some(kinds, "not first, last and count", _SPREAD, build)
 

@@ -189,6 +189,14 @@ class CaseSettings:
 
 
 @dataclass(frozen=True)
+class Change:
+    """By how much a number of the scene may be another one, and its CF unit."""
+
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class Steady:
     """Search for the steady rub that each case of event_driven leads to."""
 
@@ -196,6 +204,8 @@ class Steady:
         "1", "most common periods of the loads in a period of the rub", default=4, at_least=1, at_most=64
     )
     samples: int = quantity("1", "samples of its orbit", default=100, at_least=1, at_most=10_000)
+    uncertain: Mapping[str, Change] | None = field(default=None, metadata={"later": True})
+    """By path, those for which the shifts of bifurcations are told."""
 
 
 @dataclass(frozen=True)
@@ -280,7 +290,7 @@ class Dimension:
 
 @dataclass(frozen=True)
 class Branch:
-    """The axis along which a branch of steady rubs is followed; the ends of its range are the values of ``axis``."""
+    """The axis along which branches, or their boundaries, are followed; its values are the ends of the range."""
 
     axis: Axis
     points: int
@@ -319,6 +329,8 @@ class CaseSpace:
     """What the archive keeps."""
     branch: Branch | None = None
     """The axis that is followed as a curve, ``None`` where none is."""
+    boundary: Branch | None = None
+    """The axis over which bifurcations of the branch are followed; a scalar too, with the value at which it begins."""
     contacts: tuple[str, ...] = ()
     """Labels of several contacts; none for one."""
 
@@ -343,6 +355,11 @@ class CaseSpace:
         return any(CHOSEN in axis.values for axis in self.axes() if axis.path in MODES)
 
     @property
+    def uncertain(self) -> Mapping[str, Change]:
+        """Changes of numbers for which the shifts of bifurcations are told, by path; none without a branch."""
+        return (self.output.steady and self.output.steady.uncertain) or {}
+
+    @property
     def depends_on_speed(self) -> bool:
         """Whether the structure depends on the scene's speed, which is one of its parameters then."""
         return models.depends_on_speed(self.scene.model, self.scene.parameters)
@@ -351,9 +368,30 @@ class CaseSpace:
         """Yield all axes, and the settings that are held."""
         for dimension in self.dimensions:
             yield from dimension.axes
-        yield from self.scalars
+        over = () if self.boundary is None else (self.boundary.axis,)
+        yield from (axis for axis in self.scalars if axis.path not in [one.path for one in over])
+        yield from over
         if self.branch is not None:
             yield self.branch.axis
+
+    def _attributes(self, path: str) -> list[str]:
+        """Return the names of attributes that lead to a value of the scene, places in lists too."""
+        if path.startswith(GAP_OF):
+            return ["casing", "gap", str(self.contacts.index(path.removeprefix(GAP_OF)))]
+        _, group, *words = path.split(".")
+        return ["parameters" if group == self.scene.model else group, *words]
+
+    def number_at(self, path: str, settings: CaseSettings | None = None) -> float | None:
+        """Return a number of the scene, e or α of a case, or of the scene as written; ``None`` where there is none."""
+        given = [float(axis.values[0]) for axis in self.axes() if axis.path == path and settings is None]
+        if given or "." not in path:
+            return given[0] if given else None if settings is None else float(getattr(settings, path))
+        if path.startswith(GAP_OF) and path.removeprefix(GAP_OF) not in self.contacts:
+            return None
+        owner: Any = self.scene if settings is None else settings.scene
+        for step in self._attributes(path):
+            owner = owner[int(step)] if isinstance(owner, tuple) else getattr(owner, step, None)
+        return float(owner) if isinstance(owner, int | float) else None
 
     def cell(self, values: Mapping[str, Value]) -> CaseSettings:
         """Return the settings of a case; counts of modes that its tolerance decides are :data:`CHOSEN`.
@@ -364,10 +402,7 @@ class CaseSpace:
         for path, value in values.items():
             head, *rest = path.split(".")
             if head == "scene":
-                attributes = ["parameters", *rest[1:]] if rest[0] == scene.model else rest
-                if path.startswith(GAP_OF):
-                    attributes = ["casing", "gap", str(self.contacts.index(path.removeprefix(GAP_OF)))]
-                scene = _replaced(scene, attributes, value)
+                scene = _replaced(scene, self._attributes(path), value)
             elif head == "schemes" and rest[0] == scheme.label:
                 scheme = dataclasses.replace(scheme, options=_replaced(scheme.options, rest[1:], value))
         mechanical, thermal = values["mechanical_modes"], values["thermal_modes"]

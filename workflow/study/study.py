@@ -118,6 +118,7 @@ class Study(CaseSpace):
             "scalars": [dataclasses.asdict(scalar) for scalar in self.scalars],
             "reference": None if self.reference is None else dict(self.reference.values),
             **({} if self.branch is None else {"branch": dataclasses.asdict(self.branch)}),
+            **({} if self.boundary is None else {"boundary": dataclasses.asdict(self.boundary)}),
             "output": _without_empty(
                 self.output, "sections", "steady", "temperature_depth", "sensors", "events", "wear"
             ),
@@ -207,7 +208,8 @@ def read_fields(source: StudyText, files: Files) -> tuple[Mapping[str, Any], Map
     model = _model(source)
     names = (model,) if model else models.names()
     methods = tuple(_methods(source).items())
-    gaps = tuple(sorted(path for path in source.axes if path.startswith(GAP_OF)))
+    uncertain = mapping(source.tree, "output", "steady", "uncertain")
+    gaps = tuple(sorted(path for path in {*source.axes, *uncertain} if path.startswith(GAP_OF)))
     varied, form = _form(names, methods, _harmonics(source.tree), gaps, reduction.names())
     supplying = [axis for axis in written_axes(source.tree) if axis[1] in varied and axis[1] not in gaps]
     tree, supplied = _supplied(source, supplying)
@@ -337,7 +339,8 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
     names = _reserved(defined, steady) | {"contact"}
     names |= WORN if scene.casing.coating is not None else frozenset()
     names |= (SENSORS if asked.get("sensors") else frozenset()) | (EVENTS if asked.get("events") else frozenset())
-    dimensions, scalars, branch = arrangement.named(varied, defaults, names)
+    dimensions, scalars, followed = arrangement.named(varied, defaults, names)
+    branch = followed.get("branch")
     if scene.makes_alpha:
         scalars = tuple(axis for axis in scalars if axis.path != "alpha")
     reference = None
@@ -350,7 +353,7 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
         output = dataclasses.replace(output, balances=asked.get("balances") or False)
     if not sizes.contacts:
         scene = dataclasses.replace(scene, casing=_casing_of_one(scene.casing, sizes))
-    elif not isinstance(scene.casing.gap, tuple) and any(path.startswith(GAP_OF) for path in source.axes):
+    elif not isinstance(scene.casing.gap, tuple) and any(path.startswith(GAP_OF) for path in varied):
         each = (scene.casing.gap,) * len(sizes.contacts)
         scene = dataclasses.replace(scene, casing=dataclasses.replace(scene.casing, gap=each))
     cases = CaseSpace(
@@ -361,6 +364,7 @@ def resolve(source: StudyText, sections: Mapping[str, Any], varied: Mapping[str,
         reference=reference,
         output=output if branch is None else output.of_branches,
         branch=branch,
+        boundary=followed.get("boundary"),
         contacts=sizes.contacts,
     )
     cases = dataclasses.replace(cases, schemes=defined | _bare(cases))
@@ -445,7 +449,9 @@ class ResolvedValue:
     def text(self) -> str:
         """The values as a line: a few of them, of many the ends; the range of drawn ones."""
         if self.drawn is not None:
-            law = {"lin": "drawn", "log": "drawn in the logarithm", "branch": "followed as a branch"}[self.drawn.law]
+            law = {"lin": "drawn", "log": "drawn in the logarithm", "branch": "followed as a branch"}.get(
+                self.drawn.law, "over which boundaries are followed"
+            )
             low, high = (measure(end, readable(self.unit)) for end in (self.drawn.low, self.drawn.high))
             return f"{low} to {high}, {law}"
         values, unit = self.values, readable(self.unit)
@@ -467,9 +473,10 @@ def resolved_values(study: Study, cell: CaseSettings, alpha: tuple[float, ...] =
     axes = {axis.path: axis for axis in study.axes()}
     ranges = {path: span for each in study.dimensions if each.drawn for path, span in each.drawn.ranges.items()}
     if study.branch is not None:
-        axis = study.branch.axis
-        ranges[axis.path] = Range("branch", *map(float, axis.values))
-    single = {axis.path for axis in study.scalars}
+        ranges[study.branch.axis.path] = Range("branch", *map(float, study.branch.axis.values))
+    if study.boundary is not None:
+        ranges[study.boundary.axis.path] = Range("boundary", *map(float, study.boundary.axis.values))
+    single = {axis.path for axis in study.scalars} - set(ranges)
     labels = {label: (choice.method,) for label, choice in study.schemes.items()}
     harmonics = len(cell.scene.casing.harmonics), len(cell.scene.load.harmonics)
     gaps = tuple(path for path in axes if path.startswith(GAP_OF))
@@ -537,6 +544,9 @@ def _output_values(study: Study, cell: CaseSettings) -> Iterator[ResolvedValue]:
         at = {name: _with_labels(cell, one.of_heat, (one.at,))[0] for name, one in sensors.items()}
         values["sensors"] = tuple(f"{name}: {'temperature ' * one.of_heat}{at[name]}" for name, one in sensors.items())
     values |= {"steady": False} if steady is None else {f"steady.{k}": v for k, v in dataclasses.asdict(steady).items()}
+    if study.uncertain:
+        changes = ((path, measure(one.value, readable(one.unit))) for path, one in study.uncertain.items())
+        values["steady.uncertain"] = tuple(f"{path}: {text}" for path, text in changes)
     values |= {} if wear is None else {"wear.every": wear.every}
     units = {"interval": "s", "temperature_depth": "m"}
     for name, value in ((name, value) for name, value in values.items() if value is not None):

@@ -1,0 +1,139 @@
+"""Boundaries and uncertain numbers from a study to its archive; the words of both, and what is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from workflow import labels, read_study, run_study
+from workflow.archive import open_archive
+from workflow.cases import arrange, case_hashes
+from workflow.plan import plan_study
+from workflow.study import StudyError
+
+CHAIN = {"nodes": 1, "mass": 0.01, "stiffness": 40000, "damping": {"mass": 40}, "spacing": 0.1, "expansion": 2.4e-5}
+HEAT = {"heat_capacity": 0.2, "conductance": 1.1, "convection": 0.4, "heating": 2}
+START = {"displacement": -0.0014792908130043729, "velocity": 0.17700865732665788, "temperature": 85.60599937488763}
+SCENE = {
+    "chain": CHAIN | HEAT,
+    "casing": {"gap": 0.0013},
+    "load": {"amplitude": 10.0, "frequency": 2500 / (2 * np.pi)},
+    "initial": START,
+    "duration": 1,
+}
+GAP, ALPHA = "scene.casing.gap", {"boundary": [8.0, 15.0, 12]}
+FOLDS = {8.0: 1.647611482479e-3, 15.0: 1.735289106109e-3}
+"""Gap of the fold by alpha, by a solver of 40 digits; its slope at 8 W/N is 1e-6/.0797663246."""
+
+
+def study(axes: dict[str, Any] | None = None, uncertain: dict[str, Any] | None = None) -> dict[str, Any]:
+    varied = {"scheme": "event_driven", "e": 0.4, GAP: {"branch": [0.0013, 0.0018, 12]}, "alpha": ALPHA}
+    steady = {"periods": 1, "samples": 4} | ({} if uncertain is None else {"uncertain": uncertain})
+    axes = {path: content for path, content in (varied | (axes or {})).items() if content is not None}
+    return {"study": "folds", "scene": SCENE, "axes": axes, "output": {"steady": steady}}
+
+
+@pytest.fixture(scope="module")
+def folds(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A fold of a heated mass over alpha and gap, and what a slower load and a change of mass do to its gap."""
+    place = tmp_path_factory.mktemp("folds") / "folds.nc"
+    outcome = run_study(study(uncertain={"alpha": 1, "e": 0.01}), place, threads=1)
+    assert outcome.ok
+    return place
+
+
+def read(place: Path) -> xr.Dataset:
+    with open_archive(place) as opened:
+        return opened.load()
+
+
+def test_a_fold_is_followed_over_both_numbers(folds: Path) -> None:
+    archive = read(folds)
+    assert archive["alpha"].item() == 8.0  # of the branch, which is no dimension
+    assert labels(archive["boundary_kind"]).values.tolist() == ["fold", *7 * ["none"]]
+    assert labels(archive["boundary_end"]).values.tolist() == ["range", *7 * ["none"]]
+    assert archive["boundary_gap"].dims == archive["boundary_alpha"].dims == ("curve", "curve_point")
+    assert archive["boundary_gap"].attrs["units"] == "m"
+    assert archive["boundary_alpha"].attrs["units"] == "W N-1"
+    curve = archive.isel(curve=0)
+    for k, (alpha, gap) in zip((0, -1), FOLDS.items(), strict=True):
+        assert float(curve["boundary_alpha"][k]) == pytest.approx(alpha, abs=1e-9)
+        assert float(curve["boundary_gap"][k]) == pytest.approx(gap, rel=1e-9)
+    assert (curve["boundary_other"] < 1).all()
+    np.testing.assert_allclose(curve["boundary_angle"], 0.0, atol=1e-6)
+    assert archive.isel(curve=slice(1, None))["boundary_gap"].isnull().all()
+
+
+def test_the_shift_of_a_bifurcation_is_that_of_its_boundary(folds: Path) -> None:
+    archive = read(folds)
+    at = int(np.argmax(archive["bifurcation"].values > 0))
+    assert archive["bifurcation_shift"].dims == ("uncertain", "point")
+    assert archive["bifurcation_shift"].attrs["units"] == "m"
+    assert archive["uncertain"].values.tolist() == ["alpha", "e"]
+    assert archive["uncertain_value"].values.tolist() == [1.0, 0.01]
+    assert archive["uncertain_unit"].values.tolist() == ["W N-1", "1"]
+    alpha, e = archive["bifurcation_shift"].isel(point=at).values
+    assert alpha == pytest.approx(1e-6 / 0.0797663246, rel=1e-8)
+    assert e == pytest.approx(1e-6 / 0.0797663246 * 2.404591992697, rel=1e-7)
+    assert archive["bifurcation_shift"].drop_isel(point=at).isnull().all()
+
+
+def test_a_range_without_bifurcations_has_no_boundary_and_a_message(tmp_path: Path) -> None:
+    plain = study({GAP: {"branch": [0.0013, 0.0014, 3]}, "alpha": {"boundary": [8.0, 9.0, 3]}})
+    outcome = run_study(plain, tmp_path / "none.nc", threads=1)
+    assert outcome.ok
+    archive = read(tmp_path / "none.nc")
+    assert (archive["boundary_kind"] == 0).all()
+    assert "no branch has a bifurcation" in str(archive["message"].values)
+
+
+def test_both_are_words_of_the_case_and_no_words_change_none() -> None:
+    def hashed(given: dict[str, Any]) -> bytes:
+        return case_hashes(arrange(read_study(given))).tobytes()
+
+    several = [
+        study(),
+        study({"alpha": 8.0}),
+        study({"alpha": {"boundary": [8.0, 14.0, 12]}}),
+        study({"alpha": {"boundary": [8.0, 15.0, 13]}}),
+        study(uncertain={"e": 0.01}),
+        study(uncertain={"e": 0.02}),
+    ]
+    assert len(set(map(hashed, several))) == len(several)
+    assert hashed(study({"alpha": 8.0}, {})) != hashed(study({"alpha": 8.0}, {"e": 0.01}))
+    assert "uncertain" not in str(read_study(study()).resolved())
+
+
+def test_a_plan_says_what_is_followed() -> None:
+    plan = plan_study(study(uncertain={GAP.replace("gap", "clearance"): "1 um", "e": 0.01}))
+    texts = {value.path: value.text for value in plan.scene}
+    assert texts["alpha"] == "8 W/N to 15 W/N, over which boundaries are followed"
+    assert texts["output.steady.uncertain"] == "scene.casing.clearance: 1 µm, e: 0.01"
+
+
+@pytest.mark.parametrize(
+    ("axes", "uncertain", "message"),
+    [
+        ({GAP: None}, None, r"axes.alpha: is a boundary without a branch; write `\{branch: \[from, to, count\]\}`"),
+        ({"e": {"boundary": [0.4, 0.5, 3]}}, None, "cannot be followed; write one boundary only"),
+        ({"h": {"boundary": [1e-5, 1e-4, 3]}, "alpha": 1}, None, "axes.h: cannot be followed"),
+        ({"alpha": {"boundary": [8.0, 8.0, 3]}}, None, "begins and ends with the same value"),
+        ({"alpha": {"boundary": [8.0, 9.0, 1]}}, None, "is out of range"),
+        ({"alpha": {"boundary": [8.0, -1.0, 3]}}, None, "is out of range"),
+        ({"scene.chain.nodes": {"boundary": [1, 3, 3]}, "alpha": 8}, None, "along real-valued axes"),
+        ({GAP: {"boundary": [-1e-2, 1e-3, 3]}, "alpha": {"branch": [8, 9, 3]}}, None, "starts inside the casing"),
+        ({GAP: 0.0013, "alpha": 8}, {"e": 0.1}, "uncertain: moves bifurcations of a branch, and no axis is one"),
+        ({}, {GAP: "1 um"}, "uncertain.scene.casing.gap: is the number that is branched"),
+        ({}, {"scene.casing.gap.tip": "1 um"}, "gap.tip: is no number of this scene"),
+        ({}, {"scene.friction.coefficient": 0.1}, "coefficient: is no number of this scene"),
+        ({}, {"scene.load.frequncy": 0.1}, "did you mean `scene.load.frequency`"),
+        ({}, {"scene.load.frequency": "1 um"}, "is not a frequency"),
+    ],
+)
+def test_what_cannot_be_followed_or_uncertain_is_refused(
+    axes: dict[str, Any], uncertain: dict[str, Any] | None, message: str
+) -> None:
+    with pytest.raises(StudyError, match=message):
+        read_study(study(axes, uncertain))
