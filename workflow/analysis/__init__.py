@@ -30,6 +30,7 @@ from workflow.analysis._effects import drawn_dim, effect, hidden, sobol
 from workflow.analysis._limits import (
     Limits,
     NothingSteadyError,
+    boundary_axes,
     followed_axis,
     limit_lines,
     limit_sentence,

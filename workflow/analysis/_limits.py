@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from workflow.analysis._cases import case_dims, coordinate_units, labels, naming, swept_axis, unit_of
 from workflow.analysis._recommend import is_numerical
+from workflow.declare import measure
 from workflow.judges.load_periods import FEWEST, SETTLED, change_of_impulse
 from workflow.schemes import Status
+from workflow.study import readable
 from workflow.variables import BY_NAME
 
 if TYPE_CHECKING:
@@ -328,6 +330,58 @@ def _labels(dataset: xr.Dataset, dims: Sequence[str], place: Sequence[int]) -> d
     return {name: dataset[name].values[k].item() for dim, k in places for name in naming(dataset, dim)}
 
 
+def boundary_axes(dataset: xr.Dataset) -> tuple[str, str] | None:
+    """Return the variables of the branched and of the other number along boundaries, ``None`` where there are none."""
+    own = f"boundary_{followed_axis(dataset)}"
+    names = [str(name) for name in dataset.data_vars if str(name).startswith("boundary_") and name not in BY_NAME]
+    return next(((own, name) for name in names if name != own and own in names), None)
+
+
+_ROWS = 5
+"""Points of a boundary that are named."""
+
+
+def _boundary_lines(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield the boundaries of an archive and some points of each."""
+    names = boundary_axes(dataset)
+    if names is None:
+        return
+    kinds, ends = (labels(dataset[f"boundary_{name}"]).str.replace("_", " ").values for name in ("kind", "end"))
+    other, (first, second) = dataset["boundary_other"].values, (dataset[name] for name in names)
+
+    def written(values: xr.DataArray, at: tuple[int, ...]) -> str:
+        name = str(values.name).removeprefix("boundary_").replace("_", " ")
+        return f"{name} {values.values[at]:.6g} {unit_of(values)}".rstrip()
+
+    for place in map(tuple, np.argwhere(kinds != "none").tolist()):
+        at = "".join(f"{name} = {value}, " for name, value in _labels(dataset, case_dims(dataset), place).items())
+        yield f"{at}boundary {place[-1] + 1}: {kinds[place]}, its end: {ends[place]}"
+        points = np.flatnonzero(np.isfinite(first.values[place]))
+        for k in sorted({*points[np.linspace(0, points.size - 1, _ROWS).astype(int)].tolist()}):
+            beside = f", multiplier {other[place][k]:.4g} besides" if other[place][k] >= 1 else ""
+            yield f"  {written(first, (*place, k))} at {written(second, (*place, k))}{beside}"
+
+
+def _shift_lines(limit: Limit, dataset: xr.Dataset) -> Iterator[str]:
+    """Yield by how much the ends of an arm move with uncertain numbers."""
+    if "bifurcation_shift" not in dataset or limit.start is None or limit.stop is None:
+        return
+    axis, shifts = dataset[limit.axis], abs(dataset["bifurcation_shift"])
+    named = [dataset[f"uncertain{part}"].values.tolist() for part in ("", "_value", "_unit")]
+    changes = [
+        f"{path.split('.', 2)[-1]} ± {measure(value, readable(unit))}" for path, value, unit in zip(*named, strict=True)
+    ]
+    for value, other in ((limit.start, limit.stop), (limit.stop, limit.start)):
+        at = (axis == value) & (dataset["bifurcation"] > 0)
+        largest = shifts.where(at).max([dim for dim in shifts.dims if dim != "uncertain"]).values
+        told = [
+            f"± {shift:.2g} {unit_of(axis)} ({of})" for shift, of in zip(largest, changes, strict=True) if shift >= 0
+        ]
+        if told:
+            side = "up" if value > other else "down"
+            yield f"{limit.axis.replace('_', ' ')} {side} to {value:.6g} {', '.join(told)}, to first order."
+
+
 _NAMED = 12
 """Limits of single branches or combinations of axes that are named."""
 
@@ -337,10 +391,12 @@ def limit_lines(found: Limits, dataset: xr.Dataset, bounds: Mapping[str, float |
     is_one = all(limit.at == found.each[0].at for limit in found.each)  # arms of one branch, whose first is told
     each = found.each[1:] if is_one else found.each
     more = [f"… and {len(each) - _NAMED} more, which --json lists"] if len(each) > _NAMED else []
+    arms = found.each if followed_axis(dataset) else ()
     return [
         *(limit_sentence(limit, dataset, bounds) for limit in found.limits),
         *(limit_sentence(limit, dataset, bounds, of_one=True) for limit in each[:_NAMED]),
-        *(*more, count_sentence(found), *found.remarks),
+        *(*more, *(line for limit in arms[:_NAMED] for line in _shift_lines(limit, dataset))),
+        *(*_boundary_lines(dataset), count_sentence(found), *found.remarks),
     ]
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workflow.analysis import (
+    boundary_axes,
     case_dims,
     contact_text,
     drawn_dim,
@@ -17,6 +19,7 @@ from workflow.analysis import (
     followed_axis,
     labels,
     labels_of,
+    limits,
     most_loaded,
     place_text,
     require_numbers,
@@ -31,6 +34,8 @@ from workflow.study import POINT
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
 
 MOST_PANELS = 6
 """Axes that a picture of a metric shows, those with the largest effect."""
@@ -156,6 +161,69 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
         panel.legend(fontsize=8, frameon=False)
     trim(panel)
     return figure
+
+
+def boundary(dataset: xr.Dataset) -> Figure:
+    """Draw the boundaries of an archive, those of stability solid, and shade where the rub of its branch settles.
+
+    Each arm of the branch at ``from`` is shaded along the other number as far as the boundaries at its ends go on to be
+    of stability without a turn, and no other one of stability comes between. Of all other dimensions the smallest step,
+    the most modes and the largest α are shown: select what else is shown before.
+
+    Raises
+    ------
+    ValueError
+        The archive has no boundaries.
+    """
+    names = boundary_axes(dataset)
+    if names is None:
+        raise ValueError("there are no boundaries; write an axis as `{boundary: [from, to, points]}` beside a branch")
+    place = finest(dataset)
+    case = dataset.isel(place)
+    (y, y_label), (x, x_label) = (in_units(case[name].rename(name.removeprefix("boundary_"))) for name in names)
+    kinds, stable = labels(case["boundary_kind"]).values, ~(case["boundary_other"].values >= 1)
+    figure = new_figure(6.0, 4.2)
+    panel: Any = figure.subplots()
+    for k, kind in enumerate(dict.fromkeys(kinds[kinds != "none"].tolist())):
+        own, colour = kinds == kind, COLOURS[k]
+        panel.plot(x[own].T, y[own].T, "--", color=colour, lw=1.2)
+        solid = panel.plot(x[own].T, np.where(stable[own], y[own], np.nan).T, color=colour, lw=2.0)
+        solid[0].set_label(kind.replace("_", " "))
+    across, up = (new / case[name].values for new, name in zip((x, y), names[::-1], strict=True))
+    for place_across, low, high in _settling(case, names):
+        at = np.nanmedian(across) * place_across
+        panel.fill_between(at, *(np.nanmedian(up) * end for end in (low, high)), color=GREY, alpha=0.25, lw=0)
+    panel.set(xlabel=x_label, ylabel=y_label)
+    legend_below(figure, panel.get_legend_handles_labels(), 4)
+    head(figure, fill(place_text(dataset, place), 60))
+    trim(panel)
+    return figure
+
+
+def _settling(case: xr.Dataset, names: tuple[str, str]) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield of each arm of the branch values of the other number, and its lower and upper end there."""
+    begin, stable = float(case[names[1].removeprefix("boundary_")]), case["boundary_other"].values < 1
+    up, across = (np.where(stable, case[name].values, np.nan) for name in names)
+    if not stable.any():
+        return
+    end = float(across.flat[np.nanargmax(np.abs(across - begin))])
+    way, near = np.sign(end - begin), 1e-6 * np.array([abs(end - begin), np.nanmax(np.abs(up))])
+    sides = [(x[::turn], y[::turn]) for x, y in zip(across, up, strict=True) for turn in (1, -1)]
+    for arm in limits(case).each:
+        edges = []
+        for value, word in ((arm.start, arm.begun_by), (arm.stop, arm.limited_by)):
+            ends = [(x, y) for x, y in sides if np.all(np.abs([x[0] - begin, y[0] - (value or 0.0)]) <= near)]
+            for x, y in ends[:1] if word is not None else [(np.array([begin, end]), np.full(2, value))]:
+                count = 1 + int(np.argmin(np.append(way * np.diff(x) > 0, False)))  # before it turns or is unstable
+                edges.append((x[:count], y[:count]))
+        if len(edges) < 2:
+            continue
+        x = np.linspace(begin, min((x[-1] for x, _ in edges), key=lambda last: abs(last - begin)), 200)
+        low, high = np.sort([np.interp(way * x, way * own, y) for own, y in edges], axis=0)
+        least, most = (np.interp(way * across, way * x, each, right=np.nan) for each in (low, high))
+        inside = (up - least > near[1]) & (most - up > near[1])
+        shown = way * x <= np.min(way * across[inside], initial=np.inf)
+        yield x[shown], low[shown], high[shown]
 
 
 STEADY = {
