@@ -56,7 +56,8 @@ TOP = (
     ("schemes", "label: method and its options; a bare method name needs no entry"),
     ("axes", "settings of a case and values of the scene or of schemes by dotted path: a value, a list, "
      "`{lin: [first, last, count]}` or `{log: [first, last, count]}`; each list is a dimension. One real-valued axis "
-     "may be `{branch: [from, to, points]}`: branches of steady rubs are followed along it; one of the load, of "
+     "may be `{branch: [from, to, points]}`: branches of steady rubs are followed along it, and another beside it "
+     "`{boundary: [from, to, points]}`: their bifurcations are followed over both; one of the load, of "
      "friction, `scene.speed` or `alpha` may be `{sweep: [from, to, count]}`: each point starts from the state in "
      "which the one before ended"),
     ("zip", "axes that vary together, by the name of their dimension; or numbers of the scene, `e` and `alpha`, "
@@ -201,6 +202,9 @@ SHAPES = {
     "flag": "(…), int8",
     "phase": "(…, phase)",
     "point": "(…, point), int8",
+    "uncertain point": "(…, uncertain, point)",
+    "curve": "(…, curve), int8",
+    "curve curve_point": "(…, curve, curve_point)",
     "event": "(…, event)",
     "sector": "(…, sector)",
     "revolution sector": "(…, revolution, sector)",
@@ -218,6 +222,8 @@ WHEN = {
     "steady": "with `output.steady`; along `point` of a branch",
     "steady sensors": "with `output.steady` and `output.sensors`; along `point` of a branch",
     "branch": "where an axis is a branch",
+    "uncertain": "with `output.steady.uncertain`",
+    "boundary": "where an axis is a boundary",
     "reference": "with a `reference`",
     "scheme": "",
     "auto": "with `auto`",
@@ -296,6 +302,20 @@ def run(name, axis):
 
 up, down = run("up", {"sweep": [99, 130, 63]}), run("down", {"sweep": [130, 99, 63]})
 figure = sweep(up, "period_impulse", down, run("steady", {"branch": [99, 130, 200]}))""",
+    "boundary": """scene = {
+    "chain": {
+        "nodes": 1, "mass": 0.01, "stiffness": 4e4, "damping": {"mass": 40}, "spacing": 0.1, "expansion": 2.4e-5,
+        "heat_capacity": 0.2, "conductance": 1.1, "convection": 0.4, "heating": 2,
+    },
+    "casing": {"gap": "70 um"},
+    "load": {"amplitude": 10, "frequency": 668.45},
+    "initial": {"displacement": "-160.51 um", "velocity": -0.14957, "temperature": 107.81},
+    "duration": 1,
+}
+axes = {"scheme": "event_driven", "e": 0.4, "alpha": {"boundary": [20, 0, 40]}}
+axes["scene.casing.gap"] = {"branch": ["70 um", "160 um", 24]}
+study = read_study({"study": "folds", "scene": scene, "axes": axes, "output": {"steady": {"periods": 1}}})
+figure = boundary(run_study(study, directory + "/folds.nc").dataset)""",
     "interaction_map": """scene = {
     "modes": {"table": [[420, 0.01, 9.0], [1310, 0.01, 9.5]]},
     "casing": {"gap": "100 um", "harmonics": [{"order": 4, "amplitude": "92 um"}, {"order": 9, "amplitude": "10 um"}]},

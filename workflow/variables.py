@@ -613,7 +613,7 @@ def along_branch(
     yield Variable(name, unit, meaning, "point", signed=True, may_be_undefined=True)
     for variable in select(None, None, "steady", "branch", *more):
         yield replace(variable, shape="point phase" if variable.shape == "phase" else "point")
-    yield from (replace(each, unit=each.unit or unit) for each in select(None, None, *beside))
+    yield from (replace(each, unit=each.unit or unit) for word in beside for each in select(None, None, word))
 
 
 def reserved_names(declared: frozenset[str] = frozenset()) -> frozenset[str]:

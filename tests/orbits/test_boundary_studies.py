@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from typer.testing import CliRunner
 
-from workflow import labels, read_study, run_study
+from workflow import labels, plots, read_study, run_study
 from workflow.archive import open_archive
 from workflow.cases import arrange, case_hashes
+from workflow.cli import app
 from workflow.plan import plan_study
 from workflow.study import StudyError
 
@@ -122,7 +124,7 @@ def test_a_plan_says_what_is_followed() -> None:
         ({"alpha": {"boundary": [8.0, 8.0, 3]}}, None, "begins and ends with the same value"),
         ({"alpha": {"boundary": [8.0, 9.0, 1]}}, None, "is out of range"),
         ({"alpha": {"boundary": [8.0, -1.0, 3]}}, None, "is out of range"),
-        ({"scene.chain.nodes": {"boundary": [1, 3, 3]}, "alpha": 8}, None, "along real-valued axes"),
+        ({"scene.chain.nodes": {"boundary": [1, 3, 3]}, "alpha": 8}, None, "a real-valued axis of its own"),
         ({GAP: {"boundary": [-1e-2, 1e-3, 3]}, "alpha": {"branch": [8, 9, 3]}}, None, "starts inside the casing"),
         ({GAP: 0.0013, "alpha": 8}, {"e": 0.1}, "uncertain: moves bifurcations of a branch, and no axis is one"),
         ({}, {GAP: "1 um"}, "uncertain.scene.casing.gap: is the number that is branched"),
@@ -137,3 +139,59 @@ def test_what_cannot_be_followed_or_uncertain_is_refused(
 ) -> None:
     with pytest.raises(StudyError, match=message):
         read_study(study(axes, uncertain))
+
+
+def test_limits_print_the_boundary_and_how_its_end_moves(folds: Path) -> None:
+    told = CliRunner().invoke(app, ["limits", str(folds)])
+    assert told.exit_code == 0
+    first, moves, head, *rows, count, arms = told.output.splitlines()
+    assert first == "gap from 0.0013 to 0.00164761 m the rub settles; there a fold ends it."
+    assert moves == "gap up to 0.00164761 ± 1.3e-05 m (alpha ± 1 W/N), ± 3e-05 m (e ± 0.01), to first order."
+    assert head == "boundary 1: fold, its end: range"
+    assert rows[0] == "  gap 0.00164761 m at alpha 8 W/N"
+    assert rows[-1] == "  gap 0.00173529 m at alpha 15 W/N"
+    assert len(rows) == 5
+    assert "within" in count
+    assert "arms of this branch" in arms
+
+
+def shaded(archive: xr.Dataset) -> list[Any]:
+    """Corners of the areas that a picture of boundaries shades, ``(corner, 2)`` each."""
+    [panel] = plots.boundary(archive).axes
+    return [area.get_paths()[0].vertices for area in panel.collections]
+
+
+def test_the_picture_shades_below_the_fold(folds: Path) -> None:
+    archive = read(folds)
+    [corners] = shaded(archive)
+    alpha, gap = corners.T
+    np.testing.assert_allclose([alpha.min(), alpha.max()], [8.0, 15.0])
+    np.testing.assert_allclose([gap.min(), gap[alpha == 8.0].max()], [1.3, 1e3 * FOLDS[8.0]], rtol=1e-9)  # mm
+    np.testing.assert_allclose(gap.max(), 1e3 * FOLDS[15.0], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "reach"), [(1, 15.0), (2, 11.0)])
+def test_a_boundary_that_only_the_other_end_has_ends_the_area_but_a_fold(folds: Path, kind: int, reach: float) -> None:
+    archive = read(folds)
+    points = np.linspace(0, 1, 12)
+    archive["boundary_kind"][1] = kind
+    archive["boundary_alpha"][1], archive["boundary_gap"][1] = 15 - 4 * points, np.full(12, 0.0014)
+    archive["boundary_other"][1] = 0.5
+    [corners] = shaded(archive)
+    assert corners[:, 0].max() == pytest.approx(reach)
+    archive["boundary_other"][1] = 1.5  # not of stability
+    [corners] = shaded(archive)
+    assert corners[:, 0].max() == pytest.approx(15.0)
+
+
+def test_a_boundary_that_turns_or_loses_stability_ends_the_area(folds: Path) -> None:
+    archive = read(folds)
+    archive["boundary_other"][0, 7:] = 1.1
+    [corners] = shaded(archive)
+    assert corners[:, 0].max() == pytest.approx(float(archive["boundary_alpha"][0, 6]))
+    turn = float(archive["boundary_alpha"][0, 4])
+    archive["boundary_alpha"][0, 5:] = turn - 0.1 * np.arange(1, 8)
+    [corners] = shaded(archive)
+    assert corners[:, 0].max() == pytest.approx(turn)
+    with pytest.raises(ValueError, match="there are no boundaries"):
+        plots.boundary(archive.drop_vars([name for name in archive.data_vars if str(name).startswith("boundary_")]))

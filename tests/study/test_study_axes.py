@@ -230,7 +230,7 @@ def test_schema_follows_the_declarations() -> None:
     assert blade["properties"]["length"]["anyOf"][0] == {"type": "number", "exclusiveMinimum": 0}
     axes = schema["properties"]["axes"]["properties"]
     assert {"e", "h", "alpha", "scheme", "scene.casing.gap", "scene.blade.length", "scene.chain.mass"} <= set(axes)
-    assert {"lin", "log", "branch", "sweep"} == {
+    assert {"lin", "log", "branch", "sweep", "boundary"} == {
         key for form in axes["e"]["anyOf"] for key in form.get("properties", {})
     }
 

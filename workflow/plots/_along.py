@@ -166,9 +166,15 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
 def boundary(dataset: xr.Dataset) -> Figure:
     """Draw the boundaries of an archive, those of stability solid, and shade where the rub of its branch settles.
 
-    Each arm of the branch at ``from`` is shaded along the other number as far as the boundaries at its ends go on to be
-    of stability without a turn, and no other one of stability comes between. Of all other dimensions the smallest step,
-    the most modes and the largest α are shown: select what else is shown before.
+    Each arm of the branch at ``from`` is shaded along the other number, as far as the boundaries at its ends go on to
+    be of stability without a turn, and of those that only ``to`` has none but a fold comes between; darker where two
+    arms settle. Of all other dimensions the smallest step, the most modes and the largest α are shown: select what else
+    is shown before.
+
+    Parameters
+    ----------
+    dataset
+        An archive with boundaries, or a selection of its cases.
 
     Raises
     ------
@@ -189,10 +195,10 @@ def boundary(dataset: xr.Dataset) -> Figure:
         panel.plot(x[own].T, y[own].T, "--", color=colour, lw=1.2)
         solid = panel.plot(x[own].T, np.where(stable[own], y[own], np.nan).T, color=colour, lw=2.0)
         solid[0].set_label(kind.replace("_", " "))
-    across, up = (new / case[name].values for new, name in zip((x, y), names[::-1], strict=True))
-    for place_across, low, high in _settling(case, names):
-        at = np.nanmedian(across) * place_across
-        panel.fill_between(at, *(np.nanmedian(up) * end for end in (low, high)), color=GREY, alpha=0.25, lw=0)
+    for settling in _settling(case, names):
+        drawn = zip(settling, (x, y, y), (names[1], names[0], names[0]), strict=True)
+        ends = (own * np.nanmax(np.abs(new)) / np.nanmax(np.abs(case[name].values)) for own, new, name in drawn)
+        panel.fill_between(*ends, color=GREY, alpha=0.25, lw=0)
     panel.set(xlabel=x_label, ylabel=y_label)
     legend_below(figure, panel.get_legend_handles_labels(), 4)
     head(figure, fill(place_text(dataset, place), 60))
@@ -208,6 +214,9 @@ def _settling(case: xr.Dataset, names: tuple[str, str]) -> Iterator[tuple[Array,
         return
     end = float(across.flat[np.nanargmax(np.abs(across - begin))])
     way, near = np.sign(end - begin), 1e-6 * np.array([abs(end - begin), np.nanmax(np.abs(up))])
+    begins = np.nanmin(np.abs(across - begin), axis=1, initial=np.inf) <= near[0]
+    new = ~begins & (labels(case["boundary_kind"]).values != "fold")  # behind a fold another arm settles
+    beside = across[new]
     sides = [(x[::turn], y[::turn]) for x, y in zip(across, up, strict=True) for turn in (1, -1)]
     for arm in limits(case).each:
         edges = []
@@ -218,12 +227,12 @@ def _settling(case: xr.Dataset, names: tuple[str, str]) -> Iterator[tuple[Array,
                 edges.append((x[:count], y[:count]))
         if len(edges) < 2:
             continue
-        x = np.linspace(begin, min((x[-1] for x, _ in edges), key=lambda last: abs(last - begin)), 200)
-        low, high = np.sort([np.interp(way * x, way * own, y) for own, y in edges], axis=0)
-        least, most = (np.interp(way * across, way * x, each, right=np.nan) for each in (low, high))
-        inside = (up - least > near[1]) & (most - up > near[1])
-        shown = way * x <= np.min(way * across[inside], initial=np.inf)
-        yield x[shown], low[shown], high[shown]
+        x = np.unique(way * np.concatenate([x for x, _ in edges]))
+        low, high = np.sort([np.interp(way * beside, way * own, y) for own, y in edges], axis=0)
+        inside = beside[(low < up[new]) & (up[new] < high)]
+        x = np.unique(np.minimum(x, min(*(way * x[-1] for x, _ in edges), *(way * inside))))
+        low, high = np.sort([np.interp(x, way * own, y) for own, y in edges], axis=0)
+        yield way * x, low, high
 
 
 STEADY = {

@@ -272,7 +272,8 @@ def _output(varied: Mapping[str, Entry]) -> RecordKind:
         )
         for path, kind in _of_scene(varied).items()
     }
-    about = "changes of numbers, by path, for which the shifts of the bifurcations of a branch are told"
+    own = next(entry for entry in dataclasses.fields(Steady) if entry.name == "uncertain")
+    about = own.metadata["meaning"]
     steady = entries_of(Steady, ("uncertain",)) | {"uncertain": Entry(record(about, changes, more=_SOME), about)}
     entries = dict(entries_of(Output, ("steady", "sensors")))
     entries["interval"] = dataclasses.replace(entries["interval"], default=None)

@@ -82,7 +82,7 @@ def axis_values(kind: Kind, zipped: bool = False) -> Kind:
     kinds = [many(one, minItems=1)]
     if isinstance(kind, Number):
         laws = LAWS[:2] if zipped or kind.whole else LAWS
-        own = "write a list or lin: branches and boundaries are followed, and sweeps made, along real-valued axes"
+        own = "write a list or lin: what is followed, or swept, is a real-valued axis of its own"
         kinds.append(_under({law: _spread(law, kind) for law in laws}, _SPREAD, dict.fromkeys(LAWS[2:], own)))
     return either(choose, *kinds, *([] if zipped else [one]))
 

@@ -196,6 +196,9 @@ class Change:
     unit: str
 
 
+_UNCERTAIN = "changes of numbers of the scene, `e` and `alpha` by path; the bifurcations of a branch shift by them"
+
+
 @dataclass(frozen=True)
 class Steady:
     """Search for the steady rub that each case of event_driven leads to."""
@@ -204,8 +207,7 @@ class Steady:
         "1", "most common periods of the loads in a period of the rub", default=4, at_least=1, at_most=64
     )
     samples: int = quantity("1", "samples of its orbit", default=100, at_least=1, at_most=10_000)
-    uncertain: Mapping[str, Change] | None = field(default=None, metadata={"later": True})
-    """By path, those for which the shifts of bifurcations are told."""
+    uncertain: Mapping[str, Change] | None = field(default=None, metadata={"later": True, "meaning": _UNCERTAIN})
 
 
 @dataclass(frozen=True)
