@@ -206,7 +206,7 @@ def test_what_is_somebody_else_s_is_written_over_only_where_it_is_named(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     archive, page, picture = tmp_path / "a.nc", tmp_path / "a.html", tmp_path / "a.png"
-    archive.write_bytes(archives[0].read_bytes())
+    archive.write_bytes(archives[1].read_bytes())
     for foreign in (page, picture):
         foreign.write_text("mine")
         with pytest.raises(ArchiveError, match=f"{foreign.name}: is there, and no report wrote it"):

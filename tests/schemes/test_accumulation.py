@@ -23,6 +23,7 @@ def run(damping: float, e: float, **options: int) -> Results:
     return step(lump, batch, 0.0, sampling(0.1, 1e-4), "event_driven", **options)
 
 
+@pytest.mark.slow
 def test_contact_time_goes_on_steadily_towards_elastic_bounces() -> None:
     """The last share of the time at rest falls with the logarithm of 1 - e, without a jump."""
     times = [run(1e4, 1 - 10.0**-k).metrics["contact_time"][0] for k in (4, 5, 6, 7)]
