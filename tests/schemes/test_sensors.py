@@ -10,7 +10,7 @@ from scenes import blade, cases, chain, heavy_chain, rubs, sampling, step, watch
 from workflow import reduction, schemes
 from workflow.models import Matrices, Sensors
 from workflow.reduction import reduce_structure
-from workflow.schemes import Recorder
+from workflow.schemes import Recorder, Status
 
 IMPACT, TOUCHES, LEAVES = range(3)
 
@@ -22,6 +22,7 @@ def test_a_part_that_is_not_linked_to_the_tip_moves_on_while_the_tip_is_held_and
     batch = cases(structure, alpha=0.3, gap=0.1, mean=1.0, velocity=[0.2, 1.0])
     over = sampling(5.0, 0.1)
     results = step(replace(structure, sensors=sensors), batch, 0.0, over, "event_driven")
+    assert results.status[0] == Status.OK
     assert results.metrics["contact_time"][0] > 4
     np.testing.assert_allclose(results.histories["sensor_value"][0, 0], 0.1 * np.sin(2 * over.times), atol=1e-13)
 
