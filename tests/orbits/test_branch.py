@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from test_steady_rubs import TURN, light_heat, oscillator
+from test_steady_rubs import TURN, light_heat, oscillator, pressed
 
 from scenes import blade, blade_rub, cases, chain
 from workflow.models import Cases, Rayleigh, Structure, critical_alpha, growth_rate
@@ -53,6 +53,25 @@ def test_the_intermittent_rub_of_the_blade_runs_away_in_a_fold() -> None:
     same, _ = steady_rubs(structure, blade_rub(structure, alpha=values["value"][i]), Options(samples=4))
     for name in ("orbit_temperature", "orbit_displacement", "floquet_multiplier", "steady_impulse"):
         np.testing.assert_allclose(values[name][i], same[name][0], rtol=1e-9, atol=1e-14)
+
+
+def test_the_oscillator_of_shaw_and_holmes_doubles_its_period() -> None:
+    structure = oscillator()
+    scene = cases(structure, e=0.8, amplitude=1.0, frequency=2 / TURN, phase=np.pi / 2, displacement=-0.5)
+
+    def problem(omega: float) -> tuple[Structure, Cases]:
+        turning = replace(scene.load_harmonics, frequency=np.array([[omega / TURN]]))
+        return structure, replace(scene, load_harmonics=turning)
+
+    values = followed(problem, 2.0, 3.0, 40)
+    (doubling,) = flagged(values, "period_doubling")
+    assert values["value"][[0, -1]].tolist() == [2.0, 3.0]
+    assert values["value"][doubling] == pytest.approx(2.653347727855, abs=1e-9)
+    assert values["floquet_angle"][doubling] == pytest.approx(np.pi)
+    assert states(values)[:doubling] == doubling * ["settles"]
+    assert states(values)[doubling + 1 :] == (39 - doubling) * ["unstable"]
+    stable = values["floquet_multiplier"][:doubling]
+    np.testing.assert_allclose(stable[values["floquet_angle"][:doubling] < 3.0], 0.8, rtol=1e-9)
 
 
 def test_the_oscillator_of_recipes_for_continuation_grazes() -> None:
@@ -107,6 +126,17 @@ def test_an_elastic_casing_is_met_without_a_mark() -> None:
     assert not flagged(values, "grazing").size
     assert values["value"][values["steady_contact"] > 0].max() > 2.0
     assert np.isin(states(values), ["no_contact", "settles", "unstable"]).all()
+
+
+def test_equilibria_of_permanent_contact_under_a_constant_load() -> None:
+    """λ = (F - k d/n)/(1 - α/α_c) along F."""
+    structure = pressed()
+    scene = cases(structure, alpha=0.5 * critical_alpha(structure), gap=1e-3)
+    values = followed(along("mean", structure, scene), 2.0, 5.0, 8)
+    np.testing.assert_allclose(values["value"], np.linspace(2, 5, 8), rtol=1e-3)
+    np.testing.assert_allclose(values["steady_impulse"], 2 * (values["value"] - 1.0), rtol=1e-8)
+    assert set(states(values)) == {"permanent_contact"}
+    assert np.isnan(values["floquet_multiplier"]).all()
 
 
 def test_permanent_contact_flutters_where_its_growth_rate_passes_zero() -> None:

@@ -5,12 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from one_impact import OneImpact
-from test_branch import states
+from test_branch import flagged, states
 
 from scenes import cases, chain
+from workflow.analysis import limits
 from workflow.models import Cases, Rayleigh, Structure
-from workflow.orbits import STATES, Options, branch, steady_rubs
+from workflow.orbits import BIFURCATIONS, STATES, Options, branch, steady_rubs
+
+PLACE = 1e-6
+"""Relative accuracy of a place."""
 
 
 def followed(one: OneImpact, start: float, stop: float, points: int) -> dict[str, Any]:
@@ -24,11 +29,44 @@ def followed(one: OneImpact, start: float, stop: float, points: int) -> dict[str
     return branch(problem, start, stop, points, Options(periods=2, samples=4))[0]
 
 
+def archive(values: dict[str, Any], name: str) -> xr.Dataset:
+    kept = ("steady_state", "bifurcation", "steady_periods", "steady_max_temperature")
+    meanings = {"steady_state": STATES, "bifurcation": BIFURCATIONS}
+    variables: dict[str, Any] = {key: ("point", values[key]) for key in kept}
+    for key, words in meanings.items():
+        variables[key] = ("point", values[key], {"flag_values": range(len(words)), "flag_meanings": " ".join(words)})
+    variables |= {name: ("point", values["value"], {"units": "1"}), "status": ((), np.int8(0))}
+    return xr.Dataset(variables)
+
+
 def test_a_section_that_is_moved_does_not_turn_a_branch_round() -> None:
     values = followed(OneImpact(1.352e-5, 0.0, 274.72, 2845.2, 1.0, 2.1319e-3, 128.78), 3.0, 30.0, 12)
     assert values["value"][[0, -1]].tolist() == [3.0, 30.0]
     assert np.all(np.diff(values["value"]) > 0)
     assert set(states(values)) == {"settles"}
+
+
+@pytest.mark.parametrize("points", [12, pytest.param(200, marks=pytest.mark.slow)])
+def test_a_rub_is_unstable_from_grazing_to_its_doubling(points: int) -> None:
+    one = OneImpact(1.828e-4, 0.3, 1722.92, 1244.5, 1.0, 2.2629e-4, 49.458)
+    values = followed(one, 3.0, 30.0, points)
+    grazing, doubling = 7.517809027648, 8.729449824
+    assert one.grazing == pytest.approx(grazing, rel=1e-12)
+    ours = (values["steady_periods"] == 1) & (np.round(values["steady_impacts"]) == 1)
+    speeds = values["steady_impulse"][ours] / ((1 + one.e) * one.mass)
+    assert ours.sum() > 3
+    assert values["value"][ours] == pytest.approx([one.force(v) for v in speeds], rel=1e-9)
+    assert values["value"][flagged(values, "grazing")[0]] == pytest.approx(grazing, rel=1e-12)
+    assert values["value"][flagged(values, "period_doubling")].tolist() == [pytest.approx(doubling, rel=PLACE)]
+    between = (values["value"] > grazing * (1 + PLACE)) & (values["value"] < doubling * (1 - PLACE))
+    assert {states(values)[i] for i in np.flatnonzero(between)} == {"unstable"}
+    found = limits(archive(values, "amplitude"))
+    marginal = np.isin(values["bifurcation"], [BIFURCATIONS.index(name) for name in ("fold", "period_doubling")])
+    assert found.beyond == {"unstable": np.sum((np.array(states(values)) == "unstable") | marginal)}
+    below = {key: each[values["value"] < doubling + 1e-5] for key, each in values.items()}
+    [first] = limits(archive(below, "amplitude")).limits
+    assert (first.start, first.limited_by) == (3.0, "grazing")
+    assert first.stop == first.next == pytest.approx(grazing, rel=PLACE)
 
 
 def judged(structure: Structure, batch: Cases) -> str:
