@@ -97,6 +97,7 @@ COMMANDS = {
     "workflow example blade > blade.yaml": "workflow example blade",
     "workflow example slurm > slurm.py": "workflow example slurm",
     "workflow example worn_casing": "workflow example worn_casing",
+    "workflow example coating": "workflow example coating",
     "workflow run blade.nc -o again.nc": "workflow run rub.nc -o again.nc",
     "-s KEY=VALUE": 'workflow plan rub.yaml -s scene.duration="1 s"',
     '-s scene.duration="1 s"': 'workflow plan rub.yaml -s scene.duration="1 s"',

@@ -332,6 +332,32 @@ def elastic_stop() -> list[Row]:
     ]
 
 
+@scene(
+    "contacts",
+    "A mass on an elastic-plastic stop (a coating)",
+    "closed form, by the law of Legrand, Batailly, Pierre, J. Comput. Nonlinear Dyn. 7 (2012) 011010",
+    "truth/coated_stop",
+)
+def coated_stop() -> list[Row]:
+    """1 kg at 2 m/s strikes a stop of k = 1 N/m, whose coating crushes from F_y = 1 N on, after π/6 s. Without
+    hardening the force stays F_y for √3 s, and 1.5 m are crushed. With H = 1 N/m it grows by k H/(k + H) = ½ N/m for
+    √2 atan √1.5 s, and (√10 − 2)/2 m are crushed. Then the spring throws the mass back, in π/2 s.
+    """
+    stops, rows = solved("truth/coated_stop"), []
+    crushes = {0: (np.sqrt(3), 1.5), 1: (np.sqrt(2) * np.arctan(np.sqrt(1.5)), np.sqrt(10) / 2 - 1)}
+    for hardening, (lasts, worn) in crushes.items():
+        stop, force = stops.sel(hardening=hardening), 1 + hardening * worn  # the largest, and the speed after it
+        known = {
+            "worn depth [m]": ("max_worn_depth", worn),
+            "impulse [N s]": ("contact_impulse", 2 + force),
+            "time in contact [s]": ("contact_time", np.pi / 6 + lasts + np.pi / 2),
+            "work of crushing [J]": ("crushing_work", worn + hardening * worn**2 / 2),
+        }
+        for what, (name, value) in known.items():
+            rows.append(relative(f"H = {hardening} N/m: {what}", value, float(stop[name]), 1e-12, ROUNDING))
+    return rows
+
+
 GROWTH = {
     0.5: -1.8363469529,
     1.0: -1.2155190929,

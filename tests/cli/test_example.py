@@ -11,6 +11,7 @@ from terminal import workflow
 
 NAMES = (
     "blade",
+    "coating",
     "interaction_map",
     "modes",
     "own_chord",
@@ -37,7 +38,7 @@ def test_they_are_listed_each_with_its_title(tmp_path: Path) -> None:
 def test_one_that_is_not_there(tmp_path: Path) -> None:
     asked = workflow("example", "blades", cwd=tmp_path)
     assert asked.returncode == 2
-    assert "there is no example `blades`; take one of blade, interaction_map, modes" in asked.stderr
+    assert "there is no example `blades`; take one of blade, coating, interaction_map" in asked.stderr
 
 
 @pytest.fixture(scope="module")
