@@ -64,7 +64,7 @@ def test_the_reference_is_what_the_declarations_say() -> None:
 
 def test_the_architecture_is_read_at_one_sitting() -> None:
     text = ARCHITECTURE.read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= 300
+    assert len(text.splitlines()) <= 320
     rooms = {path.name for path in (ROOT / "workflow").iterdir() if (path / "__init__.py").exists()}
     assert [room for room in sorted(rooms) if f"`{room}`" not in text.split("## Rooms")[1]] == []
 
