@@ -277,7 +277,7 @@ class Curve:
         return np.asarray(self._charts(flow)[0] @ middle.X - point.w)
 
     def residual_at(self, u: Array, frame: Frame) -> Residual | None:
-        """Return the residual at u; ``None`` where the motion does not repeat."""
+        """Return the residual at u; ``None`` where the motion does not repeat, or has no finite derivative."""
         return self._mapped(u, frame) if frame.word is None else self._shot(u, frame, frame.word)
 
     def _mapped(self, u: Array, frame: Frame) -> Residual | None:
@@ -291,7 +291,7 @@ class Curve:
         matrix = out @ D @ into - np.eye(u.size - 1)
         return Residual(flow, out @ motion.X - u[:-1], matrix, D, none[:, 0], none, None, motion)
 
-    def _shot(self, u: Array, frame: Frame, word: Word) -> Residual:
+    def _shot(self, u: Array, frame: Frame, word: Word) -> Residual | None:
         """Return the residual of the motion over given times of events."""
         flow = self.flow(u[-1])
         out, into = self._charts(flow)
@@ -299,6 +299,8 @@ class Curve:
         begin, span = frame.phase * flow.period, frame.order * flow.period
         shot = Shooting(flow).shoot(word, into @ u[:N], begin, span, u[N:-1])
         slopes = shot.X_slope, shot.signals_slope, shot.approach_slope
+        if not all(np.isfinite(each).all() for each in slopes):
+            return None
         by_w = [np.hstack([each[:, :N] @ into, each[:, N:]]) for each in slopes]
         size = np.linalg.norm(by_w[1], axis=1)
         matrix = np.vstack([out @ by_w[0], by_w[1] / size[:, None]])
