@@ -358,6 +358,34 @@ def coated_stop() -> list[Row]:
     return rows
 
 
+@scene(
+    "contacts",
+    "A rigid blade that cuts a coating",
+    "statics, closed form",
+    "truth/coated_oval",
+)
+def coated_oval() -> list[Row]:
+    """A rigid blade stands in an oval casing, d(ϑ) = −4 µm + 6 µm sin(2ϑ + 0.3), which turns three times. It cuts
+    max(0, (−k d − F_y)/(k + H)) in the first turn, d the least of a sector, and nothing after it: k = 1 N/µm, F_y = 2 N,
+    H = 0.5 N/µm, 12 sectors. The second lobe is cut as the first.
+    """
+    cut = solved("truth/coated_oval").squeeze()
+    angle = np.pi / 6 * (np.arange(12)[:, None] + np.linspace(0, 1, 100_001))
+    least = (-4e-6 + 6e-6 * np.sin(2 * angle + 0.3)).min(axis=1)
+    known = np.maximum(0, (-1e6 * least - 2) / (1e6 + 5e5))
+    first, last = cut["wear_map"].values[[0, -1]]
+    rows = [
+        relative(f"worn depth of sector {number + 1} [m]", known[number], last[number], 1e-8, "stiffness of the blade")
+        for number in np.flatnonzero(known[:6])
+    ]
+    return [
+        *rows,
+        Row("sectors that are not cut", int(np.sum(known == 0)), int(np.sum(last == 0)), 0, "a count"),
+        Row("cut in the second and third turn [m]", 0, abs(last - first).max(), 1e-15, ROUNDING),
+        Row("second lobe less the first [m]", 0, abs(last[6:] - last[:6]).max(), 1e-15, ROUNDING),
+    ]
+
+
 GROWTH = {
     0.5: -1.8363469529,
     1.0: -1.2155190929,
