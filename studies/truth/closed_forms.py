@@ -366,8 +366,8 @@ def coated_stop() -> list[Row]:
 )
 def coated_oval() -> list[Row]:
     """A rigid blade stands in an oval casing, d(ϑ) = −4 µm + 6 µm sin(2ϑ + 0.3), which turns three times. It cuts
-    max(0, (−k d − F_y)/(k + H)) in the first turn, d the least of a sector, and nothing after it: k = 1 N/µm, F_y = 2 N,
-    H = 0.5 N/µm, 12 sectors. The second lobe is cut as the first.
+    max(0, (−k d − F_y)/(k + H)) in the first turn, d the least of a sector, and nothing after it: k = 1 N/µm,
+    F_y = 2 N, H = 0.5 N/µm, 12 sectors. The second lobe is cut as the first.
     """
     cut = solved("truth/coated_oval").squeeze()
     angle = np.pi / 6 * (np.arange(12)[:, None] + np.linspace(0, 1, 100_001))

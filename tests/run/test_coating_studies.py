@@ -8,7 +8,7 @@ import pytest
 from test_extension import check_extension
 
 from quick import hashes_of
-from workflow import plots, read_study, run_study
+from workflow import plots, read_study, run_study, write_matrices
 from workflow.plan import plan_study
 from workflow.report._explorer import _cases
 from workflow.run import verify
@@ -163,3 +163,24 @@ def test_the_map_and_the_depth_over_the_angle_are_drawn(tmp_path: Path) -> None:
     np.testing.assert_allclose(worn["angle"][::2], np.arange(12) * 30.0)
     with pytest.raises(ValueError, match="has no coating"):
         plots.wear_map(dataset.drop_vars("worn_depth"))
+
+
+def test_contacts_without_mass_that_yield_in_turn_have_a_solution_in_each_step(tmp_path: Path) -> None:
+    """Newton's method goes to and fro between the branches of their laws, and Lemke's knows two of the three."""
+    n, K = 6, 4e5 * (2 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1))
+    R = 2e-7 * (3 * np.eye(3) + np.eye(3, k=1) + np.eye(3, k=-1))
+    parts = {"mass": 2e-3 * np.eye(n), "stiffness": K, "damping": 2e-5 * K + 0.04 * np.eye(n), "load": np.ones(n)}
+    contact = {"contact": np.eye(n)[[1, 3, 5]], "angle": np.array([0.0, 2.0, 4.1])}
+    residual = {"residual_flexibility": R, "residual_load": np.full(3, 1e-7)}
+    write_matrices(tmp_path / "blade.npz", **parts, **contact, **residual)
+    coating = {"yield_force": "2 N", "hardening": 2e5, "sectors": 24}
+    casing = {"gap": [2e-5, 2.5e-5, 2e-5], "flexibility": 2e-7, "coating": coating}
+    scene = {
+        "matrices": {"file": str(tmp_path / "blade.npz")},
+        "casing": casing | {"harmonics": [{"order": 2, "amplitude": "15 um"}]},
+        "load": {"mean": 4.0, "harmonics": [{"order": 3, "amplitude": 6.0}]},
+        "speed": 100.0,
+        "duration": 0.02,
+    }
+    study = {"study": "yields", "scene": scene, "axes": {"scheme": "moreau", "h": 5e-6}, "output": {"interval": 1e-3}}
+    assert run_study(read_study(study), tmp_path / "yields.nc", threads=1).counts == {"ok": 1}

@@ -224,7 +224,10 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"reference": {"scheme": "event_driven"}}, "is a sweep beside a reference"),
     ({"axes": {"mechanical_modes": "auto", "tolerance": 1e-3}}, "is a sweep beside `auto`"),
     ({"zip": {"z": {"sample": "random", "points": 4, "of": {"e": [0, 1]}}}}, "is a sweep beside drawn numbers"),
-    ({"zip": {"z": {"alpha": {"sweep": [0, 5, 3]}}}}, "write a list or lin: what is followed, or swept, is a real-valued axis"),
+    (
+        {"zip": {"z": {"alpha": {"sweep": [0, 5, 3]}}}},
+        "write a list or lin: what is followed, or swept, is a real-valued axis",
+    ),
     (
         {"axes": {"h": 7e-5}},
         "7e-05 s does not divide the duration, as a sweep needs; write e.g. 6.993006993",

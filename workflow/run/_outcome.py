@@ -143,11 +143,11 @@ def _unsettled(dataset: xr.Dataset) -> Iterator[str]:
     width = size if along == "period" else 1 + size // _PARTS
     parts = (periods.isel({along: slice(k, k + width)}) for k in range(0, size, width))
     change = np.concatenate([np.ravel(change_of_impulse(part.values)) for part in parts])
+    remedy = "make `duration` longer" + ", or ask for `output.steady`" * ("worn_depth" not in dataset)
     for cases, most, where in _beyond(dataset, change, SETTLED):
         yield (
             f"{cases} have not settled: the mean impulse of a load period changes by more than {SETTLED:.0%} between "
-            f"the last two quarters of the periods; most, {most:.0%}: {where}; make `duration` longer, or ask for "
-            "`output.steady`"
+            f"the last two quarters of the periods; most, {most:.0%}: {where}; {remedy}"
         )
 
 
