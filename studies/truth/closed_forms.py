@@ -167,12 +167,14 @@ def impacts_every_n() -> list[Row]:
         place, speed = z.real, (pole * z).real + 1.5
         largest = (omega**2 - 1) / abs(1 - omega**2 + 0.02j * omega)  # amplitude of the linear response
         fold = largest * np.hypot(1, place * omega / (1 - speed))
-        name = branch["bifurcation"].attrs["flag_meanings"].split().index("fold")
-        v = branch["steady_impulse"] / 1.5 * n
+        fold_flag, grazing_flag = (
+            branch["bifurcation"].attrs["flag_meanings"].split().index(name) for name in ("fold", "grazing")
+        )
+        v = (branch["steady_impulse"] / 1.5 * n).where(branch["bifurcation"] != grazing_flag, 0.0)  # else √rounding
         once = (branch["steady_impacts"] * n).round() == 1
         off = np.hypot(branch["gap"] - v * place, v * (1 - speed) / omega) / largest - 1
         here, farthest = (
-            float(branch["gap"].where(branch["bifurcation"] == name).max()),
+            float(branch["gap"].where(branch["bifurcation"] == fold_flag).max()),
             float(abs(off.where(once)).max()),
         )
         rows.append(relative(f"n = {n}: gap of the fold", fold, here, 1e-9, ROUNDING))
