@@ -326,9 +326,27 @@ def march_centrally(
     return Motion(*(np.array(states) for states in zip(*path, strict=True)))
 
 
-def results(
-    structure: Structure, h: float, cases: Cases, sampling: Sampling, stepped: Callable[[Cases, int], Motion]
-) -> Results:
+Marching = Callable[[Cases, int], Motion]
+"""Steps the first of some cases so many times."""
+
+
+def stepped_as(s: Structure, h: float, method: str, options: dict[str, Any]) -> Marching:
+    """Return what steps a structure as a scheme with these options does."""
+    if method == "moreau":
+        return lambda one, steps: march(s, one, h, options["theta"], steps)
+    if method in ("carpenter", "paoli_schatzman"):
+        how = {"lagged": options.get("damping") == "lagged", "implicit": options.get("heat") != "explicit"}
+        reads = method == "paoli_schatzman"
+        return lambda one, steps: march_centrally(s, one, h, steps, rebound(float(one.e[0]) * reads), **how)
+    stiffness, damper = options["stiffness"], options.get("damping", 0.0)
+    if options.get("integration") != "implicit":
+        return lambda one, steps: march_centrally(s, one, h, steps, central_spring(h, stiffness, damper))
+    theta = options["theta"]
+    law = spring(h, theta, stiffness, damper)
+    return lambda one, steps: march(s, one, h, theta, steps, law, 1 / stiffness)
+
+
+def results(structure: Structure, h: float, cases: Cases, sampling: Sampling, stepped: Marching) -> Results:
     """Step every case by ``stepped(case, steps)``, and sample its step ends linearly."""
     contacts = structure.contacts
     when = schedule(sampling, h)

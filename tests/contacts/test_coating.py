@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,71 +22,26 @@ def free_mass(flexibility: float = 1.0) -> Structure:
     return chain(nodes=1, mass=1.0, stiffness=0.0).on_casing(flexibility)
 
 
-@pytest.mark.parametrize(
-    ("hardening", "worn", "rebound", "lasts"),
-    [(0.0, 1.5, 1.0, 3.8264459100), (1.0, 0.5811388301, 1.5811388301, 3.3474973882)],
-)
-def test_a_mass_crushes_a_coating(hardening: float, worn: float, rebound: float, lasts: float) -> None:
-    """1 kg at 2 m/s against k = 1 N/m, F_y = 1 N: first order in h, extrapolated to the closed form."""
-
-    def run(h: float) -> Any:
-        mass = free_mass()
-        done = step(mass, coated(mass, cases(mass, velocity=2.0), 1.0, hardening=hardening), h, sampling(5.0, 1.0))
-        depth = done.wear["worn_depth"][0, 0]
-        np.testing.assert_allclose(done.metrics["max_penetration"][0] - depth, rebound, rtol=3 * h)
-        np.testing.assert_allclose(done.metrics["contact_time"][0], lasts, atol=3 * h)
-        return np.array([depth, done.histories["impulse"][0, -1]])
-
-    coarse, fine = run(2e-3), run(1e-3)
-    exact = np.array([worn, 2.0 + rebound])
-    assert (np.abs(fine - exact) < 3e-3 * exact).all()
-    np.testing.assert_allclose(2 * fine - coarse, exact, rtol=3e-6)
-
-
-def test_a_coating_that_does_not_yield_is_the_elastic_casing() -> None:
-    """To the bit at any yield force above the contact's; up to F_y/H where it hardens at once."""
+@BOTH
+def test_a_coating_that_does_not_yield_is_the_elastic_casing(method: str) -> None:
+    """To the bit at any yield force above the contact's; where it hardens with 1e10 k at once by F_y/H, 1e-9 of x."""
     rod = chain(nodes=3, mass=0.1, stiffness=4000.0, spacing=0.1, expansion=1e-3, heat_capacity=5.0, conductance=0.5)
     rod, over = rod.on_casing(2e-5), sampling(0.2, 1e-3)
     batch = cases(rod, alpha=0.5, gap=1e-3, amplitude=4.0, frequency=12.0, casing_harmonics=[[2e-4, 31.0, 0.3]])
-    alone = step(rod, batch, 1e-4, over)
+    alone = step(rod, batch, 1e-4, over, method)
     coats = coated(rod, batch, 1e6, 8, speed=40.0), coated(rod, batch, 1e-3, 8, speed=40.0, hardening=1e10 / 2e-5)
-    strong, hard = (step(rod, one, 1e-4, over) for one in coats)
+    strong, hard = (step(rod, one, 1e-4, over, method) for one in coats)
+    within = 1e-8 if method == "moreau" else 1e-9
     assert alone.metrics["contact_time"] > 0.01
     for name in HISTORIES:
         np.testing.assert_array_equal(strong.histories[name], alone.histories[name])
         scale = np.abs(alone.histories[name]).max()
-        np.testing.assert_allclose(hard.histories[name], alone.histories[name], rtol=0, atol=1e-8 * scale)
+        np.testing.assert_allclose(hard.histories[name], alone.histories[name], rtol=0, atol=within * scale)
+    for name in ("steps", "contact_time", "max_temperature"):
+        assert strong.metrics[name] == alone.metrics[name]
     assert not strong.wear["worn_depth"].any()
     assert strong.metrics["border_work"] == 0
-
-
-@pytest.mark.parametrize(("name", "within"), [("press", 2e-5), ("heat", 2e-3)])
-def test_moreau_converges_to_another_solver(name: str, within: float) -> None:
-    """Scenes of a solver by matrix exponentials with events by bisection; the second with heat and 24 sectors."""
-    file = dict(np.load(SCENES / f"{name}.npz"))
-    structure = of_entries({key: file[key] for key in file if key not in ("scene", "worn", "impulse")})
-    structure = structure.on_casing(file["scene"][0])
-    gap, force, hardening, sectors, speed, wave, phase, mean, amplitude, frequency, begins, alpha, duration = file[
-        "scene"
-    ][1:]
-    batch = cases(
-        structure, alpha=alpha, gap=gap, mean=mean, amplitude=amplitude, frequency=frequency, phase=begins,
-        casing_harmonics=[[wave, 2 * speed, phase]],
-    )  # fmt: skip
-    batch = coated(structure, batch, force, sectors, hardening=hardening, speed=speed)
-    errors, found = [], []
-    for h in (1e-6, 5e-7):
-        done = step(structure, batch, h, sampling(duration, duration), theta=0.5)
-        found.append(
-            np.append(
-                done.wear["worn_depth"][0] / file["worn"].max(), done.histories["impulse"][0, -1] / file["impulse"]
-            )
-        )
-        errors.append(np.abs(found[-1] - np.append(file["worn"] / file["worn"].max(), 1.0)).max())
-    assert errors[1] < 0.01
-    np.testing.assert_allclose(errors[0] / errors[1], 2.0, rtol=0.1)
-    extrapolated = 2 * found[1] - found[0]
-    np.testing.assert_allclose(extrapolated, np.append(file["worn"] / file["worn"].max(), 1.0), rtol=0, atol=within)
+    assert (hard.wear["worn_depth"] > 0).any()
 
 
 H, OVER = 4e-5, sampling(0.006, 5e-5)
@@ -118,24 +72,32 @@ def test_it_is_worn_as_in_plain_matrices(seed: int) -> None:
     np.testing.assert_allclose(worn, law.worn, rtol=0, atol=1e-8 * max(law.worn.max(), 1e-9))
 
 
-def test_forces_stay_below_their_level_and_no_depth_falls() -> None:
-    count = 0
-    for seed in range(100, 130):
-        structure, one = random_case(seed)
-        own = one.coating
-        assert own is not None
-        over = replace(sampling(0.02, H), wear_every=1)
-        done = step(structure, one, H, over)
-        force = np.diff(done.histories["impulse"].reshape(-1, over.count)) / H
-        worn = done.wear["worn_depth"].reshape(len(force), -1)
-        mapped = done.wear["wear_map"].reshape(len(force), -1, worn.shape[1])
-        level = own.yield_force[0] + own.hardening[0] * worn.max(axis=1)
-        assert done.status.tolist() == [Status.OK]
-        assert force.min() >= 0
-        assert (force.max(axis=1) <= level * (1 + 1e-9)).all()
-        assert (np.diff(np.concatenate([mapped, worn[:, None]], axis=1), axis=1) >= 0).all()
-        count += worn.max() > 0
-    assert count > 15
+def holds(seed: int, method: str) -> bool:
+    """Check a random structure; return whether its coating is worn."""
+    structure, one = random_case(seed)
+    own, over = one.coating, replace(sampling(0.02, H), wear_every=1)
+    assert own is not None
+    done = step(structure, one, H, over, method)
+    force = np.diff(done.histories["impulse"].reshape(-1, over.count)) / H
+    worn = done.wear["worn_depth"].reshape(len(force), -1)
+    mapped = done.wear["wear_map"].reshape(len(force), -1, worn.shape[1])
+    level = own.yield_force[0] + own.hardening[0] * worn.max(axis=1)
+    assert done.status.tolist() == [Status.OK], (seed, done.messages)
+    assert force.min() >= 0, seed
+    assert (force.max(axis=1) <= level * (1 + (1e-9 if method == "moreau" else 1e-12))).all(), seed
+    assert (np.diff(np.concatenate([mapped, worn[:, None]], axis=1), axis=1) >= 0).all(), seed
+    return bool(worn.max() > 0)
+
+
+@BOTH
+def test_forces_stay_below_their_level_and_no_depth_falls(method: str) -> None:
+    assert sum(holds(seed, method) for seed in range(100, 130)) > 20
+
+
+@pytest.mark.slow
+def test_no_random_structure_goes_astray() -> None:
+    """1 to 5 contacts, with and without mass, friction, heat, hardening or none, 1 to 360 sectors."""
+    assert sum(holds(seed, "event_driven") for seed in range(120, 400)) > 220
 
 
 @BOTH

@@ -10,7 +10,7 @@ from test_coating import SCENES, free_mass, random_case
 from scenes import cases, chain, coated, of_entries, sampling
 from scenes import step as stepped
 from workflow.models import Cases, Structure
-from workflow.schemes import HISTORIES, Results, Sampling, Status
+from workflow.schemes import Results, Sampling, Status
 from workflow.variables import EVENT_KINDS
 
 
@@ -75,25 +75,6 @@ def test_it_agrees_with_another_solver(name: str, lasts: float, warmest: float, 
     passed = own.sectors[0] * own.speed[0] * done.events["event_time"][0, : int(done.events["event_count"][0])]
     at_border = (np.abs(passed - np.round(passed)) < 1e-9) & (passed > 0)  # which that solver does not list
     assert np.sum(~at_border) == events
-
-
-def test_a_coating_that_does_not_yield_is_the_elastic_casing() -> None:
-    """To the bit at any yield force above the contact's; to 1e-9 where it hardens with 1e10 k at once."""
-    rod = chain(nodes=3, mass=0.1, stiffness=4000.0, spacing=0.1, expansion=1e-3, heat_capacity=5.0, conductance=0.5)
-    rod, over = rod.on_casing(2e-5), sampling(0.2, 1e-3)
-    batch = cases(rod, alpha=0.5, gap=1e-3, amplitude=4.0, frequency=12.0, casing_harmonics=[[2e-4, 31.0, 0.3]])
-    alone = run(rod, batch, over)
-    coats = coated(rod, batch, 1e6, 8, speed=40.0), coated(rod, batch, 1e-3, 8, speed=40.0, hardening=1e10 / 2e-5)
-    strong, hard = (run(rod, one, over) for one in coats)
-    assert alone.metrics["contact_time"] > 0.01
-    for name in HISTORIES:
-        np.testing.assert_array_equal(strong.histories[name], alone.histories[name])
-        scale = np.abs(alone.histories[name]).max()
-        np.testing.assert_allclose(hard.histories[name], alone.histories[name], rtol=0, atol=1e-9 * scale)
-    for name in ("steps", "contact_time", "max_temperature"):
-        assert strong.metrics[name] == alone.metrics[name]
-    assert not strong.wear["worn_depth"].any()
-    assert (hard.wear["worn_depth"] > 0).any()
 
 
 def plain_energy(structure: Structure, x: Any, v: Any, force: Any, load: Any) -> float:
@@ -176,29 +157,3 @@ def test_moreau_converges_to_it_in_random_structures() -> None:
     every = np.array([converges(seed) for seed in range(40)])
     assert (every[:, 1] < 5e-3).all()
     np.testing.assert_allclose(np.median(every[:, 0] / every[:, 1]), 2.0, rtol=0.05)
-
-
-def holds(seed: int) -> bool:
-    """Check a random structure; return whether its coating is worn."""
-    structure, one = random_case(seed)
-    own, interval = one.coating, 4e-5
-    assert own is not None
-    done = run(structure, one, replace(sampling(0.02, interval), wear_every=1))
-    force = np.diff(done.histories["impulse"].reshape(structure.contacts.count, -1)) / interval
-    worn = done.wear["worn_depth"].reshape(len(force), -1)
-    mapped = done.wear["wear_map"].reshape(len(force), -1, worn.shape[1])
-    level = own.yield_force[0] + own.hardening[0] * worn.max(axis=1)
-    assert force.min() >= 0, seed
-    assert (force.max(axis=1) <= level * (1 + 1e-12)).all(), seed
-    assert (np.diff(np.concatenate([mapped, worn[:, None]], axis=1), axis=1) >= 0).all(), seed
-    return bool(worn.max() > 0)
-
-
-def test_forces_stay_below_their_level_and_no_depth_falls() -> None:
-    assert sum(holds(seed) for seed in range(100, 120)) > 14
-
-
-@pytest.mark.slow
-def test_no_random_structure_goes_astray() -> None:
-    """1 to 5 contacts, with and without mass, friction, heat, hardening or none, 1 to 360 sectors."""
-    assert sum(holds(seed) for seed in range(120, 400)) > 220

@@ -1,6 +1,5 @@
 """Every scheme with a fixed step against plain matrices, on random structures of one to five contacts, on all bases."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -8,35 +7,38 @@ import numpy as np
 import pytest
 from random_contacts import DURATION, drawn, varied
 
-from plain_steps import Motion, central_spring, march, march_centrally, place, rebound, results, spring
+from plain_steps import march, place, results, stepped_as
 from scenes import cases, heavy_chain, relative, sampling, step, watched, with_dashpot
 from workflow.models import Array, Cases, Structure
-from workflow.schemes import HISTORIES, Sampling, Status
+from workflow.schemes import HISTORIES, Results, Sampling, Status
 
 H, OVER = 4e-5, sampling(0.006, 5e-5, balances=True)
 KAPPA, DAMPER = 3e6, 150.0
 METRICS = ("impacts", "contact_time", "max_penetration", "max_temperature", "thermal_closing")
 
-Plain = Callable[[Structure, Cases, int], Motion]
 
-
-def of(method: str, seed: int) -> tuple[dict[str, Any], Plain]:
+def options_of(method: str, seed: int) -> dict[str, Any]:
     theta = (0.5, 0.6, 1.0)[seed // 3 % 3]
     if method == "moreau":
-        return {"theta": theta}, lambda s, c, n: march(s, c, H, theta, n)
+        return {"theta": theta}
     if method in ("carpenter", "paoli_schatzman"):
-        how = {"lagged": seed % 2 == 1, "implicit": seed % 4 < 2}
-        options = {"damping": ("central", "lagged")[how["lagged"]], "heat": ("explicit", "implicit")[how["implicit"]]}
-        reads = method == "paoli_schatzman"
-        return options, lambda s, c, n: march_centrally(s, c, H, n, rebound(float(c.e[0]) * reads), **how)
-    damper = DAMPER * (seed % 2)
-    options = {"stiffness": KAPPA, "damping": damper}
-    if method == "explicit penalty":
-        return options, lambda s, c, n: march_centrally(s, c, H, n, central_spring(H, KAPPA, damper))
-    law = spring(H, theta, KAPPA, damper)
-    return options | {"integration": "implicit", "theta": theta}, lambda s, c, n: march(
-        s, c, H, theta, n, law, 1 / KAPPA
-    )
+        return {"damping": ("central", "lagged")[seed % 2], "heat": ("explicit", "implicit")[seed % 4 < 2]}
+    options = {"stiffness": KAPPA, "damping": DAMPER * (seed % 2)}
+    return options if method == "explicit penalty" else options | {"integration": "implicit", "theta": theta}
+
+
+def both(method: str, structure: Structure, one: Cases, h: float = H, **options: Any) -> tuple[Results, Results]:
+    """Return what a scheme and what plain matrices make of a case."""
+    name = method.split()[-1]
+    truth = results(structure, h, one, OVER, stepped_as(structure, h, name, options))
+    return step(structure, one, h, OVER, name, **options), truth
+
+
+def same_histories(ours: Results, truth: Results, *others: str) -> None:
+    for name in (*HISTORIES, *others):
+        values = truth.histories[name]
+        within = 1e-9 * np.abs(values).max()
+        np.testing.assert_allclose(ours.histories[name], values, rtol=0, atol=within, err_msg=name)
 
 
 def closes(method: str, options: dict[str, Any], massless: bool) -> bool:
@@ -66,15 +68,10 @@ SCHEMES = {
     ],
 )
 def test_schemes_step_as_in_plain_matrices(method: str, massless: bool, seed: int) -> None:
-    case = varied(seed, massless)
-    options, plain = of(method, seed)
-    ours = step(case.structure, case.cases, H, OVER, method.split()[-1], **options)
-    truth = results(case.structure, H, case.cases, OVER, lambda *which: plain(case.structure, *which))
+    case, options = varied(seed, massless), options_of(method, seed)
+    ours, truth = both(method, case.structure, case.cases, **options)
     assert ours.status.tolist() == [Status.OK], ours.messages
-    for name in (*HISTORIES, "sensor_value"):
-        values = truth.histories[name]
-        within = 1e-9 * np.abs(values).max()
-        np.testing.assert_allclose(ours.histories[name], values, rtol=0, atol=within, err_msg=name)
+    same_histories(ours, truth, "sensor_value")
     for name in METRICS:
         np.testing.assert_allclose(ours.metrics[name], truth.metrics[name], rtol=1e-9, atol=1e-13, err_msg=name)
     assert abs(ours.metrics["heat_residual"][0]) < 1e-12
@@ -91,14 +88,10 @@ def test_central_differences_that_start_in_contact(method: str, seed: int) -> No
     x = rows @ given.displacement[0] + (1e-6 if method == "explicit penalty" else 0.0)
     speeds = np.linalg.pinv(rows) @ np.linspace(0.02, 0.04, len(rows))
     one = replace(given, gaps=given.gaps + x - place(given, 0.0), velocity=speeds[None])
-    options, plain = of(method, seed)
-    ours = step(case.structure, one, H, OVER, method.split()[-1], **options)
-    truth = results(case.structure, H, one, OVER, lambda *which: plain(case.structure, *which))
+    ours, truth = both(method, case.structure, one, **options_of(method, seed))
     first = truth.histories["impulse"][0, :, 1]
     assert (first > 0).sum() > 1
-    for name in HISTORIES:
-        values = truth.histories[name]
-        np.testing.assert_allclose(ours.histories[name], values, rtol=0, atol=1e-9 * np.abs(values).max(), err_msg=name)
+    same_histories(ours, truth)
 
 
 @pytest.mark.parametrize("heat", ["explicit", "implicit"])
@@ -108,11 +101,7 @@ def test_sensors_of_central_differences_see_what_warms_without_loss(heat: str, c
     structure = heavy_chain(nodes=4, stiffness=4e6, convection=0.0, conductance=[0.0, 0.7, 0.7, 0.7]).matrices()
     structure = watched(with_dashpot(structure, 1, 3, 20.0) if coupled else structure)
     batch = cases(structure, alpha=20.0, gap=3e-5, amplitude=100.0, frequency=250.0, heating=2.0)
-    ours = step(structure, batch, H / 4, OVER, "carpenter", heat=heat)
-    truth = results(
-        structure, H / 4, batch, OVER,
-        lambda one, steps: march_centrally(structure, one, H / 4, steps, rebound(0.0), implicit=heat == "implicit"),
-    )  # fmt: skip
+    ours, truth = both("carpenter", structure, batch, H / 4, heat=heat)
     values = truth.histories["sensor_value"]
     assert ours.metrics["impacts"][0] > 0
     for sensor in range(values.shape[1]):

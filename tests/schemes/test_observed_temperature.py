@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plain_steps import central_spring, march, march_centrally, rebound, spring
+from plain_steps import stepped_as
 from scenes import cases, heavy_chain, observing, sampling, step
 from workflow.models import Cases, Chain, Matrices, Structure
 from workflow.reduction import reduce_structure
@@ -31,26 +31,24 @@ def rub(structure: Structure, count: int = 1) -> Cases:
 
 
 STRUCTURES = {"full": observing(full(), full().mean_over(DEPTH)), "reduced": reduced()}
-PLAIN: dict[str, tuple[str, dict[str, Any], Any]] = {
-    "moreau": ("moreau", {"theta": 0.7}, lambda s, c, n: march(s, c, H, 0.7, n)),
-    "carpenter": ("carpenter", {}, lambda s, c, n: march_centrally(s, c, H, n, rebound(0.0), implicit=True)),
-    "spring": ("penalty", {"stiffness": 1e7, "integration": "explicit"},
-               lambda s, c, n: march_centrally(s, c, H, n, central_spring(H, 1e7, 0.0))),
-    "implicit": ("penalty", {"stiffness": 1e7, "integration": "implicit", "theta": 1.0},
-                 lambda s, c, n: march(s, c, H, 1.0, n, spring(H, 1.0, 1e7))),
-}  # fmt: skip
+LAWS: dict[str, tuple[str, dict[str, Any]]] = {
+    "moreau": ("moreau", {"theta": 0.7}),
+    "carpenter": ("carpenter", {}),
+    "spring": ("penalty", {"stiffness": 1e7, "integration": "explicit"}),
+    "implicit": ("penalty", {"stiffness": 1e7, "integration": "implicit", "theta": 1.0}),
+}
 SLOW = pytest.mark.slow
 """Each contact law compiles a kernel of its own for a depth."""
 
 
-@pytest.mark.parametrize("name", ["moreau", *(pytest.param(name, marks=SLOW) for name in PLAIN if name != "moreau")])
+@pytest.mark.parametrize("name", ["moreau", *(pytest.param(name, marks=SLOW) for name in LAWS if name != "moreau")])
 @pytest.mark.parametrize("kind", STRUCTURES)
 def test_steps_record_the_mean_of_the_nodes_they_have(kind: str, name: str) -> None:
     """Samples and the largest of all step ends, and the motion to the bit as without."""
-    structure, (method, options, plain) = STRUCTURES[kind], PLAIN[name]
+    structure, (method, options) = STRUCTURES[kind], LAWS[name]
     case, over = rub(structure), sampling(DURATION, 10 * H, balances=True)  # by kernels that others have compiled
     results = step(structure, case, H, over, method, **options)
-    nodes = plain(structure, case, round(DURATION / H)).temperature
+    nodes = stepped_as(structure, H, method, options)(case, round(DURATION / H)).temperature
     means = nodes @ structure.contacts.observed[0]
     assert results.metrics["impacts"][0] >= 1
     np.testing.assert_allclose(results.histories["temperature"][0], means[::10], rtol=1e-8, atol=1e-9)
