@@ -213,16 +213,10 @@ def test_two_opposite_stops(basis: str) -> None:
         over, small, case = Sampling(0.01, 1e-4, 101), reduction.structure, reduction.project(batch)
         errors = [apart(scenes.step(small, case, h, over, theta=0.5), ours) for h in (2.5e-7, 6.25e-8)]
         assert errors[1] < 0.5 * errors[0] < 0.03
-
-
-@pytest.mark.parametrize("basis", BASES)
-def test_static_answers_of_opposite_stops_with_friction(basis: str) -> None:
-    """Each has a sliding direction of its own, and both push the same modes."""
-    ends = np.eye(20)[[-1, 9, -1]] * np.array([[1.0], [-1.0], [-2.0]])
-    full = of_entries(clamped(20) | {"contact": ends, "tangent": np.eye(20)[[4, 8, 12]]})
-    small = reduce_structure(full, 3, None, basis, DURATION).structure
+    slides = of_entries(entries | {"contact": ends, "tangent": np.eye(20)[[4, 8, 12]]})  # each in its own direction
+    few = reduce_structure(slides, 3, None, basis, DURATION).structure
     for friction in (0.0, 0.3, -0.8):
-        assert static(small, friction) == pytest.approx(static(full, friction), rel=1e-9)
+        assert static(few, friction) == pytest.approx(static(slides, friction), rel=1e-9)
 
 
 @pytest.mark.parametrize("basis", BASES)

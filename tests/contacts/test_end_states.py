@@ -1,6 +1,5 @@
 """What goes on from the state in which contacts, with mass or without, end is what would have gone on."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,15 +35,3 @@ def test_contacts_go_on(method: str, options: dict[str, Any], kind: str) -> None
             expected, scale = whole.histories[name][..., 21:], np.abs(whole.histories[name]).max()
             np.testing.assert_allclose(rest.histories[name][..., 1:], expected, rtol=0, atol=1e-8 * scale + 1e-20)
     assert touched > 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["carpenter", "paoli_schatzman"])
-def test_central_differences_go_on_but_for_the_heat_of_a_step(method: str) -> None:
-    for seed in range(4):
-        scene = drawn(seed)
-        cases = replace(scene.cases, alpha=np.zeros(1))
-        whole, _, rest = halves(scene.structure, cases, 2e-6, OVER, method)
-        for name in ("displacement", "velocity"):
-            expected, scale = whole.histories[name][..., 20:], np.abs(whole.histories[name]).max()
-            np.testing.assert_allclose(rest.histories[name], expected, rtol=0, atol=3e-2 * scale)

@@ -15,16 +15,17 @@ from workflow.schemes import Status
 H, OVER = 4e-5, sampling(0.004, 5e-5)
 
 
+@pytest.mark.parametrize(("method", "options"), [("moreau", {"theta": 0.5}), ("event_driven", {})])
 @pytest.mark.parametrize("massless", [False, True])
-def test_a_case_alone_has_the_bits_it_has_in_a_batch(massless: bool) -> None:
+def test_a_case_alone_has_the_bits_it_has_in_a_batch(massless: bool, method: str, options: dict[str, Any]) -> None:
     """Of cases that differ in all that a batch may vary; one is cold."""
     structure, case = varied(0, massless)
     batch, grows = case.take(np.zeros(5, dtype=int)), np.linspace(0, 1, 5)
     gaps = batch.gaps + 1e-5 * grows[:, None]
     batch = replace(batch, e=0.9 * grows, alpha=30 * grows, friction=0.2 * grows, gaps=gaps)
-    together = step(structure, batch, H, OVER, theta=0.5)
+    together = step(structure, batch, H, OVER, method, **options)
     for k in range(batch.count):
-        one = step(structure, alone(batch, k), H, OVER, theta=0.5)
+        one = step(structure, alone(batch, k), H, OVER, method, **options)
         assert same_bits(one, taken(together, slice(k, k + 1)))
 
 

@@ -86,15 +86,6 @@ def conditions(*chosen: int) -> dict[str, Any]:
 OVER = Sampling(0.03, 1e-3, 31)
 
 
-def test_a_case_has_one_result_whatever_the_batch(structure: Structure) -> None:
-    together = step(structure, cases_of_file(structure, 12, **conditions(*range(12))), 0.0, OVER, "event_driven")
-    assert np.nansum(together.metrics["impacts"]) > 50
-    for i in (0, 5, 11):
-        alone = step(structure, cases_of_file(structure, 1, **conditions(i)), 0.0, OVER, "event_driven")
-        for name, values in alone.histories.items():
-            assert np.array_equal(values[0], together.histories[name][i]), name
-
-
 def test_tables_of_an_earlier_α_make_room(structure: Structure, monkeypatch: pytest.MonkeyPatch) -> None:
     scheme = schemes.load("event_driven")
     some = cases_of_file(structure, 12, **conditions(*range(12)))
@@ -121,17 +112,3 @@ def test_a_case_of_more_sets_than_a_table_holds_goes_on(monkeypatch: pytest.Monk
     few = step(five, case, 0.0, over, "event_driven")
     assert len(made) > 2
     assert same_bits(few, usual)
-
-
-def test_the_largest_temperature_of_open_contacts_is_not_that_of_samples(structure: Structure) -> None:
-    """Heat at rest in one node passes a contact that never closes: its maximum lies between two samples."""
-    warm = np.zeros((1, 5))
-    warm[0, 0] = 10.0
-    still = {"gaps": [1.0, 1.0], "temperature": warm}
-    coarse, fine = (
-        step(structure, cases_of_file(structure, 1, **still), 0.0, Sampling(40.0, 40.0 / n, n + 1), "event_driven")
-        for n in (4, 4000)
-    )
-    largest = fine.histories["temperature"][0].max(axis=1)
-    assert np.all(coarse.histories["temperature"][0].max(axis=1)[:1] < 0.99 * largest[:1])
-    assert coarse.metrics["max_temperature"][0] == pytest.approx(largest, rel=1e-5)

@@ -24,16 +24,6 @@ from workflow.models import (
 )
 
 
-def test_matrices_of_a_chain_give_the_chain() -> None:
-    structure = heavy_chain()
-    rebuilt = structure_from_matrices(given(structure))
-    for name in ("stiffness_matrix", "coupling_matrix", "conductance_matrix", "mass", "heat_capacity"):
-        of_chain = getattr(structure, name)
-        assert np.abs(getattr(rebuilt, name) - of_chain).max() <= 1e-14 * np.abs(of_chain).max(), name
-    assert rebuilt.content == pytest.approx(structure.content, rel=1e-15)
-    assert np.abs(rebuilt.loss_row - structure.loss_row).max() <= 1e-13 * structure.conductance_matrix.max()
-
-
 def with_massless(matrices: GivenMatrices) -> GivenMatrices:
     """Without the mass of nodes 2 and 5, and the heat capacity of node 3."""
     mass, capacity = matrices.mass.copy(), matrices.heat_capacity.copy()

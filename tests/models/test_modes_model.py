@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import heavy_chain, tip_flexibility
+from scenes import heavy_chain
 from studies import written
 from workflow.models import (
     Array,
@@ -14,7 +14,6 @@ from workflow.models import (
     Structure,
     UnusableMatricesError,
     critical_alpha,
-    growth_rate,
     load,
     mechanical_modes,
     modal_coupling,
@@ -41,13 +40,6 @@ def as_rows(table: Array) -> tuple[tuple[float, ...], ...]:
 def of_tables(*tables: Array) -> Structure:
     model = load("modes")
     return model.assemble(model.Parameters(*(as_rows(table) for table in tables)))
-
-
-def test_all_modes_of_a_chain_are_the_chain() -> None:
-    modal = of_tables(*tables(CHAIN))
-    assert tip_flexibility(modal) == pytest.approx(tip_flexibility(CHAIN), rel=1e-11)
-    assert critical_alpha(modal) == pytest.approx(critical_alpha(CHAIN), rel=1e-10)
-    assert growth_rate(modal, 3.0) == pytest.approx(growth_rate(CHAIN, 3.0), rel=1e-8)
 
 
 def test_a_rigid_mode_is_one() -> None:

@@ -22,16 +22,6 @@ def of_moreau(structure: Structure, batch: Cases, h: float, duration: float, the
     return step(structure, batch, h, sampling(duration, duration, balances=True), theta=theta)
 
 
-@pytest.mark.parametrize("theta", [0.45, 0.5, 0.7, 1.0])
-def test_a_free_mode_loses_or_gains_what_is_known(theta: float) -> None:
-    structure, h, steps = chain(nodes=1, mass=2.0, stiffness=18.0), 0.05, 40
-    batch = cases(structure, gap=10.0, displacement=0.3)
-    ratio = (1 + (1 - theta) ** 2 * (3 * h) ** 2) / (1 + theta**2 * (3 * h) ** 2)
-    metrics = of_moreau(structure, batch, h, h * steps, theta).metrics
-    assert metrics["energy_residual"][0] == pytest.approx((ratio**steps - 1) / max(1.0, ratio**steps), abs=1e-13)
-    assert metrics["heat_residual"][0] == 0
-
-
 @pytest.mark.parametrize("steps", [120, 3000])
 @pytest.mark.parametrize("theta", [0.45, 0.5, 0.7, 1.0])
 def test_a_lump_by_the_definition(theta: float, steps: int) -> None:

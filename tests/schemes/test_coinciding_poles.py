@@ -6,12 +6,9 @@ from plain_events import Reference
 from test_event_driven_random import against_reference
 
 from given_matrices import given
-from scenes import cases, chain, heavy_chain, held_matrix, sampling, step, with_dashpot
+from scenes import cases, chain, held_matrix, sampling, step, with_dashpot
 from workflow.models import Cases, Rayleigh, Structure, structure_from_matrices
 from workflow.schemes import Status
-from workflow.schemes._exact.batch import make_operator
-from workflow.schemes._exact.set_motion import Budget
-from workflow.schemes._exact.tables import block, first
 
 OVER = sampling(8.0, 0.1)
 
@@ -128,19 +125,3 @@ def test_real_poles_that_meet(beside: float, dashpot: float) -> None:
         structure, alpha=high * (1 + beside), displacement=[1e-5, -2e-5, 0.0], velocity=[0.3, 0.1, 0.0], **pressed
     )
     assert against_reference(structure, case, sampling(3e-3, 1e-4)) <= 1e-10
-
-
-@pytest.mark.parametrize("alpha", [1e-3, 10.0, 100.0])
-def test_blocks_are_the_poles_of_the_held_tip_in_the_order_of_their_size(alpha: float) -> None:
-    """Searches for events take the slowest blocks first."""
-    structure = heavy_chain(nodes=9)
-    table = make_operator(structure, Budget(1, 1)).sets(True, 0.0, OVER.duration)
-    held = table.find(np.ones(1, dtype=bool), alpha)
-    assert held is not None
-    c, w2 = held.block[[block.DAMPING, block.STIFFNESS], : held.blocks]
-    rates = held.first[first.RATE, : held.firsts]
-    assert np.all(np.diff(w2) > 0.0)
-    assert np.all(np.diff(np.abs(rates)) > 0.0)
-    exact = np.linalg.eigvals(held_matrix(structure, alpha))
-    np.testing.assert_allclose(np.sqrt(w2), np.sort(np.abs(exact[exact.imag > 0])), rtol=1e-9)
-    np.testing.assert_allclose(c.sum() + rates.sum(), -exact.sum().real, rtol=1e-7)

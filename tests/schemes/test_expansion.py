@@ -8,7 +8,7 @@ from bare_motion import add_decay, bare_motion
 
 from workflow.kernels import Array
 from workflow.kernels.compiled import kernel
-from workflow.schemes._exact.expansion import accumulate, bounds, expand, growth_bound
+from workflow.schemes._exact.expansion import accumulate, bounds, expand
 from workflow.schemes._exact.motion import Motion
 from workflow.schemes._exact.tables import block, seen, seen_wave, state, wave
 
@@ -85,17 +85,3 @@ def test_the_signal_lies_within_its_bounds(damping: float) -> None:
                 assert fourth <= 1.001 * most * h**4 / 24
                 assert tail <= 1.001 * amplitude[k:].sum()
                 assert tail_slope <= 1.001 * h * (omega * amplitude)[k:].sum()
-
-
-@kernel
-def _grow(x: Array, factor: Array) -> None:
-    for i in range(x.size):
-        factor[i] = growth_bound(x[i])
-
-
-def test_growth_is_bounded() -> None:
-    x = np.concatenate([np.linspace(-1.0, 1.0, 201), [1e-9, 30.0]])
-    factor, least = np.zeros(x.size), np.exp(np.maximum(x, 0.0))
-    _grow(x, factor)
-    assert np.all(factor >= least * (1 - 1e-15))
-    assert np.all(factor <= 1.05 * least)

@@ -4,18 +4,7 @@ import numpy as np
 import pytest
 
 from scenes import cases, chain, heavy_chain, sampling, static_equilibrium, step
-from workflow import schemes
 from workflow.reduction import reduce_structure
-
-
-def test_samples_between_step_ends_are_linear_and_on_them_exact() -> None:
-    structure = heavy_chain()
-    batch = cases(structure, 3, e=[0.1, 0.5, 0.9], alpha=[0.0, 20.0, 50.0], gap=4e-5, amplitude=100.0, frequency=20.0)
-    fine = step(structure, batch, 1e-4, sampling(0.03, 1e-4)).histories
-    coarse = step(structure, batch, 1e-4, sampling(0.03, 2.5e-4)).histories
-    for name in schemes.HISTORIES:
-        assert np.array_equal(coarse[name][:, ::2], fine[name][:, ::5])
-        assert np.allclose(coarse[name][:, 1::2], (fine[name][:, 2::5] + fine[name][:, 3::5]) / 2, rtol=1e-12, atol=0)
 
 
 def test_last_step_beyond_the_duration_counts_up_to_it() -> None:
