@@ -174,12 +174,19 @@ def with_tip_first(structure: Structure) -> Matrices:
     )
 
 
+def movable(batch: Cases) -> Cases:
+    """The cases on a casing that could move: one kernel steps them and those of a casing that does."""
+    still = Harmonics(*np.zeros((3, batch.count, 1)))
+    return batch if batch.casing_harmonics.width else replace(batch, casing_harmonics=still)
+
+
 def coated(structure: Structure, batch: Cases, yield_force: Any, sectors: Any = 1, **more: Any) -> Cases:
     """Return the batch with a coating, not worn: ``hardening``, ``speed``, a number or one for each case."""
     rows = [np.broadcast_to(value, (batch.count,)) for value in (yield_force, more.get("hardening", 0.0), sectors)]
     rows = [np.array(row, dtype=float) for row in (*rows, np.broadcast_to(more.get("speed", 0.0), (batch.count,)))]
     turns = np.tile(structure.contacts.angle / (2 * np.pi), (batch.count, 1))
-    return replace(batch, coating=Coating(*rows, turns, np.zeros((*turns.shape, int(rows[2].max())))))
+    coating = Coating(*rows, turns, np.zeros((*turns.shape, int(rows[2].max()))))
+    return replace(movable(batch), coating=coating)
 
 
 def watched(structure: Structure) -> Structure:
@@ -194,7 +201,8 @@ def watched(structure: Structure) -> Structure:
     return replace(structure, sensors=Sensors(x, theta, shares))
 
 
-def sampling(duration: float, interval: float, balances: bool = False) -> Sampling:
+def sampling(duration: float, interval: float, balances: bool = True) -> Sampling:
+    """Return what is asked of cases; with balances, as in studies: one kernel serves most tests."""
     return Sampling(duration, interval, round(duration / interval) + 1, balances)
 
 

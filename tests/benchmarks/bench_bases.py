@@ -31,11 +31,11 @@ def rub(structure: Structure) -> Cases:
     return cases(structure, 1, alpha=ALPHA, gap=5e-5, amplitude=100.0, frequency=20.0)
 
 
-def stepped(structure: Structure, batch: Cases, steps: int) -> tuple[Results, float]:
+def stepped(structure: Structure, batch: Cases, steps: int, balances: bool) -> tuple[Results, float]:
     """Return results and the least seconds of five runs."""
     scheme = schemes.load("moreau")
     operator = scheme.init(structure, H, scheme.Options())
-    work = partial(scheme.compute, operator, batch, sampling(steps * H, steps * H / 100))
+    work = partial(scheme.compute, operator, batch, sampling(steps * H, steps * H / 100, balances))
     return work(), min(taken(work, time.thread_time) for _ in range(5))
 
 
@@ -47,17 +47,17 @@ def spectral_radius(structure: Structure, theta: float) -> float:
     return float(np.abs(scheme.amplification(omega, damping, H, scheme.Options(theta=theta))).max())
 
 
-def rows(sizes: tuple[int, ...], steps: int) -> Iterator[str]:
+def rows(sizes: tuple[int, ...], steps: int, balances: bool) -> Iterator[str]:
     """Yield the table, a line for each chain, basis and count."""
     yield "| nodes | basis | vectors | displacement | temperature | impulse | α_c | ρ, θ = 1 | ρ, θ = ½ | cost |\n"
     yield "|---|---|---|---|---|---|---|---|---|---|\n"
     for nodes in sizes:
         whole = finer_chain(nodes)
-        exact, full_seconds = stepped(whole, rub(whole), steps)
+        exact, full_seconds = stepped(whole, rub(whole), steps, balances)
         for mechanical, thermal in COUNTS:
             for name in reduction.names():
                 small = reduce_structure(whole, mechanical, thermal, name, DURATION)
-                run, seconds = stepped(small.structure, small.project(rub(whole)), steps)
+                run, seconds = stepped(small.structure, small.project(rub(whole)), steps, balances)
                 errors = {of: relative(run.histories[of], exact.histories[of]) for of in HISTORIES}
                 off = abs(critical_alpha(small.structure) / critical_alpha(whole) - 1)
                 radii = [spectral_radius(small.structure, theta) for theta in (1.0, 0.5)]
@@ -66,9 +66,9 @@ def rows(sizes: tuple[int, ...], steps: int) -> Iterator[str]:
                 yield f"| {nodes} | `{name}` | {mechanical} + {thermal} | {' | '.join(cells)} |\n"
 
 
-def text(sizes: tuple[int, ...] = (20, 200), steps: int = round(DURATION / H)) -> str:
+def text(sizes: tuple[int, ...] = (20, 200), steps: int = round(DURATION / H), balances: bool = False) -> str:
     """Return the table and what it is of."""
-    return "".join(rows(sizes, steps)) + "\n"
+    return "".join(rows(sizes, steps, balances)) + "\n"
 
 
 if __name__ == "__main__":

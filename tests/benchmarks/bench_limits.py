@@ -42,11 +42,17 @@ def _operator(structure: Structure, h: float, label: str) -> Any:
 
 
 def run(
-    structure: Structure, batch: Cases, h: float, steps: int, samples: int = 10, label: str = "moreau", **options: bool
+    structure: Structure,
+    batch: Cases,
+    h: float,
+    steps: int,
+    samples: int = 10,
+    label: str = "moreau",
+    balances: bool = False,
 ) -> Results:
     """Step a batch; what a study does once for many batches is done once."""
     scheme, operator = _operator(structure, h, label)
-    return scheme.compute(operator, batch, replace(sampling(steps * h, steps * h / samples), **options))
+    return scheme.compute(operator, batch, sampling(steps * h, steps * h / samples, balances))
 
 
 def rub(structure: Structure, count: int, **values: Any) -> Cases:

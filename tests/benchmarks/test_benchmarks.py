@@ -1,21 +1,16 @@
 """Tiny versions of the benchmarks, so that they cannot rot."""
 
 import re
-from dataclasses import replace
 
 import bench_against
 import bench_bases
 import bench_table
-import pytest
 from timing import TINY, parts
 
-from scenes import sampling
 
-
-def test_bases_are_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bases_are_told_of() -> None:
     """With balances, whose kernels other tests need too."""
-    monkeypatch.setattr(bench_bases, "sampling", lambda *over: replace(sampling(*over), balances=True))
-    lines = bench_bases.text(sizes=(20,), steps=700).splitlines()[2:-1]
+    lines = bench_bases.text(sizes=(20,), steps=700, balances=True).splitlines()[2:-1]
     assert len(lines) == 2 * len(bench_bases.reduction.names())
     assert all(float(line.split("|")[7]) < 1e-12 for line in lines)  # α_c
 

@@ -140,7 +140,7 @@ def test_balances_close_with_the_work_at_borders() -> None:
     batch = coated(mass, batch, 0.5, 24, hardening=1e5, speed=speed)
 
     def apart(h: float) -> tuple[float, float]:
-        done = step(mass, batch, h, replace(sampling(0.04, h), balances=True), theta=0.5)
+        done = step(mass, batch, h, sampling(0.04, h), theta=0.5)
         force = np.diff(done.histories["impulse"][0]) / h
         x, own = done.histories["displacement"][0], batch.coating
         assert own is not None

@@ -9,12 +9,12 @@ from random_contacts import drawn
 from two_masses import pressed, two_masses
 
 from plain_steps import march, results
-from scenes import cases_of_file, sampling, step
+from scenes import cases_of_file, movable, sampling, step
 from workflow.models import Array, Cases, Structure, at_rest
 from workflow.schemes import HISTORIES, Results, Status
 
 H = 4e-5
-EVERY_STEP = sampling(150 * H, H, balances=True)
+EVERY_STEP = sampling(150 * H, H)
 
 
 def residual(structure: Structure, flexibility: Array) -> Structure:
@@ -82,7 +82,7 @@ def test_a_static_start_of_contacts_without_mass_takes_residuals_and_the_mean_lo
     residual = {"residual_flexibility": 1e-5 * np.array([[2.0, 1.0], [1.0, 3.0]])}
     structure = two_masses(**residual, residual_load=np.array([2e-4, -1e-4]), load=np.array([1.0, 0.5]))
     F, gaps, times = 10.0, [1e-3, 2e-3], np.linspace(0, 0.1, 11)
-    case = at_rest(structure, cases_of_file(structure, steady=[30.0, 5.0], mean=F, gaps=gaps))
+    case = at_rest(structure, movable(cases_of_file(structure, steady=[30.0, 5.0], mean=F, gaps=gaps)))
     force = ((30.0 + F) / 1e4 + 2e-4 * F - gaps[0]) / (1e-4 + 2e-5)
     aside = (5.0 + 0.5 * F) / 1e4
     np.testing.assert_allclose(

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 import yaml
 
-from scenes import cases, chain, step
+from scenes import cases, chain, sampling, step
 from workflow import run_study
 from workflow.archive import open_archive
 from workflow.models import at_rest
-from workflow.schemes import Sampling
 from workflow.study import StudyError, read_study
 
 CASING = 2e-5
@@ -30,7 +29,7 @@ CHAIN = {
 @pytest.mark.parametrize("integration", ["explicit", "implicit"])
 def test_a_contact_spring_converges_to_it(integration: str) -> None:
     """Second order, but for where in a step contacts begin and end: over an eightfold step 1.5 at least."""
-    rod, over = chain(**CHAIN), Sampling(0.5, 1e-3, 501)
+    rod, over = chain(**CHAIN), sampling(0.5, 1e-3)
     batch = cases(rod, alpha=0.5, gap=1e-3, amplitude=4.0, frequency=12.0)
     exact = step(rod.on_casing(CASING), batch, 1.0, over, "event_driven").histories
     assert exact["temperature"].max() > 0.01
@@ -52,7 +51,7 @@ def test_a_static_start_rests_on_it() -> None:
     resting = at_rest(mass, cases(mass, gap=d, mean=f))
     np.testing.assert_allclose(resting.displacement, (f + d / c) / (k + 1 / c), rtol=1e-13)
     for method in ("event_driven", "moreau"):
-        done = step(mass, resting, 1e-4, Sampling(0.1, 0.01, 11), method)
+        done = step(mass, resting, 1e-4, sampling(0.1, 0.01), method)
         np.testing.assert_allclose(done.histories["displacement"][0], resting.displacement[0, 0], rtol=1e-11)
         np.testing.assert_allclose(
             done.histories["impulse"][0, -1], 0.1 * (resting.displacement[0, 0] - d) / c, rtol=1e-9

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from random_contacts import DURATION, drawn
 
-from scenes import halves
-from workflow.schemes import Sampling
+from scenes import halves, sampling
 
-OVER = Sampling(DURATION, DURATION / 40, 41)
+OVER = sampling(DURATION, DURATION / 40)
 STEPPED: list[tuple[str, dict[str, Any]]] = [
     ("event_driven", {}),
     ("moreau", {"theta": 1.0}),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from scenes import cases_of_file, of_entries, step
+from scenes import cases_of_file, of_entries, sampling, step
 from workflow import poles
 from workflow.kernels import algebra
 from workflow.models import Array, Cases, ContactBasis, Structure, _contact_system, analyse_contacts, contact_system
@@ -204,7 +204,7 @@ def drawn(seed: int) -> tuple[Structure, Cases, Sampling]:
     given: dict[str, Any] = {"gaps": [2e-4, 3e-4], "e": rng.choice([0.0, 0.3]), "mean": 20.0}
     given |= {"alpha": 2.0 * (kind == "heat"), "friction": 0.1 * (kind == "friction")}
     case = cases_of_file(structure, load_harmonics=[[25.0, 60.0, 0.3]], **given)
-    return structure, case, Sampling(0.01, 1e-4, 101)
+    return structure, case, sampling(0.01, 1e-4)
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from scenes import cases, heavy_chain, relative, sampling, step, watched, with_d
 from workflow.models import Array, Cases, Structure
 from workflow.schemes import HISTORIES, Results, Sampling, Status
 
-H, OVER = 4e-5, sampling(0.006, 5e-5, balances=True)
+H, OVER = 4e-5, sampling(0.006, 5e-5)
 KAPPA, DAMPER = 3e6, 150.0
 METRICS = ("impacts", "contact_time", "max_penetration", "max_temperature", "thermal_closing")
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from scenes import cases_of_file, of_entries
+from scenes import cases_of_file, movable, of_entries
 from workflow.models import Cases, Structure
 
 
@@ -22,4 +22,4 @@ def two_masses(**entries: Any) -> Structure:
 
 def pressed(structure: Structure, **more: Any) -> Cases:
     """Return a case that is pushed against both its contacts, in equilibrium."""
-    return cases_of_file(structure, steady=[30.0, 50.0], **{"gaps": [1e-3, 1e-3], **more})
+    return movable(cases_of_file(structure, steady=[30.0, 50.0], **{"gaps": [1e-3, 1e-3], **more}))

@@ -118,7 +118,7 @@ def test_it_takes_several_contacts_as_carpenter_does(recipe: str) -> None:
     structure, distances = replace(short_chain().matrices(), contacts=own), []
     batch = cases(structure, 2, alpha=[0.0, 5.0], gaps=[[3e-5, 1e-5]], amplitude=100.0, frequency=250.0)
     for h in (8e-6, 1e-6):
-        over = sampling(2e-3, 1e-5, balances=True)
+        over = sampling(2e-3, 1e-5)
         ours, other = (step(structure, batch, h, over, method) for method in (recipe, "carpenter"))
         assert (ours.metrics["impacts"] > 0).all()
         assert np.abs(ours.metrics["heat_residual"]).max() < 1e-5

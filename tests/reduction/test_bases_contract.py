@@ -1,7 +1,5 @@
 """One acceptance test that every basis in the directory passes unasked, and what each of them is worth."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -102,7 +100,7 @@ def rub(structure: Structure) -> Cases:
     return cases(structure, 1, alpha=50.0, gap=5e-5, amplitude=100.0, frequency=20.0)
 
 
-OVER = replace(sampling(0.3, 1e-3), balances=True)
+OVER = sampling(0.3, 1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +151,7 @@ def test_tip_displacement_by_eight_mechanical_vectors(
     assert error(full_runs[nodes], basis, nodes, 8, None, "displacement") < most
 
 
-BALANCED = replace(sampling(10.0, 0.1), balances=True)
+BALANCED = sampling(10.0, 0.1)
 positive = st.floats(0.1, 10.0)
 
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenes import cases, chain, metal_chain, step, tip_flexibility
+from scenes import cases, chain, metal_chain, sampling, step, tip_flexibility
 from workflow.models import Cases, Rayleigh, Structure, critical_alpha, frequencies, growth_rate
-from workflow.schemes import Sampling, Status
+from workflow.schemes import Status
 from workflow.schemes._fixed.step_limits import largest_step, limit_text
 
 MOST_STEPS = 2_000_000
@@ -49,7 +49,7 @@ def test_the_case_runs_at_the_step_that_is_recommended(options: dict[str, Any]) 
     for seed in range(24):
         growth = float(np.random.default_rng(1000 + seed).uniform(3, 250))
         structure, batch, duration, theta = scene(seed, growth)
-        over = Sampling(duration, duration, 2, balances=True)  # as most tests do: one kernel serves them all
+        over = sampling(duration, duration)
         results = step(structure, batch, min(1e-4, duration), over, method, **theta, **options)
         if results.status[0] != Status.ILL_POSED:
             continue
@@ -67,7 +67,7 @@ def test_the_case_runs_at_the_step_that_is_recommended(options: dict[str, Any]) 
 def test_where_no_step_helps_it_says_so() -> None:
     for seed in range(60):
         structure, batch, duration, theta = scene(seed, 5000.0)
-        results = step(structure, batch, min(1e-4, duration), Sampling(duration, duration, 2), "moreau", **theta)
+        results = step(structure, batch, min(1e-4, duration), sampling(duration, duration), "moreau", **theta)
         if results.status[0] == Status.ILL_POSED:
             assert "no largest admissible h" in results.messages[0]
             return
@@ -113,9 +113,9 @@ def test_the_step_that_a_message_says_runs(scheme: str) -> None:
             nodes=4, mass=10 ** rng.uniform(-4, -2), stiffness=10 ** rng.uniform(4, 7), damping=Rayleigh(20.0, 1e-6)
         )
         batch, h = cases(structure, gap=1.0, mean=1.0), 10.0
-        message = step(structure, batch, h, Sampling(h, h, 2), method, **OPTIONS[scheme]).messages[0]
+        message = step(structure, batch, h, sampling(h, h), method, **OPTIONS[scheme]).messages[0]
         match = re.search(r"stable up to (?:h = )?([\d.e+-]+) s", message)
         assert match is not None, message
         below = float(match[1])
-        ran = step(structure, batch, below, Sampling(100 * below, 100 * below, 2), method, **OPTIONS[scheme])
+        ran = step(structure, batch, below, sampling(100 * below, 100 * below), method, **OPTIONS[scheme])
         assert ran.status[0] == Status.OK, (seed, ran.messages)

@@ -1,7 +1,5 @@
 """Energy and heat balances: what is known of them, and what each scheme may leave."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -19,7 +17,7 @@ STABLE = 1e-5
 
 
 def of_moreau(structure: Structure, batch: Cases, h: float, duration: float, theta: float) -> Results:
-    return step(structure, batch, h, sampling(duration, duration, balances=True), theta=theta)
+    return step(structure, batch, h, sampling(duration, duration), theta=theta)
 
 
 @pytest.mark.parametrize("steps", [120, 3000])
@@ -81,11 +79,7 @@ def test_the_energy_of_the_relative_motion_closes(name: str) -> None:
     metrics = of_moreau(structure, batch, h, 1000 * h, 0.5).metrics
     assert metrics["impacts"][0] > 0
     assert abs(metrics["energy_residual"][0]) < 1e-12
-    spring = (
-        step(structure, batch, h, sampling(1000 * h, 1000 * h, balances=True), "carpenter")
-        if name == "resonance"
-        else None
-    )
+    spring = step(structure, batch, h, sampling(1000 * h, 1000 * h), "carpenter") if name == "resonance" else None
     assert spring is None or abs(spring.metrics["energy_residual"][0]) < 1e-12
 
 
@@ -93,7 +87,7 @@ def test_the_energy_of_the_relative_motion_closes(name: str) -> None:
 @pytest.mark.parametrize("theta", [0.7, 1.0])
 def test_modes_and_blocks_count_as_recorded_states_do(theta: float, coupled: bool) -> None:
     """Where no heat makes their energies different ones."""
-    structure, h, over = heavy_chain(), 1e-4, sampling(0.05, 0.05, balances=True)
+    structure, h, over = heavy_chain(), 1e-4, sampling(0.05, 0.05)
     structure = with_dashpot(structure, 10, 4, 100.0) if coupled else structure
     batch = cases(structure, 3, e=[0.0, 0.5, 0.9], gap=5e-5, mean=60.0, amplitude=100.0, frequency=50.0)
     paths = [plain_march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]
@@ -111,11 +105,7 @@ def test_modes_and_blocks_count_as_recorded_states_do(theta: float, coupled: boo
 @pytest.mark.parametrize("method", STEPPED)
 def test_looking_changes_nothing(method: str) -> None:
     structure, batch = heavy_chain(), rubs(heavy_chain(), 41)
-    over = sampling(0.02, 1e-3)
-    plain, seen = (
-        step(structure, batch, STABLE, over, method),
-        step(structure, batch, STABLE, replace(over, balances=True), method),
-    )
+    plain, seen = (step(structure, batch, STABLE, sampling(0.02, 1e-3, looks), method) for looks in (False, True))
     assert not set(BALANCES) & set(plain.metrics)
     for name in BALANCES:
         assert np.isfinite(seen.metrics.pop(name)).all()

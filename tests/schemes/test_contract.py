@@ -56,13 +56,12 @@ IMPLICIT = ("penalty", {"integration": "implicit", "damping": 5.0})
 )
 def test_alone_is_as_in_a_batch(method: str, options: dict[str, Any], kind: str) -> None:
     structure, batch = kinds()[kind]
-    over = replace(OVER, balances=True)
-    whole = step(structure, batch, H, over, method, **options)
+    whole = step(structure, batch, H, OVER, method, **options)
     assert np.all(whole.status == Status.OK)
     assert whole.metrics["impacts"].min() > 0
     assert method == "event_driven" or np.count_nonzero(whole.metrics["energy_residual"]) > 20
     for part in (slice(0, 1), slice(33, 34), slice(5, 12)):
-        assert same_bits(step(structure, batch.take(part), H, over, method, **options), taken(whole, part))
+        assert same_bits(step(structure, batch.take(part), H, OVER, method, **options), taken(whole, part))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -78,14 +77,14 @@ def test_a_tip_at_minus_zero_on_its_casing_is_not_a_matter_of_its_place(method: 
 
 @pytest.mark.parametrize(("method", "options"), [*((method, {}) for method in METHODS), IMPLICIT])
 def test_a_poisoned_neighbour_changes_nothing(method: str, options: dict[str, Any]) -> None:
-    batch, over = rubs(heavy_chain(), 6), replace(OVER, balances=True)
-    clean = step(heavy_chain(), batch, H, over, method, **options)
+    batch = rubs(heavy_chain(), 6)
+    clean = step(heavy_chain(), batch, H, OVER, method, **options)
     poisons = [("velocity", np.nan), ("temperature", np.inf), ("load_harmonics.amplitude", np.nan), ("velocity", 1e300)]
     poisons += [("e", np.nan)] if method in ("moreau", "event_driven") else []
     for name, poison in poisons:
         sick = batch.take(np.arange(6))
         attrgetter(name)(sick)[3] = poison
-        results = step(heavy_chain(), sick, H, over, method, **options)
+        results = step(heavy_chain(), sick, H, OVER, method, **options)
         if not np.isfinite(poison):
             assert results.status[3] != Status.OK
             assert results.messages[3]

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 from test_event_driven_random import against_reference
 
-from scenes import cases, same_bits, sampling, sliding, static_equilibrium, step
+from scenes import cases, movable, same_bits, sampling, sliding, static_equilibrium, step
 from sliding import TANGENT, random_structure, slider
 from workflow.models import (
     Cases,
-    Harmonics,
     NoEquilibriumError,
     Rayleigh,
     critical_alpha,
@@ -42,10 +41,8 @@ RIGID = ["implicit_euler", SLOW["midpoint"], SLOW["carpenter"], SLOW["paoli_scha
 
 def ran(structure: Any, batch: Cases, scheme: str, h: float, over: Sampling) -> Results:
     """Run a scheme with balances, on a casing that could move: one kernel serves all tests."""
-    if batch.casing_harmonics.width == 0:
-        batch = replace(batch, casing_harmonics=Harmonics(*np.zeros((3, batch.count, 1))))
     method, options = FIXED.get(scheme, (scheme, {}))
-    return step(structure, batch, h, replace(over, balances=True), method, **options)
+    return step(structure, movable(batch), h, over, method, **options)
 
 
 def rubbing(structure: Any, count: int = 1, **values: Any) -> Cases:

@@ -46,7 +46,7 @@ SLOW = pytest.mark.slow
 def test_steps_record_the_mean_of_the_nodes_they_have(kind: str, name: str) -> None:
     """Samples and the largest of all step ends, and the motion to the bit as without."""
     structure, (method, options) = STRUCTURES[kind], LAWS[name]
-    case, over = rub(structure), sampling(DURATION, 10 * H, balances=True)  # by kernels that others have compiled
+    case, over = rub(structure), sampling(DURATION, 10 * H)  # by kernels that others have compiled
     results = step(structure, case, H, over, method, **options)
     nodes = stepped_as(structure, H, method, options)(case, round(DURATION / H)).temperature
     means = nodes @ structure.contacts.observed[0]

@@ -20,7 +20,7 @@ def test_without_weight_at_the_end_of_the_step_contact_begins_all_the_same(count
     path = march(structure, batch, h, 0.0, 60, spring(h, 0.0, 1e4))
     assert np.sum(path.impulse > 0) > 20
     options = {"stiffness": 1e4, "integration": "implicit", "theta": 0.0}
-    results = step(structure, batch, h, sampling(60 * h, h, balances=True), "penalty", **options)
+    results = step(structure, batch, h, sampling(60 * h, h), "penalty", **options)
     impulse = np.cumsum(path.impulse)
     for case in (0, count - 1):
         assert np.abs(results.histories["impulse"][case] - impulse).max() < 1e-12 * impulse[-1]
@@ -32,7 +32,7 @@ def test_where_neither_branch_is_consistent_the_tip_stays_on_the_casing() -> Non
     structure = chain(nodes=1, mass=1.0, stiffness=0.0)
     batch = cases(structure, gap=0.0999, velocity=1.0)
     options = {"stiffness": 1.0, "damping": 1e6, "integration": "implicit", "theta": 1.0}
-    histories = step(structure, batch, 0.1, sampling(0.1, 0.1, balances=True), "penalty", **options).histories
+    histories = step(structure, batch, 0.1, sampling(0.1, 0.1), "penalty", **options).histories
     assert histories["displacement"][0, 1] == pytest.approx(0.0999, rel=1e-12)
     path = march(structure, batch, 0.1, 1.0, 1, spring(0.1, 1.0, 1.0, 1e6))
     assert path.displacement[1, 0] == pytest.approx(0.0999, rel=1e-12)
@@ -55,7 +55,7 @@ def test_a_single_mass_rebounds_as_in_closed_form(integration: str, zeta: float)
 
     def run(h: float) -> Any:
         options = {"stiffness": 1e4, "damping": 2 * zeta * 100, "integration": integration, "theta": 0.5}
-        return step(structure, batch, h, sampling(0.2, 0.05, balances=True), "penalty", **options)
+        return step(structure, batch, h, sampling(0.2, 0.05), "penalty", **options)
 
     fine = run(1e-5)
     assert fine.histories["velocity"][0, -1] == pytest.approx(-2 * exact, rel=2e-3)
@@ -75,7 +75,7 @@ def test_static_penetration_is_load_over_stiffness() -> None:
     assert penalty.contact_stiffness_of(reduced, penalty.Options()) == pytest.approx(kappa, rel=1e-9)
     batch = cases(structure, gap=5e-5, mean=100.0)
     for integration in ("explicit", "implicit"):
-        results = step(structure, batch, 1e-5, sampling(0.2, 0.1, balances=True), "penalty", integration=integration)
+        results = step(structure, batch, 1e-5, sampling(0.2, 0.1), "penalty", integration=integration)
         sunk = (100.0 - 5e-5 * kappa / 10) / (kappa + kappa / 10)
         assert results.histories["displacement"][0, -1] - 5e-5 == pytest.approx(sunk, rel=1e-6)
 

@@ -47,7 +47,7 @@ LAWS = THETA | CENTRAL | EXPLICIT | IMPLICIT
 
 def agree(law: str, structure: Structure, batch: Cases, h: float, steps: int) -> tuple[Results, Results]:
     """Compare all histories at the step ends, each and those of every sensor, relative to its largest value."""
-    (method, options), over, whole = LAWS[law], sampling(steps * h, h, balances=True), watched(structure)
+    (method, options), over, whole = LAWS[law], sampling(steps * h, h), watched(structure)
     ours = step(whole, batch, h, over, method, **options)
     truth = results(whole, h, batch, over, stepped_as(whole, h, method, options))
     for name in (*HISTORIES, "sensor_value"):
