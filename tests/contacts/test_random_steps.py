@@ -95,7 +95,7 @@ def test_central_differences_that_start_in_contact(method: str, seed: int) -> No
 
 
 @pytest.mark.parametrize("heat", ["explicit", "implicit"])
-@pytest.mark.parametrize("coupled", [False, True])
+@pytest.mark.parametrize("coupled", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_sensors_of_central_differences_see_what_warms_without_loss(heat: str, coupled: bool) -> None:
     """Constant heating of a chain that loses no heat: temperatures and what they move grow without bound."""
     structure = heavy_chain(nodes=4, stiffness=4e6, convection=0.0, conductance=[0.0, 0.7, 0.7, 0.7]).matrices()

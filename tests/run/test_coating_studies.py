@@ -25,7 +25,7 @@ CASING = {"gap": "5 um", "flexibility": 1e-7, "harmonics": [{"order": 2, "amplit
 
 def oval(axes: dict[str, Any] | None = None, **parts: Any) -> Study:
     """Return a study of a rod, pressed by 4 N, in an oval casing that turns three times; parts of the scene by name."""
-    output = {"interval": "2 ms", "balances": False, **parts.pop("output", {})}
+    output = {"interval": "2 ms", **parts.pop("output", {})}
     scene = {"chain": ROD, "casing": CASING | {"coating": COATING}, "speed": 50.0, "load": {"mean": 4.0}, **parts}
     scene = {name: value for name, value in scene.items() if value is not None}
     given = {"scheme": "moreau", "h": 2e-5, "alpha": 0.2, **(axes or {})}

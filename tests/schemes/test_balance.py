@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plain_steps import march as plain_march
-from scenes import alone, cases, chain, heavy_chain, rubs, same_bits, sampling, step, with_dashpot
+from scenes import alone, cases, chain, heavy_chain, movable, rubs, same_bits, sampling, step, with_dashpot
 from workflow import schemes
 from workflow.models import Cases, Rayleigh, Structure
 from workflow.schemes import Recorder, Results, moreau
@@ -17,7 +17,7 @@ STABLE = 1e-5
 
 
 def of_moreau(structure: Structure, batch: Cases, h: float, duration: float, theta: float) -> Results:
-    return step(structure, batch, h, sampling(duration, duration), theta=theta)
+    return step(structure, movable(batch), h, sampling(duration, duration), theta=theta)
 
 
 @pytest.mark.parametrize("steps", [120, 3000])
@@ -89,7 +89,7 @@ def test_modes_and_blocks_count_as_recorded_states_do(theta: float, coupled: boo
     """Where no heat makes their energies different ones."""
     structure, h, over = heavy_chain(), 1e-4, sampling(0.05, 0.05)
     structure = with_dashpot(structure, 10, 4, 100.0) if coupled else structure
-    batch = cases(structure, 3, e=[0.0, 0.5, 0.9], gap=5e-5, mean=60.0, amplitude=100.0, frequency=50.0)
+    batch = movable(cases(structure, 3, e=[0.0, 0.5, 0.9], gap=5e-5, mean=60.0, amplitude=100.0, frequency=50.0))
     paths = [plain_march(structure, alone(batch, case), h, theta, over.steps(h)) for case in range(3)]
     recorder = Recorder(structure, batch, over, h)
     for k in range(1, recorder.steps + 1):

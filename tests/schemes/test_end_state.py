@@ -1,13 +1,14 @@
 """The state in which cases end: what goes on from it is what would have gone on."""
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 
 from scenes import WAVES, chain, everything_acts, halves, heavy_chain, sampling, with_dashpot
-from workflow.models import Rayleigh, Structure
+from workflow.models import Rayleigh
 
 SMALL = heavy_chain(nodes=4)
 COUPLED = with_dashpot(SMALL, 0, 2, 50.0)
@@ -26,15 +27,21 @@ SCHEMES: list[tuple[str, dict[str, Any]]] = [
 ]
 
 
-@pytest.mark.parametrize(("method", "options"), SCHEMES)
+def quick(method: str) -> tuple[str, bool]:
+    """Return the structure, and whether its casing moves, of which kernels are compiled for other tests too."""
+    return ("coupled", True) if method in ("event_driven", "moreau") else ("small", False)
+
+
 @pytest.mark.parametrize(
-    "structure",
-    [pytest.param(one, marks=[] if name == "coupled" else pytest.mark.slow) for name, one in STRUCTURES.items()],
-    ids=STRUCTURES,
+    ("method", "options", "structure", "moves"),
+    [
+        pytest.param(method, options, *kind, marks=() if kind == quick(method) else pytest.mark.slow)
+        for method, options in SCHEMES
+        for kind in product(STRUCTURES, (False, True))
+    ],
 )
-@pytest.mark.parametrize("waves", [pytest.param({}, marks=pytest.mark.slow), WAVES], ids=["still", "moving"])
 def test_a_case_goes_on_from_the_state_in_which_another_ended(
-    structure: Structure, method: str, options: dict[str, Any], waves: dict[str, Any]
+    method: str, options: dict[str, Any], structure: str, moves: bool
 ) -> None:
     """Every load acts, contact begins and ends.
 
@@ -42,9 +49,10 @@ def test_a_case_goes_on_from_the_state_in_which_another_ended(
     spring that is pressed bounces fast: without contact they go on as exactly.
     """
     rough = method in ("carpenter", "paoli_schatzman") or options == {"stiffness": 1e7}
+    own, over, waves = STRUCTURES[structure], sampling(0.02, 1e-3), WAVES if moves else {}
     for gap in (5e-6, 1.0) if rough else (5e-6,):
-        batch, over = everything_acts(structure, 2, e=[0.0, 0.4], gap=gap, **waves), sampling(0.02, 1e-3)
-        whole, begun, rest = halves(structure, batch, 1e-5, over, method, **options)
+        batch = everything_acts(own, 2, e=[0.0, 0.4], gap=gap, **waves)
+        whole, begun, rest = halves(own, batch, 1e-5, over, method, **options)
         assert (rest.metrics["contact_time"].max() > 0) == (gap < 1)
         share = 5e-2 if rough and gap < 1 else 1e-10
         for name, end in zip(("displacement", "velocity", "temperature"), begun.end, strict=True):

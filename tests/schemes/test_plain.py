@@ -111,7 +111,7 @@ def test_free_and_adiabatic_bodies() -> None:
         agree("central, explicit heat", structure, batch, 1e-5, 500)
 
 
-@pytest.mark.parametrize("law", ["moreau 0.5", "central, implicit heat"])
+@pytest.mark.parametrize("law", ["moreau 0.5", pytest.param("central, implicit heat", marks=pytest.mark.slow)])
 def test_a_free_body_whose_damping_couples_its_modes(law: str) -> None:
     """Blocks keep no place of the rigid motion: sensors have it from the tip."""
     free = with_dashpot(heavy_chain(nodes=6, stiffness=tuple(2e7 * (np.arange(6) > 0))), 1, 3, 20.0)
