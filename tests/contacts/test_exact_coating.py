@@ -11,12 +11,13 @@ from scenes import cases, chain, coated, of_entries, sampling
 from scenes import step as stepped
 from workflow.models import Cases, Structure
 from workflow.schemes import Results, Sampling, Status
+from workflow.schemes._exact.event_loop import run_cases
 from workflow.variables import EVENT_KINDS
 
 
 def run(structure: Structure, batch: Cases, over: Sampling) -> Results:
     done = stepped(structure, batch, 1.0, over, "event_driven")
-    assert done.status.tolist() == [Status.OK], done.messages
+    assert done.status.tolist() == [Status.OK] * batch.count, done.messages
     return done
 
 
@@ -75,6 +76,16 @@ def test_it_agrees_with_another_solver(name: str, lasts: float, warmest: float, 
     passed = own.sectors[0] * own.speed[0] * done.events["event_time"][0, : int(done.events["event_count"][0])]
     at_border = (np.abs(passed - np.round(passed)) < 1e-9) & (passed > 0)  # which that solver does not list
     assert np.sum(~at_border) == events
+
+
+def test_one_kernel_runs_one_case_and_several() -> None:
+    """Its arrays have one layout: it takes 10 s to compile."""
+    mass, over = free_mass(), sampling(5.0, 1.0)
+    kernels = []
+    for count in (1, 3):
+        run(mass, coated(mass, cases(mass, count, velocity=2.0), 1.0), over)
+        kernels.append(len(run_cases.dispatcher.signatures))
+    assert kernels[0] == kernels[1]
 
 
 def plain_energy(structure: Structure, x: Any, v: Any, force: Any, load: Any) -> float:

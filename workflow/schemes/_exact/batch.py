@@ -267,7 +267,7 @@ def coat_of(basis: ContactBasis, cases: Cases, own: Coating, worn: Worn) -> Coat
     push[:, :, n : n + basis.rate.size] = cases.alpha[:, None, None] * basis.heat
     still, slides = contacts.flexibility(0.0).T, (contacts.flexibility(0.0) - contacts.flexibility(1.0)).T
     push[:, :, -3 * m : -2 * m] = still - mu * slides
-    each = np.broadcast_to([[contacts.casing_flexibility, worn.every]], (cases.count, 2))
+    each = np.full((cases.count, 2), [contacts.casing_flexibility, worn.every])
     law = np.column_stack([own.yield_force, own.hardening, own.sectors, own.speed, each])
     return Coat(law, own.turns, push, worn.depth, worn.map, *np.zeros((2, cases.count, m)))
 
