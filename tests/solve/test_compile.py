@@ -8,14 +8,19 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from numba import typeof
 
 from quick import quick
 from terminal import alive, until
 from workflow import schemes
 from workflow.cases import arrange
+from workflow.schemes._fixed import march
 from workflow.solve import _compile as compilation
+from workflow.solve import solve
 from workflow.solve._compile import KernelVariant, compile_scheme, compiled_ahead
 from workflow.solve._solve import kernel_variants
 
@@ -122,3 +127,26 @@ def test_words_among_the_options_have_a_kernel_of_their_own_and_numbers_have_non
         KernelVariant("penalty", penalty.Options(integration=kind), True).words for kind in ("explicit", "implicit")
     ]
     assert kinds[0] != kinds[1]
+
+
+@pytest.mark.parametrize(
+    ("axes", "scene"),
+    [
+        ({}, {}),
+        ({}, {"casing.flexibility": 1e-6}),
+        ({}, {"casing.flexibility": 1e-6, "casing.coating": {"yield_force": 1.0}}),
+        ({"reduction": "macneal", "mechanical_modes": 1}, {"chain.nodes": 3}),
+    ],
+    ids=["rigid", "elastic", "coated", "without mass"],
+)
+def test_what_is_compiled_ahead_is_what_cases_run(
+    axes: dict[str, Any], scene: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinds: list[Any] = []
+    schemes.load("moreau")
+    monkeypatch.setattr(march, "KERNELS", dict.fromkeys(march.KERNELS, lambda *given: kinds.append(typeof(given))))
+    grid = arrange(quick({"e": 0.5, "alpha": 5.0, **axes}, scene=scene))
+    (variant,) = kernel_variants(grid)
+    compilation._run(variant)
+    solve(grid, 0, np.arange(2))
+    assert kinds[0] == kinds[-1]

@@ -44,7 +44,9 @@ class KernelVariant:
     coupled: bool = False
     """Whether the structure has to be stepped by its matrices."""
     contacts: bool = False
-    """Whether it has several contacts, or one without mass."""
+    """Whether it has several contacts."""
+    compliant: bool = False
+    """Whether contacts have no mass, or an elastic casing."""
     coated: bool = False
     """Whether its casing has a coating."""
 
@@ -131,7 +133,7 @@ def _run(variant: KernelVariant) -> None:
     one, node, rows = np.ones(1), np.zeros((1, 1)), np.array([[1.0], [-1.0]] if variant.contacts else [[1.0]])
     labels, slides = ("tip", "other stop")[: len(rows)], float(variant.slides)
     contacts = Contacts(labels, rows, slides * rows, np.abs(rows), np.zeros(len(rows)))
-    contacts = replace(contacts, casing_flexibility=float(variant.coated))
+    contacts = replace(contacts, casing_flexibility=float(variant.compliant))
     structure = replace(whole, load=np.ones(1) if variant.coupled else None, contacts=contacts)
     scheme, none = load(variant.method), np.zeros(1)
     harmonics, friction = Harmonics(*np.zeros((3, 1, int(variant.harmonics)))), np.full(1, 0.5 * variant.slides)

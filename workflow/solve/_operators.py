@@ -77,8 +77,8 @@ def kernel_variant(settings: CaseSettings, balances: bool) -> KernelVariant | No
     coupled, driven = needs_matrices(structure), bool(settings.scene.casing.harmonics or settings.scene.load.harmonics)
     slides = structure.contacts.slides and settings.scene.friction is not None
     kind = {"harmonics": driven, "slides": slides, "coupled": coupled}
-    several, coated = not structure.contacts.is_one_with_mass, settings.scene.casing.coating is not None
-    kind |= {"contacts": several, "coated": coated}
+    contacts, coated = structure.contacts, settings.scene.casing.coating is not None
+    kind |= {"contacts": contacts.count > 1, "compliant": contacts.is_compliant, "coated": coated}
     return KernelVariant(settings.scheme.method, settings.scheme.options, balances, **kind)
 
 
