@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lanes import Rows, named_rows, rows_in
-from workflow.kernels.packs import Lane, Pack, pack, store
+from workflow.kernels.packs import Lane, Pack, lanes_of, pack, store
 from workflow.models import AT_BORDER, Array, Cases
 from workflow.schemes._fixed.law import TipStep
 from workflow.schemes._fixed.rows import Acting
@@ -36,11 +36,11 @@ class Track(Rows):
     sector: Array
     """The sector at the step's end."""
     until: Array
-    """In the first lane of the first contact: the time before which no contact of a block comes to a border, s."""
+    """The time before which the contact comes to no border, s."""
     crossed: Array
     """End of the last step in which the worn depth became another by a border, s."""
-    depth_before: Array
     depth: Array
+    depth_end: Array
     """x - d at the step's beginning and at its end, m."""
     force_before: Array
     """λ at the step's beginning, N."""
@@ -100,66 +100,83 @@ def tracks_of(cases: Cases, worn: Worn, depth: Array, flexibility: float) -> Arr
 
 
 @inlined
-def enter_sectors(tracks: Sequence[Track] | None, worn: Worn, t: float, acts: Sequence[Acting]) -> None:
-    """Give the contacts the surface of the sectors in which they are at t, the end of a step."""
-    if tracks is not None and t >= tracks[0].until[0]:
-        _enter_sectors(tracks, worn.depth, t, acts)
+def enter_sectors(
+    tracks: Sequence[Track] | None, worn: Worn, step: TipStep, t: float, acts: Sequence[Acting], lane: Lane
+) -> None:
+    """Give the contacts of a pack the surface of the sectors in which they are at t, the end of a step."""
+    if tracks is not None:
+        _enter_sectors(tracks, worn.depth, step.h, t, acts, lane)
 
 
 @part
-def _enter_sectors(tracks: Sequence[Track], depth: Array, t: float, acts: Sequence[Acting]) -> None:
-    until = np.inf
+def _enter_sectors(
+    tracks: Sequence[Track], depth: Array, h: float, t: float, acts: Sequence[Acting], lane: Lane
+) -> None:
+    first, stop = lanes_of(lane)
     for c in range(len(acts)):
-        track, act = tracks[c], acts[c]
-        for case in range(depth.shape[0]):
-            turns, sectors = track.turns[case] + track.speed[case] * t, track.sectors[case]
-            place = sectors * (turns - np.floor(turns)) + AT_BORDER
-            now, sector = depth[case, c, int(track.sector[case])], np.floor(place)
-            until = min(until, t + (sector + 1.0 - place - AT_BORDER) / (sectors * track.speed[case]))
-            track.sector[case] = sector if sector < sectors else 0.0
-            act.worn[case] = depth[case, c, int(track.sector[case])]
-            act.level[case] = track.yield_force[case] + track.hardening[case] * act.worn[case]
-            track.crossed[case] = t if act.worn[case] != now else track.crossed[case]
-    tracks[0].until[0] = until
+        for case in range(first, min(stop, depth.shape[0])):
+            for at in (t - h, t):  # far from the casing it has entered none
+                if at >= tracks[c].until[case]:
+                    _enter_sector(tracks[c], depth[case, c], at, acts[c], case)
+        store(acts[c].place_free, lane, pack(acts[c].place_free, lane) - pack(acts[c].worn, lane))
 
 
 @inlined
-def store_depth(tracks: Sequence[Track] | None, c: int, depth: Pack, lane: Lane) -> None:
-    """Store how far a contact is beyond the unworn casing at the step's end."""
+def _enter_sector(track: Track, depth: Array, t: float, act: Acting, case: int) -> None:
+    turns, sectors = track.turns[case] + track.speed[case] * t, track.sectors[case]
+    place = sectors * (turns - np.floor(turns)) + AT_BORDER
+    now, sector = depth[int(track.sector[case])], np.floor(place)
+    track.until[case] = t + (sector + 1.0 - place - AT_BORDER) / (sectors * track.speed[case])
+    track.sector[case] = sector if sector < sectors else 0.0
+    act.worn[case] = depth[int(track.sector[case])]
+    act.level[case] = track.yield_force[case] + track.hardening[case] * act.worn[case]
+    track.crossed[case] = t if act.worn[case] != now else track.crossed[case]
+
+
+@inlined
+def wear(
+    tracks: Sequence[Track] | None,
+    worn: Worn,
+    step: TipStep,
+    t: float,
+    c: int,
+    act: Acting,
+    depth: Pack,
+    engaged: bool,
+    lane: Lane,
+) -> None:
+    """Wear the sector of contact ``c`` where it crushes the coating at t, the end of a step, ``depth`` deep."""
     if tracks is not None:
-        store(tracks[c].depth_before, lane, pack(tracks[c].depth, lane))
+        if engaged:
+            store(tracks[c].depth_end, lane, depth)
+            _wear(tracks[c], worn.depth[:, c], step.casing_flexibility, t, act, lane)
         store(tracks[c].depth, lane, depth)
 
 
-@inlined
-def wear(tracks: Sequence[Track] | None, worn: Worn, step: TipStep, t: float, acts: Sequence[Acting]) -> None:
-    """Wear the sectors in which contacts crush the coating at t, the end of a step; fill the map."""
-    if tracks is not None:
-        _wear(tracks, worn.depth, step.casing_flexibility, t, acts)
-        if worn.map.shape[2] > 0:
-            _fill_map(tracks, worn, t)
-
-
 @part
-def _wear(tracks: Sequence[Track], worn: Array, flexibility: float, t: float, acts: Sequence[Acting]) -> None:
-    for c in range(len(acts)):
-        track, act = tracks[c], acts[c]
-        for case in range(worn.shape[0]):
-            force, earlier = act.force[case], track.force_before[case]
-            if force == 0.0 and earlier == 0.0:
-                continue
-            depth, before, level, hardening = track.depth[case], act.worn[case], act.level[case], track.hardening[case]
-            now = before
-            if force > 0.0 and force >= level:
-                now = max(before, depth - flexibility * force)
-                worn[case, c, int(track.sector[case])] = act.worn[case] = now
-                act.level[case] = track.yield_force[case] + hardening * now
-            if track.crossed[case] == t:
-                stored = 0.5 * flexibility * (force * force - earlier * earlier)
-                crushed = (level + 0.5 * hardening * (now - before)) * (now - before)
-                way = depth - track.depth_before[case]
-                track.border_work[case] += stored + crushed - 0.5 * (force + earlier) * way
-            track.force_before[case] = force
+def _wear(track: Track, worn: Array, flexibility: float, t: float, act: Acting, lane: Lane) -> None:
+    first, stop = lanes_of(lane)
+    for case in range(first, min(stop, worn.shape[0])):
+        force, earlier = act.force[case], track.force_before[case]
+        depth, before, level, hardening = track.depth_end[case], act.worn[case], act.level[case], track.hardening[case]
+        now = before
+        if force > 0.0 and force >= level:
+            now = max(before, depth - flexibility * force)
+            worn[case, int(track.sector[case])] = act.worn[case] = now
+            act.level[case] = track.yield_force[case] + hardening * now
+        if track.crossed[case] == t:
+            stored = 0.5 * flexibility * (force * force - earlier * earlier)
+            crushed = (level + 0.5 * hardening * (now - before)) * (now - before)
+            way = depth - track.depth[case]
+            track.border_work[case] += stored + crushed - 0.5 * (force + earlier) * way
+        track.force_before[case] = force
+
+
+@inlined
+def fill_map(tracks: Sequence[Track] | None, worn: Worn, t: float) -> None:
+    """Fill the map at t, the end of a step."""
+    if tracks is not None and worn.map.shape[2] > 0:
+        _fill_map(tracks, worn, t)
 
 
 @part

@@ -183,10 +183,11 @@ def _approach_yielding(step: TipStep, met: Meeting, c: int, lane: Lane) -> bool:
     Of a force that weighs at both ends of a step the share of the beginning is no force at the end.
     """
     act, given = met.acts[c], shared(step.residual_load, (c,), lane) * met.load
-    place = pack(act.place, lane) + given - pack(act.expansion, lane)
+    place, speed = pack(act.place, lane) + given - pack(act.expansion, lane), pack(act.speed, lane)
     place += step.carried * _pressed_by(step, met, c, lane)
-    store(act.place_free, lane, place - pack(act.worn, lane))
-    return True
+    store(act.place_free, lane, place)
+    moved = step.h * _weighed(step.theta, pack(act.speed_free, lane), speed)
+    return _is_near(place, step.h * speed, moved, pack(act.casing, lane))
 
 
 @inlined
@@ -225,7 +226,9 @@ def _leave_yielding(step: TipStep, met: Meeting, c: int, engaged: bool, lane: La
     What crushes a coating is as much deeper as it wears.
     """
     act, casing = met.acts[c], pack(met.acts[c].casing, lane)
-    p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
+    p, speed = spread(0.0, lane), pack(act.speed_free, lane)
+    if engaged:
+        p, speed = pack(act.impulse, lane), pack(act.speed_end, lane)
     place = pack(act.place, lane) + step.h * _weighed(step.theta, speed, pack(act.speed, lane))
     depth = place + shared(step.residual_load, (c,), lane) * met.load - pack(act.expansion, lane)
     depth -= _pressed_by(step, met, c, lane) + casing

@@ -27,7 +27,7 @@ from workflow.models import Array, Cases, Structure, project
 from workflow.schemes._fixed import balance, stepping
 from workflow.schemes._fixed.balance import Account, Balances, dense_of
 from workflow.schemes._fixed.blocks import Blocks
-from workflow.schemes._fixed.coating import Worn, enter_sectors, store_depth, wear
+from workflow.schemes._fixed.coating import Worn, enter_sectors, fill_map, wear
 from workflow.schemes._fixed.contact import Contact, Meeting, approach, count_of, leave, respond_in, was_pressed
 from workflow.schemes._fixed.free_motion import (
     FreeStep,
@@ -87,11 +87,12 @@ def _touch(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, l
     for c in range(count):
         engaged |= approach(contact, met, c, lane)
     if engaged:
+        enter_sectors(block.tracks, block.worn, contact, now.t, acts, lane)
         respond_in(law, contact, own, acts, state.coupling, now.t, lane)
         strike(step, state, now.waits, lane)
     for c in range(count):
         end = leave(contact, met, c, engaged, lane)
-        store_depth(block.tracks, c, end.depth, lane)
+        wear(block.tracks, block.worn, contact, now.t, c, acts[c], end.depth, engaged, lane)
         balance.count_work(state.account, contact, end, load, state, c, engaged, lane)
         stepping.show(now, contact.h, end, engaged, acts[c], block.contacts[c], lane)
 
@@ -127,7 +128,6 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock) -> None:
         if k < _begins(step.contact):
             continue
         now = stepping.step_at(k, theta, leader, warmed, waits and k < block.steps - 2, block)
-        enter_sectors(block.tracks, block.worn, now.t, state.acts)
         shows = now.marked or now.next_marked
         if paired or k >= block.steps - 1 or (senses and shows):
             keep_before(state, lanes)
@@ -135,7 +135,7 @@ def march(step: FreeStep, law: Law, state: State, block: CaseBlock) -> None:
             _step(step, law, now, state, block, broad(first))
         for first in range(in_broad, lanes, PACK):
             _step(step, law, now, state, block, narrow(first))
-        wear(block.tracks, block.worn, step.contact, now.t, state.acts)
+        fill_map(block.tracks, block.worn, now.t)
         if k == 0:
             continue
         if senses and shows:

@@ -75,7 +75,7 @@ class Acting(Rows):
     speed_free: Array
     place_free: Array
     """Velocity at the step's end without impulses; of compliant contacts the place with all else that its end has, less
-    the worn depth."""
+    the worn depth where its law is asked."""
     impulse: Array
     speed_end: Array
     force_end: Array
