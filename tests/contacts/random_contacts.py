@@ -54,10 +54,10 @@ def random_entries(
     return entries
 
 
-def drawn(seed: int, massless: bool = False, alone: bool = False) -> Drawn:
-    """Return a structure of 2 to 5 contacts, of 1 to 5 without mass, some with friction, some with heat."""
+def drawn(seed: int, massless: bool = False, count: int = 0) -> Drawn:
+    """Return a structure of so many contacts, or of up to 5, some with friction, some with heat."""
     rng = np.random.default_rng(seed)
-    count = 1 if alone else int(rng.integers(1 if massless else 2, 6))
+    count = count or int(rng.integers(1 if massless else 2, 6))
     size, thermal = count + int(rng.integers(1, 4)), int(rng.integers(1, 4))
     rubs, warms = rng.random() < 0.5, rng.random() < 0.5
     entries = random_entries(rng, count, size, thermal, rubs, massless)
@@ -98,10 +98,10 @@ BASES = {False: ("craig_bampton", "krylov", "", "rubin", "weakly_coupled"), True
 """Bases of contacts with mass, and those that leave contacts without; empty for a whole structure."""
 
 
-def on_basis(seed: int, massless: bool) -> Drawn:
-    """Return a structure on one of all bases in turn; every seventh has one contact."""
+def on_basis(seed: int, massless: bool, count: int = 0) -> Drawn:
+    """Return a structure on one of all bases in turn; every seventh has one contact, if no ``count`` is given."""
     basis = BASES[massless][seed // 2 % len(BASES[massless])] if seed >= WHOLE else ""
-    case = drawn(seed, massless and not basis, alone=seed % 7 == 6)
+    case = drawn(seed, massless and not basis, count or int(seed % 7 == 6))
     if not basis:
         return case
     full = case.structure
@@ -112,9 +112,9 @@ def on_basis(seed: int, massless: bool) -> Drawn:
     return Drawn(reduction.structure, reduction.project(case.cases))
 
 
-def varied(seed: int, massless: bool) -> Drawn:
+def varied(seed: int, massless: bool, count: int = 0) -> Drawn:
     """Return a random structure; every third has damping that couples modes, and some loads and heat of every kind."""
-    case, rng = on_basis(seed, massless), np.random.default_rng(seed)
+    case, rng = on_basis(seed, massless, count), np.random.default_rng(seed)
     structure, contacts = case.structure, case.structure.contacts
     if massless:
         loaded: dict[str, Any] = {"residual_load": 1e-6 * rng.uniform(-1, 1, contacts.count)}

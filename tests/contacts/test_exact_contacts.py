@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from random_contacts import varied
 from scipy.linalg import expm
 
-from scenes import cases_of_file, of_entries, step
+from scenes import cases_of_file, of_entries, sampling, step
 from workflow.models import Rayleigh, Structure
 from workflow.schemes import Results, Sampling
 from workflow.variables import EVENT_KINDS
@@ -172,3 +173,34 @@ def test_the_approach_of_an_elastic_contact_is_that_of_its_beginning() -> None:
     assert [EVENT_KINDS[int(kind)] for kind in kinds] == ["touches", "leaves"] * 2
     assert contact.tolist() == [0, 0, 1, 1]
     assert approach == pytest.approx([1.5, 0.0, 1.5, 0.0], abs=1e-13)
+
+
+STEPS = 8e-6, 2e-6, 1e-6
+
+
+def converges(seed: int, massless: bool) -> Any:
+    """Return the errors of `moreau` at those steps and of the extrapolation of the last two, over the motion."""
+    case = varied(seed, massless, count=1 + seed % 6)
+    given, over = replace(case.cases, e=np.zeros(1)), sampling(0.006, 4.8e-5)
+    exact = step(case.structure, given, 0.0, over, "event_driven")
+    steps = [step(case.structure, given, h, over, theta=0.5).histories["displacement"] for h in STEPS]
+    motion = exact.histories["displacement"]
+    errors = [np.abs(found - motion).max() for found in (*steps, 2 * steps[2] - steps[1])]
+    return np.array(errors) / np.abs(motion).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("massless", [False, True])
+def test_moreau_converges_to_it_in_random_structures(massless: bool) -> None:
+    """1 to 6 contacts with friction, heat and coupled damping.
+
+    Contacts without mass lose and take their force continuously, so that the error is h times a function. An impact is
+    taken in the step that it falls in: with mass the error is a part of h that depends on where in it the impact is.
+    """
+    coarse, _, fine, extrapolated = np.transpose([converges(seed, massless) for seed in range(40)])
+    assert np.median(fine) < 2e-3
+    assert fine.max() < 0.1
+    np.testing.assert_allclose(np.median(coarse / fine), STEPS[0] / STEPS[2], rtol=0.02 if massless else 0.3)
+    if massless:
+        assert (coarse > 5 * fine).all()
+        assert np.median(extrapolated / fine) < 0.02
