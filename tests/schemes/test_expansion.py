@@ -55,7 +55,7 @@ def bounded(parts: Parts, k: int, h: float) -> Array:
     b, y = m.block[:, :n], m.now[:, :n]
     b[block.DAMPING], b[block.OMEGA], b[block.STIFFNESS] = parts.c, parts.omega, parts.omega**2
     b[block.INVERSE_OMEGA] = 1 / parts.omega
-    b[m.rows + seen.UNFORCED_VALUE], b[m.rows + seen.UNFORCED_SLOPE] = parts.p, parts.q
+    b[m.rows + seen.SIGNAL_VALUE], b[m.rows + seen.SIGNAL_SLOPE] = parts.p, parts.q
     y[state.VALUE], y[state.SLOPE] = parts.eta, parts.rate
     add_decay(m, 1.0, parts.mu)
     m.waves[0, : wave.TIME], m.waves[0, m.columns :] = 0.0, 0.0

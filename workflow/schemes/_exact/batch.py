@@ -245,7 +245,6 @@ def conditions_of(operator: ExactOperator, cases: Cases, duration: float) -> Cas
         variant=np.zeros(cases.count, dtype=np.int64),
         e=np.array(cases.e),
         alpha=np.array(cases.alpha),
-        friction=np.array(cases.friction),
         constant=np.hstack([*loads, cases.clearances + still.sum(axis=2), np.zeros((cases.count, 2 * m))]),
         waves=waves,
         acting=acting,

@@ -20,7 +20,7 @@ import numpy as np
 from workflow.kernels.compiled import part
 from workflow.kernels.lemke import solve_complementarity
 from workflow.models import AT_BORDER
-from workflow.schemes._exact.between import Between, mobility
+from workflow.schemes._exact.between import Between
 from workflow.schemes._exact.motion import OUTPUTS, PLACE, SIGNAL
 from workflow.schemes._exact.record import Record
 from workflow.schemes._exact.set_motion import (
@@ -220,7 +220,7 @@ def _meet(coat: Coat, between: Between, case: Case, at: Any, own: Memory) -> boo
         grown = coat.law[FLEXIBILITY] * p.solution[contacts + c]
         work = (yield_level(coat, each.worn, False) + 0.5 * coat.law[HARDENING] * grown) * grown
         for i in range(contacts if at.struck == BORDER else 0):
-            work += 0.5 * (before + after) * mobility(between, case, c, i) * (p.solution[i] - own.signals[HELD, i])
+            work += 0.5 * (before + after) * between.pairs[c, i].mobility * (p.solution[i] - own.signals[HELD, i])
         coat.border_work[c] += work
     for c in range(contacts):
         grown = coat.law[FLEXIBILITY] * p.solution[contacts + c]
@@ -237,7 +237,7 @@ def _solve(coat: Coat, between: Between, case: Case, own: Memory, moment: float)
     p, contacts, c = own.problem, own.contacts.size, coat.law[FLEXIBILITY]
     for i in range(contacts):
         for j in range(contacts):
-            p.matrix[i, j] = mobility(between, case, i, j) / c
+            p.matrix[i, j] = between.pairs[i, j].mobility / c
             p.matrix[i, contacts + j] = p.matrix[contacts + i, j] = p.matrix[contacts + i, contacts + j] = 0.0
         p.matrix[i, contacts + i], p.matrix[contacts + i, i] = 1.0, -1.0
         p.matrix[contacts + i, contacts + i] = coat.law[HARDENING] * c
@@ -255,7 +255,7 @@ def _enter(coat: Coat, between: Between, case: Case, tally: Any, own: Memory, c:
     if touches != (each.closed != 0 or each.crushes):
         own.watched[c].zeros, own.watched[c].speed = 1 if is_continuous else -1 if touches else 0, -1.0
     for i in range(contacts):
-        apart += mobility(between, case, c, i) * p.solution[i]
+        apart += between.pairs[c, i].mobility * p.solution[i]
     each.wanted, each.crushes, each.pressed = 1 if touches else 0, crushes, 0.0
     own.watched[c].still, tally.casing_flexibility = False, coat.law[FLEXIBILITY]
     if crushes:

@@ -55,7 +55,7 @@ from workflow.schemes._exact.set_motion import (
     motion_in,
     tables_of,
 )
-from workflow.schemes._exact.step import Start, certified_step, has_no_zero
+from workflow.schemes._exact.step import certified_step, has_no_zero
 from workflow.schemes._exact.tables import expansion
 
 SAME_TIME = 16.0 * 2.220446049250313e-16
@@ -321,8 +321,7 @@ def _zero_of(m: Motion, at: Any, own: Memory, most: float, guess: float, T: floa
     if beside and has_no_zero(m, 0, most):
         length, falls, known = most, False, _certain(m, most, T - t)
     else:
-        start = Start(zeros, watched.speed, True, guess)
-        length, falls = certified_step(m, start, t, most, 0.0 if tried else SAME_TIME * T)
+        length, falls = certified_step(m, zeros, watched.speed, guess, t, most, 0.0 if tried else SAME_TIME * T)
         known = length
     watched.certified = -1.0 if watched.still else t + known
     m.outputs[place] = constant

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from workflow.kernels import Array
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lemke import solve_complementarity, solve_in_place
-from workflow.schemes._exact.between import Between, drag, mobility
+from workflow.schemes._exact.between import Between
 from workflow.schemes._exact.chattering import Bounces, end_of_chattering
 from workflow.schemes._exact.coating import START, distance_from_coat, fly_on, next_states
 from workflow.schemes._exact.expansion import SUM_ROUNDING, expand, row_size
@@ -169,7 +169,7 @@ def _lone(between: Between, case: Case, own: Memory) -> int:
         if own.contacts[c].kind != _OPEN and not own.watched[c].still:
             lone = c if lone == -1 and own.contacts[c].kind == _RESTING and not own.contacts[c].closed else -2
     for c in range(own.contacts.size if lone >= 0 else 0):
-        if own.watched[c].still and mobility(between, case, c, lone) != 0.0:
+        if own.watched[c].still and between.pairs[c, lone].mobility != 0.0:
             return -2
     return lone
 
@@ -222,7 +222,7 @@ def _pass_lone(
 ) -> int:
     """Let a contact strike while all are open: it bounces, begins a contact, or flies on."""
     m, tally, t, u = seen_by(motion.m, c), record.tally[c], at.time, own.contacts[c].approach
-    W = mobility(between, case, c, c)
+    W = between.pairs[c, c].mobility
     if W <= 0.0:
         return NO_IMPACT_LAW
     for i in range(own.contacts.size):
@@ -240,7 +240,7 @@ def _pass_lone(
     expand(m, m.now, t)
     at.expanded, at.due = c, STEP
     if not stays:
-        bounces = Bounces(case.e, W, drag(between, case, c, c) / W, 0.0, case.duration)
+        bounces = Bounces(case.e, W, between.pairs[c, c].drag / W, 0.0, case.duration)
         end = _end_of_chattering(sets.rows[slot], place, motion, case, tally, at, own, c, bounces)
         if not np.isnan(end):  # p and all later impulses add up to m v⁻ and the impulse of the contact force
             stays, own.contacts[c].bounces, p = True, end - t, u / W
@@ -372,7 +372,7 @@ def _fill_matrix(between: Between, case: Case, own: Memory, size: int) -> None:
     """Fill the matrix of the complementarity problem of the members."""
     for r in range(size):
         for q in range(size):
-            own.problem.matrix[r, q] = mobility(between, case, own.contacts[r].member, own.contacts[q].member)
+            own.problem.matrix[r, q] = between.pairs[own.contacts[r].member, own.contacts[q].member].mobility
 
 
 @part
@@ -394,8 +394,7 @@ def _apply(between: Between, motion: SetMotion, case: Case, record: Record, at: 
 def _strike_modes(between: Between, case: Case, own: Memory, c: int, p: float) -> None:
     """Apply an impulse to X: y' jumps by -(w - µ t) p, τ by α s p."""
     for i in range(own.modal.size):
-        own.modal[i] -= p * (between.jumps[0, c, i] - case.friction * between.jumps[1, c, i])
-        own.modal[i] += case.alpha * p * between.jumps[2, c, i]
+        own.modal[i] += p * (case.alpha * between.jumps[1, c, i] - between.jumps[0, c, i])
 
 
 @part
@@ -507,11 +506,11 @@ def _fill_push(between: Between, case: Case, own: Memory, row: int) -> None:
             total, size = own.signals[PUSH + row, c], own.signals[ROUNDING + row, c]
             for i in range(own.contacts.size):
                 if own.contacts[i].kind != _OPEN:
-                    W = mobility(between, case, c, i)
+                    W = between.pairs[c, i].mobility
                     total += W * own.signals[HELD + row, i]
                     size += abs(W) * own.signals[SIZE + row, i]
                     if row == 1:
-                        slows = drag(between, case, c, i) - case.alpha * between.pairs[c, i].closing
+                        slows = between.pairs[c, i].drag - case.alpha * between.pairs[c, i].closing
                         total += slows * (own.contacts[i].force - own.signals[HELD, i])
                         size += abs(slows) * (abs(own.contacts[i].force) + own.signals[SIZE, i])
             own.signals[ROUNDING + row, c] = ZERO_FORCE * SUM_ROUNDING * size
@@ -538,7 +537,7 @@ def _parting(between: Between, case: Case, own: Memory, c: int) -> float:
     bend, size = -own.signals[PUSH, c], 0
     for i in range(own.contacts.size):
         if own.contacts[i].kind == _RESTING:
-            bend += mobility(between, case, c, i) * own.problem.solution[size]
+            bend += between.pairs[c, i].mobility * own.problem.solution[size]
             size += 1
     return float(bend)
 
@@ -594,7 +593,7 @@ def _stop(between: Between, motion: SetMotion, case: Case, record: Record, at: A
             size += 1
     for r in range(size):
         for q in range(size):
-            a[r, q] = mobility(between, case, own.contacts[r].member, own.contacts[q].member)
+            a[r, q] = between.pairs[own.contacts[r].member, own.contacts[q].member].mobility
         a[r, size] = own.contacts[own.contacts[r].member].approach
         own.contacts[own.contacts[r].member].approach = 0.0
     if solve_in_place(a, size):
@@ -603,7 +602,7 @@ def _stop(between: Between, motion: SetMotion, case: Case, record: Record, at: A
             for c in range(own.contacts.size):
                 if own.contacts[c].kind == _LEAVING:
                     own.contacts[c].approach -= (
-                        mobility(between, case, c, own.contacts[r].member) * own.contacts[r].impulse
+                        between.pairs[c, own.contacts[r].member].mobility * own.contacts[r].impulse
                     )
         _apply(between, motion, case, record, at, own, size)
 
@@ -653,7 +652,7 @@ def _fill_distances(between: Between, motion: SetMotion, case: Case, at: Any, ow
     for c in range(contacts):
         for row in range(2):
             for i in range(contacts):
-                own.signals[PUSH + row, c] -= mobility(between, case, c, i) * own.signals[HELD + row, i]
+                own.signals[PUSH + row, c] -= between.pairs[c, i].mobility * own.signals[HELD + row, i]
         own.contacts[c].before = -own.signals[PUSH + 1, c]
         if begins and abs(own.signals[PUSH, c]) <= own.signals[ROUNDING, c]:
             own.signals[PUSH, c] = 0.0

@@ -68,9 +68,9 @@ def expand_output(m: Motion, output: int, y: Array, t: float) -> None:
     """Expand an output, ``SIGNAL`` or ``TEMPERATURE``, at the state ``y`` of time ``t``."""
     sums, d, n = m.expansion.sums, m.expansion.terms, m.blocks
     _expand_slow_terms(m, output, y, t, sums)
+    _expand_blocks(m.block, y, m.rows + seen.SIGNAL_VALUE + 2 * output, d)
     for i in range(m.explicits):
         _expand_explicit(m, output, int(m.block[block.EXPLICIT_COLUMNS, i]), y, t, sums)
-    _expand_blocks(m.block, y, m.rows + seen.UNFORCED_VALUE + 2 * output, d)
     for row in range(expansion.FOURTH + 1):
         sums[row, n] = sums[row, 0] + row_sum(d, row, 0, d.shape[1])
     sums[expansion.SIZE, 0] += row_sum(d, expansion.TAIL, 0, d.shape[1])
@@ -110,7 +110,7 @@ def _expand_slow_terms(m: Motion, output: int, y: Array, t: float, sums: Array) 
 
 @part
 def _expand_explicit(m: Motion, output: int, k: int, y: Array, t: float, sums: Array) -> None:
-    """Add an explicit block to column 0 of the sums.
+    """Add an explicit block to column 0 of the sums instead of its terms, which are those of free motion.
 
     Its s'''' is bounded by the amplitude of its third derivative, which only the third derivative of its force excites.
     """
@@ -131,11 +131,13 @@ def _expand_explicit(m: Motion, output: int, k: int, y: Array, t: float, sums: A
     sums[expansion.FOURTH, 0] += fourth
     sums[expansion.FOURTH_GROWTH, 0] += abs(value) * f3_bound + abs(slope) * f4_bound
     sums[expansion.SIZE, 0] += abs(value * d[0]) + abs(slope * d[1])
+    for r in range(expansion.TAIL + 1):
+        m.expansion.terms[r, k] = 0.0
 
 
 @part
 def _expand_blocks(b: Array, y: Array, row: int, d: Array) -> None:
-    """Fill the terms of all free blocks; ``row`` holds the output per η, the next one that per η'.
+    """Fill the terms of all blocks as if they were free; ``row`` holds the output per η, the next one that per η'.
 
     The amplitude √(ω² s² + s'²) is bounded by ω |s| + |s'|: at most √2 times it, without a root.
     """

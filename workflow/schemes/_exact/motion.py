@@ -218,16 +218,13 @@ def subtract_loads(loaded: LoadedTables, blocks: int, firsts: int, duration: flo
 
 @part
 def add_load_outputs(loaded: LoadedTables, blocks: int, firsts: int, explicits: int, c: int) -> None:
-    """Add what is subtracted to the outputs of the loads at a contact, and fill those of blocks not explicit."""
+    """Add what is subtracted to the outputs of the loads at a contact, and fill the integrals of its signal."""
     b, rows = loaded.block, place_of(loaded.waves.shape[0], c)[0]
     for k in range(blocks):
         b[rows + seen.SIGNAL_INTEGRAL, k] = b[rows + seen.SIGNAL_VALUE, k] / b[block.STIFFNESS, k]
-        for row in range(rows, rows + 4):
-            b[row + seen.UNFORCED_VALUE, k] = b[row + seen.SIGNAL_VALUE, k]
         _add_particular_outputs(loaded, k, c)
     for i in range(explicits):
-        for row in range(rows + seen.UNFORCED_VALUE, rows + seen.ROWS):
-            b[row, int(b[block.EXPLICIT_COLUMNS, i])] = 0.0
+        b[rows + seen.SIGNAL_INTEGRAL, int(b[block.EXPLICIT_COLUMNS, i])] = 0.0
     for j in range(firsts):
         _add_harmonic_outputs(loaded, j, c)
 

@@ -185,15 +185,10 @@ def _aperiodic_propagator(c: float, w2: float, dt: float) -> tuple[float, float]
 @part
 def _first_propagator(x: float) -> tuple[float, float, float]:
     """Return e^x, φ1 = (e^x - 1)/x and φ2 = (φ1 - 1)/x."""
-    if -0.5 < x < 0.5:
-        total, term = 0.5, 0.5  # Σ x^k/(k+2)!
-        for k in range(3, 18):
-            term *= x / k
-            total += term
-            if abs(term) < 1e-18:
-                break
-        phi1 = 1.0 + x * total
-        return 1.0 + x * phi1, phi1, total
+    if abs(x) < _SERIES:
+        phi2 = _phi2(x)
+        phi1 = 1.0 + x * phi2
+        return 1.0 + x * phi1, phi1, phi2
     e = elementary.exp(x)
     phi1 = (e - 1.0) / x
     return e, phi1, (phi1 - 1.0) / x
@@ -367,18 +362,14 @@ def integral(m: Motion, y: Array, out: Array, t: float, dt: float) -> float:
     b, f, area = m.block, m.first, 0.0
     for i in range(m.explicits):
         k = int(b[block.EXPLICIT_COLUMNS, i])
-        change = out[state.VALUE, k] - y[state.VALUE, k]
-        area += (
-            b[m.rows + seen.SIGNAL_VALUE, k] * _advance_explicit(m, k, y, t, dt, 4)[2]
-            + b[m.rows + seen.SIGNAL_SLOPE, k] * change
-        )
+        area += b[m.rows + seen.SIGNAL_VALUE, k] * _advance_explicit(m, k, y, t, dt, 4)[2]
     for j in range(m.firsts):
         step = y[state.FIRST_SLOPE, j] * dt
         area += f[m.slow + SIGNAL, j] * dt * (y[state.FIRST, j] + step * f[first.PHI2, j])
     for k in range(m.blocks):
         change = out[state.VALUE, k] - y[state.VALUE, k]
         slowed = out[state.SLOPE, k] - y[state.SLOPE, k] + b[block.DAMPING, k] * change
-        area += b[m.rows + seen.UNFORCED_SLOPE, k] * change - b[m.rows + seen.SIGNAL_INTEGRAL, k] * slowed
+        area += b[m.rows + seen.SIGNAL_SLOPE, k] * change - b[m.rows + seen.SIGNAL_INTEGRAL, k] * slowed
     area += m.outputs[OUTPUTS * m.contact + SIGNAL] * dt
     for i in range(m.waves.shape[0]):
         omega = m.waves[i, wave.OMEGA]

@@ -24,7 +24,6 @@ from workflow.schemes._exact.expansion import (
     bounds,
     expand_output,
     expanded_blocks,
-    growth_bound,
 )
 from workflow.schemes._exact.motion import TEMPERATURE, Motion
 from workflow.schemes._exact.propagation import Observed, advance, observe
@@ -257,14 +256,11 @@ def _peaks_at_an_end(m: Motion, h: float, largest: float) -> bool:
 @part
 def _bend(m: Motion, h: float) -> int:
     """Return the sign of the second derivative of the temperature on (0, h), 0 where it is not certain."""
-    sums, n = m.expansion.sums, m.blocks
-    fourth = (sums[expansion.FOURTH, n] + sums[expansion.FOURTH_GROWTH, 0] * h) * growth_bound(m.growth * h)
-    second, third = sums[expansion.D2, n], sums[expansion.D3, n]
-    b0, b1, b2 = second, second + third * h / 2.0, second + third * h
-    remainder = fourth * h * h / 2.0
-    if b0 < 0.0 and b1 < 0.0 and b2 + remainder < 0.0:
+    s = bounds(m, m.blocks, h)
+    b1, b2 = s.d2 + 1.5 * s.d3, s.d2 + 3.0 * s.d3
+    if s.d2 < 0.0 and b1 < 0.0 and b2 + 6.0 * s.fourth < 0.0:
         return -1
-    return 1 if b0 > 0.0 and b1 > 0.0 and b2 - remainder > 0.0 else 0
+    return 1 if s.d2 > 0.0 and b1 > 0.0 and b2 - 6.0 * s.fourth > 0.0 else 0
 
 
 @part

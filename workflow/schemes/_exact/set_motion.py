@@ -95,7 +95,6 @@ class Case(NamedTuple):
     e: Any
     alpha: Any
     """α, W/N."""
-    friction: Any
     constant: Array
     """Constant inputs [g, q, F, d, d', d''] of a set, ``(input,)``; g and d include the mean load and the gaps."""
     waves: Array
@@ -369,11 +368,10 @@ def _watch_coat(coat: Coat | None, s: ClosedSet, own: Memory, loaded: LoadedTabl
     (rows, slow, columns), (level, after, across) = place_of(waves.shape[0], c), place_of(waves.shape[0], second)
     if each.crushes:
         per = travel(coat) / (1.0 + coat.law[FLEXIBILITY] * coat.law[HARDENING])
-        for row in (seen.SIGNAL_VALUE, seen.UNFORCED_VALUE):
-            for k in range(s.blocks):
-                value, slope = b[rows + row, k], b[rows + row + 1, k]
-                b[level + row, k] = -per * b[block.STIFFNESS, k] * slope
-                b[level + row + 1, k] = per * (value - b[block.DAMPING, k] * slope)
+        for k in range(s.blocks):
+            value, slope = b[rows + seen.SIGNAL_VALUE, k], b[rows + seen.SIGNAL_SLOPE, k]
+            b[level + seen.SIGNAL_VALUE, k] = -per * b[block.STIFFNESS, k] * slope
+            b[level + seen.SIGNAL_SLOPE, k] = per * (value - b[block.DAMPING, k] * slope)
         for j in range(s.firsts):
             f[after, j] = -per * f[first.RATE, j] * f[slow, j]
             outputs[OUTPUTS * second] += per * f[first.SOURCE, j] * f[slow, j]
@@ -389,7 +387,7 @@ def _watch_coat(coat: Coat | None, s: ClosedSet, own: Memory, loaded: LoadedTabl
                 waves[i, across + seen_wave.SIGNAL_COS] += slope * b[block.FORCE_COS + i * block.WAVE, k]
                 waves[i, across + seen_wave.SIGNAL_SIN] += slope * b[block.FORCE_SIN + i * block.WAVE, k]
     elif each.closed != 0:
-        for row in (seen.SIGNAL_VALUE, seen.SIGNAL_SLOPE, seen.UNFORCED_VALUE, seen.UNFORCED_SLOPE):
+        for row in (seen.SIGNAL_VALUE, seen.SIGNAL_SLOPE):
             for k in range(s.blocks):
                 b[level + row, k] = -b[rows + row, k]
         for j in range(s.firsts):

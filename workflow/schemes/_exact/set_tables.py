@@ -29,8 +29,9 @@ _AHEAD = 2**24
 class SharedSets:
     """What the sets of closed contacts of a structure at one µ, duration and hardening have at all α."""
 
-    def __init__(self, basis: ContactBasis, *conditions: float):
-        self.basis, self.between, self._conditions, self._lock = basis, between(basis), conditions, Lock()
+    def __init__(self, basis: ContactBasis, friction: float, *conditions: float):
+        self.basis, self.friction, self._conditions, self._lock = basis, friction, conditions, Lock()
+        self.between = between(basis, friction)
         self._sets: dict[bytes, SetAnyAlpha] = {}
         self._variants: dict[float, int] = {}
 
@@ -38,7 +39,7 @@ class SharedSets:
         """Return a set at all α."""
         known = self._sets.get(closed.tobytes())
         if known is None:
-            known = self._sets[closed.tobytes()] = SetAnyAlpha(self.basis, closed, *self._conditions)
+            known = self._sets[closed.tobytes()] = SetAnyAlpha(self.basis, closed, self.friction, *self._conditions)
         return known
 
     def forget(self) -> None:

@@ -10,8 +10,6 @@ where a tip lies on the casing without a force, 3 after a release. The search th
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from workflow.kernels import Array
@@ -22,7 +20,6 @@ from workflow.schemes._exact.expansion import (
     bounds,
     expand,
     expanded_blocks,
-    growth_bound,
     row_sum,
 )
 from workflow.schemes._exact.motion import ORDER, SIGNAL, Motion, wave_phase
@@ -53,32 +50,23 @@ _NEGLIGIBLE = 1e-18
 """Terms of a Taylor polynomial, over its first one, below which they are left out: a hundredth of rounding."""
 
 
-class Start(NamedTuple):
-    """Start of a step."""
-
-    zeros: int
-    """Order of the zero that the signal has there, see above; 0 for none."""
-    speed: float
-    """Rate of the signal where the impact law gives it, m/s; negative where it does not."""
-    expanded: bool
-    """Whether the signal is already expanded at the state."""
-    guess: float
-    """First length tried, s."""
-
-
 @part
-def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: float) -> tuple[float, bool]:
+def certified_step(
+    m: Motion, zeros: int, speed: float, guessed: float, t: float, left: float, tolerance: float
+) -> tuple[float, bool]:
     """Return the length of a step from t, at most ``left``, and whether it ends at the first zero of the signal.
 
-    The step has no other zero; its length is NaN where none is certified. Up to ``tolerance`` past ``left`` a zero is
-    taken at ``left``. The expansion is overwritten.
+    The step has no other zero; its length is NaN where none is certified. The signal is expanded at the state, where it
+    has a zero of order ``zeros``, 0 for none, and the rate ``speed`` if the impact law gives it, else -1. The length
+    ``guessed`` is tried first. Up to ``tolerance`` past ``left`` a zero is taken at ``left``. The expansion is
+    overwritten.
     """
-    sums, n, zeros = m.expansion.sums, m.blocks, start.zeros
+    sums, n = m.expansion.sums, m.blocks
     # with a factor of a thousand, so that products with the bound of the fourth derivative do not overflow
     if not np.isfinite(1e3 * sums[expansion.SIZE, 0] * max(1.0, m.fastest) ** 4):
         return np.nan, False
-    if start.speed >= 0.0:
-        sums[expansion.D1, n] = start.speed
+    if speed >= 0.0:
+        sums[expansion.D1, n] = speed
     if zeros > 0 and sums[expansion.D0 + zeros, n] <= 0.0:
         zeros = 0
     if zeros == 0:
@@ -92,7 +80,7 @@ def certified_step(m: Motion, start: Start, t: float, left: float, tolerance: fl
         else:
             h = _refined_zero(m, t, guess, end)
         return (left, False) if h > left + tolerance else (min(h, left), True)
-    h = longest_without_zero(m, zeros, start.guess, left)
+    h = longest_without_zero(m, zeros, guessed, left)
     return (h, False) if h > 0.0 else (np.nan, False)
 
 
@@ -279,19 +267,15 @@ def zero_crossing(m: Motion, zeros: int, most: float) -> tuple[float, float]:
 @part
 def _falls_through(m: Motion, zeros: int, h: float) -> bool:
     """Whether the signal certainly falls through zero exactly once on (0, h], with a zero at 0 divided out."""
-    sums, factor = m.expansion.sums, growth_bound(m.growth * h)
-    k = expanded_blocks(m, h) if zeros == 0 else m.blocks
-    fourth = (sums[expansion.FOURTH, k] + sums[expansion.FOURTH_GROWTH, 0] * h) * factor
-    a1, a2, a3 = sums[expansion.D1, k], sums[expansion.D2, k] / 2.0, sums[expansion.D3, k] / 6.0
+    s = bounds(m, expanded_blocks(m, h) if zeros == 0 else m.blocks, h)
+    a1, a2, a3, a4 = s.d1, s.d2, s.d3, s.fourth
     if zeros == 1:
-        c1, c2 = 2.0 * a3 * h, fourth * h * h / 8.0
-        falls = a2 < 0.0 and a2 + c1 / 2.0 < 0.0 and a2 + c1 + c2 < 0.0
-        return bool(falls and a1 + h * (a2 + h * a3) + fourth * h**3 / 24.0 < 0.0)
-    b0 = a1 + sums[expansion.TAIL_SLOPE, k] * factor
-    c1, c2, c3 = 2.0 * a2 * h, 3.0 * a3 * h * h, fourth * h**3 / 6.0
-    falls = b0 < 0.0 and b0 + c1 / 3.0 < 0.0 and b0 + 2.0 * c1 / 3.0 + c2 / 3.0 < 0.0 and b0 + c1 + c2 + c3 < 0.0
-    end = sums[expansion.D0, k] + sums[expansion.TAIL, k] * factor + h * (a1 + h * (a2 + h * a3)) + fourth * h**4 / 24.0
-    return bool(falls and end < 0.0)
+        falls = a2 < 0.0 and a2 + a3 < 0.0 and a2 + 2.0 * a3 + 3.0 * a4 < 0.0
+        return bool(falls and a1 + a2 + a3 + a4 < 0.0)
+    b0 = a1 + s.tail_slope
+    falls = b0 < 0.0 and b0 + 2.0 * a2 / 3.0 < 0.0 and b0 + 4.0 * a2 / 3.0 + a3 < 0.0
+    falls = falls and b0 + 2.0 * a2 + 3.0 * a3 + 4.0 * a4 < 0.0
+    return bool(falls and s.d0 + s.tail + a1 + a2 + a3 + a4 < 0.0)
 
 
 @part

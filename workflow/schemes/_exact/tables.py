@@ -69,13 +69,9 @@ class _Seen(NamedTuple):
     SIGNAL_SLOPE: int = 1
     TEMPERATURE_VALUE: int = 2
     TEMPERATURE_SLOPE: int = 3
-    UNFORCED_VALUE: int = 4  # SIGNAL_VALUE of blocks that are not explicit, else 0; likewise the three rows below
-    UNFORCED_SLOPE: int = 5
-    UNFORCED_TEMPERATURE_VALUE: int = 6
-    UNFORCED_TEMPERATURE_SLOPE: int = 7
-    SIGNAL_INTEGRAL: int = 8  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
+    SIGNAL_INTEGRAL: int = 4  # SIGNAL_VALUE/ω² of blocks that are not explicit, else 0: ∫η dt = -Δ(η' + c η)/ω²
 
-    ROWS: int = 9
+    ROWS: int = 5
 
 
 seen = _Seen()

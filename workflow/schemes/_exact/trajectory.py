@@ -124,8 +124,8 @@ class OneCase(NamedTuple):
 
     def linear(self, closed: NDArray[np.bool_]) -> Linear:
         """Return the motion with a set of contacts closed."""
-        of_case = float(self.conditions.alpha[0]), float(self.conditions.friction[0])
-        return _linear(self.basis, tuple(closed.tolist()), *of_case)
+        alpha, friction = float(self.conditions.alpha[0]), self.table.shared.friction
+        return _linear(self.basis, tuple(closed.tolist()), alpha, friction)
 
 
 def one_case(operator: ExactOperator, cases: Cases, duration: float, *, heated: bool = False) -> OneCase:
