@@ -14,12 +14,12 @@ from workflow.analysis import runaways
 from workflow.models import (
     Sparse,
     Structure,
+    analyse_contacts,
     closed_sets,
     critical_alpha,
     critical_alphas,
     growth_of_sets,
     growth_rate,
-    in_contact,
     set_text,
     structure_from_matrices,
     structure_from_sparse,
@@ -81,7 +81,7 @@ def poles(structure: Structure, closed: np.ndarray, alpha: float, friction: floa
 def test_growth_of_random_sets_is_that_of_their_matrices(seed: int, massless: bool) -> None:
     structure = drawn(seed, massless).structure
     alpha, friction = np.array([0.0, 5.0, 300.0]), np.array([0.3, 0.0, 0.2])
-    found, sets = growth_of_sets(in_contact(structure), alpha, friction), closed_sets(structure.contacts)
+    found, sets = growth_of_sets(analyse_contacts(structure), alpha, friction), closed_sets(structure.contacts)
     assert len(sets) == structure.contacts.count + (structure.contacts.count > 1)
     for name, closed in sets.items():
         for k in range(alpha.size):

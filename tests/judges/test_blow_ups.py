@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import cases, chain, sampling, step, tip_flexibility
+from scenes import cases, chain, heavy_chain, sampling, step, tip_flexibility
 from studies import HEAVY_SCENE, solve_all
-from workflow.judges.blow_ups import mark_blown_up
+from workflow.judges.blow_ups import Runaways, mark_blown_up
 from workflow.schemes import Status
 from workflow.solve import Solved
 
@@ -207,3 +207,12 @@ def test_a_tip_may_reach_a_thousand_times_what_accounts_for_it(name: str) -> Non
     assert judged_at(1001.0, 0.5, True) == {Status.DIVERGED}
     assert judged_at(0.5, 1.5, True) == judged_at(0.5, 1.5, False) == {Status.DIVERGED}
     assert judged_at(1e-13, 1.5, True) == {Status.OK}
+
+
+@pytest.mark.parametrize(
+    ("nodes", "alpha", "rate"), [(300, 30.0, 0.013864702927833), (1000, 2000.0, 0.437656997376324)]
+)
+def test_growth_of_many_nodes(nodes: int, alpha: float, rate: float) -> None:
+    """Rates of all of their poles, of 898 and 2 998 states."""
+    found = Runaways(heavy_chain(nodes=nodes)).of(np.array([alpha]), np.zeros(1))
+    assert found.growth_rate == pytest.approx([rate], rel=1e-9)

@@ -41,7 +41,7 @@ def growth(structure: Structure) -> float:
     """The largest growth rate with one of both contacts closed, 1/s."""
     basis = analyse_contacts(structure)
     each = (poles_in_contact(basis, np.array([k]), 0.0, FRICTION) for k in range(2))
-    return max(float(poles[poles.imag > 0].real.max()) for poles in each)
+    return max(float(poles.rate[poles.frequency > 0].max()) for poles in each)
 
 
 def told(full: Structure, reduced: Structure, basis: str) -> list[str]:

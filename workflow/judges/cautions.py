@@ -236,9 +236,7 @@ def flutter_of_basis(
 def _growing(basis: ContactBasis, contact: int, friction: float) -> Complex:
     """Return the growing oscillations with one contact closed and no heat, 1/s."""
     poles = poles_in_contact(basis, np.array([contact]), 0.0, friction)
-    if poles is None:
-        return np.zeros(0, dtype=np.complex128)
-    return np.asarray(poles[(poles.imag > 0) & (poles.real > _GROWS * np.abs(poles).max(initial=0.0))])
+    return poles.pole[poles.is_positive & (poles.frequency > 0)]
 
 
 def coarse_heat(full: Structure, reduced: Structure, seconds: float, period: str, basis: str) -> Iterator[str]:

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from workflow.kernels import Array
 from workflow.kernels.algebra import singular
 from workflow.models._contact_basis import ContactBasis
-from workflow.models._structure import stays_cold
 
 _RIGID = 1e-13
 """Part of a row, over the whole, up to which it is 0: the rounding of some hundred terms."""
@@ -176,19 +175,3 @@ def _compliant(basis: ContactBasis, S: Any, alpha: float, friction: float, compl
     inputs += flexibility[:, S] @ force_inputs
     signals[S], inputs[S] = force, force_inputs
     return ContactSystem(A, B, signals, inputs, modes, np.zeros((m, n)))
-
-
-def poles_in_contact(
-    basis: ContactBasis, closed: NDArray[np.intp], alpha: float, friction: float
-) -> NDArray[np.complex128] | None:
-    """Return all poles with some contacts ``closed`` for good, 1/s; ``None`` where their forces are not unique.
-
-    A temperature that stands for none has none.
-    """
-    basis = basis.unheated if stays_cold(basis.heat) else basis
-    is_closed = np.isin(np.arange(basis.contacts.count), closed)
-    system = contact_system(basis if alpha > 0 else basis.unheated, is_closed, alpha, friction)
-    if system is None:
-        return None
-    poles = np.linalg.eigvals(system.A).astype(np.complex128)
-    return poles if alpha > 0 else np.append(poles, -basis.rate)

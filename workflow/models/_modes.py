@@ -94,20 +94,6 @@ def coupled_damping(structure: Structure, modes: Modes) -> Array:
     return np.asarray(np.diag(damping) + (own + own.T) / 2)
 
 
-def held_damping(structure: Structure, modes: Modes) -> Array:
-    """Return φᵀ C1 φ of the modes with the tip held, 1/s, ``(mode, mode)``.
-
-    Shapes have the row of the tip, which is 0.
-    """
-    projected = modes.shapes.T @ (structure.damping_matrix @ modes.shapes)
-    return np.asarray((projected + projected.T) / 2)
-
-
-def is_rayleigh(structure: Structure) -> bool:
-    """Tell whether damping is a_M M + a_K K1 alone, which is diagonal in the modes of any boundary condition."""
-    return structure.damper is None and structure.damping.ratio == 0
-
-
 def couples_free_modes(structure: Structure) -> bool:
     """Tell whether damping couples the modes with the tip free."""
     return structure.damper is not None and coupled_damping(structure, mechanical_modes(structure)).ndim == 2
