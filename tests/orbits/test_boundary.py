@@ -215,10 +215,20 @@ def test_a_fold_moves_with_numbers_of_the_scene(frequency: float, gap: float, sh
     given = {"gap": (gap, 1e-6), "e": (0.4, 0.01)}
     numbers = [Number(of_two(structure, scene, "alpha", name), *given[name]) for name in shifts]
     found_shifts = bifurcation_shifts(followed, 12, numbers)
-    (fold,) = np.flatnonzero(values["bifurcation"])
+    (fold,) = np.flatnonzero(values["bifurcation"] == BIFURCATIONS.index("fold"))
     assert values["value"][fold] == pytest.approx(8.0, abs=1e-9)
     np.testing.assert_allclose(found_shifts[fold], list(shifts.values()), rtol=1e-8)
-    assert np.isnan(np.delete(found_shifts, fold, axis=0)).all()
+    assert np.isnan(found_shifts[values["bifurcation"] == 0]).all()
+
+
+@pytest.mark.parametrize("start", [20.0, 25.0])
+def test_a_doubling_close_to_the_end_of_a_range_is_marked(start: float) -> None:
+    """The last step to 20 W/N passes it."""
+    beside = {"gap": 8.214583381235637e-5, "displacement": -1.6e-4, "velocity": -0.15, "temperature": 107.8}
+    structure, scene = heated(4200 / TURN, **beside)
+    followed = follow(lambda alpha: (structure, with_numbers(scene, alpha=alpha)), start, 0.0, Options(periods=1))
+    (doubling,) = (place.point for place in followed.trace if BIFURCATIONS[place.flag] == "period_doubling")
+    assert followed.curve.value(doubling.q) == pytest.approx(18.12398228, abs=1e-8)
 
 
 def two_contacts(frequency: float, **start: list[float]) -> tuple[Structure, Cases]:

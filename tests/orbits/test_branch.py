@@ -128,6 +128,32 @@ def test_an_elastic_casing_is_met_without_a_mark() -> None:
     assert np.isin(states(values), ["no_contact", "settles", "unstable"]).all()
 
 
+def test_a_stiff_casing_is_passed_to_the_motion_without_contact() -> None:
+    """Its branch turns where the free motion, whose largest x is |H|, grazes, but for the square of the flexibility."""
+    structure = chain(nodes=1, mass=1.0, stiffness=1.0, damping=Rayleigh(0.2, 0.0)).on_casing(1e-3)
+    free = 1 / abs(1 - 1.2**2 + 0.2j * 1.2)
+    scene = cases(structure, gap=4.0, amplitude=1.0, frequency=1.2 / TURN)
+    values = followed(along("gaps", structure, scene), 0.3 * free, 3 * free, 30)
+    first, last = flagged(values, "fold")
+    assert np.count_nonzero(values["bifurcation"]) == 2
+    assert values["value"][last] == pytest.approx(free, abs=1e-6)
+    assert values["value"][-1] == pytest.approx(3 * free)
+    assert states(values)[:first] == first * ["settles"]
+    assert states(values)[first : last + 1] == (last + 1 - first) * ["unstable"]
+    assert set(states(values)[last + 1 :]) == {"no_contact"}
+
+
+def test_a_branch_does_not_go_over_to_another_one_at_the_same_place() -> None:
+    """A blade on a contact without mass: rubs of two branches have nearly the same displacements at one phase."""
+    structure = reduce_structure(blade(damping=Rayleigh(10.0, 2e-6)), 3, 12, "macneal").structure
+    scene = cases(structure, amplitude=4.0, frequency=3700.0, gap=1e-5)
+    values = followed(along("gaps", structure, scene), 1e-5, 8e-5, 12)
+    first, last = values["value"][flagged(values, "fold")]
+    assert first == pytest.approx(3.09481e-5, rel=1e-5)
+    assert last < 1.82e-5
+    assert states(values)[-1] == "no_contact"
+
+
 def test_equilibria_of_permanent_contact_under_a_constant_load() -> None:
     """λ = (F - k d/n)/(1 - α/α_c) along F."""
     structure = pressed()

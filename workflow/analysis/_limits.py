@@ -37,9 +37,6 @@ _WITHIN = {
     "permanent_contact": "contact is permanent",
 }
 
-_MARGINAL = ("fold", "period_doubling", "torus")
-"""Bifurcations at which a rub is no longer stable."""
-
 _WORDS = {
     "fold": "a fold ends it",
     "period_doubling": "the period doubles",
@@ -171,8 +168,6 @@ def _faults(dataset: xr.Dataset, bounds: Mapping[str, float]) -> _Judged:
         asked = present | ((status == Status.FAILED)[..., None] & (np.arange(present.shape[-1]) == 0))
         status = np.broadcast_to(status[..., None], state.shape)
     faults[asked & (status != Status.OK)] = "failed"
-    if "bifurcation" in dataset:  # a multiplier of modulus 1
-        faults[(faults == "") & np.isin(labels(dataset["bifurcation"]).values, _MARGINAL)] = "unstable"
     return np.where(asked, faults, ""), asked, (_ARM if "point" in dataset.dims else _from_start(dataset),)
 
 

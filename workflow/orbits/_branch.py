@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from workflow.models import Array, one_thread
 from workflow.orbits._curve import Curve, Point, Problem
-from workflow.orbits._orbit import NOT_FOUND, Orbit, scale_of
+from workflow.orbits._orbit import NOT_FOUND, UNSTABLE, Orbit, scale_of
 from workflow.orbits._settle import Options, Settled, settle, tabulated
 
 BIFURCATIONS = ("none", "fold", "period_doubling", "torus", "grazing", "branch_point")
@@ -23,7 +23,7 @@ NONE, FOLD, PERIOD_DOUBLING, TORUS, GRAZING, BRANCH_POINT = range(6)
 _STARTS = (0.0, 1.0, 0.5, 0.25, 0.75)
 """Fractions of the range at which a periodic rub is searched for."""
 
-_FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-6
+_FIRST, _LARGEST, _LEAST = 1e-2, 0.25, 1e-9
 """First, largest and least step along the curve, on which range and motion have length 1."""
 
 _FAR = 4.0
@@ -34,9 +34,8 @@ _CURVE, _BEND = 0.1, 1e-3
 
 _MOST_STEPS = 500
 
-_ROOT, _ZERO, _GRAZED, _APART = 1e-12, 1e-6, 1e-9, 1e-3
-"""Accuracy in arclength of roots of a test, which is 0 up to ``_ZERO`` of its values, and of grazing; distance of two
-grazings."""
+_ROOT, _ZERO, _APART = 1e-12, 1e-6, 1e-3
+"""Accuracy in arclength of roots of a test, which is 0 up to ``_ZERO`` of its values; distance of two grazings."""
 
 
 class Place(NamedTuple):
@@ -85,6 +84,8 @@ def tabulate(followed: Followed, points: int, options: Options) -> tuple[dict[st
     values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples, curve.problem(curve.start)[0])
     values["value"] = np.pad([curve.value(point.q) for point, _ in found], (0, beyond), constant_values=np.nan)
     values["bifurcation"] = np.pad(np.array([flag for _, flag in found], dtype=np.int8), (0, beyond))
+    critical = np.isin(values["bifurcation"], (FOLD, PERIOD_DOUBLING, TORUS, BRANCH_POINT))  # a multiplier has modulus 1
+    values["steady_state"][critical], values["settling_time"][critical] = UNSTABLE, np.nan
     if not found:
         ends = f"at {curve.start:g}, at {curve.stop:g} or between"
         return values, f"steady: no periodic rub was found {ends}"
@@ -180,24 +181,20 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
         same = count > 10 and here.word == first.word and here.phase == first.phase
         if same and np.linalg.norm(here.u - first.u) < 0.5 * here.arclength / count:
             break  # a closed branch
-        found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
-        if not 0.0 <= ahead <= 1.0:
-            found = curve.at(here, 0.0 if ahead < 0 else 1.0)
-        alike = found is not None and _same_events(here, found)
-        if found is None or _bend(here, found) > (_CURVE if alike else _BEND):
-            step /= 2
-            if step > _LEAST:
-                continue
+        if step < _LEAST:
             if here.word is None:
                 return [*trace[:-1], Place(here, GRAZING)]
             here, step = curve.unworded(here), _FIRST
+        found, ahead = curve.step(here, step), here.q + step * here.tangent[-1]
+        if not 0.0 <= ahead <= 1.0:
+            found = curve.at(here, 0.0 if ahead < 0 else 1.0)
+        if found is None or _bend(here, found) > (_CURVE if _same_events(here, found) else _BEND):
+            step /= 2
             continue
         if not found.is_motion:
             passed = _past_grazing(curve, here, found)
             if passed is None:
                 step /= 2
-                if step < _LEAST:
-                    here, step = curve.unworded(here), _FIRST
                 continue
             trace, here, step, count = [*trace, *passed[1:]], passed[-1].point, _FIRST, count + 1
             continue
@@ -206,6 +203,9 @@ def _followed(curve: Curve, first: Point) -> list[Place]:
             if found is None:
                 return [*trace[:-1], Place(here, PERIOD_DOUBLING)]
         passed = _joined(curve, here, found)
+        if passed is None:
+            step /= 2
+            continue
         here, step, count = curve.rephased(curve.worded(passed[-1].point)), min(1.5 * step, _LARGEST), count + 1
         trace = [*trace[:-1], trace[-1] if trace[-1].flag else passed[0], *passed[1:-1], Place(here)]
     return trace
@@ -220,7 +220,8 @@ def _past_grazing(curve: Curve, here: Point, beyond: Point) -> list[Place] | Non
     last, ahead = (replace(each, arclength=arclength) for each in found)
     fewest = min(last.times.size, ahead.times.size)
     ends = [Place(point, GRAZING if point.times.size == fewest else NONE) for point in (last, ahead)]
-    return [Place(here), *_roots(curve, here, last), *ends]
+    between = _roots(curve, here, last)
+    return None if between is None else [Place(here), *between, *ends]
 
 
 def _bend(a: Point, b: Point) -> float:
@@ -239,19 +240,17 @@ def _with_equal_halves(curve: Curve, here: Point) -> Point | None:
     return None
 
 
-def _joined(curve: Curve, a: Point, b: Point) -> list[Place]:
-    """Return the points from one to the next with the bifurcations between.
+def _joined(curve: Curve, a: Point, b: Point) -> list[Place] | None:
+    """Return the points from one to the next with the bifurcations between; ``None`` where these are of two curves.
 
     Grazing is at the side that has fewer impacts, where the map is smooth. On the other a multiplier comes from
     infinity, so tests are made between points at growing distances.
     """
-    if a.orbit.order != b.orbit.order:
-        return [Place(a), *_roots(curve, curve.halved(a) or b, b), Place(b)]
-    if _same_events(a, b):
-        return [Place(a), *_roots(curve, a, b), Place(b)]
+    if a.orbit.order != b.orbit.order or _same_events(a, b):
+        between = _roots(curve, a if a.orbit.order == b.orbit.order else curve.halved(a) or b, b)
+        return None if between is None else [Place(a), *between, Place(b)]
     first, length = _impacts(a) <= _impacts(b), b.arclength - a.arclength
-    low = _until_events_change(curve, a, length, _GRAZED if first else _LEAST)
-    high = _until_events_change(curve, _reversed(b), length, _LEAST if first else _GRAZED)
+    low, high = (_until_events_change(curve, each, length) for each in (a, _reversed(b)))
     apart = low[-1].point.distance(high[-1].point.u)
     for end, smooth in ((low, first), (high, not first)):
         if smooth or apart > _APART:
@@ -260,19 +259,21 @@ def _joined(curve: Curve, a: Point, b: Point) -> list[Place]:
     return [*low, *(Place(_reversed(point, shift), flag) for point, flag in reversed(high))]
 
 
-def _until_events_change(curve: Curve, a: Point, length: float, least: float) -> list[Place]:
-    """Return points from one on as far as they have its order of events, with bifurcations, by steps down to a least.
+def _until_events_change(curve: Curve, a: Point, length: float) -> list[Place]:
+    """Return points from one on as far as they have its order of events, with the bifurcations between.
 
     The first step is half of a length at which the order is another.
     """
     places, step = [Place(a)], 0.5 * length
-    while step > least and places[-1].arclength - a.arclength < 4 * length:
+    while step > _LEAST and places[-1].arclength - a.arclength < 4 * length:
         here = places[-1].point
         found = curve.step(here, step)
-        if found is not None and order_of_events(found.orbit) == order_of_events(a.orbit):
-            places += [*_roots(curve, here, found), Place(found)]
-        else:
+        alike = found is not None and order_of_events(found.orbit) == order_of_events(a.orbit)
+        between = _roots(curve, here, found) if found is not None and alike else None
+        if found is None or between is None:
             step /= 2
+        else:
+            places += [*between, Place(found)]
     return places
 
 
@@ -297,30 +298,37 @@ _TESTS: dict[int, Callable[[Point], float]] = {
 }
 
 
-def _roots(curve: Curve, a: Point, b: Point) -> list[Place]:
-    """Return the bifurcations between two points with the same order of events."""
-    found = [Place(point, flag) for flag, test in _TESTS.items() if (point := _root(curve, a, b, test)) is not None]
+def _roots(curve: Curve, a: Point, b: Point) -> list[Place] | None:
+    """Return the bifurcations between two points with the same order of events; ``None`` where these are of two curves.
+
+    Along one curve a test passes 0 where its sign changes. That of a torus may jump, as pairs of multipliers end.
+    """
+    found = []
+    for flag, test in _TESTS.items():
+        size = max(abs(test(a)), abs(test(b)))
+        if test(a) * test(b) < 0 and np.isfinite(size):
+            point = _root(curve, a, b, test)
+            if point is not None and abs(test(point)) < _ZERO * max(1.0, size):
+                found.append(Place(point, flag))
+            elif flag != TORUS:
+                return None
     return sorted(found, key=lambda place: place.arclength)
 
 
 def _root(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
-    """Return the point between two where a test is 0; ``None`` where its sign does not change, or changes by a jump."""
-    size = max(abs(test(a)), abs(test(b)))
-    if not (test(a) * test(b) < 0 and np.isfinite(size)):
-        return None
-    found = [a, b]
+    """Return the point between two at which the sign of a test changes; ``None`` where one between is not found."""
+    found = {point.arclength: point for point in (a, b)}
 
     def value(arclength: float) -> float:
-        point = curve.step(a, arclength - a.arclength)
-        found.extend([point] if point is not None else [])
+        point = found.get(arclength) or curve.step(a, arclength - a.arclength)
+        found.update({} if point is None else {arclength: point})
         return np.nan if point is None else test(point)
 
     try:
         brentq(value, a.arclength, b.arclength, xtol=_ROOT, rtol=1e-14)
-    except ValueError:  # a point between was not found
+    except ValueError:
         return None
-    nearest = min(found, key=lambda point: abs(test(point)))
-    return nearest if abs(test(nearest)) < _ZERO * max(1.0, size) else None
+    return min(found.values(), key=lambda point: abs(test(point)))
 
 
 def _impacts(point: Point) -> int:

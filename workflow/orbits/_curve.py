@@ -151,7 +151,7 @@ class Curve:
         guess, ahead = point.u, np.zeros(point.u.size)
         guess[-1], ahead[-1] = q, np.copysign(1.0, point.tangent[-1])
         found = self._newton(frame_of(point), guess, _plane(guess, ahead), ahead)
-        return found and replace(found, arclength=point.arclength + point.distance(found.u))
+        return found and replace(found, arclength=point.arclength + float(point.row @ (found.u - point.u)))
 
     def worded(self, point: Point) -> Point:
         """Return a point of the map with the times of its events as unknowns, where these tell the events apart."""
