@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from workflow.kernels.compiled import part
+from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lemke import solve_complementarity
 from workflow.models import AT_BORDER
 from workflow.schemes._exact.between import Between
@@ -143,11 +143,19 @@ def _next_border(coat: Coat, at: Any, own: Memory) -> None:
             at.until = min(at.until, coat.law[EVERY] * (at.mapped + 1.0) / coat.law[SPEED])
 
 
-@part
+@inlined
 def wear(coat: Coat | None, at: Any, own: Memory, t: float) -> None:
     """Wear the sectors of contacts that crush up to t, the end of a step; fill the rows of the map."""
-    if coat is None:
-        return
+    if coat is not None:
+        wears = at.mapped < coat.map.shape[1]
+        for c in range(own.contacts.size):
+            wears = wears or own.contacts[c].crushes
+        if wears:
+            _wear(coat, at, own, t)
+
+
+@part
+def _wear(coat: Coat, at: Any, own: Memory, t: float) -> None:
     first, flexibility, sectors = coat.law[YIELD_FORCE], coat.law[FLEXIBILITY], np.int64(coat.law[SECTORS])
     for c in range(own.contacts.size):
         each = own.contacts[c]
