@@ -92,9 +92,9 @@ def _touch(step: FreeStep, law: Law, now: Now, state: State, block: CaseBlock, l
         strike(step, state, now.waits, lane)
     for c in range(count):
         end = leave(contact, met, c, engaged, lane)
-        wear(block.tracks, block.worn, contact, now.t, c, acts[c], end.depth, engaged, lane)
         balance.count_work(state.account, contact, end, load, state, c, engaged, lane)
         stepping.show(now, contact.h, end, engaged, acts[c], block.contacts[c], lane)
+        wear(block.tracks, block.worn, contact, now.t, c, acts[c], end.depth, engaged, lane)
 
 
 @by_type
