@@ -306,10 +306,10 @@ def _coating(cases: CaseSpace, source: StudyText) -> Iterator[Fault]:
     turn = "write `speed` in the scene, e.g. `speed: 9000 rpm`"
     if coating is not None and 0.0 in _flexibilities(cases):
         remedy = "write `flexibility` beside it, that of casing and coating before it is worn, e.g. `flexibility: 1e-7`"
-        yield source.place_of("scene.casing.flexibility", "scene.casing.coating"), "lies on a rigid casing", remedy
+        yield ("scene", "casing", "coating"), "lies on a rigid casing", remedy
     path = "scene.casing.coating.sectors"
     if coating is not None and max(_values(cases, path, coating.sectors)) > 1 and 0.0 in speeds:
-        yield source.place_of("scene.speed", path), "are of a casing that does not turn", f"{turn}, or `sectors: 1`"
+        yield source.place_of(path), "are of a casing that does not turn", f"{turn}, or `sectors: 1`"
     if cases.output.wear is not None and (coating is None or 0.0 in speeds):
         problem = "maps a coating, and the casing has none" if coating is None else "counts revolutions at no speed"
         yield ("output", "wear"), problem, "leave it out, or write `coating`" if coating is None else turn
