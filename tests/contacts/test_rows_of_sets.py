@@ -11,7 +11,7 @@ from workflow import schemes
 from workflow.models import Structure, analyse_contacts, contact_system
 from workflow.schemes import Sampling
 from workflow.schemes._exact import batch, closed_sets, set_tables
-from workflow.schemes._exact.closed_sets import APART, LINKED, UNLINKED, SetAnyAlpha, closed_set_of, row_length
+from workflow.schemes._exact.closed_sets import SetAnyAlpha, closed_set_of, row_length
 
 
 class Way(NamedTuple):
@@ -19,7 +19,7 @@ class Way(NamedTuple):
     closed: list[bool]
     alpha: float
     friction: float
-    link: int
+    is_linked: bool
     general: bool
 
 
@@ -31,14 +31,14 @@ def plain(heated: bool = True) -> dict[str, Any]:
 
 SLIDES = {"tangent": np.eye(5)[[1, 3]]}
 WAYS = {
-    "open": Way(plain(heated=False), [False, False], 0.0, 0.0, UNLINKED, general=False),
-    "closed": Way(plain(heated=False), [True, True], 0.0, 0.0, UNLINKED, general=False),
-    "warm": Way(plain(), [True, False], 0.0, 0.0, APART, general=False),
-    "warm and open": Way(plain(), [False, False], 9.0, 0.0, APART, general=False),
-    "heated": Way(plain(), [False, True], 9.0, 0.0, LINKED, general=False),
-    "heated twice": Way(plain(), [True, True], 9.0, 0.0, LINKED, general=True),
-    "friction": Way(plain() | SLIDES, [True, False], 9.0, 0.3, LINKED, general=True),
-    "coupled damping": Way(chain(), [False, True], 9.0, 0.0, LINKED, general=True),
+    "open": Way(plain(heated=False), [False, False], 0.0, 0.0, is_linked=False, general=False),
+    "closed": Way(plain(heated=False), [True, True], 0.0, 0.0, is_linked=False, general=False),
+    "warm": Way(plain(), [True, False], 0.0, 0.0, is_linked=False, general=False),
+    "warm and open": Way(plain(), [False, False], 9.0, 0.0, is_linked=False, general=False),
+    "heated": Way(plain(), [False, True], 9.0, 0.0, is_linked=True, general=False),
+    "heated twice": Way(plain(), [True, True], 9.0, 0.0, is_linked=True, general=True),
+    "friction": Way(plain() | SLIDES, [True, False], 9.0, 0.3, is_linked=True, general=True),
+    "coupled damping": Way(chain(), [False, True], 9.0, 0.0, is_linked=True, general=True),
 }
 
 
@@ -54,7 +54,7 @@ def test_a_row_is_the_system(name: str, monkeypatch: pytest.MonkeyPatch) -> None
     assert SetAnyAlpha(basis, closed, way.friction, 0.1).fill(row[None], np.array([way.alpha])).all()
     s, system = closed_set_of(row), contact_system(basis, closed, way.alpha, way.friction)
     assert system is not None
-    assert (s.link, s.is_open) == (way.link, not closed.any())
+    assert (s.is_linked, s.is_open) == (way.is_linked, not closed.any())
     k, j = s.blocks, s.firsts
     D = np.zeros((2 * k + j, 2 * k + j))
     D[:k, k : 2 * k], D[2 * k :, 2 * k :] = np.eye(k), -np.diag(s.first[0, :j])

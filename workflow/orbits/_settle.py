@@ -286,8 +286,8 @@ def _described(orbit: Orbit, samples: int) -> dict[str, float | Array]:
     mean = flow.balanced(motion.start, motion.tally["impulse"] / motion.span)
     x, v, temperature, _ = motion.histories
     sensed, offset = motion.sensed, flow.cases.offset[0]
-    if flow.operator.sensors is not None:
-        sensed = flow.operator.sensors.with_contacts(sensed[None], (x + offset[:, None])[None])[0]
+    if flow.operator.structure.sensors is not None:
+        sensed = flow.operator.structure.sensors.with_contacts(sensed[None], (x + offset[:, None])[None])[0]
     low, high = np.transpose([_extremes(flow, motion, contact) for contact in range(flow.contacts)])
     at = slice(None, -1, (x.shape[1] - 1) // samples)
     return {

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workflow.kernels import elementwise
-from workflow.kernels.lemke import complementarity
 from workflow.models import (
     Array,
     Cases,
@@ -21,7 +20,6 @@ from workflow.models import (
     Sensors,
     Structure,
     analyse_contacts,
-    coated_forces,
     distinct_rows,
     project,
 )
@@ -44,6 +42,7 @@ from workflow.schemes._exact.set_motion import Budget, Case, Coat, Thresholds, m
 from workflow.schemes._exact.set_tables import FULL, MOST_BYTES, ROOM, SetTable, SharedSets
 from workflow.schemes._exact.tables import wave
 from workflow.schemes._fixed.coating import Worn, wear_results, worn_of
+from workflow.schemes._fixed.loads import compliant_places
 from workflow.schemes._interface import (
     EXTRAPOLATED,
     HISTORIES,
@@ -76,18 +75,14 @@ class InseparablePolesError(RefusedStructureError):
         super().__init__(_INSEPARABLE)
 
 
-T = TypeVar("T")
-
-
 @dataclass(frozen=True, eq=False)
 class ExactOperator:
     """Common data of the cases of a batch; ``budget`` limits events and steps of one case."""
 
     basis: ContactBasis
     budget: Budget
-    sensors: Sensors | None = None
+    structure: Structure
     thresholds: Thresholds = THRESHOLDS
-    _shared: dict[tuple[float, ...], SharedSets] = field(default_factory=dict)
     _tables: dict[tuple[float, ...], SetTable] = field(default_factory=dict)
 
     @cached_property
@@ -99,25 +94,19 @@ class ExactOperator:
         """Return the table of sets at one µ, duration and, of a coating, hardening; the oldest may go for a new one."""
         basis, key = self.bases[heated], (heated, *conditions)
         most = MOST_BYTES // (8 * ROOM * row_length(basis))
-        shared = _kept(self._shared, key, lambda: SharedSets(basis, *conditions), most)
-        return _kept(self._tables, key, lambda: SetTable(shared), most)
-
-
-def _kept(known: dict[tuple[float, ...], T], key: tuple[float, ...], make: Callable[[], T], most: int) -> T:
-    """Return what is known at a key; it is made where there is none, and the oldest go beyond ``most``."""
-    found = known.get(key)
-    if found is None:
-        for oldest in list(known)[: max(0, len(known) + 1 - max(1, most))]:
-            known.pop(oldest, None)
-        found = known.setdefault(key, make())
-    return found
+        found, known = self._tables.get(key), self._tables
+        if found is None:
+            for oldest in list(known)[: max(0, len(known) + 1 - max(1, most))]:
+                known.pop(oldest, None)
+            found = known.setdefault(key, SetTable(SharedSets(basis, *conditions)))
+        return found
 
 
 def make_operator(structure: Structure, budget: Budget) -> ExactOperator:
     """Return the modes of a structure."""
     basis = analyse_contacts(structure)
     low = THRESHOLDS if basis.contacts.count == 1 else THRESHOLDS._replace(height=LOWEST_BOUNCE)
-    return ExactOperator(basis, budget, structure.sensors, low)
+    return ExactOperator(basis, budget, structure, low)
 
 
 def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Results:
@@ -126,7 +115,7 @@ def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Resu
     basis, record = operator.basis, record_of(cases, sampling, periods, operator.basis.sensors)
     contacts, n, size = basis.contacts.count, basis.frequency.size, basis.size
     record.tally["next_sample"] = 1
-    _fill_first_sample(record, basis, cases)
+    _fill_first_sample(record, basis, operator.structure, cases)
     progress, ended = np.zeros(cases.count, dtype=PROGRESS), np.full(cases.count, INVALID)
     outcome, finite = Outcome(with_contacts(record, contacts), progress, ended), np.flatnonzero(cases.finite)
     modal, conditions = np.full((cases.count, size), np.nan), conditions_of(operator, cases, sampling.duration)
@@ -154,7 +143,7 @@ def run_batch(operator: ExactOperator, cases: Cases, sampling: Sampling) -> Resu
         record,
         cases,
         periods,
-        operator.sensors,
+        operator.structure.sensors,
         metrics=metrics | metrics_of(record, sampling, completed, progress["steps"], depth, closing),
         status=status_of(ended),
         messages=dict(_messages(operator, cases, outcome)),
@@ -195,7 +184,7 @@ def with_contacts(record: Record, contacts: int) -> Record:
     )
 
 
-def _fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> None:
+def _fill_first_sample(record: Record, basis: ContactBasis, structure: Structure, cases: Cases) -> None:
     """Write the initial state."""
     modal = [project(basis.to_modes, cases.displacement), project(basis.to_thermal, cases.temperature)]
     normal = basis.contacts.normal
@@ -205,27 +194,7 @@ def _fill_first_sample(record: Record, basis: ContactBasis, cases: Cases) -> Non
     record.histories[:, 3, ..., 0] = 0.0
     record.asked.sensed[:, :, 0] = project(basis.sensors, np.hstack(modal))
     if basis.contacts.is_compliant:
-        record.histories[:, 0, ..., 0] = _compliant_places(basis, cases).reshape(record.tally.shape)
-
-
-def _compliant_places(basis: ContactBasis, cases: Cases) -> Array:
-    """Return x_i of compliant contacts at t = 0, m, ``(case, contact)``: d + c λ where they touch; NaN without a λ."""
-    contacts, (place, _) = basis.contacts, cases.casing_of_contacts(0.0)
-    tau = project(basis.to_thermal, cases.temperature)
-    free = project(contacts.normal, cases.displacement) - project(basis.residual_coupling, tau)
-    free += cases.load_at(0.0)[:, None] * basis.residual_load
-    for i in np.flatnonzero((free > place).any(axis=1)):
-        friction, c, own = float(cases.friction[i]), contacts.casing_flexibility, cases.coating
-        compliance, apart, worn = contacts.compliance(friction), place[i] - free[i], np.zeros(contacts.count)
-        if own is None:
-            force = complementarity(compliance, apart)
-        else:
-            worn, level = own.worn_at_start()[i], own.level_at_start()[i]
-            both = coated_forces(compliance, apart + worn, c, level, float(own.hardening[i]))
-            force, worn = (None, worn) if both is None else (both[0], worn + both[1])
-        yields = np.nan if force is None else free[i] - contacts.flexibility(friction) @ force
-        free[i] = yields if force is None else np.where(force > 0, place[i] + worn + c * force, yields)
-    return free
+        record.histories[:, 0, ..., 0] = compliant_places(structure, cases, 0.0).reshape(record.tally.shape)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a case that is not finite

@@ -2,9 +2,8 @@
 
 The system is :func:`~workflow.models.contact_system`, in modes [z, z', τ] with S held, y = Z z + Pᵀ d. The signals,
 whose fall through zero ends the set, are the gaps d_i - x_i of open contacts and λ_i of closed ones. It is separated
-once for (structure, S, α, µ), whatever the loads are, in one of four ways:
+once for (structure, S, α, µ), whatever the loads are, in one of three ways:
 
-    unlinked   nothing links the modes, and there are no thermal ones: they are the blocks
     apart      no heat of contact feeds back: blocks are modes less their response to thermal modes
     rank one   one closed contact heats: :mod:`workflow.schemes._exact.rank_one`
     general    :func:`workflow.poles.real_blocks`
@@ -25,6 +24,7 @@ from workflow.poles import RealBlocks, real_blocks
 from workflow.schemes._exact.rank_one import (
     CRITICAL,
     NEAR_RATE,
+    Modes,
     RankOne,
     Zeros,
     complete,
@@ -35,14 +35,11 @@ from workflow.schemes._exact.rank_one import (
 )
 from workflow.schemes._exact.tables import block, first, padded
 
-UNLINKED, APART, LINKED = range(3)
-"""How coordinates [η, u, ξ] follow from [z, z', τ]: they are these; less the response to τ; by a full matrix."""
-
 HEAD = 11
 """Numbers of a set's row before its tables: blocks, first-order states, N, contacts, modes with all open, inputs, modes
-of the set, whether these are those with all open, how coordinates follow from them, growth, fastest."""
+of the set, whether these are those with all open, whether coordinates are linked, growth, fastest."""
 
-_LINK, _GROWTH, _FASTEST = 8, 9, 10
+_LINKED, _GROWTH, _FASTEST = 8, 9, 10
 
 
 class ClosedSet(NamedTuple):
@@ -52,7 +49,8 @@ class ClosedSet(NamedTuple):
     firsts: int
     is_open: bool
     """Whether its modes are those with all contacts open: Z = 1."""
-    link: int
+    is_linked: bool
+    """Whether [η, u, ξ] follow from [z, z', τ] by a full matrix; else they are these less the response to τ."""
     growth: float
     """Largest rate at which a block or first-order state may grow, 1/s, not negative."""
     fastest: float
@@ -104,7 +102,7 @@ def closed_set_of(row: Array) -> ClosedSet:
         blocks,
         firsts,
         row[7] != 0.0,
-        int(row[_LINK]),
+        row[_LINKED] != 0.0,
         row[_GROWTH],
         row[_FASTEST],
         view(row, HEAD, (n, modes)),
@@ -122,15 +120,6 @@ def closed_set_of(row: Array) -> ClosedSet:
 
 closed_set_in = part(closed_set_of)
 """:func:`closed_set_of` in kernels."""
-
-
-class _Modes(NamedTuple):
-    """What :func:`thermal_response` reads of a system."""
-
-    frequency: Array
-    damping: Array
-    coupling: Array
-    rate: Array
 
 
 class Heated(NamedTuple):
@@ -163,23 +152,23 @@ class SetAnyAlpha:
     ):
         self._basis, self._closed, self._duration = basis, closed != 0, duration
         self._system = system = contact_system(basis, closed, 0.0, friction, hardening)
-        self._modes: _Modes | None = None
+        self._modes: Modes | None = None
         self._heated: Heated | None = None
         if system is None:
             return
         n, k, heats = basis.frequency.size, system.null.shape[1], basis.rate.size
         stiffness, damping = -system.A[k : 2 * k, :k], -system.A[k : 2 * k, k : 2 * k]
         is_open = np.array_equal(system.null, np.eye(n))
-        head = [k, heats, 2 * k + heats, closed.size, n, basis.inputs, k, is_open, LINKED, 0, 0]
+        head = [k, heats, 2 * k + heats, closed.size, n, basis.inputs, k, is_open, True, 0, 0]
         self._statics = np.concatenate([head, system.null.ravel(), system.place.ravel()])
         self._struck = -(basis.normal - friction * basis.tangent) @ system.null
         if all(np.array_equal(each, np.diag(np.diag(each))) for each in (stiffness, damping)):
             frequency = np.sqrt(np.maximum(0.0, np.diag(stiffness)))
-            self._modes = _Modes(frequency, np.diag(damping), -system.A[k : 2 * k, 2 * k :], basis.rate)
+            self._modes = Modes(frequency, np.diag(damping), -system.A[k : 2 * k, 2 * k :], basis.rate)
             if self._closed.sum() == 1 and heats and not basis.contacts.is_compliant:
                 self._heated = self._rank_one(self._modes, int(np.flatnonzero(closed)[0]))
 
-    def _rank_one(self, modes: _Modes, contact: int) -> Heated | None:
+    def _rank_one(self, modes: Modes, contact: int) -> Heated | None:
         """Return the arguments of the kernel; ``None`` where poles or rates are near each other, or a pole is 0."""
         system, heat, response = self._system, self._basis.heat, thermal_response(modes, CRITICAL)
         assert system is not None
@@ -213,7 +202,7 @@ class SetAnyAlpha:
         response = None if self._modes is None else thermal_response(self._modes, NEAR_RATE)
         if response is None or self._modes is None:
             return False
-        self._store(row, _apart(self._modes, response), 0.0, APART if self._basis.rate.size else UNLINKED)
+        self._store(row, _apart(self._modes, response), 0.0, is_linked=False)
         return True
 
     def _fill_linked(self, row: Array, alpha: float) -> bool:
@@ -222,7 +211,7 @@ class SetAnyAlpha:
             blocks = real_blocks(self._matrix(alpha), self._duration)
         except ValueError:  # poles that coincide, entries that are not finite
             return False
-        self._store(row, blocks, alpha, LINKED)
+        self._store(row, blocks, alpha, is_linked=True)
         return True
 
     def _matrix(self, alpha: float) -> Array:
@@ -233,20 +222,15 @@ class SetAnyAlpha:
         A[2 * self._system.null.shape[1] :] += alpha * fed
         return A
 
-    def _store(self, row: Array, blocks: RealBlocks, alpha: float, link: int) -> None:
+    def _store(self, row: Array, blocks: RealBlocks, alpha: float, *, is_linked: bool) -> None:
         """Fill a row."""
         system, basis = self._system, self._basis
         assert system is not None
-        N, modes, m, k, j = (
-            len(system.A),
-            system.null.shape[1],
-            self._closed.size,
-            blocks.damping.size,
-            blocks.rate.size,
-        )
+        N, modes, m = len(system.A), system.null.shape[1], self._closed.size
+        k, j = blocks.damping.size, blocks.rate.size
         row[:] = 0.0
         row[: self._statics.size] = self._statics
-        row[0], row[1], row[_LINK] = k, j, link
+        row[0], row[1], row[_LINKED] = k, j, is_linked
         s = closed_set_of(row)
         s.block[block.DAMPING, :k], s.block[block.STIFFNESS, :k], s.first[first.RATE, :j] = blocks[:3]
         seen = system.signals @ blocks.outward, basis.recorded @ blocks.outward[2 * modes :]
@@ -262,7 +246,7 @@ class SetAnyAlpha:
         row[_GROWTH], row[_FASTEST] = complete(s.block, s.first, k, j)
 
 
-def _apart(modes: _Modes, response: Array) -> RealBlocks:
+def _apart(modes: Modes, response: Array) -> RealBlocks:
     """Return the blocks that are modes less their response R to thermal modes."""
     k, mu = modes.frequency.size, modes.rate
     inward = np.eye(2 * k + mu.size)

@@ -342,7 +342,7 @@ def _strike_all(between: Between, motion: SetMotion, case: Case, record: Record,
             size += 1
     if not strikes:
         return RUNNING
-    _fill_matrix(between, case, own, size)
+    _fill_matrix(between, own, size)
     if not solve_complementarity(p, size):
         return NO_IMPACT_LAW
     for r in range(size):
@@ -368,7 +368,7 @@ def _strike_all(between: Between, motion: SetMotion, case: Case, record: Record,
 
 
 @part
-def _fill_matrix(between: Between, case: Case, own: Memory, size: int) -> None:
+def _fill_matrix(between: Between, own: Memory, size: int) -> None:
     """Fill the matrix of the complementarity problem of the members."""
     for r in range(size):
         for q in range(size):
@@ -446,33 +446,21 @@ def _next_set(
     between: Between, motion: SetMotion, case: Case, record: Record, at: Any, own: Memory, moment: float
 ) -> bool:
     """Fill which contacts are wanted closed from now on; return whether the forces have a solution."""
-    p, contacts = own.problem, own.contacts.size
     while True:
-        for c in range(contacts):
-            own.contacts[c].force = 0.0
         _look(motion, at, own)
         _fill_push(between, case, own, 0)
-        if not _solve_forces(between, case, own, 0.0):
+        if not _solve_forces(between, own, 0.0):
             return False
-        size = 0
-        for c in range(contacts):
-            if own.contacts[c].kind == _RESTING:
-                own.contacts[c].force = p.solution[size]
-                size += 1
         _fill_push(between, case, own, 1)
-        if not _solve_forces(between, case, own, moment):
+        if not _solve_forces(between, own, moment):
             return False
         if not _hold_low_bounces(between, case, at, own, moment):
             break
         _stop(between, motion, case, record, at, own)
-    size = 0
-    for c in range(contacts):
-        was, own.contacts[c].wanted = own.contacts[c].closed != 0, 0
+    for c in range(own.contacts.size):
         if own.contacts[c].kind == _RESTING:
-            own.contacts[c].wanted = p.active[size]
-            size += 1
-            loose = 2 if _parting(between, case, own, c) > own.signals[ROUNDING, c] else 3
-            kept = own.watched[c].zeros if was else -1
+            loose = 2 if _parting(between, own, c) > own.signals[ROUNDING, c] else 3
+            kept = own.watched[c].zeros if own.contacts[c].closed else -1
             own.watched[c].zeros, own.watched[c].speed = kept if own.contacts[c].wanted else loose, -1.0
         elif own.contacts[c].kind == _LEAVING:
             own.watched[c].zeros, own.watched[c].speed = 1, -own.contacts[c].approach
@@ -519,26 +507,30 @@ def _fill_push(between: Between, case: Case, own: Memory, row: int) -> None:
 
 
 @part
-def _solve_forces(between: Between, case: Case, own: Memory, moment: float) -> bool:
-    """Solve the complementarity problem of the forces of contacts at rest, a moment later; whether it has one."""
+def _solve_forces(between: Between, own: Memory, moment: float) -> bool:
+    """Find the forces of contacts at rest a moment later, and which are closed then; return whether there are such."""
     p, size = own.problem, 0
     for c in range(own.contacts.size):
+        own.contacts[c].force, own.contacts[c].wanted = 0.0, 0
         if own.contacts[c].kind >= _RESTING:
             own.contacts[size].member, p.active[size] = c, own.contacts[c].closed != 0
             p.constant[size] = -own.signals[PUSH, c] - moment * (own.signals[PUSH + 1, c] if moment > 0.0 else 0.0)
             size += 1
-    _fill_matrix(between, case, own, size)
-    return solve_complementarity(p, size)
+    _fill_matrix(between, own, size)
+    if not solve_complementarity(p, size):
+        return False
+    for r in range(size):
+        each = own.contacts[own.contacts[r].member]
+        each.force, each.wanted = p.solution[r], p.active[r]
+    return True
 
 
 @part
-def _parting(between: Between, case: Case, own: Memory, c: int) -> float:
+def _parting(between: Between, own: Memory, c: int) -> float:
     """Return the acceleration of a contact's gap under the forces of those at rest, m/s²."""
-    bend, size = -own.signals[PUSH, c], 0
+    bend = -own.signals[PUSH, c]
     for i in range(own.contacts.size):
-        if own.contacts[i].kind == _RESTING:
-            bend += between.pairs[c, i].mobility * own.problem.solution[size]
-            size += 1
+        bend += between.pairs[c, i].mobility * own.contacts[i].force
     return float(bend)
 
 
@@ -551,35 +543,30 @@ def _hold_low_bounces(between: Between, case: Case, at: Any, own: Memory, moment
     pressed, held, later, is_rounding = _pressed(own), 0, 0.0, True
     for c in range(own.contacts.size):
         if own.contacts[c].kind == _LEAVING:
-            bend, square = _parting(between, case, own, c), own.contacts[c].approach * own.contacts[c].approach
+            bend, square = _parting(between, own, c), own.contacts[c].approach * own.contacts[c].approach
             if bend < 0.0 and square <= -2.0 * bend * LOWEST_BOUNCE * at.length:
                 own.contacts[c].kind, held = _RETURNING, held + 1
-                own.contacts[c].bounces = (
-                    2.0 * own.contacts[c].approach / bend / (1.0 - case.e) if case.e < 1.0 else 0.0
-                )
-                later = max(later, own.contacts[c].bounces) if case.e < 1.0 else np.inf
+                lasts = 2.0 * own.contacts[c].approach / bend / (1.0 - case.e) if case.e < 1.0 else np.inf
+                own.contacts[c].bounces, later = lasts if case.e < 1.0 else 0.0, max(later, lasts)
                 is_rounding = is_rounding and square <= -2.0 * bend * SUM_ROUNDING * at.length
     if held == 0:
         return False
-    holds = is_rounding or (_solve_forces(between, case, own, later) and _pressed(own) >= pressed + held)
+    holds = is_rounding or (_solve_forces(between, own, later) and _pressed(own) >= pressed + held)
     for c in range(own.contacts.size):
         if own.contacts[c].kind == _RETURNING:
-            own.contacts[c].kind, own.contacts[c].bounces = (
-                _RESTING if holds else _LEAVING,
-                own.contacts[c].bounces if holds else 0.0,
-            )
+            own.contacts[c].kind = _RESTING if holds else _LEAVING
+            own.contacts[c].bounces *= holds
     if not holds:
-        _solve_forces(between, case, own, moment)
+        _solve_forces(between, own, moment)
     return holds
 
 
 @part
 def _pressed(own: Memory) -> int:
     """Return how many of the contacts at rest have a force."""
-    pressed, size = 0, 0
+    pressed = 0
     for c in range(own.contacts.size):
-        if own.contacts[c].kind >= _RESTING:
-            pressed, size = pressed + own.problem.active[size], size + 1
+        pressed += own.contacts[c].wanted
     return pressed
 
 
@@ -591,9 +578,10 @@ def _stop(between: Between, motion: SetMotion, case: Case, record: Record, at: A
         if own.contacts[c].kind == _RESTING:
             own.contacts[size].member = c
             size += 1
+    _fill_matrix(between, own, size)
     for r in range(size):
         for q in range(size):
-            a[r, q] = between.pairs[own.contacts[r].member, own.contacts[q].member].mobility
+            a[r, q] = own.problem.matrix[r, q]
         a[r, size] = own.contacts[own.contacts[r].member].approach
         own.contacts[own.contacts[r].member].approach = 0.0
     if solve_in_place(a, size):
@@ -601,9 +589,7 @@ def _stop(between: Between, motion: SetMotion, case: Case, record: Record, at: A
             own.contacts[r].impulse = a[r, size]
             for c in range(own.contacts.size):
                 if own.contacts[c].kind == _LEAVING:
-                    own.contacts[c].approach -= (
-                        between.pairs[c, own.contacts[r].member].mobility * own.contacts[r].impulse
-                    )
+                    own.contacts[c].approach -= between.pairs[c, own.contacts[r].member].mobility * a[r, size]
         _apply(between, motion, case, record, at, own, size)
 
 
@@ -621,7 +607,7 @@ def _next_compliant_set(
         p.constant[c] = own.signals[PUSH, c] + moment * own.signals[PUSH + 1, c]
     if struck >= 0:
         p.active[struck] = not p.active[struck]
-    _fill_matrix(between, case, own, contacts)
+    _fill_matrix(between, own, contacts)
     if not solve_complementarity(p, contacts):
         return False
     for c in range(contacts):

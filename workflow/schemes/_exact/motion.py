@@ -12,7 +12,7 @@ that would lose digits (slow blocks, resonance with a wave) the block is *explic
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -94,6 +94,10 @@ class Motion(NamedTuple):
     """… and its first column in ``waves``."""
 
 
+_CONTACT = Motion._fields.index("contact")
+"""Fields of a motion before those of a contact."""
+
+
 @inlined
 def place_of(waves: int, c: int) -> tuple[int, int, int]:
     """Return the first rows of contact ``c`` in the tables of blocks and of first-order states, its first column."""
@@ -104,30 +108,8 @@ def place_of(waves: int, c: int) -> tuple[int, int, int]:
 @inlined
 def seen_by(m: Motion, c: int) -> Motion:
     """Return the motion as contact ``c`` sees it: poles, states and propagators are the same for all."""
-    rows, slow, columns = place_of(m.waves.shape[0], c)
-    return Motion(
-        m.blocks,
-        m.firsts,
-        m.explicits,
-        m.aperiodics,
-        m.block,
-        m.first,
-        m.outputs,
-        m.waves,
-        m.differences,
-        m.expansion,
-        m.now,
-        m.after,
-        m.between,
-        m.growth,
-        m.fastest,
-        m.heated,
-        m.cooling,
-        c,
-        rows,
-        slow,
-        columns,
-    )
+    fields: Any = (*m[:_CONTACT], c, *place_of(m.waves.shape[0], c))
+    return Motion(*fields)
 
 
 class LoadedTables(NamedTuple):

@@ -13,7 +13,7 @@ couplings: a damping matrix, friction along a tangent, a mode near a thermal rat
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,20 +42,16 @@ _INDEPENDENT = 3e-2
 matrix is nearly defective."""
 
 
-class _Modes(Protocol):
+class Modes(NamedTuple):
     """Modes that only thermal ones link."""
 
-    @property
-    def frequency(self) -> Array: ...
-    @property
-    def damping(self) -> Array: ...
-    @property
-    def coupling(self) -> Array: ...
-    @property
-    def rate(self) -> Array: ...
+    frequency: Array
+    damping: Array
+    coupling: Array
+    rate: Array
 
 
-def thermal_response(system: _Modes, near: float) -> Array | None:
+def thermal_response(system: Modes, near: float) -> Array | None:
     """Return R, ``(mode, thermal mode)``; ``None`` where a thermal rate is near the pole of a mode that heat loads."""
     mu, c, omega2, driven = system.rate, system.damping[:, None], system.frequency[:, None] ** 2, system.coupling != 0
     polynomial, size = mu**2 - mu * c + omega2, mu**2 + mu * c + omega2
@@ -110,7 +106,7 @@ class Zeros(NamedTuple):
     """Eigenvectors of one eigenvalue, ``(N,)``; scratch."""
 
 
-def rank_one(modes: _Modes, response: Array, force: Array, heat: Array) -> RankOne | None:
+def rank_one(modes: Modes, response: Array, force: Array, heat: Array) -> RankOne | None:
     """Return D, u and w of a contact that sees the heat ``heat`` and loses ``force`` per [z, z', τ].
 
     ``None`` where poles of a mode are near each other, or one is 0.

@@ -18,7 +18,7 @@ from workflow.kernels.compiled import inlined, part
 from workflow.kernels.lemke import Complementarity, problem
 from workflow.kernels.packs import view
 from workflow.models import ContactBasis
-from workflow.schemes._exact.closed_sets import LINKED, ClosedSet, closed_set_in
+from workflow.schemes._exact.closed_sets import ClosedSet, closed_set_in
 from workflow.schemes._exact.motion import (
     ORDER,
     OUTPUTS,
@@ -126,7 +126,7 @@ CONTACT = np.dtype(
         ("before", "f8"),  # … and before it
         ("impulse", "f8"),  # of a step or an impact, N s
         ("taken", "f8"),  # impulse in the last event, N s
-        ("force", "f8"),  # λ after the last event, N
+        ("force", "f8"),  # λ after an event, N
         ("bounces", "f8"),  # time of the bounces after it that are not followed, s
         ("shift", "f8"),  # by which d is moved in its signal: w where its coating is elastic, m
         ("pressed", "f8"),  # constant force that acts besides its signal, N
@@ -233,7 +233,7 @@ class SetMotion(NamedTuple):
     """The motion of a case in a set, as the first contact sees it, and what relates its coordinates to X."""
 
     m: Motion
-    link: int
+    is_linked: bool
     is_open: bool
     null: Array
     place: Array
@@ -288,13 +288,13 @@ def motion_in(row: Array, case: Case, own: Memory, place: int, bank: int) -> Set
         s.growth,
         fastest_of(s.fastest, loaded.waves),
         s.inward.shape[0] > 2 * s.null.shape[1],
-        s.link != LINKED and s.growth <= 0.0,
+        not s.is_linked and s.growth <= 0.0,
         0,
         rows,
         slow,
         across,
     )
-    return SetMotion(m, s.link, s.is_open, s.null, s.place, s.inward, s.outward, s.jump)
+    return SetMotion(m, s.is_linked, s.is_open, s.null, s.place, s.inward, s.outward, s.jump)
 
 
 @part
@@ -447,7 +447,7 @@ def leave(motion: SetMotion, own: Memory, y: Array, t: float) -> None:
     m, null, Z, X = motion.m, motion.null, own.modes, own.modal
     n, k = null.shape
     to_coordinates(m, y, t, own.coordinates)
-    _change(motion.link, motion.outward, own.coordinates, Z, 2 * k)
+    _change(motion.is_linked, motion.outward, own.coordinates, Z, 2 * k)
     for j in range(motion.inward.shape[0] - 2 * k):
         X[2 * n + j] = Z[2 * k + j]
     for i in range(n):
@@ -475,7 +475,7 @@ def enter(motion: SetMotion, own: Memory, t: float) -> None:
             Z[k + i] += X[n + j] * null[j, i]
     for j in range(motion.inward.shape[0] - 2 * k):
         Z[2 * k + j] = X[2 * n + j]
-    _change(motion.link, motion.inward, Z, own.coordinates, 2 * k)
+    _change(motion.is_linked, motion.inward, Z, own.coordinates, 2 * k)
     for row in range(state.ROWS):
         for i in range(m.now.shape[1]):
             m.now[row, i] = 0.0
@@ -497,12 +497,12 @@ def strike(motion: SetMotion, case: Case, c: int, p: float) -> None:
 
 
 @part
-def _change(link: int, matrix: Array, source: Array, target: Array, mechanical: int) -> None:
+def _change(is_linked: bool, matrix: Array, source: Array, target: Array, mechanical: int) -> None:
     """Fill target = source · matrix; of coordinates that are not linked only the rows of heat differ from 1."""
     N = matrix.shape[0]
     for i in range(N):
-        target[i] = 0.0 if link == LINKED else source[i]
-    if link == LINKED:
+        target[i] = 0.0 if is_linked else source[i]
+    if is_linked:
         for j in range(N):
             for i in range(N):
                 target[i] += source[j] * matrix[j, i]
