@@ -14,6 +14,8 @@ For sine and cosine of arrays outside kernels see :mod:`workflow.kernels.element
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from workflow.kernels.compiled import inlined, part
@@ -61,8 +63,8 @@ def _sum(a: float, b: float) -> tuple[float, float]:
 
 
 @inlined
-def _exp_remainder(r: float) -> float:
-    """Return (e^r - 1 - r)/r² for -0.4 < r < 0.4: Σ r^k/(k + 2)! up to r^12/14!."""
+def phi2(r: Any) -> Any:
+    """Return φ2 = (e^r - 1 - r)/r² of a number or pack for -0.4 < r < 0.4: Σ r^k/(k + 2)! up to r^12/14!."""
     p = 1.1470745597729725e-11 * r + 1.6059043836821613e-10
     p = p * r + 2.08767569878681e-09
     p = p * r + 2.505210838544172e-08
@@ -94,7 +96,7 @@ def exp(x: float) -> float:
     if x < _SMALLEST_POWER:
         return 0.0
     q, r, rest = _reduced_by_ln2(x)
-    return float(_scaled(1.0 + (r + (rest + r * r * _exp_remainder(r))), q))
+    return float(_scaled(1.0 + (r + (rest + r * r * phi2(r))), q))
 
 
 @inlined

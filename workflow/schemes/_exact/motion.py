@@ -20,6 +20,7 @@ from workflow.kernels import Array, elementary
 from workflow.kernels.algebra import Complex
 from workflow.kernels.compiled import inlined, part
 from workflow.kernels.packs import view
+from workflow.schemes._exact.rank_one import reciprocal
 from workflow.schemes._exact.tables import block, first, seen, seen_wave, state, wave
 
 ORDER = 18
@@ -228,19 +229,6 @@ def fill_wave_force(
     b[block.FORCE_SIN + row, k] = gamma_sin + c * beta_sin - omega * beta_cos
 
 
-@inlined
-def _quotient(a: complex, b: complex) -> complex:
-    """Return a/b by Smith's division (Communications of the ACM 5 (1962) 435), NaN where b is 0: numba's own raises."""
-    c, d = b.real, b.imag
-    if abs(c) >= abs(d):
-        ratio = d / c
-        size = c + d * ratio
-        return complex((a.real + a.imag * ratio) / size, (a.imag - a.real * ratio) / size)
-    ratio = c / d
-    size = c * ratio + d
-    return complex((a.real * ratio + a.imag) / size, (a.imag * ratio - a.real) / size)
-
-
 @part
 def forced(b: Array, k: int, i: int) -> bool:
     """Whether wave ``i`` acts on a block."""
@@ -275,7 +263,7 @@ def _subtract_particular(b: Array, k: int, waves: Array) -> None:
         if forced(b, k, i):
             row, omega = i * block.WAVE, waves[i, wave.OMEGA]
             pair = complex(b[block.FORCE_COS + row, k], -b[block.FORCE_SIN + row, k])
-            pair = _quotient(pair, complex(w2 - omega * omega, c * omega))
+            pair *= reciprocal(complex(w2 - omega * omega, c * omega))
             cos, sin = pair.real, -pair.imag
             b[block.PARTICULAR_COS + row, k], b[block.PARTICULAR_SIN + row, k] = cos, sin
             b[block.PARTICULAR_SLOPE_COS + row, k] += omega * sin
@@ -303,7 +291,7 @@ def _subtract_harmonics(f: Array, j: int, waves: Array) -> None:
         row = i * first.WAVE
         cos, sin = f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j]
         if cos != 0.0 or sin != 0.0:
-            pair = _quotient(complex(cos, -sin), complex(f[first.RATE, j], waves[i, wave.OMEGA]))
+            pair = complex(cos, -sin) * reciprocal(complex(f[first.RATE, j], waves[i, wave.OMEGA]))
             f[first.HARMONIC_COS + row, j], f[first.HARMONIC_SIN + row, j] = pair.real, -pair.imag
 
 

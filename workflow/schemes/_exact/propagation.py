@@ -17,13 +17,13 @@ Comp. 43 (1984) 501–528), whether nodes are far apart, close or equal.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from workflow.kernels import Array, elementary
 from workflow.kernels.compiled import inlined, part
-from workflow.kernels.elementary import HALF_PI_1, HALF_PI_2, LN2_HIGH, LN2_LOW, LOG2_E, TO_INTEGER, TWO_OVER_PI
+from workflow.kernels.elementary import HALF_PI_1, HALF_PI_2, LN2_HIGH, LN2_LOW, LOG2_E, TO_INTEGER, TWO_OVER_PI, phi2
 from workflow.kernels.packs import narrow, pack, store
 from workflow.schemes._exact.motion import OUTPUTS, SIGNAL, TEMPERATURE, Motion, casing_at, forced, wave_phase
 from workflow.schemes._exact.tables import block, first, seen, seen_wave, state, wave
@@ -62,22 +62,6 @@ class Observed(NamedTuple):
     """d of the casing, m."""
     speed: float
     """d' of the casing, m/s."""
-
-
-@inlined
-def _phi2(x: Any) -> Any:
-    """Return φ2(x) = Σ x^k/(k+2)! to k = 11 of a pack, for |x| up to 0.35: 0.35^12/14! < 1e-16."""
-    p = 1.6059043836821613e-10 * x + 2.08767569878681e-09
-    p = p * x + 2.505210838544172e-08
-    p = p * x + 2.755731922398589e-07
-    p = p * x + 2.7557319223985893e-06
-    p = p * x + 2.48015873015873e-05
-    p = p * x + 0.0001984126984126984
-    p = p * x + 0.001388888888888889
-    p = p * x + 0.008333333333333333
-    p = p * x + 0.041666666666666664
-    p = p * x + 0.16666666666666666
-    return p * x + 0.5
 
 
 @part
@@ -157,7 +141,7 @@ def _exponentials(b: Array, dt: float) -> None:
     for k in range(0, b.shape[1], 8):
         lane = narrow(k)
         remainder = pack(b, (block.WORK, lane))
-        store(b, (block.WORK, lane), 1.0 + (remainder + remainder * remainder * _phi2(remainder)))
+        store(b, (block.WORK, lane), 1.0 + (remainder + remainder * remainder * phi2(remainder)))
 
 
 @part
@@ -186,9 +170,9 @@ def _aperiodic_propagator(c: float, w2: float, dt: float) -> tuple[float, float]
 def _first_propagator(x: float) -> tuple[float, float, float]:
     """Return e^x, φ1 = (e^x - 1)/x and φ2 = (φ1 - 1)/x."""
     if abs(x) < _SERIES:
-        phi2 = _phi2(x)
-        phi1 = 1.0 + x * phi2
-        return 1.0 + x * phi1, phi1, phi2
+        second = phi2(x)
+        phi1 = 1.0 + x * second
+        return 1.0 + x * phi1, phi1, second
     e = elementary.exp(x)
     phi1 = (e - 1.0) / x
     return e, phi1, (phi1 - 1.0) / x
@@ -208,9 +192,9 @@ def _first_propagators(f: Array, dt: float) -> None:
     for j in range(0, f.shape[1], 8):
         lane = narrow(j)
         x = -pack(f, (first.RATE, lane)) * dt
-        phi2 = _phi2(x)
-        phi1 = 1.0 + x * phi2
-        store(f, (first.PHI2, lane), phi2)
+        second = phi2(x)
+        phi1 = 1.0 + x * second
+        store(f, (first.PHI2, lane), second)
         store(f, (first.PHI1, lane), phi1)
         store(f, (first.DECAY, lane), 1.0 + x * phi1)
 
