@@ -12,7 +12,6 @@ from scenes import of_entries
 from workflow import labels, run_study
 from workflow.analysis import runaways
 from workflow.models import (
-    Sparse,
     Structure,
     analyse_contacts,
     closed_sets,
@@ -154,7 +153,7 @@ def test_sparse_matrices_have_the_critical_couplings_of_dense_ones(
         entries |= {"residual_flexibility": 1e-6 * np.eye(2), "residual_tangent": np.diag([4e-7, 0.0])}
         entries |= {"residual_coupling": 1e-9 * np.ones((2, 40))} if heat != "none" else {}
     dense, sparse = (of_entries(entries, build=build) for build in (structure_from_matrices, structure_from_sparse))
-    assert isinstance(sparse, Sparse)
+    assert sparse.is_sparse
     for friction in (0.0, 0.2, 3.0):
         expected = critical_alphas(dense, friction)
         assert critical_alphas(sparse, friction) == pytest.approx(expected, rel=1e-8), friction

@@ -8,15 +8,14 @@ from test_sparse import NODES
 
 from given_matrices import given
 from scenes import blade, relative
+from workflow.models import _factors as factors
 from workflow.models import (
-    Sparse,
     critical_alpha,
     expected_fill,
     frequencies,
     rates,
     structure_from_sparse,
 )
-from workflow.models import _factors as factors
 from workflow.reduction import reduce_structure
 
 needs_cholmod = pytest.mark.skipif(not factors.has_cholmod(), reason="the extra `sparse` is not installed")
@@ -45,7 +44,7 @@ def test_a_basis_is_the_same_by_both(monkeypatch: pytest.MonkeyPatch) -> None:
     for most in (factors.MOST_BY_SUPERLU, 0):
         monkeypatch.setattr(factors, "MOST_BY_SUPERLU", most)
         sparse = structure_from_sparse(taken)
-        assert isinstance(sparse, Sparse)
+        assert sparse.is_sparse
         reduced.append(reduce_structure(sparse, 6, 8, "krylov", 0.3).structure)
     by_superlu, by_cholmod = reduced
     assert critical_alpha(by_cholmod) == pytest.approx(critical_alpha(by_superlu), rel=1e-11)

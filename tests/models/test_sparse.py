@@ -11,7 +11,7 @@ from given_matrices import given
 from scenes import blade, cases, relative, tip_flexibility
 from workflow.models import (
     GivenMatrices,
-    Sparse,
+    Matrices,
     Structure,
     TooManyCoordinatesError,
     UnusableMatricesError,
@@ -36,13 +36,13 @@ def chain() -> Structure:
 
 
 @pytest.fixture(scope="module")
-def sparse(chain: Structure) -> Sparse:
+def sparse(chain: Structure) -> Matrices:
     structure = structure_from_sparse(given(chain, csc_array))
-    assert isinstance(structure, Sparse)
+    assert structure.is_sparse
     return structure
 
 
-def test_statics_are_those_of_the_chain(chain: Structure, sparse: Sparse) -> None:
+def test_statics_are_those_of_the_chain(chain: Structure, sparse: Matrices) -> None:
     assert tip_flexibility(sparse) == pytest.approx(tip_flexibility(chain), rel=1e-11)
     assert critical_alpha(sparse) == pytest.approx(critical_alpha(chain), rel=1e-11)
     assert relative(static_growth(sparse), static_growth(chain)) < 1e-11
@@ -66,14 +66,14 @@ def test_heat_that_cannot_leave(chain: Structure) -> None:
     """The uniform temperature is the slowest mode, with the rate 0; contact heat then always runs away."""
     insulated = chain.conductance_matrix - np.diag(chain.conductance_matrix.sum(axis=1))
     structure = structure_from_sparse(given(chain, csc_array, conductance=csc_array(insulated)))
-    assert isinstance(structure, Sparse)
+    assert structure.is_sparse
     assert critical_alpha(structure) == 0.0
     reduced = reduce_structure(structure, 2, 4).structure
     assert rates(reduced)[0] == 0.0
     assert np.abs(reduced.loss_row).max() <= 1e-12 * np.abs(insulated).max()
 
 
-def test_small_enough_it_can_be_kept_full(chain: Structure, sparse: Sparse) -> None:
+def test_small_enough_it_can_be_kept_full(chain: Structure, sparse: Matrices) -> None:
     """Its dense matrices are those of the chain; one of more coordinates says what it can be reduced to."""
     assert frequencies(sparse.matrices()) == pytest.approx(frequencies(chain), rel=1e-8)
     assert rates(sparse.matrices()) == pytest.approx(rates(chain), rel=1e-8)
@@ -129,7 +129,7 @@ def test_a_loose_piece_of_heat_is_dense_or_refused(chain: Structure, cut: dict[s
                 structure_from_sparse(given)
             continue
         structure = structure_from_sparse(given)
-        assert not isinstance(structure, Sparse)
+        assert not structure.is_sparse
         assert int((rates(structure) == 0).sum()) == {"isolated": 3, "two pieces": 1, "all apart": nodes}[kind]
 
 
@@ -138,7 +138,7 @@ def test_a_small_free_structure_is_dense(chain: Structure) -> None:
     free = chain.stiffness_matrix.copy()
     free[0, 0] /= 2
     taken = given(chain, csc_array, stiffness=csc_array(free), coupling=csc_array((NODES, NODES)))
-    assert not isinstance(structure_from_sparse(taken), Sparse)
+    assert not structure_from_sparse(taken).is_sparse
     assert tip_flexibility(structure_from_sparse(taken)) == np.inf
 
 
@@ -147,7 +147,7 @@ def test_one_temperature_stands_for_no_heat(chain: Structure) -> None:
     one, none = csc_array(np.ones((1, 1))), np.zeros(1)
     taken = given(chain, csc_array, heat_capacity=one, conductance=0 * one, thermal_contact=np.ones(1), heating=none)
     structure = structure_from_sparse(replace(taken, coupling=csc_array((NODES, 1))))
-    assert isinstance(structure, Sparse)
+    assert structure.is_sparse
     assert critical_alpha(structure) == np.inf
     reduced = reduce_structure(structure, 3, 0).structure
     assert frequencies(reduced)[0] == pytest.approx(frequencies(structure)[0], rel=1e-3)
@@ -164,7 +164,7 @@ def test_damping_and_load_of_a_large_file_are_reduced_with_it() -> None:
         own = replace(given, damper=damper, load=along)
         dense, large = structure_from_matrices(own), structure_from_sparse(own)
         of_dense, of_large = (reduce_structure(whole, 4, 4).structure for whole in (dense, large))
-        assert isinstance(large, Sparse)
+        assert large.is_sparse
         for name in ("damping_matrix", "load_direction"):  # modes point either way
             one, other = (np.abs(getattr(of, name)) for of in (of_large, of_dense))
             assert relative(one, other) < 1e-7, name
@@ -179,7 +179,7 @@ def test_massless_degrees_of_freedom_of_a_large_structure_follow() -> None:
     given = long_chain(NODES, mass=csc_array(diags_array(masses)))
     large = _sparse_structure(given)
     dense = structure_from_sparse(given)
-    assert not isinstance(dense, Sparse)
+    assert not dense.is_sparse
     assert dense.coordinates.condensed == (NODES // 3, 0)
     for basis in ("craig_bampton", "rubin"):
         of_dense, of_large = (reduce_structure(whole, 4, 4, basis).structure for whole in (dense, large))

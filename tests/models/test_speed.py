@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 
 from matrix_files import as_output4, matrices_of
 from workflow import models, reduction
-from workflow.models import Chain, Matrices, Sparse, Structure, UnusableMatricesError, write_matrices
+from workflow.models import Chain, Matrices, Structure, UnusableMatricesError, write_matrices
 from workflow.models._matrix_files import read_entries
 from workflow.models.chain import Spin
 from workflow.study import read_study
@@ -107,8 +107,8 @@ def test_bases_of_the_rod_and_of_its_file_are_the_same(tmp_path: Path, basis: st
     assert frequencies[1].tobytes() == frequencies[2].tobytes()
 
 
-@pytest.mark.parametrize(("size", "count", "kind"), [(400, 1, Sparse), (6, 2, Matrices)])
-def test_a_file_at_a_speed_is_the_file_of_its_sums(tmp_path: Path, size: int, count: int, kind: type) -> None:
+@pytest.mark.parametrize(("size", "count"), [(400, 1), (6, 2)])
+def test_a_file_at_a_speed_is_the_file_of_its_sums(tmp_path: Path, size: int, count: int) -> None:
     ones = np.ones(size)
     stiffness = sparse.diags_array([2e7 * ones, -1e7 * ones[1:], -1e7 * ones[1:]], offsets=[0, 1, -1], format="csr")
     mass, turns = sparse.diags_array(1e-3 * ones, format="csr"), sparse.diags_array(-1e-3 * ones, format="csr")
@@ -120,7 +120,7 @@ def test_a_file_at_a_speed_is_the_file_of_its_sums(tmp_path: Path, size: int, co
     path = write_matrices(tmp_path / "a.npz", stiffness=stiffness, stiffness_speed2=turns, load_speed2=ones, **more)
     other = write_matrices(tmp_path / "b.npz", stiffness=stiffness + square * turns, steady=square * ones, **more)
     turning, plain = from_file(path, speed), from_file(other, 0.0)
-    assert isinstance(turning, kind)
+    assert turning.is_sparse == (size > 300)
     assert zero(turning).steady.tobytes() == zero(plain).steady.tobytes()
     reduced = [reduction.reduce_structure(one, min(5, size - count), 0).structure for one in (turning, plain)]
     for name in ("stiffness_matrix", "mass", "damping_matrix"):

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import subspace_angles
 
 from workflow.declare import File
-from workflow.models import Sparse
+from workflow.models import Matrices
 from workflow.models.matrices import Parameters, assemble
 from workflow.reduction import krylov, load
 from workflow.reduction._reduction import Vectors
@@ -20,10 +20,10 @@ BASIS = load("krylov")
 
 
 @lru_cache
-def blade(shaken: float = 0.0) -> Sparse:
+def blade(shaken: float = 0.0) -> Matrices:
     """504 displacements and 168 temperatures, as they are or changed by so much and a rounding of each entry."""
     structure = assemble(Parameters(replace(File("", BLADE.name, str(BLADE)), shaken=shaken)))
-    assert isinstance(structure, Sparse)
+    assert structure.is_sparse
     return structure
 
 

@@ -16,7 +16,6 @@ from workflow.models import (
     Cases,
     ContactBasis,
     NoEquilibriumError,
-    Sparse,
     Structure,
     analyse_contacts,
     at_rest,
@@ -67,7 +66,7 @@ def scene_cautions(
     """Yield the cautions about a full structure and its cases, which run on a reduced model where it is sparse."""
     if structure.coordinates is not None:
         yield from _from_files(structure, cases)
-    if isinstance(structure, Sparse):
+    if structure.is_sparse:
         structure, cases = model.structure, model.project(cases)
     try:
         cases = at_rest(structure, cases) if is_static else cases

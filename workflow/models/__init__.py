@@ -22,7 +22,7 @@ from workflow.models._contact_coordinates import ContactsLast, contacts_last, in
 from workflow.models._contact_system import ContactSystem, contact_system
 from workflow.models._contacts import Contacts, closed_sets, set_text, stops_together, the_tip
 from workflow.models._factors import FACTORISING, MOST_BY_SUPERLU, Fill, LargeFactorsWarning, expected_fill, has_cholmod
-from workflow.models._from_matrices import GivenMatrices, Sparse, structure_from_matrices, structure_from_sparse
+from workflow.models._from_matrices import GivenMatrices, structure_from_matrices, structure_from_sparse
 from workflow.models._growth import Growth, growth_of_sets, growth_rate, poles_in_contact, worst
 from workflow.models._matrix_files import discard_files, files_laid_out
 from workflow.models._modes import (

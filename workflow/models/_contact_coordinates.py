@@ -83,22 +83,20 @@ def contacts_last(structure: Structure) -> ContactsLast | None:
         return None
     x, theta = rows_last(contacts.normal[: 1 if contacts.is_massless else None]), rows_last(contacts.heat)
     mechanical, thermal = _in(structure.mechanical, x), _in(structure.thermal, theta)
-    is_sparse = isinstance(mechanical, SparsePair)
     expansion, damper = structure.expansion @ theta.basis, structure.damper
     if damper is not None:
-        damper = sparse_congruent(damper, x.basis) if is_sparse else congruent(damper, x.basis)
+        damper = sparse_congruent(damper, x.basis) if structure.is_sparse else congruent(damper, x.basis)
     moved = replace(  # type: ignore[call-arg]
         structure,
         mechanical=mechanical,
         thermal=thermal,
-        expansion=x.basis.T @ expansion if is_sparse else expansion,
+        expansion=x.basis.T @ expansion if structure.is_sparse else expansion,
+        uniform_rise=theta.projection @ structure.uniform_rise,
         damper=damper,
         load=x.basis.T @ structure.load_direction,
         coordinates=None,
         contacts=contacts.transformed(x.basis, theta.basis),
     )
-    if not is_sparse:
-        moved = replace(moved, uniform_rise=theta.projection @ structure.uniform_rise)  # type: ignore[call-arg]
     return ContactsLast(moved, x, theta)
 
 

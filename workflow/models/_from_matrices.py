@@ -8,14 +8,13 @@ y = (x without x_j, wᵀx) and
 
     x = E y,   M ← Eᵀ M E,   K1 ← Eᵀ K1 E,   K12 ← Eᵀ K12 E_θ,   C2 ← E_θᵀ C2 E_θ,   K2 ← E_θᵀ K2 E_θ,
 
-so that the contact force is -λ e_n and its heat α λ e_n, as in equations (1a) and (1b). Large structures stay sparse
-(:class:`Sparse`): E is the identity except one row, and nothing is condensed.
+so that the contact force is -λ e_n and its heat α λ e_n, as in equations (1a) and (1b). Large structures stay sparse:
+E is the identity except one row, and nothing is condensed; their expansion is -K12.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -29,10 +28,10 @@ from workflow.models._contact_coordinates import rows_last, sparse_pair
 from workflow.models._contacts import Contacts
 from workflow.models._factors import NotHeldError, factorised, is_definite, warn_of_fill
 from workflow.models._pair import (
+    BALANCED_IN_FILES,
     MOST_FULL,
     DensePair,
     Part,
-    TooManyCoordinatesError,
     UnusableMatricesError,
     congruent,
     factored,
@@ -40,16 +39,12 @@ from workflow.models._pair import (
     scale_of,
     symmetric,
 )
-from workflow.models._sparse_pair import MOST_REDUCED, SparsePair, sparse_congruent
-from workflow.models._static import static_growth
-from workflow.models._structure import Coordinates, Matrices, Rayleigh, Structure
+from workflow.models._sparse_pair import SparsePair, sparse_congruent
+from workflow.models._structure import Coordinates, Matrices, Rayleigh
 
 ASYMMETRY = 1e-10
 """Accepted asymmetry, over the largest entry of the row and the column: rounding of assembly in another order, or of
 files with eleven digits. The mean of both halves is used."""
-
-_UNBALANCED = 1e-8
-"""Relative thermal force that may act on a rigid body: half the digits of a file in full precision."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +103,7 @@ def structure_from_matrices(given: GivenMatrices) -> Matrices:
     return Matrices(
         mechanical=_pair(congruent(matrices.mass, basis), springs),
         thermal=_pair(congruent(matrices.heat_capacity, heat_basis), conductors),
-        expansion=_expansion(springs, basis.T @ matrices.coupling @ heat_basis),
+        expansion=springs.expansion(basis.T @ matrices.coupling @ heat_basis),
         uniform_rise=heat_projection @ even,
         damping=matrices.damping,
         damper=None if matrices.damper is None else congruent(matrices.damper, basis),
@@ -121,7 +116,7 @@ def structure_of_forms(mass: Array, stiffness: Array, coupling: Array, capacity:
     """Return the structure of M, K1, K12, C2 and K2, such as a projection Xᵀ M X."""
     springs, conductors = factored(stiffness, "stiffness"), factored(conductance, "conductance")
     pairs = _pair(symmetric(mass), springs), _pair(symmetric(capacity), conductors)
-    return Matrices(*pairs, _expansion(springs, coupling), np.ones(len(capacity)))
+    return Matrices(*pairs, springs.expansion(coupling), np.ones(len(capacity)))
 
 
 def _pair(inertia: Array, part: Part) -> DensePair:
@@ -137,7 +132,7 @@ def refuse_dashpots(matrices: GivenMatrices, loose: NDArray[np.int64], null: Any
         return
     damped, held = null.T @ matrices.damper, null.T @ matrices.stiffness
     apart = abs(damped - max(0.0, (damped * held).sum() / (held * held).sum()) * held)
-    if apart.max() > _UNBALANCED * abs(matrices.damper).max():
+    if apart.max() > BALANCED_IN_FILES * abs(matrices.damper).max():
         worst = int(loose[apart.argmax() // apart.shape[1]])
         raise UnusableMatricesError(
             f"`damping` acts on displacement {matrices.labels[worst] if matrices.labels else worst}, which has no mass",
@@ -160,7 +155,7 @@ def _load_direction(load: Array | None, basis: Array) -> Array | None:
     direction = basis.T @ load
     tip = np.zeros(direction.size)
     tip[-1] = 1.0
-    return None if np.abs(direction - tip).max() <= _UNBALANCED * np.abs(direction).max() else direction
+    return None if np.abs(direction - tip).max() <= BALANCED_IN_FILES * np.abs(direction).max() else direction
 
 
 def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str) -> tuple[Array, Array]:
@@ -170,7 +165,7 @@ def _contact_last(inertia: Array, stiffness: Array, contact: Array, *names: str)
     """
     inertial, loose, null = _without_inertia(inertia, names[0])
     share = contact @ null
-    if np.abs(share).max(initial=0.0) > _UNBALANCED * np.abs(contact).max():
+    if np.abs(share).max(initial=0.0) > BALANCED_IN_FILES * np.abs(contact).max():
         problem = "the contact moves without mass: there is no impact law for it"
         if names[0] != "mass":
             problem = "the contact heats a temperature without heat capacity, which an impact would raise without bound"
@@ -214,64 +209,6 @@ def _static_response(stiffness: Array, null: Array, forces: Array, name: str) ->
     return np.asarray(solve_triangular(root, halfway, lower=True, trans="T"))
 
 
-def _expansion(springs: Part, coupling: Array) -> Array:
-    """Return the free expansion with K12 = -deformationᵀ · expansion, ``(rank, temperature)``.
-
-    Raises
-    ------
-    UnusableMatricesError
-        A temperature rise would exert a resultant force on a rigid body, which no thermal expansion does.
-    """
-    rank = springs.deformation.shape[0]
-    in_order = springs.deformation[:, springs.order]
-    forces = -coupling[springs.order]
-    expansion = solve_triangular(in_order[:, :rank].T, forces[:rank], lower=True)
-    beyond = np.abs(forces[rank:] - in_order[:, rank:].T @ expansion).max(initial=0.0)
-    if beyond > _UNBALANCED * np.abs(forces).max(initial=0.0):
-        raise UnusableMatricesError(
-            "coupling exerts a resultant force on a part that nothing holds",
-            "thermal forces of a free body must balance; check sign and order of coupling",
-        )
-    return np.asarray(expansion)
-
-
-@dataclass(frozen=True, eq=False)
-class Sparse(Structure):
-    """Equations (1a) and (1b) by sparse matrices, the tip's coordinate last; the contact heats one temperature.
-
-    Attributes are those of a :class:`~workflow.models.Structure`, ``expansion`` is -K12, N/K.
-    """
-
-    mechanical: SparsePair
-    thermal: SparsePair
-    expansion: scipy.sparse.csc_array
-    damping: Rayleigh = field(default_factory=Rayleigh)
-
-    @property
-    def uniform_rise(self) -> Array:  # type: ignore[override]
-        """1 each."""
-        return np.ones(self.thermal_size)
-
-    @cached_property
-    def _dense(self) -> Matrices:
-        if not self.has_matrices:
-            raise TooManyCoordinatesError(max(self.mechanical_size, self.thermal_size), MOST_REDUCED)
-        mechanical, thermal = self.mechanical, self.thermal
-        forms = (mechanical.inertia, mechanical.stiffness, -self.expansion, thermal.inertia, thermal.stiffness)
-        return replace(
-            structure_of_forms(*(form.toarray() for form in forms)),
-            damping=self.damping,
-            load=self.load,
-            damper=None if self.damper is None else self.damper.toarray(),
-            coordinates=self.coordinates,
-            contacts=replace(self.contacts, growth=static_growth(self)),
-        )
-
-    def matrices(self) -> Matrices:
-        """Return the same structure with dense matrices."""
-        return self._dense
-
-
 _SINGULAR = 1e-10
 """Smallest pivot of an inertia with unit diagonal above which it is definite: consistent masses have 1e-2."""
 
@@ -282,7 +219,7 @@ MOST_SHARES = 300
 """Largest number of degrees of freedom of a contact: it fills as many rows of the matrices."""
 
 
-def structure_from_sparse(matrices: GivenMatrices) -> Matrices | Sparse:
+def structure_from_sparse(matrices: GivenMatrices) -> Matrices:
     """Return the structure of sparse matrices; a small one without support or with massless parts has dense ones.
 
     Raises
@@ -315,7 +252,7 @@ def _is_definite(inertia: Any) -> bool:
     return is_definite(scipy.sparse.csc_array(root @ inertia @ root), _SINGULAR)
 
 
-def _sparse_structure(matrices: GivenMatrices) -> Sparse:
+def _sparse_structure(matrices: GivenMatrices) -> Matrices:
     for name in ("contact", "thermal_contact"):
         shares = np.count_nonzero(getattr(matrices, name))
         if shares > MOST_SHARES:
@@ -342,9 +279,10 @@ def _sparse_structure(matrices: GivenMatrices) -> Sparse:
         rayleigh = _as_rayleigh(damper, mechanical)
         damping, damper = (damping, damper) if rayleigh is None else (rayleigh, None)
     given = matrices.steady, matrices.heating, -np.asarray(matrices.coupling @ _rise_without_capacity(matrices))
-    return Sparse(
+    return Matrices(
         mechanical=mechanical,
         thermal=thermal,
+        uniform_rise=np.ones(thermal.size),
         expansion=scipy.sparse.csc_array(-basis.T @ scipy.sparse.csc_array(matrices.coupling) @ heat_basis),
         damping=damping,
         load=None if matrices.load is None else np.asarray(basis.T @ matrices.load),
@@ -383,7 +321,7 @@ def _as_rayleigh(damper: scipy.sparse.csc_array, pair: SparsePair) -> Rayleigh |
     return Rayleigh(mass=mass, stiffness=stiffness)
 
 
-def with_contacts(structure: Matrices | Sparse, contacts: Contacts) -> Matrices | Sparse:
+def with_contacts(structure: Matrices, contacts: Contacts) -> Matrices:
     """Return a structure of given matrices with contacts in their coordinates; the first is its tip.
 
     Raises
@@ -402,7 +340,7 @@ def with_contacts(structure: Matrices | Sparse, contacts: Contacts) -> Matrices 
     for label, row, beyond in zip(contacts.labels, moving.normal, apart, strict=True):
         if not np.any(row):
             raise UnusableMatricesError(f"contact {label} acts only on what is held", "choose what moves")
-        if beyond.max() > _UNBALANCED * np.abs(row).max():
+        if beyond.max() > BALANCED_IN_FILES * np.abs(row).max():
             remedy = "choose degrees of freedom that have mass"
             raise UnusableMatricesError(f"contact {label} moves a part without mass: there is no impact law", remedy)
     if np.any(contacts.tangent.any(axis=1) & ~moving.tangent.any(axis=1)):

@@ -30,6 +30,10 @@ _ROUNDED_IN_FILES = 1e-4
 """Negative part of a matrix with unit diagonal up to which numbers of five digits or more may have made it."""
 
 
+BALANCED_IN_FILES = 1e-8
+"""Relative thermal force that may act on a rigid body: half the digits of a file in full precision."""
+
+
 class UnusableMatricesError(ValueError):
     """Matrices do not describe a structure, or one that a basis can reduce: ``problem`` and ``remedy`` for the user."""
 
@@ -65,6 +69,25 @@ class Part(NamedTuple):
 
     deformation: Array
     order: NDArray[np.int64]
+
+    def expansion(self, coupling: Array) -> Array:
+        """Return the free expansion with K12 = -deformationᵀ · expansion, ``(rank, temperature)``.
+
+        Raises
+        ------
+        UnusableMatricesError
+            A temperature rise would exert a resultant force on a rigid body, which no thermal expansion does.
+        """
+        rank, forces = self.deformation.shape[0], -coupling[self.order]
+        in_order = self.deformation[:, self.order]
+        expansion = solve_triangular(in_order[:, :rank].T, forces[:rank], lower=True)
+        beyond = np.abs(forces[rank:] - in_order[:, rank:].T @ expansion).max(initial=0.0)
+        if beyond > BALANCED_IN_FILES * np.abs(forces).max(initial=0.0):
+            raise UnusableMatricesError(
+                "coupling exerts a resultant force on a part that nothing holds",
+                "thermal forces of a free body must balance; check sign and order of coupling",
+            )
+        return np.asarray(expansion)
 
 
 def is_last(row: Array) -> bool:
@@ -211,6 +234,10 @@ class Pair(ABC):
         TooManyCoordinatesError
             They would be too large.
         """
+
+    def expansion_of_springs(self, expansion: Any) -> Any:
+        """Return a free expansion of this pair, K12 = -forces(expansion), for the springs of ``dense``."""
+        return expansion
 
     @property
     def unit_tip(self) -> Array:

@@ -24,7 +24,7 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._factors import NotHeldError, Solver, elimination_order, factorised
-from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, TooManyCoordinatesError, factored, symmetric
+from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, Part, TooManyCoordinatesError, factored, symmetric
 
 _RESIDUAL = 1e-8
 """Largest residual K φ - λ M φ of a mode over λ M φ, besides the rounding of K φ: the relative error of the eigenvalue
@@ -68,10 +68,17 @@ class SparsePair(Pair):
 
     @cached_property
     def dense(self) -> DensePair:
+        deformation = self._springs.deformation
+        return DensePair(self.inertia.toarray(), np.ones(len(deformation)), deformation, self.boundary)
+
+    @cached_property
+    def _springs(self) -> Part:
         if self.size > MOST_FULL:
             raise TooManyCoordinatesError(self.size, MOST_REDUCED)
-        deformation = factored(self.stiffness.toarray(), "stiffness").deformation
-        return DensePair(self.inertia.toarray(), np.ones(len(deformation)), deformation, self.boundary)
+        return factored(self.stiffness.toarray(), "stiffness")
+
+    def expansion_of_springs(self, expansion: Any) -> Array:
+        return self._springs.expansion(-expansion.toarray())
 
     @property
     def deformation(self) -> scipy.sparse.csc_array:

@@ -11,8 +11,9 @@ from workflow.declare import quantity
 from workflow.kernels import Array
 from workflow.models._cases import Cases, EndState, project
 from workflow.models._contacts import Contacts, the_tip
-from workflow.models._pair import MOST_FULL, DensePair, Pair
+from workflow.models._pair import MOST_FULL, Pair
 from workflow.models._sensors import Sensors
+from workflow.models._sparse_pair import SparsePair
 
 
 @dataclass(frozen=True)
@@ -200,6 +201,11 @@ class Structure(_OptionalParts):
             return self
         return replace(self, contacts=replace(self.contacts, casing_flexibility=flexibility))
 
+    @property
+    def is_sparse(self) -> bool:
+        """Whether stiffness and inertia are sparse matrices."""
+        return isinstance(self.mechanical, SparsePair)
+
     def matrices(self) -> Matrices:
         """Return the same structure with dense matrices.
 
@@ -209,8 +215,12 @@ class Structure(_OptionalParts):
             They would be too large.
         """
         beside = {entry.name: getattr(self, entry.name) for entry in fields(_OptionalParts)}
-        pairs = self.mechanical.dense, self.thermal.dense
-        return Matrices(*pairs, self.expansion, self.uniform_rise, self.damping, **beside)
+        pairs, expansion = (self.mechanical.dense, self.thermal.dense), self.mechanical.expansion_of_springs
+        if isinstance(self, Matrices) and pairs == (self.mechanical, self.thermal):
+            return self
+        if self.is_sparse and self.damper is not None:
+            beside["damper"] = self.damper.toarray()
+        return Matrices(*pairs, expansion(self.expansion), self.uniform_rise, self.damping, **beside)
 
     @property
     def sensor_count(self) -> int:
@@ -279,14 +289,10 @@ class Structure(_OptionalParts):
 
 @dataclass(frozen=True, eq=False)
 class Matrices(Structure):
-    """A structure of dense matrices, such as a reduced one."""
+    """A structure of given pairs, such as one of matrices of a file or a reduced one."""
 
-    mechanical: DensePair
-    thermal: DensePair
-    expansion: Array
+    mechanical: Pair
+    thermal: Pair
+    expansion: Any
     uniform_rise: Array
     damping: Rayleigh = field(default_factory=Rayleigh)
-
-    def matrices(self) -> Matrices:
-        """Return itself."""
-        return self

@@ -23,7 +23,6 @@ from workflow.kernels.algebra import MOST_BY_JACOBI
 from workflow.models._factors import is_definite
 from workflow.models._from_matrices import (
     GivenMatrices,
-    Sparse,
     structure_from_matrices,
     structure_from_sparse,
     with_contacts,
@@ -41,7 +40,7 @@ _BESIDE = 1e-12
 """Largest other entry of the row over the diagonal: what is left out changes the answers relatively by this."""
 
 
-def with_held_left_out(given: GivenMatrices) -> Matrices | Sparse:
+def with_held_left_out(given: GivenMatrices) -> Matrices:
     """Return the structure of the matrices without held freedoms, for cases that are given with them.
 
     Raises
@@ -152,7 +151,7 @@ def _kept(of: File) -> dict[str, Any]:
     return read_entries(Path(of.place))
 
 
-def assemble(parameters: Parameters) -> Matrices | Sparse:
+def assemble(parameters: Parameters) -> Matrices:
     """Return the structure of equations (1a) and (1b), its last coordinate the contact; sparse above 300 coordinates.
 
     Raises
@@ -167,7 +166,7 @@ def assemble(parameters: Parameters) -> Matrices | Sparse:
     with turning_at(parameters.speed):
         given, contacts = given_by(entries, chosen, parameters.damping, 2 * np.pi * parameters.speed)
         structure = with_contacts(with_held_left_out(given), contacts)
-        if parameters.speed and isinstance(structure, Sparse) and not is_definite(structure.mechanical.stiffness):
+        if parameters.speed and structure.is_sparse and not is_definite(structure.mechanical.stiffness):
             raise UnusableMatricesError("K1 + Ω² K_Ω is not positive definite", "check `stiffness_speed2`")
     return structure
 
@@ -189,7 +188,7 @@ def sensor_rows(parameters: Parameters, sensors: tuple[Sensor, ...], structure: 
     return [row_of(entries, sensor) for sensor in sensors]
 
 
-def _dense_or_sparse(given: GivenMatrices) -> Matrices | Sparse:
+def _dense_or_sparse(given: GivenMatrices) -> Matrices:
     large = max(given.mass.shape[0], given.heat_capacity.shape[0]) > MOST_BY_JACOBI
     return structure_from_sparse(given) if large else structure_from_matrices(given)
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from workflow.declare import NUMBER, File, Rows, rows, speed
 from workflow.kernels import Array
-from workflow.models._from_matrices import Sparse, structure_from_matrices, with_contacts
+from workflow.models._from_matrices import structure_from_matrices, with_contacts
 from workflow.models._matrix_entries import Chosen, given_by
 from workflow.models._matrix_files import ENTRIES, in_c
 from workflow.models._pair import UnusableMatricesError, turning_at
@@ -221,7 +221,7 @@ def depends_on_speed(parameters: Parameters) -> bool:
     return parameters.stiffness_speed2 is not None or parameters.load_speed2 is not None
 
 
-def assemble(parameters: Parameters) -> Matrices | Sparse:
+def assemble(parameters: Parameters) -> Matrices:
     """Return the structure of equations (1a) and (1b), its last coordinate the tip, or a contact of the table.
 
     Raises

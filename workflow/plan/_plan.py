@@ -19,7 +19,7 @@ from workflow.cases import (
     reference_settings,
     solution_counts,
 )
-from workflow.models import MOST_BY_SUPERLU, Sparse, expected_fill, has_cholmod, one_thread
+from workflow.models import MOST_BY_SUPERLU, expected_fill, has_cholmod, one_thread
 from workflow.plan._coating import coating_lines
 from workflow.plan._figures import Figures, figures, speed_lines
 from workflow.plan._template import made_by_friction
@@ -194,7 +194,7 @@ def _factors(every: list[CaseSettings]) -> Iterator[str]:
     """Yield what factorising the first distinct structures takes."""
     for settings in every:
         structure = full_structure(settings)
-        if isinstance(structure, Sparse):
+        if structure.is_sparse:
             for pair, kind in ((structure.mechanical, "displacements"), (structure.thermal, "temperatures")):
                 if pair.size > MOST_BY_SUPERLU:
                     by = "CHOLMOD" if has_cholmod() else "SuperLU"

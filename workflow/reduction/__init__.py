@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from workflow.models import Array, Contacts, Sparse, Structure, TooManyCoordinatesError, contacts_last
+from workflow.models import Array, Contacts, Structure, TooManyCoordinatesError, contacts_last
 from workflow.reduction._reduction import (
     ReducedModel,
     Reduction,
@@ -147,6 +147,6 @@ def reduced_model(
     counts = (mechanical_modes, structure.mechanical_size), (thermal_modes, structure.thermal_size)
     kept = [None if count == size - 1 else count for count, size in counts]
     if kept == [None, None]:
-        return ReducedModel(structure.matrices() if isinstance(structure, Sparse) else structure, None)
+        return ReducedModel(structure.matrices() if structure.is_sparse else structure, None)
     reduction = reduce_structure(structure, kept[0], kept[1], basis, duration)
     return ReducedModel(reduction.structure, reduction)

@@ -31,7 +31,6 @@ from workflow.models import (
     Matrices,
     Pair,
     Sensors,
-    Sparse,
     Structure,
     distinct_rows,
     project,
@@ -303,7 +302,7 @@ def galerkin(structure: Structure, mechanical: Vectors, thermal: Vectors, carrie
     capacity, expansion = theta.T @ structure.thermal.inertia_of(theta), structure.expansions(theta)
     if carried is not None:
         expansion = expansion - structure.mechanical.deformation_of(carried)
-    if isinstance(structure, Sparse):
+    if structure.is_sparse:
         forms = mass, x.T @ mechanical.deformation, -x.T @ expansion, capacity, theta.T @ thermal.deformation
         reduced = structure_of_forms(*forms)
     else:
