@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,19 @@ def test_imports_go_left_and_down(path: Path) -> None:
     others = {name.split(".")[1] for name in imports_of(path) if name.startswith("workflow.")}
     wrong = {other for other in others & set(ORDER) if ORDER[other] > ORDER[room]}
     assert not wrong, f"{path.name} imports {wrong}, which lie to its right"
+
+
+def test_modules_of_physics_import_in_no_circle() -> None:
+    """Nor for types alone."""
+    modules = {
+        ".".join(p.relative_to(ROOT.parent).with_suffix("").parts): p for p in sources() if room_of(p) in PHYSICS
+    }
+    modules = {name.removesuffix(".__init__"): path for name, path in modules.items()}
+    graph = {
+        name: {other if other in modules else other.rpartition(".")[0] for other in imports_of(path)} - {name}
+        for name, path in modules.items()
+    }
+    TopologicalSorter(graph).prepare()
 
 
 def test_rooms_whose_edits_compile_nothing_anew_are_those_there_are() -> None:
