@@ -214,10 +214,10 @@ class Pair(ABC):
     boundary: int = 1
     """Number of last coordinates that are held."""
     constraint: Array
-    """Constraint mode ψ, 1 at the tip, without load elsewhere, ``(coordinate,)``; 0 in parts not linked to the tip. Of
-    a larger boundary one mode for each coordinate, ``(coordinate, boundary)``."""
+    """Constraint modes ψ, 1 at one coordinate of the boundary each, without load inside, ``(coordinate, boundary)``; 0
+    in parts not linked to it."""
     deformed: Array
-    """D ψ, ``(spring,)`` or ``(spring, boundary)``, exactly 0 where ψ deforms nothing."""
+    """D ψ, ``(spring, boundary)``, exactly 0 where ψ deforms nothing."""
 
     @property
     def size(self) -> int:
@@ -271,8 +271,8 @@ class Pair(ABC):
 
     @property
     def tip_stiffness(self) -> float:
-        """σ = ψᵀ K ψ = 1/(e_nᵀ K⁻¹ e_n); exactly 0 where the tip moves freely."""
-        return float(np.sum(self.weights * self.deformed**2))
+        """σ = ψᵀ K ψ = 1/(e_nᵀ K⁻¹ e_n) of one coordinate; exactly 0 where it moves freely."""
+        return float(np.sum(self.weights * self.deformed[:, 0] ** 2))
 
     @abstractmethod
     def modes(self, count: int | None = None, held: bool = False) -> Modes:
@@ -289,7 +289,7 @@ class Pair(ABC):
     def answer(self, row: Array) -> tuple[Array, Array]:
         """Return u = K⁻¹ w of a row w ``(coordinate,)``, and D u; of a tip that is held by ψ, which keeps digits."""
         if self.boundary == 1 and is_last(row) and self.tip_stiffness > 0:
-            return self.constraint / self.tip_stiffness, self.deformed / self.tip_stiffness
+            return self.constraint[:, 0] / self.tip_stiffness, self.deformed[:, 0] / self.tip_stiffness
         u = self.solve(row)
         return u, self.deformation_of(u)
 
@@ -347,10 +347,9 @@ class DensePair(Pair):
 
     @cached_property
     def constraint(self) -> Array:  # type: ignore[override]
-        """ψ: the vector of least deformation energy with the tip at 1, of minimum norm."""
+        """ψ: the vectors of least deformation energy with one coordinate at 1, of minimum norm."""
         weighted, held = self.weighted, self.boundary
-        shapes = np.vstack([least_squares(weighted[:, :-held], -weighted[:, -held:]), np.eye(held)])
-        return shapes if held > 1 else shapes[:, 0]
+        return np.vstack([least_squares(weighted[:, :-held], -weighted[:, -held:]), np.eye(held)])
 
     @cached_property
     def deformed(self) -> Array:  # type: ignore[override]

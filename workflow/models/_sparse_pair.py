@@ -24,7 +24,17 @@ import scipy
 
 from workflow.kernels import Array
 from workflow.models._factors import NotHeldError, Solver, elimination_order, factorised
-from workflow.models._pair import MOST_FULL, DensePair, Modes, Pair, Part, TooManyCoordinatesError, factored, symmetric
+from workflow.models._pair import (
+    MOST_FULL,
+    DensePair,
+    Modes,
+    Pair,
+    Part,
+    TooManyCoordinatesError,
+    factored,
+    scale_of,
+    symmetric,
+)
 
 _RESIDUAL = 1e-8
 """Largest residual K φ - λ M φ of a mode over λ M φ, besides the rounding of K φ: the relative error of the eigenvalue
@@ -122,45 +132,40 @@ class SparsePair(Pair):
         shapes = np.vstack([np.column_stack([-self._interior(column) for column in below.T]), np.eye(held)])
         for shape in [*shapes.T] * _CORRECTIONS:
             shape[:-held] -= self._interior(_product_with_more_digits(self.stiffness, shape)[:-held])
-        return shapes if held > 1 else shapes[:, 0]
+        return shapes
 
-    @cached_property
+    @property
     def tip_stiffness(self) -> float:
-        own = self.stiffness.diagonal()[-self.boundary :]
-        if self.boundary > 1:
-            held = self._boundary_stiffness
-            is_held = np.linalg.eigvalsh(held / np.sqrt(np.multiply.outer(own, own)))[0] > _RIGID
-            return 1 / float(np.linalg.inv(held)[-1, -1]) if is_held else 0.0
-        stiffness = float(self.stiffness[[-1], :].toarray()[0] @ self.constraint)
-        return stiffness if stiffness > _RIGID * own[0] else 0.0
+        return float(self._boundary_stiffness[-1, -1])
 
     @cached_property
     def _boundary_stiffness(self) -> Array:
-        """ΨᵀKΨ of a boundary of several coordinates."""
-        return symmetric(self.stiffness[-self.boundary :] @ self.constraint)
+        """σ = ψᵀKψ, ``(boundary, boundary)``; 0 where the boundary moves freely."""
+        stiffness = symmetric(self.stiffness[-self.boundary :] @ self.constraint)
+        root = scale_of(self.stiffness[-self.boundary :, -self.boundary :].toarray())
+        is_held = np.linalg.eigvalsh(stiffness / root / root[:, None])[0] > _RIGID
+        return stiffness if is_held else np.zeros_like(stiffness)
 
     @property
     def deformed(self) -> Array:  # type: ignore[override]
-        """K ψ = σ e_n."""
+        """K ψ = σ at the boundary."""
         forces = np.zeros(self.constraint.shape)
-        forces[-self.boundary :] = self._boundary_stiffness if self.boundary > 1 else self.tip_stiffness
+        forces[-self.boundary :] = self._boundary_stiffness
         return forces
 
     def solve(self, load: Array, held: bool = False) -> Array:
         """Return K⁻¹ f, ``(coordinate,)``; where the tip moves freely, with inertia relief and the tip at 0."""
         if held:
             return np.append(self._interior(load[: -self.boundary]), np.zeros(self.boundary))
-        if self.boundary > 1:
-            moved = np.linalg.solve(self._boundary_stiffness, self.constraint.T @ load)
-            return self.solve(load, held=True) + self.constraint @ moved
+        shapes, acting = self.constraint, self.constraint.T @ load
         if self.tip_stiffness > 0:
-            return self.solve(load, held=True) + self.constraint * (self.constraint @ load / self.tip_stiffness)
-        inertia = self.inertia_of(self.constraint)
-        return self.solve(load - inertia * (self.constraint @ load) / (self.constraint @ inertia), held=True)
+            return self.solve(load, held=True) + shapes @ np.linalg.solve(self._boundary_stiffness, acting)
+        inertia = self.inertia_of(shapes)
+        return self.solve(load - inertia @ np.linalg.solve(shapes.T @ inertia, acting), held=True)
 
     def rigid_motions(self, held: bool) -> Array:
         """Return the rigid motion of a tip that moves freely; the pair has no other one."""
-        return self.constraint.reshape(self.size, -1)[:, : self.tip_stiffness == 0 and not held]
+        return self.constraint[:, : self.boundary * (self.tip_stiffness == 0 and not held)]
 
     def shifted_solver(self) -> Callable[[Array, float], Array]:
         @lru_cache(maxsize=1)

@@ -108,13 +108,13 @@ class ChainPair(Pair):
     def constraint(self) -> Array:  # type: ignore[override]
         """ψ_{i-1} = ψ_i j_i/pivot_{i-1} from the tip to the root."""
         ratios = np.divide(self.joint[1:], self._pivots[:-1], out=np.zeros(self.size - 1), where=self.joint[1:] > 0)
-        return np.append(np.cumprod(ratios[::-1])[::-1], 1.0)
+        return np.append(np.cumprod(ratios[::-1])[::-1], 1.0)[:, None]
 
     @cached_property
     def deformed(self) -> Array:  # type: ignore[override]
         """Differences ψ_i b_{i-1}/pivot_{i-1} of the joints, which keep their digits; then ψ of the grounds."""
         part = np.divide(self._grounded[:-1], self._pivots[:-1], out=np.ones(self.size - 1), where=self.joint[1:] > 0)
-        joints = self.constraint * np.append(1.0, part)
+        joints = self.constraint * np.append(1.0, part)[:, None]
         return np.concatenate([joints, self.constraint]) if self.ground.any() else joints
 
     @property

@@ -78,7 +78,7 @@ def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> 
     shapes
         Vectors in their order, ``(node, vector)``; those that depend on the tip's and earlier ones are skipped.
     constraint
-        Constraint modes, ``(node,)`` or ``(node, boundary)``.
+        Constraint modes, ``(node, boundary)``.
     inertia
         Product of the inertia and vectors.
 
@@ -87,10 +87,10 @@ def relative(shapes: Array, constraint: Array, inertia: Inertia, count: int) -> 
     ValueError
         Fewer are independent of the tip and of each other.
     """
-    span, held = Orthonormal(shapes.shape[0], count, inertia), np.atleast_2d(constraint.T).T
+    span, held = Orthonormal(shapes.shape[0], count, inertia), constraint.shape[1]
     for shape in shapes.T:
-        new = shape - held @ shape[-held.shape[1] :]
-        new[-held.shape[1] :] = 0.0
+        new = shape - constraint @ shape[-held:]
+        new[-held:] = 0.0
         span.add(new, np.sqrt(np.dot(shape, inertia(shape))))
     return span.all()
 
@@ -281,7 +281,7 @@ def _with_constraint(pair: Pair, interior: Array) -> Vectors:
         raise ValueError("vectors of a basis are 0 at the tip and orthonormal in the inertia")
     projection = np.vstack([pair.inertia_of(interior).T, np.zeros((held, pair.size))])
     projection[-held:, -held:] = np.eye(held)
-    projection[:-held, -held:] = -(projection[:-held, :-held] @ pair.constraint[:-held]).reshape(-1, held)
+    projection[:-held, -held:] = -(projection[:-held, :-held] @ pair.constraint[:-held])
     deformation = np.column_stack([pair.deformation_of(interior), pair.deformed])
     return Vectors(np.column_stack([interior, pair.constraint]), deformation, projection)
 

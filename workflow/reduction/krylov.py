@@ -46,7 +46,7 @@ have a markedly larger error, twice as many a hardly smaller one."""
 def mechanical(structure: Structure, count: int, duration: float | None) -> Vectors:
     """Return up to five moments of each contact relative to it and fixed-interface modes, and the constraint modes."""
     pair = structure.mechanical
-    begin, span = list(np.atleast_2d(pair.constraint.T)), Orthonormal(pair.size, count, pair.inertia_of)
+    begin, span = list(pair.constraint.T), Orthonormal(pair.size, count, pair.inertia_of)
     if not _is_small(structure):
         span.add_each(pair.modes(max(count - (MOST_MOMENTS - 1) * len(begin), 0), held=True).shapes)
         begin = [span.apart(constraint) for constraint in begin]
@@ -67,7 +67,7 @@ def thermal(structure: Structure, count: int, duration: float | None) -> Vectors
     if duration is None:
         raise ValueError("krylov needs the duration of the cases for its shifts")
     pair = structure.thermal
-    solve, heat = pair.shifted_solver(), [pair.inertia_of(each) for each in np.atleast_2d(pair.constraint.T)]
+    solve, heat = pair.shifted_solver(), [pair.inertia_of(each) for each in pair.constraint.T]
     span, contacts = Orthonormal(pair.size, count, pair.inertia_of), pair.boundary
     each_alone, rounds = _is_small(structure), -(-count // contacts)
     different = rounds if each_alone else min(rounds, MOST_SHIFTS)

@@ -38,9 +38,8 @@ def mechanical(structure: Structure, count: int, duration: float | None) -> Vect
     """Return the lowest ``count`` fixed-interface modes with x_c condensed, and ΔF w_i of the contacts."""
     pair, modes = structure.mechanical, fixed_interface_modes(structure, count)
     held, size, deformation = pair.boundary, pair.size, pair.deformation_of(modes)
-    constraint = pair.constraint.reshape(size, held)
-    share = modes.T @ pair.inertia_of(constraint)
-    tip, strain = constraint - modes @ share, pair.deformed.reshape(-1, held) - deformation @ share
+    share = modes.T @ pair.inertia_of(pair.constraint)
+    tip, strain = pair.constraint - modes @ share, pair.deformed - deformation @ share
     forces = pair.forces(strain)
     stiffness = symmetric(tip.T @ forces)
     alone = np.sqrt([pair.energies(unit).sum() or 1.0 for unit in np.eye(held, size, size - held)])
