@@ -215,11 +215,11 @@ def flutter_of_basis(
     """
     if friction == 0 or not reduced.contacts.slides:
         return
-    own, whole = analyse_contacts(reduced), None
+    own, whole = analyse_contacts(reduced).unheated, None
     for k in range(own.contacts.count):
         grow = _growing(own, k, friction)
         if grow.size:
-            whole = whole or analyse_contacts(other())
+            whole = whole or analyse_contacts(other()).unheated
             for known in _growing(whole, k, friction):  # each is one of the basis at most
                 apart = np.abs(1 - known.imag / grow.imag)
                 grow = np.delete(grow, np.flatnonzero(apart == apart.min(initial=_SAME))[:1])
