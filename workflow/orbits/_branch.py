@@ -84,7 +84,9 @@ def tabulate(followed: Followed, points: int, options: Options) -> tuple[dict[st
     values = tabulated(rubs + beyond * [Settled(NOT_FOUND)], options.samples, curve.problem(curve.start)[0])
     values["value"] = np.pad([curve.value(point.q) for point, _ in found], (0, beyond), constant_values=np.nan)
     values["bifurcation"] = np.pad(np.array([flag for _, flag in found], dtype=np.int8), (0, beyond))
-    critical = np.isin(values["bifurcation"], (FOLD, PERIOD_DOUBLING, TORUS, BRANCH_POINT))  # a multiplier has modulus 1
+    critical = np.isin(
+        values["bifurcation"], (FOLD, PERIOD_DOUBLING, TORUS, BRANCH_POINT)
+    )  # a multiplier has modulus 1
     values["steady_state"][critical], values["settling_time"][critical] = UNSTABLE, np.nan
     if not found:
         ends = f"at {curve.start:g}, at {curve.stop:g} or between"
@@ -285,9 +287,9 @@ def _doubling(point: Point) -> float:
 
 
 def _torus_test(point: Point) -> float:
-    """Return the largest modulus of the complex multipliers less 1; -inf without any."""
+    """Return the largest modulus of the complex multipliers, 0 without any, less 1."""
     values = point.orbit.multipliers
-    return float(np.abs(values[values.imag > 0]).max(initial=-np.inf)) - 1
+    return float(np.abs(values[values.imag > 0]).max(initial=0.0)) - 1
 
 
 _TESTS: dict[int, Callable[[Point], float]] = {
@@ -306,7 +308,7 @@ def _roots(curve: Curve, a: Point, b: Point) -> list[Place] | None:
     found = []
     for flag, test in _TESTS.items():
         size = max(abs(test(a)), abs(test(b)))
-        if test(a) * test(b) < 0 and np.isfinite(size):
+        if test(a) * test(b) < 0:
             point = _root(curve, a, b, test)
             if point is not None and abs(test(point)) < _ZERO * max(1.0, size):
                 found.append(Place(point, flag))
@@ -320,7 +322,8 @@ def _root(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> P
     found = {point.arclength: point for point in (a, b)}
 
     def value(arclength: float) -> float:
-        point = found.get(arclength) or curve.step(a, arclength - a.arclength)
+        near = min(found.values(), key=lambda point: abs(point.arclength - arclength))
+        point = found.get(arclength) or curve.step(near, arclength - near.arclength)
         found.update({} if point is None else {arclength: point})
         return np.nan if point is None else test(point)
 

@@ -191,6 +191,7 @@ def _result(about: Variable, attributes: Attributes, grid: Grid, sizes: Mapping[
 def _coordinates(grid: Grid, sizes: Mapping[str, int]) -> Iterator[tuple[str, xr.Variable]]:
     """Yield the coordinates by name: of dimensions, scalars, drawn points, and those that the scene decides."""
     study, moves, names = grid.study, _motion_of_casing(grid.study), {name for name, _ in grid.dims}
+    names |= set() if study.branch is None else {study.branch.axis.name}
     axes = [(axis, (dimension.name,)) for dimension in (*grid.outer, *grid.inner) for axis in dimension.axes]
     for axis, dims in (*axes, *((axis, ()) for axis in study.scalars)):
         names.add(axis.name)
