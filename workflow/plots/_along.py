@@ -142,7 +142,8 @@ def branches(dataset: xr.Dataset, variable: str = "steady_max_temperature") -> F
     if along is None or variable not in dataset or dataset[variable].dims != dataset[along].dims:
         raise ValueError(f"there are no branches of `{variable}`; write an axis as `{{branch: [from, to, points]}}`")
     (x, x_label), (y, y_label) = (in_units(dataset[name]) for name in (along, variable))
-    stable, flags = labels(dataset["steady_state"]).values != "unstable", labels(dataset["bifurcation"]).values
+    flags = labels(dataset["bifurcation"]).values
+    stable = (labels(dataset["steady_state"]).values != "unstable") | (flags != "none")  # lines reach their end
     dims = [dim for dim in case_dims(dataset) if dataset.sizes[dim] > 1]
     texts = {dim: labels_of(dataset, dim, rounded=True) for dim in dims}
     figure = new_figure(7.0, 4.2)
@@ -186,7 +187,9 @@ def boundary(dataset: xr.Dataset) -> Figure:
         raise ValueError("there are no boundaries; write an axis as `{boundary: [from, to, points]}` beside a branch")
     place = finest(dataset)
     case = dataset.isel(place)
-    (y, y_label), (x, x_label) = (in_units(case[name].rename(name.removeprefix("boundary_"))) for name in names)
+    axes = (case[name.removeprefix("boundary_")] for name in names)
+    drawn = (case[name].rename(axis.name).assign_attrs(axis.attrs) for name, axis in zip(names, axes, strict=True))
+    (y, y_label), (x, x_label) = map(in_units, drawn)
     kinds, stable = labels(case["boundary_kind"]).values, ~(case["boundary_other"].values >= 1)
     figure = new_figure(6.0, 4.2)
     panel: Any = figure.subplots()
@@ -196,8 +199,8 @@ def boundary(dataset: xr.Dataset) -> Figure:
         solid = panel.plot(x[own].T, np.where(stable[own], y[own], np.nan).T, color=colour, lw=2.0)
         solid[0].set_label(kind.replace("_", " "))
     for settling in _settling(case, names):
-        drawn = zip(settling, (x, y, y), (names[1], names[0], names[0]), strict=True)
-        ends = (own * np.nanmax(np.abs(new)) / np.nanmax(np.abs(case[name].values)) for own, new, name in drawn)
+        scales = zip(settling, (x, y, y), (names[1], names[0], names[0]), strict=True)
+        ends = (own * np.nanmax(np.abs(new)) / np.nanmax(np.abs(case[name].values)) for own, new, name in scales)
         panel.fill_between(*ends, color=GREY, alpha=0.25, lw=0)
     panel.set(xlabel=x_label, ylabel=y_label)
     legend_below(figure, panel.get_legend_handles_labels(), 4)
