@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenes import blade, cases, chain, heavy_chain, rubs, sampling, step, watched
+from scenes import blade, cases, chain, heavy_chain, movable, rubs, sampling, step, watched
 from workflow import reduction, schemes
 from workflow.models import Matrices, Sensors
 from workflow.reduction import reduce_structure
@@ -37,7 +37,7 @@ SCHEMES = [
 @pytest.mark.parametrize("method", ["event_driven", "moreau"])
 def test_a_sensor_at_a_contact_on_an_elastic_casing_shows_its_displacement(method: str) -> None:
     structure = watched(heavy_chain(nodes=6).matrices().on_casing(1e-8))
-    batch = rubs(structure, 2, amplitude=400.0, frequency=300.0)
+    batch = movable(rubs(structure, 2, amplitude=400.0, frequency=300.0))
     results = step(structure, batch, 5e-6, sampling(0.0098, 7e-5), method)
     assert results.metrics["max_penetration"].min() > 1e-6
     tip = results.histories["displacement"]
