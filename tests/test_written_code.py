@@ -227,7 +227,7 @@ BLOCKS_ELSEWHERE = {
     'K0 = workflow.read_matrices("rest.sti")': "tests/test_own_program.py",
     "import numpy as np\nimport scipy.sparse\nfrom ansys": "tests/test_own_program.py",
     "from skfem import": "tests/test_own_program.py",
-    "import numpy as np\nfrom workflow import write_matrices": "tests/truth/test_wear.py",
+    "import numpy as np\nfrom workflow import write_matrices": "tests/truth/test_truth.py",
     "import workflow\n\nentries = workflow.read_matrices(": "tests/test_own_program.py",
     "K0 = workflow.read_matrices(": "tests/test_own_program.py",
     "import numpy as np\nimport scipy.sparse\nfrom ansys.mapdl import reader": "tests/test_own_program.py",

@@ -2,12 +2,19 @@
 
 import re
 import sys
+from dataclasses import replace
+from pathlib import Path
 
+import mpmath as mp
 import numpy as np
 import pytest
+import xarray as xr
 
+from scenes import cases, chain, sampling, step
 from scripts import STUDIES
+from workflow import read_study, run_study
 from workflow.models._matrix_files import read_entries
+from workflow.schemes import Status
 
 sys.path.insert(0, str(STUDIES / "truth"))
 
@@ -104,3 +111,79 @@ def test_fixed_steps_meet_closed_forms_to_their_order(
     if name != "ball_on_table":  # its free flight is exact in the mean, and only the phase of impacts is not
         assert np.log(errors[0][0] / errors[1][0]) / np.log(4) == pytest.approx(1.0, abs=0.06)
         assert errors[1][1] < errors[0][1] / 4
+
+
+AUDIT = Path(__file__).parent / "audit"
+
+
+def solved(name: str, tmp_path: Path, **settings: object) -> xr.Dataset:
+    study = read_study(AUDIT / f"{name}.yaml").with_(settings)
+    return run_study(study, tmp_path / "x.nc", threads=1).dataset.load()
+
+
+@pytest.mark.parametrize("alpha", [6e4, 7e4, 7.4e4, 8e4, 8.2e4])
+def test_a_state_that_leaves_the_numbers_ends_its_case(alpha: float, tmp_path: Path) -> None:
+    """Growth rate times duration is 943 at 8e4: the exponential overflows, at last or before the bounds of a step."""
+    archive = solved("never_ends", tmp_path, **{"axes.alpha": alpha})
+    assert int(archive["status"]) == int(Status.DIVERGED)
+    assert int(archive["runaway"]) == 1
+    assert "left the finite numbers" in str(archive["message"].values)
+
+
+def test_heat_on_a_temperature_without_heat_capacity_pushes_the_structure(tmp_path: Path) -> None:
+    impulse = solved("heated_without_capacity", tmp_path)["contact_impulse"].squeeze()
+    assert float(impulse.sel(scheme="moreau")) == pytest.approx(float(impulse.sel(scheme="event_driven")), rel=0.02)
+
+
+GUIDE = (STUDIES / "GUIDE.md").read_text(encoding="utf-8")
+
+
+def test_the_guide_s_casing_is_worn_by_archard_s_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A free mass of two, of which one meets the casing at 3 m/s: it wears κ m v (1 - exp(-t/(κ (m + casing))))."""
+    monkeypatch.chdir(tmp_path)
+    given = {"M": np.diag([2.0, 5.0]), "K1": np.zeros((2, 2)), "C1": np.zeros((2, 2)), "w": np.array([1.0, 0.0])}
+    exec(re.findall(r"```python\n(.*?)```", GUIDE.split("## Wear")[1], re.DOTALL)[0], given)
+    scene = {"matrices": {"file": "worn.npz"}, "casing": {"gap": 0}, "initial": {"velocity": [3, 0, 0]}}
+    study = {
+        "study": "worn",
+        "scene": {**scene, "duration": 4e-6},
+        "axes": {"scheme": "event_driven", "e": 0},
+        "output": {"interval": 1e-6, "sensors": {"worn": "WORN"}},
+    }
+    found = run_study(study, "worn.nc", threads=1).dataset.load().squeeze()
+    wear, casing = given["wear"], given["casing"]
+    known = wear * 2 * 3 * -np.expm1(-found["t"] / (wear * (2 + casing)))
+    np.testing.assert_allclose(found["sensor_value"].squeeze(), known, rtol=1e-9, atol=1e-18)
+    assert float(found["contact_impulse"]) * wear == pytest.approx(float(known[-1]), rel=1e-9)
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 5.0])
+@pytest.mark.parametrize("dashpot", [0.0, 1e-20, 1e-9, 1e-7, 1e-3, 1.0, 30.0])
+@pytest.mark.parametrize("springs", [[0.0, 1e6, 1e6], [0.0, 0.0, 1e6]])
+def test_dashpots_to_ground_from_none_to_strong(springs: list[float], dashpot: float, amplitude: float) -> None:
+    """One rigid motion, and two, beside the matrix exponential of [x, v, sin, cos, 1]."""
+    structure = replace(
+        chain(nodes=3, mass=0.01, stiffness=springs).matrices(),
+        damper=dashpot * np.array([[3.0, -1.0, 0.0], [-1.0, 1.5, 0.0], [0.0, 0.0, 0.5]]),
+    )
+    over, w = sampling(0.02, 1e-3), 2 * np.pi * 300
+    case = cases(structure, gap=1.0, mean=1.0, amplitude=amplitude, frequency=300.0, velocity=[[0.1, 0.2, -0.3]])
+    results = step(structure, case, 0.0, over, "event_driven")
+    assert results.status[0] == Status.OK
+    with mp.workdps(50):
+        A = mp.zeros(9)
+        for i in range(3):
+            A[i, 3 + i] = 1
+            for j in range(3):
+                A[3 + i, j] = -mp.mpf(structure.stiffness_matrix[i, j]) / structure.mass[i, i]
+                A[3 + i, 3 + j] = -mp.mpf(structure.damper[i, j]) / structure.mass[i, i]
+        A[5, 6], A[5, 8] = mp.mpf(amplitude) / structure.mass[2, 2], mp.mpf(1) / structure.mass[2, 2]
+        A[6, 7], A[7, 6] = w, -w
+        state, turn = mp.matrix([0, 0, 0, 0.1, 0.2, -0.3, 0, 1, 1]), mp.expm(A * mp.mpf(over.times[1]))
+        places, speeds = [0.0], [-0.3]
+        for _ in over.times[1:]:
+            state = turn * state
+            places.append(float(state[2]))
+            speeds.append(float(state[5]))
+    for name, exact in (("displacement", places), ("velocity", speeds)):
+        np.testing.assert_allclose(results.histories[name][0], exact, rtol=0, atol=1e-10 * np.abs(exact).max())
