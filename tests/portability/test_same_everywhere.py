@@ -42,12 +42,6 @@ def written_here(directory: Path, names: list[str]) -> dict[str, str]:
     return written(directory)
 
 
-@pytest.mark.slow  # those of all studies are, too
-def test_a_study_has_one_hash(tmp_path: Path) -> None:
-    names = ["schemes", "coupled"]
-    assert written_here(tmp_path / "a", names) == hashes(SETTINGS["C library without FMA"], tmp_path / "b", names)
-
-
 @pytest.fixture(scope="module")
 def native(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return hashes(PINNED, tmp_path_factory.mktemp("native"), [*STUDIES, *map(str, FILES)])

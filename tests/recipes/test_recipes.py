@@ -12,14 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from matrix_files import as_npz, matrices_of
 from plain_steps import Law, Step, complementary, march
 from quick import quick
 from scenes import (
     cases,
-    cases_of_file,
     heavy_chain,
-    of_file,
     relative,
     same_bits,
     sampling,
@@ -365,35 +362,6 @@ def crossley_of(stiffness: float, damping: float, h: float) -> Law:
         return p, p / h
 
     return crossley
-
-
-def test_a_study_of_two_contacts_takes_a_compiled_contact_law(compiled_law: str, tmp_path: Path) -> None:
-    rows = np.eye(4)[[1, 3]]
-    entries = matrices_of(short_chain()) | {"contact": rows, "thermal_contact": rows, "load": np.eye(4)[-1]}
-    structure = of_file(as_npz(entries, tmp_path))
-    h, load = 4e-6, {"amplitude": 150.0, "frequency": 250.0}
-    outcome = run_study(
-        {
-            "study": "crossley",
-            "scene": {
-                "matrices": {"file": str(tmp_path / "blade.npz")},
-                "casing": {"gap": [4e-6, 1e-5]},
-                "load": load,
-                "duration": 500 * h,
-            },
-            "schemes": {"law": {"method": compiled_law, "stiffness": 2e8, "damping": 20.0}},
-            "axes": {"scheme": "law", "h": h, "alpha": 20.0},
-            "output": {"interval": h, "histories": ["displacement", "impulse"]},
-        },
-        tmp_path / "crossley.nc",
-        threads=1,
-    )
-    batch = cases_of_file(structure, alpha=20.0, gaps=[[4e-6, 1e-5]], **load)
-    plain = march(structure, batch, h, 1.0, 500, crossley_of(2e8, 20.0, h))
-    assert (np.count_nonzero(plain.impulse, axis=0) > 10).all()
-    for name, truth in (("displacement", plain.place), ("impulse", np.cumsum(plain.impulse, axis=0))):
-        values = outcome.dataset[name].squeeze(drop=True).transpose("t", "contact").values
-        assert relative(values, truth) < 1e-9
 
 
 @pytest.mark.parametrize("contacts", [2, 5])

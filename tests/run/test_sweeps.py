@@ -99,9 +99,9 @@ def test_a_swept_number_of_the_structure_stays_innermost(monkeypatch: pytest.Mon
         "scene.speed": {"sweep": [50.0, 40.0, 3]},
         FREQUENCY: 70.0,
         "e": [0.0, 0.5],
-        "scheme": ["moreau", "carpenter"],
+        "scheme": ["event_driven", "moreau"],
     }
-    study = sweep({"scheme": ["moreau", "carpenter"], **axes}, MOVING)
+    study = sweep(axes, MOVING)
     grid = arrange(study)
     hashes, values = case_hashes(grid), solve(grid, 1, np.arange(6)).values
     fixes = _arrangement.fixes_operator
