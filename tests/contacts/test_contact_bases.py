@@ -13,14 +13,7 @@ from scenes import of_entries
 from sliding import random_structure
 from workflow import models, schemes
 from workflow.analysis import decided
-from workflow.models import (
-    Array,
-    Cases,
-    Rayleigh,
-    Structure,
-    at_rest,
-    critical_alpha,
-)
+from workflow.models import Array, Cases, Rayleigh, Structure, at_rest, critical_alpha
 from workflow.models._from_matrices import _sparse_structure
 from workflow.models.matrices import write_matrices
 from workflow.plan import plan_study

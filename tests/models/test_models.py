@@ -8,14 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from scenes import cases, chain, heavy_chain, sampling, static_equilibrium, step, with_dashpot
 from workflow import models
-from workflow.models import (
-    NoEquilibriumError,
-    Rayleigh,
-    critical_alpha,
-    distinct_rows,
-    free_reach,
-    project,
-)
+from workflow.models import NoEquilibriumError, Rayleigh, critical_alpha, distinct_rows, free_reach, project
 from workflow.reduction import reduce_structure
 
 

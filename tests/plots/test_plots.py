@@ -7,14 +7,7 @@ import xarray as xr
 
 from errors_over_steps import H, over_steps
 from workflow.analysis import ERRORS
-from workflow.plots import (
-    convergence,
-    histories,
-    map_dims,
-    save,
-    scene_map,
-    work_precision,
-)
+from workflow.plots import convergence, histories, map_dims, save, scene_map, work_precision
 
 FOUND = over_steps(
     {"robust": 100 * H, "limited": 1e4 * H**2, "wild": np.where(H < 2e-6, 1e-3, 1e90), "exact": 0 * H},

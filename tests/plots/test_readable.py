@@ -10,14 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from errors_over_steps import H, over_steps
-from workflow.plots import (
-    Curve,
-    convergence,
-    metric_by_axis,
-    scene_map,
-    tip_response,
-    work_precision,
-)
+from workflow.plots import Curve, convergence, metric_by_axis, scene_map, tip_response, work_precision
 from workflow.report._figures import SELECTED, STATUS_COLOURS
 
 SCHEMES = ("implicit_euler", "midpoint", "carpenter", "penalty_10", "penalty_100", "penalty_implicit", "event_driven")

@@ -12,14 +12,7 @@ import pytest
 from scenes import of_entries
 from workflow.judges import cautions
 from workflow.judges.cautions import flutter_of_basis
-from workflow.models import (
-    ContactBasis,
-    Matrices,
-    Rayleigh,
-    Structure,
-    analyse_contacts,
-    poles_in_contact,
-)
+from workflow.models import ContactBasis, Matrices, Rayleigh, Structure, analyse_contacts, poles_in_contact
 from workflow.models._pair import MOST_FULL, DensePair
 from workflow.models.matrices import write_matrices
 from workflow.plan import plan_study

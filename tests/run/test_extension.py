@@ -15,13 +15,7 @@ from hypothesis import strategies as st
 import workflow.run._task as running
 from quick import hashes_of, quick, room_for
 from studies import cut_finely
-from workflow.archive import (
-    ArchiveError,
-    content_hash,
-    open_archive,
-    provenance,
-    stored_hashes,
-)
+from workflow.archive import ArchiveError, content_hash, open_archive, provenance, stored_hashes
 from workflow.cases import arrange
 from workflow.plan import _template
 from workflow.run import run_study

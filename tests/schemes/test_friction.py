@@ -15,13 +15,7 @@ from test_event_driven_random import against_reference
 
 from scenes import cases, movable, same_bits, sampling, sliding, static_equilibrium, step
 from sliding import TANGENT, random_structure, slider
-from workflow.models import (
-    Cases,
-    NoEquilibriumError,
-    Rayleigh,
-    critical_alpha,
-    critical_friction,
-)
+from workflow.models import Cases, NoEquilibriumError, Rayleigh, critical_alpha, critical_friction
 from workflow.schemes import Results, Sampling, Status
 
 FIXED: dict[str, tuple[str, dict[str, Any]]] = {

@@ -6,17 +6,7 @@ import numpy as np
 import pytest
 
 from plain_steps import place, results, stepped_as
-from scenes import (
-    WAVES,
-    cases,
-    chain,
-    everything_acts,
-    heavy_chain,
-    sampling,
-    step,
-    watched,
-    with_dashpot,
-)
+from scenes import WAVES, cases, chain, everything_acts, heavy_chain, sampling, step, watched, with_dashpot
 from workflow import models
 from workflow.models import Cases, Rayleigh, Structure
 from workflow.reduction import reduce_structure
