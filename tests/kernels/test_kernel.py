@@ -137,17 +137,6 @@ def test_a_change_in_a_module_from_outside_is_noticed(copied: Path) -> None:
     assert run(copied, OUTSIDE)[:2] == (3.0, 0)
 
 
-@pytest.mark.slow
-def test_damaged_files_of_the_cache_are_compiled_anew(ran: tuple[Path, Ran]) -> None:
-    copied, first = ran
-    for damaged in (b"", b"\0" * 4096, b"none"):
-        for kind in ("*.nbi", "*.nbc"):
-            for file in first.directory.glob(kind):
-                file.write_bytes(damaged)
-            assert run(copied) == first
-            assert run(copied) == first._replace(hits=1)
-
-
 def test_directories_of_older_sources_are_removed(ran: tuple[Path, Ran]) -> None:
     """But not within a day."""
     copied, (_, _, own) = ran

@@ -45,10 +45,6 @@ def test_no_solution_ends_in_a_ray(matrix: list[list[float]]) -> None:
     assert complementarity(np.array(matrix), -np.ones(len(matrix))) is None
 
 
-def test_contacts_apart_need_no_force() -> None:
-    assert complementarity(np.eye(3), np.ones(3)) == pytest.approx(np.zeros(3))
-
-
 @pytest.mark.parametrize("constant", [[-3.0, 3.0], [3.0, -3.0]])
 def test_the_artificial_variable_leaves_first_in_a_tie(constant: list[float]) -> None:
     """A mass leaves a stop as it strikes the opposite one, which stops it: both rows are at 0, one is pressed."""
