@@ -128,7 +128,7 @@ def test_bits_of_a_case_do_not_depend_on_the_others(kind: str) -> None:
     [(0.0, -0.0152162027129), (30.0, 0.0069057596171550), (2000.0, 1.00813994579), (1e6, 113462.166558176)],
 )
 def test_four_hundred_nodes(alpha: float, rate: float) -> None:
-    """Issue 13, item 6: of the nodal system's 1198 eigenvalues at α = 2000 the largest real part is 1.0081."""
+    """Of the nodal system's 1198 eigenvalues at α = 2000 the largest real part is 1.0081."""
     assert growth_rate(heavy_chain(nodes=400), alpha) == pytest.approx(rate, rel=1e-9)
 
 
